@@ -1,0 +1,154 @@
+#include "core/axis.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/error.h"
+
+static int is_crease(const int32_t *creases, int n_creases, int line)
+{
+    for (int k = 0; k < n_creases; k++)
+        if (creases[k] == line) return 1;
+    return 0;
+}
+
+static void set_integrals(struct gr_axis_cell *cell, int nodes)
+{
+    for (int a = 0; a < nodes; a++)
+        cell->integral[a] = cell->coefficient[a][0] + cell->coefficient[a][1] / 2 + cell->coefficient[a][2] / 3;
+}
+
+static void build_linear(struct gr_axis *axis, int n)
+{
+    axis->n_cells = n;
+    axis->n_nodes = axis->periodic ? n : n + 1;
+    for (int i = 0; i < axis->n_nodes; i++) axis->node_position[i] = i;
+    for (int c = 0; c < n; c++) {
+        struct gr_axis_cell *cell = &axis->cell[c];
+        cell->coefficient[0][0] = 1, cell->coefficient[0][1] = -1;
+        cell->coefficient[1][1] = 1;
+        cell->position[1] = 1;
+        cell->node[0] = c;
+        cell->node[1] = axis->periodic && c == n - 1 ? 0 : c + 1;
+        cell->high = 1;
+        set_integrals(cell, 2);
+    }
+}
+
+/* Cell j is centred on node j; xi = 1/2 is the node, so the half-cells at the ends lie within [1/2, 1) and [0, 1/2). */
+static void build_ugimp(struct gr_axis *axis, int n, const int32_t *creases, int n_creases)
+{
+    const int nodes = axis->periodic ? n : n + 1;
+    axis->n_cells = axis->n_nodes = nodes;
+    axis->shift = 0.5;
+    for (int j = 0; j < nodes; j++) {
+        struct gr_axis_cell *cell = &axis->cell[j];
+        const int first = !axis->periodic && j == 0, last = !axis->periodic && j == nodes - 1;
+        axis->node_position[j] = j;
+        cell->position[0] = -0.5, cell->position[1] = 0.5, cell->position[2] = 1.5;
+        cell->node[0] = first ? j : (j + nodes - 1) % nodes; /* the weight of a node beyond an end is zero */
+        cell->node[1] = j;
+        cell->node[2] = last ? j : (j + 1) % nodes;
+        cell->low = first ? 0.5 : 0;
+        cell->high = last ? 0.5 : 1;
+        cell->clip = first || last || is_crease(creases, n_creases, j);
+        cell->integral[1] = first || last ? 0.5 : 1; /* lumped */
+    }
+}
+
+/* Shapes of the knot span [t2, t3] from its six knots, by the recursion of Cox and de Boor, in xi = t - t2, t3 - t2 = 1. */
+static void bspline_span(const double t[6], double c[3][3])
+{
+    const double a = t[2] - t[1], b = t[4] - t[2], right = t[4] - t[2], left = t[3] - t[1];
+    /* B0 = (1-xi)^2/left */
+    c[0][0] = 1 / left, c[0][1] = -2 / left, c[0][2] = 1 / left;
+    /* B2 = xi^2/right; B1 = (xi + a)(1 - xi)/left + (b - xi) xi/right */
+    c[2][2] = 1 / right;
+    c[1][0] = a / left, c[1][1] = (1 - a) / left + b / right, c[1][2] = -1 / left - 1 / right;
+}
+
+static int build_quadratic(struct gr_axis *axis, int n, const int32_t *creases, int n_creases)
+{
+    if (axis->periodic) {
+        static const double uniform[6] = {-2, -1, 0, 1, 2, 3};
+        axis->n_cells = axis->n_nodes = n;
+        for (int i = 0; i < n; i++) axis->node_position[i] = i + 0.5;
+        for (int c = 0; c < n; c++) {
+            struct gr_axis_cell *cell = &axis->cell[c];
+            bspline_span(uniform, cell->coefficient);
+            for (int a = 0; a < 3; a++) {
+                cell->node[a] = (c + a - 1 + n) % n;
+                cell->position[a] = a - 0.5;
+            }
+            cell->high = 1;
+            set_integrals(cell, 3);
+        }
+        return GR_OK;
+    }
+    const int n_knots = n + 5 + n_creases;
+    double *knot = malloc(sizeof(double) * (size_t)n_knots);
+    if (!knot) return GR_ERR_MEMORY;
+    int k = 0;
+    knot[k++] = 0, knot[k++] = 0;
+    for (int line = 0; line <= n; line++) {
+        knot[k++] = line;
+        if (is_crease(creases, n_creases, line)) knot[k++] = line;
+    }
+    knot[k++] = n, knot[k++] = n;
+    axis->n_cells = n;
+    axis->n_nodes = n + 2 + n_creases;
+    for (int i = 0; i < axis->n_nodes; i++) axis->node_position[i] = 0.5 * (knot[i + 1] + knot[i + 2]);
+    for (int c = 0, s = 2; c < n; c++, s++) { /* s: the last knot at line c */
+        while (knot[s + 1] <= c) s++;
+        struct gr_axis_cell *cell = &axis->cell[c];
+        bspline_span(knot + s - 2, cell->coefficient);
+        for (int a = 0; a < 3; a++) {
+            cell->node[a] = s - 2 + a;
+            cell->position[a] = axis->node_position[s - 2 + a] - c;
+        }
+        cell->high = 1;
+        set_integrals(cell, 3);
+    }
+    free(knot);
+    return GR_OK;
+}
+
+int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases,
+                  double lambda, double origin, double dx)
+{
+    int error = GR_ERR_CONFIG;
+    memset(axis, 0, sizeof *axis);
+    if (n < 1 || (periodic && basis == GR_QUADRATIC && n_creases) || n_creases < 0 || n_creases >= n) goto out;
+    if (basis == GR_UGIMP && !(lambda > 0 && lambda <= 0.5)) goto out;
+    for (int k = 0; k < n_creases; k++)
+        if (creases[k] <= 0 || creases[k] >= n || (k && creases[k] <= creases[k - 1])) goto out;
+    axis->periodic = periodic;
+    axis->origin = origin;
+    axis->length = n * dx;
+    error = GR_ERR_MEMORY;
+    axis->cell = calloc((size_t)n + 1, sizeof *axis->cell);
+    axis->node_position = calloc((size_t)(n + 2 + n_creases), sizeof(double));
+    axis->node_integral = calloc((size_t)(n + 2 + n_creases), sizeof(double));
+    if (!axis->cell || !axis->node_position || !axis->node_integral) goto out;
+    error = GR_OK;
+    if (basis == GR_LINEAR)
+        build_linear(axis, n);
+    else if (basis == GR_UGIMP)
+        build_ugimp(axis, n, creases, n_creases);
+    else
+        error = build_quadratic(axis, n, creases, n_creases);
+    for (int c = 0; !error && c < axis->n_cells; c++)
+        for (int a = 0; a < gr_basis_nodes_1d(basis); a++)
+            axis->node_integral[axis->cell[c].node[a]] += axis->cell[c].integral[a];
+out:
+    if (error) gr_axis_free(axis);
+    return error;
+}
+
+void gr_axis_free(struct gr_axis *axis)
+{
+    free(axis->cell);
+    free(axis->node_position);
+    free(axis->node_integral);
+    memset(axis, 0, sizeof *axis);
+}

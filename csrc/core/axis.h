@@ -1,0 +1,53 @@
+/* One axis of the grid: its cells, its nodes, and the shape functions of each cell along it.
+ *
+ * All bases are products of one-dimensional functions, and within a cell of the *grouping* each is a
+ * known function of the local coordinate xi in [0, 1), so walls, inner walls and periodic ends are a
+ * matter of tables built once, not of branches in the loops.
+ *
+ *   linear     nodes on the grid lines; cells as the grid's; 2 nodes a cell.
+ *   quadratic  B-splines of degree 2 with knots on the grid lines, triple at the ends and double on
+ *              creases (inner walls, orifice edges), so that a wall's nodes interpolate; 3 nodes a cell.
+ *   ugimp      points of fixed half-width lambda (in cells); grouped in cells centred on the nodes, so
+ *              that a point touches 3 nodes; at walls and creases the extent of a point is clipped. */
+#ifndef GR_CORE_AXIS_H
+#define GR_CORE_AXIS_H
+
+#include <stdint.h>
+
+enum gr_basis { GR_LINEAR, GR_UGIMP, GR_QUADRATIC, GR_BASIS_COUNT };
+
+#define GR_MAX_NODES_1D 3
+
+/* What a kernel needs to know of one cell along one axis. */
+struct gr_axis_cell {
+    double coefficient[GR_MAX_NODES_1D][3]; /* shape a: c0 + c1 xi + c2 xi^2 (linear, quadratic) */
+    double position[GR_MAX_NODES_1D];       /* of the nodes, in cells from the cell's lower edge */
+    double integral[GR_MAX_NODES_1D];       /* of the shapes over the cell, in cells */
+    double low, high;                       /* range of xi inside the domain */
+    int32_t node[GR_MAX_NODES_1D];          /* index of the nodes along the axis */
+    int32_t clip;                           /* ugimp: 1 where extents end at this cell's node */
+};
+
+struct gr_axis {
+    int n_cells;  /* cells of the grouping */
+    int n_nodes;
+    int periodic;
+    double origin; /* coordinate of the lower end of the domain, m */
+    double length; /* of the domain, m */
+    double shift;  /* cell = floor((x - origin)/dx + shift) */
+    struct gr_axis_cell *cell;
+    double *node_position; /* in cells from the origin */
+    double *node_integral; /* of the shape of a node over the domain, in cells */
+};
+
+static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 : 3; }
+
+/* Build the tables of one axis.
+ * Given: basis, n (grid cells), periodic, creases[n_creases] (interior grid lines, ascending), lambda
+ * (ugimp: half-width of a point in cells, 0 < lambda <= 1/2), origin and dx in m.
+ * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
+int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases,
+                  double lambda, double origin, double dx);
+void gr_axis_free(struct gr_axis *axis);
+
+#endif

@@ -1,0 +1,59 @@
+/* The fields of a material point: one list from which arrays, checks, records and docstrings are made.
+ *
+ * Field f has gr_field_components(f, dim) rows in the buffer of shape (component, capacity); a scene
+ * carries a field only if its law or scheme needs it. Stress components are xx, yy, zz, xy in the
+ * plane and xx, yy, zz, xy, yz, xz in space; a gradient has its components in row-major order. */
+#ifndef GR_CORE_FIELD_H
+#define GR_CORE_FIELD_H
+
+enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
+enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED };
+
+/* X(name, kind, needed by, unit, description) */
+#define GR_FIELDS(X)                                                                                  \
+    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                       \
+    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                     \
+    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                          \
+    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")      \
+    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                     \
+    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run")  \
+    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")               \
+    X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")   \
+    X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")
+
+enum gr_field {
+#define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,
+    GR_FIELDS(GR_X)
+#undef GR_X
+        GR_FIELD_COUNT
+};
+
+struct gr_field_info {
+    const char *name, *unit, *doc;
+    enum gr_kind kind;
+    enum gr_need need;
+};
+
+extern const struct gr_field_info gr_field_table[GR_FIELD_COUNT];
+
+static inline int gr_kind_components(enum gr_kind kind, int dim)
+{
+    switch (kind) {
+    case GR_VECTOR:
+        return dim;
+    case GR_TENSOR:
+        return dim * dim;
+    case GR_STRESS:
+        return dim == 2 ? 4 : 6;
+    case GR_SCALAR:
+    default:
+        return 1;
+    }
+}
+
+static inline int gr_field_components(int field, int dim)
+{
+    return gr_kind_components(gr_field_table[field].kind, dim);
+}
+
+#endif

@@ -1,0 +1,99 @@
+/* A small vector of doubles, GR_W lanes wide, one definition for each instruction set.
+ *
+ * `vd` has the ordinary operators + - * /; the functions below add what C has no sign for. `vm` is a
+ * lane mask. The width is a property of the build of a kernel, never of the data: point arrays are
+ * always grouped in runs of GR_LANES places. */
+#ifndef GR_CORE_SIMD_H
+#define GR_CORE_SIMD_H
+
+#include <math.h>
+#include <stdint.h>
+
+#define GR_LANES 8 /* every cell owns a multiple of this many places in the point arrays */
+
+#if defined(__AVX512F__)
+#include <immintrin.h>
+#define GR_W 8
+typedef __m512d vd;
+typedef __mmask8 vm;
+static inline vd v_set(double a) { return _mm512_set1_pd(a); }
+static inline vd v_load(const double *p) { return _mm512_loadu_pd(p); }
+static inline void v_store(double *p, vd a) { _mm512_storeu_pd(p, a); }
+static inline vd v_fma(vd a, vd b, vd c) { return _mm512_fmadd_pd(a, b, c); }
+static inline vd v_fnma(vd a, vd b, vd c) { return _mm512_fnmadd_pd(a, b, c); }
+static inline vd v_min(vd a, vd b) { return _mm512_min_pd(a, b); }
+static inline vd v_max(vd a, vd b) { return _mm512_max_pd(a, b); }
+static inline vd v_sqrt(vd a) { return _mm512_sqrt_pd(a); }
+static inline vm v_gt(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_GT_OQ); }
+static inline vm v_ge(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_GE_OQ); }
+static inline vm m_and(vm a, vm b) { return a & b; }
+static inline unsigned m_bits(vm a) { return a; }
+static inline vd v_select(vm m, vd a, vd b) { return _mm512_mask_blend_pd(m, b, a); }
+static inline vd v_keep(vm m, vd a) { return _mm512_maskz_mov_pd(m, a); }
+/* The four lane sums of a, b, c, d. */
+static inline void v_sum4(double *out, vd a, vd b, vd c, vd d)
+{
+#define GR_FOLD(v) _mm256_add_pd(_mm512_castpd512_pd256(v), _mm512_extractf64x4_pd(v, 1))
+    __m256d ab = _mm256_hadd_pd(GR_FOLD(a), GR_FOLD(b)), cd = _mm256_hadd_pd(GR_FOLD(c), GR_FOLD(d));
+#undef GR_FOLD
+    _mm256_storeu_pd(out, _mm256_add_pd(_mm256_permute2f128_pd(ab, cd, 0x20), _mm256_permute2f128_pd(ab, cd, 0x31)));
+}
+#elif defined(__AVX2__) && defined(__FMA__)
+#include <immintrin.h>
+#define GR_W 4
+typedef __m256d vd;
+typedef __m256d vm;
+static inline vd v_set(double a) { return _mm256_set1_pd(a); }
+static inline vd v_load(const double *p) { return _mm256_loadu_pd(p); }
+static inline void v_store(double *p, vd a) { _mm256_storeu_pd(p, a); }
+static inline vd v_fma(vd a, vd b, vd c) { return _mm256_fmadd_pd(a, b, c); }
+static inline vd v_fnma(vd a, vd b, vd c) { return _mm256_fnmadd_pd(a, b, c); }
+static inline vd v_min(vd a, vd b) { return _mm256_min_pd(a, b); }
+static inline vd v_max(vd a, vd b) { return _mm256_max_pd(a, b); }
+static inline vd v_sqrt(vd a) { return _mm256_sqrt_pd(a); }
+static inline vm v_gt(vd a, vd b) { return _mm256_cmp_pd(a, b, _CMP_GT_OQ); }
+static inline vm v_ge(vd a, vd b) { return _mm256_cmp_pd(a, b, _CMP_GE_OQ); }
+static inline vm m_and(vm a, vm b) { return _mm256_and_pd(a, b); }
+static inline unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_pd(a); }
+static inline vd v_select(vm m, vd a, vd b) { return _mm256_blendv_pd(b, a, m); }
+static inline vd v_keep(vm m, vd a) { return _mm256_and_pd(m, a); }
+static inline void v_sum4(double *out, vd a, vd b, vd c, vd d)
+{
+    __m256d ab = _mm256_hadd_pd(a, b), cd = _mm256_hadd_pd(c, d);
+    _mm256_storeu_pd(out, _mm256_add_pd(_mm256_permute2f128_pd(ab, cd, 0x20), _mm256_permute2f128_pd(ab, cd, 0x31)));
+}
+#else
+/* Portable form: two lanes, written with the vector extension of gcc and clang (SSE2, NEON, ...). */
+#define GR_W 2
+typedef double vd __attribute__((vector_size(16)));
+typedef int64_t vm __attribute__((vector_size(16)));
+static inline vd v_set(double a) { return (vd){a, a}; }
+static inline vd v_load(const double *p) { return (vd){p[0], p[1]}; }
+static inline void v_store(double *p, vd a) { p[0] = a[0], p[1] = a[1]; }
+static inline vd v_fma(vd a, vd b, vd c) { return a * b + c; }
+static inline vd v_fnma(vd a, vd b, vd c) { return c - a * b; }
+static inline vm v_gt(vd a, vd b) { return (vm)(a > b); }
+static inline vm v_ge(vd a, vd b) { return (vm)(a >= b); }
+static inline vm m_and(vm a, vm b) { return a & b; }
+static inline unsigned m_bits(vm a) { return (unsigned)(a[0] & 1) | (unsigned)(a[1] & 2); }
+static inline vd v_select(vm m, vd a, vd b) { return (vd)((m & (vm)a) | (~m & (vm)b)); }
+static inline vd v_keep(vm m, vd a) { return (vd)(m & (vm)a); }
+/* As the x86 instructions do: the second operand where the comparison fails, so that NaN behaves alike. */
+static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
+static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
+static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
+static inline void v_sum4(double *out, vd a, vd b, vd c, vd d)
+{
+    out[0] = a[0] + a[1], out[1] = b[0] + b[1], out[2] = c[0] + c[1], out[3] = d[0] + d[1];
+}
+#endif
+
+#define GR_BLOCKS(count) (((count) + GR_W - 1) / GR_W) /* blocks of lanes that `count` points fill */
+#define GR_ALL_LANES ((1u << GR_W) - 1u)
+
+static inline vd v_mul(vd a, vd b) { return a * b; }
+static inline vd v_zero(void) { return v_set(0.0); }
+static inline vd v_abs(vd a) { return v_max(a, -a); }
+static inline vd v_clamp(vd a, double lo, double hi) { return v_min(v_max(a, v_set(lo)), v_set(hi)); }
+
+#endif

@@ -1,0 +1,107 @@
+/* The kernels of one instruction set: this file is compiled once for each, with GR_ISA naming it.
+ *
+ * Every combination of dimension, basis, transfer and density has a body of its own, made from one
+ * inline function with literal arguments; the choice is made once, when a kernel is called for a run
+ * of cells. */
+#include "law/law_elastic.c"
+#include "law/law_frictional.c"
+#include "mpm/migrate.h"
+#include "mpm/scatter.c"
+#include "mpm/gather.c"
+
+#define GR_PASTE2(a, b) a##b
+#define GR_PASTE(a, b) GR_PASTE2(a, b)
+#define GR_STRING2(a) #a
+#define GR_STRING(a) GR_STRING2(a)
+
+#define GR_X(name)                                                                    \
+    static void name##_2d(const struct gr_law_call *call) { law_##name(2, call); }    \
+    static void name##_3d(const struct gr_law_call *call) { law_##name(3, call); }
+GR_LAWS(GR_X)
+#undef GR_X
+
+static gr_law_update *const laws[GR_LAW_COUNT][2] = {
+#define GR_X(name) {name##_2d, name##_3d},
+    GR_LAWS(GR_X)
+#undef GR_X
+};
+
+/* X(dim, basis, affine, diffused): what can be built. The averaged density goes with the quadratic basis. */
+#define GR_VARIANTS_OF(X, dim)                                                                               \
+    X(dim, GR_LINEAR, GR_AFFINE_NONE, 0)                                                                     \
+    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0)                                                                 \
+    X(dim, GR_LINEAR, GR_AFFINE_MOMENT, 0)                                                                   \
+    X(dim, GR_UGIMP, GR_AFFINE_NONE, 0)                                                                      \
+    X(dim, GR_UGIMP, GR_AFFINE_GRADIENT, 0)                                                                  \
+    X(dim, GR_UGIMP, GR_AFFINE_MOMENT, 0)                                                                    \
+    X(dim, GR_QUADRATIC, GR_AFFINE_NONE, 0)                                                                  \
+    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 0)                                                              \
+    X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0)                                                                \
+    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1)
+#define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
+
+#define GR_X(d, b, a, q)                                                                                        \
+    static __attribute__((noinline)) void scatter_##d##b##a##q(struct gr_engine *e, int64_t index)              \
+    {                                                                                                           \
+        scatter_cell(d, b, a > 0, q, e, index);                                                                 \
+    }                                                                                                           \
+    static __attribute__((noinline)) int64_t sweep_##d##b##a##q(struct gr_engine *e, int64_t first, int64_t last, \
+                                                                struct gr_leaver *leaver, int fused)            \
+    {                                                                                                           \
+        return sweep_cells(d, b, a, q, e, first, last, leaver, fused, laws[e->config.law][d - 2]);              \
+    }
+GR_VARIANTS(GR_X)
+#undef GR_X
+
+#define GR_IS(e, d, b, a, q) \
+    ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.diffused == q)
+
+static void scatter(struct gr_engine *e, int64_t first, int64_t last)
+{
+#define GR_X(d, b, a, q)                                                                 \
+    if (GR_IS(e, d, b, a, q))                                                            \
+        for (int64_t i = first; i < last; i++) scatter_##d##b##a##q(e, i);
+    GR_VARIANTS(GR_X)
+#undef GR_X
+}
+
+static void scatter_list(struct gr_engine *e, const int64_t *list, int64_t first, int64_t last)
+{
+    for (int64_t k = first; k < last; k++) scatter(e, list[k], list[k] + 1);
+}
+
+static int64_t sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_leaver *leaver, int fused)
+{
+#define GR_X(d, b, a, q) \
+    if (GR_IS(e, d, b, a, q)) return sweep_##d##b##a##q(e, first, last, leaver, fused);
+    GR_VARIANTS(GR_X)
+#undef GR_X
+    return 0;
+}
+
+static void smooth(struct gr_engine *e, int64_t first, int64_t last)
+{
+#define GR_SMOOTH(d, b) \
+    if (e->config.dim == d && e->config.basis == b) \
+        for (int64_t i = first; i < last; i++) smooth_cell(d, b, e, i);
+    GR_SMOOTH(2, GR_LINEAR)
+    GR_SMOOTH(2, GR_UGIMP)
+    GR_SMOOTH(2, GR_QUADRATIC)
+    GR_SMOOTH(3, GR_LINEAR)
+    GR_SMOOTH(3, GR_UGIMP)
+    GR_SMOOTH(3, GR_QUADRATIC)
+#undef GR_SMOOTH
+}
+
+static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law][dim - 2](call); }
+
+extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
+const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
+    .isa = GR_STRING(GR_ISA),
+    .lanes = GR_W,
+    .scatter = scatter,
+    .scatter_list = scatter_list,
+    .sweep = sweep,
+    .smooth = smooth,
+    .update_law = update_law,
+};

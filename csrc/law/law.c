@@ -1,0 +1,22 @@
+#include "law/law.h"
+
+const struct gr_law_info gr_law_table[GR_LAW_COUNT] = {
+    [GR_LAW_elastic] = {"elastic",
+                        "linear hypoelasticity with the Jaumann rate",
+                        2,
+                        {{"K", "Pa", "bulk modulus"}, {"G", "Pa", "shear modulus"}}},
+    [GR_LAW_drucker_prager] = {"drucker_prager",
+                               "rate-independent friction, stress-free when disconnected",
+                               3,
+                               {{"K", "Pa", "bulk modulus"},
+                                {"G", "Pa", "shear modulus"},
+                                {"mu", "1", "friction coefficient"}}},
+    [GR_LAW_mu_i] = {"mu_i",
+                     "mu(I) rheology, stress-free when disconnected (Dunatunga & Kamrin 2015, eq. 2.13-2.15)",
+                     5,
+                     {{"K", "Pa", "bulk modulus"},
+                      {"G", "Pa", "shear modulus"},
+                      {"mu_s", "1", "static friction coefficient"},
+                      {"mu_2", "1", "limiting friction coefficient"},
+                      {"xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"}}},
+};

@@ -1,0 +1,216 @@
+/* The step: scatter, grid, gather; many of them in one call, by a team of threads.
+ *
+ * The work of a stage is cut at cells and nodes; each result is written by one thread and every sum has
+ * an order of its own, so the bits do not depend on the number of threads. */
+#include <math.h>
+#include <stdlib.h>
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+#include "mpm/grid.h"
+#include "mpm/migrate.h"
+
+enum { DT_INTERVAL = 16 }; /* steps between two looks at the fastest point */
+
+struct team {
+    struct gr_engine *e;
+    const struct gr_kernels *kernels;
+    int threads, go;
+    int64_t left; /* steps */
+    double until, gravity[3];
+    int64_t cut[GR_MAX_THREADS + 1];
+    const struct gr_leaver *list[GR_MAX_THREADS];
+    int64_t count[GR_MAX_THREADS];
+};
+
+static void barrier(void)
+{
+#ifdef _OPENMP
+#pragma omp barrier
+#endif
+}
+
+double gr_stable_dt(const struct gr_engine *e)
+{
+    double fastest = 0;
+    const double *v = e->field[GR_FIELD_v];
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++) {
+            double square = 0;
+            for (int d = 0; d < e->config.dim; d++) square += v[d * e->capacity + s] * v[d * e->capacity + s];
+            if (square > fastest) fastest = square;
+        }
+    }
+    return e->config.cfl * e->config.dx / (e->config.wave_speed + sqrt(fastest));
+}
+
+/* Cut the cells so that each thread has about the same number of points, and give each a list for leavers. */
+static int share_out(struct team *team)
+{
+    struct gr_engine *e = team->e;
+    int64_t points = 0, first[GR_MAX_THREADS + 1] = {0};
+    int t = 1;
+    team->cut[0] = 0;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        points += e->mesh.cell[c].capacity;
+        while (t < team->threads && points * team->threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
+            first[t] = points;
+            team->cut[t++] = c + 1;
+        }
+    }
+    for (; t <= team->threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
+    if (points > e->leaver_room) {
+        struct gr_leaver *leaver = realloc(e->leaver, sizeof *leaver * (size_t)(points + points / 2));
+        if (!leaver) return GR_ERR_MEMORY;
+        e->leaver = leaver;
+        e->leaver_room = points + points / 2;
+    }
+    for (t = 0; t < team->threads; t++) team->list[t] = e->leaver + first[t];
+    return GR_OK;
+}
+
+/* Decide whether there is another step, and its dt and gravity. One thread. */
+static void prepare(struct team *team)
+{
+    struct gr_engine *e = team->e;
+    const struct gr_config *config = &e->config;
+    team->go = !e->error && team->left > 0 && e->time < team->until;
+    if (!team->go) return;
+    team->left--;
+    const double dt = config->dt > 0 ? config->dt : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e) : e->dt;
+    if (dt != e->dt) {
+        e->dt = dt;
+        e->time_anchor = e->time;
+        e->step_anchor = e->step;
+    }
+    const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
+    e->record_rates = team->left == 0 || next >= team->until; /* only the last step's rates are seen */
+    const double rate = config->keep_velocity_rate;
+    e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
+    gr_gravity(config, e->time, team->gravity);
+}
+
+/* Points that left their cells move; the step is complete. One thread. */
+static void finish(struct team *team)
+{
+    struct gr_engine *e = team->e;
+    e->error = gr_migrate(e, team->list, team->count, team->threads);
+    if (e->error) return;
+    e->lent_dt = e->dt;
+    e->step++;
+    e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
+    if (!e->n_pending) return;
+    e->error = gr_regroup(e);
+    if (!e->error) e->error = share_out(team);
+}
+
+static void slice(int64_t n, int t, int threads, int64_t *first, int64_t *last)
+{
+    *first = n * t / threads;
+    *last = n * (t + 1) / threads;
+}
+
+static void stage_grid(struct team *team, int t)
+{
+    struct gr_engine *e = team->e;
+    int64_t first, last;
+    slice(e->mesh.n_nodes, t, team->threads, &first, &last);
+    gr_grid_nodes(e, first, last, team->gravity);
+    barrier();
+    for (int pass = 2; pass <= e->config.xpic_order; pass++) {
+        team->kernels->smooth(e, team->cut[t], team->cut[t + 1]);
+        barrier();
+        gr_grid_smooth(e, first, last, pass);
+        barrier();
+    }
+}
+
+static void run(struct team *team, int t)
+{
+    struct gr_engine *e = team->e;
+    for (;;) {
+        int64_t first, last;
+        if (!e->sums_valid) {
+            team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
+            barrier();
+            if (t == 0) e->sums_valid = 1;
+        }
+        if (t == 0) prepare(team);
+        barrier();
+        if (!team->go) return;
+        stage_grid(team, t);
+        team->count[t] = team->kernels->sweep(e, team->cut[t], team->cut[t + 1], (struct gr_leaver *)team->list[t], 1);
+        barrier();
+        if (t == 0) finish(team);
+        barrier();
+        if (e->error || !e->sums_valid) continue;
+        slice(e->n_dirty, t, team->threads, &first, &last);
+        team->kernels->scatter_list(e, e->dirty, first, last);
+    }
+}
+
+int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
+{
+    struct team team = {.e = e, .kernels = kernels, .left = max_steps, .until = until, .threads = 1};
+    e->error = e->mesh.n_cells ? GR_OK : gr_regroup(e);
+    if (e->error || !e->mesh.n_cells) return e->error;
+#ifdef _OPENMP
+    if (threads > GR_MAX_THREADS) threads = GR_MAX_THREADS;
+#pragma omp parallel num_threads(threads)
+    {
+#pragma omp single
+        {
+            team.threads = omp_get_num_threads();
+            e->error = share_out(&team);
+        }
+        if (!e->error) run(&team, omp_get_thread_num());
+    }
+#else
+    (void)threads;
+    e->error = share_out(&team);
+    if (!e->error) run(&team, 0);
+#endif
+    return e->error;
+}
+
+/* The stages one by one, by one thread: what advance does in a step, to the last bit. */
+
+int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels)
+{
+    e->error = e->mesh.n_cells ? GR_OK : gr_regroup(e);
+    if (e->error) return e->error;
+    kernels->scatter(e, 0, e->mesh.n_cells);
+    e->sums_valid = 1;
+    return GR_OK;
+}
+
+int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
+{
+    struct team team = {.e = e, .kernels = kernels, .left = 1, .until = INFINITY, .threads = 1};
+    e->error = GR_OK;
+    if (!e->sums_valid) gr_scatter(e, kernels);
+    if (!e->error) e->error = share_out(&team);
+    if (e->error) return e->error;
+    prepare(&team);
+    gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
+    for (int pass = 2; pass <= e->config.xpic_order; pass++) {
+        kernels->smooth(e, 0, e->mesh.n_cells);
+        gr_grid_smooth(e, 0, e->mesh.n_nodes, pass);
+    }
+    return GR_OK;
+}
+
+int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels)
+{
+    struct team team = {.e = e, .kernels = kernels, .threads = 1};
+    e->error = e->mesh.n_cells && e->dt > 0 ? share_out(&team) : GR_ERR_CONFIG;
+    if (e->error) return e->error;
+    e->record_rates = 1;
+    team.count[0] = kernels->sweep(e, 0, e->mesh.n_cells, (struct gr_leaver *)team.list[0], 0);
+    finish(&team);
+    e->sums_valid = 0;
+    return e->error;
+}

@@ -1,0 +1,159 @@
+#include "mpm/engine.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+int gr_engine_uses(const struct gr_config *config, int field)
+{
+    switch (gr_field_table[field].need) {
+    case GR_AFFINE:
+        return config->affine != GR_AFFINE_NONE;
+    case GR_DIFFUSED:
+        return config->diffused;
+    case GR_ALWAYS:
+    default:
+        return 1;
+    }
+}
+
+/* Own a copy of n bytes; NULL for none. */
+static int own(const void **pointer, size_t bytes)
+{
+    if (!*pointer || !bytes) {
+        *pointer = 0;
+        return GR_OK;
+    }
+    void *copy = malloc(bytes);
+    if (!copy) {
+        *pointer = 0;
+        return GR_ERR_MEMORY;
+    }
+    memcpy(copy, *pointer, bytes);
+    *pointer = copy;
+    return GR_OK;
+}
+
+static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
+{
+    struct gr_config *c = &e->config;
+    int error = own((const void **)&c->gravity_times, sizeof(double) * (size_t)c->n_gravity);
+    error |= own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
+    error |= own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
+    error |= own((const void **)&c->node_codes, (size_t)n_nodes);
+    error |= own((const void **)&c->cell_flags, (size_t)n_cells);
+    for (int d = 0; d < 3; d++) c->creases[d] = 0;
+    return error ? GR_ERR_MEMORY : GR_OK;
+}
+
+/* The room that solid cells take from the nodes about them. */
+static int count_solids(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
+{
+    const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);
+    int any = 0;
+    for (int64_t c = 0; e->config.cell_flags && c < n_cells; c++) any |= e->config.cell_flags[c] & GR_CELL_SOLID;
+    if (!any) return GR_OK;
+    e->solid = calloc((size_t)n_nodes, sizeof(double));
+    if (!e->solid) return GR_ERR_MEMORY;
+    for (int64_t c = 0; c < n_cells; c++) {
+        if (!(e->config.cell_flags[c] & GR_CELL_SOLID)) continue;
+        for (int i = 0; i < e->K; i++) {
+            const int part[3] = {i % k, i / k % k, i / (k * k)};
+            int64_t node = 0, stride = 1, rest = c;
+            double room = 1;
+            for (int d = 0; d < dim; d++) {
+                const struct gr_axis_cell *cell = &e->axis[d].cell[rest % e->axis[d].n_cells];
+                rest /= e->axis[d].n_cells;
+                node += stride * cell->node[part[d]];
+                stride *= e->axis[d].n_nodes;
+                room *= cell->integral[part[d]];
+            }
+            e->solid[node] += room;
+        }
+    }
+    return GR_OK;
+}
+
+static int config_is_valid(const struct gr_config *c)
+{
+    if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
+    if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || c->law < 0 || c->law >= GR_LAW_COUNT) return 0;
+    if (c->diffused && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
+    if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
+    if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
+    if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
+    for (int k = 0; k < c->n_walls; k++) {
+        const struct gr_wall *w = &c->walls[k];
+        if (w->normal < -1 || w->normal >= c->dim || w->after < 0 || w->after >= c->n_walls) return 0;
+        /* chains of opening walls must end */
+        if (isfinite(w->opens_at) && !(c->walls[w->after].opens_at > w->opens_at)) return 0;
+        if (!isfinite(w->opens_at) && !(w->opens_at > 0)) return 0;
+    }
+    return 1;
+}
+
+int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
+{
+    int error = GR_ERR_CONFIG;
+    *out = 0;
+    struct gr_engine *e = calloc(1, sizeof *e);
+    if (!e) return GR_ERR_MEMORY;
+    if (!config_is_valid(config)) goto out;
+    e->config = *config;
+    int64_t n_cells = 1, n_nodes = 1;
+    for (int d = 0; d < config->dim; d++) {
+        error = gr_axis_build(&e->axis[d], config->basis, config->shape[d], config->periodic[d], config->creases[d],
+                              config->n_creases[d], config->lambda, config->lower[d], config->dx);
+        if (error) goto shallow;
+        n_cells *= e->axis[d].n_cells;
+        n_nodes *= e->axis[d].n_nodes;
+    }
+    const int k = gr_basis_nodes_1d(config->basis);
+    e->K = config->dim == 2 ? k * k : k * k * k;
+    e->sum_stride = ((1 + 2 * config->dim + 2 * config->diffused) * e->K + 3) / 4 * 4;
+    e->node_stride = 2 * config->dim + 2 * config->diffused;
+    for (int f = 0; f < GR_FIELD_COUNT; f++)
+        if (gr_engine_uses(config, f)) e->n_components += gr_field_components(f, config->dim);
+    error = copy_config(e, n_nodes, n_cells);
+    if (error) goto out;
+    error = GR_ERR_MEMORY;
+    e->mesh.cell_of = calloc((size_t)n_cells, sizeof(int32_t));
+    e->mesh.node_of = calloc((size_t)n_nodes, sizeof(int32_t));
+    if (!e->mesh.cell_of || !e->mesh.node_of) goto out;
+    error = count_solids(e, n_nodes, n_cells);
+    e->dt = config->dt;
+    e->lent_dt = 1; /* until a shift has been made */
+    *out = e;
+    e = 0;
+    goto out;
+shallow: /* the config still belongs to the caller */
+    memset(&e->config, 0, sizeof e->config);
+out:
+    if (error == GR_ERR_CONFIG && e) memset(&e->config, 0, sizeof e->config);
+    gr_engine_free(e);
+    if (error) {
+        gr_engine_free(*out);
+        *out = 0;
+    }
+    return error;
+}
+
+void gr_engine_free(struct gr_engine *e)
+{
+    if (!e) return;
+    for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
+    void *owned[] = {(void *)e->config.gravity_times, (void *)e->config.gravity_vectors, (void *)e->config.walls,
+                     (void *)e->config.node_codes, (void *)e->config.cell_flags, e->mesh.cell, e->mesh.cell_node,
+                     e->mesh.node_source, e->mesh.node_code, e->mesh.node_volume, e->mesh.node_id, e->mesh.cell_of,
+                     e->mesh.node_of, e->sums, e->node_data, e->node_mass, e->node_v, e->solid, e->leaver, e->pending,
+                     e->pending_id, e->dirty};
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    free(e);
+}
+
+void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity)
+{
+    for (int f = 0; f < GR_FIELD_COUNT; f++) e->field[f] = field[f];
+    e->id = id;
+    e->capacity = capacity;
+}

@@ -1,0 +1,153 @@
+/* The engine: what a simulation is while it steps. Points live in buffers of the caller; everything else is here. */
+#ifndef GR_MPM_ENGINE_H
+#define GR_MPM_ENGINE_H
+
+#include <stdint.h>
+
+#include "core/axis.h"
+#include "core/error.h"
+#include "core/field.h"
+#include "law/law.h"
+
+#define GR_MAX_NODES 27
+
+/* What a wall does to the velocity of a node (see granular/boundaries.py). */
+struct gr_wall {
+    int32_t fixed;    /* bit d: component d is zero */
+    int32_t clamp;    /* bit d: component d is at most zero (absorbing layer) */
+    int32_t normal;   /* axis of Coulomb friction, -1 where there is none */
+    int32_t side;     /* +1: material above the wall along `normal`, -1: below, 0: both */
+    double friction;  /* Coulomb coefficient of the wall */
+    double opens_at;  /* s; from then on the node is ruled by row `after` */
+    int32_t after;
+};
+
+enum gr_affine { GR_AFFINE_NONE, GR_AFFINE_GRADIENT, GR_AFFINE_MOMENT, GR_AFFINE_COUNT };
+
+/* Numbers of the density averaging and the shift; formulas at their use in mpm/gather.c. */
+struct gr_cure {
+    double diffusion;       /* 1: rate of averaging in c/dx */
+    double shear_diffusion; /* 1: rate of averaging per shear rate */
+    double feedback;        /* 1: rate of the pull to the geometric density per shear rate */
+    double feedback_limit;  /* largest difference of log-density that is fed back */
+    double shift;           /* 1: strength of the shift */
+    double shift_limit;     /* largest shift in a step, cells */
+    double reach;           /* points looser than -reach take no part in the averaging */
+};
+
+struct gr_config {
+    int dim, basis, affine, diffused, xpic_order, law;
+    int shape[3], periodic[3], open_low[3], open_high[3];
+    double lower[3], dx, lambda;
+    int n_creases[3];
+    const int32_t *creases[3];
+    double keep_velocity_rate; /* 1/s: f = exp(-rate dt) of FLIP survives a step; < 0: nothing survives (PIC, APIC) */
+    double rho_c, wave_speed, mass_cutoff, cfl, dt; /* dt > 0: fixed */
+    double parameter[GR_LAW_MAX_PARAMETERS];
+    struct gr_cure cure;
+    int pressure_from_density;
+    int n_gravity;
+    const double *gravity_times;   /* s */
+    const double *gravity_vectors; /* n_gravity x dim, m/s^2 */
+    int n_walls;
+    const struct gr_wall *walls;  /* row 0 is the free node */
+    const uint8_t *node_codes;    /* per node of the grid, x fastest */
+    const uint8_t *cell_flags;    /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
+};
+
+enum gr_cell_flag { GR_CELL_SOLID = 1, GR_CELL_NO_SHIFT = 2 };
+
+struct gr_cell {
+    int64_t offset; /* first place in the point arrays */
+    int32_t count, capacity;
+    int32_t at[3]; /* along each axis */
+    int16_t dirty; /* its sums must be made anew */
+    int16_t flags;
+};
+
+/* The part of the grid that material may touch before the next regrouping. */
+struct gr_mesh {
+    int64_t n_cells, n_nodes, cell_room, node_room;
+    struct gr_cell *cell;
+    int32_t *cell_node;   /* n_cells x K */
+    int32_t *node_source; /* n_nodes x K: cell*K + place in the cell, or n_cells*K + . for none */
+    uint8_t *node_code;
+    double *node_volume;  /* fraction of dx^dim that the node stands for */
+    int64_t *node_id;     /* index in the whole grid */
+    int32_t *cell_of, *node_of; /* whole grid: active index + 1, 0 for none */
+};
+
+struct gr_leaver {
+    int64_t cell, slot;
+};
+
+struct gr_engine {
+    struct gr_config config;
+    struct gr_axis axis[3];
+    int K; /* nodes of a cell */
+    /* points: borrowed */
+    double *field[GR_FIELD_COUNT]; /* component c of field f: field[f] + c*capacity */
+    int64_t *id;
+    int64_t capacity, n_points;
+    int n_components; /* of all the fields in use */
+    /* grid */
+    struct gr_mesh mesh;
+    double *sums;      /* n_cells + 1 blocks of sum_stride; the last one is zero */
+    double *node_data; /* n_nodes x node_stride: v, w and, where the density is averaged, phi, cbar */
+    double *node_mass; /* n_nodes, kg */
+    double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, smoothed by XPIC */
+    double *solid;     /* per node of the grid: part of its volume that is no room; NULL without solids */
+    int sum_stride, node_stride;
+    /* leavers of a step, by thread, and points that wait for a place */
+    struct gr_leaver *leaver;
+    int64_t leaver_room, n_pending, pending_room, needed_capacity;
+    double *pending; /* n_pending x n_components */
+    int64_t *pending_id;
+    int64_t *dirty, n_dirty;
+    /* progress */
+    double time, dt, time_anchor; /* time = time_anchor + (step - step_anchor) dt */
+    double lent_dt;               /* dt of the step that made shift_velocity */
+    double keep_velocity;         /* the part f of the old velocity that survives this step */
+    int64_t step, step_anchor, dropped, clamped;
+    double dropped_mass;
+    int sums_valid, record_rates;
+    /* failure */
+    int error;
+    int64_t error_id, error_step;
+    double error_x[3];
+};
+
+/* The kernels of one instruction set (kernels.c). */
+struct gr_kernels {
+    const char *isa;
+    int lanes;
+    void (*scatter)(struct gr_engine *, int64_t first, int64_t last);
+    void (*scatter_list)(struct gr_engine *, const int64_t *list, int64_t first, int64_t last);
+    int64_t (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leaver *leaver, int fused);
+    void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
+    void (*update_law)(int law, int dim, const struct gr_law_call *call);
+};
+
+#define GR_MAX_THREADS 64
+
+/* engine.c: life. The config is copied, with what it points to. */
+int gr_engine_new(struct gr_engine **out, const struct gr_config *config);
+void gr_engine_free(struct gr_engine *e);
+int gr_engine_uses(const struct gr_config *config, int field); /* 1 if the scene carries the field */
+/* Lend the buffers of the points; rows [0, n_points) hold them, in any order, on the first call. */
+void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity);
+
+/* mesh.c: group the points by cell, in their present order within each; needed_capacity tells what
+ * GR_ERR_CAPACITY asks for. */
+int gr_regroup(struct gr_engine *e);
+
+/* advance.c: the step and its stages. */
+int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads);
+int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels);
+int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels);
+int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels);
+double gr_stable_dt(const struct gr_engine *e);
+
+const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the best this machine has */
+
+#endif

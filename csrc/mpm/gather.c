@@ -1,0 +1,206 @@
+/* Gather (G2P), law and scatter of a run of cells in one sweep: a cell's points are read and written once a step.
+ *
+ * Given: node_data (v^{n+1}, w, and phi, cbar where the density is averaged). Per point
+ *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.c),
+ *   c <- c - dt tr L      (eq. 3.9 in the logarithm of the density),
+ * then the stress update of the law, and the sums of the next step. Points that leave their cell are
+ * listed; the sums of such a cell are made after they have moved (migrate.c). */
+#include "mpm/shape.h"
+
+enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the first-level cache */
+
+struct batch {
+    int64_t n;
+    int64_t slot[BATCH];
+    double gradient[BATCH * 9 * GR_W];
+};
+
+static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch)
+{
+    struct gr_law_call call = {.n_blocks = batch->n,
+                               .slot = batch->slot,
+                               .gradient = batch->gradient,
+                               .dt = e->dt,
+                               .pressure_from_density = e->config.pressure_from_density,
+                               .parameter = e->config.parameter,
+                               .log_density = e->field[GR_FIELD_log_density],
+                               .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0};
+    for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
+    update(&call);
+    batch->n = 0;
+}
+
+/* Lanes outside the cell: points are listed, spare places go back to the middle of the cell. */
+static __attribute__((noinline)) int64_t settle(struct gr_engine *e, int64_t index, int block, unsigned inside,
+                                                struct gr_leaver *leaver)
+{
+    struct gr_cell *cell = &e->mesh.cell[index];
+    int64_t found = 0;
+    for (int lane = 0; lane < GR_W; lane++) {
+        const int place = block * GR_W + lane;
+        if (inside >> lane & 1u) continue;
+        if (place < cell->count) {
+            leaver[found].cell = index;
+            leaver[found++].slot = cell->offset + place;
+        } else {
+            gr_clear_place(e, cell, cell->offset + place);
+        }
+    }
+    return found;
+}
+
+/* Shear rate of the flow, sqrt(2 D':D') + |tr D|, from L dt; the measure by which the averaging is driven. */
+GR_INLINE vd kinematic_rate(const int dim, const vd *L)
+{
+    vd trace = v_zero(), square = v_zero();
+    for (int i = 0; i < dim; i++) {
+        trace = trace + L[i * dim + i];
+        square = v_fma(v_set(2.0) * L[i * dim + i], L[i * dim + i], square);
+        for (int j = 0; j < i; j++) {
+            const vd shear = L[i * dim + j] + L[j * dim + i];
+            square = v_fma(shear, shear, square);
+        }
+    }
+    square = v_fnma(v_set(2.0 / 3.0) * trace, trace, square);
+    return v_sqrt(v_max(square, v_zero())) + v_abs(trace);
+}
+
+/* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
+ *   c += eta (cbar - c) + kappa gdot dt clip(ln phi - c),   eta = r/(1 + r),  r = dt dd c_w/dx + dg gdot dt,
+ *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
+ * Given L dt and dt tr L; returned: the new log-density, delta in m and L delta in m/s. */
+GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
+                           const struct gr_shape *s, const double *phi, const double *excess, const double *cbar,
+                           double phi_least, const vd *L, vd trace, int64_t at, vd delta[3], vd lent[3])
+{
+    const struct gr_cure *q = &e->config.cure;
+    const double dx = e->config.dx, inv_dx = 1.0 / dx;
+    vd slope[3], gradient[3];
+    const vd old = v_load(e->field[GR_FIELD_log_density] + at), rate = kinematic_rate(dim, L);
+    const vd near = gr_interpolate(dim, basis, cbar, s, (vd(*)[3])s->g, 1, gradient);
+    const vd full = gr_interpolate(dim, basis, phi, s, (vd(*)[3])s->g, 0, slope);
+    (void)gr_interpolate(dim, basis, excess, s, (vd(*)[3])s->g, 1, slope);
+    const vm joins = v_ge(old, v_set(-q->reach));
+    const vd r = v_fma(v_set(q->shear_diffusion), rate, v_set(q->diffusion * e->config.wave_speed * inv_dx * e->dt));
+    vd c = v_fma(v_keep(joins, r / (v_set(1.0) + r)), near - old, old - trace);
+    for (int d = 0; d < dim; d++)
+        v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(joins, gradient[d] * v_set(inv_dx)));
+    if (phi_least > 0.5) {
+        const vd log_full = v_set(2.0) * (full - v_set(1.0)) / (full + v_set(1.0)); /* ln, to 1e-3 where it is not clipped */
+        const vd gap = v_clamp(log_full - c, -q->feedback_limit, q->feedback_limit);
+        c = v_fma(v_keep(v_ge(c, v_zero()), v_set(q->feedback) * rate), gap, c);
+    }
+    vd length = v_zero();
+    for (int d = 0; d < dim; d++) {
+        delta[d] = v_set(-q->shift * dx) * rate * slope[d];
+        length = v_fma(delta[d], delta[d], length);
+    }
+    length = v_sqrt(length);
+    const vd most = cell->flags & GR_CELL_NO_SHIFT ? v_zero() : v_min(v_set(q->shift_limit * dx), v_set(0.5 * dx) * rate);
+    const vd scale = v_select(v_gt(length, most), most / v_max(length, v_set(1e-300)), v_set(1.0));
+    for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
+    for (int d = 0; d < dim; d++) {
+        lent[d] = v_zero();
+        for (int j = 0; j < dim; j++) lent[d] = v_fma(L[d * dim + j], delta[j], lent[d]);
+        lent[d] = lent[d] * v_set(1.0 / e->dt);
+        v_store(e->field[GR_FIELD_shift_velocity] + d * e->capacity + at, lent[d]);
+    }
+    return c;
+}
+
+GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
+                              int64_t index, struct batch *batch, gr_law_update *law, struct gr_leaver *leaver)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const int K = gr_power(gr_nodes_1d(basis), dim), k1 = gr_nodes_1d(basis), blocks = GR_BLOCKS(cell->count);
+    const double dt = e->dt, inv_dx = 1.0 / e->config.dx, keep = e->keep_velocity;
+    const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: nothing of the old velocity survives and w = v */
+    double N[8][GR_MAX_NODES], excess[GR_MAX_NODES], phi_least = 1e300;
+    int64_t found = 0;
+    for (int i = 0; i < K; i++) {
+        const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
+        for (int q = 0; q < 2 * dim + 2 * diffused; q++) N[q][i] = node[q];
+        if (diffused) {
+            excess[i] = node[2 * dim] > 1 ? node[2 * dim] - 1 : 0;
+            if (node[2 * dim] < phi_least) phi_least = node[2 * dim];
+        }
+    }
+    for (int n = 0; n < blocks; n++) {
+        const int64_t at = cell->offset + n * GR_W;
+        struct gr_shape s;
+        vd L[9], move[3], v_new[3], slope[3], delta[3] = {v_zero(), v_zero(), v_zero()}, lent[3];
+        vd trace = v_zero(), moment[3][3];
+        if (batch->n == BATCH) run_law(e, law, batch);
+        double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+        gr_shapes(dim, basis, e, cell, at, affine == GR_AFFINE_MOMENT, &s);
+        for (int d = 0; d < dim; d++) {
+            const vd v_grid = gr_interpolate(dim, basis, N[d], &s, s.g, 1, slope);
+            for (int j = 0; j < dim; j++) {
+                L[d * dim + j] = slope[j] * v_set(dt * inv_dx);
+                v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
+            }
+            trace = trace + L[d * dim + d];
+            move[d] = v_grid;
+            const vd v_old = v_load(e->field[GR_FIELD_v] + d * e->capacity + at);
+            v_new[d] = all_new ? v_grid
+                               : v_fma(v_set(keep), v_old, gr_interpolate(dim, basis, N[dim + d], &s, s.g, 0, slope));
+        }
+        if (affine == GR_AFFINE_MOMENT) { /* C = B D^-1; where D vanishes (a wall), the gradient */
+            for (int d = 0; d < dim; d++) {
+                vd D = v_zero();
+                for (int a = 0; a < k1; a++) D = v_fma(s.w[d][a] * s.r[d][a], s.r[d][a], D);
+                for (int a = 0; a < k1; a++)
+                    moment[d][a] = v_select(v_gt(D, v_set(0.02)), s.w[d][a] * s.r[d][a] / D, s.g[d][a]);
+            }
+        }
+        for (int d = 0; affine && d < dim; d++) {
+            if (affine == GR_AFFINE_MOMENT) (void)gr_interpolate(dim, basis, N[d], &s, moment, 1, slope);
+            for (int j = 0; j < dim; j++)
+                v_store(e->field[GR_FIELD_affine] + (d * dim + j) * e->capacity + at,
+                        affine == GR_AFFINE_MOMENT ? slope[j] * v_set(inv_dx) : L[d * dim + j] * v_set(1.0 / dt));
+        }
+        vd c;
+        if (diffused) {
+            c = relax_density(dim, basis, e, cell, &s, N[2 * dim], excess, N[2 * dim + 1], phi_least, L, trace, at, delta, lent);
+            for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
+        } else {
+            c = v_load(e->field[GR_FIELD_log_density] + at) - trace;
+        }
+        v_store(e->field[GR_FIELD_log_density] + at, c);
+        unsigned inside = GR_ALL_LANES;
+        for (int d = 0; d < dim; d++) {
+            double *x = e->field[GR_FIELD_x] + d * e->capacity + at;
+            const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
+            v_store(e->field[GR_FIELD_v] + d * e->capacity + at, v_new[d]);
+            v_store(x, v_fma(v_set(dt), move[d], v_load(x)) + delta[d]);
+            const vd xi = gr_local(&e->axis[d], inv_dx, x, cell->at[d]);
+            inside &= m_bits(v_ge(xi, v_set(ac->low))) & m_bits(v_gt(v_set(ac->high), xi));
+        }
+        batch->slot[batch->n++] = at;
+        if (__builtin_expect(inside != GR_ALL_LANES, 0)) found += settle(e, index, n, inside, leaver + found);
+    }
+    return found;
+}
+
+/* Sweep the cells [first, last). Returned: the number of points that left their cell, listed in `leaver`. */
+GR_INLINE int64_t sweep_cells(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
+                              int64_t first, int64_t last, struct gr_leaver *leaver, int fused, gr_law_update *law)
+{
+    enum { QUEUE = 64 };
+    struct batch batch;
+    int64_t found = 0, queued = 0, queue[QUEUE];
+    batch.n = 0;
+    for (int64_t index = first; index < last; index++) {
+        struct gr_cell *cell = &e->mesh.cell[index];
+        const int64_t before = found;
+        if (cell->count) found += gather_cell(dim, basis, affine, diffused, e, index, &batch, law, leaver + found);
+        cell->dirty = found > before;
+        queue[queued++] = index;
+        if (queued < QUEUE && index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
+        if (batch.n) run_law(e, law, &batch);
+        for (int64_t k = 0; fused && k < queued; k++)
+            if (!e->mesh.cell[queue[k]].dirty) scatter_cell(dim, basis, affine > 0, diffused, e, queue[k]);
+        queued = 0;
+    }
+    return found;
+}

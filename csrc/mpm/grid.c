@@ -1,0 +1,107 @@
+#include "mpm/grid.h"
+
+#include <math.h>
+
+#include "mpm/migrate.h"
+
+void gr_gravity(const struct gr_config *config, double t, double g[3])
+{
+    const int dim = config->dim, n = config->n_gravity;
+    const double *times = config->gravity_times, *at = config->gravity_vectors;
+    int k = 0;
+    while (k < n && times[k] <= t) k++;
+    for (int d = 0; d < dim; d++) {
+        if (k == 0 || k == n) {
+            g[d] = at[(k ? n - 1 : 0) * dim + d];
+        } else {
+            const double s = (t - times[k - 1]) / (times[k] - times[k - 1]);
+            g[d] = at[(k - 1) * dim + d] * (1 - s) + at[k * dim + d] * s;
+        }
+    }
+}
+
+/* What a wall leaves of the velocity `free` that the node would have had.
+ * The impulse of a fixed component does not enter the increment that points receive: v is set to zero
+ * with v', so that the wall neither pushes nor drags them; Coulomb friction is a force and does. */
+static void apply_wall(const struct gr_wall *wall, int dim, double *v, double *next)
+{
+    double friction = 0;
+    if (wall->normal >= 0) {
+        const double into = next[wall->normal] * -wall->side; /* velocity that the wall takes away */
+        const double taken = wall->side ? into : fabs(next[wall->normal]);
+        double sliding = 0;
+        for (int d = 0; d < dim; d++)
+            if (d != wall->normal) sliding += next[d] * next[d];
+        sliding = sqrt(sliding);
+        if (taken > 0 && sliding > 0) friction = fmin(1.0, wall->friction * taken / sliding);
+    }
+    for (int d = 0; d < dim; d++) {
+        if (wall->fixed >> d & 1)
+            v[d] = next[d] = 0;
+        else if (wall->normal >= 0)
+            next[d] -= friction * next[d];
+        if ((wall->clamp >> d & 1) && next[d] > 0) {
+            next[d] = 0;
+            if (v[d] > 0) v[d] = 0;
+        }
+    }
+}
+
+void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
+{
+    const int dim = e->config.dim, K = e->K, rows = 1 + 2 * dim + 2 * e->config.diffused;
+    const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
+    const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
+    for (int64_t n = first; n < last; n++) {
+        double sum[9] = {0}, v[3], next[3];
+        double *out = e->node_data + n * e->node_stride;
+        for (int i = 0; i < K; i++) {
+            const int32_t source = e->mesh.node_source[n * K + i];
+            const double *block = e->sums + (int64_t)(source / K) * e->sum_stride + source % K;
+            for (int q = 0; q < rows; q++) sum[q] += block[q * K];
+        }
+        const double m = sum[0];
+        e->node_mass[n] = m;
+        for (int q = 0; q < e->node_stride; q++) out[q] = 0;
+        for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
+        if (!(m > cutoff) && m == m) continue; /* NaN goes on, to be found at the points */
+        for (int d = 0; d < dim; d++) {
+            v[d] = sum[1 + d] / m;
+            next[d] = v[d] + dt * (sum[1 + dim + d] / m + g[d]);
+        }
+        if (e->mesh.node_code[n]) apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
+        for (int d = 0; d < dim; d++) {
+            out[d] = next[d];
+            out[dim + d] = keep * (next[d] - v[d]) + (1 - keep) * next[d];
+            e->node_v[n * dim + d] = v[d];
+        }
+        if (e->config.xpic_order > 0) /* first pass: m v, and the increment */
+            for (int d = 0; d < dim; d++) out[dim + d] = next[d] - v[d] + e->config.xpic_order * v[d];
+        if (e->config.diffused) {
+            out[2 * dim] = m / (cell_mass * e->mesh.node_volume[n]);
+            out[2 * dim + 1] = sum[1 + 2 * dim] > 0 ? sum[2 + 2 * dim] / sum[1 + 2 * dim] : 0;
+        }
+    }
+}
+
+void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
+{
+    const int dim = e->config.dim, K = e->K, order = e->config.xpic_order;
+    double share = pass % 2 ? 1 : -1;
+    for (int r = 1; r <= pass; r++) share = share * (order - r + 1) / r;
+    for (int64_t n = first; n < last; n++) {
+        double sum[3] = {0};
+        for (int i = 0; i < K; i++) {
+            const int32_t source = e->mesh.node_source[n * K + i];
+            const double *block = e->sums + (int64_t)(source / K) * e->sum_stride + source % K;
+            for (int d = 0; d < dim; d++) sum[d] += block[(1 + d) * K];
+        }
+        const double m = e->node_mass[n];
+        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[n]);
+        for (int d = 0; d < dim; d++) {
+            const double v = m > e->config.mass_cutoff && !(wall->fixed >> d & 1) ? sum[d] / m : 0;
+            e->node_v[n * dim + d] = v;
+            if (m > e->config.mass_cutoff) e->node_data[n * e->node_stride + dim + d] += share * v;
+        }
+    }
+}

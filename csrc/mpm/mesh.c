@@ -1,0 +1,305 @@
+/* Grouping: every cell that holds points, and each of its neighbours, owns a run of places in the point
+ * arrays. Only these cells and their nodes exist for the kernels: memory grows with the material. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "mpm/migrate.h"
+
+/* Places of a cell: whole lanes, with room for a quarter more points. */
+static int32_t places(int32_t count)
+{
+    const int32_t spare = count / 4 > 3 ? count / 4 : 3;
+    return count ? (count + spare + GR_LANES - 1) / GR_LANES * GR_LANES : GR_LANES;
+}
+
+static int compare_ids(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* What a regrouping works with, between the old order and the new. */
+struct regroup {
+    int64_t n, n_cells, total;
+    int64_t *source;  /* per point: old place, or -1 - k for pending point k */
+    int64_t *cell_id; /* per point, then its new place */
+    int64_t *cells;   /* ids of the active cells, ascending */
+    int32_t *counts;
+    double *scratch;
+};
+
+static void decode(const struct gr_engine *e, int64_t id, int32_t at[3])
+{
+    at[2] = 0;
+    for (int d = 0; d < e->config.dim; d++) {
+        at[d] = (int32_t)(id % e->axis[d].n_cells);
+        id /= e->axis[d].n_cells;
+    }
+}
+
+static int add_point(struct gr_engine *e, struct regroup *r, int64_t source, const double x[3], int64_t error_id)
+{
+    int64_t at[3];
+    int32_t cell[3] = {0, 0, 0};
+    double y[3] = {x[0], x[1], e->config.dim == 3 ? x[2] : 0};
+    int inside = 1;
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        at[d] = gr_locate(axis, 1.0 / e->config.dx, y[d]);
+        if (axis->periodic && at[d] == axis->n_cells) y[d] -= axis->length, at[d] = 0; /* ugimp: half a cell */
+        if (at[d] < 0 || at[d] >= axis->n_cells) inside = 0;
+        cell[d] = (int32_t)at[d];
+    }
+    if (!inside) {
+        e->error_id = error_id;
+        memcpy(e->error_x, y, sizeof y);
+        return e->error = GR_ERR_OUTSIDE;
+    }
+    if (source >= 0)
+        for (int d = 0; d < e->config.dim; d++) e->field[GR_FIELD_x][d * e->capacity + source] = y[d];
+    r->source[r->n] = source;
+    r->cell_id[r->n++] = gr_cell_id(e, cell);
+    return GR_OK;
+}
+
+/* List all points in order: those in place, then those that wait. */
+static int list_points(struct gr_engine *e, struct regroup *r)
+{
+    int error = GR_OK;
+    double x[3] = {0};
+    const int64_t groups = e->mesh.n_cells ? e->mesh.n_cells : 1;
+    for (int64_t g = 0; g < groups; g++) {
+        const int64_t first = e->mesh.n_cells ? e->mesh.cell[g].offset : 0;
+        const int64_t count = e->mesh.n_cells ? e->mesh.cell[g].count : e->n_points;
+        for (int64_t slot = first; !error && slot < first + count; slot++) {
+            for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
+            error = add_point(e, r, slot, x, e->id[slot]);
+        }
+    }
+    for (int64_t k = 0; !error && k < e->n_pending; k++)
+        error = add_point(e, r, -1 - k, e->pending + k * e->n_components, e->pending_id[k]);
+    return error;
+}
+
+/* Occupied cells and their neighbours, with the number of points of each. Leaves cell_of set. */
+static int list_cells(struct gr_engine *e, struct regroup *r)
+{
+    const int dim = e->config.dim, around = dim == 2 ? 9 : 27;
+    int32_t *map = e->mesh.cell_of;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) map[gr_cell_id(e, e->mesh.cell[c].at)] = 0;
+    int64_t n = 0;
+    for (int64_t p = 0; p < r->n; p++) {
+        if (map[r->cell_id[p]]) continue;
+        map[r->cell_id[p]] = 1;
+        r->cells[n++] = r->cell_id[p];
+    }
+    const int64_t occupied = n;
+    int64_t *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(occupied * around + 1));
+    if (!cells) return GR_ERR_MEMORY;
+    r->cells = cells;
+    for (int64_t c = 0; c < occupied; c++) {
+        int32_t at[3];
+        decode(e, cells[c], at);
+        for (int k = 0; k < around; k++) {
+            int32_t next[3] = {at[0] + k % 3 - 1, at[1] + k / 3 % 3 - 1, dim == 3 ? at[2] + k / 9 - 1 : 0};
+            int inside = 1;
+            for (int d = 0; d < dim; d++) {
+                const int m = e->axis[d].n_cells;
+                if (e->axis[d].periodic) next[d] = (next[d] + m) % m;
+                if (next[d] < 0 || next[d] >= m) inside = 0;
+            }
+            if (!inside || map[gr_cell_id(e, next)]) continue;
+            map[gr_cell_id(e, next)] = 1;
+            cells[n++] = gr_cell_id(e, next);
+        }
+    }
+    r->n_cells = n;
+    qsort(cells, (size_t)n, sizeof(int64_t), compare_ids);
+    for (int64_t c = 0; c < n; c++) map[cells[c]] = (int32_t)(c + 1);
+    r->counts = calloc((size_t)n + 1, sizeof(int32_t));
+    if (!r->counts) return GR_ERR_MEMORY;
+    for (int64_t p = 0; p < r->n; p++) r->counts[map[r->cell_id[p]] - 1]++;
+    for (int64_t c = 0; c < n; c++) r->total += places(r->counts[c]);
+    return GR_OK;
+}
+
+static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    if (n_cells <= mesh->cell_room) return GR_OK;
+    const int64_t room = n_cells + n_cells / 2;
+    mesh->cell_room = 0;
+#define GR_RESIZE(p, count)                                       \
+    do {                                                          \
+        void *q = realloc(p, sizeof *(p) * (size_t)(count));      \
+        if (!q) return GR_ERR_MEMORY;                             \
+        (p) = q;                                                  \
+    } while (0)
+    GR_RESIZE(mesh->cell, room);
+    GR_RESIZE(mesh->cell_node, room * e->K);
+    GR_RESIZE(e->dirty, 2 * room);
+    GR_RESIZE(e->sums, (room + 1) * e->sum_stride);
+    mesh->cell_room = room;
+    return GR_OK;
+}
+
+static int reserve_nodes(struct gr_engine *e, int64_t n)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    if (n <= mesh->node_room) return GR_OK;
+    const int64_t room = n + n / 2;
+    mesh->node_room = 0;
+    GR_RESIZE(mesh->node_source, room * e->K);
+    GR_RESIZE(mesh->node_code, room);
+    GR_RESIZE(mesh->node_volume, room);
+    GR_RESIZE(mesh->node_id, room);
+    GR_RESIZE(e->node_data, room * e->node_stride);
+    GR_RESIZE(e->node_mass, room);
+    GR_RESIZE(e->node_v, room * e->config.dim);
+    mesh->node_room = room;
+    return GR_OK;
+}
+
+/* Move one component of all points to the new places. */
+static void move_component(double *array, const struct regroup *r, const double *pending, int stride, int64_t used)
+{
+    memset(r->scratch, 0, sizeof(double) * (size_t)used);
+    for (int64_t p = 0; p < r->n; p++)
+        r->scratch[r->cell_id[p]] = r->source[p] >= 0 ? array[r->source[p]] : pending[(-1 - r->source[p]) * stride];
+    memcpy(array, r->scratch, sizeof(double) * (size_t)used);
+}
+
+static void move_points(struct gr_engine *e, struct regroup *r)
+{
+    int component = 0;
+    for (int f = 0; f < GR_FIELD_COUNT; f++)
+        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, component++)
+            move_component(e->field[f] + c * e->capacity, r, e->pending + component, e->n_components, e->capacity);
+    int64_t *ids = (int64_t *)(void *)r->scratch;
+    for (int64_t s = 0; s < e->capacity; s++) ids[s] = -1;
+    for (int64_t p = 0; p < r->n; p++)
+        ids[r->cell_id[p]] = r->source[p] >= 0 ? e->id[r->source[p]] : e->pending_id[-1 - r->source[p]];
+    memcpy(e->id, ids, sizeof(int64_t) * (size_t)e->capacity);
+}
+
+/* New cells, and for each point its new place in r->cell_id. */
+static void place_cells(struct gr_engine *e, struct regroup *r)
+{
+    int64_t offset = 0;
+    for (int64_t c = 0; c < r->n_cells; c++) {
+        struct gr_cell *cell = &e->mesh.cell[c];
+        cell->offset = offset;
+        cell->count = 0;
+        cell->capacity = places(r->counts[c]);
+        cell->dirty = 0;
+        cell->flags = e->config.cell_flags ? e->config.cell_flags[r->cells[c]] : 0;
+        decode(e, r->cells[c], cell->at);
+        offset += cell->capacity;
+    }
+    e->mesh.n_cells = r->n_cells;
+    for (int64_t p = 0; p < r->n; p++) {
+        struct gr_cell *cell = &e->mesh.cell[e->mesh.cell_of[r->cell_id[p]] - 1];
+        r->cell_id[p] = cell->offset + cell->count++;
+    }
+}
+
+static int64_t node_id_of(const struct gr_engine *e, const struct gr_cell *cell, int local)
+{
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    const int part[3] = {local % k, local / k % k, local / (k * k)};
+    int64_t id = 0;
+    for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_nodes + e->axis[d].cell[cell->at[d]].node[part[d]];
+    return id;
+}
+
+static void describe_node(struct gr_engine *e, int64_t n)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    int64_t id = mesh->node_id[n];
+    double volume = 1;
+    mesh->node_code[n] = e->config.node_codes[id];
+    for (int d = 0; d < e->config.dim; d++) {
+        volume *= e->axis[d].node_integral[id % e->axis[d].n_nodes];
+        id /= e->axis[d].n_nodes;
+    }
+    mesh->node_volume[n] = volume - (e->solid ? e->solid[mesh->node_id[n]] : 0);
+    for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = (int32_t)(mesh->n_cells * e->K);
+}
+
+/* The nodes of the active cells, and for each the cells it gathers from, in the order of cells. */
+static int connect_nodes(struct gr_engine *e)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    const int K = e->K;
+    for (int64_t n = 0; n < mesh->n_nodes; n++) mesh->node_of[mesh->node_id[n]] = 0;
+    int64_t n_nodes = 0;
+    int64_t *ids = malloc(sizeof(int64_t) * (size_t)(mesh->n_cells * K + 1));
+    int32_t *filled = 0;
+    int error = GR_ERR_MEMORY;
+    if (!ids) goto out;
+    for (int64_t c = 0; c < mesh->n_cells; c++)
+        for (int a = 0; a < K; a++) {
+            const int64_t id = node_id_of(e, &mesh->cell[c], a);
+            if (!mesh->node_of[id]) ids[n_nodes++] = id;
+            mesh->node_of[id] = 1;
+        }
+    qsort(ids, (size_t)n_nodes, sizeof(int64_t), compare_ids);
+    mesh->n_nodes = 0;
+    filled = calloc((size_t)n_nodes + 1, sizeof(int32_t));
+    if (!filled || reserve_nodes(e, n_nodes)) goto out;
+    mesh->n_nodes = n_nodes;
+    for (int64_t n = 0; n < n_nodes; n++) {
+        mesh->node_id[n] = ids[n];
+        mesh->node_of[ids[n]] = (int32_t)(n + 1);
+        describe_node(e, n);
+    }
+    for (int64_t c = 0; c < mesh->n_cells; c++)
+        for (int a = 0; a < K; a++) {
+            const int32_t n = mesh->node_of[node_id_of(e, &mesh->cell[c], a)] - 1;
+            mesh->cell_node[c * K + a] = n;
+            mesh->node_source[(int64_t)n * K + filled[n]++] = (int32_t)(c * K + a);
+        }
+    error = GR_OK;
+out:
+    free(ids);
+    free(filled);
+    return error;
+}
+
+int gr_regroup(struct gr_engine *e)
+{
+    struct regroup r = {0};
+    const int64_t n = e->n_points;
+    int error = GR_ERR_MEMORY;
+    r.source = malloc(sizeof(int64_t) * (size_t)(n + 1));
+    r.cell_id = malloc(sizeof(int64_t) * (size_t)(n + 1));
+    r.cells = malloc(sizeof(int64_t) * (size_t)(n + 1));
+    r.scratch = malloc(sizeof(double) * (size_t)(e->capacity + 1));
+    if (!r.source || !r.cell_id || !r.cells || !r.scratch) goto out;
+    error = list_points(e, &r);
+    if (!error) error = list_cells(e, &r);
+    if (!error && r.total > e->capacity) {
+        for (int64_t c = 0; c < r.n_cells; c++) e->mesh.cell_of[r.cells[c]] = 0;
+        e->needed_capacity = r.total + r.total / 4;
+        error = GR_ERR_CAPACITY;
+    }
+    if (!error) error = reserve_mesh(e, r.n_cells);
+    if (error) goto out;
+    place_cells(e, &r);
+    move_points(e, &r);
+    e->n_pending = 0;
+    e->sums_valid = 0;
+    e->n_dirty = 0;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++)
+        for (int32_t i = e->mesh.cell[c].count; i < e->mesh.cell[c].capacity; i++)
+            gr_clear_place(e, &e->mesh.cell[c], e->mesh.cell[c].offset + i);
+    error = connect_nodes(e);
+    memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
+out:
+    free(r.source);
+    free(r.cell_id);
+    free(r.cells);
+    free(r.counts);
+    free(r.scratch);
+    return error;
+}

@@ -1,0 +1,53 @@
+/* Where points belong, and how they move between cells. */
+#ifndef GR_MPM_MIGRATE_H
+#define GR_MPM_MIGRATE_H
+
+#include <math.h>
+
+#include "mpm/engine.h"
+
+/* Cell of x along one axis; the same operations as gr_local in shape.h. May lie outside the axis. */
+static inline int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x)
+{
+    const double at = (x - axis->origin) * inv_dx + axis->shift;
+    return at > -1e15 && at < 1e15 ? (int64_t)floor(at) : -(int64_t)1e15;
+}
+
+static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
+{
+    int64_t id = 0;
+    for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_cells + at[d];
+    return id;
+}
+
+/* Make a place spare: no mass, no identity, everything finite, in the middle of its cell. */
+static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
+{
+    const int dim = e->config.dim;
+    for (int f = 0; f < GR_FIELD_COUNT; f++)
+        for (int c = 0; e->field[f] && c < gr_field_components(f, dim); c++) e->field[f][c * e->capacity + slot] = 0;
+    for (int d = 0; d < dim; d++) {
+        const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
+        e->field[GR_FIELD_x][d * e->capacity + slot] =
+            e->axis[d].origin + (cell->at[d] - e->axis[d].shift + 0.5 * (ac->low + ac->high)) * e->config.dx;
+    }
+    e->id[slot] = -1;
+}
+
+/* The row of the wall table that rules a node now. */
+static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8_t code)
+{
+    const struct gr_wall *wall = &e->config.walls[code];
+    while (e->time >= wall->opens_at) wall = &e->config.walls[wall->after];
+    return wall;
+}
+
+/* Move the listed points (in the order of cells and places) to their new cells; drop those that leave
+ * through an open side. Cells whose sums must be made anew are listed in dirty. */
+int gr_migrate(struct gr_engine *e, const struct gr_leaver *const list[], const int64_t count[], int lists);
+
+/* Bring a point that is outside the domain back (periodic or closed side).
+ * Given: x and the cell found for it. Returned: 1 if the point is inside now, 0 if it has left. */
+int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3]);
+
+#endif

@@ -1,0 +1,89 @@
+#include "python/arrays.h"
+
+PyObject *gr_SimulationError;
+
+PyArrayObject *gr_array(PyObject *object, const char *name, int type, int ndim, const npy_intp *shape, int writeable)
+{
+    if (!PyArray_CheckExact(object)) {
+        PyErr_Format(PyExc_TypeError, "%s must be a numpy.ndarray, not %s", name, Py_TYPE(object)->tp_name);
+        return NULL;
+    }
+    PyArrayObject *array = (PyArrayObject *)object;
+    if (PyArray_TYPE(array) != type || !PyArray_ISNOTSWAPPED(array)) {
+        PyArray_Descr *wanted = PyArray_DescrFromType(type);
+        PyErr_Format(PyExc_TypeError, "%s has dtype %R, but %R is needed (arrays are borrowed, never converted)", name,
+                     (PyObject *)PyArray_DESCR(array), (PyObject *)wanted);
+        Py_XDECREF(wanted);
+        return NULL;
+    }
+    if (!PyArray_IS_C_CONTIGUOUS(array) || !PyArray_ISALIGNED(array)) {
+        PyErr_Format(PyExc_ValueError, "%s must be C-contiguous and aligned", name);
+        return NULL;
+    }
+    if (writeable && !PyArray_ISWRITEABLE(array)) {
+        PyErr_Format(PyExc_ValueError, "%s is read-only, but the core writes to it", name);
+        return NULL;
+    }
+    if (PyArray_NDIM(array) != ndim) {
+        PyErr_Format(PyExc_ValueError, "%s has %d dimensions, but %d are needed", name, PyArray_NDIM(array), ndim);
+        return NULL;
+    }
+    for (int d = 0; d < ndim; d++)
+        if (shape[d] >= 0 && PyArray_DIM(array, d) != shape[d]) {
+            PyErr_Format(PyExc_ValueError, "axis %d of %s has length %zd, but %zd is needed", d, name,
+                         (Py_ssize_t)PyArray_DIM(array, d), (Py_ssize_t)shape[d]);
+            return NULL;
+        }
+    return array;
+}
+
+int gr_refuse_overlap(PyArrayObject *const *arrays, const char *const *names, int n)
+{
+    for (int i = 0; i < n; i++)
+        for (int j = 0; j < i; j++) {
+            const char *a = PyArray_BYTES(arrays[i]), *b = PyArray_BYTES(arrays[j]);
+            if (a < b + PyArray_NBYTES(arrays[j]) && b < a + PyArray_NBYTES(arrays[i])) {
+                PyErr_Format(PyExc_ValueError, "%s and %s share memory", names[j], names[i]);
+                return -1;
+            }
+        }
+    return 0;
+}
+
+PyObject *gr_raise(int error, const struct gr_engine *engine)
+{
+    enum { NONE, MEMORY, INTERNAL, SIMULATION, VALUE };
+    static const int kinds[] = {
+#define GR_X(code, exception, message) exception,
+        GR_ERRORS(GR_X)
+#undef GR_X
+    };
+    const int kind = error > 0 && error < GR_ERROR_COUNT ? kinds[error] : INTERNAL;
+    const char *message = gr_error_message(error);
+    if (kind == MEMORY) return PyErr_NoMemory();
+    if (!engine || kind == INTERNAL) {
+        PyErr_SetString(kind == VALUE ? PyExc_ValueError : PyExc_RuntimeError, message);
+        return NULL;
+    }
+    if (kind == VALUE && error != GR_ERR_OUTSIDE) {
+        PyErr_SetString(PyExc_ValueError, message);
+        return NULL;
+    }
+    char text[256];
+    snprintf(text, sizeof text, "%s: point %lld at (%.9g, %.9g%s%.9g) in step %lld (t = %.9g s)", message,
+             (long long)engine->error_id, engine->error_x[0], engine->error_x[1], engine->config.dim == 3 ? ", " : "; z = ",
+             engine->error_x[2], (long long)engine->error_step, engine->time);
+    if (kind == VALUE) {
+        PyErr_SetString(PyExc_ValueError, text);
+        return NULL;
+    }
+    PyObject *exception = PyObject_CallFunction(gr_SimulationError, "s", text);
+    PyObject *point = PyLong_FromLongLong(engine->error_id), *step = PyLong_FromLongLong(engine->error_step);
+    if (exception && point && step && !PyObject_SetAttrString(exception, "point", point) &&
+        !PyObject_SetAttrString(exception, "step", step))
+        PyErr_SetObject(gr_SimulationError, exception);
+    Py_XDECREF(exception);
+    Py_XDECREF(point);
+    Py_XDECREF(step);
+    return NULL;
+}

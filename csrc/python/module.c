@@ -1,0 +1,161 @@
+/* The extension module granular._core. */
+#define GR_IMPORTS_NUMPY
+#include <math.h>
+
+#include "python/arrays.h"
+
+#ifdef _OPENMP
+#define GR_OPENMP 1
+#else
+#define GR_OPENMP 0
+#endif
+#ifndef GR_FLAGS
+#define GR_FLAGS ""
+#endif
+
+/* law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa) */
+static PyObject *law_update(PyObject *module, PyObject *args)
+{
+    (void)module;
+    const char *name, *isa;
+    int dim, eos, law = -1;
+    double dt, parameter[GR_LAW_MAX_PARAMETERS] = {0};
+    PyObject *parameters, *objects[4];
+    if (!PyArg_ParseTuple(args, "siO!diOOOOs", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
+                          &objects[1], &objects[2], &objects[3], &isa))
+        return NULL;
+    for (int k = 0; k < GR_LAW_COUNT; k++)
+        if (!strcmp(gr_law_table[k].name, name)) law = k;
+    const struct gr_kernels *kernels = gr_kernels_select(isa);
+    if (law < 0 || !kernels || dim < 2 || dim > 3 || !(dt > 0) || !isfinite(dt))
+        return PyErr_Format(PyExc_ValueError, "law_update: law \"%s\", dim %d, instruction set \"%s\" or dt is not valid",
+                            name, dim, isa);
+    for (int k = 0; k < gr_law_table[law].n_parameters; k++) {
+        PyObject *value = PyDict_GetItemString(parameters, gr_law_table[law].parameter[k].name);
+        if (!value) return PyErr_Format(PyExc_ValueError, "the parameter %s is missing", gr_law_table[law].parameter[k].name);
+        parameter[k] = PyFloat_AsDouble(value);
+        if (PyErr_Occurred()) return NULL;
+    }
+    const npy_intp blocks[3] = {-1, dim * dim, kernels->lanes};
+    PyArrayObject *gradient = gr_array(objects[0], "gradient", NPY_DOUBLE, 3, blocks, 0);
+    if (!gradient) return NULL;
+    const npy_intp n = PyArray_DIM(gradient, 0), places = n * kernels->lanes;
+    const npy_intp one[1] = {places}, many[2] = {dim == 2 ? 4 : 6, places};
+    PyArrayObject *arrays[4] = {gradient, gr_array(objects[1], "log_density", NPY_DOUBLE, 1, one, 0), NULL, NULL};
+    if (!arrays[1]) return NULL;
+    if (!(arrays[2] = gr_array(objects[2], "stress", NPY_DOUBLE, 2, many, 1))) return NULL;
+    if (!(arrays[3] = gr_array(objects[3], "shear_rate", NPY_DOUBLE, 1, one, 1))) return NULL;
+    static const char *const names[] = {"gradient", "log_density", "stress", "shear_rate"};
+    if (gr_refuse_overlap(arrays, names, 4)) return NULL;
+    int64_t *slot = PyMem_Malloc(sizeof(int64_t) * (size_t)(n + 1));
+    if (!slot) return PyErr_NoMemory();
+    for (npy_intp k = 0; k < n; k++) slot[k] = k * kernels->lanes;
+    struct gr_law_call call = {.n_blocks = n,
+                               .slot = slot,
+                               .gradient = PyArray_DATA(gradient),
+                               .dt = dt,
+                               .pressure_from_density = eos,
+                               .parameter = parameter,
+                               .log_density = PyArray_DATA(arrays[1]),
+                               .shear_rate = PyArray_DATA(arrays[3])};
+    for (int c = 0; c < (dim == 2 ? 4 : 6); c++) call.stress[c] = (double *)PyArray_DATA(arrays[2]) + c * places;
+    kernels->update_law(law, dim, &call);
+    PyMem_Free(slot);
+    Py_RETURN_NONE;
+}
+
+static PyObject *laws(PyObject *module, PyObject *unused)
+{
+    (void)module, (void)unused;
+    PyObject *out = PyDict_New();
+    for (int k = 0; out && k < GR_LAW_COUNT; k++) {
+        PyObject *rows = PyList_New(0);
+        for (int q = 0; rows && q < gr_law_table[k].n_parameters; q++) {
+            const struct gr_parameter_info *info = &gr_law_table[k].parameter[q];
+            PyObject *row = Py_BuildValue("sss", info->name, info->unit, info->doc);
+            if (!row || PyList_Append(rows, row)) Py_CLEAR(rows);
+            Py_XDECREF(row);
+        }
+        PyObject *entry = rows ? Py_BuildValue("sN", gr_law_table[k].doc, rows) : NULL;
+        if (!entry || PyDict_SetItemString(out, gr_law_table[k].name, entry)) Py_CLEAR(out);
+        Py_XDECREF(entry);
+    }
+    return out;
+}
+
+static PyObject *build_info(PyObject *module, PyObject *unused)
+{
+    (void)module, (void)unused;
+    const struct gr_kernels *best = gr_kernels_select(NULL);
+    return Py_BuildValue("{s:s,s:i,s:O,s:s,s:s}", "isa", best->isa, "lanes", best->lanes, "openmp",
+                         GR_OPENMP ? Py_True : Py_False, "compiler", __VERSION__, "flags", GR_FLAGS);
+}
+
+/* node_positions(basis, n_cells, periodic, creases) -> positions of the nodes along one axis, in cells. */
+static PyObject *node_positions(PyObject *module, PyObject *args)
+{
+    (void)module;
+    int basis, n, periodic;
+    PyObject *object;
+    if (!PyArg_ParseTuple(args, "iipO", &basis, &n, &periodic, &object)) return NULL;
+    const npy_intp any[1] = {-1};
+    PyArrayObject *creases = gr_array(object, "creases", NPY_INT32, 1, any, 0);
+    if (!creases) return NULL;
+    if (basis < 0 || basis >= GR_BASIS_COUNT || n < 1 || n > 100000000)
+        return PyErr_Format(PyExc_ValueError, "basis = %d or n_cells = %d is not valid", basis, n);
+    struct gr_axis axis;
+    const int error = gr_axis_build(&axis, basis, n, periodic, PyArray_DATA(creases), (int)PyArray_DIM(creases, 0), 0.25, 0, 1);
+    if (error) return gr_raise(error, NULL);
+    const npy_intp shape[1] = {axis.n_nodes};
+    PyObject *out = PyArray_SimpleNew(1, shape, NPY_DOUBLE);
+    if (out) memcpy(PyArray_DATA((PyArrayObject *)out), axis.node_position, sizeof(double) * (size_t)axis.n_nodes);
+    gr_axis_free(&axis);
+    return out;
+}
+
+static PyMethodDef functions[] = {
+    {"law_update", law_update, METH_VARARGS,
+     "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa)\n--\n\n"
+     "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n)."},
+    {"laws", laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
+    {"build_info", build_info, METH_NOARGS, "build_info()\n--\n\nInstruction set, OpenMP, compiler and flags of this build."},
+    {"node_positions", node_positions, METH_VARARGS,
+     "node_positions(basis, n_cells, periodic, creases)\n--\n\nNodes along one axis, in cells from its lower end."},
+    {NULL, NULL, 0, NULL}};
+
+static int exec_module(PyObject *module)
+{
+    if (PyArray_ImportNumPyAPI() < 0) return -1;
+    if (!gr_SimulationError) {
+        gr_SimulationError = PyErr_NewExceptionWithDoc(
+            "granular.SimulationError", "A run failed: a point that is not finite or ran away. `point` is its id, `step` the step.",
+            PyExc_RuntimeError, NULL);
+        if (!gr_SimulationError) return -1;
+    }
+    if (PyModule_AddObjectRef(module, "SimulationError", gr_SimulationError)) return -1;
+    PyTypeObject *engine = gr_engine_type(module);
+    if (!engine) return -1;
+    const int failed = PyModule_AddType(module, engine);
+    Py_DECREF(engine);
+    if (failed) return -1;
+    if (PyModule_AddIntConstant(module, "LANES", GR_LANES)) return -1;
+    return PyModule_AddIntConstant(module, "MAX_THREADS", GR_MAX_THREADS);
+}
+
+static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, exec_module},
+#if PY_VERSION_HEX >= 0x030C0000
+                                          {Py_mod_multiple_interpreters, Py_MOD_MULTIPLE_INTERPRETERS_NOT_SUPPORTED},
+#endif
+#if PY_VERSION_HEX >= 0x030D0000
+                                          {Py_mod_gil, Py_MOD_GIL_USED},
+#endif
+                                          {0, NULL}};
+
+static struct PyModuleDef definition = {.m_base = PyModuleDef_HEAD_INIT,
+                                        .m_name = "granular._core",
+                                        .m_doc = "The C core of granular.",
+                                        .m_methods = functions,
+                                        .m_slots = module_slots};
+
+PyMODINIT_FUNC PyInit__core(void);
+PyMODINIT_FUNC PyInit__core(void) { return PyModuleDef_Init(&definition); }

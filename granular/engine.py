@@ -1,0 +1,190 @@
+"""From a scene to an engine of the C core: the one place that speaks the core's language."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.boundaries import Solid, Wall, WallRow, creases, node_codes
+from granular.geometry import seed_points
+from granular.scene import Scene
+
+__all__ = ["allocate", "build", "dt_limit", "initial_buffers", "initial_points"]
+
+BASIS = {"linear": 0, "ugimp": 1, "quadratic": 2}
+AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
+COURANT_LIMIT = {"linear": 0.75, "ugimp": 0.75, "quadratic": 1.0}
+"""Largest c dt/dx that was seen to be stable: beyond it a run fails without a NaN."""
+FLAG_SOLID, FLAG_NO_SHIFT = 1, 2
+
+
+def dt_limit(scene: Scene) -> float:
+    """Largest stable time step at rest [s]: courant dx/c, c = sqrt((K + 4G/3)/rho_c)."""
+    return COURANT_LIMIT[scene.scheme.basis] * scene.grid.cell / scene.material.wave_speed
+
+
+def _check_time_step(scene: Scene) -> None:
+    scheme, limit = scene.scheme, dt_limit(scene)
+    if scheme.dt is not None and scheme.dt > limit:
+        raise ValueError(
+            f"dt = {scheme.dt} must be <= {limit:.4g}, the limit of the {scheme.basis} basis with "
+            f"cells of {scene.grid.cell} m and waves of {scene.material.wave_speed:.4g} m/s"
+        )
+    if scheme.dt is None and scheme.cfl > COURANT_LIMIT[scheme.basis]:
+        raise ValueError(
+            f"cfl = {scheme.cfl} must be <= {COURANT_LIMIT[scheme.basis]} "
+            f"with the {scheme.basis} basis"
+        )
+
+
+def _velocity_rate(scene: Scene) -> float:
+    """Rate at which the velocity of a point dies out against the grid's; < 0: at once."""
+    scheme = scene.scheme
+    if scheme.transfer == "apic":
+        return -1.0
+    if scheme.transfer == "tpic":
+        return scheme.decay * scene.material.wave_speed / scene.grid.cell
+    return scheme.flip_decay
+
+
+def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    """Which cells are solid, and which are so near an outlet that points must not be shifted."""
+    flags = np.zeros(shape[::-1], dtype=np.uint8)
+    grid = scene.grid
+    centre = [
+        grid.lower[d] + (np.arange(n) + 0.5) * grid.cell for d, n in enumerate(shape)
+    ]
+
+    def mark(lower: list[float], upper: list[float], flag: int) -> None:
+        where = [
+            np.flatnonzero((x > low) & (x < high))
+            for x, low, high in zip(centre, lower, upper, strict=True)
+        ]
+        flags[np.ix_(*where[::-1])] |= flag
+
+    reach = scene.scheme.shift_outlet_cells * grid.cell
+    for wall in scene.walls:
+        if isinstance(wall, Solid):
+            mark(list(wall.lower), list(wall.upper), FLAG_SOLID)
+        elif isinstance(wall, Wall) and wall.opens_at < math.inf:
+            ends = [
+                (wall.at, wall.at) if d == wall.axis else wall.extent(grid, d)
+                for d in range(grid.dim)
+            ]
+            mark([low - reach for low, _ in ends], [high + reach for _, high in ends], FLAG_NO_SHIFT)
+    return flags
+
+
+def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, float]:
+    scheme, material = scene.scheme, scene.material
+    return {
+        "dx": scene.grid.cell,
+        "half_extent": half_extent,
+        "keep_velocity_rate": _velocity_rate(scene),
+        "rho_c": material.rho_c,
+        "wave_speed": material.wave_speed,
+        "mass_cutoff": scheme.mass_cutoff * mean_mass,
+        "cfl": scheme.cfl,
+        "dt": scheme.dt or 0.0,
+        "diffusion": scheme.diffusion,
+        "shear_diffusion": scheme.shear_diffusion * material.E,
+        "feedback": scheme.feedback,
+        "feedback_limit": scheme.feedback_limit,
+        "shift": scheme.shift,
+        "shift_limit": scheme.shift_limit,
+        "tension_reach": scheme.tension_reach,
+    }
+
+
+def _row(row: WallRow) -> tuple[int, int, float, int, int, float, int]:
+    return (row.fixed, row.clamp, row.friction, row.normal, row.side, row.opens_at, row.after)
+
+
+def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
+    """The engine of a scene, still without points.
+
+    Raises
+    ------
+    ValueError
+        If the time step is beyond its limit, or the scheme cannot be built.
+    """
+    _check_time_step(scene)
+    grid, scheme = scene.grid, scene.scheme
+    per_axis = round(scene.fills[0].points_per_cell ** (1.0 / grid.dim))
+    codes, rows = node_codes(scene)
+    lines = tuple(
+        np.array(creases(grid, scene.walls, axis), dtype=np.int32) for axis in range(grid.dim)
+    )
+    diffused = scheme.density == "diffused"
+    axes = "xyz"[: grid.dim]
+    return _core.Engine(
+        dim=grid.dim,
+        basis=BASIS[scheme.basis],
+        affine=AFFINE[scheme.transfer],
+        diffused=int(diffused),
+        xpic_order=scheme.xpic_order if scheme.transfer == "xpic" else 0,
+        pressure_from_density=int(diffused),
+        law=scene.material.law,
+        isa=isa,
+        shape=tuple(grid.shape),
+        lower=tuple(grid.lower),
+        periodic=tuple(grid.periodic),
+        open_low=tuple(f"{a}-" in grid.open_sides for a in axes),
+        open_high=tuple(f"{a}+" in grid.open_sides for a in axes),
+        creases=lines,
+        walls=[(0, 0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
+        node_codes=codes,
+        cell_flags=_cell_flags(scene, grid.shape) if diffused else None,
+        gravity_times=np.array(scene.gravity.times, dtype=float),
+        gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
+        numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
+        parameters=scene.material.arguments()
+        | {"K": scene.material.K, "G": scene.material.G}
+        | ({"xi": scene.material.xi} if hasattr(scene.material, "xi") else {}),
+    )
+
+
+def allocate(engine: _core.Engine, capacity: int) -> dict[str, NDArray]:
+    """Zeroed buffers for so many places: {field: (component, capacity)} and "id" (capacity,).
+
+    They begin at multiples of 64 bytes, so that whole cache lines belong to whole lanes.
+    """
+
+    def aligned(count: int, dtype: str) -> NDArray:
+        raw = np.zeros(count * 8 + 64, dtype=np.uint8)
+        start = -raw.ctypes.data % 64
+        return raw[start : start + count * 8].view(dtype)
+
+    capacity = -(-capacity // _core.LANES) * _core.LANES
+    buffers = {
+        name: aligned(rows * capacity, "float64").reshape(rows, capacity)
+        for name, rows, _, _ in engine.fields()
+    }
+    buffers["id"] = aligned(capacity, "int64")
+    buffers["id"][:] = -1
+    return buffers
+
+
+def initial_points(scene: Scene) -> dict[str, NDArray]:
+    """The fields of the points at the start, in the order of their ids; stress-free."""
+    points = seed_points(scene.grid, scene.fills, scene.seed, scene.material.rho_c)
+    return {
+        "x": points.x,
+        "v": points.v,
+        "log_density": np.log(points.density / scene.material.rho_c),
+        "mass": points.density * points.volume,
+    }
+
+
+def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:
+    """Buffers that hold the given points in rows 0 to n - 1, with room to group them."""
+    n = len(points["mass"])
+    buffers = allocate(engine, 3 * n + 64)
+    for name, values in points.items():
+        buffers[name][:, :n] = values.reshape(n, -1).T
+    buffers["id"][:n] = np.arange(n)
+    return buffers

@@ -1,0 +1,486 @@
+"""The grid, regions to fill, and the seeding of material points."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from granular.checks import in_range, integer, positive, vector
+
+__all__ = [
+    "AXES",
+    "Box",
+    "Cylinder",
+    "Difference",
+    "Disc",
+    "Fill",
+    "Grid",
+    "Intersection",
+    "Points",
+    "Region",
+    "Union",
+    "count_points",
+    "seed_points",
+]
+
+AXES = "xyz"
+LINE_TOLERANCE = 1e-9
+"""How far from a grid line a coordinate on it may lie, in cells."""
+MAX_COUNT = 2**31 - 1
+"""The core counts cells and points with 32 bits."""
+
+Vector = tuple[float, ...]
+
+
+def _sequence(name: str, value: object) -> tuple[Any, ...]:
+    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
+        raise TypeError(f"{name} = {value!r} must be a sequence, not {type(value).__name__}")
+    return tuple(value)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A box of square (cubic) cells. The last axis is up.
+
+    Parameters
+    ----------
+    lower : tuple of float, length dim
+        Lower corner [m]; its length (2 or 3) is the dimension.
+    cell : float
+        Edge of a cell dx [m].
+    shape : tuple of int, length dim
+        Cells along each axis.
+    periodic : tuple of bool, length dim, optional
+        Axes whose ends are one; none by default.
+    open_sides : collection of str, optional
+        Sides ("x-", "y+", ...) through which points leave for good.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    lower: Vector
+    cell: float
+    shape: tuple[int, ...]
+    periodic: tuple[bool, ...] = ()
+    open_sides: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        lower = vector("lower", self.lower)
+        shape = tuple(
+            integer(f"shape[{i}]", n, 1, MAX_COUNT)
+            for i, n in enumerate(_sequence("shape", self.shape))
+        )
+        periodic = _sequence("periodic", self.periodic) or (False,) * len(lower)
+        for name, value in (("shape", shape), ("periodic", periodic)):
+            if len(value) != len(lower):
+                raise ValueError(f"{name} = {value} must have {len(lower)} entries, as lower")
+        if not all(isinstance(flag, (bool, np.bool_)) for flag in periodic):
+            raise TypeError(f"periodic = {periodic} must hold True or False")
+        if math.prod(shape) > MAX_COUNT:
+            raise ValueError(f"shape = {shape} must have at most {MAX_COUNT} cells")
+        checked = {
+            "lower": lower,
+            "cell": positive("cell", self.cell),
+            "shape": shape,
+            "periodic": tuple(bool(flag) for flag in periodic),
+        }
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "open_sides", self._checked_sides())
+
+    def _checked_sides(self) -> frozenset[str]:
+        if isinstance(self.open_sides, str):
+            raise TypeError(f"open_sides = {self.open_sides!r} must be a set of sides")
+        sides = frozenset(self.open_sides)
+        allowed = {axis + end for axis in AXES[: self.dim] for end in "-+"}
+        for side in sorted(map(str, sides)):
+            if side not in allowed:
+                raise ValueError(f"open_sides: {side!r} must be one of {sorted(allowed)}")
+            if self.periodic[AXES.index(side[0])]:
+                raise ValueError(f"open_sides: {side!r} must not end a periodic axis")
+        return sides
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return len(self.lower)
+
+    @property
+    def upper(self) -> Vector:
+        """Upper corner [m]."""
+        return tuple(x + n * self.cell for x, n in zip(self.lower, self.shape, strict=True))
+
+    def line(self, name: str, axis: int, at: float) -> int:
+        """Index of the grid line at coordinate `at` [m] of `axis`; `name` is for the message.
+
+        Raises
+        ------
+        ValueError
+            If there is none within 1e-9 cells.
+        """
+        place = (at - self.lower[axis]) / self.cell
+        line = round(place)
+        if abs(place - line) > LINE_TOLERANCE or not 0 <= line <= self.shape[axis]:
+            raise ValueError(
+                f"{name} = {at} must lie on a grid line of {AXES[axis]}: from"
+                f" {self.lower[axis]} to {self.upper[axis]} in steps of {self.cell}"
+            )
+        return line
+
+
+class Region(ABC):
+    """A part of space."""
+
+    @property
+    @abstractmethod
+    def bounds(self) -> tuple[Vector, Vector]:
+        """Lower and upper corner of a box around it [m]."""
+
+    @abstractmethod
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """`contains` of a checked array."""
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return len(self.bounds[0])
+
+    def contains(self, x: ArrayLike) -> NDArray[np.bool_]:
+        """Which of the positions `x`, shape (n, dim) [m], lie inside; shape (n,).
+
+        Raises
+        ------
+        ValueError
+            If `x` has another shape.
+        """
+        x = np.asarray(x, dtype=np.float64)
+        if x.ndim != 2 or x.shape[1] != self.dim:
+            raise ValueError(f"x of shape {x.shape} must have the shape (n, {self.dim})")
+        return self._inside(x)
+
+
+@dataclass(frozen=True)
+class Box(Region):
+    """An axis-aligned box from `lower` to `upper` [m], the upper faces not included."""
+
+    lower: Vector
+    upper: Vector
+
+    def __post_init__(self) -> None:
+        lower = vector("lower", self.lower)
+        upper = vector("upper", self.upper, len(lower))
+        for axis, (low, high) in enumerate(zip(lower, upper, strict=True)):
+            if not high > low:
+                raise ValueError(f"upper[{axis}] = {high} must exceed lower[{axis}] = {low}")
+        object.__setattr__(self, "lower", lower)
+        object.__setattr__(self, "upper", upper)
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        return self.lower, self.upper
+
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return np.all((x >= self.lower) & (x < self.upper), axis=1)
+
+
+@dataclass(frozen=True)
+class Disc(Region):
+    """A disc in the plane, a ball in space: `center` and `radius` [m]."""
+
+    center: Vector
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", vector("center", self.center))
+        object.__setattr__(self, "radius", positive("radius", self.radius))
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        return (
+            tuple(c - self.radius for c in self.center),
+            tuple(c + self.radius for c in self.center),
+        )
+
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return np.sum((x - self.center) ** 2, axis=1) < self.radius**2
+
+
+@dataclass(frozen=True)
+class Cylinder(Region):
+    """An upright cylinder: `center` of its base (3 numbers), `radius` and `height` [m]."""
+
+    center: Vector
+    radius: float
+    height: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", vector("center", self.center, 3))
+        object.__setattr__(self, "radius", positive("radius", self.radius))
+        object.__setattr__(self, "height", positive("height", self.height))
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        x, y, z = self.center
+        r = self.radius
+        return (x - r, y - r, z), (x + r, y + r, z + self.height)
+
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        base = self.center[2]
+        flat = np.sum((x[:, :2] - self.center[:2]) ** 2, axis=1) < self.radius**2
+        return flat & (x[:, 2] >= base) & (x[:, 2] < base + self.height)
+
+
+def _regions(regions: object) -> tuple[Region, ...]:
+    checked = _sequence("regions", regions)
+    for region in checked:
+        if not isinstance(region, Region):
+            raise TypeError(f"regions: {region!r} must be a Region")
+    if not checked:
+        raise ValueError("regions = () must hold at least one Region")
+    if len({region.dim for region in checked}) > 1:
+        raise ValueError(f"regions = {checked} must have one dimension")
+    return checked
+
+
+@dataclass(frozen=True)
+class Union(Region):
+    """Everything that lies in at least one of `regions`."""
+
+    regions: tuple[Region, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "regions", _regions(self.regions))
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        corners = [region.bounds for region in self.regions]
+        lows, highs = zip(*corners, strict=True)
+        return (
+            tuple(min(c) for c in zip(*lows, strict=True)),
+            tuple(max(c) for c in zip(*highs, strict=True)),
+        )
+
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return np.any([region.contains(x) for region in self.regions], axis=0)
+
+
+@dataclass(frozen=True)
+class Intersection(Region):
+    """Everything that lies in all of `regions`."""
+
+    regions: tuple[Region, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "regions", _regions(self.regions))
+        low, high = self.bounds
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise ValueError(f"regions = {self.regions} must overlap")
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        corners = [region.bounds for region in self.regions]
+        lows, highs = zip(*corners, strict=True)
+        return (
+            tuple(max(c) for c in zip(*lows, strict=True)),
+            tuple(min(c) for c in zip(*highs, strict=True)),
+        )
+
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return np.all([region.contains(x) for region in self.regions], axis=0)
+
+
+@dataclass(frozen=True)
+class Difference(Region):
+    """What of `region` lies outside of `without`."""
+
+    region: Region
+    without: Region
+
+    def __post_init__(self) -> None:
+        _regions((self.region, self.without))
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        return self.region.bounds
+
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        return self.region.contains(x) & ~self.without.contains(x)
+
+
+@dataclass(frozen=True)
+class Fill:
+    """Material that fills a region at the start, as a regular lattice of points.
+
+    Parameters
+    ----------
+    region : Region
+        Where; lattice sites whose centre lies inside get a point.
+    points_per_cell : int
+        Points in a full cell: q^2 in the plane, q^3 in space.
+    density : float or None
+        Initial density [kg/m3]; None for the material's `rho_c`.
+    velocity : tuple of float, length dim, or None
+        Initial velocity [m/s]; None for rest.
+    jitter : float
+        Random displacement, uniform within +- jitter/2 point spacings along each axis, 0 to 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    region: Region
+    points_per_cell: int
+    density: float | None = None
+    velocity: Vector | None = None
+    jitter: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.region, Region):
+            raise TypeError(f"region = {self.region!r} must be a Region")
+        count = integer("points_per_cell", self.points_per_cell, 1, 10**6)
+        if self.points_per_axis**self.region.dim != count:
+            kind = "square" if self.region.dim == 2 else "cube"
+            raise ValueError(f"points_per_cell = {count} must be the {kind} of an integer")
+        checked: dict[str, object] = {
+            "points_per_cell": count,
+            "jitter": in_range("jitter", self.jitter, 0.0, 1.0),
+        }
+        if self.density is not None:
+            checked["density"] = positive("density", self.density)
+        if self.velocity is not None:
+            checked["velocity"] = vector("velocity", self.velocity, self.region.dim)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def points_per_axis(self) -> int:
+        """Points along an edge of a cell."""
+        return round(self.points_per_cell ** (1.0 / self.region.dim))
+
+
+@dataclass(frozen=True, eq=False)
+class Points:
+    """Material points as seeded; arrays are read-only.
+
+    Attributes
+    ----------
+    x, v : ndarray, shape (n, dim)
+        Position [m], velocity [m/s]. Points follow the fills, within a fill the first axis fastest.
+    volume, density : ndarray, shape (n,)
+        Room of the point [m^dim], density [kg/m3]; their product is its mass.
+    """
+
+    x: NDArray[np.float64]
+    v: NDArray[np.float64]
+    volume: NDArray[np.float64]
+    density: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for array in (self.x, self.v, self.volume, self.density):
+            array.setflags(write=False)
+
+
+def check_inside(name: str, grid: Grid, region: Region) -> None:
+    """Refuse a region of another dimension than the grid's, or that reaches out of it."""
+    if region.dim != grid.dim:
+        raise ValueError(f"{name} has dimension {region.dim}, must have {grid.dim} as the grid")
+    slack = LINE_TOLERANCE * grid.cell
+    for axis, (low, high) in enumerate(zip(*region.bounds, strict=True)):
+        if low < grid.lower[axis] - slack or high > grid.upper[axis] + slack:
+            raise ValueError(
+                f"{name} reaches from {low} to {high} along {AXES[axis]}, must stay in the grid"
+                f" from {grid.lower[axis]} to {grid.upper[axis]}"
+            )
+
+
+def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
+    """Sites of the lattice inside the region of a fill, shape (n, dim), first axis fastest."""
+    spacing = grid.cell / fill.points_per_axis
+    axes = []
+    for axis, (low, high) in enumerate(zip(*fill.region.bounds, strict=True)):
+        origin, sites = grid.lower[axis], grid.shape[axis] * fill.points_per_axis
+        first = max(math.floor((low - origin) / spacing) - 1, 0)
+        last = min(math.ceil((high - origin) / spacing) + 1, sites)
+        axes.append(origin + (np.arange(first, last) + 0.5) * spacing)
+    if math.prod(len(sites) for sites in axes) > MAX_COUNT:
+        raise ValueError(f"a fill of {fill.region} must have at most {MAX_COUNT} points")
+    mesh = np.meshgrid(*axes[::-1], indexing="ij")
+    x = np.stack([coordinate.ravel() for coordinate in mesh[::-1]], axis=1)
+    return x[fill.region.contains(x)]
+
+
+def _checked_lattices(grid: Grid, fills: Sequence[Fill]) -> list[NDArray[np.float64]]:
+    if not fills:
+        raise ValueError("fills = () must hold at least one Fill")
+    lattices = []
+    for i, fill in enumerate(fills):
+        check_inside(f"fills[{i}]", grid, fill.region)
+        lattices.append(_lattice(grid, fill))
+        if not len(lattices[-1]):
+            raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
+    for i, j in permutations(range(len(fills)), 2):
+        shared = fills[j].region.contains(lattices[i])
+        if shared.any():
+            place = tuple(lattices[i][shared.argmax()].tolist())
+            raise ValueError(f"fills[{i}] and fills[{j}] must not overlap, as they do at {place}")
+    return lattices
+
+
+def count_points(grid: Grid, fills: Sequence[Fill]) -> int:
+    """Number of material points that `seed_points` makes."""
+    return sum(len(lattice) for lattice in _checked_lattices(grid, fills))
+
+
+def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> Points:
+    """Fill regions with material points.
+
+    Parameters
+    ----------
+    grid : Grid
+    fills : sequence of Fill
+    seed : int
+        Of the random jitter, >= 0; the same seed gives the same points.
+    rho_c : float
+        Density [kg/m3] of the fills that name none.
+
+    Returns
+    -------
+    Points
+
+    Raises
+    ------
+    ValueError
+        If fills overlap, reach out of the grid, or hold no point.
+    """
+    rng = np.random.default_rng(integer("seed", seed, 0))
+    rho_c = positive("rho_c", rho_c)
+    x, v, volume, density = [], [], [], []
+    # A site may be rounded onto the upper end of the grid, which is no longer in a cell.
+    last = np.nextafter(grid.upper, grid.lower)
+    for fill, sites in zip(fills, _checked_lattices(grid, fills), strict=True):
+        spacing = grid.cell / fill.points_per_axis
+        if fill.jitter:
+            moved = sites + rng.uniform(-0.5, 0.5, sites.shape) * (fill.jitter * spacing)
+            sites = np.clip(moved, grid.lower, last)
+        x.append(sites)
+        v.append(np.broadcast_to(fill.velocity or (0.0,) * grid.dim, sites.shape))
+        volume.append(np.full(len(sites), spacing**grid.dim))
+        density.append(np.full(len(sites), rho_c if fill.density is None else fill.density))
+    return Points(
+        x=np.concatenate(x),
+        v=np.concatenate(v),
+        volume=np.concatenate(volume),
+        density=np.concatenate(density),
+    )

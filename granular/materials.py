@@ -1,0 +1,205 @@
+"""What the grains are: frozen, checked, with presets and their source.
+
+Attributes carry the names of the parameters of the law in the C core (`law`), so that a law's
+parameter list can be filled from a material by name.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
+
+from granular.checks import in_range, positive
+from granular.notebook import table
+
+__all__ = ["DruckerPrager", "Elastic", "Material", "MuI", "glass_beads", "glass_beads_5mm"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """What all materials share: isotropic elasticity and a reference density.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus [Pa], > 0.
+    nu : float
+        Poisson's ratio, 0 <= nu < 1/2.
+    rho_c : float
+        Density [kg/m3] of the densest stress-free state: looser material bears no stress
+        (Dunatunga & Kamrin 2015, eq. 2.7), > 0.
+    """
+
+    E: float = 1e9
+    nu: float = 0.3
+    rho_c: float = 1500.0
+
+    law: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        if type(self) is Material:
+            raise TypeError("Material is abstract: use MuI, DruckerPrager or Elastic")
+        self._set("E", positive("E", self.E))
+        self._set("nu", in_range("nu", self.nu, 0.0, 0.5, open_high=True))
+        self._set("rho_c", positive("rho_c", self.rho_c))
+
+    def _set(self, name: str, value: float) -> None:
+        object.__setattr__(self, name, value)
+
+    @property
+    def K(self) -> float:  # the field's own name
+        """Bulk modulus E/(3 (1 - 2 nu)) [Pa]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def G(self) -> float:
+        """Shear modulus E/(2 (1 + nu)) [Pa]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of compression waves sqrt((K + 4G/3)/rho_c) [m/s]."""
+        return math.sqrt((self.K + 4.0 * self.G / 3.0) / self.rho_c)
+
+    def arguments(self) -> dict[str, float]:
+        """The arguments that make this material anew, to the last bit."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some arguments changed, checked as a new one."""
+        return type(self)(**(self.arguments() | changes))
+
+    def _repr_html_(self) -> str:
+        rows = {name: value for name, value in self.arguments().items() if value is not None}
+        rows |= {"K [Pa]": self.K, "G [Pa]": self.G, "wave speed [m/s]": self.wave_speed}
+        return table(f"{type(self).__name__} ({self.law})", rows)
+
+
+def _check_grain_density(material: MuI | DruckerPrager) -> float:
+    rho_s = positive("rho_s", material.rho_s)
+    if rho_s < material.rho_c:
+        raise ValueError(f"rho_c = {material.rho_c} must not exceed rho_s = {rho_s}")
+    return rho_s
+
+
+@dataclass(frozen=True, kw_only=True)
+class MuI(Material):
+    """Grains with the mu(I) rheology (Dunatunga & Kamrin 2015, eqs 2.13-2.15).
+
+    mu = mu_s + (mu_2 - mu_s)/(I0/I + 1) with I = shear_rate d sqrt(rho_s/p). Only the group
+    xi = I0/(d sqrt(rho_s)) enters the law: give either `xi`, or both `I0` and `d`.
+
+    Parameters
+    ----------
+    E, nu, rho_c : float
+        See `Material`.
+    mu_s : float
+        Static friction coefficient, > 0.
+    mu_2 : float
+        Limiting friction coefficient, > mu_s.
+    rho_s : float
+        Density of the grains themselves [kg/m3], >= rho_c.
+    xi : float, optional
+        I0/(d sqrt(rho_s)) [sqrt(m/kg)], > 0; 1.1233 if neither it nor `I0` and `d` are given.
+    I0 : float, optional
+        Reference inertial number, > 0; stays None if `xi` is given.
+    d : float, optional
+        Grain diameter [m], > 0; stays None if `xi` is given. What depends on the size of the
+        grains (the inertial number itself, packing fractions) then has no meaning.
+
+    Raises
+    ------
+    ValueError
+        For values out of range, `xi` together with `I0` or `d`, or only one of `I0` and `d`.
+    TypeError
+        For anything that is not a number.
+    """
+
+    mu_s: float = 0.3819
+    mu_2: float = 0.6435
+    rho_s: float = 2450.0
+    xi: float = None  # type: ignore[assignment]  # a float once made
+    I0: float | None = None
+    d: float | None = None
+
+    law: ClassVar[str] = "mu_i"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set("mu_s", positive("mu_s", self.mu_s))
+        self._set("mu_2", positive("mu_2", self.mu_2))
+        if self.mu_2 <= self.mu_s:
+            raise ValueError(f"mu_2 = {self.mu_2} must exceed mu_s = {self.mu_s}")
+        self._set("rho_s", _check_grain_density(self))
+        if self.I0 is None and self.d is None:
+            self._set("xi", 1.1233 if self.xi is None else positive("xi", self.xi))
+            return
+        if self.xi is not None:
+            raise ValueError(f"xi = {self.xi} must not be given together with I0 or d")
+        if self.I0 is None or self.d is None:
+            raise ValueError(f"I0 = {self.I0} and d = {self.d} must be given together")
+        self._set("I0", positive("I0", self.I0))
+        self._set("d", positive("d", self.d))
+        self._set("xi", positive("I0/(d sqrt(rho_s))", self.I0 / (self.d * math.sqrt(self.rho_s))))
+
+    def arguments(self) -> dict[str, float]:
+        """The arguments that make this material anew: `xi`, or `I0` and `d`."""
+        derived = ("I0", "d") if self.I0 is None else ("xi",)
+        return {name: v for name, v in super().arguments().items() if name not in derived}
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some arguments changed; `xi` takes the place of `I0` and `d`, and they its."""
+        kept = self.arguments()
+        if changes.get("xi") is not None:
+            kept = {name: v for name, v in kept.items() if name not in ("I0", "d")}
+        elif changes.get("I0") is not None and changes.get("d") is not None:
+            kept.pop("xi", None)
+        return type(self)(**(kept | changes))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DruckerPrager(Material):
+    """Rate-independent friction: tau <= mu p, stress-free when disconnected.
+
+    Parameters
+    ----------
+    E, nu, rho_c : float
+        See `Material`.
+    mu : float
+        Friction coefficient, > 0.
+    rho_s : float
+        Density of the grains themselves [kg/m3], >= rho_c.
+    """
+
+    mu: float = 0.3819
+    rho_s: float = 2450.0
+
+    law: ClassVar[str] = "drucker_prager"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set("mu", positive("mu", self.mu))
+        self._set("rho_s", _check_grain_density(self))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Elastic(Material):
+    """Isotropic hypoelastic solid with the Jaumann rate, in tension too; for verification.
+
+    Parameters
+    ----------
+    E, nu, rho_c : float
+        See `Material`; `rho_c` is the density of the unstressed solid.
+    """
+
+    law: ClassVar[str] = "elastic"
+
+
+glass_beads = MuI(E=1e9, nu=0.3, mu_s=0.3819, mu_2=0.6435, rho_s=2450.0, rho_c=1500.0, xi=1.1233)
+"""Glass beads of Dunatunga & Kamrin 2015, table 1 (after Jop et al. 2006)."""
+
+glass_beads_5mm = MuI(
+    E=1e9, nu=0.3, mu_s=0.3819, mu_2=0.6435, rho_s=2450.0, rho_c=1500.0, I0=0.278, d=5e-3
+)
+"""The same beads with a size: I0 = 0.278 and d = 5 mm give xi = 1.1233 to all its digits."""

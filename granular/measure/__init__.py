@@ -1,0 +1,93 @@
+"""Numbers from states and trajectories: run-out, repose, discharge, profiles, fields, energy.
+
+Every function takes a `State` (or an iterable of them) and returns plain numbers, arrays or a
+small frozen result; none changes what it is given.
+"""
+
+from granular.measure.discharge import (
+    BeverlooFit,
+    Discharge,
+    MassHistory,
+    beverloo,
+    discharge,
+    mass_history,
+)
+from granular.measure.energy import Energy, EnergyBudget, energy, energy_budget
+from granular.measure.fields import (
+    CellField,
+    cell_average,
+    cell_density,
+    cell_density_percentile,
+    nodal_density,
+    phase,
+    smooth,
+)
+from granular.measure.health import (
+    disconnected_fraction,
+    layer_height,
+    mean_pressure_error,
+    occupied_area,
+    speed_percentile,
+)
+from granular.measure.heap import Repose, Runout, Surface, repose_angle, runout, surface
+from granular.measure.kinetic import (
+    MassBalance,
+    StressFreeError,
+    mass_balance_error,
+    packing_fraction,
+    stress_free_error,
+)
+from granular.measure.profiles import (
+    Profile,
+    depth_average,
+    friction_profile,
+    inertial_number,
+    profile,
+    scaled_inertial_number,
+    velocity_profile,
+)
+from granular.measure.stress import friction
+
+__all__ = [
+    "BeverlooFit",
+    "CellField",
+    "Discharge",
+    "Energy",
+    "EnergyBudget",
+    "MassBalance",
+    "MassHistory",
+    "Profile",
+    "Repose",
+    "Runout",
+    "StressFreeError",
+    "Surface",
+    "beverloo",
+    "cell_average",
+    "cell_density",
+    "cell_density_percentile",
+    "depth_average",
+    "discharge",
+    "disconnected_fraction",
+    "energy",
+    "energy_budget",
+    "friction",
+    "friction_profile",
+    "inertial_number",
+    "layer_height",
+    "mass_balance_error",
+    "mass_history",
+    "mean_pressure_error",
+    "nodal_density",
+    "occupied_area",
+    "packing_fraction",
+    "phase",
+    "profile",
+    "repose_angle",
+    "runout",
+    "scaled_inertial_number",
+    "smooth",
+    "speed_percentile",
+    "stress_free_error",
+    "surface",
+    "velocity_profile",
+]

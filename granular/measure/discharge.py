@@ -1,0 +1,280 @@
+"""Silos: the mass left, the rate of discharge, Beverloo's law."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular.checks import non_negative, positive
+from granular.measure.lattice import Array
+
+WINDOW = (1200.0, 900.0)
+"""Mass left in the full silo [kg per metre of depth] in the steady part of the flow."""
+
+_PARTS = ((0.0, 0.5), (0.25, 0.75), (0.5, 1.0))
+"""Pieces of the window whose rates are compared."""
+
+
+@dataclass(frozen=True)
+class MassHistory:
+    """Mass in the domain at every frame.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        [s]
+    mass : ndarray, shape (k,)
+        [kg, per metre of depth in the plane] of the full silo, also where half is modelled.
+    share : float
+        The part of the full silo that is modelled: 1, or 1/2 for a half silo.
+    """
+
+    times: Array
+    mass: Array
+    share: float
+
+
+@dataclass(frozen=True)
+class Discharge:
+    """Rate of discharge in a window of mass.
+
+    Attributes
+    ----------
+    rate : float
+        [kg/s, per metre of depth in the plane], positive outwards.
+    standard_error : float
+        Of the regression [kg/s]; it knows nothing of slow changes of the rate.
+    window_spread : float
+        Largest minus smallest rate over three overlapping halves of the window [kg/s]: how much
+        the rate depends on the choice of the window. nan if the halves hold too few frames.
+    frames : int
+        Frames in the window.
+    times : (float, float)
+        First and last of them [s].
+    mass : (float, float)
+        Mass in the full silo at these [kg].
+    """
+
+    rate: float
+    standard_error: float
+    window_spread: float
+    frames: int
+    times: tuple[float, float]
+    mass: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class BeverlooFit:
+    """Beverloo's law in the plane with k = 0, ``Q = C rho sqrt(g) D**(3/2)``, fitted to rates.
+
+    Attributes
+    ----------
+    C : float
+        At the exponent 3/2.
+    C_free, exponent_free : float
+        Coefficient and exponent fitted together, D in metres.
+    residuals, residuals_free : ndarray, shape (k,)
+        ``ln Q - ln fit`` of the two.
+    orifices : ndarray, shape (k,)
+        D [m].
+    rates : ndarray, shape (k,)
+        Q [kg/s per metre of depth].
+    """
+
+    C: float
+    C_free: float
+    exponent_free: float
+    residuals: Array
+    residuals_free: Array
+    orifices: Array
+    rates: Array
+
+
+def mass_history(trajectory: Any) -> MassHistory:
+    """The mass in a silo at every frame, of the full silo.
+
+    Parameters
+    ----------
+    trajectory : iterable of State
+        A scene whose parameter ``half`` is true is half a silo: its mass is doubled. Where the
+        trajectory keeps a ``series`` with ``time`` and ``mass``, no frame is read.
+
+    Returns
+    -------
+    MassHistory
+
+    Raises
+    ------
+    ValueError
+        If the trajectory has no frames.
+    """
+    series = getattr(trajectory, "series", None)
+    if isinstance(series, Mapping) and {"time", "mass"} <= series.keys() and len(series["time"]):
+        scene, rows = trajectory.scene, (series["time"], series["mass"])
+    else:
+        frames = [(state.time, np.sum(state.mass), state.scene) for state in trajectory]
+        if not frames:
+            raise ValueError("trajectory has 0 frames, at least 1 is needed")
+        *rows, scenes = zip(*frames, strict=True)
+        scene = scenes[0]
+    share = 0.5 if scene.parameters.get("half", False) else 1.0
+    times, mass = (np.array(row, dtype=float) for row in rows)
+    return MassHistory(times, mass / share, share)
+
+
+def discharge(
+    trajectory: Any, *, window: tuple[float, float] = WINDOW, total: bool = True
+) -> Discharge:
+    """Rate of discharge by linear regression of the mass over time, within a window of mass.
+
+    Dunatunga & Kamrin 2015, section 4.2: the frames whose full silo holds 1200 to 900 kg.
+
+    Parameters
+    ----------
+    trajectory : iterable of State, or MassHistory
+    window : (float, float)
+        Mass in the full silo [kg], from the larger to the smaller.
+    total : bool
+        The rate of the full silo; otherwise of the part that is modelled.
+
+    Returns
+    -------
+    Discharge
+
+    Raises
+    ------
+    ValueError
+        If the window does not fall, or fewer than 3 frames lie in it.
+    """
+    upper, lower = (non_negative(f"window[{i}]", mass) for i, mass in enumerate(window))
+    if not upper > lower:
+        raise ValueError(f"window = {window} must fall, from the larger mass to the smaller")
+    history = trajectory if isinstance(trajectory, MassHistory) else mass_history(trajectory)
+    inside = (history.mass <= upper) & (history.mass >= lower)
+    times, mass = history.times[inside], history.mass[inside]
+    if len(times) < 3:
+        raise ValueError(
+            f"window = {window}: {len(times)} frames lie in it, a rate needs at least 3; "
+            f"the mass goes from {history.mass.max():.6g} to {history.mass.min():.6g} kg"
+        )
+    rate, error = _regression(times, mass)
+    factor = 1.0 if total else history.share
+    return Discharge(
+        rate=factor * rate,
+        standard_error=factor * error,
+        window_spread=factor * _window_spread(times, mass, upper, lower),
+        frames=len(times),
+        times=(float(times[0]), float(times[-1])),
+        mass=(float(mass[0]), float(mass[-1])),
+    )
+
+
+def _regression(times: Array, mass: Array) -> tuple[float, float]:
+    """Minus the slope of mass over time and its standard error."""
+    t = times - times.mean()
+    spread = np.sum(t**2)
+    slope = np.sum(t * mass) / spread
+    residual = mass - mass.mean() - slope * t
+    return -float(slope), math.sqrt(np.sum(residual**2) / (len(t) - 2) / spread)
+
+
+def _window_spread(times: Array, mass: Array, upper: float, lower: float) -> float:
+    rates = []
+    for start, end in _PARTS:
+        high, low = upper - start * (upper - lower), upper - end * (upper - lower)
+        part = (mass <= high) & (mass >= low)
+        if np.count_nonzero(part) >= 3:
+            rates.append(_regression(times[part], mass[part])[0])
+    return max(rates) - min(rates) if len(rates) == len(_PARTS) else math.nan
+
+
+def beverloo(
+    cases: ArrayLike | Sequence[Any] | Iterable[Any],
+    rates: ArrayLike | None = None,
+    *,
+    rho: float | None = None,
+    gravity: float = 9.8,
+) -> BeverlooFit:
+    """Fit Beverloo's law in the plane, at the exponent 3/2 and with a free one.
+
+    Least squares in log space (Dunatunga & Kamrin 2015, eqs. 4.4-4.5, with k = 0 as for every
+    local law). ``beverloo(orifices, rates, rho=...)`` takes numbers; ``beverloo(trajectories)``
+    takes the orifice, rho_c and the final gravity from each scene and its `discharge`.
+
+    Parameters
+    ----------
+    cases : array_like, shape (k,), or iterable of trajectories
+        Orifices D [m], or the runs.
+    rates : array_like, shape (k,), optional
+        Q of the full silo [kg/s per metre of depth], with orifices only.
+    rho : float, optional
+        Bulk density [kg/m3], with orifices only.
+    gravity : float
+        [m/s2], with orifices only.
+
+    Returns
+    -------
+    BeverlooFit
+
+    Raises
+    ------
+    ValueError
+        With fewer than two different orifices, sizes or rates that are not positive, or rates
+        without rho.
+    """
+    if rates is None:
+        orifice, rate, scale = _measured(cases)
+    else:
+        if rho is None:
+            raise ValueError("rho = None: the bulk density in kg/m3 must come with the rates")
+        orifice, rate = np.asarray(cases, dtype=float), np.asarray(rates, dtype=float)
+        scale = np.full(
+            orifice.shape, positive("rho", rho) * math.sqrt(positive("gravity", gravity))
+        )
+    return _fit(orifice, rate, scale)
+
+
+def _measured(cases: Iterable[Any]) -> tuple[Array, Array, Array]:
+    """Orifices, rates and ``rho_c sqrt(g)`` of a number of runs."""
+    rows = []
+    for case in cases:
+        if not hasattr(case, "scene"):
+            raise TypeError(
+                f"cases holds a {type(case).__name__}: give trajectories, or rates with orifices"
+            )
+        scene = case.scene
+        if "orifice" not in scene.parameters:
+            raise ValueError(f"scene {scene.name!r} has no parameter orifice")
+        g = float(np.linalg.norm(scene.gravity.at(scene.duration)))
+        scale = scene.material.rho_c * math.sqrt(g)
+        rows.append((scene.parameters["orifice"], discharge(case).rate, scale))
+    orifice, rate, scale = np.array(rows, dtype=float).reshape(-1, 3).T
+    return orifice, rate, scale
+
+
+def _fit(orifice: Array, rate: Array, scale: Array) -> BeverlooFit:
+    if orifice.ndim != 1 or orifice.shape != rate.shape:
+        raise ValueError(
+            f"orifices have shape {orifice.shape}, rates {rate.shape}: "
+            "both must be one-dimensional and of equal length"
+        )
+    for name, array in (("orifices", orifice), ("rates", rate)):
+        if not np.all((array > 0) & np.isfinite(array)):
+            raise ValueError(f"{name} = {array} must all be finite and > 0")
+    if len(np.unique(orifice)) < 2:
+        raise ValueError(f"orifices = {orifice}: at least 2 different ones are needed")
+    size, flow = np.log(orifice), np.log(rate / scale)
+    fixed = flow - 1.5 * size
+    exponent, level = np.polyfit(size, flow, 1)
+    return BeverlooFit(
+        C=float(np.exp(fixed.mean())),
+        C_free=float(np.exp(level)),
+        exponent_free=float(exponent),
+        residuals=fixed - fixed.mean(),
+        residuals_free=flow - exponent * size - level,
+        orifices=orifice,
+        rates=rate,
+    )

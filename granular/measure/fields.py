@@ -1,0 +1,238 @@
+"""Point fields seen through the grid: nodal smoothing, the nodal density, averages by cell."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.checks import in_range, non_negative, one_of
+from granular.measure.lattice import (
+    Array,
+    Indices,
+    cell_mass,
+    cells_of,
+    filled_neighbours,
+    stencil,
+    values,
+)
+
+
+def smooth(state: Any, field: Any) -> Array:
+    """A point field mapped to the nodes and projected back onto the points.
+
+    ``f_i = sum_p S_ip m_p f_p / sum_p S_ip m_p``, then ``f_p = sum_i S_ip f_i``, with multilinear
+    S (Dunatunga & Kamrin 2015, eqs. 4.1-4.3). For plots of stress and pressure; rates and other
+    measures of deformation are best shown as they are.
+
+    Parameters
+    ----------
+    state : State
+    field : str or array_like, shape (n,) or (n, k)
+        Name of a field of the state, or one value or row a point.
+
+    Returns
+    -------
+    ndarray
+        The shape of the field.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, the field is not one value a point, or a point is off the grid.
+    """
+    field = values(state, field)
+    return stencil(state).gather(nodal(state, field))
+
+
+def nodal(state: Any, field: Any) -> Array:
+    """Mass-weighted nodal values of a point field (Dunatunga & Kamrin 2015, eqs. 4.1-4.2).
+
+    Parameters
+    ----------
+    state : State
+    field : str or array_like, shape (n,) or (n, k)
+
+    Returns
+    -------
+    ndarray, shape (nodes,) or (nodes, k)
+        Nodes in C order of the axes; 0 where a node has no mass.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, the field is not one value a point, or a point is off the grid.
+    """
+    field = values(state, field)
+    shapes = stencil(state)
+    mass = shapes.scatter(np.asarray(state.mass, dtype=float))
+    weighted = shapes.scatter((field.T * state.mass).T)
+    mass = mass[:, None] if field.ndim == 2 else mass
+    return np.divide(weighted, mass, out=np.zeros_like(weighted), where=mass > 0)
+
+
+def nodal_density(state: Any, *, at: str = "points") -> Array:
+    """The density of the room that the points really take, from nodal masses and volumes.
+
+    Nodal mass over nodal volume; the volume is the filled fraction of the cells around the node
+    times the node's Voronoi cell: a whole cell inside, half a cell on an edge of the grid, a
+    quarter in a corner (Wieckowski 2004; Dunatunga & Kamrin 2015, section 4.3). That product is
+    (filled cells around the node) * cell**dim / 2**dim everywhere.
+
+    Parameters
+    ----------
+    state : State
+    at : {"points", "nodes"}
+        Project back onto the points, or keep the nodal values.
+
+    Returns
+    -------
+    ndarray, shape (n,) or (nodes,)
+        kg/m3 (nodes in C order of the axes, 0 at empty ones).
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, a point is off the grid, or `at` is neither of the two.
+    """
+    one_of("at", at, ("points", "nodes"))
+    grid = state.scene.grid
+    dim = len(grid.shape)
+    shapes = stencil(state)
+    mass = shapes.scatter(np.asarray(state.mass, dtype=float))
+    filled = filled_neighbours(cell_mass(state) > 0, grid).ravel()
+    volume = filled * (grid.cell / 2) ** dim
+    density = np.divide(mass, volume, out=np.zeros_like(mass), where=filled > 0)
+    return shapes.gather(density) if at == "points" else density
+
+
+def phase(state: Any, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
+    """Which points are dense (True) and which disconnected (False), by the nodal density.
+
+    A point is dense if `nodal_density` there is at least rho_c (Dunatunga & Kamrin 2015, figure
+    7). This is where the points are, not what they carry; ``state.dense`` is the latter.
+
+    Parameters
+    ----------
+    state : State
+    tolerance : float
+        Relative shortfall still counted as dense; the default forgives rounding only.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, a point is off the grid, or the tolerance is negative.
+    """
+    non_negative("tolerance", tolerance)
+    return nodal_density(state) >= state.scene.material.rho_c * (1 - tolerance)
+
+
+@dataclass(frozen=True)
+class CellField:
+    """A field on the occupied cells.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (k, dim)
+        Indices of the occupied cells, in C order.
+    centres : ndarray, shape (k, dim)
+        Their centres [m].
+    value : ndarray, shape (k,) or (k, components)
+    weight : ndarray, shape (k,)
+        The mass [kg] or volume [m3] averaged over.
+    """
+
+    cells: Indices
+    centres: Array
+    value: Array
+    weight: Array
+
+
+def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
+    """A point field averaged over each occupied cell.
+
+    ``sum w_p f_p / sum w_p`` over the points of the cell, w the mass or the volume.
+
+    Parameters
+    ----------
+    state : State
+    field : str or array_like, shape (n,) or (n, k)
+    weight : {"mass", "volume"}
+        Volume is the weight of stresses, mass that of velocities.
+
+    Returns
+    -------
+    CellField
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, the field is not one value a point, or a point is off the grid.
+    """
+    one_of("weight", weight, ("mass", "volume"))
+    field = values(state, field)
+    w = np.asarray(getattr(state, weight), dtype=float)
+    cells, row = np.unique(cells_of(state), axis=0, return_inverse=True)
+    total = np.bincount(row, weights=w)
+    columns = field.reshape(len(field), -1).T
+    mean = np.stack([np.bincount(row, weights=w * column) / total for column in columns], axis=1)
+    value = mean if field.ndim == 2 else mean[:, 0]
+    return CellField(cells, _centres(state, cells), value, total)
+
+
+def cell_density(state: Any) -> CellField:
+    """Mass over volume [kg/m3] of each occupied cell: the density the grid sees.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    CellField
+        Weighted by mass. Cells cut by a free surface are only partly filled.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or a point is off the grid.
+    """
+    mass = cell_mass(state)
+    cells = np.argwhere(mass > 0)
+    weight = mass[mass > 0]
+    return CellField(
+        cells, _centres(state, cells), weight / state.scene.grid.cell**mass.ndim, weight
+    )
+
+
+def cell_density_percentile(state: Any, *, q: float = 99.0) -> float:
+    """Percentile of `cell_density` over rho_c, on the occupied cells.
+
+    1 for an undisturbed packing; well above 1 where points have collapsed into one another.
+
+    Parameters
+    ----------
+    state : State
+    q : float
+        Percentile, 0 to 100.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, a point is off the grid, or q is outside 0 to 100.
+    """
+    in_range("q", q, 0.0, 100.0)
+    return float(np.percentile(cell_density(state).value, q) / state.scene.material.rho_c)
+
+
+def _centres(state: Any, cells: Indices) -> Array:
+    grid = state.scene.grid
+    return np.asarray(grid.lower) + (cells + 0.5) * grid.cell

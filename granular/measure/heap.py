@@ -1,0 +1,343 @@
+"""Heaps: the free surface, the run-out of a collapse, the angle of repose."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from granular.checks import finite, one_of, positive
+from granular.measure.lattice import Array, require_points
+
+QUANTILE = 0.999
+"""Share of the mass within the run-out; the farthest point alone is noise."""
+
+TOE = (0.05, 0.30)
+"""Heights, over the largest, between which the toe is extrapolated."""
+
+SLOPE = (0.20, 0.80)
+"""Heights, over the largest, between which the slope is fitted."""
+
+WINDOW = 5
+"""Columns of the steepest piece of a slope."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """The free surface, column by column; nan (height 0) where a column is empty.
+
+    Attributes
+    ----------
+    x : ndarray, shape (k,)
+        Column centres [m]; in 3D the mid radius of rings about the axis.
+    top : ndarray, shape (k,)
+        Elevation [m] of the highest point of the column plus half a point spacing.
+    top_x : ndarray, shape (k,)
+        Where that point is along the abscissa [m].
+    height : ndarray, shape (k,)
+        Height [m] that the column's mass would have at rho_c.
+    base : float
+        The elevation [m] that heights count from.
+    width : float
+        Of a column [m].
+    """
+
+    x: Array
+    top: Array
+    top_x: Array
+    height: Array
+    base: float
+    width: float
+
+
+@dataclass(frozen=True)
+class Runout:
+    """Run-out ``(final half-width - initial)/initial``, three ways.
+
+    Attributes
+    ----------
+    quantile : float
+        By the distance that holds 99.9 % of the mass.
+    toe : float
+        By the line through the column heights (by mass) of 5 to 30 % of the largest, extended to
+        zero height; nan where fewer than two columns lie there, as before a collapse.
+    contiguous : float
+        By the outer edge of the columns that join the highest one with no less than a quarter of
+        a cell of height (by mass).
+    """
+
+    quantile: float
+    toe: float
+    contiguous: float
+
+
+@dataclass(frozen=True)
+class Repose:
+    """Slope of a heap in degrees.
+
+    Attributes
+    ----------
+    mean_deg : float
+        Of the line through the surface between 20 and 80 % of its height.
+    largest_deg : float
+        The steepest of the lines through 5 columns in a row within that band (through all of
+        them if there are fewer).
+    columns : int
+        How many columns were fitted.
+    """
+
+    mean_deg: float
+    largest_deg: float
+    columns: int
+
+
+def surface(
+    state: Any,
+    *,
+    region: tuple[float, float] | None = None,
+    above: float | None = None,
+    below: float | None = None,
+) -> Surface:
+    """The free surface over the columns of cells (plane) or over rings about the axis (3D).
+
+    Parameters
+    ----------
+    state : State
+    region : (x0, x1), optional
+        Keep the points with x0 <= x < x1 [m] (radii in 3D).
+    above, below : float, optional
+        Keep the points with elevations from `above` to `below` [m]: the crater or the lower heap
+        of an hourglass. Heights then count from `above`, else from the floor of the grid.
+
+    Returns
+    -------
+    Surface
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or no point is in the region.
+    """
+    require_points(state)
+    grid = state.scene.grid
+    plane = len(grid.shape) == 2
+    abscissa = np.asarray(state.x)[:, 0] if plane else _distance(state, 0.0)
+    low = grid.lower[0] if plane else 0.0
+    keep = _selected(state, abscissa, region, above, below)
+    base = float(grid.lower[-1] if above is None else above)
+    count = grid.shape[0] if plane else _ring_count(abscissa, grid.cell)
+    measure = np.full(count, grid.cell) if plane else _ring_measure(state, count, 0.0)
+    return _columns(state, abscissa, keep, low=low, base=base, measure=measure)
+
+
+def runout(state: Any, *, half_width: float | None = None, centre: float = 0.0) -> Runout:
+    """Run-out of a collapsed column, over its initial half-width.
+
+    Half-width is the distance from the plane x = `centre` (from the vertical axis through the
+    origin in 3D). Halves and quarters cut by symmetry planes at the centre are understood from
+    the grid's lower corner. ``max(x)`` is not offered: single points fly far.
+    The measure is that of Dunatunga & Kamrin 2015, section 4.1.
+
+    Parameters
+    ----------
+    state : State
+    half_width : float, optional
+        Of the initial column [m]; by default the scene's parameter ``half_width`` or ``radius``.
+    centre : float
+        Of the initial column along x [m], in the plane; on a grid line.
+
+    Returns
+    -------
+    Runout
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, or the half-width is unknown or not positive.
+    """
+    require_points(state)
+    finite("centre", centre)
+    half = _half_width(state, half_width)
+    grid = state.scene.grid
+    distance = _distance(state, centre)
+    count = _ring_count(distance, grid.cell)
+    measure = _ring_measure(state, count, centre)
+    keep = np.ones(len(distance), dtype=bool)
+    columns = _columns(state, distance, keep, low=0.0, base=float(grid.lower[-1]), measure=measure)
+    reach = (_mass_quantile(distance, state.mass), _toe(columns), _contiguous(columns))
+    return Runout(*((r - half) / half for r in reach))
+
+
+def repose_angle(
+    state: Any,
+    *,
+    side: str = "auto",
+    region: tuple[float, float] | None = None,
+    above: float | None = None,
+    below: float | None = None,
+) -> Repose:
+    """The slope of a heap or crater, by the highest point of each column of cells.
+
+    From the highest column the surface is followed downhill until it falls below 20 % of its
+    height; the columns between 20 and 80 % are fitted by least squares, each at its highest
+    point. At rest the slope should not exceed ``atan(mu_s)`` (Dunatunga & Kamrin 2015, section
+    4.1).
+
+    Parameters
+    ----------
+    state : State
+    side : {"auto", "left", "right", "both"}
+        The way downhill from the top: towards smaller or larger x, the one with more columns, or
+        the mean of both (and the larger of their steepest pieces).
+    region, above, below
+        As in `surface`, for a heap or crater that does not stand alone.
+
+    Returns
+    -------
+    Repose
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, no point is in the region, or fewer than 3 columns can be fitted.
+    """
+    one_of("side", side, ("auto", "left", "right", "both"))
+    top = surface(state, region=region, above=above, below=below)
+    slopes = {name: _downhill(top, name) for name in ("left", "right")}
+    if side == "auto":
+        side = max(("right", "left"), key=lambda name: len(slopes[name]))
+    chosen = ("left", "right") if side == "both" else (side,)
+    fits = [_fit_slope(top, slopes[name], name) for name in chosen]
+    return Repose(
+        mean_deg=float(np.mean([fit.mean_deg for fit in fits])),
+        largest_deg=max(fit.largest_deg for fit in fits),
+        columns=sum(fit.columns for fit in fits),
+    )
+
+
+def _half_width(state: Any, given: float | None) -> float:
+    parameters = state.scene.parameters
+    for name in ("half_width", "radius"):
+        if given is None:
+            given = parameters.get(name)
+    if given is None:
+        raise ValueError(
+            "half_width = None: the scene has no parameter half_width or radius, give it in metres"
+        )
+    return positive("half_width", given)
+
+
+def _distance(state: Any, centre: float) -> Array:
+    x = np.asarray(state.x, dtype=float)
+    return np.abs(x[:, 0] - centre) if x.shape[1] == 2 else np.hypot(x[:, 0], x[:, 1])
+
+
+def _ring_count(distance: Array, width: float) -> int:
+    return int(np.floor(distance.max() / width)) + 1
+
+
+def _ring_measure(state: Any, count: int, centre: float) -> Array:
+    """Length (plane) or area (3D) of the floor in each ring of one cell's width.
+
+    A symmetry plane at the centre leaves one half of the ring.
+    """
+    grid = state.scene.grid
+    edges = grid.cell * np.arange(count + 1)
+    across = len(grid.shape) - 1
+    whole = np.diff(2 * edges if across == 1 else np.pi * edges**2)
+    middle = (centre,) if across == 1 else (0.0, 0.0)
+    cuts = sum(grid.lower[axis] > middle[axis] - grid.cell / 2 for axis in range(across))
+    return whole / 2**cuts
+
+
+def _selected(
+    state: Any,
+    abscissa: Array,
+    region: tuple[float, float] | None,
+    above: float | None,
+    below: float | None,
+) -> np.ndarray:
+    up = np.asarray(state.x)[:, -1]
+    x0, x1 = (-np.inf, np.inf) if region is None else region
+    y0 = -np.inf if above is None else finite("above", above)
+    y1 = np.inf if below is None else finite("below", below)
+    if not (x0 < x1 and y0 < y1):
+        raise ValueError(f"region = {region}, above = {above}, below = {below}: empty range")
+    keep = (abscissa >= x0) & (abscissa < x1) & (up >= y0) & (up < y1)
+    if not keep.any():
+        raise ValueError(f"no point within region = {region}, above = {above}, below = {below}")
+    return keep
+
+
+def _columns(
+    state: Any, abscissa: Array, keep: np.ndarray, *, low: float, base: float, measure: Array
+) -> Surface:
+    width, rho_c = state.scene.grid.cell, state.scene.material.rho_c
+    count = len(measure)
+    mass = np.asarray(state.mass, dtype=float)[keep]
+    along, up = abscissa[keep], np.asarray(state.x, dtype=float)[keep, -1]
+    column = np.clip(np.floor((along - low) / width).astype(np.int64), 0, count - 1)
+    # the spacing at rho_c: a loose point's own volume says nothing of where its matter is
+    spacing = (mass / rho_c) ** (1 / len(state.scene.grid.shape))
+    order = np.argsort(up, kind="stable")
+    top, top_x = np.full(count, np.nan), np.full(count, np.nan)
+    top[column[order]] = (up + spacing / 2)[order]
+    top_x[column[order]] = along[order]
+    height = np.bincount(column, weights=mass, minlength=count) / (rho_c * measure)
+    return Surface(low + width * (np.arange(count) + 0.5), top, top_x, height, base, width)
+
+
+def _mass_quantile(distance: Array, mass: Array) -> float:
+    order = np.argsort(distance, kind="stable")
+    held = np.cumsum(np.asarray(mass)[order])
+    # the tolerance keeps the rounding of the sum from asking for one more point
+    enough = np.searchsorted(held, (QUANTILE - 1e-12) * held[-1])
+    return float(distance[order[enough]])
+
+
+def _run(above: np.ndarray, start: int) -> int:
+    """One past the last of the True entries that follow `start` without a gap."""
+    gaps = np.flatnonzero(~above[start:])
+    return len(above) if len(gaps) == 0 else start + int(gaps[0])
+
+
+def _toe(columns: Surface) -> float:
+    h = columns.height
+    crest = int(np.argmax(h))
+    end = _run(h >= TOE[0] * h[crest], crest)
+    band = np.arange(crest, end)
+    band = band[h[band] <= TOE[1] * h[crest]]
+    if len(band) < 2:
+        return float("nan")
+    slope, level = np.polyfit(columns.x[band], h[band], 1)
+    return float(-level / slope) if slope < 0 else float("nan")
+
+
+def _contiguous(columns: Surface) -> float:
+    crest = int(np.argmax(columns.height))
+    return columns.width * _run(columns.height >= columns.width / 4, crest)
+
+
+def _downhill(columns: Surface, side: str) -> np.ndarray:
+    """Columns in the band of heights, walking down one side of the highest one."""
+    h = columns.top - columns.base
+    crest = int(np.nanargmax(h))
+    step = 1 if side == "right" else -1
+    walk = np.arange(crest, len(h) if step > 0 else -1, step)
+    with np.errstate(invalid="ignore"):
+        walk = walk[: _run(h[walk] >= SLOPE[0] * h[crest], 0)]
+    return walk[h[walk] <= SLOPE[1] * h[crest]]
+
+
+def _fit_slope(columns: Surface, band: np.ndarray, side: str) -> Repose:
+    if len(band) < 3:
+        raise ValueError(
+            f"side = {side!r}: {len(band)} columns lie between {SLOPE[0]:.0%} and {SLOPE[1]:.0%} "
+            "of the height, a slope needs at least 3"
+        )
+    x, y = columns.top_x[band], columns.top[band]
+    sign = -1.0 if side == "right" else 1.0
+    size = min(WINDOW, len(band))
+    pieces = [slice(i, i + size) for i in range(len(band) - size + 1)]
+    angle = [np.degrees(np.arctan(sign * np.polyfit(x[p], y[p], 1)[0])) for p in pieces]
+    mean = np.degrees(np.arctan(sign * np.polyfit(x, y, 1)[0]))
+    return Repose(float(mean), float(max(angle)), len(band))

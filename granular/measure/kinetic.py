@@ -1,0 +1,239 @@
+"""What the stress-free gas and the constant density leave out, estimated after the run.
+
+Dunatunga & Kamrin 2015, appendix A; the closed forms are those of `granular.theory.kinetic`.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from granular.checks import in_range, positive
+from granular.measure.fields import nodal
+from granular.measure.lattice import (
+    Array,
+    Indices,
+    cell_mass,
+    filled_neighbours,
+    node_shape,
+    require_points,
+    values,
+)
+from granular.measure.profiles import grain_diameter, inertial_number
+
+
+def packing_fraction(state: Any, *, restitution: float, d: float | None = None) -> Array:
+    """The packing fraction that steady shear would have, Phi(I) (A9).
+
+    Parameters
+    ----------
+    state : State
+    restitution : float
+        Effective coefficient of restitution, in [0, 1].
+    d : float, optional
+        Grain diameter [m]; by default the material's.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Where a point is free of stress, I means nothing: there its own ``rho/rho_s``.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, the grain diameter is unknown, or the restitution is out of range.
+    """
+    from granular.theory.kinetic import packing_fraction_of_inertial_number
+
+    number = inertial_number(state, d=d)
+    pressed = np.isfinite(number)
+    phi = np.asarray(state.rho, dtype=float) / state.scene.material.rho_s
+    steady = packing_fraction_of_inertial_number(np.where(pressed, number, 0.0), restitution)
+    return np.where(pressed, steady, phi)
+
+
+@dataclass(frozen=True)
+class StressFreeError:
+    """Pressures left out by taking grains below rho_c as free of stress, over a reference.
+
+    Attributes
+    ----------
+    shear : float
+        Of steady shear (A10), the margin below jamming.
+    volumetric : float
+        Bound under steady compression (A22, A23), there too.
+    coupled_shear : float
+        Of steady shear at rho_c itself, where the stiffness of the grains keeps it finite
+        (A11, A12).
+    rate : float
+        The strain rate assumed [1/s].
+    reference : float
+        The reference pressure [Pa].
+    """
+
+    shear: float
+    volumetric: float
+    coupled_shear: float
+    rate: float
+    reference: float
+
+
+def stress_free_error(
+    state: Any,
+    *,
+    restitution: float,
+    d: float | None = None,
+    rate: float | None = None,
+    reference: float | None = None,
+    margin: float = 0.01,
+) -> StressFreeError:
+    """How large the neglected pressure of the loose grains may be; small against 1 is good.
+
+    The gas pressures diverge at the packing fraction .6, which is taken to be that of rho_c
+    (the flowing volume is shifted by ``.6 - rho_c/rho_s``): they are evaluated a margin below.
+
+    Parameters
+    ----------
+    state : State
+    restitution : float
+        Effective coefficient of restitution, in [0, 1); elastic grains have no bound.
+    d : float, optional
+        Grain diameter [m]; by default the material's.
+    rate : float, optional
+        Strain rate [1/s]; by default the conservative ``u_c/d``, u_c the largest speed.
+    reference : float, optional
+        Characteristic pressure [Pa]; by default the volume-weighted mean of the dense points.
+    margin : float
+        In packing fraction, the range of density that counts as constant.
+
+    Returns
+    -------
+    StressFreeError
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, the grain diameter is unknown, no point is dense and no reference
+        is given, or a number is out of range.
+    """
+    from granular.theory.kinetic import JAMMED, compression_pressure, coupled_shear, shear_pressure
+
+    require_points(state)
+    in_range("margin", margin, 0.0, JAMMED, open_low=True, open_high=True)
+    material = state.scene.material
+    size = grain_diameter(state, d)
+    if rate is None:
+        rate = float(np.linalg.norm(state.v, axis=1).max()) / size
+    scale = _mean_pressure(state) if reference is None else positive("reference", reference)
+    grains = {"diameter": size, "restitution": restitution, "material": material}
+    critical = material.rho_c / material.rho_s
+    coupled = coupled_shear(critical, rate, offset=JAMMED - critical, **grains)
+    return StressFreeError(
+        shear=float(shear_pressure(JAMMED - margin, rate, **grains)) / scale,
+        volumetric=float(compression_pressure(JAMMED - margin, rate, **grains)) / scale,
+        coupled_shear=coupled.p / scale,
+        rate=rate,
+        reference=scale,
+    )
+
+
+def _mean_pressure(state: Any) -> float:
+    p, volume = np.asarray(state.p, dtype=float), np.asarray(state.volume, dtype=float)
+    dense = p > 0
+    if not dense.any():
+        raise ValueError("reference = None: no point is dense, give a pressure in Pa")
+    return float(np.average(p[dense], weights=volume[dense]))
+
+
+@dataclass(frozen=True)
+class MassBalance:
+    """Residual of steady mass conservation on the grid's cells.
+
+    Attributes
+    ----------
+    cells : ndarray of int, shape (k, dim)
+        Cells whose nodes are surrounded by filled cells.
+    residual : ndarray, shape (k,)
+        ``v . grad rho + rho div v`` [kg/(m3 s)] at their centres.
+    relative : float
+        Its root mean square over that of ``rho |grad v|``; 0 where nothing is sheared.
+    """
+
+    cells: Indices
+    residual: Array
+    relative: float
+
+
+def mass_balance_error(
+    state: Any,
+    *,
+    restitution: float | None = None,
+    d: float | None = None,
+    density: Any = None,
+) -> MassBalance:
+    """How closely the density rebuilt from Phi(I) conserves mass in the computed flow (A25).
+
+    Density and velocity are smoothed onto the nodes and differentiated in the cells; cells at
+    walls and free surfaces are left out, where nodal means are one-sided.
+
+    Parameters
+    ----------
+    state : State
+        A steady one: (A25) has no rate of change.
+    restitution : float, optional
+        Effective coefficient of restitution in [0, 1], for `packing_fraction`.
+    d : float, optional
+        Grain diameter [m]; by default the material's.
+    density : str or array_like, shape (n,), optional
+        Another density [kg/m3] to be examined, in place of ``rho_s Phi(I)``.
+
+    Returns
+    -------
+    MassBalance
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, neither restitution nor density is given, or no cell is surrounded
+        by filled cells.
+    """
+    if density is None:
+        if restitution is None:
+            raise ValueError("restitution = None: give it, or a density to be examined")
+        phi = packing_fraction(state, restitution=restitution, d=d)
+        density = state.scene.material.rho_s * phi
+    rho = nodal(state, values(state, density))
+    velocity = nodal(state, "v")
+    cells, corners = _surrounded(state)
+    dim = cells.shape[1]
+    # gradients of the multilinear functions at the middle of a cell
+    slope = (
+        np.array(list(product((-1.0, 1.0), repeat=dim))) * 2 ** (1 - dim) / state.scene.grid.cell
+    )
+    rho_mid, v_mid = rho[corners].mean(axis=0), velocity[corners].mean(axis=0)
+    grad_rho = np.einsum("cj,ck->kj", slope, rho[corners])
+    grad_v = np.einsum("cj,cki->kij", slope, velocity[corners])
+    residual = np.sum(v_mid * grad_rho, axis=1) + rho_mid * np.trace(grad_v, axis1=1, axis2=2)
+    scale = np.sqrt(np.mean(rho_mid**2 * np.sum(grad_v**2, axis=(1, 2))))
+    rms = np.sqrt(np.mean(residual**2))
+    return MassBalance(cells, residual, float(rms / scale) if scale > 0 else 0.0)
+
+
+def _surrounded(state: Any) -> tuple[Indices, Indices]:
+    """Cells whose nodes see nothing but filled cells, and their nodes, shape (2**dim, k)."""
+    grid = state.scene.grid
+    filled = cell_mass(state) > 0
+    nodes = node_shape(grid)
+    full = (filled_neighbours(filled, grid) == 2**filled.ndim).ravel()
+    cells = np.argwhere(filled)
+    corners = np.array(
+        [
+            np.ravel_multi_index(tuple(((cells + corner) % nodes).T), nodes)
+            for corner in product((0, 1), repeat=filled.ndim)
+        ]
+    )
+    keep = full[corners].all(axis=0)
+    if not keep.any():
+        raise ValueError("no cell is surrounded by filled cells, a balance needs at least 1")
+    return cells[keep], corners[:, keep]

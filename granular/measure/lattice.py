@@ -1,0 +1,173 @@
+"""Where the points lie on the scene's grid: their cells, their nodes, their weights.
+
+Plain NumPy and multilinear shape functions, whatever basis the run itself used: what is measured
+must not depend on the scheme.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+_EDGE = 1e-6
+"""Cells by which a point may lie beyond the grid: rounding on a wall, and no more."""
+
+
+def require_points(state: Any) -> None:
+    """Refuse a state without points.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty.
+    """
+    if len(state.mass) == 0:
+        raise ValueError(f"state at time = {state.time} has 0 points, at least 1 is needed")
+
+
+def values(state: Any, field: Any) -> Array:
+    """A point field as floats, by name or as an array.
+
+    Parameters
+    ----------
+    state : State
+    field : str or array_like, shape (n,) or (n, k)
+        The name of an attribute of the state, or one value (or row) a point.
+
+    Returns
+    -------
+    ndarray, shape (n,) or (n, k)
+
+    Raises
+    ------
+    ValueError
+        If there is no such field, or not one value a point.
+    """
+    require_points(state)
+    if isinstance(field, str):
+        if not hasattr(state, field):
+            raise ValueError(f"field = {field!r} is not a field of the state")
+        field = getattr(state, field)
+    array = np.asarray(field, dtype=float)
+    if array.ndim not in (1, 2) or len(array) != len(state.mass):
+        raise ValueError(
+            f"field has shape {array.shape}, it must hold one value or row "
+            f"for each of the {len(state.mass)} points"
+        )
+    return array
+
+
+def _positions(state: Any) -> Array:
+    """Positions in cells from the lower corner, shape (n, dim), folded into periodic axes."""
+    require_points(state)
+    grid = state.scene.grid
+    cells = (np.asarray(state.x, dtype=float) - np.asarray(grid.lower)) / grid.cell
+    for axis, (count, periodic) in enumerate(zip(grid.shape, grid.periodic, strict=True)):
+        along = cells[:, axis]
+        if periodic:
+            cells[:, axis] = along % count
+        elif not (along.min() >= -_EDGE and along.max() <= count + _EDGE):
+            raise ValueError(
+                f"state.x lies outside the grid along axis {axis}: cells {along.min():.6g} "
+                f"to {along.max():.6g}, allowed 0 to {count}"
+            )
+    return cells
+
+
+def cells_of(state: Any) -> Indices:
+    """The cell of every point, shape (n, dim); a point on the upper edge is in the last cell.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or a point lies outside the grid.
+    """
+    last = np.asarray(state.scene.grid.shape) - 1
+    return np.clip(np.floor(_positions(state)).astype(np.int64), 0, last)
+
+
+def cell_mass(state: Any) -> Array:
+    """Mass [kg] in every cell, an array of the grid's shape."""
+    shape = tuple(state.scene.grid.shape)
+    flat = np.ravel_multi_index(tuple(cells_of(state).T), shape)
+    return np.bincount(flat, weights=state.mass, minlength=int(np.prod(shape))).reshape(shape)
+
+
+def node_shape(grid: Any) -> tuple[int, ...]:
+    """Nodes along each axis; along a periodic one the last node is the first."""
+    pairs = zip(grid.shape, grid.periodic, strict=True)
+    return tuple(count + (0 if periodic else 1) for count, periodic in pairs)
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Multilinear weights of all points on the nodes of their cells.
+
+    Attributes
+    ----------
+    nodes : ndarray of int, shape (2**dim, n)
+        Flat node indices.
+    weights : ndarray, shape (2**dim, n)
+        Shape functions S_ip; each column sums to one.
+    shape : tuple of int
+        Nodes along each axis.
+    """
+
+    nodes: Indices
+    weights: Array
+    shape: tuple[int, ...]
+
+    def scatter(self, field: Array) -> Array:
+        """``sum_p S_ip f_p`` on all nodes, flat: shape (nodes,) or (nodes, k)."""
+        size = int(np.prod(self.shape))
+        if field.ndim == 2:
+            return np.stack([self.scatter(column) for column in field.T], axis=1)
+        total = np.zeros(size)
+        for nodes, weights in zip(self.nodes, self.weights, strict=True):
+            total += np.bincount(nodes, weights=weights * field, minlength=size)
+        return total
+
+    def gather(self, nodal: Array) -> Array:
+        """``sum_i S_ip f_i`` at all points, from flat nodal values."""
+        weights = self.weights[..., None] if nodal.ndim == 2 else self.weights
+        return (weights * nodal[self.nodes]).sum(axis=0)
+
+
+def stencil(state: Any) -> Stencil:
+    """The multilinear shape functions of the points on the scene's grid.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or a point lies outside the grid.
+    """
+    cell = cells_of(state)
+    inside = np.clip(_positions(state) - cell, 0.0, 1.0)
+    shape = node_shape(state.scene.grid)
+    nodes, weights = [], []
+    for corner in product((0, 1), repeat=cell.shape[1]):
+        nodes.append(np.ravel_multi_index(tuple((cell + corner).T % _column(shape)), shape))
+        weights.append(np.where(corner, inside, 1.0 - inside).prod(axis=1))
+    return Stencil(np.array(nodes), np.array(weights), shape)
+
+
+def _column(shape: tuple[int, ...]) -> Indices:
+    return np.asarray(shape, dtype=np.int64)[:, None]
+
+
+def filled_neighbours(filled: NDArray[np.bool_], grid: Any) -> Indices:
+    """How many of the cells around each node are filled, an array of the nodes' shape."""
+    count = np.zeros(node_shape(grid), dtype=np.int64)
+    where = np.nonzero(filled)
+    for corner in product((0, 1), repeat=filled.ndim):
+        index = tuple(
+            (along + step) % size
+            for along, step, size in zip(where, corner, count.shape, strict=True)
+        )
+        np.add.at(count, index, 1)
+    return count

@@ -1,0 +1,251 @@
+"""Profiles over the height, depth averages, and the numbers of the mu(I) law at the points.
+
+Heights are along the last axis, so that a scene with tilted gravity is measured across its layer.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular.checks import integer, one_of, positive
+from granular.measure.lattice import Array, require_points, values
+from granular.measure.stress import friction_of
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A quantity by height; nan in rows without points.
+
+    Attributes
+    ----------
+    y : ndarray, shape (k,)
+        Middles of the rows [m].
+    value : ndarray, shape (k,) or (k, components)
+    centroid : ndarray, shape (k,)
+        Mean elevation of the row's points, weighted as the value [m].
+    weight : ndarray, shape (k,)
+        Mass [kg] or volume [m3] in the row.
+    """
+
+    y: Array
+    value: Array
+    centroid: Array
+    weight: Array
+
+
+def profile(
+    state: Any, field: Any, *, bins: int | ArrayLike | None = None, weight: str = "mass"
+) -> Profile:
+    """Weighted mean of a point field in rows of equal height.
+
+    Parameters
+    ----------
+    state : State
+    field : str or array_like, shape (n,) or (n, k)
+        Name of a field of the state, or one value or row a point.
+    bins : int or array_like, optional
+        The number of equal rows from the floor of the grid to the highest point, or the edges
+        [m]; by default the rows of grid cells up to the highest point.
+    weight : {"mass", "volume"}
+
+    Returns
+    -------
+    Profile
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, the field is not one value a point, the edges do not increase, or
+        no point lies between them.
+    """
+    one_of("weight", weight, ("mass", "volume"))
+    field = values(state, field)
+    up = np.asarray(state.x, dtype=float)[:, -1]
+    w = np.asarray(getattr(state, weight), dtype=float)
+    edges = _edges(state, up, bins)
+    inside = (up >= edges[0]) & (up <= edges[-1])
+    if not inside.any():
+        raise ValueError(f"bins from {edges[0]} to {edges[-1]} hold no point")
+    rows = len(edges) - 1
+    row = np.clip(np.searchsorted(edges, up[inside], side="right") - 1, 0, rows - 1)
+    w = w[inside]
+    total = np.bincount(row, weights=w, minlength=rows)
+
+    def mean(column: Array) -> Array:
+        moment = np.bincount(row, weights=w * column[inside], minlength=rows)
+        return np.divide(moment, total, out=np.full(rows, np.nan), where=total > 0)
+
+    value = mean(field) if field.ndim == 1 else np.stack([mean(c) for c in field.T], axis=1)
+    return Profile((edges[:-1] + edges[1:]) / 2, value, mean(up), total)
+
+
+def _edges(state: Any, up: Array, bins: int | ArrayLike | None) -> Array:
+    grid = state.scene.grid
+    floor, highest = float(grid.lower[-1]), float(up.max())
+    if bins is None:
+        rows = min(int(np.floor((highest - floor) / grid.cell)) + 1, grid.shape[-1])
+        return floor + grid.cell * np.arange(rows + 1)
+    if np.ndim(bins) == 0:
+        return np.linspace(floor, highest, integer("bins", bins, 1) + 1)
+    edges = np.asarray(bins, dtype=float)
+    if edges.ndim != 1 or len(edges) < 2 or not np.all(np.diff(edges) > 0):
+        raise ValueError(f"bins = {bins!r} must be increasing edges, at least 2 of them")
+    return edges
+
+
+def velocity_profile(
+    state: Any, bins: int | ArrayLike | None = None, *, component: int = 0
+) -> Profile:
+    """Mass-weighted mean of a velocity component [m/s] in rows of equal height.
+
+    For an incline ``v_x(y)`` is to be compared with `granular.theory.bagnold_profile` at the
+    rows' middles (Dunatunga & Kamrin 2015, eq. 4.6 and figure 10).
+
+    Parameters
+    ----------
+    state : State
+    bins
+        As in `profile`.
+    component : int
+        Of the velocity; 0 is x.
+
+    Returns
+    -------
+    Profile
+
+    Raises
+    ------
+    ValueError
+        As `profile`; also for a component the state does not have.
+    """
+    velocity = values(state, "v")
+    integer("component", component, 0, velocity.shape[1] - 1)
+    return profile(state, velocity[:, component], bins=bins)
+
+
+def friction_profile(state: Any, bins: int | ArrayLike | None = None) -> Profile:
+    """Friction coefficient ``tau/p`` of the row's volume-averaged stress.
+
+    The stress is averaged first: noise adds to a mean of tau, but not to a mean of components.
+    In steady flow down an incline it is the tangent of the slope at every height (Dunatunga &
+    Kamrin 2015, figure 9).
+
+    Parameters
+    ----------
+    state : State
+    bins
+        As in `profile`.
+
+    Returns
+    -------
+    Profile
+        nan in rows whose mean pressure is not positive.
+
+    Raises
+    ------
+    ValueError
+        As `profile`.
+    """
+    mean = profile(state, "stress", bins=bins, weight="volume")
+    return Profile(mean.y, friction_of(mean.value), mean.centroid, mean.weight)
+
+
+def depth_average(state: Any, field: Any) -> float | Array:
+    """Mass-weighted mean of a point field over the whole layer.
+
+    Parameters
+    ----------
+    state : State
+    field : str or array_like, shape (n,) or (n, k)
+
+    Returns
+    -------
+    float or ndarray, shape (k,)
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or the field is not one value a point.
+    """
+    field = values(state, field)
+    mean = np.average(field, axis=0, weights=state.mass)
+    return float(mean) if field.ndim == 1 else mean
+
+
+def grain_diameter(state: Any, d: float | None = None) -> float:
+    """The grain diameter [m]: `d`, or else the material's.
+
+    Raises
+    ------
+    ValueError
+        If neither is known.
+    """
+    given = getattr(state.scene.material, "d", None) if d is None else d
+    if given is None:
+        raise ValueError(
+            "d = None: the material is given by xi alone and knows no grain diameter; "
+            "give it I0 and d in place of xi, or pass d in metres"
+        )
+    return positive("d", given)
+
+
+def inertial_number(state: Any, *, d: float | None = None) -> Array:
+    """The inertial number ``I = shear_rate d sqrt(rho_s/p)`` of every point.
+
+    Dunatunga & Kamrin 2015, eq. 2.11, with the equivalent plastic shear rate.
+
+    Parameters
+    ----------
+    state : State
+    d : float, optional
+        Grain diameter [m]; by default the material's.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        nan where the point is free of stress.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or the grain diameter is unknown; the material's xi alone gives
+        `scaled_inertial_number` only.
+    """
+    require_points(state)
+    factor = grain_diameter(state, d) * np.sqrt(state.scene.material.rho_s)
+    return factor * _rate_over_root_pressure(state)
+
+
+def scaled_inertial_number(state: Any) -> Array:
+    """``I/I0 = shear_rate/(xi sqrt(p))`` of every point; needs no grain diameter.
+
+    Dunatunga & Kamrin 2015, eqs. 2.11-2.13.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        nan where the point is free of stress.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or the material has no xi: its law knows no rate.
+    """
+    require_points(state)
+    material = state.scene.material
+    xi = getattr(material, "xi", None)
+    if xi is None:
+        raise ValueError(f"material {type(material).__name__} has no xi: I/I0 needs a mu(I) law")
+    return _rate_over_root_pressure(state) / xi
+
+
+def _rate_over_root_pressure(state: Any) -> Array:
+    rate, p = np.asarray(state.shear_rate, dtype=float), np.asarray(state.p, dtype=float)
+    root = np.sqrt(np.maximum(p, 0.0))
+    return np.divide(rate, root, out=np.full_like(p, np.nan), where=root > 0)

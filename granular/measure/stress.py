@@ -1,0 +1,47 @@
+"""Invariants of stress arrays whose rows are xx, yy, zz, xy (plane) or xx, yy, zz, xy, yz, xz."""
+
+from typing import Any
+
+import numpy as np
+
+from granular.measure.lattice import Array, values
+
+
+def pressure(stress: Array) -> Array:
+    """``-tr(stress)/3`` [Pa], compression positive, shape (n,)."""
+    return -stress[:, :3].sum(axis=1) / 3
+
+
+def deviator_squared(stress: Array) -> Array:
+    """``s : s`` [Pa2] of the deviator, shape (n,); shear components count twice."""
+    normal = stress[:, :3] + pressure(stress)[:, None]
+    return (normal**2).sum(axis=1) + 2 * (stress[:, 3:] ** 2).sum(axis=1)
+
+
+def friction_of(stress: Array) -> Array:
+    """``sqrt(s : s/2)/p``, shape (n,); nan where p <= 0."""
+    p = pressure(stress)
+    tau = np.sqrt(deviator_squared(stress) / 2)
+    return np.divide(tau, p, out=np.full_like(p, np.nan), where=p > 0)
+
+
+def friction(state: Any) -> Array:
+    """The friction coefficient mu = tau/p of every point.
+
+    ``tau = sqrt(s : s/2)`` with the deviator s (Dunatunga & Kamrin 2015, eq. 2.10).
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        nan where the point is free of stress.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty.
+    """
+    return friction_of(values(state, "stress"))

@@ -1,0 +1,192 @@
+"""What a record looks like on disk: names, versions, limits, digests, and the error they raise.
+
+The finished file::
+
+    /VTKHDF                 PolyData with Steps, as ParaView reads it; frames are stored here once
+        Points              (rows, 3)  x, with z = 0 in the plane; attribute ``columns`` = dim
+        PointData/<field>   (rows,) or (rows, k)
+        Vertices, Lines, Polygons, Strips, Steps
+    /granular               attributes ``format``, ``record``, ``seal``
+        scene, provenance   JSON
+        step, dt, mass      one value a frame
+        digest              (frames, 32) of each frame's content
+        checkpoint          the newest restart state (optional)
+
+Every frame begins on a chunk boundary, so that merging copies compressed chunks as they are;
+the rows between the end of a frame and the next boundary belong to nobody.
+"""
+
+import hashlib
+import math
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+FORMAT = 1
+"""Format version this code writes; files up to it are read, newer ones refused."""
+
+LIBVER = ("v110", "v110")
+"""HDF5 1.10 objects: all metadata carry checksums, and ParaView's own HDF5 reads them."""
+
+DIGEST_SIZE = 32
+MAX_CHUNK_ROWS = 32768
+MAX_CHUNK_BYTES = 1 << 26
+# deflate cannot shrink by more than 1032; whatever claims to is not data but an attack on memory
+MAX_DEFLATE = 1100
+DTYPES = ("<f8", "<i8")
+TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
+
+
+class RecordError(ValueError):
+    """A record is damaged, foreign, or newer than this version; names the file and the fault."""
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn whatever HDF5 says about a malformed file into a `RecordError` naming the file."""
+    try:
+        yield
+    except (RecordError, FileNotFoundError, PermissionError, IsADirectoryError):
+        raise
+    except KeyError as error:
+        raise RecordError(f"{path}: not a granular record, or damaged: {error.args[0]}") from error
+    except (
+        OSError,
+        ValueError,
+        TypeError,
+        RuntimeError,
+        IndexError,
+        AttributeError,
+        OverflowError,
+        struct.error,
+    ) as error:
+        raise RecordError(f"{path}: damaged record: {error}") from error
+
+
+def check_format(path: Path, version: int) -> int:
+    """Refuse format versions this code does not know."""
+    if version > FORMAT:
+        raise RecordError(
+            f"{path}: format version {version} is newer than {FORMAT}, the newest this version"
+            " of granular reads; update granular"
+        )
+    if version < 1:
+        raise RecordError(f"{path}: format version {version} must be at least 1")
+    return version
+
+
+def update(digest: "hashlib.blake2b", array: np.ndarray) -> None:
+    """Feed dtype, shape and bytes of an array to a digest."""
+    array = np.ascontiguousarray(array)
+    digest.update(f"{array.dtype.str}{array.shape}".encode())
+    digest.update(array.reshape(-1).view(np.uint8))
+
+
+def frame_digest(
+    time: float, step: int, dt: float, mass: float, fields: Mapping[str, np.ndarray]
+) -> bytes:
+    """Digest of one frame: its scalars, and name, dtype, shape and bytes of every field."""
+    digest = hashlib.blake2b(digest_size=DIGEST_SIZE)
+    digest.update(struct.pack("<dqdd", time, step, dt, mass))
+    for name in sorted(fields):
+        digest.update(name.encode())
+        update(digest, fields[name])
+    return digest.digest()
+
+
+def seal(*parts: str | bytes | np.ndarray) -> bytes:
+    """Digest of a sequence of texts, byte strings and arrays (lengths included)."""
+    digest = hashlib.blake2b(digest_size=DIGEST_SIZE)
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            update(digest, part)
+        else:
+            raw = part.encode() if isinstance(part, str) else part
+            digest.update(struct.pack("<q", len(raw)))
+            digest.update(raw)
+    return digest.digest()
+
+
+def chunk_rows(n: int) -> int:
+    """Rows of a chunk if the first frame has ``n`` points: one chunk a frame while small."""
+    return min(max(n, 1), MAX_CHUNK_ROWS)
+
+
+def rows_of(n: int, chunk: int) -> int:
+    """Rows a frame of ``n`` points takes: whole chunks."""
+    return math.ceil(n / chunk) * chunk
+
+
+def write_text(group: h5py.Group, name: str, text: str) -> None:
+    """Store ASCII text as a fixed-length string, which needs no (unchecked) heap."""
+    raw = text.encode("ascii")
+    group.create_dataset(name, data=np.bytes_(raw), dtype=h5py.string_dtype("ascii", len(raw)))
+
+
+def hard(group: h5py.Group, name: str, kind: type) -> h5py.Group | h5py.Dataset:
+    """Member of a group that is really in this file: soft and external links are refused."""
+    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+        raise KeyError(f"{group.name}/{name} is missing or a link")
+    member = group.get(name)
+    if not isinstance(member, kind):
+        raise KeyError(f"{group.name}/{name} is not a {kind.__name__}")
+    return member
+
+
+def checked(group: h5py.Group, name: str, dtypes: tuple[str, ...], *ndims: int) -> h5py.Dataset:
+    """Dataset of expected type and rank, stored inside the file and no larger than it can be.
+
+    Raises
+    ------
+    KeyError, ValueError
+        Missing, a link, external or virtual storage, unknown filter, type, rank or size.
+    """
+    data = hard(group, name, h5py.Dataset)
+    plist = data.id.get_create_plist()
+    if plist.get_external_count() or plist.get_layout() == h5py.h5d.VIRTUAL:
+        raise ValueError(f"{data.name} refers to data outside of the file")
+    if data.dtype.str not in dtypes:
+        raise ValueError(f"{data.name} has type {data.dtype.str}, not one of {dtypes}")
+    if len(data.shape) not in ndims:
+        raise ValueError(f"{data.name} has shape {data.shape}, expected rank in {ndims}")
+    filters = {plist.get_filter(i)[0] for i in range(plist.get_nfilters())}
+    if not filters <= {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE}:
+        raise ValueError(f"{data.name} uses unknown filters {sorted(filters)}")
+    if data.chunks and math.prod(data.chunks) * data.dtype.itemsize > MAX_CHUNK_BYTES:
+        raise ValueError(f"{data.name} has chunks of {data.chunks}, larger than allowed")
+    size = math.prod(data.shape) * data.dtype.itemsize
+    factor = MAX_DEFLATE if filters else 1
+    if size > factor * data.id.get_storage_size() + MAX_CHUNK_BYTES * bool(filters):
+        raise ValueError(f"{data.name} has shape {data.shape}, more than the file can hold")
+    return data
+
+
+def read_text(group: h5py.Group, name: str) -> str:
+    """Text stored by `write_text`."""
+    data = hard(group, name, h5py.Dataset)
+    if data.dtype.kind != "S" or data.shape != ():
+        raise ValueError(f"{data.name} is not a text")
+    checked(group, name, (data.dtype.str,), 0)
+    return bytes(data[()]).decode("ascii")
+
+
+def attribute(group: h5py.Group | h5py.Dataset, name: str, kind: str) -> float | int | bytes:
+    """Scalar attribute (``"f"`` or ``"i"``), or bytes (``"u"``), checked before it is read."""
+    if name not in group.attrs:
+        raise KeyError(f"{group.name} has no attribute {name}")
+    stored = group.attrs.get_id(name)
+    if stored.dtype.kind != kind or len(stored.shape) > 1 or math.prod(stored.shape) > 64:
+        raise ValueError(f"attribute {name} of {group.name} has an unexpected type")
+    value = group.attrs[name]
+    if kind == "u":
+        return np.asarray(value, dtype=np.uint8).tobytes()
+    return float(value) if kind == "f" else int(value)
+
+
+def as_attribute(raw: bytes) -> np.ndarray:
+    """Bytes in the form in which `attribute` reads them."""
+    return np.frombuffer(raw, dtype=np.uint8)

@@ -1,0 +1,195 @@
+"""All frames of a record into one file, chunk by chunk, without unpacking them."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from granular.record import chunks
+from granular.record.checkpoint import Checkpoint, write_checkpoint
+from granular.record.index import Columns, Contents, Frame, Table, load, parts_folder
+from granular.record.layout import (
+    DIGEST_SIZE,
+    FORMAT,
+    LIBVER,
+    TOPOLOGIES,
+    RecordError,
+    as_attribute,
+    rows_of,
+    write_text,
+)
+from granular.record.storage import Sink, fsync_folder, replacing
+
+VTKHDF_VERSION = (2, 0)
+
+
+def _spec(stored: Columns) -> dict[str, tuple[str, tuple[int, ...], tuple[int, ...], int]]:
+    return {
+        name: (data.dtype.str, data.shape[1:], data.chunks, columns)
+        for name, (data, columns) in stored.items()
+    }
+
+
+def _create_fields(vtk: h5py.Group, source: Columns, rows: int) -> dict[str, h5py.Dataset]:
+    """Datasets like those of a frame, with room for all frames."""
+    inside = vtk.create_group("PointData")
+    targets = {}
+    for name, (like, columns) in source.items():
+        group, own = (vtk, "Points") if name == "x" else (inside, name)
+        shape = (rows, *like.shape[1:])
+        targets[name] = chunks.create(group, own, shape, like.dtype.str, like.chunks[0])
+        targets[name].attrs["columns"] = columns
+    return targets
+
+
+def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
+    """One vertex cell a point; all frames share one table 0, 1, 2, ... of the longest frame."""
+    most = int(counts.max(initial=0))
+    for name in TOPOLOGIES:
+        group = vtk.create_group(name)
+        here = counts if name == "Vertices" else np.zeros_like(counts)
+        group["NumberOfCells"] = group["NumberOfConnectivityIds"] = here
+        size = most if name == "Vertices" else 0
+        for own, length in (("Connectivity", size), ("Offsets", size + 1)):
+            group.create_dataset(own, data=np.arange(length, dtype="<i8"))
+
+
+def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
+    steps = vtk.create_group("Steps")
+    count = len(table.time)
+    steps.attrs["NSteps"] = count
+    steps["Values"] = table.time
+    steps["PartOffsets"] = np.arange(count, dtype="<i8")
+    steps["NumberOfParts"] = np.ones(count, dtype="<i8")
+    steps["PointOffsets"] = table.row
+    steps["CellOffsets"] = np.zeros((count, len(TOPOLOGIES)), dtype="<i8")
+    steps["ConnectivityIdOffsets"] = np.zeros((count, len(TOPOLOGIES)), dtype="<i8")
+    offsets = steps.create_group("PointDataOffsets")
+    for name in fields:
+        if name != "x":
+            offsets[name] = steps["PointOffsets"]  # a second name of the same data
+
+
+def _write_own(
+    file: h5py.File, contents: Contents, table: Table, checkpoint: Checkpoint | None
+) -> None:
+    own = file.create_group("granular")
+    own.attrs["format"] = FORMAT
+    write_text(own, "record", contents.record)
+    write_text(own, "scene", contents.scene)
+    write_text(own, "provenance", contents.provenance)
+    own["step"], own["dt"], own["mass"] = table.step, table.dt, table.mass
+    own["digest"] = table.digest
+    if checkpoint:
+        write_checkpoint(own.create_group("checkpoint"), checkpoint)
+    digest = checkpoint.digest if checkpoint else b""
+    texts = (contents.scene, contents.provenance)
+    own.attrs["seal"] = as_attribute(table.seal(FORMAT, contents.record, texts, digest))
+
+
+def _table(frames: Sequence[Frame], chunk: int) -> Table:
+    def column(name: str, dtype: str) -> np.ndarray:
+        return np.array([getattr(frame, name) for frame in frames], dtype=dtype)
+
+    rows = [rows_of(frame.n, chunk) for frame in frames]
+    digests = b"".join(frame.digest for frame in frames)
+    return Table(
+        time=column("time", "<f8"),
+        n=column("n", "<i8"),
+        row=np.cumsum([0, *rows], dtype="<i8")[:-1],
+        step=column("step", "<i8"),
+        dt=column("dt", "<f8"),
+        mass=column("mass", "<f8"),
+        digest=np.frombuffer(digests, dtype=np.uint8).reshape(-1, DIGEST_SIZE),
+    )
+
+
+def _write_frames(vtk: h5py.Group, frames: Sequence[Frame]) -> tuple[Table, list[str]]:
+    """Fields of all frames, opening one frame at a time."""
+    if not frames:
+        vtk.create_dataset("Points", shape=(0, 3), maxshape=(None, 3), dtype="<f8")
+        vtk.create_group("PointData")
+        return _table(frames, 1), []
+    with frames[0].source.fields() as first:
+        spec = _spec(first)
+        chunk = first["x"][0].chunks[0]
+        table = _table(frames, chunk)
+        targets = _create_fields(vtk, first, sum(rows_of(frame.n, chunk) for frame in frames))
+    for frame, row in zip(frames, table.row, strict=True):
+        with frame.source.fields() as source:
+            if _spec(source) != spec:
+                raise RecordError(f"{frame.source.path}: fields differ from those of frame 0")
+            for name, (data, _) in source.items():
+                chunks.copy(data, frame.row, targets[name], int(row), frame.n)
+    return table, list(spec)
+
+
+def write_record(file: h5py.File, contents: Contents) -> None:
+    """Fill an empty HDF5 file with a whole record."""
+    vtk = file.create_group("VTKHDF")
+    vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
+    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
+    table, fields = _write_frames(vtk, contents.frames)
+    vtk["NumberOfPoints"] = table.n
+    _write_vertices(vtk, table.n)
+    _write_steps(vtk, table, fields)
+    checkpoint = contents.checkpoint() if contents.has_checkpoint else None
+    _write_own(file, contents, table, checkpoint)
+
+
+def clear_parts(folder: Path) -> None:
+    """Remove an unfinished record that is to be replaced, all but its head, the last frame first.
+
+    Were this killed, a shorter record would remain.
+    """
+    for part in sorted(folder.glob("frame-*.h5"), reverse=True):
+        part.unlink()
+    for other in folder.iterdir():
+        if other.name not in ("head.h5", "head.tmp"):
+            other.unlink()
+
+
+def remove_parts(folder: Path) -> None:
+    """Remove a merged folder of parts, so that a kill leaves it meaningful.
+
+    Frames go in ascending order (what remains still continues the file), the head last.
+    """
+    for part in sorted(folder.glob("frame-*.h5")):
+        part.unlink()
+    for other in sorted(folder.iterdir(), key=lambda path: path.name == "head.h5"):
+        other.unlink()
+    folder.rmdir()
+    fsync_folder(folder.parent)
+
+
+def merge(path: Path) -> None:
+    """Bring a record with parts into its one file; without parts, or with empty ones, tidy up.
+
+    Raises
+    ------
+    OSError
+        The file could not be written; it is then as before, and so are the parts.
+    RecordError
+        Something stored is damaged.
+    """
+    contents = load(path)
+    folder = parts_folder(path)
+    try:
+        if contents.folder and (contents.frames or contents.has_checkpoint):
+            temporary = folder / "merged.tmp"
+            with replacing(path, temporary) as fd:
+                sink = Sink(fd)
+                try:
+                    with h5py.File(sink, "w", libver=LIBVER) as file:
+                        write_record(file, contents)
+                except Exception:
+                    sink.check()  # the first error is the cause
+                    raise
+                sink.check()
+    finally:
+        contents.close()
+    if folder.is_dir():
+        with suppress(FileNotFoundError):
+            remove_parts(folder)

@@ -1,0 +1,213 @@
+"""Reading records: lazily, verified, finished or not."""
+
+import html
+import json
+import os
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self, overload
+
+import numpy as np
+
+from granular.record.checkpoint import Checkpoint
+from granular.record.index import Contents, Frame, load
+from granular.record.layout import FORMAT, RecordError
+
+if TYPE_CHECKING:
+    from granular.scene import Scene
+    from granular.state import State
+
+SERIES = ("time", "step", "dt", "n", "mass")
+
+
+class Trajectory:
+    """A sequence of states read from a record; each is read and verified when it is asked for.
+
+    Use `open_trajectory` to make one. A slice is a trajectory too, over the same file.
+    """
+
+    def __init__(self, contents: Contents, frames: list[Frame] | None = None) -> None:
+        self._contents = contents
+        self._frames = contents.frames if frames is None else frames
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._contents.path
+
+    @property
+    def finished(self) -> bool:
+        """Whether the record is one closed file (else its writer is alive or was killed)."""
+        return self._contents.folder is None
+
+    @cached_property
+    def scene(self) -> "Scene":
+        """The scene of the run."""
+        from granular.scene import Scene  # a scene needs the whole package, a record does not
+
+        try:
+            return Scene.from_json(self._contents.scene)
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise RecordError(f"{self.path}: the scene cannot be read: {error}") from error
+
+    @cached_property
+    def provenance(self) -> dict[str, Any]:
+        """Versions, build, machine, start (UTC), ``parent`` and ``earlier`` sessions."""
+        return json.loads(self._contents.provenance)
+
+    @cached_property
+    def series(self) -> dict[str, np.ndarray]:
+        """Scalars of every frame: time [s], step, dt [s], n, total mass [kg]; shape (frames,)."""
+        return {name: np.array([getattr(f, name) for f in self._frames]) for name in SERIES}
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times of the frames [s], shape (frames,)."""
+        return self.series["time"]
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    @overload
+    def __getitem__(self, index: int) -> "State": ...
+    @overload
+    def __getitem__(self, index: slice) -> "Trajectory": ...
+    def __getitem__(self, index: int | slice) -> "State | Trajectory":
+        if isinstance(index, slice):
+            return Trajectory(self._contents, self._frames[index])
+        try:
+            frame = self._frames[index]
+        except IndexError:
+            raise IndexError(f"frame {index} must be in [{-len(self)}, {len(self) - 1}]") from None
+        from granular.state import State
+
+        return State(
+            scene=self.scene,
+            time=frame.time,
+            step=frame.step,
+            dt=frame.dt,
+            fields=frame.read(),
+        )
+
+    def __iter__(self) -> "Iterator[State]":
+        for i in range(len(self)):
+            yield self[i]
+
+    def checkpoint(self) -> Checkpoint:
+        """The newest restart state, verified.
+
+        Raises
+        ------
+        RecordError
+            There is none, or it is damaged.
+        """
+        return self._contents.checkpoint()
+
+    def damage(self) -> list[str]:
+        """Read everything; what is damaged, one message each (an empty list: all is well)."""
+        found = []
+        for frame in self._frames:
+            try:
+                frame.read()
+            except RecordError as error:
+                found.append(str(error))
+        try:
+            if self._contents.has_checkpoint:
+                self.checkpoint()
+        except RecordError as error:
+            found.append(str(error))
+        return found
+
+    def close(self) -> None:
+        """Close the file (slices of this trajectory lose it too)."""
+        self._contents.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        span = f", t = {self.times[0]:g} .. {self.times[-1]:g} s" if len(self) else ""
+        state = "" if self.finished else ", unfinished"
+        return f"<Trajectory {self.path.name}: {len(self)} frames{span}{state}>"
+
+    def _repr_html_(self) -> str:
+        n = self.series["n"]
+        rows = {
+            "file": self.path.name + ("" if self.finished else " (unfinished)"),
+            "scene": self.scene.name,
+            "frames": str(len(self)),
+            "time": f"{self.times[0]:g} to {self.times[-1]:g} s" if len(self) else "",
+            "material points": f"{n.min()} to {n.max()}" if len(self) else "",
+            "checkpoint": "yes" if self._contents.has_checkpoint else "no",
+            "granular": str(self.provenance.get("granular")),
+        }
+        cells = "".join(
+            f"<tr><th>{html.escape(k)}</th><td>{html.escape(v)}</td></tr>" for k, v in rows.items()
+        )
+        return f"<table>{cells}</table>"
+
+
+def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
+    """Open a record, finished or not, for reading; nothing is written.
+
+    Raises
+    ------
+    FileNotFoundError
+        No such record.
+    RecordError
+        Not a record, damaged, or newer than this version.
+    """
+    return Trajectory(load(Path(path)))
+
+
+def info(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Summary of a record, after reading and verifying all of it.
+
+    Returns
+    -------
+    dict
+        ``path``, ``format``, ``scene`` (name), ``frames``, ``times`` (first, last) [s],
+        ``n`` (first, last), ``steps`` (first, last), ``checkpoint_step`` (None: no checkpoint),
+        ``finished``, ``provenance``, ``digest_ok``, ``damage`` (messages). The pairs are None
+        for a record without frames.
+
+    Raises
+    ------
+    FileNotFoundError, RecordError
+        As `open_trajectory`.
+    """
+    with open_trajectory(path) as record:
+        damage = record.damage()
+
+        def ends(name: str) -> tuple[Any, Any] | None:
+            column = record.series[name]
+            return (column[0].item(), column[-1].item()) if len(column) else None
+
+        try:
+            step = record.checkpoint().step
+        except RecordError:
+            step = None
+        return {
+            "path": str(record.path),
+            "format": FORMAT,
+            "scene": record.scene.name,
+            "frames": len(record),
+            "times": ends("time"),
+            "n": ends("n"),
+            "steps": ends("step"),
+            "checkpoint_step": step,
+            "finished": record.finished,
+            "provenance": record.provenance,
+            "digest_ok": not damage,
+            "damage": damage,
+        }

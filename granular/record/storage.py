@@ -1,0 +1,147 @@
+"""Bytes to disk so that they are there, or an OSError says that they are not."""
+
+import os
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import h5py
+
+from granular.record.layout import LIBVER, RecordError, reading
+
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+
+
+def write_all(fd: int, data: bytes | memoryview) -> None:
+    """Write all of ``data``; os.write may take less than it is given."""
+    view = memoryview(data).cast("B")
+    while view:
+        view = view[os.write(fd, view) :]
+
+
+def fsync_folder(folder: Path) -> None:
+    """Make renames and removals in a folder durable (no such call on Windows)."""
+    if os.name == "nt":
+        return
+    fd = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(fd)
+    finally:
+        os.close(fd)
+
+
+@contextmanager
+def replacing(path: Path, temporary: Path) -> Iterator[int]:
+    """Descriptor of a temporary file that takes the name ``path`` if, and only if, all went well.
+
+    Raises
+    ------
+    OSError
+        Of the write, the fsync or the rename; ``path`` is then as before, the temporary gone.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0)
+    fd = os.open(temporary, flags, 0o666)
+    try:
+        try:
+            yield fd
+            os.fsync(fd)
+        finally:
+            os.close(fd)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            os.unlink(temporary)
+        raise
+    fsync_folder(path.parent)
+
+
+def atomic_write(path: Path, data: bytes) -> None:
+    """Write a small file whole or not at all."""
+    with replacing(path, path.with_name(path.name + ".tmp")) as fd:
+        write_all(fd, data)
+
+
+def image(fill: Callable[[h5py.File], None]) -> bytes:
+    """Bytes of an HDF5 file built in memory: HDF5 itself never meets the disk's errors."""
+    name = uuid.uuid4().hex
+    with h5py.File(name, "w", driver="core", backing_store=False, libver=LIBVER) as file:
+        fill(file)
+        file.flush()
+        return file.id.get_file_image()
+
+
+class Sink:
+    """File object for HDF5 that keeps the first error instead of letting HDF5 lose it.
+
+    HDF5 swallows errors met while it closes a file. So after a failure this sink takes all
+    further writes without effect, HDF5 ends in peace, and `check` raises.
+    """
+
+    def __init__(self, fd: int) -> None:
+        self.fd = fd
+        self.error: BaseException | None = None
+
+    def _guard(self, action: Callable[[], None]) -> None:
+        if self.error is None:
+            try:
+                action()
+            except BaseException as error:  # a KeyboardInterrupt must not be lost either
+                self.error = error
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move; as io.RawIOBase.seek."""
+        return os.lseek(self.fd, offset, whence)
+
+    def tell(self) -> int:
+        """Position; as io.RawIOBase.tell."""
+        return os.lseek(self.fd, 0, os.SEEK_CUR)
+
+    def read(self, size: int) -> bytes:
+        """Read; as io.RawIOBase.read, the whole size unless the file ends."""
+        data = b""
+        while len(data) < size and (more := os.read(self.fd, size - len(data))):
+            data += more
+        return data
+
+    def readinto(self, buffer: memoryview) -> int:
+        """Read; as io.RawIOBase.readinto, the whole buffer unless the file ends."""
+        data = self.read(len(buffer))
+        buffer[: len(data)] = data
+        return len(data)
+
+    def write(self, data: memoryview) -> int:
+        """Write all of ``data`` or keep the error."""
+        self._guard(lambda: write_all(self.fd, data))
+        return memoryview(data).nbytes
+
+    def truncate(self, size: int) -> int:
+        """Set the length or keep the error."""
+        self._guard(lambda: os.ftruncate(self.fd, size))
+        return size
+
+    def flush(self) -> None:
+        """Nothing is buffered here."""
+
+    def check(self) -> None:
+        """Raise the first error met."""
+        if self.error is not None:
+            raise self.error
+
+
+def open_hdf5(path: Path) -> h5py.File:
+    """Open for reading, without locks.
+
+    Raises
+    ------
+    RecordError
+        Not an HDF5 file, or damaged.
+    FileNotFoundError, PermissionError, IsADirectoryError
+        From the system.
+    """
+    with open(path, "rb") as file:
+        start = file.read(len(SIGNATURE))
+    if start != SIGNATURE:
+        raise RecordError(f"{path}: not an HDF5 file")
+    with reading(path):
+        return h5py.File(path, "r", locking=False)

@@ -1,0 +1,41 @@
+"""Ready scenes, with the paper's numbers as defaults: one function a file.
+
+To add one, write a file with a function that returns a `Scene` and takes keywords only, and add
+the function to `_FUNCTIONS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+from granular.scene import Scene
+from granular.scenes.column_collapse import column_collapse
+from granular.scenes.cylinder_collapse import cylinder_collapse
+from granular.scenes.hourglass import hourglass
+from granular.scenes.incline import incline
+from granular.scenes.silo import silo
+from granular.scenes.slug import slug
+
+__all__ = [
+    "column_collapse",
+    "cylinder_collapse",
+    "hourglass",
+    "incline",
+    "names",
+    "registry",
+    "silo",
+    "slug",
+]
+
+_FUNCTIONS = (column_collapse, silo, hourglass, incline, slug, cylinder_collapse)
+
+registry: Mapping[str, Callable[..., Scene]] = MappingProxyType(
+    {function.__name__: function for function in _FUNCTIONS}
+)
+"""Scene functions by name."""
+
+
+def names() -> tuple[str, ...]:
+    """Names of the ready scenes."""
+    return tuple(registry)

@@ -1,0 +1,51 @@
+"""What the scenes share."""
+
+from __future__ import annotations
+
+import math
+
+from granular.checks import non_negative, positive
+from granular.walls import Gravity
+
+ROUND_OFF = 1e-9
+"""Share of a cell by which a length may miss a whole number of cells."""
+
+HEADROOM = 4
+"""Empty cells above the initial surface of scenes whose material only falls."""
+
+
+def whole_cells(name: str, length: object, cell: float) -> int:
+    """Number of cells in a length.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not a number, not positive, or not a whole number of cells.
+    """
+    ratio = positive(name, length) / cell
+    count = round(ratio) if math.isfinite(ratio) else 0
+    if count < 1 or abs(ratio - count) > ROUND_OFF * max(1.0, ratio):
+        raise ValueError(f"{name} = {length} must be a whole number of cells of {cell}")
+    return count
+
+
+def enough_cells(length: float, cell: float) -> int:
+    """Number of cells that hold a length.
+
+    Raises
+    ------
+    ValueError
+        If they cannot be counted.
+    """
+    if not math.isfinite(length / cell):
+        raise ValueError(f"cell = {cell} must not be so small for a domain of {length}")
+    return math.ceil(length / cell - ROUND_OFF)
+
+
+def gravity_down(dim: int, magnitude: object, ramp: object) -> Gravity:
+    """Gravity against the last axis, from zero to `magnitude` [m/s2] within `ramp` [s]."""
+    zero = (0.0,) * dim
+    full = (*zero[1:], -positive("gravity", magnitude))
+    if non_negative("ramp", ramp) == 0.0:
+        return Gravity((0.0,), (full,))
+    return Gravity((0.0, ramp), (zero, full))

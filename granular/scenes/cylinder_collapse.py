@@ -1,0 +1,107 @@
+"""Axisymmetric collapse of a cylinder onto a rough floor, in space."""
+
+from __future__ import annotations
+
+from granular import schemes
+from granular.checks import positive
+from granular.geometry import Box, Cylinder, Fill, Grid, Intersection
+from granular.materials import Material, glass_beads
+from granular.scene import Scene
+from granular.scenes._build import HEADROOM, enough_cells, gravity_down
+from granular.schemes import Scheme
+from granular.walls import Wall
+
+
+def _expected_runout(aspect: float) -> float:
+    """Run-out over radius of cylinders of sand (Lube et al. 2004)."""
+    return 1.24 * aspect if aspect < 1.7 else 1.6 * aspect**0.5
+
+
+def cylinder_collapse(
+    *,
+    aspect: float = 0.5,
+    radius: float = 0.2,
+    cell: float = 0.0125,
+    points_per_cell: int = 8,
+    jitter: float = 0.0,
+    lip: float | None = None,
+    gravity: float = 9.8,
+    ramp: float = 0.1,
+    duration: float = 2.0,
+    material: Material = glass_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+) -> Scene:
+    """A quarter of a cylinder that collapses: the column collapse of section 4.1, in space.
+
+    Dunatunga & Kamrin 2015 stay in the plane; this is the experiment of Lube et al. 2004 with
+    the paper's material, gravity ramp and walls: rough floor, frictionless symmetry planes x = 0
+    and y = 0, frictionless lips.
+
+    Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being
+    the run-out that Lube et al. found (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round
+    side is cut from the lattice of points; the height is rounded to rows of points.
+
+    Parameters
+    ----------
+    aspect, radius : float
+        Height over radius; radius [m].
+    cell : float
+        Cell [m].
+    points_per_cell, jitter
+        See `granular.geometry.Fill`.
+    lip : float or None
+        Distance of the outer walls from the axis [m], rounded up to whole cells.
+    gravity, ramp : float
+        Magnitude [m/s2] and the time in which it grows from zero [s].
+    duration : float
+        Seconds.
+    material, scheme, seed
+        See `Scene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    aspect = positive("aspect", aspect)
+    radius = positive("radius", radius)
+    cell = positive("cell", cell)
+    height = aspect * radius
+    if lip is None:
+        lip = (2.0 + 1.5 * _expected_runout(aspect)) * radius
+    if positive("lip", lip) < radius:
+        raise ValueError(f"lip = {lip} must not be less than radius = {radius}")
+    n = enough_cells(lip, cell)
+    n_z = enough_cells(height, cell) + HEADROOM
+    quarter = Intersection(
+        (
+            Cylinder((0.0, 0.0, 0.0), radius, height),
+            Box((0.0, 0.0, 0.0), (radius, radius, height)),
+        )
+    )
+    return Scene(
+        name="cylinder_collapse",
+        grid=Grid((0.0, 0.0, 0.0), cell, (n, n, n_z)),
+        fills=(Fill(quarter, points_per_cell, jitter=jitter),),
+        material=material,
+        scheme=scheme,
+        walls=(
+            Wall(2, 0.0, kind="rough"),
+            *(Wall(axis, at, kind="frictionless") for axis in (0, 1) for at in (0.0, n * cell)),
+        ),
+        gravity=gravity_down(3, gravity, ramp),
+        duration=duration,
+        seed=seed,
+        parameters={
+            "aspect": aspect,
+            "radius": radius,
+            "cell": cell,
+            "points_per_cell": points_per_cell,
+            "jitter": jitter,
+            "lip": n * cell,
+            "gravity": gravity,
+            "ramp": ramp,
+            "quarter": True,
+        },
+    )

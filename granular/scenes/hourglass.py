@@ -1,0 +1,183 @@
+"""Hourglasses with a flat or a sloped divider, in the plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from granular import schemes
+from granular.checks import in_range, non_negative, one_of, positive
+from granular.geometry import Box, Difference, Fill, Grid, Region, Union
+from granular.materials import Material, glass_beads
+from granular.scene import Scene
+from granular.scenes._build import HEADROOM, gravity_down, whole_cells
+from granular.schemes import Scheme
+from granular.walls import Solid, Wall
+
+WIDTHS = {"flat": 1.0, "sloped": 0.5}
+FLOOR_OVER_WIDTH = 2
+"""Extent of the flat hourglass's floor over the width of its upper part."""
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Places of the hourglass on the grid, in cells."""
+
+    neck: int  # the divider begins here
+    half: int  # half-width of the upper part
+    drop: int  # height of the divider
+    fill: int
+    cell: float
+
+    def at(self, line: int) -> float:
+        return line * self.cell
+
+    def box(self, x0: int, y0: int, x1: int, y1: int) -> Box:
+        return Box((self.at(x0), self.at(y0)), (self.at(x1), self.at(y1)))
+
+
+def _stairs(lines: _Lines, slope_deg: float) -> list[Solid]:
+    """Blocks, each reaching to the side wall, whose upper inner corners lie on the slope."""
+    rise = math.tan(math.radians(slope_deg))
+    top = lines.drop + lines.fill + HEADROOM
+    blocks, reached = [], lines.drop
+    for line in range(lines.neck + 1, lines.half):
+        # tan(45 deg) is a little less than 1
+        level = min(lines.drop + math.floor((line - lines.neck) * rise + 1e-9), top)
+        if level > reached:
+            box = lines.box(line, lines.drop, lines.half, level)
+            blocks.append(Solid(box.lower, box.upper, kind="frictionless"))
+            reached = level
+    return blocks
+
+
+def _walls(lines: _Lines, kind: str, opens_at: float) -> list[Wall]:
+    """Walls of both kinds; the lid of the orifice is the one that opens."""
+    neck, half, drop = lines.at(lines.neck), lines.at(lines.half), lines.at(lines.drop)
+    top = lines.at(lines.drop + lines.fill + HEADROOM)
+    return [
+        Wall(1, 0.0, kind="rough"),
+        Wall(0, 0.0, kind="frictionless"),
+        Wall(1, drop, kind="frictionless", span=((neck, half),)),
+        Wall(1, drop, kind="frictionless", span=((0.0, neck),), opens_at=opens_at),
+        Wall(0, half, kind="frictionless", span=((drop, top),) if kind == "flat" else None),
+    ]
+
+
+def hourglass(
+    *,
+    kind: str = "flat",
+    orifice_radius: float = 0.02,
+    width: float | None = None,
+    fill_height: float = 0.25,
+    drop: float = 0.5,
+    slope_deg: float = 45.0,
+    cell: float = 0.01,
+    points_per_cell: int = 4,
+    jitter: float = 0.0,
+    opens_at: float = 0.1,
+    gravity: float = 9.8,
+    ramp: float = 0.1,
+    duration: float = 10.0,
+    material: Material = glass_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+) -> Scene:
+    """Right half of an hourglass (Dunatunga & Kamrin 2015, section 4.3).
+
+    From the paper: divider 0.5 m above the base, opening radius 0.02 m, fill 0.25 m high, cells
+    of 0.01 m with 4 points, rough base, everything else without friction, 10 s; the rest as in
+    the silo, whose definition of the opening (the last free node) is kept: the divider begins at
+    orifice_radius + cell. Flat: 1 m wide, no side wall below the divider. Sloped: 0.5 m wide,
+    side wall at 0.25 m down to the base, slope as a staircase of frictionless blocks.
+
+    Chosen here: the slope, not given in the paper, rises at 45 deg from the edge of the opening,
+    with the upper inner corners of the steps on the line, and is filled up to a level
+    `fill_height` above the opening; where both faces of a step meet no component is free, so the
+    staircase hinders sliding. The floor of the flat hourglass ends at the width of its upper
+    part (twice its half-width), and what rolls further is gone.
+
+    Parameters
+    ----------
+    kind : {"flat", "sloped"}
+    orifice_radius : float
+        Half of the opening [m], whole cells.
+    width : float or None
+        Full width of the upper part [m], twice whole cells; None for 1 (flat) or 0.5 (sloped).
+    fill_height, drop : float
+        Height of the fill above the divider, and of the divider above the base [m], whole cells.
+    slope_deg : float
+        Slope of the staircase against the horizontal [deg], 0 < slope < 90; unused when flat.
+    cell : float
+        Cell [m].
+    points_per_cell, jitter
+        See `granular.geometry.Fill`.
+    opens_at : float
+        Time at which the orifice opens [s].
+    gravity, ramp : float
+        Magnitude [m/s2] and the time in which it grows from zero [s].
+    duration : float
+        Seconds.
+    material, scheme, seed
+        See `Scene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range; also if the opening leaves no divider.
+    """
+    one_of("kind", kind, ("flat", "sloped"))
+    cell = positive("cell", cell)
+    slope_deg = in_range("slope_deg", slope_deg, 0.0, 90.0, open_low=True, open_high=True)
+    width = WIDTHS[kind] if width is None else positive("width", width)
+    lines = _Lines(
+        neck=whole_cells("orifice_radius", orifice_radius, cell) + 1,
+        half=whole_cells("width/2", width / 2, cell),
+        drop=whole_cells("drop", drop, cell),
+        fill=whole_cells("fill_height", fill_height, cell),
+        cell=cell,
+    )
+    if lines.neck >= lines.half:
+        raise ValueError(
+            f"orifice_radius = {orifice_radius} must be less than width/2 = {width / 2}"
+            f" by more than one cell of {cell}"
+        )
+    walls: list[Wall | Solid] = [*_walls(lines, kind, non_negative("opens_at", opens_at))]
+    region: Region = lines.box(0, lines.drop, lines.half, lines.drop + lines.fill)
+    if kind == "sloped":
+        blocks = _stairs(lines, slope_deg)
+        if blocks:
+            region = Difference(region, Union(tuple(Box(b.lower, b.upper) for b in blocks)))
+        walls += blocks
+    n_x = lines.half * (FLOOR_OVER_WIDTH if kind == "flat" else 1)
+    return Scene(
+        name=f"hourglass_{kind}",
+        grid=Grid(
+            (0.0, 0.0),
+            cell,
+            (n_x, lines.drop + lines.fill + HEADROOM),
+            open_sides=frozenset({"x+"} if kind == "flat" else ()),
+        ),
+        fills=(Fill(region, points_per_cell, jitter=jitter),),
+        material=material,
+        scheme=scheme,
+        walls=tuple(walls),
+        gravity=gravity_down(2, gravity, ramp),
+        duration=duration,
+        seed=seed,
+        parameters={
+            "kind": kind,
+            "orifice_radius": orifice_radius,
+            "width": width,
+            "fill_height": fill_height,
+            "drop": drop,
+            "slope_deg": slope_deg,
+            "cell": cell,
+            "points_per_cell": points_per_cell,
+            "jitter": jitter,
+            "opens_at": opens_at,
+            "gravity": gravity,
+            "ramp": ramp,
+            "half": True,
+        },
+    )

@@ -1,0 +1,107 @@
+"""Discharge of a flat-bottomed silo, in the plane."""
+
+from __future__ import annotations
+
+from granular import schemes
+from granular.checks import non_negative, one_of, positive
+from granular.geometry import Box, Fill, Grid
+from granular.materials import Material, glass_beads
+from granular.scene import Scene
+from granular.scenes._build import HEADROOM, gravity_down, whole_cells
+from granular.schemes import Scheme
+from granular.walls import Wall
+
+
+def silo(
+    *,
+    orifice: float = 0.1,
+    width: float = 1.0,
+    height: float = 1.0,
+    cell: float = 0.01,
+    points_per_cell: int = 4,
+    jitter: float = 0.0,
+    edge: str = "last_free_node",
+    opens_at: float = 0.1,
+    gravity: float = 9.8,
+    ramp: float = 0.1,
+    duration: float = 40.0,
+    material: Material = glass_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+) -> Scene:
+    """Right half of a silo that empties (Dunatunga & Kamrin 2015, section 4.2).
+
+    From the paper: 1 m wide, filled 1 m high, half of it modelled, rough bottom, frictionless
+    sides, cells of 0.01 m with 4 points, the orifice opened at 0.1 s when gravity is full, 40 s.
+    Its orifice D reaches from the first to the last vertically free node of the bottom. In the
+    whole silo these nodes stand from -D/2 to D/2, so that here those with x <= D/2 are free and
+    the bottom begins one cell further, at D/2 + cell: the default `edge`. The exponent fitted to
+    Beverloo's law depends on this definition.
+
+    Chosen here: points leave for good as they cross the bottom, y = 0.
+
+    Parameters
+    ----------
+    orifice : float
+        Full width D of the opening [m], an even number of cells.
+    width, height : float
+        Full width of the silo and height of the fill [m], whole cells (the half-width too).
+    cell : float
+        Cell [m].
+    points_per_cell, jitter
+        See `granular.geometry.Fill`.
+    edge : {"last_free_node", "wall"}
+        Whether the bottom begins at D/2 + cell, as in the paper, or at D/2.
+    opens_at : float
+        Time at which the orifice opens [s].
+    gravity, ramp : float
+        Magnitude [m/s2] and the time in which it grows from zero [s].
+    duration : float
+        Seconds.
+    material, scheme, seed
+        See `Scene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range; also if the orifice leaves no bottom.
+    """
+    cell = positive("cell", cell)
+    n_x = whole_cells("width/2", positive("width", width) / 2, cell)
+    n_y = whole_cells("height", height, cell)
+    free = whole_cells("orifice/2", positive("orifice", orifice) / 2, cell)
+    begin = free + (one_of("edge", edge, ("last_free_node", "wall")) == "last_free_node")
+    if begin >= n_x:
+        raise ValueError(
+            f"orifice = {orifice} must be less than width = {width} by more than two cells"
+            f" of {cell}"
+        )
+    return Scene(
+        name="silo",
+        grid=Grid((0.0, 0.0), cell, (n_x, n_y + HEADROOM), open_sides=frozenset({"y-"})),
+        fills=(Fill(Box((0.0, 0.0), (n_x * cell, n_y * cell)), points_per_cell, jitter=jitter),),
+        material=material,
+        scheme=scheme,
+        walls=(
+            Wall(1, 0.0, kind="rough", span=((begin * cell, n_x * cell),)),
+            Wall(1, 0.0, kind="rough", opens_at=non_negative("opens_at", opens_at)),
+            Wall(0, 0.0, kind="frictionless"),
+            Wall(0, n_x * cell, kind="frictionless"),
+        ),
+        gravity=gravity_down(2, gravity, ramp),
+        duration=duration,
+        seed=seed,
+        parameters={
+            "orifice": orifice,
+            "width": width,
+            "height": height,
+            "cell": cell,
+            "points_per_cell": points_per_cell,
+            "jitter": jitter,
+            "edge": edge,
+            "opens_at": opens_at,
+            "gravity": gravity,
+            "ramp": ramp,
+            "half": True,
+        },
+    )

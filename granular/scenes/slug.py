@@ -1,0 +1,109 @@
+"""A loose slug thrown against a wall, in the plane."""
+
+from __future__ import annotations
+
+from granular import schemes
+from granular.checks import non_negative, positive, vector
+from granular.geometry import Disc, Fill, Grid
+from granular.materials import Material, glass_beads
+from granular.scene import Scene
+from granular.scenes._build import enough_cells, gravity_down
+from granular.schemes import Scheme
+from granular.walls import Wall
+
+
+def slug(
+    *,
+    radius: float = 0.15,
+    center: tuple[float, float] = (0.2, 0.25),
+    velocity: tuple[float, float] = (1.2, 3.0),
+    density: float = 1200.0,
+    wall_at: float = 0.75,
+    headroom: float = 0.4,
+    cell: float = 0.0083,
+    points_per_cell: int = 4,
+    jitter: float = 0.0,
+    gravity: float = 9.8,
+    duration: float = 2.0,
+    material: Material = glass_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+) -> Scene:
+    """A loose disc that flies into a wall (Dunatunga & Kamrin 2015, section 4.5).
+
+    From the paper: a disc at 1200 kg/m3 with the velocity (1.2, 3.0) m/s, gravity 9.8 m/s2 in
+    full from the start, smooth walls, rough floor, cells of 0.0083 m with 4 points.
+
+    Chosen here: radius 0.15 m, centre (0.2, 0.25) m, right wall at 0.75 m, which the slug meets
+    after a third of a second, a little past the top of its flight; left wall at x = 0; closed top
+    0.4 m above the highest point of the free flight; 2 s.
+
+    Parameters
+    ----------
+    radius, center : float, tuple of 2 floats
+        Of the disc [m]; it must lie between the walls and above the floor.
+    velocity : tuple of 2 floats
+        Initial velocity [m/s].
+    density : float
+        Initial density [kg/m3].
+    wall_at : float
+        Right wall [m], rounded up to whole cells.
+    headroom : float
+        Height above the highest point of the free flight [m].
+    cell : float
+        Cell [m].
+    points_per_cell, jitter
+        See `granular.geometry.Fill`.
+    gravity : float
+        Magnitude [m/s2], constant.
+    duration : float
+        Seconds.
+    material, scheme, seed
+        See `Scene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    cell = positive("cell", cell)
+    gravity = positive("gravity", gravity)
+    velocity = vector("velocity", velocity, 2)
+    disc = Disc(vector("center", center, 2), radius)
+    (left, bottom), (right, top) = disc.bounds
+    if min(left, bottom) < 0.0 or right > positive("wall_at", wall_at):
+        raise ValueError(
+            f"center = {center} must keep the disc of radius = {radius} above the floor y = 0"
+            f" and between the walls x = 0 and wall_at = {wall_at}"
+        )
+    n_x = enough_cells(wall_at, cell)
+    rise = max(velocity[1], 0.0)
+    apex = top + rise * rise / (2.0 * gravity)
+    n_y = enough_cells(apex + non_negative("headroom", headroom), cell)
+    return Scene(
+        name="slug",
+        grid=Grid((0.0, 0.0), cell, (n_x, n_y)),
+        fills=(Fill(disc, points_per_cell, density=density, velocity=velocity, jitter=jitter),),
+        material=material,
+        scheme=scheme,
+        walls=(
+            Wall(1, 0.0, kind="rough"),
+            Wall(0, 0.0, kind="frictionless"),
+            Wall(0, n_x * cell, kind="frictionless"),
+        ),
+        gravity=gravity_down(2, gravity, 0.0),
+        duration=duration,
+        seed=seed,
+        parameters={
+            "radius": disc.radius,
+            "center": disc.center,
+            "velocity": velocity,
+            "density": density,
+            "wall_at": n_x * cell,
+            "headroom": headroom,
+            "cell": cell,
+            "points_per_cell": points_per_cell,
+            "jitter": jitter,
+            "gravity": gravity,
+        },
+    )

@@ -1,0 +1,113 @@
+"""A snapshot of the material points, ordered by their ids."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.notebook import table
+
+if TYPE_CHECKING:
+    from granular.scene import Scene
+
+__all__ = ["State"]
+
+Array = NDArray[np.float64]
+
+
+class State:
+    """What the points are at one time: read-only arrays with one row a point, ordered by id.
+
+    Parameters
+    ----------
+    scene : Scene
+    time : float
+        Time [s].
+    step : int
+        Steps made.
+    dt : float
+        Time step [s].
+    fields : mapping of str to ndarray
+        The stored fields: `x` (n, dim) [m], `v` (n, dim) [m/s], `stress` (n, 4) = xx, yy, zz, xy
+        in the plane or (n, 6) = xx, yy, zz, xy, yz, xz [Pa, tension positive], `log_density` (n,)
+        = ln(rho/rho_c), `mass` (n,) [kg, per metre of depth in the plane], `id` (n,),
+        `shear_rate` (n,), the equivalent plastic shear rate [1/s], and what else the scheme stores.
+        Each is an attribute of the state.
+    """
+
+    def __init__(
+        self, *, scene: Scene, time: float, step: int, dt: float, fields: Mapping[str, Array]
+    ) -> None:
+        self.scene = scene
+        self.time = float(time)
+        self.step = int(step)
+        self.dt = float(dt)
+        self.fields = dict(fields)
+        for array in self.fields.values():
+            array.flags.writeable = False
+
+    def __getattr__(self, name: str) -> Array:
+        try:
+            return self.__dict__["fields"][name]
+        except KeyError:
+            raise AttributeError(f"a state of this scene has no field {name!r}") from None
+
+    @property
+    def n(self) -> int:
+        """Number of points."""
+        return len(self.fields["x"])
+
+    @property
+    def dim(self) -> int:
+        """Dimension, 2 or 3."""
+        return self.fields["x"].shape[1]
+
+    @cached_property
+    def rho(self) -> Array:
+        """Density of the points [kg/m3], shape (n,)."""
+        return self.scene.material.rho_c * np.exp(self.log_density)
+
+    @cached_property
+    def volume(self) -> Array:
+        """Volume of the points [m3, per metre of depth in the plane], shape (n,)."""
+        return self.mass / self.rho
+
+    @cached_property
+    def p(self) -> Array:
+        """Pressure -tr(stress)/3 [Pa], compression positive, shape (n,)."""
+        return -self.stress[:, :3].sum(axis=1) / 3.0
+
+    @cached_property
+    def tau(self) -> Array:
+        """Equivalent shear stress sqrt(s:s/2) of the deviator s [Pa], shape (n,) (eq. 2.10)."""
+        deviator = self.stress[:, :3] + self.p[:, None]
+        square = 0.5 * (deviator**2).sum(axis=1) + (self.stress[:, 3:] ** 2).sum(axis=1)
+        return np.sqrt(square)
+
+    @cached_property
+    def mu(self) -> Array:
+        """Friction tau/p, shape (n,); nan where the pressure is not positive."""
+        return np.divide(self.tau, self.p, out=np.full(self.n, np.nan), where=self.p > 0)
+
+    @cached_property
+    def dense(self) -> NDArray[np.bool_]:
+        """Whether a point bears pressure, shape (n,)."""
+        return self.p > 0
+
+    def __repr__(self) -> str:
+        return f"State({self.scene.name}, t = {self.time:.6g} s, step {self.step}, {self.n} points)"
+
+    def _repr_html_(self) -> str:
+        rows = {
+            "time [s]": self.time,
+            "step": self.step,
+            "points": self.n,
+            "mass [kg]": float(self.mass.sum()),
+            "stress-free": float(1 - self.dense.mean()) if self.n else 0.0,
+            "fields": ", ".join(self.fields),
+        }
+        return table(f"State of {self.scene.name}", rows)

@@ -1,0 +1,63 @@
+"""Closed forms and reference solutions: what a simulation should give."""
+
+from granular.theory.beverloo import beverloo_rate
+from granular.theory.constitutive import (
+    APPENDIX_B_BREAKPOINTS,
+    ConstitutiveReference,
+    Event,
+    appendix_b_velocity_gradient,
+    elastic_stress_rate,
+    plastic_shear_rate,
+    reference,
+    stress_rate,
+)
+from granular.theory.incline import (
+    InclineTransient,
+    bagnold_mean,
+    bagnold_profile,
+    transient,
+)
+from granular.theory.kinetic import (
+    CoupledShear,
+    compression_pressure,
+    compression_temperature,
+    coupled_shear,
+    gas_pressure,
+    granular_temperature,
+    packing_fraction_of_inertial_number,
+    radial_function,
+    shear_pressure,
+    shear_temperature,
+    temperature_coefficients,
+)
+from granular.theory.runout import RUNOUT_LAWS, Piece, RunoutLaw
+
+__all__ = [
+    "APPENDIX_B_BREAKPOINTS",
+    "RUNOUT_LAWS",
+    "ConstitutiveReference",
+    "CoupledShear",
+    "Event",
+    "InclineTransient",
+    "Piece",
+    "RunoutLaw",
+    "appendix_b_velocity_gradient",
+    "bagnold_mean",
+    "bagnold_profile",
+    "beverloo_rate",
+    "compression_pressure",
+    "compression_temperature",
+    "coupled_shear",
+    "elastic_stress_rate",
+    "gas_pressure",
+    "granular_temperature",
+    "packing_fraction_of_inertial_number",
+    "plastic_shear_rate",
+    "radial_function",
+    "reference",
+    "shear_pressure",
+    "shear_temperature",
+    "stress_rate",
+    "temperature_coefficients",
+    "transient",
+]

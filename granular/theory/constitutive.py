@@ -1,0 +1,411 @@
+"""Reference solution of the mu(I) hypoelastic-plastic law under a given velocity gradient.
+
+The rate law of Dunatunga & Kamrin 2015 (eqs 2.4-2.15) in plane strain, integrated with an
+adaptive Runge-Kutta method to a tolerance far below that of any stepping scheme (appendix B).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from granular.checks import finite, non_negative, one_of, positive
+
+Array = NDArray[np.float64]
+VelocityGradient = Callable[[float], ArrayLike]
+
+#: Kinks of the velocity gradient of appendix B [s], first and last time included.
+APPENDIX_B_BREAKPOINTS = (0.0, 0.25, 0.375, 0.5, 0.75, 0.875, 1.0, 1.25)
+
+# Pressures below this fraction of K count as the moment of contact itself: one implicit step
+# crosses them. Its effect on the stress is of this size.
+_CONTACT = 1e-9
+
+
+class InertialElasticMaterial(Protocol):
+    """What the reference needs to know of a material with the mu(I) law."""
+
+    mu_s: float
+    mu_2: float
+    xi: float
+    K: float
+    G: float
+
+
+@dataclass(frozen=True)
+class Event:
+    """A change between the dense and the disconnected state: `kind` is "reconnect" or
+    "disconnect", `time` in s."""
+
+    time: float
+    kind: str
+
+
+@dataclass(frozen=True)
+class ConstitutiveReference:
+    """Stress history of one material point.
+
+    Attributes
+    ----------
+    times : ndarray, shape (nt,)
+        Seconds.
+    stress : ndarray, shape (nt, 4)
+        xx, yy, zz, xy [Pa], tension positive.
+    log_density : ndarray, shape (nt,)
+        ln(rho/rho_c).
+    dense : ndarray of bool, shape (nt,)
+        Whether the point bears stress.
+    shear_rate : ndarray, shape (nt,)
+        Equivalent plastic shear rate [1/s].
+    events : tuple of Event
+        Reconnections and disconnections in the order of time.
+    """
+
+    times: Array
+    stress: Array
+    log_density: Array
+    dense: NDArray[np.bool_]
+    shear_rate: Array
+    events: tuple[Event, ...]
+
+
+def appendix_b_velocity_gradient(t: ArrayLike) -> Array:
+    """Velocity gradient of the verification test (Dunatunga & Kamrin 2015, eqs B1, B2).
+
+    Parameters
+    ----------
+    t : array_like
+        Time [s], any shape.
+
+    Returns
+    -------
+    ndarray, shape t.shape + (2, 2)
+        In-plane components [1/s]: steady simple shear .05, in-plane compression in
+        (.25, .5), the opposite expansion in (.75, 1).
+    """
+    t = np.asarray(t, dtype=float)
+    gradient = np.zeros(t.shape + (2, 2))
+    volumetric = np.where((t > 0.25) & (t < 0.5), abs(8 * t - 3) - 1, 0.0)
+    volumetric = volumetric + np.where((t > 0.75) & (t < 1.0), 1 - abs(8 * t - 7), 0.0)
+    gradient[..., 0, 0] = gradient[..., 1, 1] = volumetric
+    gradient[..., 0, 1] = 0.05
+    return gradient
+
+
+def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: InertialElasticMaterial) -> Array:
+    """Equivalent plastic shear rate [1/s] of the mu(I) law (eqs 2.11-2.13, solved for it).
+
+    ``xi sqrt(p) (mu - mu_s)/(mu_2 - mu)`` with ``mu = tau/p``; zero at and below mu_s and where
+    p <= 0. Stress states at or beyond mu_2 are outside the law; there the rate is that at
+    a distance of 1e-12 p from mu_2, so that an adaptive integrator rejects such a trial.
+
+    Parameters
+    ----------
+    p, tau : array_like
+        Pressure and equivalent shear stress [Pa], broadcast together.
+    """
+    p, tau = np.broadcast_arrays(np.asarray(p, dtype=float), np.asarray(tau, dtype=float))
+    pressed = np.maximum(p, 0.0)
+    over = np.maximum(tau - material.mu_s * pressed, 0.0)
+    room = np.maximum(material.mu_2 * pressed - tau, 1e-12 * pressed)
+    flowing = (pressed > 0) & (over > 0)
+    ratio = np.divide(over, room, out=np.zeros(p.shape), where=flowing)
+    return material.xi * np.sqrt(pressed) * ratio
+
+
+def elastic_stress_rate(stress: Array, gradient: Array, material: InertialElasticMaterial) -> Array:
+    """Time derivative of the stress without plastic flow, ``W sigma - sigma W + C:D``.
+
+    Arguments as in `stress_rate` (eqs 2.8, 2.9).
+    """
+    sxx, syy, _, sxy = stress
+    dxx, dyy = gradient[0, 0], gradient[1, 1]
+    spin = (gradient[0, 1] - gradient[1, 0]) / 2
+    rate = 2 * material.G * np.array([dxx, dyy, 0.0, (gradient[0, 1] + gradient[1, 0]) / 2])
+    rate[:3] += (material.K - 2 * material.G / 3) * (dxx + dyy)
+    return rate + spin * np.array([2 * sxy, -2 * sxy, 0.0, syy - sxx])
+
+
+def stress_rate(stress: Array, gradient: Array, material: InertialElasticMaterial) -> Array:
+    """Time derivative of the stress of a dense point (eqs 2.8, 2.9, 2.15).
+
+    ``dsigma/dt = W sigma - sigma W + C:D - G gp s/tau``, since ``C:Dp = 2G gp s/(2 tau)`` with
+    the deviator s, because plastic flow keeps the volume (eq. 2.6).
+
+    Parameters
+    ----------
+    stress : ndarray, shape (4,)
+        xx, yy, zz, xy [Pa].
+    gradient : ndarray, shape (2, 2)
+        Velocity gradient [1/s].
+    """
+    rate = elastic_stress_rate(stress, gradient, material)
+    p, deviator, tau = _invariants(stress)
+    if tau > 0:
+        rate -= material.G * float(plastic_shear_rate(p, tau, material)) * deviator / tau
+    return rate
+
+
+def _invariants(stress: Array) -> tuple[Array, Array, Array]:
+    """Pressure, deviator and equivalent shear stress of stresses (..., 4)."""
+    p = -stress[..., :3].sum(axis=-1) / 3
+    deviator = stress.copy()
+    deviator[..., :3] += p[..., None]
+    tau = np.sqrt((deviator[..., :3] ** 2).sum(axis=-1) / 2 + deviator[..., 3] ** 2)
+    return p, deviator, tau
+
+
+def reference(
+    material: InertialElasticMaterial,
+    p0: float,
+    times: ArrayLike,
+    log_density0: float | None = None,
+    velocity_gradient: VelocityGradient = appendix_b_velocity_gradient,
+    breakpoints: Sequence[float] = APPENDIX_B_BREAKPOINTS,
+    solver: str = "auto",
+    rtol: float = 1e-9,
+) -> ConstitutiveReference:
+    """Stress history of a point under a given velocity gradient (appendix B).
+
+    The density follows from ``d ln(rho)/dt = -tr L`` alone, and while dense the pressure of the
+    rate law is ``K ln(rho/rho_c)``. So the times at which the point disconnects or reconnects
+    are known before the stress is integrated, between them and the breakpoints of L, by
+    adaptive Runge-Kutta. While rho < rho_c the stress is zero, and it restarts from zero.
+
+    Parameters
+    ----------
+    material
+        Object with ``mu_s``, ``mu_2``, ``xi``, ``K``, ``G``.
+    p0 : float
+        Initial isotropic pressure [Pa]; 0 for a loose start.
+    times : array_like, shape (nt,)
+        Output times [s], not decreasing, not before ``breakpoints[0]``.
+    log_density0 : float, optional
+        Initial ln(rho/rho_c). Needed, and negative, where p0 = 0. Otherwise p0/K, the only
+        density consistent with the pressure.
+    velocity_gradient : callable
+        t [s] -> (2, 2) [1/s].
+    breakpoints : sequence of float
+        Increasing times [s] between which `velocity_gradient` is smooth; it may jump at them.
+        The first is the initial time.
+    solver : {"auto", "RK45", "Radau"}
+        "auto" is RK45, but Radau at small pressure, where the flow rule is stiff. Fast shear
+        (of order xi sqrt(p) and more) is stiff too: there "Radau" alone saves time.
+    rtol : float
+        Relative tolerance of a step.
+
+    Returns
+    -------
+    ConstitutiveReference
+
+    Raises
+    ------
+    ValueError
+        For arguments out of range, and for the ill-posed starts: at rho_c without pressure
+        (whether stress is borne then hangs on round-off) and with a pressure that is not that
+        of the density.
+    RuntimeError
+        If the integrator gives up.
+    """
+    times, breakpoints = _time_arrays(times, breakpoints)
+    one_of("solver", solver, ("auto", "RK45", "Radau"))
+    positive("rtol", rtol)
+    history = _DensityHistory(velocity_gradient, breakpoints, _start(material, p0, log_density0))
+    stiff = _stiff_pressure(material, breakpoints[-1] - breakpoints[0]) / material.K
+    log_density = history(times)
+    # Absolute tolerance from the largest pressure met, the elastic one without contact included.
+    largest = max(p0, material.K * np.max(np.abs(log_density)))
+    stress, now = np.zeros((times.size, 4)), np.array([-p0, -p0, -p0, 0.0])
+    for a, b in history.pieces((0.0, _CONTACT, stiff)):
+        middle = float(history((a + b) / 2))
+        smooth = _one_sided(velocity_gradient, a, b)
+        if middle < 0:
+            now = np.zeros(4)
+        elif middle < _CONTACT:
+            now = _contact_step(now, smooth((a + b) / 2), b - a, material)
+        else:
+            method = solver if solver != "auto" else "Radau" if middle < stiff else "RK45"
+            inside = (times >= a) & (times <= b)
+            stress[inside], now = _integrate(
+                smooth, material, (a, b), now, times[inside], method, (rtol, 1e-3 * rtol * largest)
+            )
+    p, _, tau = _invariants(stress)
+    return ConstitutiveReference(
+        times=times,
+        stress=stress,
+        log_density=log_density,
+        dense=log_density > 0,
+        shear_rate=plastic_shear_rate(p, tau, material),
+        events=history.events(),
+    )
+
+
+def _time_arrays(times: ArrayLike, breakpoints: Sequence[float]) -> tuple[Array, Array]:
+    times = np.atleast_1d(np.asarray(times, dtype=float))
+    breakpoints = np.asarray(breakpoints, dtype=float)
+    if breakpoints.ndim != 1 or breakpoints.size < 1 or not np.all(np.diff(breakpoints) > 0):
+        raise ValueError(f"breakpoints = {breakpoints} must be an increasing list of times")
+    if times.ndim != 1 or times.size == 0 or not np.all(np.diff(times) >= 0):
+        raise ValueError(f"times = {times} must be a non-empty list that does not decrease")
+    if not times[0] >= breakpoints[0]:
+        raise ValueError(f"times = {times} must not begin before breakpoints[0] = {breakpoints[0]}")
+    if not breakpoints[0] < times[-1] < math.inf:
+        raise ValueError(f"times = {times} must end after breakpoints[0] = {breakpoints[0]}")
+    kept = breakpoints[breakpoints < times[-1]]
+    return times, np.append(kept, times[-1])
+
+
+def _start(material: InertialElasticMaterial, p0: float, log_density0: float | None) -> float:
+    """Initial ln(rho/rho_c), consistent with the pressure."""
+    non_negative("p0", p0)
+    if log_density0 is None:
+        log_density0 = p0 / material.K
+    finite("log_density0", log_density0)
+    if p0 == 0 and log_density0 >= 0:
+        raise ValueError(
+            f"log_density0 = {log_density0} must be negative where p0 = 0: "
+            "a dense point without pressure is ill-posed"
+        )
+    if p0 > 0 and not math.isclose(material.K * log_density0, p0, rel_tol=1e-9):
+        raise ValueError(
+            f"log_density0 = {log_density0} must be p0/K = {p0 / material.K} where p0 > 0"
+        )
+    return log_density0
+
+
+class _DensityHistory:
+    """ln(rho/rho_c) over time: a quadrature of -tr L between the breakpoints."""
+
+    def __init__(self, gradient: VelocityGradient, breakpoints: Array, start: float) -> None:
+        self._gradient, self._edges, self._parts = gradient, breakpoints, []
+        for a, b in pairwise(breakpoints):
+            smooth = _one_sided(gradient, a, b)
+            part = solve_ivp(
+                lambda t, _, smooth=smooth: [-np.trace(smooth(t))],
+                (a, b),
+                [start],
+                method="DOP853",
+                rtol=1e-12,
+                atol=1e-15,
+                max_step=(b - a) / 16,
+                dense_output=True,
+            )
+            self._parts.append(part)
+            start = part.y[0, -1]
+
+    def __call__(self, t: ArrayLike) -> Array:
+        t = np.asarray(t, dtype=float)
+        which = np.clip(np.searchsorted(self._edges, t, side="right") - 1, 0, len(self._parts) - 1)
+        values = np.empty(t.shape)
+        for k in np.unique(which):
+            values[which == k] = self._parts[k].sol(t[which == k])[0]
+        return values
+
+    def crossings(self, level: float) -> list[float]:
+        """Times at which ln(rho/rho_c) passes through a level, in order."""
+        found = []
+        for part in self._parts:
+
+            def above(t: float, part=part) -> float:
+                return part.sol(t)[0] - level
+
+            # The steps are short (1/16 of a smooth piece); a root is sought in each.
+            side = part.y[0] > level
+            for k in np.flatnonzero(side[1:] != side[:-1]):
+                found.append(brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
+        return found
+
+    def events(self) -> tuple[Event, ...]:
+        """The passages through rho_c."""
+        times = self.crossings(0.0)
+        dense = [float(self(self._edges[0])) > 0]
+        for _ in times:
+            dense.append(not dense[-1])
+        return tuple(
+            Event(t, "disconnect" if was else "reconnect")
+            for t, was in zip(times, dense[:-1], strict=True)
+        )
+
+    def pieces(self, levels: Sequence[float]) -> list[tuple[float, float]]:
+        """Intervals in which L is smooth and ln(rho/rho_c) on one side of every level."""
+        cuts = list(self._edges)
+        for level in levels:
+            cuts.extend(self.crossings(level))
+        cuts = np.unique(cuts)
+        return list(pairwise(cuts))
+
+
+def _one_sided(gradient: VelocityGradient, a: float, b: float) -> Callable[[float], Array]:
+    """The gradient in [a, b], with its limits from inside at the ends, where it may jump."""
+    first, last = np.nextafter(a, b), np.nextafter(b, a)
+    return lambda t: np.asarray(gradient(min(max(t, first), last)), dtype=float)
+
+
+def _stiff_pressure(material: InertialElasticMaterial, duration: float) -> float:
+    """Pressure [Pa] below which the flow rule relaxes more than 1e4 times in `duration`.
+
+    The relaxation rate of tau just above yield is ``xi G/(sqrt(p) (mu_2 - mu_s))``.
+    """
+    rate = material.xi * material.G / (material.mu_2 - material.mu_s)
+    return (rate * duration / 1e4) ** 2
+
+
+def _integrate(
+    smooth: Callable[[float], Array],
+    material: InertialElasticMaterial,
+    span: tuple[float, float],
+    stress: Array,
+    times: Array,
+    method: str,
+    tolerance: tuple[float, float],
+) -> tuple[Array, Array]:
+    """Stress at `times` and at the end of a dense piece."""
+    wanted = np.append(times, span[1])
+    solution = solve_ivp(
+        lambda t, s: stress_rate(s, smooth(t), material),
+        span,
+        stress,
+        method=method,
+        rtol=tolerance[0],
+        atol=tolerance[1],
+        t_eval=np.unique(wanted),
+    )
+    if not solution.success:
+        raise RuntimeError(
+            f"{method} failed between t = {span[0]} and {span[1]}: {solution.message}"
+        )
+    values = solution.y.T[np.searchsorted(solution.t, wanted)]
+    return values[:-1], values[-1]
+
+
+def _contact_step(
+    stress: Array, gradient: Array, step: float, material: InertialElasticMaterial
+) -> Array:
+    """One implicit step of the law (eqs 3.10-3.16), for the instant of contact.
+
+    The limit p -> 0 of the rate law has no direction of its own: a start from zero stress may
+    lie beyond mu_2. The implicit step finds the admissible stress at once.
+    """
+    trial = stress + step * elastic_stress_rate(stress, gradient, material)
+    p, deviator, tau = _invariants(trial)
+    if p <= 0:
+        return np.zeros(4)
+    if tau <= material.mu_s * p:
+        return trial
+    alpha = material.xi * material.G * step * math.sqrt(p)
+    s2 = material.mu_2 * p
+    b = s2 + tau + alpha
+    h = s2 * tau + material.mu_s * p * alpha
+    # The discriminant b^2 - 4h as a sum of non-negative terms.
+    root = math.sqrt((tau - s2 + alpha) ** 2 + 4 * alpha * (material.mu_2 - material.mu_s) * p)
+    new = deviator * (2 * h / (b + root) / tau)
+    new[:3] -= p
+    return new

@@ -1,0 +1,333 @@
+"""What is neglected below rho_c: the pressure of a granular gas, from kinetic theory.
+
+Appendix A of Dunatunga & Kamrin 2015, after Jenkins & Berzi (2012) and da Cruz et al. (2005). The
+disconnected state bears no stress; these estimates, taken at a packing fraction close to
+``Phi_c = rho_c/rho_s``, say how large the neglected stress is.
+
+Two things in the printed text do not agree with its own equation of state (2.7),
+``p = K (1 - rho_c/rho)``, and are made consistent here: the elastic volume (A24) must read
+``v_e/m = -p/(rho_c K)``, hence ``p = -Phi_c K/Phi_e`` in place of ``-K Phi_e`` in (A12); and tr D
+in (A16)-(A23) is the rate of *compression*. The theory diverges at Phi = .6, below
+Phi_c = .612 of table 1: (A10) and (A23) cannot be evaluated at that Phi_c, unless
+the packing fraction is shifted by the delta that the text allows in (A11).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from granular.checks import finite, in_range, non_negative, positive
+
+Array = NDArray[np.float64]
+
+#: Packing fraction at which the kinetic pressure diverges.
+JAMMED = 0.6
+_DENSE = 0.49  # from here on the radial function is that of a dense gas
+
+
+class GrainMaterial(Protocol):
+    """What the estimates need to know of a material."""
+
+    rho_s: float
+    rho_c: float
+    K: float
+
+
+def radial_function(packing_fraction: ArrayLike) -> Array:
+    """G of the equation of state (A5): ``Phi (1 - Phi/2)/(1 - Phi)^3`` below Phi = .49,
+    ``.63 Phi/(.6 - Phi)`` from there on.
+
+    Raises
+    ------
+    ValueError
+        Outside 0 <= Phi < .6.
+    """
+    phi = np.asarray(packing_fraction, dtype=float)
+    if not (np.all(phi >= 0) and np.all(phi < JAMMED)):
+        raise ValueError(f"packing_fraction = {packing_fraction} must lie in [0, {JAMMED})")
+    return np.where(phi < _DENSE, _dilute(phi), 0.63 * phi / (JAMMED - phi))
+
+
+def _dilute(phi: Array) -> Array:
+    return phi * (1 - phi / 2) / (1 - phi) ** 3
+
+
+def gas_pressure(
+    packing_fraction: ArrayLike, temperature: ArrayLike, restitution: float, material: GrainMaterial
+) -> Array:
+    """Pressure [Pa] of the gas (A5), ``p = 4 rho G F T = rho (4 lambda G + 1) T``.
+
+    ``lambda = (1 + restitution)/2``, ``F = lambda + 1/(4 G)``.
+
+    Parameters
+    ----------
+    packing_fraction, temperature : array_like
+        Phi and the granular temperature [m2/s2], broadcast together.
+    restitution : float
+        Effective coefficient of restitution, in [0, 1].
+    material
+        Object with ``rho_s`` [kg/m3].
+    """
+    phi = np.asarray(packing_fraction, dtype=float)
+    factor = 4 * _lambda(restitution) * radial_function(phi) + 1
+    return material.rho_s * phi * factor * np.asarray(temperature, dtype=float)
+
+
+def packing_fraction_of_inertial_number(inertial_number: ArrayLike, restitution: float) -> Array:
+    """Phi(I) in steady shear, the root of ``Phi (4 lambda G(Phi) + 1) = 9/I``.
+
+    That is (A5) with the shear temperature (A6). With the dense G it is the quadratic (A8), whose
+    root is (A9); where that falls below Phi = .49 the dilute G takes over.
+
+    Parameters
+    ----------
+    inertial_number : array_like
+        I >= 0, any shape.
+    restitution : float
+        Effective coefficient of restitution, in [0, 1].
+
+    Returns
+    -------
+    ndarray
+        Packing fraction in (0, .6], .6 at I = 0.
+    """
+    number = np.asarray(inertial_number, dtype=float)
+    if not (np.all(number >= 0) and np.all(np.isfinite(number))):
+        raise ValueError(f"inertial_number = {inertial_number} must be finite and >= 0")
+    lam = _lambda(restitution)
+    half = (number / 9 + 1 / JAMMED) / 2
+    phi = np.asarray(1 / (half + np.sqrt(half**2 + number / (9 * JAMMED) * (2.52 * lam - 1))))
+    loose = phi < _DENSE
+    if np.any(loose):
+        phi[loose] = _dilute_packing_fraction(9 / number[loose], lam)
+    return phi
+
+
+def _dilute_packing_fraction(target: Array, lam: float) -> Array:
+    """Root of Phi (4 lam G + 1) = target below .49, by bisection (the left side increases)."""
+    low, high = np.zeros_like(target), np.full_like(target, _DENSE)
+    for _ in range(60):
+        middle = (low + high) / 2
+        below = middle * (4 * lam * _dilute(middle) + 1) < target
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return (low + high) / 2
+
+
+def shear_temperature(shear_rate: ArrayLike, inertial_number: ArrayLike, diameter: float) -> Array:
+    """Granular temperature [m2/s2] in steady shear (A6), ``(shear_rate d)^2/(9 I)``."""
+    rate = np.asarray(shear_rate, dtype=float)
+    return (rate * positive("diameter", diameter)) ** 2 / (9 * np.asarray(inertial_number))
+
+
+def shear_pressure(
+    packing_fraction: ArrayLike,
+    shear_rate: ArrayLike,
+    *,
+    diameter: float,
+    restitution: float,
+    material: GrainMaterial,
+) -> Array:
+    """Pressure [Pa] of steady shear at a given packing fraction (A10).
+
+    ``rho_s Phi^2 (4 lambda G + 1)^2 (shear_rate d)^2/81``: (A5) and (A6) with
+    ``I = shear_rate d sqrt(rho_s/p)`` solved for p; 4 lambda G is the printed
+    ``2.52 lambda Phi/(.6 - Phi)`` from Phi = .49 on. The inverse of
+    `packing_fraction_of_inertial_number`.
+
+    Parameters
+    ----------
+    packing_fraction : array_like
+        Phi in [0, .6).
+    shear_rate : array_like
+        [1/s].
+    diameter : float
+        Grain diameter [m].
+    restitution : float
+        Effective coefficient of restitution, in [0, 1].
+    material
+        Object with ``rho_s`` [kg/m3].
+    """
+    phi = np.asarray(packing_fraction, dtype=float)
+    factor = phi * (4 * _lambda(restitution) * radial_function(phi) + 1)
+    speed = np.asarray(shear_rate, dtype=float) * positive("diameter", diameter)
+    return material.rho_s * (factor * speed / 9) ** 2
+
+
+def temperature_coefficients(
+    packing_fraction: float, compression_rate: float, *, diameter: float, restitution: float
+) -> tuple[float, float]:
+    """A [1/s] and B [1/m] of ``dT/dt = A T - B T^1.5`` (A17-A19).
+
+    ``A = (8/3) G F compression_rate``, ``B = 8 G (1 - restitution^2)/(sqrt(pi) d)``.
+
+    Parameters
+    ----------
+    packing_fraction : float
+        Phi in (0, .6).
+    compression_rate : float
+        -tr D [1/s]: positive heats the gas (the text's tr D has the opposite sign).
+    """
+    positive("packing_fraction", packing_fraction)
+    g = float(radial_function(packing_fraction))
+    f = _lambda(restitution) + 1 / (4 * g)
+    loss = 8 * g * (1 - restitution**2) / (math.sqrt(math.pi) * positive("diameter", diameter))
+    return 8 / 3 * g * f * finite("compression_rate", compression_rate), loss
+
+
+def granular_temperature(
+    times: ArrayLike,
+    temperature0: float,
+    packing_fraction: float,
+    compression_rate: float,
+    *,
+    diameter: float,
+    restitution: float,
+) -> Array:
+    """Solution T(t) [m2/s2] of ``dT/dt = A T - B T^1.5`` at constant A and B (A21).
+
+    sqrt(T) is logistic: ``u0/(exp(-At/2) + u0 B (1 - exp(-At/2))/A)`` with ``u0 = sqrt(T0)``. It is
+    (A21) with its constant fixed by T0, and holds for expansion (A < 0) and A = 0 as well.
+
+    Parameters
+    ----------
+    times : array_like
+        Seconds >= 0.
+    temperature0 : float
+        T at t = 0 [m2/s2], >= 0; zero stays zero.
+    packing_fraction, compression_rate, diameter, restitution
+        As in `temperature_coefficients`.
+    """
+    times = np.asarray(times, dtype=float)
+    if not np.all(times >= 0):
+        raise ValueError(f"times = {times} must be >= 0")
+    gain, loss = temperature_coefficients(
+        packing_fraction, compression_rate, diameter=diameter, restitution=restitution
+    )
+    start = math.sqrt(non_negative("temperature0", temperature0))
+    growth = gain * times / 2
+    with np.errstate(over="ignore"):
+        fade = np.exp(-growth)
+        span = times / 2 if gain == 0 else -np.expm1(-growth) / gain
+        return (start / (fade + start * loss * span)) ** 2
+
+
+def compression_temperature(
+    packing_fraction: ArrayLike, compression_rate: ArrayLike, *, diameter: float, restitution: float
+) -> Array:
+    """Upper bound T_c [m2/s2] of the temperature under steady compression (A22).
+
+    ``A^2/B^2 = pi/(144 (1 - lambda)^2) (1 + 1/(4 lambda G))^2 (compression_rate d)^2``, the fixed
+    point of (A17). Under expansion the gas cools and the bound is 0. Elastic grains
+    (restitution 1) have none.
+
+    Parameters
+    ----------
+    packing_fraction : array_like
+        Phi in (0, .6).
+    compression_rate : array_like
+        -tr D [1/s].
+    diameter : float
+        Grain diameter [m].
+    restitution : float
+        Effective coefficient of restitution, in [0, 1).
+    """
+    lam = _lambda(restitution)
+    if lam == 1:
+        raise ValueError("restitution = 1 must be below 1: nothing bounds the temperature")
+    g = radial_function(packing_fraction)
+    if not np.all(g > 0):
+        raise ValueError(f"packing_fraction = {packing_fraction} must be > 0")
+    rate = np.maximum(np.asarray(compression_rate, dtype=float), 0.0)
+    speed = rate * positive("diameter", diameter) * (1 + 1 / (4 * lam * g))
+    return math.pi / 144 * (speed / (1 - lam)) ** 2
+
+
+def compression_pressure(
+    packing_fraction: ArrayLike,
+    compression_rate: ArrayLike,
+    *,
+    diameter: float,
+    restitution: float,
+    material: GrainMaterial,
+) -> Array:
+    """Pressure [Pa] of the gas at the bound of `compression_temperature` (A23)."""
+    temperature = compression_temperature(
+        packing_fraction, compression_rate, diameter=diameter, restitution=restitution
+    )
+    return gas_pressure(packing_fraction, temperature, restitution, material)
+
+
+@dataclass(frozen=True)
+class CoupledShear:
+    """Elastic and flowing volume in series: pressure [Pa], ``packing_fraction_flow`` Phi_f and
+    ``inverse_elastic`` = 1/Phi_e <= 0 (it is zero at p = 0, where Phi_e itself is infinite)."""
+
+    p: float
+    packing_fraction_flow: float
+    inverse_elastic: float
+
+
+def coupled_shear(
+    packing_fraction: float,
+    shear_rate: float,
+    *,
+    diameter: float,
+    restitution: float,
+    material: GrainMaterial,
+    offset: float = 0.0,
+) -> CoupledShear:
+    """Pressure of sheared *elastic* grains at a given packing fraction (A11, A12).
+
+    ``1/(Phi + offset) = 1/Phi_e + 1/Phi_f`` with ``p = -Phi_c K/Phi_e`` (made consistent with
+    eq. 2.7) and p the shear pressure (A10) at Phi_f. Solved for p, which is unique: Phi_f
+    increases with p and the elastic volume decreases.
+
+    Parameters
+    ----------
+    packing_fraction : float
+        Phi > 0; it may exceed .6.
+    shear_rate : float
+        [1/s], >= 0.
+    diameter, restitution
+        As in `shear_pressure`.
+    material
+        Object with ``rho_s``, ``rho_c``, ``K``.
+    offset : float
+        The text's delta. ``.6 - Phi_c`` lets the flowing volume jam at Phi_c.
+    """
+    inverse = 1 / positive("packing_fraction + offset", packing_fraction + offset)
+    speed = non_negative("shear_rate", shear_rate) * positive("diameter", diameter)
+    stiffness = material.K * material.rho_c / material.rho_s
+
+    def flow(p: float) -> float:
+        if speed == 0:
+            return JAMMED
+        number = speed * math.sqrt(material.rho_s / p)
+        return float(packing_fraction_of_inertial_number(number, restitution))
+
+    def excess(log_p: float) -> float:
+        p = math.exp(log_p)
+        return 1 / flow(p) - p / stiffness - inverse
+
+    if speed == 0:
+        p = max(stiffness * (1 / JAMMED - inverse), 0.0)
+    else:
+        # Below the first bound the flow alone is too loose, above the second the grains too small.
+        low = math.log(material.rho_s * speed**2 * 1e-12)
+        while excess(low) < 0:
+            low -= 20
+        high = max(low, math.log(stiffness)) + 1
+        while excess(high) > 0:
+            high += 5
+        p = math.exp(brentq(excess, low, high, xtol=1e-14, rtol=1e-14))
+    return CoupledShear(p, flow(p) if p > 0 else JAMMED, -p / stiffness)
+
+
+def _lambda(restitution: float) -> float:
+    return (1 + in_range("restitution", restitution, 0.0, 1.0)) / 2

@@ -1,0 +1,86 @@
+"""Build of the extension granular._core; all metadata is in pyproject.toml.
+
+The kernels are compiled once for each instruction set and chosen at run time, so a wheel is portable.
+Environment: GRANULAR_OPENMP = auto (default) | 1 | 0; GRANULAR_CFLAGS = extra compiler flags.
+"""
+
+import os
+import platform
+import tempfile
+from pathlib import Path
+
+import numpy
+from setuptools import Extension, setup
+from setuptools.command.build_ext import build_ext
+
+ROOT = Path(__file__).parent
+SOURCES = sorted(
+    str(path.relative_to(ROOT))
+    for folder in ("core", "mpm", "python")
+    for path in (ROOT / "csrc" / folder).glob("*.c")
+    if path.name not in ("scatter.c", "gather.c")  # included by kernels.c
+) + ["csrc/law/law.c", "csrc/dispatch.c"]
+# -ffp-contract=off: the bits must not depend on where a compiler chooses to fuse.
+FLAGS = ["-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fvisibility=hidden"]
+AVX2 = ["-mavx2", "-mfma"]
+AVX512 = [*AVX2, "-mavx512f", "-mavx512dq", "-mavx512vl", "-mprefer-vector-width=512"]
+KERNELS = {"baseline": []}
+X86 = platform.machine().lower() in ("x86_64", "amd64", "i686")
+if X86:
+    KERNELS |= {"avx2": AVX2, "avx512": AVX512}
+
+
+class BuildCore(build_ext):
+    """Compile kernels.c for each instruction set and link it with the rest."""
+
+    def has_openmp(self) -> bool:
+        wanted = os.environ.get("GRANULAR_OPENMP", "auto")
+        if wanted not in ("auto", "0", "1"):
+            raise SystemExit(f"GRANULAR_OPENMP = {wanted!r} must be auto, 0 or 1")
+        if wanted == "0":
+            return False
+        with tempfile.TemporaryDirectory() as folder:
+            probe = Path(folder, "probe.c")
+            probe.write_text("#include <omp.h>\nint main(void) { return omp_get_max_threads() < 1; }\n")
+            try:
+                objects = self.compiler.compile([str(probe)], output_dir=folder, extra_postargs=["-fopenmp"])
+                self.compiler.link_executable(objects, str(Path(folder, "probe")), extra_postargs=["-fopenmp"])
+            except Exception as error:
+                if wanted == "1":
+                    raise SystemExit("GRANULAR_OPENMP=1, but the compiler has no OpenMP") from error
+                return False
+        return True
+
+    def build_extension(self, ext: Extension) -> None:
+        flags = FLAGS + os.environ.get("GRANULAR_CFLAGS", "").split()
+        if self.has_openmp():
+            flags.append("-fopenmp")
+            ext.extra_link_args.append("-fopenmp")
+        if X86:
+            ext.define_macros.append(("GR_X86", None))
+        ext.define_macros.append(("GR_FLAGS", '"' + " ".join(flags) + '"'))
+        ext.extra_compile_args += flags
+        for isa, options in KERNELS.items():
+            macros = [("GR_ISA", isa), *ext.define_macros]
+            ext.extra_objects += self.compiler.compile(
+                ["csrc/kernels.c"],
+                output_dir=str(Path(self.build_temp, isa)),
+                macros=macros,
+                include_dirs=ext.include_dirs,
+                extra_postargs=flags + options,
+                depends=ext.depends,
+            )
+        super().build_extension(ext)
+
+
+setup(
+    ext_modules=[
+        Extension(
+            "granular._core",
+            sources=SOURCES,
+            include_dirs=["csrc", numpy.get_include()],
+            depends=[str(path) for path in sorted((ROOT / "csrc").rglob("*.[ch]"))],
+        )
+    ],
+    cmdclass={"build_ext": BuildCore},
+)

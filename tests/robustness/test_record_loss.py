@@ -1,0 +1,362 @@
+"""Runs are never lost: kills, full disks, attempts to overwrite them."""
+
+import errno
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from granular.record.merge import merge
+from granular.trajectory import Checkpoint, TrajectoryWriter, open_trajectory
+
+ROOT = Path(__file__).parents[2]
+SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
+
+
+def make_state(i, n=40):
+    rng = np.random.default_rng(i)
+    fields = {
+        "x": rng.random((n, 2)),
+        "v": rng.normal(size=(n, 2)),
+        "stress": rng.normal(size=(n, 4)),
+        "mass": np.full(n, 0.25),
+        "id": np.arange(n),
+    }
+    return SimpleNamespace(time=0.1 * i, step=10 * i, dt=1e-4, fields=fields)
+
+
+def make_checkpoint(i):
+    arrays = {"x": np.random.default_rng(i).random((2, 50)), "offsets": np.arange(9)}
+    return Checkpoint(time=0.1 * i, step=10 * i, dt=1e-4, scalars={"lost": i}, arrays=arrays)
+
+
+def content(path):
+    """Steps, bytes of all fields, and step of the checkpoint: what must not change."""
+    with open_trajectory(path) as record:
+        frames = [
+            (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
+            for f in record._contents.frames
+        ]
+        checkpoint = record.checkpoint().step if record._contents.has_checkpoint else None
+    return frames, checkpoint
+
+
+def expected(steps, checkpoint):
+    frames = []
+    for i in steps:
+        state = make_state(i)
+        fields = {k: a.tobytes() for k, a in state.fields.items()}
+        frames.append((state.step, state.time, fields))
+    return frames, checkpoint
+
+
+def make_record(path, frames=3):
+    with TrajectoryWriter(path, SCENE) as writer:
+        for i in range(frames):
+            writer.append(make_state(i))
+        writer.checkpoint(make_checkpoint(frames - 1))
+
+
+# --- kills -----------------------------------------------------------------------------------
+
+CHILD = textwrap.dedent("""
+    import sys
+    sys.path[:0] = sys.argv[2:]
+    from test_record_loss import SCENE, TrajectoryWriter, make_checkpoint, make_state
+    writer = TrajectoryWriter(sys.argv[1], SCENE)
+    for i in range(100000):
+        writer.append(make_state(i))
+        writer.checkpoint(make_checkpoint(i))
+        print(i, flush=True)
+        if i % 4 == 3:
+            writer.close()
+            writer = TrajectoryWriter.resume(sys.argv[1])
+""")
+
+
+def test_kill_leaves_all_completed_frames(tmp_path):
+    chance = random.Random(5)
+    for trial in range(8):
+        path = tmp_path / f"{trial}.h5"
+        command = [sys.executable, "-c", CHILD, str(path), str(ROOT), str(Path(__file__).parent)]
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        for _ in range(chance.randint(1, 9)):
+            last = int(child.stdout.readline())
+        with pytest.raises(subprocess.TimeoutExpired):
+            child.wait(chance.random() * 0.02)
+        child.send_signal(signal.SIGKILL)
+        rest = child.stdout.read().splitlines(keepends=True)
+        last = max([last, *(int(line) for line in rest if line.endswith("\n"))])
+        child.wait()
+        child.stdout.close()
+        frames, checkpoint = content(path)
+        assert last + 1 <= len(frames) <= last + 2
+        assert frames == expected(range(len(frames)), None)[0]
+        assert checkpoint >= 10 * last
+        with TrajectoryWriter.resume(path) as writer:  # the lock died with its holder
+            writer.append(make_state(len(frames)))
+        assert content(path) == expected(range(len(frames) + 1), checkpoint)
+        assert sorted(p.name for p in tmp_path.iterdir()) == [f"{k}.h5" for k in range(trial + 1)]
+
+
+def test_kill_while_merged_parts_are_removed(tmp_path, monkeypatch):
+    """Cut the removal of the parts after every single step of it."""
+    for survivors in range(7):
+        path = tmp_path / f"{survivors}.h5"
+        writer = TrajectoryWriter(path, SCENE)
+        for i in range(4):
+            writer.append(make_state(i))
+        writer.checkpoint(make_checkpoint(3))
+        left, unlink = [survivors], Path.unlink
+
+        def cut(target, left=left, unlink=unlink, **options):
+            if not left[0]:
+                raise KeyboardInterrupt
+            left[0] -= 1
+            unlink(target, **options)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "unlink", cut)
+            if survivors < 6:  # four frames, checkpoint, head
+                with pytest.raises(KeyboardInterrupt):
+                    writer.close()
+            else:
+                writer.close()
+        assert content(path) == expected(range(4), 30)
+        if survivors < 6:
+            os.close(writer._lock)  # as the end of its process would
+        TrajectoryWriter.resume(path).close()
+        assert content(path) == expected(range(4), 30)
+
+
+# --- full disks ------------------------------------------------------------------------------
+
+
+class Failing:
+    """A function of os that fails at its k-th call, and from then on."""
+
+    def __init__(self, name, k, code):
+        self.real, self.left, self.code, self.hit = getattr(os, name), k, code, False
+
+    def __call__(self, *args, **kwargs):
+        if self.left == 0:
+            self.hit = True
+            raise OSError(self.code, os.strerror(self.code))
+        self.left -= 1
+        return self.real(*args, **kwargs)
+
+
+FAULTS = [
+    ("write", errno.ENOSPC),
+    ("fsync", errno.EIO),
+    ("ftruncate", errno.ENOSPC),
+    ("replace", errno.EIO),
+]
+
+
+def fail_at_each(monkeypatch, name, code, prepare, act, check):
+    """Let each call of ``os.name`` within ``act`` fail in turn; how many there were."""
+    hits = 0
+    while True:
+        subject = prepare(hits)
+        fault = Failing(name, hits, code)
+        error = None
+        with monkeypatch.context() as patch:
+            patch.setattr(os, name, fault)
+            try:
+                act(subject)
+            except OSError as raised:
+                error = raised
+        if not fault.hit:
+            assert error is None
+            return hits
+        assert error is not None, "the error was swallowed"
+        assert error.errno == code
+        check(subject)
+        hits += 1
+
+
+def tree(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def no_temporaries(folder):
+    return not [p for p in folder.rglob("*") if p.suffix == ".tmp"]
+
+
+@pytest.mark.parametrize(("name", "code"), FAULTS)
+def test_failed_append_and_checkpoint_keep_what_was(tmp_path, monkeypatch, name, code):
+    def prepare(k):
+        writer = TrajectoryWriter(tmp_path / f"{k}.h5", SCENE)
+        writer.append(make_state(0))
+        writer.checkpoint(make_checkpoint(0))
+        return writer
+
+    def act(writer):
+        writer.append(make_state(1))
+        writer.checkpoint(make_checkpoint(1))
+
+    def check(writer):
+        assert no_temporaries(tmp_path)
+        frames, checkpoint = content(writer.path)
+        assert frames == expected(range(len(frames)), None)[0]
+        assert checkpoint in (0, 10)
+        act(writer)  # there is room again
+        writer.close()
+        assert content(writer.path) == expected(range(2), 10)
+
+    hits = fail_at_each(monkeypatch, name, code, prepare, act, check)
+    assert hits >= 2 or name == "ftruncate"
+
+
+@pytest.mark.parametrize(("name", "code"), FAULTS)
+def test_failed_merge_keeps_the_previous_file_and_the_parts(tmp_path, monkeypatch, name, code):
+    template = tmp_path / "template"
+    template.mkdir()
+    make_record(template / "a.h5", 2)
+    writer = TrajectoryWriter.resume(template / "a.h5")
+    writer.append(make_state(2))
+    before = tree(template)
+
+    def prepare(k):
+        shutil.copytree(template, tmp_path / str(k))
+        return tmp_path / str(k) / "a.h5"
+
+    def check(path):
+        if name == "fsync":  # the last fsync is that of the folder, after the rename
+            assert content(path) == expected(range(3), 10)
+        else:
+            assert tree(path.parent) == before
+        shutil.rmtree(path.parent)
+
+    hits = fail_at_each(monkeypatch, name, code, prepare, merge, check)
+    assert hits >= 1
+
+
+def test_close_may_be_repeated_after_a_full_disk(tmp_path, monkeypatch):
+    path = tmp_path / "a.h5"
+    writer = TrajectoryWriter(path, SCENE)
+    writer.append(make_state(0))
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "write", Failing("write", 3, errno.ENOSPC))
+        with pytest.raises(OSError, match="No space left"):
+            writer.close()
+    writer.append(make_state(1))
+    writer.close()
+    assert content(path) == expected(range(2), None)
+
+
+@pytest.mark.parametrize("start", ["new", "overwrite", "resume"])
+@pytest.mark.parametrize(("name", "code"), FAULTS)
+def test_failed_start_changes_nothing(tmp_path, monkeypatch, name, code, start):
+    def prepare(k):
+        path = tmp_path / f"{k}.h5"
+        if start != "new":
+            make_record(path)
+        return path
+
+    def act(path):
+        if start == "resume":
+            TrajectoryWriter.resume(path)
+        else:
+            TrajectoryWriter(path, SCENE, overwrite=start == "overwrite")
+
+    def check(path):
+        assert no_temporaries(tmp_path)
+        if start == "new":
+            assert not path.exists()
+            with pytest.raises(FileNotFoundError):
+                open_trajectory(path)
+            TrajectoryWriter(path, SCENE).close()
+        else:
+            assert content(path) == expected(range(3), 20)
+
+    if name == "fsync" and start == "new":
+        return  # once the head is renamed an empty record exists, which is no loss
+    fail_at_each(monkeypatch, name, code, prepare, act, check)
+
+
+def test_short_writes_are_continued(tmp_path, monkeypatch):
+    real = os.write
+    monkeypatch.setattr(os, "write", lambda fd, data: real(fd, data[: max(1, len(data) // 3)]))
+    make_record(tmp_path / "a.h5")
+    assert content(tmp_path / "a.h5") == expected(range(3), 20)
+
+
+# --- nothing is overwritten ------------------------------------------------------------------
+
+
+def test_existing_records_are_refused(tmp_path):
+    path = tmp_path / "a.h5"
+    make_record(path)
+    before = path.read_bytes()
+    with pytest.raises(FileExistsError, match=r"a\.h5 exists already"):
+        TrajectoryWriter(path, SCENE)
+    assert path.read_bytes() == before
+    unfinished = TrajectoryWriter(tmp_path / "b.h5", SCENE)
+    unfinished.append(make_state(0))
+    with pytest.raises(FileExistsError, match="unfinished: resume it"):
+        TrajectoryWriter(tmp_path / "b.h5", SCENE)
+    with pytest.raises(IsADirectoryError):
+        TrajectoryWriter(tmp_path, SCENE, overwrite=True)
+
+
+def test_overwritten_file_stays_until_the_new_one_is_closed(tmp_path):
+    path = tmp_path / "a.h5"
+    make_record(path)
+    before = path.read_bytes()
+    writer = TrajectoryWriter(path, SCENE, overwrite=True)
+    assert content(path) == expected(range(3), 20)  # nothing to show yet
+    writer.append(make_state(5))
+    assert path.read_bytes() == before
+    assert content(path) == expected([5], None)
+    writer.close()
+    assert content(path) == expected([5], None)
+
+
+def test_overwriting_with_nothing_keeps_the_file(tmp_path):
+    make_record(tmp_path / "a.h5")
+    TrajectoryWriter(tmp_path / "a.h5", SCENE, overwrite=True).close()
+    assert content(tmp_path / "a.h5") == expected(range(3), 20)
+
+
+def test_a_foreign_file_is_overwritten_only_when_asked(tmp_path):
+    path = tmp_path / "a.h5"
+    path.write_text("my notes")
+    with pytest.raises(FileExistsError):
+        TrajectoryWriter(path, SCENE)
+    writer = TrajectoryWriter(path, SCENE, overwrite=True)
+    writer.append(make_state(0))
+    assert content(path) == expected([0], None)
+    assert path.read_text() == "my notes"
+    writer.close()
+    assert content(path) == expected([0], None)
+
+
+def test_impossible_folders_are_refused_before_the_run(tmp_path):
+    (tmp_path / "file").write_text("")
+    for folder in ("missing", "file"):
+        with pytest.raises(OSError, match=folder):
+            TrajectoryWriter(tmp_path / folder / "a.h5", SCENE)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no advisory locks")
+def test_a_live_record_cannot_be_written_twice(tmp_path):
+    path = tmp_path / "a.h5"
+    writer = TrajectoryWriter(path, SCENE)
+    writer.append(make_state(0))
+    with pytest.raises(BlockingIOError, match="live run"):
+        TrajectoryWriter.resume(path)
+    with pytest.raises(BlockingIOError, match="live run"):
+        TrajectoryWriter(path, SCENE, overwrite=True)
+    writer.append(make_state(1))
+    writer.close()
+    assert content(path) == expected(range(2), None)

@@ -1,0 +1,128 @@
+"""Rates and Beverloo fits from histories that are known exactly."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from synthetic import scene, state
+
+from granular.measure import MassHistory, beverloo, discharge, mass_history
+
+
+def silo(rate, *, half=False, orifice=0.1, frames=200, end=4.0):
+    """A list of one-point states that lose `rate` kg/s of the full silo's 1500 kg."""
+    s = scene((10, 10), 0.1, parameters={"orifice": orifice, "half": half})
+    share = 0.5 if half else 1.0
+    return Run(
+        s,
+        [
+            state(s, [[0.5, 0.5]], mass=share * (1500 - rate * t), time=t)
+            for t in np.linspace(0, end, frames)
+        ],
+    )
+
+
+class Run(list):
+    """States that know their scene, as a trajectory does."""
+
+    def __init__(self, scene, states):
+        super().__init__(states)
+        self.scene = scene
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_the_rate_of_a_straight_line(half):
+    result = discharge(silo(200.0, half=half))
+    assert result.rate == pytest.approx(200, rel=1e-12)
+    assert result.standard_error < 1e-9
+    assert result.window_spread < 1e-9
+    assert 1200 >= result.mass[0] > result.mass[1] >= 900
+    # 300 kg at 200 kg/s, a frame every 4/199 s
+    assert result.frames == pytest.approx(300 / 200 / (4 / 199), abs=1.1)
+    modelled = discharge(silo(200.0, half=half), total=False)
+    assert modelled.rate == pytest.approx(100 if half else 200, rel=1e-12)
+
+
+def test_the_errors_of_a_regression():
+    times = np.linspace(0, 3, 301)
+    noise = np.random.default_rng(1).normal(0, 2.0, len(times))
+    history = MassHistory(times, 1200 - 100 * times + noise, 1.0)
+    result = discharge(history, window=(2000.0, 10.0))
+    # textbook: sigma/sqrt(sum (t - tbar)^2)
+    expected = 2.0 / np.sqrt(np.sum((times - 1.5) ** 2))
+    assert result.standard_error == pytest.approx(expected, rel=0.1)
+    assert abs(result.rate - 100) < 4 * expected
+
+
+def test_a_changing_rate_shows_in_the_spread_of_the_window():
+    times = np.linspace(0, 10, 2001)
+    mass = 1500 * np.exp(-0.1 * times)
+    result = discharge(MassHistory(times, mass, 1.0))
+    # the rate is .1 m: between the means of the two halves of the window it falls by a tenth
+    assert result.window_spread == pytest.approx(0.1 * 150, rel=0.05)
+    assert result.standard_error < result.window_spread / 20
+
+
+def test_the_history_of_a_series_needs_no_frames():
+    s = scene((10, 10), 0.1, parameters={"half": True})
+    record = SimpleNamespace(scene=s, series={"time": np.arange(3.0), "mass": [3.0, 2.0, 1.0]})
+    history = mass_history(record)
+    assert np.array_equal(history.mass, [6.0, 4.0, 2.0])
+    assert np.array_equal(history.times, [0.0, 1.0, 2.0])
+    assert history.share == 0.5
+
+
+def test_beverloo_of_exact_data():
+    D = np.arange(0.06, 0.21, 0.02)
+    fit = beverloo(D, 1.42 * 1500 * np.sqrt(9.8) * D**1.5, rho=1500.0)
+    assert pytest.approx(1.42, rel=1e-12) == fit.C
+    assert fit.C_free == pytest.approx(1.42, rel=1e-10)
+    assert fit.exponent_free == pytest.approx(1.5, rel=1e-10)
+    assert np.abs(fit.residuals).max() < 1e-12
+
+
+def test_beverloo_with_another_exponent():
+    D = np.array([0.06, 0.1, 0.14, 0.2])
+    fit = beverloo(D, 1.31 * 1500 * np.sqrt(9.8) * D**1.47, rho=1500.0)
+    assert fit.exponent_free == pytest.approx(1.47, rel=1e-10)
+    assert fit.C_free == pytest.approx(1.31, rel=1e-10)
+    assert np.abs(fit.residuals_free).max() < 1e-12
+    # the mean of ln(1.31 D**-.03) over the orifices
+    assert pytest.approx(1.31 * np.exp(-0.03 * np.log(D).mean()), rel=1e-12) == fit.C
+    assert fit.residuals.sum() == pytest.approx(0, abs=1e-12)
+
+
+def test_beverloo_of_runs():
+    D = np.array([0.1, 0.14, 0.2])
+    rates = 1.5 * 1500 * np.sqrt(9.8) * D**1.5
+    runs = [silo(Q, orifice=d, half=True, end=3.0) for d, Q in zip(D, rates, strict=True)]
+    fit = beverloo(runs)
+    assert pytest.approx(1.5, rel=1e-10) == fit.C
+    assert np.allclose(fit.orifices, D)
+    assert np.allclose(fit.rates, rates)
+
+
+def test_bad_histories_are_refused():
+    with pytest.raises(ValueError, match="0 frames"):
+        mass_history([])
+    with pytest.raises(ValueError, match="0 frames lie in it"):
+        discharge(silo(10.0, end=1.0))
+    with pytest.raises(ValueError, match="must fall"):
+        discharge(silo(200.0), window=(900.0, 1200.0))
+    with pytest.raises(ValueError, match="at least 3"):
+        discharge(silo(200.0, frames=7))
+
+
+def test_bad_fits_are_refused():
+    with pytest.raises(ValueError, match="rho = None"):
+        beverloo([0.1, 0.2], [1.0, 2.0])
+    with pytest.raises(ValueError, match="at least 2 different"):
+        beverloo([0.1, 0.1], [1.0, 2.0], rho=1500.0)
+    with pytest.raises(ValueError, match="rates = "):
+        beverloo([0.1, 0.2], [1.0, -2.0], rho=1500.0)
+    with pytest.raises(ValueError, match="equal length"):
+        beverloo([0.1, 0.2], [1.0], rho=1500.0)
+    with pytest.raises(TypeError, match="give trajectories"):
+        beverloo([0.1, 0.2])
+    with pytest.raises(ValueError, match="at least 2 different"):
+        beverloo([])

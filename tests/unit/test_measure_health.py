@@ -1,0 +1,189 @@
+"""Health and energy of states whose answers follow from a line of algebra."""
+
+import numpy as np
+import pytest
+from synthetic import RHO_C, isotropic, lattice, material, scene, state
+
+from granular.measure import (
+    disconnected_fraction,
+    energy,
+    energy_budget,
+    layer_height,
+    mean_pressure_error,
+    occupied_area,
+    speed_percentile,
+)
+
+CELL = 0.01
+
+
+def pool(height=0.1, *, shape=(5, 20), **options):
+    s = scene(shape, CELL, **options)
+    x = lattice(s, 2, lambda x: x[:, -1] < height - 1e-9)
+    p = RHO_C * 9.8 * (height - x[:, -1])
+    return state(s, x, per_cell=2 ** len(shape), stress=isotropic(p, len(shape)))
+
+
+def freed(points, free):
+    stress = np.where(free[:, None], 0.0, points.stress)
+    return state(points.scene, points.x, stress=stress, per_cell=2**points.dim)
+
+
+def test_only_the_bulk_counts_as_disconnected():
+    points = pool()
+    assert disconnected_fraction(points) == 0
+    # the bulk is the eight rows of cells below .08, sixteen rows of points
+    assert disconnected_fraction(freed(points, points.x[:, 1] > 0.08)) == 0
+    row = np.isclose(points.x[:, 1], 0.0525)
+    assert disconnected_fraction(freed(points, row)) == pytest.approx(1 / 16)
+    assert disconnected_fraction(freed(points, row), depth_cells=0) == pytest.approx(1 / 20)
+    assert disconnected_fraction(freed(points, points.x[:, 1] < 1)) == 1
+
+
+def test_sprays_and_falling_streams_are_not_bulk():
+    points = pool(shape=(5, 40))
+    stream = lattice(points.scene, 1, lambda x: (x[:, 1] > 0.15) & (x[:, 0] < 0.02))
+    x = np.vstack([points.x, stream])
+    stress = np.vstack([points.stress, np.zeros((len(stream), 4))])
+    assert disconnected_fraction(state(points.scene, x, stress=stress)) == 0
+
+
+def test_the_upper_heap_of_an_hourglass_has_its_own_surface():
+    s = scene((5, 40), CELL)
+    x = lattice(s, 2, lambda x: (x[:, 1] < 0.05) | ((x[:, 1] > 0.2) & (x[:, 1] < 0.25)))
+    p = np.where((x[:, 1] > 0.23) | (x[:, 1] < 0.05) & (x[:, 1] > 0.03), 0.0, 100.0)
+    assert disconnected_fraction(state(s, x, stress=isotropic(p))) == 0
+
+
+def test_speeds_areas_and_heights():
+    points = pool()
+    v = np.zeros((points.n, 2))
+    v[0] = (3.0, 4.0)
+    moving = state(points.scene, points.x, v=v)
+    assert speed_percentile(moving, q=100) == pytest.approx(5)
+    assert speed_percentile(moving, q=50) == 0
+    assert occupied_area(points) == pytest.approx(0.05 * 0.1)
+    spray = state(points.scene, np.vstack([points.x, [[0.005, 0.195]]]))
+    assert occupied_area(spray) == pytest.approx(0.05 * 0.1 + CELL**2)
+    assert occupied_area(spray, filled=0.5) == pytest.approx(0.05 * 0.1)
+    assert layer_height(points) == pytest.approx(0.1)
+    assert layer_height(points, base=-0.1) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("shape", [(5, 20), (3, 4, 20)])
+def test_hydrostatic_pressure_has_no_error(shape):
+    points = pool(shape=shape)
+    assert mean_pressure_error(points) < 1e-12
+    assert mean_pressure_error(points, of="pressure", per_column=True) < 1e-12
+    assert mean_pressure_error(points, depth_cells=0) < 1e-12
+    heavy = state(points.scene, points.x, stress=1.1 * points.stress, per_cell=2**points.dim)
+    assert mean_pressure_error(heavy) == pytest.approx(0.1)
+
+
+def test_a_box_at_rest_balances_by_its_normal_stress_and_not_by_its_pressure():
+    points = pool()
+    weight = points.p
+    stress = isotropic(weight)
+    # uniaxial strain: sideways nu/(1 - nu) of the weight, nu = .3
+    stress[:, [0, 2]] *= 3 / 7
+    rest = state(points.scene, points.x, stress=stress)
+    assert mean_pressure_error(rest) < 1e-12
+    assert mean_pressure_error(rest, of="pressure") == pytest.approx(1 - 13 / 21)
+
+
+def test_columns_of_different_height_have_their_own_overburden():
+    s = scene((10, 20), CELL)
+    height = 0.1
+    x = lattice(s, 2, lambda x: x[:, 1] < height + 0.05 * (x[:, 0] > 0.05))
+    p = RHO_C * 9.8 * (height + 0.05 * (x[:, 0] > 0.05) - x[:, 1])
+    heap = state(s, x, stress=isotropic(p))
+    assert mean_pressure_error(heap, per_column=True) < 1e-12
+    assert mean_pressure_error(heap) > 0.1
+
+
+def test_bad_health_is_refused():
+    points = pool()
+    with pytest.raises(ValueError, match="depth_cells = 30"):
+        disconnected_fraction(points, depth_cells=30)
+    with pytest.raises(ValueError, match="depth_cells = 30"):
+        mean_pressure_error(points, depth_cells=30)
+    with pytest.raises(ValueError, match="must be negative"):
+        mean_pressure_error(pool(gravity=(0.0, 0.0)))
+    with pytest.raises(ValueError, match="of = 'shear'"):
+        mean_pressure_error(points, of="shear")
+    with pytest.raises(ValueError, match="q = -1"):
+        speed_percentile(points, q=-1.0)
+    for measure in (disconnected_fraction, speed_percentile, layer_height, energy):
+        with pytest.raises(ValueError, match="0 points"):
+            measure(state(points.scene, np.empty((0, 2))))
+
+
+def test_the_energies_of_one_point():
+    s = scene((4, 4), 1.0)
+    stress = [[-3000.0, -6000.0, -3000.0, 2000.0]]
+    one = state(s, [[1.0, 2.0]], mass=3.0, v=[[3.0, 4.0]], stress=stress, rho=1500.0)
+    result = energy(one)
+    assert result.kinetic == pytest.approx(3 * 25 / 2)
+    assert result.gravitational == pytest.approx(3 * 9.8 * 2)
+    # the compliance of Hooke's law: (s_ij s_ij (1 + nu) - nu (tr s)^2)/(2 E), by hand
+    E, nu = 1e7, 0.3
+    square, trace = 9e6 + 36e6 + 9e6 + 2 * 4e6, -12000.0
+    density = ((1 + nu) * square - nu * trace**2) / (2 * E)
+    assert result.elastic == pytest.approx(3 / 1500 * density, rel=1e-12)
+    assert result.total == result.kinetic + result.gravitational + result.elastic
+
+
+def test_three_dimensional_shear_energy():
+    s = scene((1, 1, 1), 1.0, grains=material())
+    one = state(s, [[0.5] * 3], mass=1500.0, stress=[[0, 0, 0, 1e3, 2e3, 2e3]])
+    assert energy(one).elastic == pytest.approx(9e6 / (2 * s.material.G))
+
+
+def fall(ids, times, s):
+    frames = []
+    for t in times:
+        x = np.stack([0.5 + 0 * ids, 9 - 4.9 * t**2 - 0.1 * ids], axis=1)
+        v = np.tile([0.0, -9.8 * t], (len(ids), 1))
+        frames.append(state(s, x, mass=2.0, v=v, time=t, ids=ids))
+    return frames
+
+
+def test_free_fall_dissipates_nothing():
+    frames = fall(np.arange(5), np.linspace(0, 1, 6), scene((1, 10), 1.0))
+    budget = energy_budget(frames)
+    assert budget.gravity_work[-1] == pytest.approx(5 * 2 * 9.8 * 4.9)
+    assert np.allclose(budget.kinetic, budget.gravity_work)
+    assert np.abs(budget.dissipated).max() < 1e-10
+    totals = [energy(frame).total for frame in frames]
+    assert np.allclose(totals, totals[0])
+
+
+def test_what_leaves_is_outflow_and_what_stops_is_dissipated():
+    s = scene((1, 10), 1.0)
+    first, second = fall(np.arange(5), [0.5, 1.0], s)
+    kept = fall(np.arange(1, 5), [1.0], s)[0]
+    budget = energy_budget([first, kept])
+    assert budget.outflow[-1] == pytest.approx(2 * (9.8 * 0.5) ** 2 / 2)
+    assert budget.dissipated[-1] == pytest.approx(0, abs=1e-10)
+    second.v = np.zeros_like(second.v)
+    assert energy_budget([first, second]).dissipated[-1] == pytest.approx(5 * 2 * 9.8 * 4.9)
+
+
+def test_work_along_a_periodic_axis_survives_the_wrap():
+    s = scene((1, 4), 1.0, periodic=(True, False), gravity=(5.0, -9.0))
+    frames = [
+        state(s, [[(0.3 + 2.5 * t**2) % 1.0, 1.0]], mass=2.0, v=[[5 * t, 0.0]], time=t)
+        for t in np.linspace(0, 2, 5)
+    ]
+    budget = energy_budget(frames)
+    assert np.allclose(budget.gravity_work, budget.kinetic)
+    assert np.abs(budget.dissipated).max() < 1e-10
+    assert energy(frames[-1]).gravitational == pytest.approx(2 * 9 * 1.0)
+
+
+def test_bad_budgets_are_refused():
+    one = fall(np.arange(2), [0.0], scene((1, 10), 1.0))
+    with pytest.raises(ValueError, match="1 frame"):
+        energy_budget(one)
+    with pytest.raises(ValueError, match="0 frames"):
+        energy_budget([])

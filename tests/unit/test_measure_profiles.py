@@ -1,0 +1,128 @@
+"""Profiles, health, energy and kinetic estimates of states that are known by hand."""
+
+import numpy as np
+import pytest
+from synthetic import RHO_C, RHO_S, XI, isotropic, lattice, material, scene, state
+
+from granular import measure
+from granular.measure import (
+    depth_average,
+    friction,
+    friction_profile,
+    inertial_number,
+    profile,
+    scaled_inertial_number,
+    velocity_profile,
+)
+
+CELL = 0.01
+
+
+def layer(height=0.2, *, angle_deg=25.0, grains=None, v=None, headroom=4):
+    """A periodic layer on an incline with the stress of steady flow."""
+    angle = np.radians(angle_deg)
+    g = 9.8 * np.array([np.sin(angle), -np.cos(angle)])
+    rows = round(height / CELL) + headroom
+    s = scene((4, rows), CELL, periodic=(True, False), gravity=tuple(g), grains=grains)
+    x = lattice(s, 2, lambda x: x[:, 1] < height)
+    p = RHO_C * 9.8 * np.cos(angle) * (height - x[:, 1])
+    stress = isotropic(p)
+    stress[:, 3] = p * np.tan(angle)
+    speed = np.zeros_like(x) if v is None else v(x)
+    return state(s, x, stress=stress, v=speed, shear_rate=3.0)
+
+
+def test_a_linear_velocity_profile_by_rows_of_cells():
+    flow = layer(v=lambda x: np.stack([2 + 5 * x[:, 1], 0 * x[:, 0] - 1], axis=1))
+    rows = velocity_profile(flow)
+    assert np.allclose(rows.y, CELL * (np.arange(20) + 0.5))
+    assert np.allclose(rows.value, 2 + 5 * rows.y)
+    assert np.allclose(rows.centroid, rows.y)
+    assert np.allclose(rows.weight, RHO_C * 4 * CELL**2)
+    assert np.allclose(velocity_profile(flow, component=1).value, -1)
+    assert depth_average(flow, flow.v[:, 0]) == pytest.approx(2 + 5 * 0.1)
+    assert np.allclose(depth_average(flow, "v"), [2.5, -1])
+
+
+def test_rows_are_weighted_by_mass():
+    s = scene((1, 3), 0.1)
+    points = state(
+        s, [[0.02, 0.03], [0.07, 0.08], [0.05, 0.25]], mass=[1.0, 3.0, 2.0],
+        v=[[4.0, 0], [8.0, 0], [1.0, 0]],
+    )  # fmt: skip
+    rows = velocity_profile(points)
+    assert rows.value[0] == pytest.approx((4 + 24) / 4)
+    assert np.isnan(rows.value[1])
+    assert rows.value[2] == 1
+    assert rows.centroid[0] == pytest.approx((0.03 + 0.24) / 4)
+    assert depth_average(points, points.v[:, 0]) == pytest.approx(30 / 6)
+    two = velocity_profile(points, bins=2)
+    assert np.allclose(two.y, [0.0625, 0.1875])
+    edges = velocity_profile(points, bins=[0.05, 0.1, 0.3])
+    assert np.allclose(edges.value, [8, 1])
+
+
+def test_friction_of_the_layer_is_the_tangent_of_its_slope():
+    flow = layer(angle_deg=27.0)
+    tangent = np.tan(np.radians(27.0))
+    assert np.allclose(friction(flow), tangent)
+    assert np.allclose(friction_profile(flow).value, tangent)
+
+
+def test_friction_in_three_dimensions_counts_every_shear_twice():
+    s = scene((1, 1, 1), 1.0)
+    stress = [[-10.0, -10, -10, 3, 4, 0], [-13.0, -10, -7, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
+    points = state(s, np.full((3, 3), 0.5), stress=stress)
+    mu = friction(points)
+    # tau = sqrt(sxy^2 + syz^2) = 5; tau = sqrt((9 + 9)/2) = 3
+    assert np.allclose(mu[:2], [0.5, 0.3])
+    assert np.isnan(mu[2])
+
+
+def test_friction_of_the_row_is_of_the_mean_stress():
+    flow = layer()
+    sign = (-1.0) ** np.arange(flow.n)
+    stress = flow.stress.copy()
+    stress[:, 3] += 300 * sign
+    noisy = state(flow.scene, flow.x, stress=stress)
+    deep = slice(0, 15)
+    assert np.allclose(friction_profile(noisy).value[deep], np.tan(np.radians(25)), rtol=1e-9)
+    assert np.nanmax(np.abs(friction(noisy) - np.tan(np.radians(25)))) > 0.1
+
+
+def test_inertial_numbers():
+    d = 0.005
+    I0 = XI * d * np.sqrt(RHO_S)
+    flow = layer(grains=material(I0=I0, d=d))
+    expected = 3.0 * d * np.sqrt(RHO_S / flow.p)
+    assert np.allclose(inertial_number(flow), expected)
+    assert np.allclose(inertial_number(flow, d=2 * d), 2 * expected)
+    assert np.allclose(inertial_number(flow) / I0, scaled_inertial_number(flow))
+    loose = state(flow.scene, flow.x, shear_rate=3.0)
+    assert np.isnan(scaled_inertial_number(loose)).all()
+
+
+def test_bad_profiles_are_refused():
+    flow = layer()
+    with pytest.raises(ValueError, match="d = None"):
+        inertial_number(flow)
+    with pytest.raises(ValueError, match="has no xi"):
+        scaled_inertial_number(layer(grains=material(xi=None)))
+    with pytest.raises(ValueError, match="increasing edges"):
+        velocity_profile(flow, bins=[0.2, 0.1])
+    with pytest.raises(ValueError, match="hold no point"):
+        velocity_profile(flow, bins=[0.5, 0.6])
+    with pytest.raises(ValueError, match="component = 2"):
+        velocity_profile(flow, component=2)
+    with pytest.raises(ValueError, match="bins = 0"):
+        velocity_profile(flow, bins=0)
+    with pytest.raises(ValueError, match="0 points"):
+        scaled_inertial_number(state(flow.scene, np.empty((0, 2))))
+    with pytest.raises(ValueError, match="weight = 'count'"):
+        profile(flow, "p", weight="count")
+
+
+def test_every_public_name_is_there():
+    for name in measure.__all__:
+        assert callable(getattr(measure, name))
+        assert isinstance(getattr(measure, name).__doc__, str)

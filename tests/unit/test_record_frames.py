@@ -1,0 +1,337 @@
+"""What goes into a record comes out of it, to the last bit, here and in ParaView's reader."""
+
+import json
+import sys
+from dataclasses import dataclass
+from types import ModuleType
+
+import h5py
+import numpy as np
+import pytest
+
+from granular.trajectory import (
+    Checkpoint,
+    RecordError,
+    TrajectoryWriter,
+    info,
+    open_trajectory,
+)
+
+
+@dataclass(frozen=True)
+class SceneDouble:
+    """The two members of a Scene that a record uses."""
+
+    name: str = "heap"
+
+    def to_json(self):
+        return json.dumps({"name": self.name})
+
+    @staticmethod
+    def from_json(text):
+        return SceneDouble(**json.loads(text))
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateDouble:
+    """The members of a State that a record uses."""
+
+    scene: SceneDouble
+    time: float
+    step: int
+    dt: float
+    fields: dict
+
+
+@pytest.fixture(autouse=True)
+def doubles(monkeypatch):
+    """The record is tested by itself, without the scene and the state of the package."""
+    for name, attribute, double in (
+        ("granular.scene", "Scene", SceneDouble),
+        ("granular.state", "State", StateDouble),
+    ):
+        module = ModuleType(name)
+        setattr(module, attribute, double)
+        monkeypatch.setitem(sys.modules, name, module)
+
+
+def make_state(i, n, dim=2, **changes):
+    rng = np.random.default_rng(1000 * i + n)
+    fields = {
+        "x": rng.random((n, dim)),
+        "v": rng.normal(size=(n, dim)),
+        "stress": rng.normal(size=(n, 4 if dim == 2 else 6)),
+        "log_density": rng.normal(size=n),
+        "mass": rng.random(n),
+        "id": rng.permutation(n).astype(np.int64),
+        "shear_rate": np.zeros(n),
+        "one_column": rng.random((n, 1)),
+    }
+    fields["log_density"][: min(n, 4)] = [np.nan, -0.0, np.inf, 5e-324][:n]
+    time = np.nextafter(0.1 * i, 1)
+    return StateDouble(
+        scene=SceneDouble(), time=time, step=10 * i, dt=1 / 3e5, fields=fields | changes
+    )
+
+
+def write(path, states, **options):
+    with TrajectoryWriter(path, SceneDouble(), **options) as writer:
+        for state in states:
+            writer.append(state)
+
+
+def assert_same(got, expected):
+    assert (got.time, got.step, got.dt) == (expected.time, expected.step, expected.dt)
+    assert set(got.fields) == set(expected.fields)
+    for name, array in expected.fields.items():
+        stored = got.fields[name]
+        assert (stored.dtype, stored.shape) == (array.dtype, array.shape), name
+        assert stored.tobytes() == array.tobytes(), name
+
+
+# points leave, arrive, vanish; 40000 exceeds the longest chunk
+COUNTS = ([50, 50, 47, 1, 0, 60, 200], [0, 3], [40000, 33000, 12])
+
+
+@pytest.mark.parametrize("counts", COUNTS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_round_trip_is_bitwise(tmp_path, dim, counts):
+    states = [make_state(i, n, dim) for i, n in enumerate(counts)]
+    write(tmp_path / "a.h5", states)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert len(record) == len(states)
+        for got, expected in zip(record, states, strict=True):
+            assert_same(got, expected)
+
+
+def test_unfinished_record_reads_the_same_and_is_not_touched(tmp_path):
+    states = [make_state(i, 30 - i) for i in range(3)]
+    writer = TrajectoryWriter(tmp_path / "a.h5", SceneDouble("silo"))
+    for state in states:
+        writer.append(state)
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert not record.finished
+        assert record.scene == SceneDouble("silo")
+        for got, expected in zip(record, states, strict=True):
+            assert_same(got, expected)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")} == before
+    writer.close()
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert record.finished
+        assert len(record) == 3
+
+
+def test_sequence_series_and_summary(tmp_path):
+    states = [make_state(i, 20 - i) for i in range(5)]
+    write(tmp_path / "a.h5", states, provenance={"threads": 2})
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert_same(record[-1], states[4])
+        assert_same(record[np.int64(1)], states[1])
+        assert [s.step for s in record[::-2]] == [40, 20, 0]
+        assert record[1:3].times.tolist() == [states[1].time, states[2].time]
+        for index in (5, -6):
+            with pytest.raises(IndexError, match=r"must be in \[-5, 4\]"):
+                record[index]
+        assert record.series["n"].tolist() == [20, 19, 18, 17, 16]
+        masses = [s.fields["mass"].sum() for s in states]
+        np.testing.assert_allclose(record.series["mass"], masses, rtol=1e-14)
+        assert record.provenance["threads"] == 2
+        assert record.provenance["numpy"] == np.__version__
+        assert "5" in record._repr_html_()
+        assert "heap" in record._repr_html_()
+    summary = info(tmp_path / "a.h5")
+    assert summary["digest_ok"]
+    assert summary["frames"] == 5
+    assert summary["n"] == (20, 16)
+    assert summary["steps"] == (0, 40)
+    assert summary["scene"] == "heap"
+    assert summary["checkpoint_step"] is None
+
+
+def test_provenance_holds_no_host_name(tmp_path):
+    import platform
+
+    write(tmp_path / "a.h5", [make_state(0, 2)])
+    with open_trajectory(tmp_path / "a.h5") as record:
+        for value in record.provenance.values():
+            assert platform.node() != value
+        assert record.provenance["start"].endswith("+00:00")
+
+
+def make_checkpoint(seed=0):
+    rng = np.random.default_rng(seed)
+    arrays = {
+        "x": np.asfortranarray(rng.random((2, 7))),
+        "cells": rng.integers(-(2**63), 2**63 - 1, (3, 2, 2)),
+        "empty": np.zeros((0, 4)),
+        "nothing": np.array(np.nan),
+    }
+    scalars = {"energy": 0.1 + 0.2, "seed": -(2**63), "lost": -0.0, "worst": float("nan")}
+    return Checkpoint(time=1 / 3, step=2**40, dt=5e-324, scalars=scalars, arrays=arrays)
+
+
+def assert_same_checkpoint(got, expected):
+    assert (got.time, got.step, got.dt) == (expected.time, expected.step, expected.dt)
+    assert set(got.scalars) == set(expected.scalars)
+    for name, value in expected.scalars.items():
+        assert type(got.scalars[name]) is type(value)
+        assert np.array(got.scalars[name]).tobytes() == np.array(value).tobytes()
+    assert set(got.arrays) == set(expected.arrays)
+    for name, array in expected.arrays.items():
+        stored = got.arrays[name]
+        assert (stored.dtype, stored.shape) == (array.dtype, array.shape)
+        assert stored.tobytes() == array.tobytes()
+
+
+def test_the_last_checkpoint_comes_back_bitwise(tmp_path):
+    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        writer.append(make_state(0, 5))
+        writer.checkpoint(make_checkpoint(1))
+        writer.checkpoint(make_checkpoint(2))
+        with open_trajectory(tmp_path / "a.h5") as record:
+            assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
+
+
+def test_a_checkpoint_alone_is_a_record(tmp_path):
+    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        writer.checkpoint(make_checkpoint())
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert len(record) == 0
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint())
+
+
+def test_no_checkpoint_is_said(tmp_path):
+    write(tmp_path / "a.h5", [make_state(0, 5)])
+    record = open_trajectory(tmp_path / "a.h5")
+    with record, pytest.raises(RecordError, match=r"a\.h5: holds no checkpoint"):
+        record.checkpoint()
+
+
+@pytest.mark.parametrize(
+    ("scalars", "arrays", "error"),
+    [
+        ({"a": True}, {}, TypeError),
+        ({"a": "text"}, {}, TypeError),
+        ({"a": 2**63}, {}, ValueError),
+        ({"a/b": 1}, {}, ValueError),
+        ({}, {"a": np.zeros(2, np.float32)}, TypeError),
+        ({}, {"a": [1.0]}, TypeError),
+        ({}, {"": np.zeros(2)}, ValueError),
+    ],
+)
+def test_checkpoint_refuses_what_it_cannot_keep(scalars, arrays, error):
+    with pytest.raises(error):
+        Checkpoint(time=0.0, step=0, dt=1.0, scalars=scalars, arrays=arrays)
+
+
+def test_frames_must_advance_and_agree(tmp_path):
+    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        writer.append(make_state(1, 5))
+        writer.append(make_state(1, 5))  # the same again: taken for the recorded one
+        assert len(writer) == 1
+        for step in (10, 5):
+            late = StateDouble(**(make_state(3, 5).__dict__ | {"step": step}))
+            with pytest.raises(ValueError, match=f"step = {step} must exceed the last"):
+                writer.append(late)
+        with pytest.raises(ValueError, match="must be those of frame 0"):
+            writer.append(make_state(2, 5, extra=np.zeros(5)))
+        with pytest.raises(TypeError, match="mass has type float32"):
+            writer.append(make_state(2, 5, mass=np.zeros(5, np.float32)))
+        with pytest.raises(ValueError, match="mass has 4 rows, x has 5"):
+            writer.append(make_state(2, 5, mass=np.zeros(4)))
+        writer.append(make_state(2, 4))
+    with pytest.raises(ValueError, match="closed"):
+        writer.append(make_state(3, 4))
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert record.series["step"].tolist() == [10, 20]
+
+
+def test_resume_appends_and_recognises_frames_made_again(tmp_path):
+    path = tmp_path / "a.h5"
+    states = [make_state(i, 9 - i) for i in range(6)]
+    with TrajectoryWriter(path, SceneDouble()) as writer:
+        for state in states[:4]:
+            writer.append(state)
+        writer.checkpoint(make_checkpoint())
+    with TrajectoryWriter.resume(path) as writer:
+        for state in states[2:]:  # the checkpoint was before frame 2
+            writer.append(state)
+    with open_trajectory(path) as record:
+        for got, expected in zip(record, states, strict=True):
+            assert_same(got, expected)
+        assert record.provenance["parent"] == make_checkpoint().digest.hex()
+        assert len(record.provenance["earlier"]) == 1
+        assert record.provenance["earlier"][0]["parent"] is None
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint())
+
+
+@pytest.mark.parametrize("close", [True, False])
+def test_a_different_frame_supersedes_what_followed(tmp_path, close):
+    path = tmp_path / "a.h5"
+    write(path, [make_state(i, 9) for i in range(5)])
+    writer = TrajectoryWriter.resume(path)
+    writer.append(make_state(1, 9))
+    other = StateDouble(**(make_state(7, 8).__dict__ | {"step": 25}))
+    writer.append(other)
+    if close:
+        writer.close()
+    with open_trajectory(path) as record:
+        assert record.series["step"].tolist() == [0, 10, 20, 25]
+        assert_same(record[3], other)
+    writer.close()
+
+
+def test_the_file_is_what_the_vtkhdf_specification_asks(tmp_path):
+    states = [make_state(i, n) for i, n in enumerate([5, 4])]
+    write(tmp_path / "a.h5", states)
+    with h5py.File(tmp_path / "a.h5") as file:
+        vtk = file["VTKHDF"]
+        assert vtk.attrs["Version"].tolist() == [2, 0]
+        kind = vtk.attrs.get_id("Type").get_type()
+        assert not kind.is_variable_str()
+        assert kind.get_cset() == h5py.h5t.CSET_ASCII
+        assert vtk.attrs["Type"] == b"PolyData"
+        assert vtk["Steps"].attrs["NSteps"] == 2
+        assert vtk["NumberOfPoints"][:].tolist() == [5, 4]
+        start = vtk["Steps/PointOffsets"][1]
+        assert np.array_equal(vtk["Points"][start : start + 4, :2], states[1].fields["x"])
+        assert not vtk["Points"][:, 2].any()
+        assert "x" not in vtk["PointData"]  # frames are stored once
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_paraviews_reader_sees_every_frame(tmp_path, dim):
+    vtk_io = pytest.importorskip(
+        "vtkmodules.vtkIOHDF", reason="needs the extra 'paraview' (the vtk wheel)"
+    )
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    states = [make_state(i, n, dim) for i, n in enumerate([12, 12, 7, 0, 30])]
+    write(tmp_path / "a.h5", states)
+    reader = vtk_io.vtkHDFReader()
+    reader.SetFileName(str(tmp_path / "a.h5"))
+    reader.UpdateInformation()
+    assert reader.GetNumberOfSteps() == len(states)
+    for i, state in enumerate(states):
+        reader.SetStep(i)
+        reader.Update()
+        data = reader.GetOutputDataObject(0)
+        assert reader.GetTimeValue() == state.time
+        n = len(state.fields["x"])
+        assert (data.GetNumberOfPoints(), data.GetNumberOfVerts()) == (n, n)
+        if n == 0:
+            continue
+        points = vtk_to_numpy(data.GetPoints().GetData())
+        assert np.array_equal(points[:, :dim], state.fields["x"])
+        assert not points[:, dim:].any()
+        vertices = vtk_to_numpy(data.GetVerts().GetConnectivityArray())
+        assert np.array_equal(vertices, np.arange(n))
+        for name in set(state.fields) - {"x"}:
+            seen = vtk_to_numpy(data.GetPointData().GetArray(name)).reshape(n, -1)
+            field = state.fields[name].reshape(n, -1)
+            assert seen.shape[1] == (3 if name == "v" else field.shape[1])
+            assert np.array_equal(seen[:, : field.shape[1]], field, equal_nan=True), name
