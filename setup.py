@@ -7,6 +7,7 @@ Environment: GRANULAR_OPENMP = auto (default) | 1 | 0; GRANULAR_CFLAGS = extra c
 import os
 import platform
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy
@@ -60,16 +61,20 @@ class BuildCore(build_ext):
             ext.define_macros.append(("GR_X86", None))
         ext.define_macros.append(("GR_FLAGS", '"' + " ".join(flags) + '"'))
         ext.extra_compile_args += flags
-        for isa, options in KERNELS.items():
-            macros = [("GR_ISA", isa), *ext.define_macros]
-            ext.extra_objects += self.compiler.compile(
+
+        def compile_kernels(isa: str) -> list[str]:
+            return self.compiler.compile(
                 ["csrc/kernels.c"],
                 output_dir=str(Path(self.build_temp, isa)),
-                macros=macros,
+                macros=[("GR_ISA", isa), *ext.define_macros],
                 include_dirs=ext.include_dirs,
-                extra_postargs=flags + options,
+                extra_postargs=flags + KERNELS[isa],
                 depends=ext.depends,
             )
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            for objects in pool.map(compile_kernels, KERNELS):
+                ext.extra_objects += objects
         super().build_extension(ext)
 
 

@@ -149,7 +149,7 @@ class MuI(Material):
         return {name: v for name, v in super().arguments().items() if name not in derived}
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some arguments changed; `xi` takes the place of `I0` and `d`, and they its."""
+        """A copy with some arguments changed; `xi` takes the place of `I0` and `d`, they its."""
         kept = self.arguments()
         if changes.get("xi") is not None:
             kept = {name: v for name, v in kept.items() if name not in ("I0", "d")}

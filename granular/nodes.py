@@ -89,6 +89,21 @@ def creases(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tuple
     return tuple(sorted(line for line in lines if 0 < line < scene_grid.shape[axis]))
 
 
+def check_creases(basis: str, n_cells: int, periodic: bool, creases: Sequence[int]) -> list[int]:
+    """Refuse creases that an axis of this basis cannot have; see `node_positions`."""
+    one_of("basis", basis, ("linear", "ugimp", "quadratic"))
+    n = integer("n_cells", n_cells, 1)
+    lines = [integer("creases", line, 1, n - 1) for line in creases]
+    if lines != sorted(set(lines)):
+        raise ValueError(f"creases = {tuple(creases)} must ascend")
+    if basis == "quadratic" and periodic and lines:
+        raise ValueError(
+            f"creases = {tuple(lines)} must be empty on a periodic axis of quadratic splines:"
+            " no wall may end along it"
+        )
+    return lines
+
+
 def node_positions(
     basis: str, n_cells: int, periodic: bool, creases: Sequence[int] = ()
 ) -> NDArray[np.float64]:
@@ -116,19 +131,11 @@ def node_positions(
     ValueError
         For creases out of order or range, or on a periodic axis of quadratic splines.
     """
-    one_of("basis", basis, ("linear", "ugimp", "quadratic"))
-    n = integer("n_cells", n_cells, 1)
-    lines = [integer("creases", line, 1, n - 1) for line in creases]
-    if lines != sorted(set(lines)):
-        raise ValueError(f"creases = {tuple(creases)} must ascend")
+    lines = check_creases(basis, n_cells, periodic, creases)
+    n = int(n_cells)
     if basis != "quadratic":
         return np.arange(n if periodic else n + 1, dtype=np.float64)
     if periodic:
-        if lines:
-            raise ValueError(
-                f"creases = {tuple(lines)} must be empty on a periodic axis of quadratic splines:"
-                " no wall may end along it"
-            )
         return np.arange(n) + 0.5
     knots = np.sort(np.concatenate([[0, 0], np.arange(n + 1), [n, n], lines]))
     return 0.5 * (knots[1:-2] + knots[2:-1])

@@ -12,11 +12,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from granular import boundaries, geometry, materials
+from granular import geometry, materials
 from granular.boundaries import Absorber, Gravity, Solid, Wall
 from granular.checks import integer, one_of, positive
 from granular.geometry import Fill, Grid
 from granular.materials import Material
+from granular.nodes import check_creases, creases
 from granular.notebook import table
 from granular.schemes import Scheme
 
@@ -176,8 +177,8 @@ class Scene:
                 f"gravity of dimension {self.gravity.dim} must have {self.grid.dim} as the grid"
             )
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
-            lines = boundaries.creases(self.grid, self.walls, axis)
-            boundaries.node_positions(self.scheme.basis, n, periodic, lines)
+            lines = creases(self.grid, self.walls, axis)
+            check_creases(self.scheme.basis, n, periodic, lines)
 
     @property
     def dim(self) -> int:

@@ -99,7 +99,6 @@ static void finish(struct team *team)
     struct gr_engine *e = team->e;
     e->error = gr_migrate(e, team->list, team->count, team->threads);
     if (e->error) return;
-    e->lent_dt = e->dt;
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
     if (!e->n_pending) return;
@@ -117,6 +116,7 @@ static void stage_grid(struct team *team, int t)
 {
     struct gr_engine *e = team->e;
     int64_t first, last;
+    if (t == 0) e->lent_dt = e->dt; /* not before: others may still have been scattering with the last one */
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
     gr_grid_nodes(e, first, last, team->gravity);
     barrier();
@@ -195,6 +195,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (!e->error) e->error = share_out(&team);
     if (e->error) return e->error;
     prepare(&team);
+    e->lent_dt = e->dt;
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         kernels->smooth(e, 0, e->mesh.n_cells);

@@ -88,7 +88,7 @@ struct gr_engine {
     /* points: borrowed */
     double *field[GR_FIELD_COUNT]; /* component c of field f: field[f] + c*capacity */
     int64_t *id;
-    int64_t capacity, n_points;
+    int64_t capacity, used, n_points; /* places; places in use or once used; points in the domain */
     int n_components; /* of all the fields in use */
     /* grid */
     struct gr_mesh mesh;

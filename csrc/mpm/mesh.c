@@ -5,11 +5,13 @@
 
 #include "mpm/migrate.h"
 
-/* Places of a cell: whole lanes, with room for a quarter more points. */
-static int32_t places(int32_t count)
+/* Places of a cell: whole lanes, with room for half as many more, and for a usual number of them in
+ * a cell that is still empty, so that a front does not ask for a regrouping at each cell it enters. */
+static int32_t places(int32_t count, int32_t usual)
 {
-    const int32_t spare = count / 4 > 3 ? count / 4 : 3;
-    return count ? (count + spare + GR_LANES - 1) / GR_LANES * GR_LANES : GR_LANES;
+    if (!count) count = usual;
+    const int32_t spare = count / 2 > 4 ? count / 2 : 4;
+    return (count + spare + GR_LANES - 1) / GR_LANES * GR_LANES;
 }
 
 static int compare_ids(const void *a, const void *b)
@@ -21,6 +23,7 @@ static int compare_ids(const void *a, const void *b)
 /* What a regrouping works with, between the old order and the new. */
 struct regroup {
     int64_t n, n_cells, total;
+    int32_t usual; /* points in a cell that has any */
     int64_t *source;  /* per point: old place, or -1 - k for pending point k */
     int64_t *cell_id; /* per point, then its new place */
     int64_t *cells;   /* ids of the active cells, ascending */
@@ -119,7 +122,8 @@ static int list_cells(struct gr_engine *e, struct regroup *r)
     r->counts = calloc((size_t)n + 1, sizeof(int32_t));
     if (!r->counts) return GR_ERR_MEMORY;
     for (int64_t p = 0; p < r->n; p++) r->counts[map[r->cell_id[p]] - 1]++;
-    for (int64_t c = 0; c < n; c++) r->total += places(r->counts[c]);
+    r->usual = occupied ? (int32_t)(r->n / occupied) : 0;
+    for (int64_t c = 0; c < n; c++) r->total += places(r->counts[c], r->usual);
     return GR_OK;
 }
 
@@ -172,14 +176,16 @@ static void move_component(double *array, const struct regroup *r, const double 
 static void move_points(struct gr_engine *e, struct regroup *r)
 {
     int component = 0;
+    const int64_t used = r->total > e->used ? r->total : e->used;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, component++)
-            move_component(e->field[f] + c * e->capacity, r, e->pending + component, e->n_components, e->capacity);
+            move_component(e->field[f] + c * e->capacity, r, e->pending + component, e->n_components, used);
     int64_t *ids = (int64_t *)(void *)r->scratch;
-    for (int64_t s = 0; s < e->capacity; s++) ids[s] = -1;
+    for (int64_t s = 0; s < used; s++) ids[s] = -1;
     for (int64_t p = 0; p < r->n; p++)
         ids[r->cell_id[p]] = r->source[p] >= 0 ? e->id[r->source[p]] : e->pending_id[-1 - r->source[p]];
-    memcpy(e->id, ids, sizeof(int64_t) * (size_t)e->capacity);
+    memcpy(e->id, ids, sizeof(int64_t) * (size_t)used);
+    e->used = r->total;
 }
 
 /* New cells, and for each point its new place in r->cell_id. */
@@ -190,7 +196,7 @@ static void place_cells(struct gr_engine *e, struct regroup *r)
         struct gr_cell *cell = &e->mesh.cell[c];
         cell->offset = offset;
         cell->count = 0;
-        cell->capacity = places(r->counts[c]);
+        cell->capacity = places(r->counts[c], r->usual);
         cell->dirty = 0;
         cell->flags = e->config.cell_flags ? e->config.cell_flags[r->cells[c]] : 0;
         decode(e, r->cells[c], cell->at);

@@ -8,8 +8,8 @@
  * the sums do not depend on the number of threads. */
 #include "mpm/shape.h"
 
-/* exp(-c) of the dense points: V = m exp(-c)/rho_c. Points that carry stress have |c| of order p/K; the
- * series serves while its remainder is below round-off, else each lane calls exp. */
+/* exp(-c), for V = m exp(-c)/rho_c. Points that carry stress have |c| of order p/K, and then a short
+ * series errs less than round-off. */
 GR_INLINE vd expansion(vd c)
 {
     const vd small = v_set(0.0078125);
@@ -21,10 +21,7 @@ GR_INLINE vd expansion(vd c)
         e = v_fma(e, c, v_set(-1.0));
         return v_fma(e, c, v_set(1.0));
     }
-    double lane[GR_W];
-    v_store(lane, c);
-    for (int i = 0; i < GR_W; i++) lane[i] = exp(-lane[i]);
-    return v_load(lane);
+    return v_exp(-v_max(v_min(c, v_set(600.0)), v_set(-600.0)));
 }
 
 GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)

@@ -280,7 +280,7 @@ static PyObject *engine_bind(struct engine_object *self, PyObject *args)
     }
     gr_engine_bind(e, field, PyArray_DATA(id), capacity);
     if (fresh) {
-        e->n_points = n_points;
+        e->n_points = e->used = n_points;
         e->n_pending = 0;
         for (int64_t c = 0; c < e->mesh.n_cells; c++) e->mesh.cell[c].count = 0;
         if (e->mesh.n_cells) return PyErr_Format(PyExc_RuntimeError, "points can be given once");

@@ -21,14 +21,12 @@ def _granular_version() -> str:
         return "not installed"
 
 
-def _build() -> Any:
-    """Compiler and flags, if the core has a ``config`` (a mapping, or a function giving one)."""
+def _build() -> dict[str, Any] | None:
+    """Compiler, flags and instruction set, if the core is there (records do without it)."""
     try:
-        core = import_module("granular._core")
+        return dict(import_module("granular._core").build_info())
     except ImportError:
         return None
-    config = getattr(core, "config", None)
-    return config() if callable(config) else config
 
 
 def cpu_name() -> str:

@@ -1,6 +1,5 @@
 """Reading records: lazily, verified, finished or not."""
 
-import html
 import json
 import os
 from collections.abc import Iterator
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 
+from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
 from granular.record.index import Contents, Frame, load
 from granular.record.layout import FORMAT, RecordError
@@ -144,17 +144,13 @@ class Trajectory:
         n = self.series["n"]
         rows = {
             "file": self.path.name + ("" if self.finished else " (unfinished)"),
-            "scene": self.scene.name,
-            "frames": str(len(self)),
-            "time": f"{self.times[0]:g} to {self.times[-1]:g} s" if len(self) else "",
-            "material points": f"{n.min()} to {n.max()}" if len(self) else "",
+            "frames": len(self),
+            "time [s]": f"{self.times[0]:g} to {self.times[-1]:g}" if len(self) else "",
+            "points": f"{n.min()} to {n.max()}" if len(self) else "",
             "checkpoint": "yes" if self._contents.has_checkpoint else "no",
-            "granular": str(self.provenance.get("granular")),
+            "granular": self.provenance.get("granular"),
         }
-        cells = "".join(
-            f"<tr><th>{html.escape(k)}</th><td>{html.escape(v)}</td></tr>" for k, v in rows.items()
-        )
-        return f"<table>{cells}</table>"
+        return table(f"Trajectory of {self.scene.name}", rows)
 
 
 def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:

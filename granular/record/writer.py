@@ -2,10 +2,10 @@
 
 import json
 import os
+import shutil
 import uuid
 from bisect import bisect_left
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -243,25 +243,30 @@ class TrajectoryWriter:
         data = _head(record, scene, text, extends)
         old = _lock(head) if head.exists() else None
         fresh = not self._folder.exists()
-        if fresh:
-            self._folder.mkdir()
+        self._lock: int | None = None
         try:
+            if fresh:
+                self._folder.mkdir()
             with replacing(head, self._folder / "head.tmp") as fd:
                 write_all(fd, data)
                 os.fsync(fd)
                 clear_parts(self._folder)
             self._lock = _lock(head)
+            fsync_folder(path.parent)
+        except FileExistsError:  # of mkdir: another run begins at this very moment
+            raise
         except BaseException:
+            _unlock(self._lock)
             if fresh:
-                with suppress(OSError):
-                    self._folder.rmdir()
+                shutil.rmtree(self._folder, ignore_errors=True)
             raise
         finally:
             _unlock(old)
-        fsync_folder(path.parent)
         self.closed = False
 
-    def __len__(self) -> int:
+    @property
+    def frames(self) -> int:
+        """Number of frames recorded (no ``__len__``: an empty writer must not be false)."""
         return len(self._recorded)
 
     def append(self, state: StateLike) -> None:

@@ -70,6 +70,7 @@ def silo(
     n_x = whole_cells("width/2", positive("width", width) / 2, cell)
     n_y = whole_cells("height", height, cell)
     free = whole_cells("orifice/2", positive("orifice", orifice) / 2, cell)
+    opens_at = non_negative("opens_at", opens_at)
     begin = free + (one_of("edge", edge, ("last_free_node", "wall")) == "last_free_node")
     if begin >= n_x:
         raise ValueError(
@@ -84,7 +85,8 @@ def silo(
         scheme=scheme,
         walls=(
             Wall(1, 0.0, kind="rough", span=((begin * cell, n_x * cell),)),
-            Wall(1, 0.0, kind="rough", opens_at=non_negative("opens_at", opens_at)),
+            # The lid is no wider than the outlet: what is done near outlets is done near it.
+            Wall(1, 0.0, kind="rough", span=((0.0, begin * cell),), opens_at=opens_at),
             Wall(0, 0.0, kind="frictionless"),
             Wall(0, n_x * cell, kind="frictionless"),
         ),

@@ -102,7 +102,7 @@ def unfinished(path):
 
 @pytest.mark.parametrize(
     ("member", "count"),
-    [("a.h5", 250), ("head.h5", 60), ("frame-00000001.h5", 100), ("checkpoint.h5", 60)],
+    [("a.h5", 160), ("head.h5", 40), ("frame-00000001.h5", 80), ("checkpoint.h5", 40)],
 )
 def test_mutants_are_refused_or_harmless(tmp_path, member, count):
     """In a process of its own, so that a crash or a hang of HDF5 is seen too."""

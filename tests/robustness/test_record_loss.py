@@ -88,7 +88,7 @@ def test_kill_leaves_all_completed_frames(tmp_path):
         path = tmp_path / f"{trial}.h5"
         command = [sys.executable, "-c", CHILD, str(path), str(ROOT), str(Path(__file__).parent)]
         child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        for _ in range(chance.randint(1, 9)):
+        for _ in range(chance.randint(1, 6)):
             last = int(child.stdout.readline())
         with pytest.raises(subprocess.TimeoutExpired):
             child.wait(chance.random() * 0.02)
@@ -221,9 +221,9 @@ def test_failed_append_and_checkpoint_keep_what_was(tmp_path, monkeypatch, name,
 def test_failed_merge_keeps_the_previous_file_and_the_parts(tmp_path, monkeypatch, name, code):
     template = tmp_path / "template"
     template.mkdir()
-    make_record(template / "a.h5", 2)
+    make_record(template / "a.h5", 1)
     writer = TrajectoryWriter.resume(template / "a.h5")
-    writer.append(make_state(2))
+    writer.append(make_state(1))
     before = tree(template)
 
     def prepare(k):
@@ -232,7 +232,7 @@ def test_failed_merge_keeps_the_previous_file_and_the_parts(tmp_path, monkeypatc
 
     def check(path):
         if name == "fsync":  # the last fsync is that of the folder, after the rename
-            assert content(path) == expected(range(3), 10)
+            assert content(path) == expected(range(2), 0)
         else:
             assert tree(path.parent) == before
         shutil.rmtree(path.parent)
@@ -279,8 +279,6 @@ def test_failed_start_changes_nothing(tmp_path, monkeypatch, name, code, start):
         else:
             assert content(path) == expected(range(3), 20)
 
-    if name == "fsync" and start == "new":
-        return  # once the head is renamed an empty record exists, which is no loss
     fail_at_each(monkeypatch, name, code, prepare, act, check)
 
 

@@ -230,9 +230,11 @@ def test_checkpoint_refuses_what_it_cannot_keep(scalars, arrays, error):
 
 def test_frames_must_advance_and_agree(tmp_path):
     with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        assert writer.frames == 0
+        assert writer, "callers ask `if writer:`"
         writer.append(make_state(1, 5))
         writer.append(make_state(1, 5))  # the same again: taken for the recorded one
-        assert len(writer) == 1
+        assert writer.frames == 1
         for step in (10, 5):
             late = StateDouble(**(make_state(3, 5).__dict__ | {"step": step}))
             with pytest.raises(ValueError, match=f"step = {step} must exceed the last"):

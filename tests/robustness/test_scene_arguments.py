@@ -1,0 +1,144 @@
+"""What scene functions and scene files are given wrongly is refused, and named."""
+
+import math
+
+import numpy as np
+import pytest
+
+from granular import scenes
+from granular.scene import Scene
+
+NUMBERS = {
+    "column_collapse": ["aspect", "half_width", "cell", "lip", "gravity", "duration"],
+    "silo": ["orifice", "width", "height", "cell", "gravity", "duration"],
+    "hourglass": ["orifice_radius", "width", "fill_height", "drop", "cell", "gravity", "duration"],
+    "incline": ["height", "cell", "gravity", "duration"],
+    "slug": ["radius", "density", "wall_at", "cell", "gravity", "duration"],
+    "cylinder_collapse": ["aspect", "radius", "cell", "lip", "gravity", "duration"],
+}
+CASES = [(name, argument) for name, arguments in NUMBERS.items() for argument in arguments]
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize(("name", "argument"), CASES)
+def test_numbers_that_must_be_positive(name, argument, value):
+    with pytest.raises(ValueError, match=rf"{argument}\b.* must be"):
+        scenes.registry[name](**{argument: value})
+
+
+@pytest.mark.parametrize("value", ["0.1", True, [0.1], 0.1 + 0j, {}])
+@pytest.mark.parametrize(("name", "argument"), CASES)
+def test_numbers_of_a_wrong_type(name, argument, value):
+    with pytest.raises(TypeError, match=rf"{argument} = .* must be"):
+        scenes.registry[name](**{argument: value})
+
+
+@pytest.mark.parametrize("name", scenes.names())
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"points_per_cell": 5}, ValueError, "points_per_cell = 5 must be the"),
+        ({"points_per_cell": 0}, ValueError, "points_per_cell = 0"),
+        ({"points_per_cell": 4.0}, TypeError, "points_per_cell = 4.0"),
+        ({"jitter": 1.01}, ValueError, "jitter = 1.01"),
+        ({"jitter": math.nan}, ValueError, "jitter = nan"),
+        ({"material": None}, TypeError, "material = None must be a Material"),
+        ({"scheme": "quadratic"}, TypeError, "scheme = 'quadratic' must be a Scheme"),
+        ({"seed": -1}, ValueError, "seed = -1"),
+        ({"seed": None}, TypeError, "seed = None"),
+        ({"cell": 1e-300}, ValueError, "must"),
+        ({"nonsense": 1}, TypeError, "nonsense"),
+    ],
+)
+def test_arguments_of_all_scenes(name, arguments, error, message):
+    with pytest.raises(error, match=message):
+        scenes.registry[name](**arguments)
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments", "error", "message"),
+    [
+        ("column_collapse", {"lip": 0.1}, ValueError, "lip = 0.1 must not be less than half_width"),
+        ("column_collapse", {"ramp": -1}, ValueError, "ramp = -1.0"),
+        ("silo", {"orifice": 1.2}, ValueError, "orifice = 1.2 must be less than width = 1.0"),
+        ("silo", {"orifice": 1.0}, ValueError, "orifice = 1.0 must be less than width = 1.0"),
+        ("silo", {"orifice": 0.98}, ValueError, "by more than two cells"),
+        (
+            "silo",
+            {"orifice": 0.05},
+            ValueError,
+            "orifice/2 = 0.025 must be a whole number of cells",
+        ),
+        ("silo", {"width": 0.99}, ValueError, "width/2 = 0.495"),
+        ("silo", {"height": 0.995}, ValueError, "height = 0.995"),
+        ("silo", {"edge": "node"}, ValueError, "edge = 'node'"),
+        ("silo", {"opens_at": -0.1}, ValueError, "opens_at = -0.1"),
+        ("hourglass", {"kind": "round"}, ValueError, "kind = 'round' must be one of 'flat'"),
+        ("hourglass", {"kind": None}, TypeError, "kind = None"),
+        ("hourglass", {"slope_deg": 90}, ValueError, r"slope_deg = 90.0 must be in \(0.0, 90.0\)"),
+        ("hourglass", {"orifice_radius": 0.5}, ValueError, "orifice_radius = 0.5 must be less"),
+        ("hourglass", {"drop": 0.505}, ValueError, "drop = 0.505 must be a whole number"),
+        ("incline", {"angle_deg": 90.0}, ValueError, r"angle_deg = 90.0 must be in \[0.0, 90.0\)"),
+        ("incline", {"angle_deg": -1}, ValueError, "angle_deg = -1.0"),
+        ("incline", {"columns": 0}, ValueError, "columns = 0"),
+        ("incline", {"columns": 1.0}, TypeError, "columns = 1.0"),
+        ("incline", {"headroom": 0}, ValueError, "headroom = 0"),
+        ("incline", {"height": 0.201}, ValueError, "height = 0.201"),
+        ("slug", {"center": (0.1, 0.25)}, ValueError, "must keep the disc"),
+        ("slug", {"center": (0.2, 0.1)}, ValueError, "must keep the disc"),
+        ("slug", {"wall_at": 0.3}, ValueError, "wall_at = 0.3"),
+        ("slug", {"velocity": (1.2,)}, ValueError, "velocity"),
+        ("slug", {"velocity": (1.2, math.nan)}, ValueError, "velocity"),
+        ("slug", {"velocity": (0.0, 1e200)}, ValueError, "must"),
+        ("slug", {"headroom": -1}, ValueError, "headroom = -1.0"),
+        ("cylinder_collapse", {"points_per_cell": 4}, ValueError, "cube of an integer"),
+        ("cylinder_collapse", {"lip": 0.1}, ValueError, "lip = 0.1 must not be less than radius"),
+    ],
+)
+def test_arguments_that_contradict(name, arguments, error, message):
+    with pytest.raises(error, match=message):
+        scenes.registry[name](**arguments)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        "1e999",
+        "NaN",
+        "[" * 100_000,
+        '{"format": 1}',
+        '{"format": true, "scene": {}}',
+        '{"format": 1, "scene": {}}',
+        '{"format": 1, "scene": 3}',
+        '{"format": 1, "scene": {"type": "os"}}',
+        '{"format": 1, "scene": {"type": []}}',
+        '{"format": 1, "scene": {"type": "Scene"}}',
+        '{"format": 1, "scene": {"type": "Grid", "lower": [0, 0], "cell": 1, "shape": [1, 1]}}',
+        '{"format": 1, "scene": {"type": "float", "value": "nan"}}',
+        '{"format": 1, "scene": {"type": "Parameters", "items": [[1]]}}',
+    ],
+)
+def test_texts_that_are_no_scene(text):
+    with pytest.raises(ValueError, match="not the JSON of a scene"):
+        Scene.from_json(text)
+
+
+def test_damaged_texts_give_a_scene_or_a_value_error():
+    """Random damage: any exception but ValueError fails the test, and most damage is noticed."""
+    rng = np.random.default_rng(0)
+    original = scenes.silo().to_json()
+    refused = 0
+    for _ in range(1500):
+        text = list(original)
+        for _ in range(rng.integers(1, 4)):
+            at = rng.integers(len(text))
+            text[at] = rng.choice(list('0123456789.-eE"[]{}:,xytfn '))
+        try:
+            Scene.from_json("".join(text))
+        except ValueError:
+            refused += 1
+    assert refused > 1000

@@ -1,0 +1,316 @@
+"""Creases, node positions and node codes, checked by hand on tiny grids."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from granular.boundaries import (
+    Absorber,
+    Gravity,
+    Solid,
+    Wall,
+    WallRow,
+    creases,
+    node_codes,
+    node_positions,
+)
+from granular.geometry import Grid
+from granular.schemes import Scheme
+
+BASES = ("linear", "ugimp", "quadratic")
+
+
+def coded(walls, *, shape=(3, 2), basis="linear", periodic=(), absorbers=(), lower=None):
+    """Node codes of a bare scene with unit cells."""
+    grid = Grid(lower or (0.0,) * len(shape), 1.0, shape, periodic)
+    scene = SimpleNamespace(grid=grid, walls=walls, absorbers=absorbers, scheme=Scheme(basis=basis))
+    return node_codes(scene)
+
+
+def fixed(walls, **options):
+    """`fixed` of each node, as nested lists with the last axis first."""
+    codes, rows = coded(walls, **options)
+    return np.array([0, *(row.fixed for row in rows)])[codes].tolist()
+
+
+# --- node positions
+
+
+def test_positions_by_hand():
+    assert node_positions("linear", 3, False).tolist() == [0, 1, 2, 3]
+    assert node_positions("ugimp", 3, True, (1,)).tolist() == [0, 1, 2]
+    assert node_positions("quadratic", 3, False).tolist() == [0, 0.5, 1.5, 2.5, 3]
+    assert node_positions("quadratic", 4, False, (2,)).tolist() == [0, 0.5, 1.5, 2, 2.5, 3.5, 4]
+    assert node_positions("quadratic", 3, True).tolist() == [0.5, 1.5, 2.5]
+    assert node_positions("quadratic", 1, False).tolist() == [0, 0.5, 1]
+
+
+@pytest.mark.parametrize("lines", [(), (1,), (3, 4), (1, 2, 6)])
+def test_splines_with_values_at_these_nodes_reproduce_linear_fields(lines):
+    n = 7
+    knots = np.sort([0.0, 0, 0, *range(1, n), n, n, n, *lines])
+    nodes = node_positions("quadratic", n, False, lines)
+    assert len(nodes) == n + 2 + len(lines)
+    x = np.linspace(0, n, 41)[:-1] + 0.01
+    assert np.allclose(BSpline(knots, 3 * nodes - 1, 2)(x), 3 * x - 1, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (("cubic", 3, False), ValueError, "basis"),
+        (("linear", 0, False), ValueError, "n_cells = 0"),
+        (("quadratic", 3, False, (3,)), ValueError, "creases = 3"),
+        (("quadratic", 3, False, (2, 1)), ValueError, "must ascend"),
+        (("quadratic", 3, False, (1, 1)), ValueError, "must ascend"),
+        (("quadratic", 3, True, (1,)), ValueError, "periodic axis"),
+    ],
+)
+def test_positions_refuse(arguments, error, message):
+    with pytest.raises(error, match=message):
+        node_positions(*arguments)
+
+
+# --- creases
+
+
+def test_creases_at_inner_walls_and_ends_of_spans():
+    grid = Grid((-1.0, 0.0), 0.5, (6, 4))
+    walls = [
+        Wall(0, -1.0),  # domain walls over their whole length make none
+        Wall(1, 2.0),
+        Wall(1, 0.0, span=((0.0, 2.0),)),  # floor with an opening: x = 0 is line 2
+        Wall(1, 0.0, opens_at=0.1),
+        Wall(0, 1.0, span=((0.5, 1.0),)),  # inner wall: x line 4, y lines 1 and 2
+        Wall(1, 1.5),  # inner wall over the whole width: y line 3
+        Solid((-0.5, 0.5), (0.5, 1.0)),
+    ]
+    assert creases(grid, walls, 0) == (2, 4)
+    assert creases(grid, walls, 1) == (1, 2, 3)
+    assert creases(grid, [], 0) == ()
+
+
+def test_a_wall_off_the_grid_lines_is_refused():
+    grid = Grid((0.0, 0.0), 0.1, (10, 10))
+    with pytest.raises(ValueError, match=r"walls\[0\].* = 0.25 must lie on a grid line of x"):
+        creases(grid, [Wall(0, 0.25)], 0)
+    assert creases(grid, [Wall(0, 0.1 + 0.2)], 0) == (3,)  # round-off is forgiven
+
+
+# --- node codes
+
+
+def test_rough_floor_and_symmetry_plane():
+    walls = (Wall(1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless"))
+    assert fixed(walls) == [[3, 3, 3, 3], [1, 0, 0, 0], [1, 0, 0, 0]]
+    assert fixed(walls, basis="ugimp") == fixed(walls)
+    assert fixed(walls, basis="quadratic") == [
+        [3, 3, 3, 3, 3],
+        [1, 0, 0, 0, 0],
+        [1, 0, 0, 0, 0],
+        [1, 0, 0, 0, 0],
+    ]
+    codes, rows = coded(walls)
+    assert codes.dtype == np.uint8 and codes.flags.c_contiguous
+    assert sorted(row.fixed for row in rows) == [1, 3]
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_orifice_opens(basis):
+    walls = (Wall(1, 0.0, span=((2.0, 4.0),)), Wall(1, 0.0, opens_at=0.1))
+    codes, rows = coded(walls, shape=(4, 2), basis=basis)
+    floor = [rows[code - 1] for code in codes[0]]
+    # quadratic nodes: 0, .5, 1.5 | 2, 2.5, 3.5, 4
+    lids = 3 if basis == "quadratic" else 2
+    assert floor[:lids] == [WallRow(fixed=3, opens_at=0.1, after=0)] * lids
+    assert all(row == WallRow(fixed=3) for row in floor[lids:])
+    assert len(floor) == (7 if basis == "quadratic" else 5)
+    assert not codes[1:].any()
+
+
+@pytest.mark.parametrize("basis", BASES)
+def test_inner_wall_acts_on_its_line_and_span_only(basis):
+    got = np.array(fixed((Wall(1, 1.0, kind="frictionless", span=((1.0, 2.0),)),), basis=basis))
+    x = node_positions(basis, 3, False, (1, 2))
+    y = node_positions(basis, 2, False, (1,))
+    wanted = 2 * np.outer(y == 1.0, (x >= 1.0) & (x <= 2.0))
+    assert got.tolist() == wanted.tolist()
+    assert wanted.sum() == (6 if basis == "quadratic" else 4)  # nodes 1, 1.5, 2 or 1, 2
+
+
+def test_coulomb_walls_know_their_side():
+    walls = [Wall(1, y, kind="coulomb", friction=0.3) for y in (0.0, 1.0, 2.0)]
+    codes, rows = coded(walls)
+    assert [rows[codes[j, 1] - 1].side for j in range(3)] == [1, 0, -1]
+    assert all((row.fixed, row.normal, row.friction) == (2, 1, 0.3) for row in rows)
+
+
+def test_coulomb_in_corners():
+    rough = (Wall(1, 0.0, kind="coulomb", friction=0.3), Wall(0, 0.0, kind="rough"))
+    codes, rows = coded(rough)
+    assert rows[codes[0, 0] - 1] == WallRow(fixed=3)  # nothing is left to rub
+    edge = (
+        Wall(0, 0.0, kind="coulomb", friction=0.2),
+        Wall(1, 0.0, kind="coulomb", friction=0.4),
+        Wall(2, 1.0, kind="frictionless"),
+    )
+    codes, rows = coded(edge, shape=(1, 1, 1))
+    assert rows[codes[0, 0, 0] - 1] == WallRow(fixed=3, friction=0.4, normal=1, side=1)
+    assert rows[codes[1, 0, 0] - 1] == WallRow(fixed=7)
+    assert rows[codes[1, 1, 0] - 1] == WallRow(fixed=5, friction=0.2, normal=0, side=1)
+
+
+def test_walls_that_open_one_after_the_other_are_chained():
+    walls = (
+        Wall(1, 0.0, kind="rough", opens_at=2.0),
+        Wall(0, 0.0, kind="frictionless"),
+        Wall(0, 0.0, kind="frictionless", opens_at=1.0),
+        Wall(1, 0.0, kind="coulomb", friction=0.5, opens_at=3.0),
+    )
+    codes, rows = coded(walls)
+
+    def history(code):
+        while code:
+            row = rows[code - 1]
+            yield row.fixed, row.friction, row.opens_at
+            code = row.after
+
+    # where nothing changes at an opening there is no extra row
+    assert list(history(codes[0, 0])) == [(3, 0.0, 3.0), (1, 0.0, math.inf)]
+    assert list(history(codes[0, 1])) == [(3, 0.0, 2.0), (2, 0.5, 3.0)]
+    assert list(history(codes[1, 0])) == [(1, 0.0, math.inf)]
+    assert not codes[1, 1]
+
+
+def test_periodic_axis():
+    floor = (Wall(1, 0.0, kind="frictionless", span=((1.0, 3.0),)),)
+    assert fixed(floor, periodic=(True, False))[0] == [2, 2, 2]  # x = 3 is node 0
+    assert fixed((Wall(1, 0.0),), periodic=(True, False), basis="quadratic")[0] == [3, 3, 3]
+    with pytest.raises(ValueError, match="periodic axis"):
+        fixed(floor, periodic=(True, False), basis="quadratic")
+
+
+def test_absorber_clamps_strictly_above():
+    codes, rows = coded((Wall(0, 0.0, kind="rough"),), absorbers=(Absorber(1, 1.0),))
+    clamps = np.array([0, *(row.clamp for row in rows)])[codes]
+    # at the rough wall the component is held already
+    assert clamps.tolist() == [[0, 0, 0, 0], [0, 0, 0, 0], [0, 2, 2, 2]]
+
+
+def test_rough_block():
+    block = (Solid((1.0, 0.0), (2.0, 1.0), kind="rough"),)
+    assert fixed(block) == [[0, 3, 3, 0], [0, 3, 3, 0], [0, 0, 0, 0]]
+
+
+def test_frictionless_block_by_faces():
+    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="frictionless"),)
+    assert fixed(block, shape=(5, 5)) == [
+        [0, 0, 0, 0, 0, 0],
+        [0, 3, 2, 2, 3, 0],
+        [0, 1, 3, 3, 1, 0],
+        [0, 1, 3, 3, 1, 0],
+        [0, 3, 2, 2, 3, 0],
+        [0, 0, 0, 0, 0, 0],
+    ]
+
+
+def test_frictionless_block_of_quadratic_splines_lets_material_slide_along_its_faces():
+    # nodes at 0, .5, ..., 4.5, 5; inside from 1.5; .5 deep at 1.5 and 3.5, 1.5 deep at 2.5
+    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="frictionless"),)
+    inner = np.array(fixed(block, shape=(5, 5), basis="quadratic"))
+    assert inner[2:5, 2:5].tolist() == [[3, 2, 3], [1, 3, 1], [3, 2, 3]]
+    assert inner.sum() == inner[2:5, 2:5].sum()
+
+
+def test_ends_of_the_grid_are_no_faces_of_a_block():
+    block = (Solid((1.0, 0.0), (3.0, 1.0), kind="frictionless"),)
+    assert fixed(block) == [[0, 1, 3, 3], [0, 3, 2, 2], [0, 0, 0, 0]]
+    across = (Solid((0.0, 0.0), (3.0, 1.0), kind="frictionless"),)
+    assert fixed(across, periodic=(True, False)) == [[3, 3, 3], [2, 2, 2], [0, 0, 0]]
+
+
+def test_nested_blocks_make_a_staircase():
+    blocks = tuple(Solid((line, 0.0), (4.0, line), kind="frictionless") for line in (1.0, 2.0, 3.0))
+    codes = fixed(blocks, shape=(4, 4))
+    assert codes[1][1] == 3 and codes[2][2] == 3 and codes[3][3] == 3  # edges of the steps
+    assert codes[1][2] == 3 and codes[2][3] == 3  # feet of the steps
+    assert codes[2][1] == codes[3][2] == 0  # above the steps
+    assert codes[3][4] == 2  # tread
+
+
+def test_more_rows_than_a_byte_holds_are_refused():
+    walls = tuple(
+        Wall(1, 0.0, kind="coulomb", friction=1e-3 * (i + 1), span=((i, i + 1.0),))
+        for i in range(255)
+    )
+    codes, rows = coded(walls, shape=(255, 1))
+    assert len(rows) == 255 and codes.max() == 255
+    more = (*walls, Wall(1, 1.0, kind="rough"))
+    with pytest.raises(ValueError, match="256 kinds of nodes, must be <= 255"):
+        coded(more, shape=(255, 1))
+
+
+def test_shape_of_codes_in_space_is_z_y_x():
+    codes, rows = coded((Wall(2, 0.0),), shape=(1, 2, 3))
+    assert codes.shape == (4, 3, 2)
+    assert (codes[0] == 1).all() and not codes[1:].any() and rows == (WallRow(fixed=7),)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_spans_in_space_follow_the_order_of_the_other_axes(axis):
+    wall = Wall(axis, 0.0, kind="frictionless", span=((0.0, 1.0), (2.0, 3.0)))
+    codes, _ = coded((wall,), shape=(3, 3, 3))
+    found = np.argwhere(codes.transpose(2, 1, 0))  # in the order x, y, z
+    first, second = (a for a in range(3) if a != axis)
+    assert len(found) == 4 and not found[:, axis].any()
+    assert set(found[:, first]) == {0, 1} and set(found[:, second]) == {2, 3}
+
+
+def test_a_shifted_grid_has_the_same_codes():
+    walls = (Wall(1, -2.0), Wall(0, 6.0, kind="frictionless", span=((-1.0, 0.0),)))
+    assert fixed(walls, lower=(5.0, -2.0)) == [[3, 3, 3, 3], [0, 1, 0, 0], [0, 1, 0, 0]]
+
+
+# --- gravity and the parts themselves
+
+
+def test_gravity_is_linear_between_and_held_outside():
+    g = Gravity((0.0, 0.1, 0.2), ((0, 0), (0, -9.8), (2, -9.8)))
+    assert g.at(0.05).tolist() == [0.0, -4.9]
+    assert g.at(0.15) == pytest.approx([1.0, -9.8])
+    assert g.at(-1.0).tolist() == [0, 0] and g.at(7.0).tolist() == [2, -9.8]
+    assert Gravity().at(1.0).tolist() == [0.0, -9.8]
+    assert Gravity((0.0,), ((0, 0, -9.8),)).dim == 3
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "message"),
+    [
+        (lambda: Wall(3, 0.0), ValueError, "axis = 3"),
+        (lambda: Wall(2, 0.0, span=((0, 1),)), ValueError, "axis = 2"),
+        (lambda: Wall(0.0, 0.0), TypeError, "axis = 0.0"),
+        (lambda: Wall(0, math.nan), ValueError, "at = nan"),
+        (lambda: Wall(0, 0.0, kind="smooth"), ValueError, "kind = 'smooth'"),
+        (lambda: Wall(0, 0.0, friction=0.3), ValueError, 'must be 0 unless kind is "coulomb"'),
+        (lambda: Wall(0, 0.0, kind="coulomb", friction=-1), ValueError, "friction = -1.0"),
+        (lambda: Wall(0, 0.0, span=((1, 0),)), ValueError, "low end first"),
+        (lambda: Wall(0, 0.0, span=(0, 1)), TypeError, "span"),
+        (lambda: Wall(0, 0.0, span=()), ValueError, "span"),
+        (lambda: Wall(0, 0.0, opens_at=-1.0), ValueError, "opens_at = -1.0"),
+        (lambda: Solid((0, 0), (0, 1)), ValueError, r"upper\[0\] = 0.0 must exceed"),
+        (lambda: Solid((0, 0), (1, 1), kind="coulomb"), ValueError, "kind = 'coulomb'"),
+        (lambda: Absorber(1, math.inf), ValueError, "above = inf"),
+        (lambda: Gravity((0.0, 0.0), ((0, 0), (0, 1))), ValueError, "must ascend"),
+        (lambda: Gravity((0.0,), ((0, 0), (0, 1))), ValueError, "as many as vectors"),
+        (lambda: Gravity((), ()), ValueError, "at least one"),
+        (lambda: Gravity((0.0, 1.0), ((0, 0), (0, 0, 1))), ValueError, r"vectors\[1\]"),
+        (lambda: Gravity((0.0,), (-9.8,)), TypeError, r"vectors\[0\]"),
+        (lambda: Gravity().at(math.nan), ValueError, "t = nan"),
+    ],
+)
+def test_parts_refuse(make, error, message):
+    with pytest.raises(error, match=message):
+        make()

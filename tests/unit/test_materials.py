@@ -1,0 +1,96 @@
+"""Materials: relations between moduli, the two forms of the rate constant, refusals."""
+
+import math
+import pickle
+
+import pytest
+
+from granular import materials
+from granular.materials import DruckerPrager, Elastic, Material, MuI
+
+
+def test_moduli_of_isotropic_elasticity():
+    m = Elastic(E=2.6, nu=0.3, rho_c=2.0)
+    assert math.isclose(m.G, 1.0, rel_tol=1e-15)
+    assert math.isclose(m.K, 2.6 / 1.2, rel_tol=1e-15)
+    # the P-wave modulus by another route: E (1 - nu)/((1 + nu)(1 - 2 nu))
+    assert m.wave_speed**2 * 2.0 == pytest.approx(2.6 * 0.7 / (1.3 * 0.4), rel=1e-14)
+
+
+def test_wave_speed_of_the_papers_glass_beads():
+    # E = 1 GPa, nu = .3: M = 1.346 GPa, c = sqrt(M/1500)
+    assert materials.glass_beads.wave_speed == pytest.approx(947.3, abs=0.1)
+
+
+def test_rate_constant_from_grain_size():
+    m = materials.glass_beads_5mm
+    assert m.xi == pytest.approx(1.1233, abs=5e-5)
+    assert (m.I0, m.d) == (0.278, 0.005)
+    assert materials.glass_beads.I0 is None and materials.glass_beads.d is None
+    assert MuI().xi == 1.1233
+    assert MuI(I0=0.3, d=1e-3, rho_s=2500.0).xi == pytest.approx(6.0)
+
+
+def test_replace_keeps_the_form_of_the_rate_constant():
+    sized = materials.glass_beads_5mm
+    assert sized.replace(E=1e7).d == 0.005
+    assert sized.replace(d=0.0025).xi == pytest.approx(2 * sized.xi)
+    assert sized.replace(xi=1.0) == MuI(xi=1.0)
+    assert materials.glass_beads.replace(I0=0.278, d=5e-3) == sized
+    with pytest.raises(ValueError, match=r"mu_2 = 0.1 must exceed mu_s = 0.3819"):
+        sized.replace(mu_2=0.1)
+
+
+def test_arguments_make_an_equal_material():
+    for m in (materials.glass_beads, materials.glass_beads_5mm, DruckerPrager(), Elastic(E=1.0)):
+        assert type(m)(**m.arguments()) == m
+        assert pickle.loads(pickle.dumps(m)) == m
+        assert hash(m) == hash(m.replace())
+
+
+def test_names_of_laws_and_of_their_parameters():
+    """The core fills the parameters of a law from attributes of these names."""
+    for m, law, names in (
+        (MuI(), "mu_i", ("K", "G", "mu_s", "mu_2", "xi")),
+        (DruckerPrager(), "drucker_prager", ("K", "G", "mu")),
+        (Elastic(), "elastic", ("K", "G")),
+    ):
+        assert m.law == law
+        assert all(math.isfinite(getattr(m, name)) for name in names)
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "error", "message"),
+    [
+        (MuI, {"E": 0.0}, ValueError, "E = 0.0"),
+        (MuI, {"E": math.nan}, ValueError, "E = nan"),
+        (MuI, {"E": "1e9"}, TypeError, "E = '1e9'"),
+        (MuI, {"nu": 0.5}, ValueError, r"nu = 0.5 must be in \[0.0, 0.5\)"),
+        (MuI, {"nu": -0.1}, ValueError, "nu = -0.1"),
+        (MuI, {"mu_s": 0.0}, ValueError, "mu_s = 0.0"),
+        (MuI, {"mu_2": 0.3}, ValueError, "mu_2 = 0.3 must exceed mu_s = 0.3819"),
+        (MuI, {"mu_2": 0.3819}, ValueError, "must exceed"),
+        (MuI, {"rho_c": 2500.0}, ValueError, "rho_c = 2500.0 must not exceed rho_s = 2450.0"),
+        (MuI, {"rho_c": -1.0}, ValueError, "rho_c = -1.0"),
+        (MuI, {"xi": 0.0}, ValueError, "xi = 0.0"),
+        (MuI, {"xi": True}, TypeError, "xi = True"),
+        (MuI, {"xi": 1.0, "I0": 0.3, "d": 1e-3}, ValueError, "xi = 1.0 must not be given together"),
+        (MuI, {"xi": 1.0, "d": 1e-3}, ValueError, "xi = 1.0 must not be given together"),
+        (MuI, {"I0": 0.3}, ValueError, "I0 = 0.3 and d = None must be given together"),
+        (MuI, {"d": 0.3}, ValueError, "I0 = None and d = 0.3 must be given together"),
+        (MuI, {"I0": 0.3, "d": 0.0}, ValueError, "d = 0.0"),
+        (MuI, {"I0": math.inf, "d": 1.0}, ValueError, "I0 = inf"),
+        (DruckerPrager, {"mu": -0.1}, ValueError, "mu = -0.1"),
+        (DruckerPrager, {"rho_s": 1000.0}, ValueError, "rho_c = 1500.0 must not exceed"),
+        (Elastic, {"rho_c": 0.0}, ValueError, "rho_c = 0.0"),
+        (Material, {}, TypeError, "abstract"),
+    ],
+)
+def test_refusals(kind, arguments, error, message):
+    with pytest.raises(error, match=message):
+        kind(**arguments)
+
+
+def test_html_shows_the_numbers():
+    html = materials.glass_beads_5mm._repr_html_()
+    assert "mu_2" in html and "0.6435" in html and "947.3" in html

@@ -1,0 +1,196 @@
+"""The ready scenes: mass, walls and openings against what the paper gives."""
+
+import inspect
+import math
+
+import numpy as np
+import pytest
+
+from granular import materials, scenes, schemes
+from granular.boundaries import Solid, creases, node_codes, node_positions
+from granular.scene import Scene
+
+
+def mass(scene):
+    points = scene.points()
+    return np.sum(points.volume * points.density)
+
+
+def fixed_along_y(scene, y, time=0.0):
+    """x [m] of the nodes at height y, and whether their vertical component is held at `time`."""
+    codes, rows = node_codes(scene)
+    grid, basis = scene.grid, scene.scheme.basis
+    xs, ys = (
+        node_positions(basis, n, per, creases(grid, scene.walls, axis)) * grid.cell
+        for axis, (n, per) in enumerate(zip(grid.shape, grid.periodic, strict=True))
+    )
+    held = []
+    for code in codes[np.argmin(abs(ys - y))]:
+        while code and rows[code - 1].opens_at <= time:
+            code = rows[code - 1].after
+        held.append(bool(code and rows[code - 1].fixed & 2))
+    return xs, np.array(held)
+
+
+def test_registry_holds_keyword_only_functions():
+    assert scenes.names() == (
+        "column_collapse",
+        "silo",
+        "hourglass",
+        "incline",
+        "slug",
+        "cylinder_collapse",
+    )
+    for name, function in scenes.registry.items():
+        assert getattr(scenes, name) is function
+        parameters = inspect.signature(function).parameters.values()
+        assert all(p.kind is p.KEYWORD_ONLY and p.default is not p.empty for p in parameters)
+        assert {"material", "scheme", "seed", "jitter"} <= {p.name for p in parameters}
+
+
+@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
+@pytest.mark.parametrize("name", scenes.names())
+def test_every_scene_is_whole(name, basis):
+    scene = scenes.registry[name](scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7)
+    assert Scene.from_json(scene.to_json()) == scene
+    assert scene.material is materials.glass_beads and scene.seed == 7
+    assert len(scene.points().x) == scene.n_points
+    codes, rows = node_codes(scene)
+    assert codes.max() == len(rows) or any(row.after for row in rows)
+    # what a scene function was called with makes it again
+    called = {
+        key: value
+        for key, value in scene.parameters.items()
+        if key in inspect.signature(scenes.registry[name]).parameters
+    }
+    again = scenes.registry[name](**called, scheme=scene.scheme, seed=7)
+    assert again == scene
+
+
+@pytest.mark.parametrize(("aspect", "cell"), [(0.5, 0.00625), (1.0, 0.0125), (2.0, 0.0125)])
+def test_column(aspect, cell):
+    scene = scenes.column_collapse(aspect=aspect)
+    assert scene.grid.cell == cell and scene.duration == 2.0
+    assert mass(scene) == pytest.approx(1500 * 0.2 * 0.2 * aspect)
+    assert scene.n_points == round(0.04 * aspect / cell**2) * 16
+    assert scene.gravity.at(0.05).tolist() == [0, -4.9]
+    assert scene.gravity.at(2.0).tolist() == [0, -9.8]
+    floor, plane, lip = scene.walls
+    assert (floor.axis, floor.at, floor.kind) == (1, 0.0, "rough")
+    assert (plane.axis, plane.at, plane.kind) == (0, 0.0, "frictionless")
+    # room for the run-outs measured with the published scheme
+    assert lip.at / 0.2 - 1 > {0.5: 0.88, 1.0: 2.31, 2.0: 4.62}[aspect]
+
+
+def test_column_of_odd_height_is_rounded_to_rows():
+    scene = scenes.column_collapse(aspect=0.77)
+    spacing = 0.0125 / 4
+    assert abs(mass(scene) / (1500 * 0.2) - 0.77 * 0.2) <= spacing / 2
+
+
+@pytest.mark.parametrize("D", [0.06, 0.1, 0.2])
+def test_silo_opening_by_the_papers_definition(D):
+    """In the whole silo, the free nodes of a linear basis run from -D/2 to D/2."""
+    scene = scenes.silo(orifice=D, scheme=schemes.published)
+    x, held = fixed_along_y(scene, 0.0, time=0.2)
+    whole = np.concatenate([-x[~held], x[~held]])
+    assert whole.max() - whole.min() == pytest.approx(D, abs=1e-12)
+    assert held[x > D / 2 + 1e-9].all()
+    lid = scene.walls[1]
+    assert lid.opens_at == 0.1 and lid.span == ((0.0, scene.walls[0].span[0][0]),)
+    _, closed = fixed_along_y(scene, 0.0, time=0.0999)
+    assert closed.all()
+
+
+def test_silo_other_bases_and_definition():
+    x, held = fixed_along_y(scenes.silo(orifice=0.1), 0.0, time=0.2)
+    assert x[held].min() == pytest.approx(0.06)  # quadratic: a node stands on the edge itself
+    x, held = fixed_along_y(scenes.silo(orifice=0.1, edge="wall"), 0.0, time=0.2)
+    assert x[held].min() == pytest.approx(0.05)
+
+
+def test_silo_mass_and_sides():
+    scene = scenes.silo()
+    assert 2 * mass(scene) == pytest.approx(1500.0)
+    assert scene.parameters["half"] is True and scene.parameters["orifice"] == 0.1
+    assert scene.grid.open_sides == {"y-"} and scene.duration == 40.0
+    assert {(w.axis, w.at, w.kind) for w in scene.walls[2:]} == {
+        (0, 0.0, "frictionless"),
+        (0, 0.5, "frictionless"),
+    }
+
+
+def test_flat_hourglass():
+    scene = scenes.hourglass()
+    assert mass(scene) == pytest.approx(1500 * 0.5 * 0.25)
+    x, held = fixed_along_y(scene, 0.5, time=0.05)
+    assert held[x <= 0.5].all() and not held[x > 0.5 + 1e-9].any()
+    x, held = fixed_along_y(scene.replace(scheme=schemes.published), 0.5, time=0.2)
+    assert x[~held & (x < 0.4)].max() == pytest.approx(0.02)
+    assert scene.points().x[:, 1].min() > 0.5
+    # no side wall below the divider, and a floor that holds a heap of all the material at repose
+    assert scene.grid.open_sides == {"x+"}
+    assert scene.grid.upper[0] > math.sqrt(2 * 0.5 * 0.25 / 0.3819)
+
+
+def test_sloped_hourglass():
+    scene = scenes.hourglass(kind="sloped", scheme=schemes.published)
+    blocks = [wall for wall in scene.walls if isinstance(wall, Solid)]
+    # the edges of the steps lie on a line of 45 deg from the end of the divider at 0.03
+    assert len(blocks) == 21
+    for block in blocks:
+        assert block.upper[1] - 0.5 == pytest.approx(block.lower[0] - 0.03, abs=1e-12)
+        assert block.upper[0] == 0.25
+    # the fill: a box of .25 x .25 less the steps (22 columns of 0, 1, ..., 21 cells)
+    area = 0.25**2 - 0.01**2 * sum(range(22))
+    assert mass(scene) == pytest.approx(1500 * area)
+    x, held = fixed_along_y(scene, 0.6)
+    slope = 0.03 + 0.1
+    assert held[x > slope - 1e-9].all() and not held[x < slope - 1e-9].any()
+    codes, rows = node_codes(scene)
+    assert rows[codes[10, -1] - 1].fixed & 1  # the side wall reaches down to the base
+    steep = scenes.hourglass(kind="sloped", slope_deg=60.0)
+    assert mass(steep) < mass(scene) < mass(scenes.hourglass(kind="sloped", slope_deg=20.0))
+
+
+def test_incline():
+    scene = scenes.incline(angle_deg=25.0, columns=4, jitter=0.3)
+    assert scene.grid.periodic == (True, False)
+    assert scene.grid.shape == (4, 48) and scene.grid.cell == 0.005
+    assert mass(scene) == pytest.approx(1500 * 0.2 * 0.02)
+    g = scene.gravity.at(1.0)
+    assert math.hypot(*g) == pytest.approx(9.8)
+    assert g[0] / -g[1] == pytest.approx(math.tan(math.radians(25)))
+    assert scene.walls[0].kind == "rough"
+
+
+def test_slug_flies_freely_from_the_start():
+    scene = scenes.slug()
+    points = scene.points()
+    assert mass(scene) == pytest.approx(1200 * math.pi * 0.15**2, rel=5e-3)
+    assert (points.v == (1.2, 3.0)).all() and (points.density == 1200.0).all()
+    assert scene.gravity.at(0.0).tolist() == [0, -9.8]
+    # it meets the wall in the air: the lowest point is above the floor by then
+    hit = (scene.walls[2].at - points.x[:, 0].max()) / 1.2
+    low = points.x[:, 1].min() + 3.0 * hit - 4.9 * hit**2
+    assert 0.3 < hit < 0.4 and low > 0.4
+    assert points.x[:, 1].max() + 3.0**2 / 19.6 < scene.grid.upper[1]
+
+
+def test_cylinder():
+    scene = scenes.cylinder_collapse()
+    assert scene.dim == 3
+    assert 4 * mass(scene) == pytest.approx(1500 * math.pi * 0.2**2 * 0.1, rel=5e-3)
+    assert np.hypot(*scene.points().x[:, :2].T).max() < 0.2
+    codes, rows = node_codes(scene)
+    fixed = np.array([0, *(row.fixed for row in rows)])[codes]
+    assert (fixed[0] == 7).all()
+    assert fixed[3, 5, 0] == 1 and fixed[3, 0, 5] == 2 and fixed[3, 0, 0] == 3
+
+
+def test_material_scheme_and_ramp_are_passed_on():
+    soft = materials.glass_beads.replace(E=1e7)
+    scene = scenes.silo(material=soft, scheme=schemes.published, ramp=0.5, seed=5)
+    assert scene.material is soft and scene.scheme is schemes.published and scene.seed == 5
+    assert scene.gravity.at(0.25).tolist() == [0.0, -4.9]
+    assert scenes.silo(ramp=0.0).gravity.at(0.0).tolist() == [0.0, -9.8]

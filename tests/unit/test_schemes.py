@@ -1,0 +1,46 @@
+"""Schemes: the two presets and the checks."""
+
+import math
+
+import pytest
+
+from granular import schemes
+from granular.schemes import Scheme
+
+
+def test_presets():
+    p, d = schemes.published, schemes.default
+    assert (p.basis, p.transfer, p.density, p.dt) == ("linear", "flip", "tracked", 3e-6)
+    assert (d.basis, d.transfer, d.density, d.dt) == ("quadratic", "tpic", "diffused", None)
+    assert d.shear_diffusion * 1e6 == pytest.approx(2.0)
+    assert Scheme() == d and d.replace(cfl=0.25).cfl == 0.25 and d.cfl == 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"basis": "cubic"}, ValueError, "basis = 'cubic' must be one of 'linear'"),
+        ({"basis": 2}, TypeError, "basis = 2"),
+        ({"transfer": "pic"}, ValueError, "transfer = 'pic'"),
+        ({"density": None}, TypeError, "density = None"),
+        ({"cfl": 0.0}, ValueError, r"cfl = 0.0 must be in \(0.0, 1.0\]"),
+        ({"cfl": 1.01}, ValueError, "cfl = 1.01"),
+        ({"dt": 0.0}, ValueError, "dt = 0.0"),
+        ({"dt": math.inf}, ValueError, "dt = inf"),
+        ({"xpic_order": 0}, ValueError, "xpic_order = 0"),
+        ({"xpic_order": 2.0}, TypeError, "xpic_order = 2.0"),
+        ({"flip_decay": -1.0}, ValueError, "flip_decay = -1.0"),
+        ({"mass_cutoff": 0.1}, ValueError, "mass_cutoff = 0.1"),
+        ({"diffusion": math.nan}, ValueError, "diffusion = nan"),
+        ({"shift_limit": 0.6}, ValueError, "shift_limit = 0.6"),
+        ({"shift_outlet_cells": -1}, ValueError, "shift_outlet_cells = -1"),
+        ({"decay": "fast"}, TypeError, "decay = 'fast'"),
+    ],
+)
+def test_refusals(arguments, error, message):
+    with pytest.raises(error, match=message):
+        Scheme(**arguments)
+
+
+def test_html_shows_the_choices():
+    assert "quadratic" in schemes.default._repr_html_()
