@@ -29,16 +29,18 @@ class Scheme:
     basis : {"quadratic", "linear", "ugimp"}
         Shape functions: quadratic B-splines, hats, or hats averaged over points whose half-width
         is half the initial point spacing.
-    transfer : {"tpic", "flip", "apic", "xpic"}
+    transfer : {"tpic", "flip", "apic", "xpic"}, optional
+        By default "tpic" with the quadratic basis and "flip" with the others.
         How velocity returns from the grid to the points. "tpic" carries the velocity gradient
         of the point, "apic" the affine moment, "xpic" removes the null space of "flip".
     flip_decay : float
         Rate [1/s] at which the difference between the velocity of a point and that of the grid
-        dies out under "flip" and "xpic": f = exp(-flip_decay dt) survives a step. A rate, so
+        dies out under "flip": f = exp(-flip_decay dt) survives a step. A rate, so
         that the result does not depend on the time step.
     xpic_order : int
         Order of the "xpic" filter, 1 to 5 (1 is PIC).
-    density : {"diffused", "tracked"}
+    density : {"diffused", "tracked"}, optional
+        By default "diffused" with quadratic "tpic", the only one it is made for, else "tracked".
         "tracked" integrates the density of each point by itself, as published; "diffused" shares
         it among neighbours and ties it to the fullness of the grid (the numbers below).
     cfl : float
@@ -77,10 +79,10 @@ class Scheme:
     """
 
     basis: str = "quadratic"
-    transfer: str = "tpic"
+    transfer: str = None  # type: ignore[assignment]  # a name once made
     flip_decay: float = 0.0
     xpic_order: int = 2
-    density: str = "diffused"
+    density: str = None  # type: ignore[assignment]
     cfl: float = 0.5
     dt: float | None = None
     mass_cutoff: float = 1e-14
@@ -95,10 +97,15 @@ class Scheme:
     decay: float = 0.03
 
     def __post_init__(self) -> None:
+        basis = one_of("basis", self.basis, BASES)
+        transfer = self.transfer or ("tpic" if basis == "quadratic" else "flip")
+        cured = basis == "quadratic" and transfer == "tpic"
         checked: dict[str, Any] = {
-            "basis": one_of("basis", self.basis, BASES),
-            "transfer": one_of("transfer", self.transfer, TRANSFERS),
-            "density": one_of("density", self.density, DENSITIES),
+            "basis": basis,
+            "transfer": one_of("transfer", transfer, TRANSFERS),
+            "density": one_of(
+                "density", self.density or ("diffused" if cured else "tracked"), DENSITIES
+            ),
             "xpic_order": integer("xpic_order", self.xpic_order, 1, 5),
             "cfl": in_range("cfl", self.cfl, 0.0, 1.0, open_low=True),
             "dt": None if self.dt is None else positive("dt", self.dt),
@@ -120,6 +127,15 @@ class Scheme:
             checked[name] = non_negative(name, getattr(self, name))
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+        if self.density == "diffused" and not cured:
+            raise ValueError(
+                f'density = "diffused" needs basis = "quadratic" and transfer = "tpic", '
+                f'not {self.basis!r} and {self.transfer!r}; choose density = "tracked"'
+            )
+        if self.transfer != "flip" and self.flip_decay:
+            raise ValueError(
+                f'flip_decay = {self.flip_decay} must be 0 with transfer = {self.transfer!r}'
+            )
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some arguments changed, checked as a new one."""

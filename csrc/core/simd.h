@@ -30,14 +30,25 @@ static inline vm m_and(vm a, vm b) { return a & b; }
 static inline unsigned m_bits(vm a) { return a; }
 static inline vd v_select(vm m, vd a, vd b) { return _mm512_mask_blend_pd(m, b, a); }
 static inline vd v_keep(vm m, vd a) { return _mm512_maskz_mov_pd(m, a); }
-/* The four lane sums of a, b, c, d. */
-static inline void v_sum4(double *out, vd a, vd b, vd c, vd d)
+/* The square root of a >= 0 to 4e-16 from a 14-bit estimate y of its inverse: with r = 1 - a y^2,
+ * 1/sqrt(a) = y (1 + r/2 + 3 r^2/8 + 5 r^3/16 + ...). A third of the time of the division unit. */
+static inline vd v_sqrt_fast(vd a)
 {
-#define GR_FOLD(v) _mm256_add_pd(_mm512_castpd512_pd256(v), _mm512_extractf64x4_pd(v, 1))
-    __m256d ab = _mm256_hadd_pd(GR_FOLD(a), GR_FOLD(b)), cd = _mm256_hadd_pd(GR_FOLD(c), GR_FOLD(d));
-#undef GR_FOLD
-    _mm256_storeu_pd(out, _mm256_add_pd(_mm256_permute2f128_pd(ab, cd, 0x20), _mm256_permute2f128_pd(ab, cd, 0x31)));
+    const vd safe = _mm512_max_pd(a, _mm512_set1_pd(1e-290)), y = _mm512_rsqrt14_pd(safe), s = safe * y;
+    const vd r = _mm512_fnmadd_pd(s, y, _mm512_set1_pd(1.0));
+    const vd series = _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
+    return _mm512_fmadd_pd(s * r, series, s);
 }
+/* out[k] = the sum of the lanes of a[k], 8 vectors at once: a tree that halves vectors and lanes together. */
+static inline void v_sums(double *out, const vd *a)
+{
+    vd b[4], c[2];
+    for (int k = 0; k < 4; k++) b[k] = _mm512_unpacklo_pd(a[2 * k], a[2 * k + 1]) + _mm512_unpackhi_pd(a[2 * k], a[2 * k + 1]);
+    for (int k = 0; k < 2; k++)
+        c[k] = _mm512_shuffle_f64x2(b[2 * k], b[2 * k + 1], 0x88) + _mm512_shuffle_f64x2(b[2 * k], b[2 * k + 1], 0xdd);
+    _mm512_storeu_pd(out, _mm512_shuffle_f64x2(c[0], c[1], 0x88) + _mm512_shuffle_f64x2(c[0], c[1], 0xdd));
+}
+#define GR_SUMS 8
 #elif defined(__AVX2__) && defined(__FMA__)
 #include <immintrin.h>
 #define GR_W 4
@@ -57,11 +68,13 @@ static inline vm m_and(vm a, vm b) { return _mm256_and_pd(a, b); }
 static inline unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_pd(a); }
 static inline vd v_select(vm m, vd a, vd b) { return _mm256_blendv_pd(b, a, m); }
 static inline vd v_keep(vm m, vd a) { return _mm256_and_pd(m, a); }
-static inline void v_sum4(double *out, vd a, vd b, vd c, vd d)
+static inline vd v_sqrt_fast(vd a) { return _mm256_sqrt_pd(a); }
+static inline void v_sums(double *out, const vd *a)
 {
-    __m256d ab = _mm256_hadd_pd(a, b), cd = _mm256_hadd_pd(c, d);
+    const __m256d ab = _mm256_hadd_pd(a[0], a[1]), cd = _mm256_hadd_pd(a[2], a[3]);
     _mm256_storeu_pd(out, _mm256_add_pd(_mm256_permute2f128_pd(ab, cd, 0x20), _mm256_permute2f128_pd(ab, cd, 0x31)));
 }
+#define GR_SUMS 4
 #else
 /* Portable form: two lanes, written with the vector extension of gcc and clang (SSE2, NEON, ...). */
 #define GR_W 2
@@ -82,10 +95,9 @@ static inline vd v_keep(vm m, vd a) { return (vd)(m & (vm)a); }
 static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
 static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
 static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
-static inline void v_sum4(double *out, vd a, vd b, vd c, vd d)
-{
-    out[0] = a[0] + a[1], out[1] = b[0] + b[1], out[2] = c[0] + c[1], out[3] = d[0] + d[1];
-}
+static inline vd v_sqrt_fast(vd a) { return v_sqrt(a); }
+static inline void v_sums(double *out, const vd *a) { out[0] = a[0][0] + a[0][1], out[1] = a[1][0] + a[1][1]; }
+#define GR_SUMS 2
 #endif
 
 #define GR_BLOCKS(count) (((count) + GR_W - 1) / GR_W) /* blocks of lanes that `count` points fill */

@@ -30,15 +30,15 @@ static inline void law_frictional(const int dim, const int rate, const struct gr
             const vm flows = m_and(dense, v_gt(tau2, S0 * S0));
             vd scale = v_keep(dense, one);
             if (m_bits(flows)) {
-                const vd trial = v_sqrt(tau2);
-                vd tau = S0;
+                const vd trial = v_sqrt_fast(tau2);
+                vd above = S0, below = one; /* tau = above/below: one division for tau/trial */
                 if (rate) {
-                    const vd S2 = mu_2 * p, alpha = alpha_1 * v_sqrt(p), d = (trial - S2) + alpha;
+                    const vd S2 = mu_2 * p, alpha = alpha_1 * v_sqrt_fast(p), d = (trial - S2) + alpha;
                     const vd H = v_fma(S2, trial, S0 * alpha), B = S2 + trial + alpha;
-                    tau = (H + H) / (B + v_sqrt(v_fma(d, d, four_dmu * (alpha * p))));
+                    above = H + H, below = B + v_sqrt_fast(v_fma(d, d, four_dmu * (alpha * p)));
                 }
-                scale = v_select(flows, tau / trial, scale);
-                gamma = v_keep(flows, (trial - tau) * to_rate);
+                scale = v_select(flows, above / (below * trial), scale);
+                gamma = v_keep(flows, v_fnma(scale, trial, trial) * to_rate);
             }
             for (int i = 0; i < 3; i++) v_store(call->stress[i] + at, v_fma(scale, t.s[i], -p));
             for (int i = 3; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, scale * t.s[i]);

@@ -112,11 +112,18 @@ static void slice(int64_t n, int t, int threads, int64_t *first, int64_t *last)
     *last = n * (t + 1) / threads;
 }
 
+static void note_dt(struct gr_engine *e)
+{
+    e->lent_dt = e->dt;
+    e->lent_scale = -1.0 / e->dt;
+    e->inv_dt = 1.0 / e->dt;
+}
+
 static void stage_grid(struct team *team, int t)
 {
     struct gr_engine *e = team->e;
     int64_t first, last;
-    if (t == 0) e->lent_dt = e->dt; /* not before: others may still have been scattering with the last one */
+    if (t == 0) note_dt(e); /* not before: others may still have been scattering with the last one */
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
     gr_grid_nodes(e, first, last, team->gravity);
     barrier();
@@ -152,10 +159,16 @@ static void run(struct team *team, int t)
     }
 }
 
+/* Points grouped, none waiting and the mesh whole: else that first. */
+static int ready(struct gr_engine *e)
+{
+    return e->mesh.n_cells && !e->n_pending && !e->disconnected ? GR_OK : gr_regroup(e);
+}
+
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
 {
     struct team team = {.e = e, .kernels = kernels, .left = max_steps, .until = until, .threads = 1};
-    e->error = e->mesh.n_cells ? GR_OK : gr_regroup(e);
+    e->error = ready(e);
     if (e->error || !e->mesh.n_cells) return e->error;
 #ifdef _OPENMP
     if (threads > GR_MAX_THREADS) threads = GR_MAX_THREADS;
@@ -180,7 +193,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 
 int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    e->error = e->mesh.n_cells ? GR_OK : gr_regroup(e);
+    e->error = ready(e);
     if (e->error) return e->error;
     kernels->scatter(e, 0, e->mesh.n_cells);
     e->sums_valid = 1;
@@ -195,7 +208,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (!e->error) e->error = share_out(&team);
     if (e->error) return e->error;
     prepare(&team);
-    e->lent_dt = e->dt;
+    note_dt(e);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         kernels->smooth(e, 0, e->mesh.n_cells);
@@ -207,7 +220,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     struct team team = {.e = e, .kernels = kernels, .threads = 1};
-    e->error = e->mesh.n_cells && e->dt > 0 ? share_out(&team) : GR_ERR_CONFIG;
+    e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected ? share_out(&team) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;
     team.count[0] = kernels->sweep(e, 0, e->mesh.n_cells, (struct gr_leaver *)team.list[0], 0);

@@ -110,7 +110,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     }
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
-    e->sum_stride = ((1 + 2 * config->dim + 2 * config->diffused) * e->K + 3) / 4 * 4;
+    /* whole lines, and room for the whole groups that lane sums are written in */
+    e->sum_stride = ((1 + 2 * config->dim + 2 * config->diffused) * e->K + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
     e->node_stride = 2 * config->dim + 2 * config->diffused;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(config, f)) e->n_components += gr_field_components(f, config->dim);
@@ -123,6 +124,9 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     error = count_solids(e, n_nodes, n_cells);
     e->dt = config->dt;
     e->lent_dt = 1; /* until a shift has been made */
+    e->lent_scale = -1;
+    e->inv_dx = 1.0 / config->dx;
+    e->force_scale = -1.0 / (config->rho_c * config->dx);
     *out = e;
     e = 0;
     goto out;

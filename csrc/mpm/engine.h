@@ -70,7 +70,7 @@ struct gr_mesh {
     int64_t n_cells, n_nodes, cell_room, node_room;
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
-    int32_t *node_source; /* n_nodes x K: cell*K + place in the cell, or n_cells*K + . for none */
+    int64_t *node_source; /* n_nodes x K: cell << 5 | place of the node in it; the zero block where there is none */
     uint8_t *node_code;
     double *node_volume;  /* fraction of dx^dim that the node stands for */
     int64_t *node_id;     /* index in the whole grid */
@@ -107,15 +107,27 @@ struct gr_engine {
     /* progress */
     double time, dt, time_anchor; /* time = time_anchor + (step - step_anchor) dt */
     double lent_dt;               /* dt of the step that made shift_velocity */
+    double inv_dx, inv_dt, force_scale, lent_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/lent_dt: no division in a kernel */
     double keep_velocity;         /* the part f of the old velocity that survives this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
-    int sums_valid, record_rates;
+    int sums_valid, record_rates, disconnected;
     /* failure */
     int error;
     int64_t error_id, error_step;
     double error_x[3];
 };
+
+/* Layout of a block of sums: groups in which the sums of a node stand side by side. Few nodes: one group
+ * m, p, f. Else m, p of all nodes, then f; then, where the density is averaged, its mass and moment. */
+#define GR_TOGETHER(K) ((K) <= 4)
+static inline int gr_sum_place(int dim, int K, int row, int node)
+{
+    if (GR_TOGETHER(K) && row <= 2 * dim) return node * (1 + 2 * dim) + row;
+    if (row <= dim) return node * (1 + dim) + row;
+    if (row <= 2 * dim) return K * (1 + dim) + node * dim + (row - 1 - dim);
+    return K * (1 + 2 * dim) + node * 2 + (row - 1 - 2 * dim);
+}
 
 /* The kernels of one instruction set (kernels.c). */
 struct gr_kernels {

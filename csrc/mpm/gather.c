@@ -74,7 +74,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
                            double phi_least, const vd *L, vd trace, int64_t at, vd delta[3], vd lent[3])
 {
     const struct gr_cure *q = &e->config.cure;
-    const double dx = e->config.dx, inv_dx = 1.0 / dx;
+    const double dx = e->config.dx, inv_dx = e->inv_dx;
     vd slope[3], gradient[3];
     const vd old = v_load(e->field[GR_FIELD_log_density] + at), rate = kinematic_rate(dim, L);
     const vd near = gr_interpolate(dim, basis, cbar, s, (vd(*)[3])s->g, 1, gradient);
@@ -102,7 +102,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     for (int d = 0; d < dim; d++) {
         lent[d] = v_zero();
         for (int j = 0; j < dim; j++) lent[d] = v_fma(L[d * dim + j], delta[j], lent[d]);
-        lent[d] = lent[d] * v_set(1.0 / e->dt);
+        lent[d] = lent[d] * v_set(e->inv_dt);
         v_store(e->field[GR_FIELD_shift_velocity] + d * e->capacity + at, lent[d]);
     }
     return c;
@@ -113,7 +113,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int K = gr_power(gr_nodes_1d(basis), dim), k1 = gr_nodes_1d(basis), blocks = GR_BLOCKS(cell->count);
-    const double dt = e->dt, inv_dx = 1.0 / e->config.dx, keep = e->keep_velocity;
+    const double dt = e->dt, inv_dx = e->inv_dx, keep = e->keep_velocity;
     const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: nothing of the old velocity survives and w = v */
     double N[8][GR_MAX_NODES], excess[GR_MAX_NODES], phi_least = 1e300;
     int64_t found = 0;
@@ -153,12 +153,6 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
                     moment[d][a] = v_select(v_gt(D, v_set(0.02)), s.w[d][a] * s.r[d][a] / D, s.g[d][a]);
             }
         }
-        for (int d = 0; affine && d < dim; d++) {
-            if (affine == GR_AFFINE_MOMENT) (void)gr_interpolate(dim, basis, N[d], &s, moment, 1, slope);
-            for (int j = 0; j < dim; j++)
-                v_store(e->field[GR_FIELD_affine] + (d * dim + j) * e->capacity + at,
-                        affine == GR_AFFINE_MOMENT ? slope[j] * v_set(inv_dx) : L[d * dim + j] * v_set(1.0 / dt));
-        }
         vd c;
         if (diffused) {
             c = relax_density(dim, basis, e, cell, &s, N[2 * dim], excess, N[2 * dim + 1], phi_least, L, trace, at, delta, lent);
@@ -167,6 +161,16 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
             c = v_load(e->field[GR_FIELD_log_density] + at) - trace;
         }
         v_store(e->field[GR_FIELD_log_density] + at, c);
+        /* A point that has come loose carries no affine field: alone before a wall it would keep a gradient
+         * that grows as the wall comes near, and strike it with that. */
+        const vm joined = v_ge(c, v_set(-e->config.cure.reach));
+        for (int d = 0; affine && d < dim; d++) {
+            if (affine == GR_AFFINE_MOMENT) (void)gr_interpolate(dim, basis, N[d], &s, moment, 1, slope);
+            for (int j = 0; j < dim; j++)
+                v_store(e->field[GR_FIELD_affine] + (d * dim + j) * e->capacity + at,
+                        v_keep(joined, affine == GR_AFFINE_MOMENT ? v_mul(slope[j], v_set(inv_dx))
+                                                                  : v_mul(L[d * dim + j], v_set(e->inv_dt))));
+        }
         unsigned inside = GR_ALL_LANES;
         for (int d = 0; d < dim; d++) {
             double *x = e->field[GR_FIELD_x] + d * e->capacity + at;

@@ -47,24 +47,35 @@ static void apply_wall(const struct gr_wall *wall, int dim, double *v, double *n
     }
 }
 
-void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
+/* The sums of node n over its cells, in the order of cells. */
+static inline __attribute__((always_inline)) void gather_sums(const int dim, const int K, const int rows,
+                                                              const struct gr_engine *e, int64_t n, double *sum)
 {
-    const int dim = e->config.dim, K = e->K, rows = 1 + 2 * dim + 2 * e->config.diffused;
+    for (int q = 0; q < rows; q++) sum[q] = 0;
+    for (int i = 0; i < K; i++) {
+        const int64_t source = e->mesh.node_source[n * K + i];
+        const double *block = e->sums + (source >> 5) * e->sum_stride;
+        for (int q = 0; q < rows; q++) sum[q] += block[gr_sum_place(dim, K, q, (int)(source & 31))];
+    }
+}
+
+static inline __attribute__((always_inline)) void grid_nodes(const int dim, const int K, const int diffused,
+                                                             struct gr_engine *e, int64_t first, int64_t last,
+                                                             const double g[3])
+{
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
     for (int64_t n = first; n < last; n++) {
-        double sum[9] = {0}, v[3], next[3];
+        double sum[9], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
-        for (int i = 0; i < K; i++) {
-            const int32_t source = e->mesh.node_source[n * K + i];
-            const double *block = e->sums + (int64_t)(source / K) * e->sum_stride + source % K;
-            for (int q = 0; q < rows; q++) sum[q] += block[q * K];
-        }
+        gather_sums(dim, K, 1 + 2 * dim + 2 * diffused, e, n, sum);
         const double m = sum[0];
         e->node_mass[n] = m;
-        for (int q = 0; q < e->node_stride; q++) out[q] = 0;
-        for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
-        if (!(m > cutoff) && m == m) continue; /* NaN goes on, to be found at the points */
+        if (!(m > cutoff) && m == m) { /* NaN goes on, to be found at the points */
+            for (int q = 0; q < 2 * dim + 2 * diffused; q++) out[q] = 0;
+            for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
+            continue;
+        }
         for (int d = 0; d < dim; d++) {
             v[d] = sum[1 + d] / m;
             next[d] = v[d] + dt * (sum[1 + dim + d] / m + g[d]);
@@ -77,11 +88,24 @@ void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const doubl
         }
         if (e->config.xpic_order > 0) /* first pass: m v, and the increment */
             for (int d = 0; d < dim; d++) out[dim + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (e->config.diffused) {
+        if (diffused) {
             out[2 * dim] = m / (cell_mass * e->mesh.node_volume[n]);
             out[2 * dim + 1] = sum[1 + 2 * dim] > 0 ? sum[2 + 2 * dim] / sum[1 + 2 * dim] : 0;
         }
     }
+}
+
+void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
+{
+#define GR_GRID(d, k, q) \
+    if (e->config.dim == d && e->K == k && e->config.diffused == q) grid_nodes(d, k, q, e, first, last, g);
+    GR_GRID(2, 4, 0)
+    GR_GRID(2, 9, 0)
+    GR_GRID(2, 9, 1)
+    GR_GRID(3, 8, 0)
+    GR_GRID(3, 27, 0)
+    GR_GRID(3, 27, 1)
+#undef GR_GRID
 }
 
 void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
@@ -91,10 +115,10 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
     for (int r = 1; r <= pass; r++) share = share * (order - r + 1) / r;
     for (int64_t n = first; n < last; n++) {
         double sum[3] = {0};
-        for (int i = 0; i < K; i++) {
-            const int32_t source = e->mesh.node_source[n * K + i];
-            const double *block = e->sums + (int64_t)(source / K) * e->sum_stride + source % K;
-            for (int d = 0; d < dim; d++) sum[d] += block[(1 + d) * K];
+        for (int i = 0; i < K; i++) { /* smooth leaves the momentum alone in the block, node by node */
+            const int64_t source = e->mesh.node_source[n * K + i];
+            const double *block = e->sums + (source >> 5) * e->sum_stride + (source & 31) * dim;
+            for (int d = 0; d < dim; d++) sum[d] += block[d];
         }
         const double m = e->node_mass[n];
         const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[n]);

@@ -96,7 +96,7 @@ static int list_cells(struct gr_engine *e, struct regroup *r)
         map[r->cell_id[p]] = 1;
         r->cells[n++] = r->cell_id[p];
     }
-    const int64_t occupied = n;
+    const int64_t occupied = r->n_cells = n; /* what is to be undone after a failure */
     int64_t *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(occupied * around + 1));
     if (!cells) return GR_ERR_MEMORY;
     r->cells = cells;
@@ -130,8 +130,8 @@ static int list_cells(struct gr_engine *e, struct regroup *r)
 static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
 {
     struct gr_mesh *mesh = &e->mesh;
-    if (n_cells <= mesh->cell_room) return GR_OK;
-    const int64_t room = n_cells + n_cells / 2;
+    if (n_cells <= mesh->cell_room && e->sums) return GR_OK;
+    const int64_t room = n_cells + n_cells / 2 + 8;
     mesh->cell_room = 0;
 #define GR_RESIZE(p, count)                                       \
     do {                                                          \
@@ -229,7 +229,7 @@ static void describe_node(struct gr_engine *e, int64_t n)
         id /= e->axis[d].n_nodes;
     }
     mesh->node_volume[n] = volume - (e->solid ? e->solid[mesh->node_id[n]] : 0);
-    for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = (int32_t)(mesh->n_cells * e->K);
+    for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells << 5;
 }
 
 /* The nodes of the active cells, and for each the cells it gathers from, in the order of cells. */
@@ -250,7 +250,7 @@ static int connect_nodes(struct gr_engine *e)
             mesh->node_of[id] = 1;
         }
     qsort(ids, (size_t)n_nodes, sizeof(int64_t), compare_ids);
-    mesh->n_nodes = 0;
+    mesh->n_nodes = 0; /* the old ones are forgotten above */
     filled = calloc((size_t)n_nodes + 1, sizeof(int32_t));
     if (!filled || reserve_nodes(e, n_nodes)) goto out;
     mesh->n_nodes = n_nodes;
@@ -263,10 +263,11 @@ static int connect_nodes(struct gr_engine *e)
         for (int a = 0; a < K; a++) {
             const int32_t n = mesh->node_of[node_id_of(e, &mesh->cell[c], a)] - 1;
             mesh->cell_node[c * K + a] = n;
-            mesh->node_source[(int64_t)n * K + filled[n]++] = (int32_t)(c * K + a);
+            mesh->node_source[(int64_t)n * K + filled[n]++] = c << 5 | a;
         }
     error = GR_OK;
 out:
+    for (int64_t n = 0; error && ids && n < n_nodes; n++) mesh->node_of[ids[n]] = 0;
     free(ids);
     free(filled);
     return error;
@@ -285,12 +286,16 @@ int gr_regroup(struct gr_engine *e)
     error = list_points(e, &r);
     if (!error) error = list_cells(e, &r);
     if (!error && r.total > e->capacity) {
-        for (int64_t c = 0; c < r.n_cells; c++) e->mesh.cell_of[r.cells[c]] = 0;
         e->needed_capacity = r.total + r.total / 4;
         error = GR_ERR_CAPACITY;
     }
     if (!error) error = reserve_mesh(e, r.n_cells);
-    if (error) goto out;
+    if (error) { /* back to the old cells */
+        for (int64_t c = 0; c < r.n_cells; c++) e->mesh.cell_of[r.cells[c]] = 0;
+        for (int64_t c = 0; c < e->mesh.n_cells; c++)
+            e->mesh.cell_of[gr_cell_id(e, e->mesh.cell[c].at)] = (int32_t)(c + 1);
+        goto out;
+    }
     place_cells(e, &r);
     move_points(e, &r);
     e->n_pending = 0;
@@ -300,6 +305,7 @@ int gr_regroup(struct gr_engine *e)
         for (int32_t i = e->mesh.cell[c].count; i < e->mesh.cell[c].capacity; i++)
             gr_clear_place(e, &e->mesh.cell[c], e->mesh.cell[c].offset + i);
     error = connect_nodes(e);
+    e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
     memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
 out:
     free(r.source);

@@ -139,10 +139,15 @@ int gr_migrate(struct gr_engine *e, const struct gr_leaver *const list[], const 
     int64_t total = 0, waiting = 0;
     e->n_dirty = 0;
     for (int t = 0; t < lists; t++) total += count[t];
-    int error = reserve_pending(e, total + 1); /* one more: scratch of close_hole */
+    const int64_t n_points = e->n_points, dropped = e->dropped, n_pending = e->n_pending;
+    const double dropped_mass = e->dropped_mass;
+    int error = reserve_pending(e, n_pending + total + 1); /* one more: scratch of close_hole */
     for (int t = 0; t < lists; t++)
         for (int64_t k = 0; !error && k < count[t]; k++) error = lift_leaver(e, &list[t][k]);
-    if (error) return error;
+    if (error) { /* nobody has moved yet: as if nobody had been looked at */
+        e->n_points = n_points, e->dropped = dropped, e->n_pending = n_pending, e->dropped_mass = dropped_mass;
+        return error;
+    }
     for (int t = lists - 1; t >= 0; t--)
         for (int64_t k = count[t] - 1; k >= 0; k--)
             close_hole(e, &e->mesh.cell[list[t][k].cell], list[t][k].slot, e->pending + e->n_pending * e->n_components);

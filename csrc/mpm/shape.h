@@ -57,7 +57,7 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, dou
 GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine *e, const struct gr_cell *cell, int64_t at,
                          int positions, struct gr_shape *s)
 {
-    const double inv_dx = 1.0 / e->config.dx;
+    const double inv_dx = e->inv_dx;
     for (int d = 0; d < dim; d++) {
         const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
         const vd xi = gr_local(&e->axis[d], inv_dx, e->field[GR_FIELD_x] + d * e->capacity + at, cell->at[d]);

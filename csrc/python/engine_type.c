@@ -366,9 +366,9 @@ static PyObject *engine_nodes(struct engine_object *self, PyObject *unused)
         int64_t id = e->mesh.node_id[i];
         double sum[7] = {0};
         for (int k = 0; k < e->K; k++) {
-            const int32_t source = e->mesh.node_source[i * e->K + k];
-            for (npy_intp q = 0; q < rows; q++)
-                sum[q] += e->sums[(int64_t)(source / e->K) * e->sum_stride + q * e->K + source % e->K];
+            const int64_t source = e->mesh.node_source[i * e->K + k];
+            const double *block = e->sums + (source >> 5) * e->sum_stride;
+            for (int q = 0; q < rows; q++) sum[q] += block[gr_sum_place((int)dim, e->K, q, (int)(source & 31))];
         }
         ((double *)PyArray_DATA((PyArrayObject *)m))[i] = sum[0];
         for (npy_intp d = 0; d < dim; d++) {
@@ -468,6 +468,7 @@ static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
 #define GR_X(name) e->name = integer_##name;
     GR_INTEGERS(GR_X)
 #undef GR_X
+    e->lent_scale = -1.0 / e->lent_dt;
     e->sums_valid = 0;
     Py_RETURN_NONE;
 }

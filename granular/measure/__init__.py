@@ -4,6 +4,7 @@ Every function takes a `State` (or an iterable of them) and returns plain number
 small frozen result; none changes what it is given.
 """
 
+from granular.measure.budget import StepBudget, step_budget
 from granular.measure.discharge import (
     BeverlooFit,
     Discharge,
@@ -59,6 +60,7 @@ __all__ = [
     "Profile",
     "Repose",
     "Runout",
+    "StepBudget",
     "StressFreeError",
     "Surface",
     "beverloo",
@@ -87,6 +89,7 @@ __all__ = [
     "scaled_inertial_number",
     "smooth",
     "speed_percentile",
+    "step_budget",
     "stress_free_error",
     "surface",
     "velocity_profile",

@@ -1,0 +1,36 @@
+"""Figure 13: the stress update along the path of appendix B against Runge-Kutta."""
+
+import sys
+
+import numpy as np
+from common import options, save
+
+import granular as gr
+from granular import plot
+from granular.verify.constitutive import DURATION, STEPS, constitutive_path
+
+P0 = 500.0
+"""Pressure at the start [Pa]."""
+APPENDIX_E = 1e4
+"""Young's modulus of appendix B [Pa]."""
+
+
+def _path(material: gr.materials.MuI, dt: float) -> plot.ConstitutivePath:
+    times, stress = constitutive_path(material, P0, dt)
+    p = -stress[:, :3].sum(axis=1) / 3
+    deviator = stress[:, :3] + p[:, None]
+    tau = np.sqrt((deviator**2).sum(axis=1) / 2 + stress[:, 3] ** 2)
+    return plot.ConstitutivePath(dt, times, stress, gr.theory.plastic_shear_rate(p, tau, material))
+
+
+def main(argv: list[str] | None = None) -> None:
+    chosen = options(__doc__, argv, E=APPENDIX_E)
+    paths = [_path(chosen.material, dt) for dt in (STEPS[:3] if chosen.quick else STEPS)]
+    finest = min(paths, key=lambda path: path.dt)
+    times = np.linspace(0.0, DURATION, len(finest.times))
+    exact = gr.theory.reference(chosen.material, P0, times)
+    save(plot.figure_13(paths, exact), chosen.out, "figure_13")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,26 @@
+"""Figure 2: column collapses of aspect 2, 1 and 0.5."""
+
+import sys
+
+from common import options, save, states_at
+
+import granular as gr
+from granular import plot
+
+
+def main(argv: list[str] | None = None) -> None:
+    chosen = options(__doc__, argv)
+    columns = []
+    for aspect in (2.0, 1.0, 0.5):
+        scene = gr.scenes.column_collapse(
+            aspect=aspect,
+            cell=0.02 if chosen.quick else None,
+            material=chosen.material,
+            scheme=chosen.scheme,
+        )
+        columns.append(states_at(scene, (0.0, 0.5, 2.0), f"a = {aspect:g}"))
+    save(plot.figure_2(columns), chosen.out, "figure_2")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

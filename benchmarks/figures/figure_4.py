@@ -1,0 +1,26 @@
+"""Figure 4: silos with orifices of 0.10, 0.14 and 0.18 m after 0, 2 and 5 s."""
+
+import sys
+
+from common import options, save, states_at
+
+import granular as gr
+from granular import plot
+
+
+def main(argv: list[str] | None = None) -> None:
+    chosen = options(__doc__, argv)
+    silos = []
+    for orifice in (0.10, 0.14, 0.18) if not chosen.quick else (0.12, 0.16, 0.20):
+        scene = gr.scenes.silo(
+            orifice=orifice,
+            cell=0.02 if chosen.quick else 0.01,
+            material=chosen.material,
+            scheme=chosen.scheme,
+        )
+        silos.append(states_at(scene, (0.0, 2.0, 5.0), f"D = {orifice:g} m"))
+    save(plot.figure_4(silos), chosen.out, "figure_4")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,32 @@
+"""Figures 6 and 7: hourglasses after 0, 1, 2 and 5 s, by shear rate and by phase."""
+
+import sys
+
+from common import options, save, states_at
+
+import granular as gr
+from granular import plot
+
+
+def main(argv: list[str] | None = None) -> None:
+    chosen = options(__doc__, argv)
+    widths = {"flat": 0.96, "sloped": 0.48} if chosen.quick else {"flat": None, "sloped": None}
+    cell, fill = (0.02, 0.24) if chosen.quick else (0.01, 0.25)
+    runs = []
+    for kind, width in widths.items():
+        scene = gr.scenes.hourglass(
+            kind=kind,
+            width=width,
+            cell=cell,
+            fill_height=fill,
+            material=chosen.material,
+            scheme=chosen.scheme,
+        )
+        runs.append(states_at(scene, (0.0, 1.0, 2.0, 5.0)))
+    flat, sloped = runs
+    save(plot.figure_6(flat, sloped), chosen.out, "figure_6")
+    save(plot.figure_7(flat, sloped), chosen.out, "figure_7")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

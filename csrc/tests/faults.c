@@ -1,0 +1,31 @@
+#include "tests/faults.h"
+
+#include <stddef.h>
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t count, size_t size);
+void *__real_realloc(void *old, size_t size);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t count, size_t size);
+void *__wrap_realloc(void *old, size_t size);
+
+static long countdown;
+static int hit;
+
+void faults_at(long n)
+{
+    countdown = n;
+    hit = 0;
+}
+
+int faults_hit(void) { return hit; }
+
+static int fails(void)
+{
+    if (!countdown || --countdown) return 0;
+    return hit = 1;
+}
+
+void *__wrap_malloc(size_t size) { return fails() ? NULL : __real_malloc(size); }
+void *__wrap_calloc(size_t count, size_t size) { return fails() ? NULL : __real_calloc(count, size); }
+void *__wrap_realloc(void *old, size_t size) { return fails() ? NULL : __real_realloc(old, size); }

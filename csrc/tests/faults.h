@@ -1,0 +1,10 @@
+/* Allocations that fail on demand; linked with --wrap=malloc,calloc,realloc. */
+#ifndef GR_TESTS_FAULTS_H
+#define GR_TESTS_FAULTS_H
+
+/* The n-th allocation from now on fails (n = 1 is the next one), and only that; n = 0: none fails. */
+void faults_at(long n);
+/* Whether it has been reached. */
+int faults_hit(void);
+
+#endif

@@ -1,0 +1,81 @@
+#!/usr/bin/env bash
+# Build and run the C tests under the sanitizers: csrc/tests/run.sh [axis grid ...]
+# CC: compiler (gcc). SANITIZE=0: without sanitizers. OPENMP=0: without OpenMP. BUILD: folder of the
+# objects, kept if given. JOBS: compilers at a time.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+CC=${CC:-gcc}
+JOBS=${JOBS:-$(nproc)}
+if [ -z "${BUILD:-}" ]; then
+    BUILD=$(mktemp -d)
+    trap 'rm -rf "$BUILD"' EXIT
+fi
+mkdir -p "$BUILD"
+
+warnings="-Wall -Wextra -Wconversion -Wshadow -Werror"
+flags="-std=gnu11 -g -O1 -ffp-contract=off -fno-math-errno -fno-trapping-math -Icsrc"
+[ "${OPENMP:-1}" = 0 ] || flags+=" -fopenmp"
+if [ "${SANITIZE:-1}" != 0 ]; then
+    flags+=" -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer"
+fi
+kernels=(baseline:)
+case $(uname -m) in
+x86_64 | amd64 | i686)
+    flags+=" -DGR_X86"
+    avx2="-mavx2 -mfma"
+    kernels+=("avx2:$avx2" "avx512:$avx2 -mavx512f -mavx512dq -mavx512vl -mprefer-vector-width=512")
+    ;;
+esac
+
+# The sources of the core as setup.py lists them: without Python, and without what kernels.c includes.
+core=(csrc/core/*.c csrc/law/law.c csrc/dispatch.c)
+for source in csrc/mpm/*.c; do
+    case $source in */scatter.c | */gather.c) ;; *) core+=("$source") ;; esac
+done
+
+tests=("$@")
+if [ $# = 0 ]; then
+    for source in csrc/tests/test_*.c; do
+        source=${source##*/test_}
+        tests+=("${source%.c}")
+    done
+fi
+
+{ # the kernels first: they take longest
+    for kernel in "${kernels[@]}"; do
+        echo "$CC $warnings $flags ${kernel#*:} -DGR_ISA=${kernel%%:*} -c csrc/kernels.c -o $BUILD/kernels_${kernel%%:*}.o"
+    done
+    for source in "${core[@]}" csrc/tests/scene.c csrc/tests/faults.c; do
+        name=${source#csrc/}
+        echo "$CC $warnings $flags -c $source -o $BUILD/${name//\//_}.o"
+    done
+    for test in "${tests[@]}"; do
+        echo "$CC $warnings $flags -c csrc/tests/test_$test.c -o $BUILD/test_$test.o"
+    done
+} | xargs -P "$JOBS" -d '\n' -I{} sh -c '{}'
+
+library=("$BUILD"/kernels_*.o)
+for source in "${core[@]}" csrc/tests/scene.c csrc/tests/faults.c; do
+    name=${source#csrc/}
+    library+=("$BUILD/${name//\//_}.o")
+done
+
+export UBSAN_OPTIONS=print_stacktrace=1 OMP_NUM_THREADS=4
+passed=0 failed=0
+for test in "${tests[@]}"; do
+    # shellcheck disable=SC2086
+    $CC $flags "$BUILD/test_$test.o" "${library[@]}" -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc -lm -o "$BUILD/$test"
+    status=0
+    output=$("$BUILD/$test") || status=$?
+    echo "${output:-$test: ended with status $status}"
+    if [[ $output =~ ([0-9]+)\ passed,\ ([0-9]+)\ failed$ ]]; then
+        passed=$((passed + BASH_REMATCH[1])) failed=$((failed + BASH_REMATCH[2]))
+        # a sanitizer that spoke at the end (a leak) is a failure of its own
+        if [ "$status" != 0 ] && [ "${BASH_REMATCH[2]}" = 0 ]; then failed=$((failed + 1)); fi
+    else
+        failed=$((failed + 1))
+    fi
+done
+echo "$passed passed, $failed failed"
+[ "$failed" = 0 ]

@@ -1,0 +1,48 @@
+/* Small scenes for the tests: a box of cells with a random heap of points in it. */
+#ifndef GR_TESTS_SCENE_H
+#define GR_TESTS_SCENE_H
+
+#include "mpm/engine.h"
+
+enum { SCENE_WALLS = 8 };
+
+/* What a test may ask for; zero is a plain choice everywhere (see scene_default). */
+struct scene {
+    struct gr_config config;
+    struct gr_wall walls[SCENE_WALLS];
+    double gravity_times[2], gravity_vectors[6];
+    uint8_t *codes;
+    struct gr_engine *engine;
+    double *field[GR_FIELD_COUNT];
+    int64_t *id, capacity;
+};
+
+/* A valid configuration: 6 cells of 0.1 m along each axis from (-1, 2, 0.5), mu(I) material, no walls, no gravity. */
+void scene_default(struct scene *s, int dim, int basis, int affine, int diffused);
+/* Number of nodes of the whole grid for the present configuration. */
+int64_t scene_grid_nodes(const struct scene *s);
+/* Put wall row `row` on all nodes of the lower (upper: high = 1) face of an axis. Call scene_codes first. */
+void scene_codes(struct scene *s);
+void scene_face(struct scene *s, int axis, int high, uint8_t row);
+/* Build the engine and bind `n` points at random places inside the box [low, high] (shares of the domain),
+ * of random mass, velocity, stress and log_density. Returned: the error of the core. */
+int scene_build(struct scene *s, int64_t n, double low, double high);
+void scene_free(struct scene *s);
+
+/* Uniform random number in [a, b), the same sequence in every run of a program. */
+double scene_random(double a, double b);
+void scene_seed(uint64_t seed);
+
+/* Component c of a field at a place. */
+double *scene_at(const struct scene *s, int field, int c, int64_t slot);
+/* Sums of a node in row q (see mpm/scatter.c), and its position in m. */
+double scene_sum(const struct scene *s, int64_t node, int q);
+double scene_node_x(const struct scene *s, int64_t node, int d);
+/* The place of the point with this id, -1 if there is none. */
+int64_t scene_find(const struct scene *s, int64_t id);
+/* Order-free digest of what is bound to ids: 0 if and only if the points of a and b agree to the last bit. */
+int scene_differs(const struct scene *a, const struct scene *b);
+/* Larger buffers with the same points, as GR_ERR_CAPACITY asks. Returned: 0 or 1 where memory is short. */
+int scene_grow(struct scene *s);
+
+#endif

@@ -1,0 +1,254 @@
+/* core/axis.c: the shape functions of one axis, against what they must sum to and against Cox and de Boor's recursion. */
+#include "core/axis.h"
+
+#include <stdint.h>
+
+#include "core/error.h"
+#include "mpm/shape.h"
+#include "tests/check.h"
+
+enum { N = 9 };
+static const int32_t creases[] = {3, 4, 7};
+
+static double value(const struct gr_axis_cell *cell, int a, double xi)
+{
+    return cell->coefficient[a][0] + xi * (cell->coefficient[a][1] + xi * cell->coefficient[a][2]);
+}
+
+static double slope(const struct gr_axis_cell *cell, int a, double xi)
+{
+    return cell->coefficient[a][1] + 2 * xi * cell->coefficient[a][2];
+}
+
+/* Degree-`degree` B-spline i on the knots t. */
+static double b_spline(const double *t, int i, int degree, double x)
+{
+    if (degree == 0) return x >= t[i] && x < t[i + 1];
+    const double left = t[i + degree] - t[i], right = t[i + degree + 1] - t[i + 1];
+    return (left > 0 ? (x - t[i]) / left * b_spline(t, i, degree - 1, x) : 0) +
+           (right > 0 ? (t[i + degree + 1] - x) / right * b_spline(t, i + 1, degree - 1, x) : 0);
+}
+
+/* Sums over the nodes of a cell: 1, the derivative of 1, x and its derivative. */
+static void check_sums(const struct gr_axis *axis, int nodes, int cells)
+{
+    for (int c = 0; c < cells; c++)
+        for (double xi = axis->cell[c].low; xi <= axis->cell[c].high; xi += 1.0 / 64) {
+            double one = 0, d_one = 0, x = 0, d_x = 0;
+            for (int a = 0; a < nodes; a++) {
+                const struct gr_axis_cell *cell = &axis->cell[c];
+                CHECK(value(cell, a, xi) >= 0);
+                one += value(cell, a, xi), d_one += slope(cell, a, xi);
+                x += value(cell, a, xi) * cell->position[a], d_x += slope(cell, a, xi) * cell->position[a];
+            }
+            CHECK_NEAR(one, 1, 1e-15);
+            CHECK_NEAR(d_one, 0, 1e-14);
+            CHECK_NEAR(x, xi, 1e-14);
+            CHECK_NEAR(d_x, 1, 1e-14);
+        }
+}
+
+static void linear_reproduces(void)
+{
+    for (int periodic = 0; periodic < 2; periodic++) {
+        struct gr_axis axis;
+        CHECK(gr_axis_build(&axis, GR_LINEAR, N, periodic, NULL, 0, 0, -2, 0.5) == GR_OK);
+        CHECK(axis.n_cells == N && axis.n_nodes == (periodic ? N : N + 1));
+        CHECK_NEAR(axis.length, 4.5, 0);
+        check_sums(&axis, 2, N);
+        CHECK(axis.cell[N - 1].node[1] == (periodic ? 0 : N));
+        gr_axis_free(&axis);
+    }
+}
+
+static void quadratic_reproduces(void)
+{
+    for (int periodic = 0; periodic < 2; periodic++)
+        for (int n = 1; n <= N; n++) {
+            struct gr_axis axis;
+            CHECK(gr_axis_build(&axis, GR_QUADRATIC, n, periodic, NULL, 0, 0, 1, 0.1) == GR_OK);
+            CHECK(axis.n_nodes == (periodic ? n : n + 2));
+            check_sums(&axis, 3, n);
+            gr_axis_free(&axis);
+        }
+}
+
+/* Against the recursion on the whole knot vector, creases and open ends included. */
+static void quadratic_is_the_spline(void)
+{
+    const double knot[] = {0, 0, 0, 1, 2, 3, 3, 4, 4, 5, 6, 7, 7, 8, 9, 9, 9};
+    struct gr_axis axis;
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, creases, 3, 0, 0, 1) == GR_OK);
+    CHECK(axis.n_nodes == N + 2 + 3);
+    check_sums(&axis, 3, N);
+    for (int c = 0; c < N; c++)
+        for (double xi = 0; xi < 1; xi += 1.0 / 16)
+            for (int i = 0; i < axis.n_nodes; i++) {
+                double found = 0;
+                for (int a = 0; a < 3; a++)
+                    if (axis.cell[c].node[a] == i) found += value(&axis.cell[c], a, xi);
+                CHECK_NEAR(found, b_spline(knot, i, 2, c + xi), 1e-14);
+            }
+    gr_axis_free(&axis);
+}
+
+/* At an open end and on a crease one node holds all the weight: walls there are sharp. */
+static void walls_interpolate(void)
+{
+    struct gr_axis axis;
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, creases, 3, 0, 0, 1) == GR_OK);
+    const int at[] = {0, 3, 4, 7};
+    for (int k = 0; k < 4; k++) {
+        CHECK_NEAR(value(&axis.cell[at[k]], 0, 0), 1, 1e-15);
+        CHECK_NEAR(axis.node_position[axis.cell[at[k]].node[0]], at[k], 0);
+    }
+    CHECK_NEAR(value(&axis.cell[N - 1], 2, 1), 1, 1e-15);
+    CHECK_NEAR(axis.node_position[axis.n_nodes - 1], N, 0);
+    for (int k = 1; k < 4; k++) /* the same node from below */
+        CHECK(axis.cell[at[k] - 1].node[2] == axis.cell[at[k]].node[0]);
+    gr_axis_free(&axis);
+}
+
+static void integrals_fill_the_domain(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int periodic = 0; periodic < 2; periodic++) {
+            struct gr_axis axis;
+            const int n_creases = basis == GR_QUADRATIC && periodic ? 0 : 3;
+            CHECK(gr_axis_build(&axis, basis, N, periodic, creases, n_creases, 0.25, 0, 1) == GR_OK);
+            double sum = 0, least = 1;
+            for (int i = 0; i < axis.n_nodes; i++) {
+                sum += axis.node_integral[i];
+                least = fmin(least, axis.node_integral[i]);
+            }
+            CHECK_NEAR(sum, N, 1e-13);
+            CHECK(least > 0.3);
+            gr_axis_free(&axis);
+        }
+}
+
+/* Volume of the wall nodes of the quadratic basis: 1/3, 2/3, then 1 cell. */
+static void integrals_at_a_wall(void)
+{
+    struct gr_axis axis;
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, NULL, 0, 0, 0, 1) == GR_OK);
+    const double expected[] = {1.0 / 3, 2.0 / 3, 1, 1};
+    for (int i = 0; i < 4; i++) {
+        CHECK_NEAR(axis.node_integral[i], expected[i], 1e-15);
+        CHECK_NEAR(axis.node_integral[axis.n_nodes - 1 - i], expected[i], 1e-15);
+    }
+    gr_axis_free(&axis);
+}
+
+/* The hat of a neighbour at distance q in [0, 1] seen by [q - l, q + l], clipped to [0, ...), by quadrature. */
+static double averaged(double q, double l, int clip)
+{
+    double sum = 0, length = 0;
+    const int n = 4000;
+    for (int k = 0; k < n; k++) {
+        const double y = q - l + 2 * l * (k + 0.5) / n;
+        if (clip && y < 0) continue;
+        sum += fmax(0, y), length += 1;
+    }
+    return sum / length;
+}
+
+static void ugimp_averages_hats(void)
+{
+    struct gr_axis axis;
+    const double lambda = 0.25;
+    CHECK(gr_axis_build(&axis, GR_UGIMP, N, 0, creases, 3, lambda, 0, 1) == GR_OK);
+    CHECK(axis.n_cells == N + 1 && axis.n_nodes == N + 1);
+    for (int c = 0; c <= N; c++) {
+        const struct gr_axis_cell *cell = &axis.cell[c];
+        const int is_crease = c == 3 || c == 4 || c == 7;
+        CHECK(cell->clip == (c == 0 || c == N || is_crease));
+        CHECK_NEAR(cell->low, c == 0 ? 0.5 : 0, 0);
+        CHECK_NEAR(cell->high, c == N ? 0.5 : 1, 0);
+        for (double xi = cell->low + 1.0 / 128; xi < cell->high; xi += 1.0 / 64) {
+            vd w[3], g[3];
+            gr_shape_1d(GR_UGIMP, cell, lambda, v_set(xi), w, g);
+            const double r = xi - 0.5;
+            const double right = cell->clip && r < 0 ? 0 : averaged(r, lambda, cell->clip);
+            const double left = cell->clip && r > 0 ? 0 : averaged(-r, lambda, cell->clip);
+            CHECK_NEAR(w[2][0], right, 1e-4);
+            CHECK_NEAR(w[0][0], left, 1e-4);
+            CHECK_NEAR(w[0][0] + w[1][0] + w[2][0], 1, 1e-15);
+            CHECK_NEAR(g[0][0] + g[1][0] + g[2][0], 0, 1e-15);
+            if (cell->clip) continue; /* there the mean of x over the extent is met, not x */
+            CHECK_NEAR(w[2][0] - w[0][0], r, 1e-15);
+            CHECK_NEAR(g[2][0] - g[0][0], 1, 1e-15);
+        }
+    }
+    gr_axis_free(&axis);
+}
+
+/* Weights and derivatives of the kernels' own evaluation, lane by lane. */
+static void blocks_agree(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
+        if (basis == GR_UGIMP) continue;
+        struct gr_axis axis;
+        CHECK(gr_axis_build(&axis, basis, N, 0, creases, 3, 0.25, 0, 1) == GR_OK);
+        for (int c = 0; c < N; c++)
+            for (double xi = 0; xi < 1; xi += 1.0 / 32) {
+                vd w[3], g[3];
+                gr_shape_1d(basis, &axis.cell[c], 0.25, v_set(xi), w, g);
+                for (int a = 0; a < gr_basis_nodes_1d(basis); a++) {
+                    CHECK_NEAR(w[a][0], value(&axis.cell[c], a, xi), 1e-15);
+                    CHECK_NEAR(g[a][GR_W - 1], slope(&axis.cell[c], a, xi), 1e-15);
+                }
+            }
+        gr_axis_free(&axis);
+    }
+}
+
+static void periodic_wraps(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int n = 1; n < 5; n++) {
+            struct gr_axis axis;
+            CHECK(gr_axis_build(&axis, basis, n, 1, NULL, 0, 0.25, 0, 1) == GR_OK);
+            for (int c = 0; c < axis.n_cells; c++)
+                for (int a = 0; a < gr_basis_nodes_1d(basis); a++) {
+                    CHECK(axis.cell[c].node[a] >= 0 && axis.cell[c].node[a] < n);
+                    const double gap = c - axis.shift + axis.cell[c].position[a] - axis.node_position[axis.cell[c].node[a]];
+                    CHECK_NEAR(gap / n, round(gap / n), 1e-15); /* whole turns */
+                }
+            gr_axis_free(&axis);
+        }
+}
+
+static void refuses(void)
+{
+    struct gr_axis axis;
+    const int32_t twice[] = {3, 3}, falling[] = {4, 3}, end[] = {N}, zero[] = {0}, one[] = {1};
+    CHECK(gr_axis_build(&axis, GR_LINEAR, 0, 0, NULL, 0, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_LINEAR, -3, 0, NULL, 0, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_LINEAR, N, 0, NULL, -1, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, twice, 2, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, falling, 2, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, end, 1, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, zero, 1, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 1, one, 1, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_UGIMP, N, 0, NULL, 0, 0, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_UGIMP, N, 0, NULL, 0, 0.6, 0, 1) == GR_ERR_CONFIG);
+    CHECK(gr_axis_build(&axis, GR_UGIMP, N, 0, NULL, 0, NAN, 0, 1) == GR_ERR_CONFIG);
+    CHECK(!axis.cell && !axis.node_position && !axis.node_integral);
+    gr_axis_free(&axis);
+}
+
+int main(void)
+{
+    RUN(linear_reproduces);
+    RUN(quadratic_reproduces);
+    RUN(quadratic_is_the_spline);
+    RUN(walls_interpolate);
+    RUN(integrals_fill_the_domain);
+    RUN(integrals_at_a_wall);
+    RUN(ugimp_averages_hats);
+    RUN(blocks_agree);
+    RUN(periodic_wraps);
+    RUN(refuses);
+    return check_report("axis");
+}

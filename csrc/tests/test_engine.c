@@ -1,0 +1,131 @@
+/* mpm/engine.c: life of an engine, and configurations that are refused. */
+#include "mpm/engine.h"
+
+#include "tests/check.h"
+#include "tests/scene.h"
+
+static void lives_and_dies(void)
+{
+    for (int dim = 2; dim <= 3; dim++)
+        for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
+            struct scene s;
+            scene_default(&s, dim, basis, GR_AFFINE_NONE, 0);
+            CHECK(scene_build(&s, 50, 0.1, 0.9) == GR_OK);
+            CHECK(s.engine->K == (basis == GR_LINEAR ? (dim == 2 ? 4 : 8) : (dim == 2 ? 9 : 27)));
+            CHECK(s.engine->n_components == (dim == 2 ? 2 + 2 + 4 + 3 : 3 + 3 + 6 + 3));
+            scene_free(&s);
+        }
+    gr_engine_free(NULL);
+}
+
+/* The engine owns copies: the caller may change or free what the configuration pointed to. */
+static void owns_its_config(void)
+{
+    struct scene s;
+    scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
+    CHECK(scene_build(&s, 10, 0.1, 0.9) == GR_OK);
+    CHECK(s.engine->config.walls != s.walls && s.engine->config.node_codes != s.codes);
+    CHECK(s.engine->config.gravity_times != s.gravity_times && s.engine->config.gravity_vectors != s.gravity_vectors);
+    CHECK(!s.engine->config.cell_flags && !s.engine->config.creases[0]);
+    scene_free(&s);
+}
+
+static void fields_by_need(void)
+{
+    struct scene s;
+    scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_NONE, 0);
+    CHECK(gr_engine_uses(&s.config, GR_FIELD_x) && gr_engine_uses(&s.config, GR_FIELD_mass));
+    CHECK(!gr_engine_uses(&s.config, GR_FIELD_affine) && !gr_engine_uses(&s.config, GR_FIELD_shift_velocity));
+    s.config.affine = GR_AFFINE_MOMENT;
+    CHECK(gr_engine_uses(&s.config, GR_FIELD_affine));
+    s.config.diffused = 1;
+    CHECK(gr_engine_uses(&s.config, GR_FIELD_density_gradient) && gr_engine_uses(&s.config, GR_FIELD_shift_velocity));
+}
+
+/* Build the default scene with one thing changed; it must be refused and leave no engine. */
+#define REFUSED(change)                                       \
+    do {                                                      \
+        struct scene s;                                       \
+        scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);   \
+        change;                                               \
+        CHECK(scene_build(&s, 1, 0.1, 0.9) == GR_ERR_CONFIG); \
+        CHECK(!s.engine);                                     \
+        scene_free(&s);                                       \
+    } while (0)
+
+static void refuses_kinds(void)
+{
+    REFUSED(s.config.dim = 1);
+    REFUSED(s.config.dim = 4);
+    REFUSED(s.config.basis = -1);
+    REFUSED(s.config.basis = GR_BASIS_COUNT);
+    REFUSED(s.config.affine = GR_AFFINE_COUNT);
+    REFUSED(s.config.law = -1);
+    REFUSED(s.config.law = GR_LAW_COUNT);
+    REFUSED(s.config.diffused = 1); /* needs splines and the gradient */
+    REFUSED(s.config.xpic_order = -1);
+    REFUSED(s.config.xpic_order = 11);
+    REFUSED((s.config.xpic_order = 2, s.config.affine = GR_AFFINE_MOMENT));
+}
+
+static void refuses_numbers(void)
+{
+    REFUSED(s.config.dx = 0);
+    REFUSED(s.config.dx = NAN);
+    REFUSED(s.config.rho_c = -1);
+    REFUSED(s.config.wave_speed = 0);
+    REFUSED(s.config.mass_cutoff = -1e-9);
+    REFUSED(s.config.mass_cutoff = NAN);
+    REFUSED(s.config.cfl = 0);
+    REFUSED(s.config.dt = -1);
+    REFUSED(s.config.dt = INFINITY);
+    REFUSED(s.config.dt = NAN);
+    REFUSED(s.config.n_gravity = 0);
+    REFUSED(s.config.shape[1] = 0);
+    REFUSED((s.config.basis = GR_UGIMP, s.config.lambda = 0.75));
+}
+
+static void refuses_walls(void)
+{
+    REFUSED(s.config.n_walls = 0);
+    REFUSED((s.config.n_walls = 2, s.walls[1].normal = 2, s.walls[1].opens_at = INFINITY));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -2, .opens_at = INFINITY}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = NAN}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = -INFINITY}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 2}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = -1}));
+    /* chains that would never end: a row that opens into itself, or into one that opened before */
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 1}));
+    REFUSED((s.config.n_walls = 3, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 2},
+             s.walls[2] = (struct gr_wall){.normal = -1, .opens_at = 0.5, .after = 1}));
+}
+
+/* The room of a solid block: its nodes lose what it takes, and the sum is the block's volume. */
+static void solids_take_room(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis += 2) {
+        struct scene s;
+        uint8_t flags[36] = {0};
+        scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
+        for (int y = 1; y < 4; y++)
+            for (int x = 2; x < 4; x++) flags[x + 6 * y] = GR_CELL_SOLID;
+        s.config.cell_flags = flags;
+        CHECK(scene_build(&s, 1, 0.1, 0.15) == GR_OK);
+        double room = 0;
+        for (int64_t n = 0; n < scene_grid_nodes(&s); n++) room += s.engine->solid[n];
+        CHECK_NEAR(room, 6, 1e-14);
+        scene_free(&s);
+    }
+}
+
+int main(void)
+{
+    RUN(lives_and_dies);
+    RUN(owns_its_config);
+    RUN(fields_by_need);
+    RUN(refuses_kinds);
+    RUN(refuses_numbers);
+    RUN(refuses_walls);
+    RUN(solids_take_room);
+    return check_report("engine");
+}

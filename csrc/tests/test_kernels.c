@@ -1,0 +1,129 @@
+/* dispatch.c, kernels.c and core/simd.h: the instruction sets, and that they agree. */
+#include <string.h>
+
+#include "core/simd.h"
+#include "mpm/engine.h"
+#include "tests/check.h"
+#include "tests/scene.h"
+
+static const char *const sets[] = {"baseline", "avx2", "avx512"};
+
+static void selects_by_name(void)
+{
+    CHECK(!strcmp(gr_kernels_select("baseline")->isa, "baseline"));
+    CHECK(gr_kernels_select(NULL) == gr_kernels_select(""));
+    CHECK(gr_kernels_select(NULL) != NULL);
+    CHECK(!gr_kernels_select("sse9"));
+    for (int k = 0; k < 3; k++) {
+        const struct gr_kernels *kernels = gr_kernels_select(sets[k]);
+        if (!kernels) continue;
+        CHECK(!strcmp(kernels->isa, sets[k]));
+        CHECK(kernels->lanes == 2 << k && GR_LANES % kernels->lanes == 0);
+    }
+}
+
+/* Largest difference of a field between two scenes, over its largest value. */
+static double difference(const struct scene *a, const struct scene *b, int field)
+{
+    double worst = 0, scale = 1e-300;
+    for (int64_t k = 0; k < a->capacity; k++) {
+        if (a->id[k] < 0) continue;
+        const int64_t other = scene_find(b, a->id[k]);
+        for (int c = 0; c < gr_field_components(field, a->config.dim); c++) {
+            worst = fmax(worst, fabs(*scene_at(a, field, c, k) - *scene_at(b, field, c, other)));
+            scale = fmax(scale, fabs(*scene_at(a, field, c, k)));
+        }
+    }
+    return worst / scale;
+}
+
+/* All variants, three steps: every instruction set gives the baseline's points to round-off. */
+static void sets_agree(void)
+{
+    for (int dim = 2; dim <= 3; dim++)
+        for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+            for (int affine = 0; affine < GR_AFFINE_COUNT; affine++)
+                for (int diffused = 0; diffused <= (basis == GR_QUADRATIC && affine == GR_AFFINE_GRADIENT); diffused++) {
+                    struct scene s[3];
+                    for (int k = 0; k < 3; k++) {
+                        const struct gr_kernels *kernels = gr_kernels_select(sets[k]);
+                        scene_seed(47);
+                        scene_default(&s[k], dim, basis, affine, diffused);
+                        CHECK(scene_build(&s[k], 150, 0.2, 0.7) == GR_OK);
+                        if (kernels) CHECK(gr_advance(s[k].engine, kernels, 3, INFINITY, 1) == GR_OK);
+                        if (!k || !kernels) continue;
+                        CHECK(s[k].engine->step == 3);
+                        CHECK(difference(&s[0], &s[k], GR_FIELD_x) < 1e-13);
+                        CHECK(difference(&s[0], &s[k], GR_FIELD_v) < 1e-10);
+                        CHECK(difference(&s[0], &s[k], GR_FIELD_stress) < 1e-9);
+                        CHECK(difference(&s[0], &s[k], GR_FIELD_log_density) < 1e-10);
+                    }
+                    for (int k = 0; k < 3; k++) scene_free(&s[k]);
+                }
+}
+
+/* A step of advance is the three stages one by one, to the last bit. */
+static void fused_is_separate(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int variant = 0; variant < 5; variant++) {
+            const int affine = variant % 4 % 3, diffused = variant == 4, xpic = variant == 3 ? 2 : 0;
+            struct scene a, b;
+            if (diffused && basis != GR_QUADRATIC) continue;
+            for (int copy = 0; copy < 2; copy++) {
+                struct scene *one = copy ? &b : &a;
+                scene_seed(53);
+                scene_default(one, 2, basis, affine, diffused);
+                one->config.xpic_order = xpic;
+                CHECK(scene_build(one, 200, 0.1, 0.9) == GR_OK);
+            }
+            const struct gr_kernels *kernels = gr_kernels_select("");
+            CHECK(gr_advance(a.engine, kernels, 20, INFINITY, 1) == GR_OK);
+            for (int step = 0; step < 20; step++) {
+                CHECK(gr_scatter(b.engine, kernels) == GR_OK);
+                CHECK(gr_grid(b.engine, kernels) == GR_OK);
+                CHECK(gr_gather(b.engine, kernels) == GR_OK);
+            }
+            CHECK(a.engine->step == 20 && b.engine->step == 20 && a.engine->time == b.engine->time);
+            CHECK(!scene_differs(&a, &b));
+            scene_free(&a);
+            scene_free(&b);
+        }
+}
+
+static void exponential(void)
+{
+    for (double x = -690; x < 690; x += 0.37) CHECK_NEAR(v_exp(v_set(x))[0] / exp(x), 1, 4e-16);
+    CHECK_NEAR(v_exp(v_zero())[0], 1, 0);
+}
+
+static void lane_sums(void)
+{
+    double a[4][GR_W], sum[4], expected[4] = {0};
+    for (int k = 0; k < 4; k++)
+        for (int lane = 0; lane < GR_W; lane++) expected[k] += a[k][lane] = 1 + 10 * k + lane;
+    v_sum4(sum, v_load(a[0]), v_load(a[1]), v_load(a[2]), v_load(a[3]));
+    for (int k = 0; k < 4; k++) CHECK(sum[k] == expected[k]);
+}
+
+static void comparisons(void)
+{
+    const vd one = v_set(1), two = v_set(2), nan = v_set(NAN);
+    CHECK(m_bits(v_gt(two, one)) == GR_ALL_LANES && m_bits(v_gt(one, one)) == 0 && m_bits(v_ge(one, one)) == GR_ALL_LANES);
+    CHECK(m_bits(v_ge(nan, one)) == 0 && m_bits(v_gt(one, nan)) == 0);
+    CHECK(v_min(one, two)[0] == 1 && v_max(one, two)[0] == 2 && v_abs(v_set(-3))[0] == 3);
+    CHECK(v_min(nan, two)[0] == 2 && v_max(nan, two)[0] == 2); /* the second operand, as on x86 */
+    CHECK(v_select(v_gt(two, one), one, two)[GR_W - 1] == 1 && v_keep(v_gt(one, two), one)[0] == 0);
+    CHECK(v_fma(two, two, one)[0] == 5 && v_fnma(two, two, one)[0] == -3);
+}
+
+int main(void)
+{
+    RUN(selects_by_name);
+    RUN(sets_agree);
+    RUN(fused_is_separate);
+    RUN(exponential);
+    RUN(lane_sums);
+    RUN(comparisons);
+    return check_report("kernels");
+}

@@ -1,0 +1,248 @@
+/* law/law.c, law_elastic.c, law_frictional.c: the update of the stress, at the portable instruction set and at the best. */
+#include "law/law.h"
+
+#include <string.h>
+
+#include "mpm/engine.h"
+#include "tests/check.h"
+#include "tests/scene.h"
+
+enum { MOST = 64 };
+
+static const double K = 1e6 / 1.2, G = 1e6 / 2.6, MU_S = 0.38, MU_2 = 0.64, XI = 1.12, DT = 1e-4;
+
+/* One batch of points for a law. */
+struct points {
+    int n, dim;
+    double gradient[MOST][9], stress[MOST][6], log_density[MOST], shear_rate[MOST];
+};
+
+static void random_points(struct points *p, int dim, int n, double strain)
+{
+    p->n = n, p->dim = dim;
+    for (int k = 0; k < n; k++) {
+        const double pressure = scene_random(100, 2000);
+        for (int c = 0; c < dim * dim; c++) p->gradient[k][c] = strain * scene_random(-1, 1);
+        for (int c = 0; c < 6; c++) p->stress[k][c] = (c < 3 ? -pressure : 0) + 0.3 * pressure * scene_random(-1, 1);
+        p->log_density[k] = scene_random(1e-4, 1e-3);
+        p->shear_rate[k] = -1;
+    }
+}
+
+/* Run the law over the points in the order and lanes of a kernel. */
+static void update(const struct gr_kernels *kernels, int law, struct points *p, int from_density)
+{
+    const double parameter[GR_LAW_MAX_PARAMETERS] = {K, G, MU_S, MU_2, XI};
+    static double gradient[MOST * 9], stress[6][MOST], log_density[MOST], shear_rate[MOST];
+    int64_t slot[MOST];
+    const int w = kernels->lanes, blocks = p->n / w, dd = p->dim * p->dim, rows = p->dim == 2 ? 4 : 6;
+    struct gr_law_call call = {.n_blocks = blocks,
+                               .slot = slot,
+                               .gradient = gradient,
+                               .dt = DT,
+                               .pressure_from_density = from_density,
+                               .parameter = parameter,
+                               .log_density = log_density,
+                               .shear_rate = shear_rate};
+    for (int c = 0; c < rows; c++) call.stress[c] = stress[c];
+    for (int k = 0; k < p->n; k++) {
+        slot[k / w] = k / w * w;
+        for (int c = 0; c < dd; c++) gradient[(k / w * dd + c) * w + k % w] = p->gradient[k][c];
+        for (int c = 0; c < rows; c++) stress[c][k] = p->stress[k][c];
+        log_density[k] = p->log_density[k];
+        shear_rate[k] = p->shear_rate[k];
+    }
+    kernels->update_law(law, p->dim, &call);
+    for (int k = 0; k < p->n; k++) {
+        for (int c = 0; c < rows; c++) p->stress[k][c] = stress[c][k];
+        p->shear_rate[k] = shear_rate[k];
+    }
+}
+
+/* s + C:D dt + W s - s W with full 3 x 3 matrices. */
+static void trial(const double *L, const double *s, int dim, double out[6])
+{
+    const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
+    double grad[3][3] = {{0}}, full[3][3], trace = 0;
+    for (int i = 0; i < dim; i++)
+        for (int j = 0; j < dim; j++) grad[i][j] = L[i * dim + j];
+    for (int i = 0; i < 3; i++) {
+        trace += grad[i][i];
+        for (int j = 0; j < 3; j++) full[i][j] = dim == 2 && place[i][j] > 3 ? 0 : s[place[i][j]];
+    }
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            double sum = full[i][j] + G * (grad[i][j] + grad[j][i]) + (i == j ? (K - 2 * G / 3) * trace : 0);
+            for (int k = 0; k < 3; k++)
+                sum += 0.5 * (grad[i][k] - grad[k][i]) * full[k][j] - full[i][k] * 0.5 * (grad[k][j] - grad[j][k]);
+            out[place[i][j]] = sum;
+        }
+}
+
+static void invariants(const double *s, int dim, double *p, double *tau)
+{
+    double square = 0;
+    *p = -(s[0] + s[1] + s[2]) / 3;
+    for (int c = 0; c < 3; c++) square += 0.5 * (s[c] + *p) * (s[c] + *p);
+    for (int c = 3; c < (dim == 2 ? 4 : 6); c++) square += s[c] * s[c];
+    *tau = sqrt(square);
+}
+
+static void each_isa(void (*check)(const struct gr_kernels *kernels, int dim))
+{
+    for (int dim = 2; dim <= 3; dim++) {
+        scene_seed(41);
+        check(gr_kernels_select("baseline"), dim);
+        check(gr_kernels_select(NULL), dim);
+    }
+}
+
+static void check_elastic(const struct gr_kernels *kernels, int dim)
+{
+    struct points p, old;
+    random_points(&p, dim, MOST, 1e-3);
+    old = p;
+    update(kernels, GR_LAW_elastic, &p, 0);
+    for (int k = 0; k < MOST; k++) {
+        double t[6];
+        trial(old.gradient[k], old.stress[k], dim, t);
+        for (int c = 0; c < (dim == 2 ? 4 : 6); c++) CHECK_NEAR(p.stress[k][c], t[c], 1e-11 * K * 1e-3);
+        CHECK(p.shear_rate[k] == 0);
+    }
+}
+
+static void elastic_is_the_jaumann_rate(void) { each_isa(check_elastic); }
+
+/* mu(I): on the yield surface or inside; with the flow rule gdot = xi sqrt(p) (mu - mu_s)/(mu_2 - mu) (eq. 2.13). */
+static void check_mu_i(const struct gr_kernels *kernels, int dim)
+{
+    for (int from_density = 0; from_density < 2; from_density++) {
+        struct points q, old;
+        int elastic = 0, flowing = 0;
+        random_points(&q, dim, MOST, 1e-3);
+        old = q;
+        update(kernels, GR_LAW_mu_i, &q, from_density);
+        for (int k = 0; k < MOST; k++) {
+            double t[6], p, tau, p_trial, tau_trial;
+            trial(old.gradient[k], old.stress[k], dim, t);
+            invariants(t, dim, &p_trial, &tau_trial);
+            invariants(q.stress[k], dim, &p, &tau);
+            if (from_density) p_trial = K * old.log_density[k];
+            CHECK_NEAR(p, fmax(0, p_trial), 1e-10 * K * 1e-3);
+            CHECK(tau <= MU_2 * p * (1 + 1e-12));
+            if (!(p_trial > 0)) {
+                CHECK(p == 0 && tau == 0 && q.shear_rate[k] == 0);
+            } else if (tau_trial <= MU_S * p) {
+                CHECK_NEAR(tau, tau_trial, 1e-9);
+                CHECK(q.shear_rate[k] == 0);
+                elastic++;
+            } else {
+                const double mu = tau / p;
+                CHECK(mu > MU_S);
+                CHECK_NEAR(q.shear_rate[k], XI * sqrt(p) * (mu - MU_S) / (MU_2 - mu), 1e-6 * q.shear_rate[k] + 1e-9);
+                CHECK_NEAR(q.shear_rate[k], (tau_trial - tau) / (G * DT), 1e-9 * q.shear_rate[k] + 1e-9);
+                flowing++;
+            }
+        }
+        CHECK(elastic > 0 && flowing > 0);
+    }
+}
+
+static void mu_i_flows(void) { each_isa(check_mu_i); }
+
+static void check_drucker_prager(const struct gr_kernels *kernels, int dim)
+{
+    struct points q, old;
+    random_points(&q, dim, MOST, 5e-4);
+    old = q;
+    update(kernels, GR_LAW_drucker_prager, &q, 0);
+    for (int k = 0; k < MOST; k++) {
+        double t[6], p, tau, p_trial, tau_trial;
+        trial(old.gradient[k], old.stress[k], dim, t);
+        invariants(t, dim, &p_trial, &tau_trial);
+        invariants(q.stress[k], dim, &p, &tau);
+        CHECK_NEAR(tau, p_trial > 0 ? fmin(tau_trial, MU_S * p_trial) : 0, 1e-9 * (1 + fabs(p_trial)));
+        if (p > 0 && tau_trial > MU_S * p) /* the deviator keeps its direction */
+            for (int c = 3; c < (dim == 2 ? 4 : 6); c++)
+                CHECK_NEAR(q.stress[k][c] * tau_trial, t[c] * tau, 1e-8 * tau_trial * p);
+    }
+}
+
+static void drucker_prager_returns(void) { each_isa(check_drucker_prager); }
+
+/* Looser than rho_c, or in tension: no stress at all. In every lane by itself. */
+static void check_disconnected(const struct gr_kernels *kernels, int dim)
+{
+    for (int law = GR_LAW_drucker_prager; law <= GR_LAW_mu_i; law++) {
+        struct points q;
+        random_points(&q, dim, MOST, 0);
+        for (int k = 0; k < MOST; k += 3) q.log_density[k] = -1e-12;
+        for (int k = 1; k < MOST; k += 3)
+            for (int c = 0; c < 3; c++) q.stress[k][c] = 10;
+        update(kernels, law, &q, 0);
+        for (int k = 0; k < MOST; k++)
+            for (int c = 0; c < (dim == 2 ? 4 : 6); c++) CHECK((q.stress[k][c] == 0) == (k % 3 < 2));
+    }
+}
+
+static void disconnected_is_stress_free(void) { each_isa(check_disconnected); }
+
+/* No strain: what is admissible stays as it is. */
+static void check_rest(const struct gr_kernels *kernels, int dim)
+{
+    for (int law = 0; law < GR_LAW_COUNT; law++) {
+        struct points q, old;
+        random_points(&q, dim, MOST, 0);
+        for (int k = 0; k < MOST; k++)
+            for (int c = 0; c < 6; c++) q.stress[k][c] = (c < 3 ? -1000 : 0) + 100 * scene_random(-1, 1);
+        old = q;
+        update(kernels, law, &q, 0);
+        for (int k = 0; k < MOST; k++)
+            for (int c = 0; c < (dim == 2 ? 4 : 6); c++) CHECK_NEAR(q.stress[k][c], old.stress[k][c], 1e-12 * 1000);
+    }
+}
+
+static void rest_is_rest(void) { each_isa(check_rest); }
+
+/* A NaN stays in its lane, and does not vanish. */
+static void check_nan(const struct gr_kernels *kernels, int dim)
+{
+    for (int law = 0; law < GR_LAW_COUNT; law++) {
+        struct points q, clean;
+        random_points(&q, dim, MOST, 1e-4);
+        clean = q;
+        q.stress[5][0] = NAN;
+        update(kernels, law, &clean, 0);
+        update(kernels, law, &q, 0);
+        for (int k = 0; k < MOST; k++)
+            if (k != 5) CHECK(!memcmp(q.stress[k], clean.stress[k], sizeof(double) * (dim == 2 ? 4 : 6)));
+        if (law == GR_LAW_elastic) CHECK(isnan(q.stress[5][0]));
+    }
+}
+
+static void nan_stays_in_its_lane(void) { each_isa(check_nan); }
+
+static void laws_are_described(void)
+{
+    const char *const names[] = {"elastic", "drucker_prager", "mu_i"};
+    for (int law = 0; law < GR_LAW_COUNT; law++) {
+        const struct gr_law_info *info = &gr_law_table[law];
+        CHECK(info->n_parameters >= 2 && info->n_parameters <= GR_LAW_MAX_PARAMETERS);
+        if (law < 3) CHECK(!strcmp(info->name, names[law]));
+        for (int q = 0; q < info->n_parameters; q++)
+            CHECK(*info->parameter[q].name && *info->parameter[q].unit && *info->parameter[q].doc);
+        CHECK(!strcmp(info->parameter[0].name, "K") && !strcmp(info->parameter[1].name, "G"));
+    }
+}
+
+int main(void)
+{
+    RUN(elastic_is_the_jaumann_rate);
+    RUN(mu_i_flows);
+    RUN(drucker_prager_returns);
+    RUN(disconnected_is_stress_free);
+    RUN(rest_is_rest);
+    RUN(nan_stays_in_its_lane);
+    RUN(laws_are_described);
+    return check_report("law");
+}

@@ -1,0 +1,182 @@
+/* mpm/migrate.c: points that cross cells, ends of periodic axes, closed and open sides. */
+#include "mpm/migrate.h"
+
+#include <string.h>
+
+#include "tests/check.h"
+#include "tests/scene.h"
+
+/* Confine a point that went from cell `from` to x along axis 0. */
+static int confine(struct scene *s, double x[3], const int32_t from[3])
+{
+    int64_t at[3] = {0};
+    for (int d = 0; d < s->config.dim; d++) at[d] = gr_locate(&s->engine->axis[d], 1 / s->config.dx, x[d]);
+    const int inside = gr_confine(s->engine, x, at, from);
+    for (int d = 0; inside && d < s->config.dim; d++) {
+        const struct gr_axis *axis = &s->engine->axis[d];
+        const double xi = (x[d] - axis->origin) * (1 / s->config.dx) + axis->shift - (double)at[d];
+        CHECK(at[d] >= 0 && at[d] < axis->n_cells && at[d] == gr_locate(axis, 1 / s->config.dx, x[d]));
+        CHECK(xi >= axis->cell[at[d]].low && xi < axis->cell[at[d]].high);
+    }
+    return inside;
+}
+
+static void periodic_ends(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
+        struct scene s;
+        scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
+        s.config.periodic[0] = 1;
+        CHECK(scene_build(&s, 1, 0.4, 0.6) == GR_OK);
+        const double low = -1 - 0.5 * s.config.dx * (basis == GR_UGIMP), length = 0.6;
+        const double past[] = {1e-3, 1e-9, 1e-17};
+        for (int k = 0; k < 3; k++) {
+            double x[3] = {low - past[k], 2.3}, y[3] = {low + length + past[k], 2.3};
+            CHECK(confine(&s, x, (int32_t[3]){0, 2}));
+            CHECK(confine(&s, y, (int32_t[3]){5, 2}));
+            if (k == 2) continue; /* lost in rounding: inside is all that counts */
+            CHECK_NEAR(x[0], low - past[k] + length, 1e-15);
+            CHECK_NEAR(y[0], low + past[k], 1e-15);
+        }
+        CHECK(s.engine->clamped == 0);
+        scene_free(&s);
+    }
+}
+
+static void closed_sides(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int scale = 0; scale < 2; scale++) {
+            struct scene s;
+            scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
+            if (scale) s.config.lower[0] = 1e6; /* the grid far from zero: few bits are left for a cell */
+            CHECK(scene_build(&s, 1, 0.4, 0.6) == GR_OK);
+            const double low = s.config.lower[0], high = s.engine->axis[0].origin + s.engine->axis[0].length;
+            const double past[] = {0.05, 1e-9, 0};
+            for (int k = 0; k < 3; k++) {
+                double x[3] = {low - past[k], 2.3}, y[3] = {high + past[k], 2.3}, z[3] = {high + past[k], 2.6 + past[k]};
+                CHECK(confine(&s, x, (int32_t[3]){0, 2}));
+                CHECK(confine(&s, y, (int32_t[3]){s.engine->axis[0].n_cells - 1, 2}));
+                CHECK(confine(&s, z, (int32_t[3]){s.engine->axis[0].n_cells - 1, s.engine->axis[1].n_cells - 1}));
+                CHECK_NEAR(x[0], low, 1e-9);
+                CHECK_NEAR(y[0], high, 1e-9);
+                CHECK_NEAR(z[1], 2.6, 1e-9);
+            }
+            CHECK(s.engine->clamped > 0);
+            scene_free(&s);
+        }
+}
+
+/* An open side lets points go, but not where all nodes of its face are walls. */
+static void open_sides(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int axis = 0; axis < 2; axis++)
+            for (int high = 0; high < 2; high++)
+                for (int walled = 0; walled < 2; walled++) {
+                    struct scene s;
+                    scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
+                    (high ? s.config.open_high : s.config.open_low)[axis] = 1;
+                    s.walls[1] = (struct gr_wall){.fixed = 3, .normal = -1, .opens_at = 2};
+                    s.config.n_walls = 2;
+                    scene_codes(&s);
+                    if (walled) scene_face(&s, axis, high, 1);
+                    CHECK(scene_build(&s, 1, 0.4, 0.6) == GR_OK);
+                    const int32_t last = s.engine->axis[axis].n_cells - 1;
+                    int32_t from[3] = {2, 2};
+                    from[axis] = high ? last : 0;
+                    double x[3] = {-0.7, 2.3}, y[3];
+                    x[axis] = s.config.lower[axis] + (high ? 0.6 + 1e-4 : -1e-4);
+                    memcpy(y, x, sizeof y);
+                    CHECK(confine(&s, y, from) == walled);
+                    s.engine->time = 2; /* the wall opens */
+                    memcpy(y, x, sizeof y);
+                    CHECK(confine(&s, y, from) == 0);
+                    memcpy(y, x, sizeof y); /* the other side stays closed */
+                    y[axis] = s.config.lower[axis] + (high ? -1e-4 : 0.6 + 1e-4);
+                    from[axis] = high ? 0 : last;
+                    CHECK(confine(&s, y, from) == 1);
+                    scene_free(&s);
+                }
+}
+
+/* Push the listed places into other cells by hand, and migrate. */
+static void moves_between_cells(void)
+{
+    struct scene s, before;
+    struct gr_leaver leaver[2][400];
+    for (int copy = 0; copy < 2; copy++) {
+        struct scene *one = copy ? &before : &s;
+        scene_seed(11);
+        scene_default(one, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
+        one->config.open_high[1] = 1;
+        CHECK(scene_build(one, 300, 0.05, 0.95) == GR_OK);
+        CHECK(gr_regroup(one->engine) == GR_OK);
+    }
+    int64_t count[2] = {0}, gone = 0;
+    double mass = 0;
+    struct gr_engine *e = s.engine;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++)
+        for (int64_t k = e->mesh.cell[c].offset; k < e->mesh.cell[c].offset + e->mesh.cell[c].count; k++) {
+            if (s.id[k] % 3) continue;
+            double *y = scene_at(&s, GR_FIELD_x, 1, k);
+            *y += s.config.dx;
+            *scene_at(&before, GR_FIELD_x, 1, scene_find(&before, s.id[k])) = *y;
+            if (*y >= 2.6) gone++, mass += *scene_at(&s, GR_FIELD_mass, 0, k), before.id[scene_find(&before, s.id[k])] = -1;
+            const int t = c >= e->mesh.n_cells / 2;
+            leaver[t][count[t]++] = (struct gr_leaver){c, k};
+        }
+    CHECK(gone > 0);
+    const struct gr_leaver *const list[] = {leaver[0], leaver[1]};
+    CHECK(gr_migrate(e, list, count, 2) == GR_OK);
+    CHECK(e->dropped == gone && e->n_points == 300 - gone);
+    CHECK_NEAR(e->dropped_mass, mass, 1e-12);
+    if (e->n_pending) CHECK(gr_regroup(e) == GR_OK);
+    before.engine->n_points = 300 - gone;
+    CHECK(!scene_differs(&before, &s));
+    for (int64_t c = 0; c < e->mesh.n_cells; c++)
+        for (int64_t k = e->mesh.cell[c].offset; k < e->mesh.cell[c].offset + e->mesh.cell[c].capacity; k++) {
+            CHECK((s.id[k] < 0) == (k >= e->mesh.cell[c].offset + e->mesh.cell[c].count));
+            for (int d = 0; d < 2; d++)
+                CHECK(gr_locate(&e->axis[d], 1 / s.config.dx, *scene_at(&s, GR_FIELD_x, d, k)) == e->mesh.cell[c].at[d]);
+        }
+    scene_free(&s);
+    scene_free(&before);
+}
+
+/* A bad point is refused with its id; asking again and again neither grows nor loses anything. */
+static void refuses_bad_points(void)
+{
+    const double bad[] = {NAN, INFINITY, 1e30, 0.35}; /* the last: two cells in one step */
+    for (int k = 0; k < 4; k++) {
+        struct scene s;
+        struct gr_leaver leaver[20];
+        int64_t count = 0;
+        scene_seed(3);
+        scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
+        CHECK(scene_build(&s, 20, 0.3, 0.5) == GR_OK);
+        CHECK(gr_regroup(s.engine) == GR_OK);
+        for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
+            for (int32_t i = 0; i < s.engine->mesh.cell[c].count; i++)
+                leaver[count++] = (struct gr_leaver){c, s.engine->mesh.cell[c].offset + i};
+        const int64_t victim = s.id[leaver[19].slot];
+        *scene_at(&s, GR_FIELD_x, 1, leaver[19].slot) += bad[k];
+        const struct gr_leaver *const list[] = {leaver};
+        for (int again = 0; again < 40; again++) {
+            CHECK(gr_migrate(s.engine, list, &count, 1) == (k < 2 ? GR_ERR_NOT_FINITE : GR_ERR_RUNAWAY));
+            CHECK(s.engine->error_id == victim);
+        }
+        CHECK(s.engine->n_pending == 0 && s.engine->n_points == 20);
+        scene_free(&s);
+    }
+}
+
+int main(void)
+{
+    RUN(periodic_ends);
+    RUN(closed_sides);
+    RUN(open_sides);
+    RUN(moves_between_cells);
+    RUN(refuses_bad_points);
+    return check_report("migrate");
+}

@@ -1,0 +1,98 @@
+"""The C core; its arrays are borrowed, never converted or copied."""
+
+from typing import Final, TypedDict, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+LANES: Final[int]
+"""Every cell owns a multiple of this many places in the point arrays."""
+MAX_THREADS: Final[int]
+
+class SimulationError(RuntimeError):
+    """A run failed: a point that is not finite or ran away."""
+
+    point: int
+    step: int
+
+class BuildInfo(TypedDict):
+    isa: str
+    lanes: int
+    openmp: bool
+    compiler: str
+    flags: str
+
+class Nodes(TypedDict):
+    x: NDArray[np.float64]  # (n, dim) m
+    mass: NDArray[np.float64]  # (n,) kg
+    momentum: NDArray[np.float64]  # (n, dim) kg m/s
+    force: NDArray[np.float64]  # (n, dim) N, internal
+    v: NDArray[np.float64]  # (n, dim) m/s, after the forces and walls
+    w: NDArray[np.float64]  # (n, dim) m/s, what points add to the old velocity they keep
+
+def build_info() -> BuildInfo: ...
+def laws() -> dict[str, tuple[str, list[tuple[str, str, str]]]]: ...
+def law_update(
+    law: str,
+    dim: int,
+    parameters: dict[str, float],
+    dt: float,
+    pressure_from_density: int,
+    gradient: NDArray[np.float64],
+    log_density: NDArray[np.float64],
+    stress: NDArray[np.float64],
+    shear_rate: NDArray[np.float64],
+    isa: str,
+    /,
+) -> None: ...
+def node_positions(
+    basis: int, n_cells: int, periodic: bool, creases: NDArray[np.int32], /
+) -> NDArray[np.float64]: ...
+
+@final
+class Engine:
+    def __init__(
+        self,
+        *,
+        dim: int,
+        basis: int,
+        affine: int,
+        diffused: int,
+        xpic_order: int,
+        pressure_from_density: int,
+        law: str,
+        isa: str,
+        shape: tuple[int, ...],
+        lower: tuple[float, ...],
+        periodic: tuple[bool, ...],
+        open_low: tuple[bool, ...],
+        open_high: tuple[bool, ...],
+        creases: tuple[NDArray[np.int32], ...],
+        walls: list[tuple[int, int, float, int, int, float, int]],
+        node_codes: NDArray[np.uint8],
+        cell_flags: NDArray[np.uint8] | None,
+        gravity_times: NDArray[np.float64],
+        gravity_vectors: NDArray[np.float64],
+        numbers: dict[str, float],
+        parameters: dict[str, float],
+    ) -> None: ...
+    @property
+    def isa(self) -> str: ...
+    def bind(
+        self,
+        buffers: dict[str, NDArray[np.float64] | NDArray[np.int64]],
+        n_points: int,
+        fresh: bool,
+        /,
+    ) -> None: ...
+    def regroup(self) -> int: ...
+    def advance(self, max_steps: int, until: float, threads: int, /) -> int: ...
+    def scatter(self) -> int: ...
+    def grid(self) -> int: ...
+    def gather(self) -> int: ...
+    def nodes(self) -> Nodes: ...
+    def cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
+    def scalars(self) -> dict[str, float | int]: ...
+    def restore(self, scalars: dict[str, float | int], /) -> None: ...
+    def stable_dt(self) -> float: ...
+    def fields(self) -> list[tuple[str, int, str, str]]: ...

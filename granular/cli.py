@@ -1,0 +1,380 @@
+"""The command `granular`: run, resume, info, plot, verify, list.
+
+Exit codes: 0 all is well, 1 the run or a check failed, 2 the user asked for something impossible
+(one line on stderr says what), 130 Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import math
+import os
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn, get_type_hints
+
+__all__ = ["main"]
+
+FAILED, REFUSED, INTERRUPTED = 1, 2, 130
+
+PICTURES = (".png", ".pdf", ".svg")
+
+OWN_OPTIONS = ("material", "scheme")
+"""Arguments of scene functions that have options of their own."""
+
+USER_ERRORS = (
+    ValueError,
+    TypeError,
+    FileNotFoundError,
+    FileExistsError,
+    PermissionError,
+    IsADirectoryError,
+    NotADirectoryError,
+    BlockingIOError,
+)
+"""What is raised for arguments and files that cannot be used."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Errors are one line, options are written out."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, allow_abbrev=False, **kwargs)
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(REFUSED, f"{self.prog}: error: {' '.join(message.split())}\n")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command with arguments (those of the process by default); returns the exit code."""
+    try:
+        arguments = _parser().parse_args(argv)
+    except SystemExit as stop:  # --help, --version, or a refused argument
+        return int(stop.code or 0)
+    try:
+        return arguments.command(arguments)
+    except KeyboardInterrupt:
+        print("granular: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has left, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except USER_ERRORS as error:
+        return _complain(error, REFUSED)
+    except (RuntimeError, MemoryError, OSError) as error:  # SimulationError is a RuntimeError
+        return _complain(error, FAILED)
+
+
+def _complain(error: BaseException, code: int) -> int:
+    notes = getattr(error, "__notes__", ())
+    text = "; ".join([str(error) or type(error).__name__, *notes])
+    print(f"granular: error: {' '.join(text.split())}", file=sys.stderr)
+    return code
+
+
+# ---- what can be said on the command line ----
+
+
+def _parser() -> argparse.ArgumentParser:
+    from granular import __version__
+
+    parser = _Parser(prog="granular", description="Dense granular flow as a continuum.")
+    parser.add_argument("--version", action="version", version=f"granular {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_run(commands)
+    _add_resume(commands)
+    command = commands.add_parser("info", help="what a record holds, after verifying all of it")
+    command.add_argument("file", metavar="FILE")
+    command.set_defaults(command=_info)
+    _add_plot(commands)
+    command = commands.add_parser("verify", help="check the package against theory")
+    command.add_argument("--slow", action="store_true", help="the long checks too")
+    command.set_defaults(command=_verify)
+    command = commands.add_parser("list", help="the scenes and their keywords")
+    command.set_defaults(command=_list)
+    return parser
+
+
+def _add_run(commands: Any) -> None:
+    from granular.scenes import registry
+
+    command = commands.add_parser("run", help="simulate a scene and record it")
+    scenes = command.add_subparsers(required=True, metavar="SCENE")
+    for name, function in registry.items():
+        scene = scenes.add_parser(name, help=_first_line(function))
+        keywords = scene.add_argument_group("keywords of the scene")
+        for keyword, kind, default in _keywords(function):
+            spelled = [f"--{keyword}"]
+            if "_" in keyword:
+                spelled.append(f"--{keyword.replace('_', '-')}")
+            shown = f"default {_shown(default)}"
+            keywords.add_argument(
+                *spelled, dest=f"scene_{keyword}", type=kind, metavar=METAVARS[kind], help=shown
+            )
+        scene.add_argument("--E", type=_number, help="Young's modulus [Pa]; default 1e9")
+        scene.add_argument("--scheme", choices=("default", "published"), default="default")
+        _add_run_options(scene)
+        scene.add_argument("--every", type=_number, help="time between frames [s]; default 1/60")
+        scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
+        scene.add_argument("--picture", metavar="PNG", help="picture of the last state")
+        scene.add_argument("--gif", metavar="GIF", help="animation of all frames")
+        scene.add_argument("--color", default="shear_rate", metavar="F", help="field in pictures")
+        scene.add_argument("--overwrite", action="store_true", help="existing files may go")
+        scene.set_defaults(command=_run, scene=function)
+
+
+def _add_run_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--until", type=_number, metavar="T", help="stop at this time [s]")
+    command.add_argument("--threads", type=_whole, metavar="N", help="default: as fits")
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+
+
+def _add_resume(commands: Any) -> None:
+    command = commands.add_parser("resume", help="go on with a record where it stopped")
+    command.add_argument("file", metavar="FILE")
+    _add_run_options(command)
+    command.add_argument("--every", type=_number, help="time between frames [s]; default as before")
+    command.set_defaults(command=_resume)
+
+
+def _add_plot(commands: Any) -> None:
+    command = commands.add_parser("plot", help="picture or animation of a record")
+    command.add_argument("file", metavar="FILE")
+    command.add_argument("--frame", type=_whole, default=-1, help="default -1, the last one")
+    command.add_argument("--color", default="shear_rate", metavar="F", help="default shear_rate")
+    command.add_argument("-o", "--output", metavar="PNG")
+    command.add_argument("--gif", metavar="GIF")
+    command.add_argument("--overwrite", action="store_true", help="existing files may go")
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+    command.set_defaults(command=_plot)
+
+
+def _number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if math.isnan(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
+    return value
+
+
+def _whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    return tuple(_number(part) for part in text.split(","))
+
+
+METAVARS = {_number: "X", _whole: "N", _numbers: "X,Y", str: "NAME"}
+
+
+def _keywords(function: Callable[..., Any]) -> list[tuple[str, Callable[[str], Any], Any]]:
+    """Name, converter and default of the keywords of a scene function, from its signature."""
+    hints = get_type_hints(function)
+    kinds = {"float": _number, "int": _whole, "str": str, "tuple": _numbers}
+    found = []
+    for name, parameter in inspect.signature(function).parameters.items():
+        if name in OWN_OPTIONS:
+            continue
+        options = [hint for hint in getattr(hints[name], "__args__", ()) if hint is not type(None)]
+        # tuple[float, float] has arguments too, which are not alternatives.
+        if getattr(hints[name], "__origin__", None) is tuple or not options:
+            options = [hints[name]]
+        found.append((name, kinds[options[0].__name__], parameter.default))
+    return found
+
+
+def _first_line(function: Callable[..., Any]) -> str:
+    return inspect.getdoc(function).splitlines()[0]
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, tuple):
+        return ",".join(f"{part:g}" for part in value)
+    return "chosen by the scene" if value is None else f"{value}"
+
+
+# ---- what the commands do ----
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from granular import Simulation, materials, schemes
+
+    given = {
+        name.removeprefix("scene_"): value
+        for name, value in vars(arguments).items()
+        if name.startswith("scene_") and value is not None
+    }
+    if arguments.E is not None:
+        given["material"] = materials.glass_beads.replace(E=arguments.E)
+    scene = arguments.scene(**given, scheme=getattr(schemes, arguments.scheme))
+    _check_output(arguments.output, arguments.overwrite)
+    _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
+    simulation = Simulation(scene, threads=arguments.threads)
+    if arguments.picture or arguments.gif:
+        _check_color(simulation.state, arguments.color)
+    options = {"save": arguments.output, "overwrite": arguments.overwrite}
+    if arguments.every is not None:
+        options["every"] = arguments.every
+    code = _simulate(simulation, arguments, options)
+    if code == 0:
+        _draw(
+            arguments.output,
+            picture=arguments.picture,
+            gif=arguments.gif,
+            color=arguments.color,
+            quiet=arguments.quiet,
+            overwrite=arguments.overwrite,
+        )
+    return code
+
+
+def _resume(arguments: argparse.Namespace) -> int:
+    from granular import Simulation, open_trajectory
+
+    with open_trajectory(arguments.file) as record:
+        every = _spacing(record) if arguments.every is None else arguments.every
+    simulation = Simulation.resume(arguments.file, threads=arguments.threads)
+    return _simulate(simulation, arguments, {"every": every})
+
+
+def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str, Any]) -> int:
+    until = simulation.scene.duration if arguments.until is None else arguments.until
+    if until <= simulation.time:
+        raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
+    try:
+        simulation.run(until, progress=not arguments.quiet, **options)
+    except KeyboardInterrupt:
+        message = f"interrupted at t = {simulation.time:.6g} s"
+        if simulation.record is not None:
+            message += f"; `granular resume {simulation.record}` goes on"
+        print(f"granular: {message}", file=sys.stderr)
+        return INTERRUPTED
+    if not arguments.quiet:
+        print(f"{simulation.record}: {simulation}")
+    return 0
+
+
+def _spacing(record: Any) -> float:
+    """Time between the frames of a record [s], as it was asked for.
+
+    A frame is the first step at or past a multiple of it: each frame bounds it from both sides.
+    The simplest fraction within the bounds is taken; 1/60 if there are too few frames to tell.
+    """
+    times, steps = record.series["time"][1:-1], record.series["dt"][1:-1]
+    count = range(1, len(times) + 1)
+    low = max(((t - dt) / k for t, dt, k in zip(times, steps, count, strict=True)), default=0.0)
+    high = min((t / k for t, k in zip(times, count, strict=True)), default=0.0)
+    for denominator in range(1, 10001):
+        numerator = math.floor(low * denominator) + 1
+        if numerator <= high * denominator * (1 + 1e-12):
+            return numerator / denominator
+    return 1 / 60
+
+
+def _info(arguments: argparse.Namespace) -> int:
+    from granular.trajectory import info
+
+    found = info(arguments.file)
+    provenance = found.pop("provenance")
+    damage = found.pop("damage")
+    for name, value in found.items():
+        if isinstance(value, tuple):
+            value = " to ".join(f"{end:g}" for end in value)
+        print(f"{name:>16}  {value}")
+    for name in ("granular", "start", "threads", "cpu"):
+        if name in provenance:
+            print(f"{name:>16}  {provenance[name]}")
+    for message in damage:
+        print(f"{'damage':>16}  {message}")
+    return FAILED if damage else 0
+
+
+def _plot(arguments: argparse.Namespace) -> int:
+    if arguments.output is None and arguments.gif is None:
+        raise ValueError("give -o PNG or --gif GIF")
+    _check_pictures(arguments.output, arguments.gif, arguments.overwrite)
+    _draw(
+        arguments.file,
+        picture=arguments.output,
+        gif=arguments.gif,
+        color=arguments.color,
+        frame=arguments.frame,
+        quiet=arguments.quiet,
+        overwrite=arguments.overwrite,
+    )
+    return 0
+
+
+def _check_output(name: str, overwrite: bool) -> None:
+    """Refuse a file that could not be written, before the work is done."""
+    path = Path(name)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent} is not a folder")
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists already; --overwrite replaces it")
+
+
+def _check_pictures(picture: str | None, gif: str | None, overwrite: bool) -> None:
+    if picture is not None:
+        _check_output(picture, overwrite)
+        if Path(picture).suffix.lower() not in PICTURES:
+            raise ValueError(f"{picture} must end in one of {', '.join(PICTURES)}")
+    if gif is not None:
+        from granular.plot import check_movie
+
+        _check_output(gif, overwrite)
+        check_movie(gif, overwrite=overwrite)
+
+
+def _check_color(state: Any, color: str) -> None:
+    from granular.plot.fields import values
+
+    values(state, color)
+
+
+def _draw(
+    record: str,
+    *,
+    picture: str | None,
+    gif: str | None,
+    color: str,
+    quiet: bool,
+    overwrite: bool,
+    frame: int = -1,
+) -> None:
+    if picture is None and gif is None:
+        return
+    from granular import open_trajectory, plot
+
+    with open_trajectory(record) as states:
+        try:
+            if picture is not None:
+                plot.frame(states[frame], color).savefig(picture, dpi=150)
+        except IndexError as error:
+            raise ValueError(str(error)) from None
+        if gif is not None:
+            plot.movie(states, gif, color=color, overwrite=overwrite, progress=not quiet)
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    from granular import verify
+
+    return verify.main(slow=arguments.slow)
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    from granular.scenes import registry
+
+    for name, function in registry.items():
+        print(f"{name}: {_first_line(function)}")
+        for keyword, kind, default in _keywords(function):
+            print(f"    --{keyword} {METAVARS[kind]}  ({_shown(default)})")
+    return 0

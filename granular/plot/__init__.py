@@ -1,0 +1,37 @@
+"""Pictures and movies with matplotlib: figures are objects, nothing global is touched."""
+
+from granular.plot.canvas import Picture
+from granular.plot.curves import (
+    ConstitutivePath,
+    InclineFlow,
+    figure_3,
+    figure_5,
+    figure_9,
+    figure_10,
+    figure_13,
+)
+from granular.plot.fields import QUANTITIES, Quantity
+from granular.plot.frame import frame
+from granular.plot.movie import check_movie, movie
+from granular.plot.snapshots import figure_2, figure_4, figure_6, figure_7, figure_11
+
+__all__ = [
+    "QUANTITIES",
+    "ConstitutivePath",
+    "InclineFlow",
+    "Picture",
+    "Quantity",
+    "check_movie",
+    "figure_2",
+    "figure_3",
+    "figure_4",
+    "figure_5",
+    "figure_6",
+    "figure_7",
+    "figure_9",
+    "figure_10",
+    "figure_11",
+    "figure_13",
+    "frame",
+    "movie",
+]

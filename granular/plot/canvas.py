@@ -1,0 +1,244 @@
+"""Axes, material points and walls: what all pictures are made of. No pyplot, no global state."""
+
+from __future__ import annotations
+
+import io
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+
+from granular.boundaries import Solid, Wall
+from granular.checks import finite, integer
+from granular.geometry import AXES
+from granular.plot.fields import Brush
+
+__all__ = ["Picture", "Points", "View", "color_bar", "scenery"]
+
+Extent = tuple[tuple[float, float], tuple[float, float]]
+
+WALL_STYLES = {
+    "rough": {"color": "black", "linewidth": 2.5},
+    "frictionless": {"color": "#555555", "linewidth": 1.2},
+    "coulomb": {"color": "black", "linewidth": 2.5, "linestyle": (0, (3, 1))},
+}
+SYMMETRY_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (5, 3))}
+OUTLET_STYLE = {"color": "#2d5d8f", "linewidth": 1.5, "linestyle": (0, (1, 1.5))}
+
+
+class Picture(Figure):
+    """A matplotlib figure that needs no backend and shows itself in a notebook."""
+
+    def _repr_png_(self) -> bytes:
+        data = io.BytesIO()
+        self.savefig(data, format="png", dpi=100)
+        return data.getvalue()
+
+
+class View:
+    """Which two axes are seen, and which points: all of them, or those of a slab in 3D.
+
+    Parameters
+    ----------
+    dim : int
+    axes : pair of int, optional
+        Axes to the right and up; by default the first and the last. The third is looked along.
+    slab : (float, float), optional
+        Keep points whose third coordinate lies within [m]; in 3D only.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    def __init__(
+        self,
+        dim: int,
+        axes: tuple[int, int] | None = None,
+        slab: tuple[float, float] | None = None,
+    ) -> None:
+        self.across, self.up = (0, dim - 1) if axes is None else axes
+        integer("view[0]", self.across, 0, dim - 1)
+        integer("view[1]", self.up, 0, dim - 1)
+        if self.across == self.up:
+            raise ValueError(f"view = {axes} must name two different axes")
+        self.depth = 3 - self.across - self.up if dim == 3 else None
+        self.slab = None
+        if slab is not None:
+            if dim != 3:
+                raise ValueError(f"slab = {slab} must be None in the plane")
+            self.slab = (finite("slab[0]", slab[0]), finite("slab[1]", slab[1]))
+            if not self.slab[0] < self.slab[1]:
+                raise ValueError(f"slab = {slab} must have its low end first")
+
+    @property
+    def labels(self) -> tuple[str, str]:
+        """Names of the two axes."""
+        return f"{AXES[self.across]} [m]", f"{AXES[self.up]} [m]"
+
+    def order(self, state: Any) -> Any:
+        """Points to draw, those in front last: the viewer stands at the low end of that axis."""
+        if self.depth is None:
+            return slice(None)
+        third = state.x[:, self.depth]
+        rows = np.argsort(-third, kind="stable")
+        if self.slab is None:
+            return rows
+        inside = (third >= self.slab[0]) & (third <= self.slab[1])
+        return rows[inside[rows]]
+
+    def places(self, state: Any) -> np.ndarray:
+        """Points in the picture, shape (k, 2), in the order of `order`."""
+        return state.x[:, (self.across, self.up)][self.order(state)]
+
+    def extent(self, states: Sequence[Any]) -> Extent:
+        """What holds the material of all states, with a margin, within the domain."""
+        grid = states[0].scene.grid
+        ends = []
+        for axis in (self.across, self.up):
+            # The floor and the plane of symmetry belong into the picture: fills begin there.
+            low, high = math.inf, -math.inf
+            for state in states:
+                if state.n:
+                    low = min(low, float(state.x[:, axis].min()))
+                    high = max(high, float(state.x[:, axis].max()))
+            if low > high:
+                low, high = grid.lower[axis], grid.upper[axis]
+            margin = max(grid.cell, 0.04 * (high - low))
+            low, high = low - margin, high + margin
+            near = 0.15 * (high - low)
+            low = grid.lower[axis] if low < grid.lower[axis] + near else low
+            high = grid.upper[axis] if high > grid.upper[axis] - near else high
+            ends.append((low, high))
+        return ends[0], ends[1]
+
+    def set_up(self, ax: Axes, extent: Extent, cell: float) -> None:
+        """Equal scales, limits and labels; a little room beyond walls at the ends."""
+        (left, right), (bottom, top) = extent
+        edge = 0.35 * cell
+        ax.set_aspect("equal")
+        ax.set_xlim(left - edge, right + edge)
+        ax.set_ylim(bottom - edge, top + edge)
+        ax.set_xlabel(self.labels[0])
+        ax.set_ylabel(self.labels[1])
+
+
+def diameter(state: Any) -> float:
+    """Of a point in a picture [m]: over the initial spacing, so that a heap has no gaps."""
+    scene = state.scene
+    per_cell = max(fill.points_per_cell for fill in scene.fills)
+    return 1.15 * scene.grid.cell / per_cell ** (1 / state.dim)
+
+
+class Points:
+    """The material points of an axes: discs of true size, whose arrays can be changed.
+
+    Parameters
+    ----------
+    ax, state, brush, view
+    size : float, optional
+        Diameter of a point [m]; by default a little more than the initial spacing.
+    """
+
+    def __init__(
+        self, ax: Axes, state: Any, brush: Brush, view: View, *, size: float | None = None
+    ) -> None:
+        self.brush, self.view = brush, view
+        size = diameter(state) if size is None else size
+        self.artist = EllipseCollection(
+            [size],
+            [size],
+            [0.0],
+            units="x",
+            offsets=np.zeros((0, 2)),
+            offset_transform=ax.transData,
+            linewidths=0,
+            norm=brush.norm,
+            cmap=brush.cmap,
+            zorder=2,
+        )
+        ax.add_collection(self.artist, autolim=False)
+        self.update(state)
+
+    def update(self, state: Any) -> None:
+        """Show another state."""
+        self.artist.set_offsets(self.view.places(state))
+        self.artist.set_array(self.brush.paint(state)[self.view.order(state)])
+
+
+def color_bar(fig: Figure, artist: Any, brush: Brush, **options: Any) -> None:
+    """Colour bar with label and unit, or with two names for what is a yes or no.
+
+    `options` are those of matplotlib: `ax` to take room from, or `cax` to fill.
+    """
+    bar = fig.colorbar(artist, **options)
+    if brush.quantity.two:
+        bar.set_ticks([0.25, 0.75], labels=["disconnected", "dense"])
+        bar.ax.tick_params(length=0, labelrotation=90)
+        for text in bar.ax.get_yticklabels():
+            text.set_verticalalignment("center")
+    else:
+        bar.set_label(brush.quantity.title, fontsize="small")
+    bar.ax.tick_params(labelsize="small")
+
+
+def _is_symmetry(scene: Any, wall: Wall) -> bool:
+    cut = scene.parameters.get("half") or scene.parameters.get("quarter")
+    return (
+        bool(cut)
+        and wall.kind == "frictionless"
+        and wall.axis < scene.grid.dim - 1
+        and (wall.at == 0.0)
+    )
+
+
+def _line(scene: Any, wall: Wall, view: View, style: dict[str, Any]) -> Line2D:
+    other = view.up if wall.axis == view.across else view.across
+    ends = wall.extent(scene.grid, other)
+    at = (wall.at, wall.at)
+    x, y = (at, ends) if wall.axis == view.across else (ends, at)
+    return Line2D(x, y, solid_capstyle="butt", zorder=3, **style)
+
+
+def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float]]:
+    """Draw the walls, blocks and outlets of a scene.
+
+    Rough walls are thick, frictionless ones thin, planes of symmetry dashed; an outlet is dotted
+    once it is open.
+
+    Returns
+    -------
+    list of (artist, begin, end)
+        Each is to be seen from `begin` to before `end` [s].
+    """
+    parts: list[tuple[Artist, float, float]] = []
+    for wall in scene.walls:
+        if isinstance(wall, Solid):
+            lower = [wall.lower[axis] for axis in (view.across, view.up)]
+            upper = [wall.upper[axis] for axis in (view.across, view.up)]
+            size = [b - a for a, b in zip(lower, upper, strict=True)]
+            # Faces of abutting blocks must not show as seams.
+            block = Rectangle(lower, *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
+            parts.append((ax.add_patch(block), -math.inf, math.inf))
+        elif wall.axis in (view.across, view.up):
+            style = SYMMETRY_STYLE if _is_symmetry(scene, wall) else WALL_STYLES[wall.kind]
+            line = ax.add_line(_line(scene, wall, view, style))
+            parts.append((line, -math.inf, wall.opens_at))
+            if wall.opens_at < math.inf:
+                outlet = ax.add_line(_line(scene, wall, view, OUTLET_STYLE))
+                parts.append((outlet, wall.opens_at, math.inf))
+    return parts
+
+
+def show_at(parts: list[tuple[Artist, float, float]], time: float) -> None:
+    """Hide what is not there at a time."""
+    for artist, begin, end in parts:
+        artist.set_visible(begin <= time < end)

@@ -1,0 +1,224 @@
+"""What a picture is coloured by: values, names, units and scales."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
+from numpy.typing import ArrayLike, NDArray
+
+from granular import measure
+from granular.checks import finite
+
+__all__ = ["QUANTITIES", "Brush", "Quantity", "names"]
+
+Array = NDArray[np.float64]
+
+DECADES = 4
+"""Decades of a logarithmic scale."""
+PHASES = ListedColormap(["#e08214", "#2d5d8f"], name="phases")
+"""Disconnected and dense."""
+MISSING = "#c8c8c8"
+"""Colour of points without a value."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """How a field is shown.
+
+    Attributes
+    ----------
+    label, unit : str
+        For the colour bar; the unit may be empty.
+    log : bool
+        Whether the scale is logarithmic.
+    cmap : str
+        Name of a matplotlib colour map.
+    two : bool
+        Whether it is a yes or no: disconnected (0) or dense (1).
+    """
+
+    label: str
+    unit: str = ""
+    log: bool = False
+    cmap: str = "viridis"
+    two: bool = False
+
+    @property
+    def title(self) -> str:
+        """Label and unit."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
+
+QUANTITIES: dict[str, Quantity] = {
+    "shear_rate": Quantity("equivalent plastic shear rate", "1/s", log=True, cmap="plasma"),
+    "p": Quantity("pressure", "Pa"),
+    "tau": Quantity("equivalent shear stress", "Pa"),
+    "mu": Quantity("friction tau/p", cmap="cividis"),
+    "rho": Quantity("density", "kg/m3", cmap="cividis"),
+    "nodal_density": Quantity("nodal density", "kg/m3", cmap="cividis"),
+    "log_density": Quantity("ln(rho/rho_c)", cmap="cividis"),
+    "speed": Quantity("speed", "m/s"),
+    "v_x": Quantity("velocity along x", "m/s"),
+    "v_y": Quantity("velocity along y", "m/s"),
+    "v_z": Quantity("velocity along z", "m/s"),
+    "inertial_number": Quantity("inertial number", log=True, cmap="plasma"),
+    "scaled_inertial_number": Quantity("I/I0", log=True, cmap="plasma"),
+    "dense": Quantity("bears stress", two=True),
+    "phase": Quantity("phase", two=True),
+    "mass": Quantity("mass", "kg"),
+    "volume": Quantity("volume", "m3"),
+    "id": Quantity("id"),
+} | {f"stress_{ij}": Quantity(f"stress {ij}", "Pa") for ij in ("xx", "yy", "zz", "xy", "yz", "xz")}
+"""Known fields; stored fields that are not here are shown by their name."""
+
+_COMPONENTS = {"v": ("x", "y", "z"), "stress": ("xx", "yy", "zz", "xy", "yz", "xz")}
+_MEASURED = {
+    "speed": lambda state: np.linalg.norm(state.v, axis=1),
+    "phase": measure.phase,
+    "nodal_density": measure.nodal_density,
+    "inertial_number": measure.inertial_number,
+    "scaled_inertial_number": measure.scaled_inertial_number,
+}
+
+
+def names(state: Any) -> list[str]:
+    """Names of the fields that a state can be coloured by."""
+    plain = [name for name, field in state.fields.items() if field.ndim == 1]
+    wanted = [name for name in QUANTITIES if _component(state, name) is not None or "_" not in name]
+    return sorted({*plain, *wanted, *_MEASURED, "shear_rate", "log_density"})
+
+
+def _component(state: Any, name: str) -> Array | None:
+    """A column such as `v_x` or `stress_xy`; None if there is no such thing."""
+    field, _, part = name.rpartition("_")
+    if part not in _COMPONENTS.get(field, ()):
+        return None
+    column = _COMPONENTS[field].index(part)
+    array = getattr(state, field)
+    return array[:, column] if column < array.shape[1] else None
+
+
+def values(state: Any, color: str | ArrayLike, *, smooth: bool = False) -> Array:
+    """Values of the points to colour them by, shape (n,); nan where there is none.
+
+    Raises
+    ------
+    ValueError
+        If there is no such field, or not one number a point.
+    """
+    if state.n == 0 and isinstance(color, str):
+        return np.zeros(0)
+    array = _by_name(state, color) if isinstance(color, str) else color
+    try:
+        array = np.asarray(array, dtype=float)
+    except (TypeError, ValueError):
+        array = np.zeros(())
+    if array.shape != (state.n,):
+        what = repr(color) if isinstance(color, str) else f"array of shape {array.shape}"
+        raise ValueError(
+            f"color = {what} must hold one number for each of the {state.n} points; "
+            f"names are {', '.join(names(state))}"
+        )
+    return measure.smooth(state, array) if smooth else array
+
+
+def _by_name(state: Any, name: str) -> Any:
+    if name in _MEASURED:
+        return _MEASURED[name](state)
+    column = _component(state, name)
+    return getattr(state, name, None) if column is None else column
+
+
+@dataclass(frozen=True)
+class Brush:
+    """Values to colours, the same for all states of a picture.
+
+    Use `Brush.fitted`; `paint` gives the values of a state within the scale.
+    """
+
+    color: str | ArrayLike
+    quantity: Quantity
+    norm: Normalize
+    cmap: Colormap
+    smooth: bool = False
+
+    @classmethod
+    def fitted(
+        cls,
+        states: Sequence[Any],
+        color: str | ArrayLike = "shear_rate",
+        *,
+        limits: tuple[float, float] | None = None,
+        log: bool | None = None,
+        cmap: str | None = None,
+        label: str | None = None,
+        smooth: bool = False,
+    ) -> Brush:
+        """A brush whose scale fits a number of states, unless `limits` are given.
+
+        Raises
+        ------
+        ValueError
+            For an unknown field or colour map, and limits that do not ascend (or are not
+            positive on a logarithmic scale).
+        """
+        name = color if isinstance(color, str) else ""
+        quantity = QUANTITIES.get(name, Quantity(name or "value"))
+        if label is not None:
+            quantity = replace(quantity, label=label, unit="")
+        if log is not None:
+            quantity = replace(quantity, log=log)
+        found = [values(state, color, smooth=smooth) for state in states]
+        if quantity.two:
+            return cls(color, quantity, Normalize(0.0, 1.0), PHASES, smooth)
+        found = np.concatenate(found) if found else np.zeros(0)
+        low, high = _checked(limits, quantity.log) if limits else _limits(found, quantity.log)
+        norm = LogNorm(low, high) if quantity.log else Normalize(low, high)
+        colors = (_colormap(cmap or quantity.cmap)).with_extremes(bad=MISSING)
+        return cls(color, quantity, norm, colors, smooth)
+
+    def with_values(self, values: ArrayLike) -> Brush:
+        """The same scale for other values, one number a point."""
+        return replace(self, color=np.asarray(values))
+
+    def paint(self, state: Any) -> NDArray:
+        """Values of a state, clipped to the scale and masked where there are none."""
+        found = values(state, self.color, smooth=self.smooth)
+        # Zero has no place on a logarithmic scale and counts as its low end.
+        return np.ma.masked_invalid(np.clip(found, self.norm.vmin, self.norm.vmax))
+
+
+def _colormap(name: str) -> Colormap:
+    try:
+        return matplotlib.colormaps[name]
+    except KeyError:
+        raise ValueError(f"cmap = {name!r} must be the name of a matplotlib colour map") from None
+
+
+def _checked(limits: tuple[float, float], log: bool) -> tuple[float, float]:
+    low, high = (finite(f"limits[{i}]", end) for i, end in enumerate(limits))
+    if not low < high or (log and low <= 0):
+        wanted = "ascend and be > 0 on a logarithmic scale" if log else "ascend"
+        raise ValueError(f"limits = {(low, high)} must {wanted}")
+    return low, high
+
+
+def _limits(found: Array, log: bool) -> tuple[float, float]:
+    """Ends of a scale; the last half per cent of the points does not stretch it."""
+    found = found[np.isfinite(found)]
+    if log:
+        found = found[found > 0]
+        high = 10.0 ** math.ceil(math.log10(np.percentile(found, 99.5))) if len(found) else 1.0
+        return high * 10.0**-DECADES, high
+    if not len(found):
+        return 0.0, 1.0
+    low, high = np.percentile(found, (0.5, 99.5)).tolist()
+    # A pressure or a speed begins at zero.
+    low = 0.0 if 0.0 <= low < 0.5 * high else low
+    return low, high if high > low else low + 1.0

@@ -1,0 +1,268 @@
+"""Movies: one canvas, on which only the points and the walls are drawn anew for each frame."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from numpy.typing import NDArray
+from PIL import Image
+from tqdm.auto import tqdm
+
+from granular.checks import in_range, integer
+from granular.plot.canvas import Extent, View, color_bar, diameter, scenery, show_at
+from granular.plot.fields import Brush
+from granular.plot.frame import new_axes
+
+__all__ = ["check_movie", "movie"]
+
+SCANNED = 16
+"""Frames that the scale of the colours and the extent are fitted to."""
+MAX_FPS = {".gif": 50.0, ".mp4": 240.0}
+"""A GIF counts time in hundredths of a second, and viewers slow down what is below two."""
+
+
+def movie(
+    record: Any,
+    path: str | os.PathLike[str],
+    *,
+    color: str = "shear_rate",
+    fps: float = 25.0,
+    limits: tuple[float, float] | None = None,
+    log: bool | None = None,
+    cmap: str | None = None,
+    smooth: bool = False,
+    size: float | None = None,
+    extent: Extent | None = None,
+    view: tuple[int, int] | None = None,
+    slab: tuple[float, float] | None = None,
+    dpi: int = 100,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Path:
+    """Write an animated GIF, or an MP4 if ffmpeg is there, with every frame of a record.
+
+    Slice the record to leave out frames: `movie(record[::2], ...)`.
+
+    Parameters
+    ----------
+    record : Trajectory or sequence of State
+    path : path
+        Ends in .gif or .mp4. The file appears when it is complete.
+    color, limits, log, cmap, smooth, size, extent, view, slab
+        As in `frame`; color is a name. Scale and extent are the same for all frames and fitted to
+        16 of them by default.
+    fps : float
+        Frames a second, at most 50 in a GIF (whole hundredths of a second a frame).
+    dpi : int
+        Pixels an inch; the picture is 7 inches wide.
+    overwrite : bool
+        Whether an existing file may be replaced.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    FileExistsError
+        If the file exists and `overwrite` is not set.
+    ValueError
+        If the record is empty, the ending is another one, or .mp4 is asked for without ffmpeg.
+    RuntimeError
+        If ffmpeg fails.
+    """
+    path = check_movie(path, overwrite=overwrite)
+    fps = in_range("fps", fps, 0.0, MAX_FPS[path.suffix.lower()], open_low=True)
+    if len(record) == 0:
+        raise ValueError("record has 0 frames, a movie needs at least 1")
+    some = np.unique(np.linspace(0, len(record) - 1, SCANNED).astype(int))
+    sample = [record[int(i)] for i in some]
+    brush = Brush.fitted(sample, color, limits=limits, log=log, cmap=cmap, smooth=smooth)
+    seen = View(sample[0].dim, view, slab)
+    stage = _Stage(
+        sample[0],
+        brush,
+        seen,
+        extent=seen.extent(sample) if extent is None else extent,
+        size=size,
+        dpi=integer("dpi", dpi, 20, 600),
+    )
+    bar = tqdm(record, desc=path.name, unit="frame", disable=not progress)
+    with _replacing(path) as target:
+        if path.suffix.lower() == ".gif":
+            _write_gif(target, [stage.shot(s) for s in sample], (stage.shot(s) for s in bar), fps)
+        else:
+            _write_mp4(target, (stage.shot(s) for s in bar), fps)
+    return path
+
+
+def check_movie(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+    """Refuse a movie that cannot be written, before the work is done.
+
+    Raises
+    ------
+    FileExistsError, FileNotFoundError, ValueError
+        As `movie`; FileNotFoundError if there is no such folder.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending not in MAX_FPS:
+        raise ValueError(f"path = {str(path)!r} must end in .gif or .mp4")
+    if ending == ".mp4" and shutil.which("ffmpeg") is None:
+        raise ValueError(f"path = {str(path)!r} must end in .gif: .mp4 needs ffmpeg, not found")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent} is not a folder")
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists already; overwrite=True replaces it")
+    return path
+
+
+class _Stage:
+    """What stays the same in all frames is drawn once; points are stamped straight into pixels."""
+
+    def __init__(
+        self,
+        state: Any,
+        brush: Brush,
+        view: View,
+        *,
+        extent: Extent,
+        size: float | None,
+        dpi: int,
+    ) -> None:
+        self._brush, self._view = brush, view
+        self._ax = ax = new_axes(extent)
+        figure = ax.figure
+        figure.set_dpi(dpi)
+        self._canvas = FigureCanvasAgg(figure)
+        view.set_up(ax, extent, state.scene.grid.cell)
+        self._parts = scenery(ax, state.scene, view)
+        self._title = ax.set_title("t = 0 s")
+        color_bar(figure, ScalarMappable(brush.norm, brush.cmap), brush, ax=ax)
+        self._canvas.draw()  # the layout settles with everything in it
+        self._moving = [*(artist for artist, _, _ in self._parts), self._title]
+        for artist in self._moving:
+            artist.set_animated(True)
+        self._canvas.draw()
+        self._background = self._canvas.copy_from_bbox(figure.bbox)
+        self._stamp = self._disc(diameter(state) if size is None else size)
+
+    def _disc(self, size: float) -> NDArray[np.intp]:
+        """Pixels (row, column) of a point, counted from its upper left one, shape (k, 2)."""
+        left, right = self._ax.get_xlim()
+        pixels = size * self._ax.get_window_extent().width / (right - left)
+        self._across = max(1, math.ceil(pixels - 0.2))
+        side = np.arange(self._across)
+        grid = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
+        off = grid - (self._across - 1) / 2
+        # Small ones are squares: a disc of three pixels would be a cross.
+        return grid[(off**2).sum(axis=1) <= (self._across / 2 + 0.3) ** 2]
+
+    def _stamp_points(self, state: Any) -> None:
+        pixels = np.asarray(self._canvas.buffer_rgba())
+        height, width = pixels.shape[:2]
+        box = self._ax.get_window_extent()
+        place = self._ax.transData.transform(self._view.places(state))
+        # Matplotlib counts from the lower edge, pixels from the upper one.
+        place = np.stack([height - place[:, 1], place[:, 0]], axis=1) - self._across / 2
+        at = np.rint(place).astype(np.intp)[:, None, :] + self._stamp
+        row, column = at[..., 0], at[..., 1]
+        inside = (column > box.x0) & (column < box.x1 - 1)
+        inside &= (row > height - box.y1) & (row < height - box.y0 - 1)
+        # Points of `places` come from back to front, and of equal indices the last one counts.
+        values = self._brush.paint(state)[self._view.order(state)]
+        colors = self._brush.cmap(self._brush.norm(values), bytes=True)
+        flat = pixels.reshape(height * width, 4)
+        which = np.nonzero(inside)
+        flat[row[which] * width + column[which]] = colors[which[0]]
+
+    def shot(self, state: Any) -> NDArray[np.uint8]:
+        """A state as pixels, shape (height, width, 3), both even."""
+        self._canvas.restore_region(self._background)
+        self._stamp_points(state)
+        self._title.set_text(f"t = {state.time:.3f} s")
+        show_at(self._parts, state.time)
+        for artist in self._moving:
+            self._ax.draw_artist(artist)
+        pixels = np.asarray(self._canvas.buffer_rgba())
+        height, width = (n - n % 2 for n in pixels.shape[:2])
+        return np.ascontiguousarray(pixels[:height, :width, :3])
+
+
+def _write_gif(
+    target: Path,
+    sample: Sequence[NDArray[np.uint8]],
+    shots: Iterator[NDArray[np.uint8]],
+    fps: float,
+) -> None:
+    # One palette for all frames, without dithering: what rests stays the same and costs nothing.
+    palette = Image.fromarray(np.concatenate(sample[:: max(1, len(sample) // 4)])).quantize(255)
+    frames = (
+        Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots
+    )
+    next(frames).save(
+        target,
+        format="GIF",
+        save_all=True,
+        append_images=frames,
+        duration=10 * round(100 / fps),
+        loop=0,
+    )
+
+
+def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> None:
+    first = next(shots)
+    height, width = first.shape[:2]
+    command = [
+        *("ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
+        *("-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-an"),
+        *("-pix_fmt", "yuv420p", "-f", "mp4", str(target)),
+    ]
+    with tempfile.TemporaryFile() as messages:
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, bufsize=0)
+        try:
+            # A ffmpeg that gives up closes its end; what it said follows below.
+            with suppress(BrokenPipeError), process.stdin as pipe:
+                pipe.write(first.tobytes())
+                for shot in shots:
+                    pipe.write(shot.tobytes())
+        except BaseException:
+            process.kill()
+            process.wait()
+            raise
+        if process.wait() != 0:
+            messages.seek(0)
+            said = messages.read().decode(errors="replace").strip().splitlines()
+            raise RuntimeError(f"ffmpeg failed: {said[-1] if said else 'without a word'}")
+
+
+@contextmanager
+def _replacing(path: Path) -> Iterator[Path]:
+    """A name to write to that becomes `path` if all went well, and else is gone."""
+    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
+    os.close(handle)
+    target = Path(name)
+    try:
+        yield target
+        # mkstemp makes private files; a movie gets the rights of any new file.
+        mask = os.umask(0)
+        os.umask(mask)
+        target.chmod(0o666 & ~mask)
+        target.replace(path)
+    except BaseException:
+        target.unlink(missing_ok=True)
+        raise

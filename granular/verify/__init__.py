@@ -1,0 +1,37 @@
+"""The verification table: what the package must show, measured.
+
+Each check is a small function that makes rows (quantity, measured, expected, passed); it is
+registered by `check`, printed by `main` (``granular verify``) and asserted by the tests.
+"""
+
+# The modules register their checks on import; this is the order of the table.
+from granular.verify import (  # isort: skip
+    constitutive,
+    incline,
+    silo,
+    collapse,
+    slug,
+    hourglass,
+    invariants,
+)
+from granular.verify.constitutive import constitutive_path
+from granular.verify.rows import Check, Row, check, checks
+from granular.verify.table import failures, main, rows_of
+
+__all__ = [
+    "Check",
+    "Row",
+    "check",
+    "checks",
+    "collapse",
+    "constitutive",
+    "constitutive_path",
+    "failures",
+    "hourglass",
+    "incline",
+    "invariants",
+    "main",
+    "rows_of",
+    "silo",
+    "slug",
+]

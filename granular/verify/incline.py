@@ -1,0 +1,125 @@
+"""The layer on a rough incline (Dunatunga & Kamrin 2015, section 4.4), one periodic column."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from granular import materials, scenes, schemes
+from granular.simulation import Simulation
+from granular.state import State
+from granular.theory import bagnold_profile, transient
+from granular.verify.rows import Row, at_least, at_most, check, holds, within
+
+HEIGHT = 0.2
+"""Height of the layer [m]."""
+
+ANGLES = tuple(range(19, 35))
+"""Inclinations [deg]."""
+
+ADAPTIVE = schemes.published.replace(dt=None)
+"""The published scheme with the time step at half its limit, close to the paper's 3e-6 s."""
+
+MOVING = 1e-3
+"""Mean velocity [m/s] below which a layer is at rest: elastic waves leave less."""
+
+
+def states(angle_deg: float, E: float, times: Sequence[float]) -> Iterator[State]:
+    """States of one column at the given times, published scheme, paper's resolution."""
+    material = materials.glass_beads.replace(E=E)
+    scene = scenes.incline(
+        angle_deg=angle_deg, height=HEIGHT, material=material, scheme=ADAPTIVE, duration=times[-1]
+    )
+    sim = Simulation(scene, threads=1)
+    for time in times:
+        sim.run(until=time)
+        yield sim.state
+
+
+def mean_speed(state: State) -> float:
+    """Depth average of the velocity down the slope [m/s]."""
+    return float(np.average(state.v[:, 0], weights=state.mass))
+
+
+def profile_error(state: State) -> float:
+    """L2 error of v(y) at the points against the steady profile (eq. 4.6), relative."""
+    exact = bagnold_profile(
+        state.x[:, 1], state.scene.parameters["angle_deg"], HEIGHT, state.scene.material
+    )
+    miss = state.v[:, 0] - exact
+    return float(np.sqrt(np.sum(state.mass * miss**2) / np.sum(state.mass * exact**2)))
+
+
+def transient_errors(angle_deg: float, E: float, times: Sequence[float]) -> np.ndarray:
+    """Mean velocities and their errors against the one-dimensional PDE, shape (nt, 2).
+
+    The error is relative, except for a layer at rest: there it is the mean velocity itself.
+    """
+    runs = list(states(angle_deg, E, times))
+    means = np.array([mean_speed(state) for state in runs])
+    # The PDE at the very times of the states: a frame is the first step at or past its time.
+    exact = transient(angle_deg, HEIGHT, materials.glass_beads, [state.time for state in runs]).mean
+    scale = np.where(exact > MOVING, exact, 1.0)
+    return np.stack([means, (means - exact) / scale], axis=1)
+
+
+@check()
+def incline_quick() -> Iterator[Row]:
+    """One column at 25 deg up to .5 s, E = 1e7 and 1e8 (the paper's is 1e9).
+
+    The gravity ramp sets off elastic waves, and the layer slips while they lower its pressure: an
+    offset of vbar that stays. It falls with the duration of the waves, about as 1/sqrt(E) or
+    faster, which is asserted; bounds are twice what was measured when this was written.
+    """
+    soft, stiff = (transient_errors(25.0, E, (0.2, 0.5))[:, 1] for E in (1e7, 1e8))
+    yield at_most("error of vbar at .2 s, E = 1e8", abs(stiff[0]), 8e-3)
+    yield at_most("error of vbar at .5 s, E = 1e8", abs(stiff[1]), 3.6e-3)
+    gain = float(np.min(np.abs(soft / stiff)))
+    yield at_least("gain of E = 1e8 over E = 1e7", gain, math.sqrt(10))
+
+
+@check(slow=True)
+def incline_steady() -> Iterator[Row]:
+    """One column at 25 deg, E = 1e9: the transient up to 11.5 s and the steady profile at 45 s."""
+    times = (0.5, 6.0, 11.5, 45.0)
+    runs = list(states(25.0, 1e9, times))
+    exact = transient(25.0, HEIGHT, materials.glass_beads, [s.time for s in runs]).mean
+    for time, state, theory in zip(times[:3], runs, exact, strict=False):
+        mean = mean_speed(state)
+        name = f"error of vbar = {mean:.5f} m/s at {time:g} s"
+        yield at_most(name, abs(mean / theory - 1), 1e-3)
+    yield at_most("L2 error of v(y) at 45 s", profile_error(runs[-1]), 5e-4)
+
+
+@check()
+def incline_thresholds_quick() -> Iterator[Row]:
+    """Rest at 20 deg, flow at 21 deg; one column, E = 1e7, 1 s."""
+    slow, fast = (abs(transient_errors(angle, 1e7, (1.0,))[0, 0]) for angle in (20.0, 21.0))
+    yield at_most("|vbar| at 20 deg [m/s]", slow, MOVING)
+    yield holds("flow at 21 deg", fast > MOVING)
+
+
+def modulus(angle_deg: int) -> float:
+    """Young's modulus [Pa] that brings the offset of the gravity ramp (see `incline_quick`) below
+    1 % at .5 s. Near the threshold little is left of tan(angle) - mu_s for it to be small against.
+    """
+    return {21: 3e10, 22: 1e9}.get(angle_deg, 1e8)
+
+
+@check(slow=True)
+def incline_angles() -> Iterator[Row]:
+    """19 to 34 deg in steps of 1 deg, one column: vbar against the PDE from .5 to 20 s."""
+    times = tuple(np.arange(0.5, 20.1, 0.5))
+    moving = []
+    for angle in ANGLES:
+        E = modulus(angle)
+        runs = transient_errors(float(angle), E, times)
+        largest = float(np.abs(runs[:, 1]).max())
+        if abs(runs[-1, 0]) > MOVING:
+            moving.append(angle)
+            yield at_most(f"largest error of vbar, {angle} deg, E = {E:.0e}", largest, 0.01)
+        else:
+            yield at_most(f"largest |vbar| [m/s], {angle} deg, E = {E:.0e}", largest, MOVING)
+    yield within("flow starts between 20 and this angle [deg]", min(moving), 21, 0)

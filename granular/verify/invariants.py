@@ -1,0 +1,118 @@
+"""What must hold to the last bit or to round-off: threads, restarts, mass, momentum."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import materials, schemes
+from granular.geometry import Box, Fill, Grid
+from granular.scene import Scene
+from granular.scenes import silo
+from granular.schemes import Scheme
+from granular.simulation import Simulation
+from granular.state import State
+from granular.verify.collapse import mass_is_exact
+from granular.verify.rows import Row, at_most, check, holds
+from granular.walls import Gravity
+
+SOFT = materials.glass_beads.replace(E=1e6)
+
+SCHEMES = {"published": schemes.published.replace(dt=None), "default": schemes.default}
+
+STEPS = 240
+"""Steps of the runs that are compared bit by bit; a restart is made at each quarter."""
+
+
+def same_bits(a: State, b: State) -> bool:
+    """Whether two states agree in time and in all fields, bit by bit."""
+    return (
+        a.time == b.time
+        and a.step == b.step
+        and a.fields.keys() == b.fields.keys()
+        and all(a.fields[name].tobytes() == b.fields[name].tobytes() for name in a.fields)
+    )
+
+
+def _silo(scheme: Scheme) -> Scene:
+    """A small silo that points leave: its orifice opens early in the run."""
+    return silo(
+        orifice=0.08,
+        width=0.32,
+        height=0.2,
+        cell=0.02,
+        opens_at=0.01,
+        ramp=0.005,
+        material=SOFT,
+        scheme=scheme,
+    )
+
+
+@check()
+def threads_and_restart() -> Iterator[Row]:
+    """A small silo that points leave: 1, 2, 3 threads and restarts at three places."""
+    for name, scheme in SCHEMES.items():
+        scene = _silo(scheme)
+        whole = Simulation(scene, threads=1)
+        stops = []
+        for _ in range(3):
+            whole.step(STEPS // 4)
+            stops.append(whole.checkpoint())
+        whole.step(STEPS // 4)
+        end = whole.state
+        for threads in (2, 3):
+            sim = Simulation(scene, threads=threads)
+            sim.step(STEPS)
+            yield holds(f"same bits with {threads} threads, {name}", same_bits(sim.state, end))
+        resumed = []
+        for stop in stops:
+            sim = Simulation.from_checkpoint(scene, stop, threads=1)
+            sim.step(STEPS - sim.steps)
+            resumed.append(same_bits(sim.state, end))
+        yield holds(f"same bits after 3 restarts, {name}", all(resumed))
+        yield holds(f"points left meanwhile, {name}", end.n < Simulation(scene).n_points)
+
+
+def closed_system(scheme: Scheme) -> Scene:
+    """Material that fills a periodic box without gravity or walls, thrown about by its seeding."""
+    cell, shape = 0.02, (8, 8)
+    side = cell * shape[0]
+    return Scene(
+        name="closed",
+        grid=Grid((0.0, 0.0), cell, shape, periodic=(True, True)),
+        fills=(
+            Fill(Box((0.0, 0.0), (side / 2, side)), 4, jitter=0.5, velocity=(0.3, -0.2)),
+            Fill(Box((side / 2, 0.0), (side, side)), 4, jitter=0.5, velocity=(-0.5, 0.1)),
+        ),
+        material=SOFT,
+        scheme=scheme,
+        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        walls=(),
+        duration=10.0,
+    )
+
+
+def momentum(state: State) -> NDArray[np.float64]:
+    """Momentum of the points [kg m/s], without what the shift has lent them until the next step."""
+    lent = state.fields.get("shift_velocity", 0.0)
+    return state.mass @ (state.v - lent)
+
+
+def momentum_drift(scheme: Scheme, steps: int = 10_000) -> tuple[float, State]:
+    """Change of the total momentum of the closed system over the sum of |m v| at the start."""
+    sim = Simulation(closed_system(scheme), threads=1)
+    start = sim.state
+    sim.step(steps)
+    change = momentum(sim.state) - momentum(start)
+    return float(np.abs(change).max() / (start.mass @ np.abs(start.v)).max()), sim.state
+
+
+@check()
+def conservation() -> Iterator[Row]:
+    """Mass and momentum of a closed system, two halves thrown at each other, over 10^4 steps."""
+    for name, scheme in SCHEMES.items():
+        drift, state = momentum_drift(scheme)
+        yield holds(f"mass is exact, {name}", mass_is_exact(state))
+        yield at_most(f"drift of momentum, {name}", drift, 1e-12)

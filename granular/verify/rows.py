@@ -1,0 +1,80 @@
+"""Rows of the verification table, and the register of the checks that make them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table.
+
+    Attributes
+    ----------
+    quantity : str
+        What was measured.
+    measured, expected : str
+        The number and its bound, as printed.
+    passed : bool or None
+        None for a number that is only reported, beside what others have found.
+    """
+
+    quantity: str
+    measured: str
+    expected: str
+    passed: bool | None
+
+
+@dataclass(frozen=True)
+class Check:
+    """A registered check: a function without arguments that makes rows, and whether it is slow."""
+
+    name: str
+    slow: bool
+    run: Callable[[], Iterable[Row]]
+
+    @property
+    def doc(self) -> str:
+        """First line of what the function says of itself."""
+        return (self.run.__doc__ or "").partition("\n")[0]
+
+
+checks: dict[str, Check] = {}
+"""The checks by name, in the order of the table."""
+
+
+def check(*, slow: bool = False) -> Callable[[Callable], Callable]:
+    """Register a function under its name."""
+
+    def register(function: Callable[[], Iterable[Row]]) -> Callable[[], Iterable[Row]]:
+        checks[function.__name__] = Check(function.__name__, slow, function)
+        return function
+
+    return register
+
+
+def at_most(quantity: str, value: float, bound: float) -> Row:
+    """A row that passes where value <= bound (never where it is nan)."""
+    return Row(quantity, f"{value:.4g}", f"<= {bound:.4g}", bool(value <= bound))
+
+
+def at_least(quantity: str, value: float, bound: float) -> Row:
+    """A row that passes where value >= bound (never where it is nan)."""
+    return Row(quantity, f"{value:.4g}", f">= {bound:.4g}", bool(value >= bound))
+
+
+def within(quantity: str, value: float, centre: float, margin: float) -> Row:
+    """A row that passes where value is no further than `margin` from `centre`."""
+    passed = bool(abs(value - centre) <= margin)
+    return Row(quantity, f"{value:.5g}", f"{centre:.5g} +- {margin:.3g}", passed)
+
+
+def holds(quantity: str, truth: bool, expected: str = "yes") -> Row:
+    """A row for what is true or not."""
+    return Row(quantity, "yes" if truth else "no", expected, bool(truth))
+
+
+def beside(quantity: str, value: str, other: str) -> Row:
+    """A row that reports a number beside another, without a bound."""
+    return Row(quantity, value, other, None)

@@ -1,0 +1,117 @@
+"""Fixtures that the rooms of the tests share: small scenes in every scheme that can be built."""
+
+import pytest
+
+import granular as gr
+from granular.geometry import Box, Difference, Fill, Grid
+from granular.materials import MuI
+from granular.walls import Absorber, Gravity, Solid, Wall
+
+COMBINATIONS = [
+    (basis, transfer, "tracked")
+    for basis in ("linear", "ugimp", "quadratic")
+    for transfer in ("flip", "apic", "tpic", "xpic")
+] + [("quadratic", "tpic", "diffused")]
+
+CELL = 0.1
+
+
+@pytest.fixture(params=COMBINATIONS, ids="-".join)
+def combination(request):
+    """(basis, transfer, density): everything a scheme can be made of."""
+    return request.param
+
+
+@pytest.fixture(params=[2, 3])
+def dim(request):
+    """Dimension."""
+    return request.param
+
+
+def _box(dim, lower, upper):
+    return Box(tuple(CELL * a for a in lower[-dim:]), tuple(CELL * a for a in upper[-dim:]))
+
+
+def _walls(dim):
+    """Rough floor, Coulomb and frictionless sides, an inner wall, an absorber and a solid step."""
+    last, up = dim - 1, 5 * CELL
+    beside = ((0.0, 3 * CELL),) * (dim - 2)
+    walls = [
+        Wall(last, 0.0, kind="rough"),
+        Wall(last, up, kind="frictionless"),
+        Wall(0, 0.0, kind="frictionless"),
+        Wall(0, 6 * CELL, kind="coulomb", friction=0.4),
+        Wall(0, 3 * CELL, kind="frictionless", span=(*beside, (0.0, 2 * CELL))),
+        Solid((5 * CELL,) + (0.0,) * last, (6 * CELL,) + (3 * CELL,) * (dim - 2) + (CELL,)),
+    ]
+    if dim == 3:
+        walls += [Wall(1, 0.0, kind="rough"), Wall(1, 3 * CELL, kind="coulomb", friction=0.2)]
+    region = Difference(
+        _box(dim, (0, 0, 0), (6, 3, 4) if dim == 3 else (6, 6, 4)),
+        _box(dim, (5, 0, 0) if dim == 3 else (0, 5, 0), (6, 3, 1) if dim == 3 else (0, 6, 1)),
+    )
+    grid = Grid((0.0,) * dim, CELL, (6, 3, 5) if dim == 3 else (6, 5))
+    return {"grid": grid, "region": region, "walls": walls, "absorbers": (Absorber(last, 0.35),)}
+
+
+def _periodic(dim):
+    """A layer on a rough floor that goes on for ever along the other axes."""
+    last = dim - 1
+    shape = (*(4, 3, 5)[:last], 5)
+    return {
+        "grid": Grid(
+            tuple(0.3 for _ in range(dim)), CELL, shape, periodic=(True,) * last + (False,)
+        ),
+        "region": Box((0.3,) * dim, (*(0.3 + CELL * n for n in shape[:last]), 0.3 + 4 * CELL)),
+        "walls": [Wall(last, 0.3, kind="rough")],
+        "absorbers": (),
+    }
+
+
+def _outlet(dim):
+    """A box with a hole in its floor, open from 0.05 s on."""
+    last = dim - 1
+    shape = (*(6, 3, 6)[:last], 6)
+    hole = ((0.0, 2 * CELL),) + ((0.0, 3 * CELL),) * (dim - 2)
+    rest = ((2 * CELL, 6 * CELL),) + ((0.0, 3 * CELL),) * (dim - 2)
+    walls = [
+        Wall(last, 0.0, kind="rough", span=hole, opens_at=0.05),
+        Wall(last, 0.0, kind="rough", span=rest),
+    ]
+    for axis in range(last):
+        walls += [Wall(axis, 0.0, kind="frictionless")]
+        walls += [Wall(axis, CELL * shape[axis], kind="frictionless")]
+    return {
+        "grid": Grid((0.0,) * dim, CELL, shape, open_sides=frozenset({"xyz"[last] + "-"})),
+        "region": _box(dim, (0, 0, 0), tuple(shape) if dim == 3 else (0, *shape)),
+        "walls": walls,
+        "absorbers": (),
+    }
+
+
+KINDS = {"walls": _walls, "periodic": _periodic, "outlet": _outlet}
+
+
+def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, **scheme):
+    """A scene of a few dozen cells: kind "walls", "periodic" or "outlet"."""
+    basis, transfer, density = combination
+    parts = KINDS[kind](dim)
+    side = (1.5, 0.7)[: dim - 1]
+    return gr.Scene(
+        name=kind,
+        grid=parts["grid"],
+        fills=(Fill(parts["region"], points_per_axis**dim, jitter=jitter),),
+        material=MuI(E=E),
+        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **scheme),
+        walls=tuple(parts["walls"]),
+        absorbers=parts["absorbers"],
+        gravity=Gravity((0.0, 0.1), ((*side, -4.0), (0.0,) * (dim - 1) + (-9.8,))),
+        duration=1.0,
+        seed=7,
+    )
+
+
+@pytest.fixture
+def small_scene():
+    """`make_scene`."""
+    return make_scene

@@ -1,0 +1,125 @@
+"""What the command line refuses: one line, exit code 2, nothing written; failures and Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import granular as gr
+from granular import cli
+
+QUICK = ["--cell", "0.05", "--E", "1e5", "--until", "0.02", "--quiet"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        ([], "COMMAND"),
+        (["fly"], "fly"),
+        (["run"], "SCENE"),
+        (["run", "heap", "-o", "a.h5"], "heap"),
+        (["run", "silo"], "--output"),
+        (["run", "silo", "--orifise", "1", "-o", "a.h5"], "--orifise"),
+        (["run", "silo", "--orifice", "wide", "-o", "a.h5"], "wide"),
+        (["run", "silo", "--orifice", "nan", "-o", "a.h5"], "nan"),
+        (["run", "silo", "--orifice", "3", "-o", "a.h5"], "orifice = 3"),
+        (["run", "silo", "--points_per_cell", "2.5", "-o", "a.h5"], "2.5"),
+        (["run", "silo", "--edge", "sharp", "-o", "a.h5"], "sharp"),
+        (["run", "slug", "--center", "1", "-o", "a.h5"], "center"),
+        (["run", "silo", "--E", "-1", "-o", "a.h5"], "E = -1"),
+        (["run", "silo", "--until", "-1", "-o", "a.h5"], "until = -1"),
+        (["run", "silo", "--every", "0", "-o", "a.h5"], "every = 0"),
+        (["run", "silo", "--threads", "0", "-o", "a.h5"], "threads = 0"),
+        (["run", "silo", "--scheme", "best", "-o", "a.h5"], "best"),
+        (["run", "silo", "-o", "missing/a.h5"], "missing"),
+        (["run", "silo", "-o", "a.h5", "--gif", "a.avi"], "a.avi"),
+        (["run", "silo", "-o", "a.h5", "--picture", "a.txt"], "a.txt"),
+        (["run", "silo", "-o", "a.h5", "--picture", "a.png", "--color", "hue"], "hue"),
+        (["resume", "missing.h5"], "missing.h5"),
+        (["info", "missing.h5"], "missing.h5"),
+        (["plot", "missing.h5", "-o", "a.png"], "missing.h5"),
+        (["plot", "missing.h5"], "-o PNG"),
+    ],
+)
+def test_refused_in_one_line(arguments, named, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(arguments) == 2
+    said = capsys.readouterr().err
+    assert named in said
+    assert said.count("\n") == 1
+    assert "Traceback" not in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("kind", ["record", "picture", "gif"])
+def test_existing_files_are_kept_unless_overwritten(kind, tmp_path, capsys):
+    names = {"record": "a.h5", "picture": "a.png", "gif": "a.gif"}
+    path = tmp_path / names[kind]
+    path.write_text("precious")
+    arguments = ["run", "column_collapse", *QUICK, "-o", str(tmp_path / "a.h5")]
+    if kind != "record":
+        arguments += [f"--{kind}", str(path)]
+    assert cli.main(arguments) == 2
+    assert "exists already; --overwrite" in capsys.readouterr().err
+    assert path.read_text() == "precious"
+    assert cli.main([*arguments, "--overwrite"]) == 0
+    assert path.read_bytes() != b"precious"
+
+
+def test_a_foreign_file_is_refused(tmp_path, capsys):
+    path = tmp_path / "text.h5"
+    path.write_text("no record")
+    for command in (["info"], ["resume"], ["plot", "-o", str(tmp_path / "a.png")]):
+        assert cli.main([command[0], str(path), *command[1:]]) == 2
+        assert "text.h5" in capsys.readouterr().err
+
+
+def test_a_frame_that_is_not_there(tmp_path, capsys):
+    path = tmp_path / "a.h5"
+    assert cli.main(["run", "column_collapse", *QUICK, "-o", str(path)]) == 0
+    assert cli.main(["plot", str(path), "--frame", "99", "-o", str(tmp_path / "a.png")]) == 2
+    assert "frame 99" in capsys.readouterr().err
+    assert not (tmp_path / "a.png").exists()
+
+
+@pytest.mark.parametrize("error", [gr.SimulationError("point 3 ran away"), OSError(28, "full")])
+def test_a_failing_run_exits_with_one(error, tmp_path, monkeypatch, capsys):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr(gr.Simulation, "run", fail)
+    assert cli.main(["run", "column_collapse", *QUICK, "-o", str(tmp_path / "a.h5")]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("granular: error: ")
+    assert said.count("\n") == 1
+
+
+def test_ctrl_c_leaves_a_record_that_goes_on(tmp_path):
+    path = tmp_path / "a.h5"
+    long = ["run", "column_collapse", "--cell", "0.02", "--scheme", "published", "--every", "0.01"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "granular", *long, "--quiet", "--threads", "1", "-o", str(path)],
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+    )
+    parts = tmp_path / "a.h5.parts"
+    deadline = time.monotonic() + 20
+    while len(list(parts.glob("*"))) < 4 and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    said = process.communicate(timeout=20)[1]
+    assert process.returncode == 130
+    assert "resume" in said
+    assert said.count("\n") == 1
+    with gr.open(path) as states:
+        assert len(states) >= 2
+        stopped = states.checkpoint().time
+        spacing = states.times[1]
+    until = stopped + spacing
+    assert cli.main(["resume", str(path), "--until", str(until), "--quiet"]) == 0
+    with gr.open(path) as states:
+        assert states.times[-1] >= until

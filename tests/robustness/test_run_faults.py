@@ -1,0 +1,180 @@
+"""What goes wrong during a run stops it, says where, and loses nothing."""
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.engine import dt_limit
+
+ROOT = Path(__file__).parents[2]
+PLAIN = ("linear", "flip", "tracked")
+
+
+def shown(state):
+    """What a user sees of a state, as bytes."""
+    return state.time, state.step, state.dt, {k: a.tobytes() for k, a in state.fields.items()}
+
+
+def spoil(sim, name, value, point=None):
+    """Write a value to one place of a living point; returns its id."""
+    ids = sim.buffers["id"]
+    place = np.flatnonzero(ids >= 0)[5] if point is None else np.flatnonzero(ids == point)[0]
+    sim.buffers[name][0, place] = value
+    sim._engine.restore(sim._engine.scalars())  # so that the next step scatters what is there now
+    return ids[place]
+
+
+class Saboteur:
+    """A hook that spoils a field at a given frame."""
+
+    def __init__(self, frame, name, value):
+        self.frame, self.name, self.value = frame, name, value
+        self.calls, self.point, self.step = 0, None, None
+
+    def __call__(self, sim):
+        self.calls += 1
+        if self.calls == self.frame:
+            self.step, self.point = sim.steps, spoil(sim, self.name, self.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("x", np.nan),
+        ("v", np.nan),
+        ("v", np.inf),
+        ("stress", np.nan),
+        ("stress", np.inf),
+        ("log_density", np.nan),
+        ("mass", np.nan),
+        ("v", 1e9),
+    ],
+)
+@pytest.mark.parametrize(
+    "combination", [PLAIN, ("ugimp", "apic", "tracked"), ("quadratic", "tpic", "diffused")]
+)
+def test_a_spoilt_point_stops_the_run(small_scene, combination, tmp_path, name, value):
+    scene, path = small_scene("walls", 2, combination, E=1e5), tmp_path / "run.h5"
+    hook = Saboteur(3, name, value)
+    sim = gr.Simulation(scene, threads=1)
+    with pytest.raises(gr.SimulationError) as caught:
+        sim.run(until=0.5, save=path, every=0.02, hooks=(hook,))
+    error = caught.value
+    assert hook.step <= error.step <= hook.step + 10
+    assert 0 <= error.point < scene.n_points
+    assert str(error.point) in str(error)
+    assert str(error.step) in str(error)
+    assert any(str(path) in note for note in error.__notes__)
+    with gr.open(path) as record:
+        assert len(record) == 3
+        point = record.checkpoint()
+        assert point.step == hook.step == record[-1].step
+        assert all(np.isfinite(a).all() for a in point.arrays.values())
+        assert all(np.isfinite(a).all() for s in record for a in s.fields.values())
+    healthy = gr.Simulation.resume(path, threads=1)
+    healthy.run(until=0.06)
+    other = gr.Simulation(scene, threads=1)
+    other.step(healthy.steps)
+    assert shown(other.state) == shown(healthy.state)
+
+
+def test_a_failed_simulation_says_so_again(small_scene):
+    sim = gr.Simulation(small_scene("walls", 2, PLAIN), threads=1)
+    sim.step(3)
+    spoil(sim, "v", np.nan)
+    for _ in range(2):
+        with pytest.raises(gr.SimulationError):
+            sim.step(20)
+
+
+@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
+def test_a_time_step_beyond_the_limit_is_refused(small_scene, basis):
+    scene = small_scene("walls", 2, (basis, "flip", "tracked"))
+    limit = dt_limit(scene)
+    fast = scene.replace(scheme=scene.scheme.replace(dt=1.001 * limit))
+    with pytest.raises(ValueError, match=r"dt = .* must be <= "):
+        gr.Simulation(fast)
+    gr.Simulation(scene.replace(scheme=scene.scheme.replace(dt=0.999 * limit)), threads=1)
+
+
+def test_a_hook_that_raises_ends_the_run_and_keeps_the_record(small_scene, tmp_path):
+    scene, path = small_scene("walls", 2, PLAIN), tmp_path / "run.h5"
+
+    def angry(sim):
+        if sim.time > 0.05:
+            raise LookupError("enough")
+
+    sim = gr.Simulation(scene, threads=1)
+    with pytest.raises(LookupError, match="enough"):
+        sim.run(until=0.5, save=path, every=0.02, hooks=(angry,))
+    with gr.open(path) as record:
+        assert record.times[-1] >= 0.05 > record.times[-2]
+        assert record.checkpoint().step == record[-1].step == sim.steps
+    resumed = gr.Simulation.resume(path, threads=1)
+    resumed.run(until=0.1, every=0.02)
+    sim.run(until=0.1, save=tmp_path / "other.h5", every=0.02)
+    assert shown(sim.state) == shown(resumed.state)
+
+
+CHILD = textwrap.dedent(
+    """
+    import sys, time
+    sys.path.insert(0, {tests!r})
+    from conftest import make_scene
+    import granular as gr
+
+    scene = make_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
+    sim = gr.Simulation(scene, threads=1)
+    def ready(sim):
+        if sim.steps:
+            print("ready", flush=True)
+    try:
+        sim.run(until=1e3, save={path!r}, every=0.02, hooks=(ready,))
+    except KeyboardInterrupt:
+        sim.state.x
+        print("stopped", time.time(), sim.steps, flush=True)
+        sys.exit(130)
+    """
+)
+
+
+def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_path):
+    path = tmp_path / "run.h5"
+    code = CHILD.format(tests=str(ROOT / "tests"), path=str(path))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    child = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment
+    )
+    try:
+        for _ in range(3):
+            assert child.stdout.readline().strip() == "ready"
+        sent = time.time()
+        child.send_signal(signal.SIGINT)
+        rest = child.communicate(timeout=20)[0].splitlines()
+    finally:
+        child.kill()
+    assert child.returncode == 130
+    word, at, steps = rest[-1].split()
+    assert word == "stopped"
+    assert float(at) - sent < 0.2
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
+    resumed = gr.Simulation.resume(path, threads=1)
+    assert resumed.steps == int(steps)
+    resumed.step(50)
+    whole = gr.Simulation(scene, threads=1)
+    whole.step(int(steps) + 50)
+    assert shown(whole.state) == shown(resumed.state)
+
+
+def test_the_handler_of_the_user_comes_back(small_scene):
+    before = signal.getsignal(signal.SIGINT)
+    gr.Simulation(small_scene("walls", 2, PLAIN), threads=1).run(until=0.01)
+    assert signal.getsignal(signal.SIGINT) is before

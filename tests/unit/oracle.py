@@ -1,0 +1,434 @@
+"""The step once more, slow and plain: NumPy written from the equations, for comparison.
+
+Every function here works on whole arrays over all nodes; nothing is shared with the C core but the
+table of walls. Equation numbers are those of Dunatunga & Kamrin 2015.
+"""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+
+from granular.nodes import creases, node_codes
+
+STRESS_PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)),
+                 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}  # fmt: skip
+
+
+# ---- shape functions along one axis ----
+
+
+def _hats(x, lines):
+    """Hats of the unit grid at x, and their antiderivatives, shape (n, len(lines))."""
+    r = x[:, None] - lines
+    inner = np.clip(r, -1.0, 1.0)
+    area = np.where(inner < 0, (1 + inner) ** 2 / 2, 1 - (1 - inner) ** 2 / 2)
+    return np.maximum(0.0, 1 - abs(r)), area
+
+
+def _linear(x, lines):
+    side = np.where(x[:, None] < lines, 1.0, -1.0)
+    near = (abs(x[:, None] - lines) < 1) | (x[:, None] == lines - 1)
+    return _hats(x, lines)[0], np.where(near, side, 0.0)
+
+
+def _ugimp(x, lines, half, ends):
+    """Hats averaged over [x - half, x + half], cut off at the nearest of `ends` (walls)."""
+    ends = np.array(sorted({-np.inf, np.inf, *ends}))
+    place = np.searchsorted(ends, x, side="right") - 1
+    low, high = np.maximum(x - half, ends[place]), np.minimum(x + half, ends[place + 1])
+    (at_low, area_low), (at_high, area_high) = _hats(low, lines), _hats(high, lines)
+    width = (high - low)[:, None]
+    return (area_high - area_low) / width, (at_high - at_low) / width
+
+
+def _splines(x, knots, degree=2):
+    """B-splines by the recursion of Cox and de Boor, and their derivatives."""
+    values = ((x[:, None] >= knots[:-1]) & (x[:, None] < knots[1:])).astype(float)
+    for k in range(1, degree + 1):
+        before = values
+        count = len(knots) - 1 - k
+        values = np.zeros((len(x), count))
+        slopes = np.zeros((len(x), count))
+        for i in range(count):
+            if knots[i + k] > knots[i]:
+                width = knots[i + k] - knots[i]
+                values[:, i] += (x - knots[i]) / width * before[:, i]
+                slopes[:, i] += k / width * before[:, i]
+            if knots[i + k + 1] > knots[i + 1]:
+                width = knots[i + k + 1] - knots[i + 1]
+                values[:, i] += (knots[i + k + 1] - x) / width * before[:, i + 1]
+                slopes[:, i] -= k / width * before[:, i + 1]
+    return values, slopes
+
+
+def axis_functions(basis, n, periodic, lines, half, x):
+    """Values and slopes (per cell) at x (cells), node positions (cells), and the true node of each.
+
+    Nodes of periodic axes appear several times, once for each image.
+    """
+    if basis == "quadratic":
+        if periodic:
+            knots = np.arange(-4, n + 5, dtype=float)
+        else:
+            knots = np.sort(np.concatenate([[0, 0], np.arange(n + 1), [n, n], lines])).astype(float)
+        w, g = _splines(x, knots)
+        at = (knots[1:-2] + knots[2:-1]) / 2
+        real = np.round(at - 0.5).astype(int) % n if periodic else np.arange(len(at))
+        return w, g, at, real
+    at = np.arange(-2, n + 3) if periodic else np.arange(n + 1)
+    real = at % n if periodic else at
+    if basis == "linear":
+        w, g = _linear(x, at)
+    else:
+        w, g = _ugimp(x, at, half, [*lines] + ([] if periodic else [0, n]))
+    return w, g, at.astype(float), real
+
+
+def axis_nodes(scene, d):
+    """Positions of the true nodes along axis d, in cells from the lower end."""
+    grid, basis = scene.grid, scene.scheme.basis
+    lines, middle = creases(grid, scene.walls, d), np.array([0.5])
+    *_, at, real = axis_functions(basis, grid.shape[d], grid.periodic[d], lines, 0.25, middle)
+    inside = (at >= 0) & (at < grid.shape[d] if grid.periodic[d] else True)
+    positions = np.empty(inside.sum())
+    positions[real[inside]] = at[inside]
+    return positions
+
+
+class Shapes:
+    """Shape functions of all nodes at all points.
+
+    `w` (points, images), `g` (points, images, dim) [1/m], `r` (points, images, dim) [m] from the
+    point to the node, `node` (images,) the number of the node, x fastest.
+    """
+
+    def __init__(self, scene, x):
+        grid, scheme = scene.grid, scene.scheme
+        half = 0.5 / round(scene.fills[0].points_per_cell ** (1 / grid.dim))
+        parts = []
+        for d in range(grid.dim):
+            lines = creases(grid, scene.walls, d)
+            at = (x[:, d] - grid.lower[d]) / grid.cell
+            w, g, position, node = axis_functions(
+                scheme.basis, grid.shape[d], grid.periodic[d], lines, half, at
+            )
+            parts.append((w, g / grid.cell, (position - at[:, None]) * grid.cell, node))
+        self.counts = [int(p[3].max()) + 1 for p in parts]
+        picks = np.meshgrid(*[np.arange(len(p[3])) for p in parts], indexing="ij")
+        picks = [k.ravel() for k in picks]
+        stride = np.cumprod([1, *self.counts[:-1]])
+        self.node = sum(s * p[3][k] for s, p, k in zip(stride, parts, picks, strict=True))
+        self.w1 = [p[0][:, k] for p, k in zip(parts, picks, strict=True)]
+        self.w = math.prod(self.w1)
+        self.r = np.stack([p[2][:, k] for p, k in zip(parts, picks, strict=True)], axis=-1)
+        slopes = [p[1][:, k] for p, k in zip(parts, picks, strict=True)]
+        self.g = np.stack([self._times(slopes, d) for d in range(grid.dim)], axis=-1)
+
+    def _times(self, factors, d):
+        """Product of the values along all axes but d, and of the factor along d."""
+        return math.prod(factors[j] if j == d else w for j, w in enumerate(self.w1))
+
+    def to_nodes(self, values):
+        """Sum of values (points, images, ...) over points and images, shape (nodes, ...)."""
+        out = np.zeros((math.prod(self.counts), *values.shape[2:]))
+        np.add.at(out, self.node, values.sum(axis=0))
+        return out
+
+
+def node_volumes(scene):
+    """Integral of each shape function over the room of the domain, in cells; Gauss quadrature."""
+    grid = scene.grid
+    at, weight = np.polynomial.legendre.leggauss(3)
+    one = [
+        (np.arange(n)[:, None] + (at + 1) / 2).ravel() * grid.cell + low
+        for n, low in zip(grid.shape, grid.lower, strict=True)
+    ]
+    mesh = np.meshgrid(*one, indexing="ij")
+    x = np.stack([m.ravel() for m in mesh], axis=1)
+    share = [np.tile(weight / 2, n) for n in grid.shape]
+    room = math.prod(np.meshgrid(*share, indexing="ij")).ravel()
+    for wall in scene.walls:
+        if type(wall).__name__ == "Solid":
+            room[np.all((x > wall.lower) & (x < wall.upper), axis=1)] = 0.0
+    shapes = Shapes(scene, x)
+    return shapes.to_nodes(shapes.w * room[:, None])
+
+
+# ---- scatter, grid, gather ----
+
+
+def tensor(components, dim):
+    """Components (n, 4 or 6) as symmetric matrices (n, 3, 3)."""
+    out = np.zeros((len(components), 3, 3))
+    for c, (i, j) in enumerate(STRESS_PLACES[dim]):
+        out[:, i, j] = out[:, j, i] = components[:, c]
+    return out
+
+
+def components(matrices, dim):
+    """The components of symmetric matrices, shape (n, 4 or 6)."""
+    return np.stack([matrices[:, i, j] for i, j in STRESS_PLACES[dim]], axis=1)
+
+
+def scatter(scene, points, lent_dt=1.0):
+    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the density is averaged."""
+    dim = scene.grid.dim
+    s = Shapes(scene, points["x"])
+    m = points["mass"]
+    v = np.broadcast_to(points["v"][:, None, :], s.r.shape)
+    if "affine" in points:
+        v = v + np.einsum("pdj,pkj->pkd", points["affine"].reshape(-1, dim, dim), s.r)
+    volume = m * np.exp(-points["log_density"]) / scene.material.rho_c
+    stress = tensor(points["stress"], dim)[:, :dim, :dim]
+    force = -np.einsum("p,pdj,pkj->pkd", volume, stress, s.g)
+    if "shift_velocity" in points:
+        force -= np.einsum("p,pk,pd->pkd", m / lent_dt, s.w, points["shift_velocity"])
+    out = SimpleNamespace(
+        shapes=s,
+        mass=s.to_nodes(s.w * m[:, None]),
+        momentum=s.to_nodes((s.w * m[:, None])[..., None] * v),
+        force=s.to_nodes(force),
+    )
+    if "density_gradient" in points:
+        cell_mass = scene.material.rho_c * scene.grid.cell**dim
+        out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
+        c = points["log_density"]
+        joins = np.where(c >= -scene.scheme.tension_reach, m, 0.0)
+        seen = c[:, None] + np.einsum("pj,pkj->pk", points["density_gradient"], s.r)
+        joined = s.to_nodes(s.w * joins[:, None])
+        out.cbar = _ratio(s.to_nodes(s.w * joins[:, None] * seen), joined)
+    return out
+
+
+def _ratio(a, b):
+    return np.divide(a, b, out=np.zeros_like(a), where=b > 0)
+
+
+def _wall(row, v, after):
+    """What a wall leaves of the velocities before and after the forces, shape (dim,)."""
+    dim = len(v)
+    rub = 0.0
+    if row.normal >= 0:
+        into = abs(after[row.normal]) if row.side == 0 else -row.side * after[row.normal]
+        along = math.sqrt(sum(after[d] ** 2 for d in range(dim) if d != row.normal))
+        if into > 0 and along > 0:
+            rub = min(1.0, row.friction * into / along)
+    for d in range(dim):
+        if row.fixed >> d & 1:
+            v[d] = after[d] = 0.0
+        elif row.normal >= 0:
+            after[d] -= rub * after[d]
+        if row.clamp >> d & 1 and after[d] > 0:
+            after[d], v[d] = 0.0, min(v[d], 0.0)
+
+
+def keep_share(scene, dt):
+    """The part of the old velocity of a point that survives a step."""
+    scheme = scene.scheme
+    if scheme.transfer in ("apic", "xpic"):
+        return 0.0
+    if scheme.transfer == "tpic":
+        return math.exp(-scheme.decay * scene.material.wave_speed / scene.grid.cell * dt)
+    return math.exp(-scheme.flip_decay * dt)
+
+
+def grid(scene, points, nodes, dt, time):
+    """Nodal velocities (3.5-3.7): `v` after the forces, `w` what the points receive."""
+    codes, rows = node_codes(scene)
+    codes = codes.ravel()
+    used = nodes.mass > 0
+    v = np.zeros_like(nodes.momentum)
+    v[used] = nodes.momentum[used] / nodes.mass[used, None]
+    after = np.zeros_like(v)
+    acceleration = nodes.force[used] / nodes.mass[used, None] + scene.gravity.at(time)
+    after[used] = v[used] + dt * acceleration
+    fixed = np.zeros(v.shape, dtype=bool)
+    for i in np.flatnonzero(used & (codes > 0)):
+        row = rows[codes[i] - 1]
+        while time >= row.opens_at:
+            row = rows[row.after - 1] if row.after else None
+            if row is None:
+                break
+        if row is not None:
+            _wall(row, v[i], after[i])
+            fixed[i] = [row.fixed >> d & 1 for d in range(v.shape[1])]
+    keep = keep_share(scene, dt)
+    nodes.v, nodes.before = after, v
+    nodes.w = keep * (after - v) + (1 - keep) * after
+    if scene.scheme.transfer == "xpic":
+        nodes.w = after - v + _filtered(scene, points, nodes, v, fixed)
+
+
+def _filtered(scene, points, nodes, v, fixed):
+    """sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v (Hammerquist & Nairn 2017, eq. 20)."""
+    s, order, out = nodes.shapes, scene.scheme.xpic_order, 0.0
+    used = nodes.mass > 0
+    for r in range(1, order + 1):
+        out = out - (-1) ** r * math.comb(order, r) * v
+        at_points = np.einsum("pk,pkd->pd", s.w, v[s.node][None])
+        weights = (s.w * points["mass"][:, None])[..., None]
+        v = s.to_nodes(weights * at_points[:, None, :])
+        v[used] /= nodes.mass[used, None]
+        v[fixed] = 0.0
+    return out
+
+
+def gather(scene, points, nodes, dt):
+    """Points after the step (3.8-3.16), as a new mapping."""
+    dim, s = scene.grid.dim, nodes.shapes
+    new, keep = dict(points), keep_share(scene, dt)
+    v, w = nodes.v[s.node], nodes.w[s.node]
+    L = np.einsum("kd,pkj->pdj", v, s.g)
+    new["v"] = keep * points["v"] + s.w @ w
+    new["x"] = points["x"] + dt * (s.w @ v)
+    trace = np.trace(L, axis1=1, axis2=2)
+    new["log_density"] = points["log_density"] - dt * trace
+    if scene.scheme.transfer == "tpic":
+        new["affine"] = L.reshape(-1, dim * dim)
+    if scene.scheme.transfer == "apic":
+        new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
+    if scene.scheme.density == "diffused":
+        _average(scene, points, new, nodes, L, dt)
+    gradient = np.zeros((len(L), 3, 3))
+    gradient[:, :dim, :dim] = L
+    material = scene.material
+    stress, rate = law(
+        material.law,
+        vars(material) | {"K": material.K, "G": material.G},
+        tensor(points["stress"], dim),
+        gradient,
+        new["log_density"],
+        dt,
+        equation_of_state=scene.scheme.density == "diffused",
+    )
+    new["stress"], new["shear_rate"] = components(stress, dim), rate
+    return new
+
+
+def _moment(scene, s, v):
+    """The affine field of APIC: C = sum w v (x) r D^-1, D = sum w r (x) r."""
+    dim, cell = scene.grid.dim, scene.grid.cell
+    D = np.stack([(s.w * s.r[:, :, d] ** 2).sum(axis=1) for d in range(dim)], axis=1)
+    C = np.empty((len(D), dim, dim))
+    for d in range(dim):
+        by_moment = np.einsum("pk,kd->pd", s.w * s.r[:, :, d], v)
+        by_slope = np.einsum("pk,kd->pd", s.g[:, :, d], v)
+        ruled = (D[:, d] > 0.02 * cell**2)[:, None]
+        C[:, :, d] = np.where(ruled, by_moment / np.maximum(D[:, d], 1e-300)[:, None], by_slope)
+    return C
+
+
+def _average(scene, points, new, nodes, L, dt):
+    """Averaging of the density, its pull to the geometric density, and the shift."""
+    q, dx, s, dim = scene.scheme, scene.grid.cell, nodes.shapes, scene.grid.dim
+    trace = np.trace(L, axis1=1, axis2=2)
+    D = (L + L.transpose(0, 2, 1)) / 2
+    deviator_squared = np.einsum("pij,pij->p", D, D) - trace**2 / 3
+    rate = np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace)
+    old = points["log_density"]
+    joins = old >= -q.tension_reach
+    r = dt * (q.diffusion * scene.material.wave_speed / dx)
+    r = r + dt * q.shear_diffusion * scene.material.E * rate
+    near = s.w @ nodes.cbar[s.node]
+    c = old - dt * trace + np.where(joins, r / (1 + r), 0.0) * (near - old)
+    phi = nodes.phi[s.node]
+    full = s.w @ phi
+    fed = _least_around(scene, points["x"], nodes.phi) > 0.5
+    # ln(full) by its first approximant: |ln| is cut at feedback_limit about c
+    gap = 2 * (full - 1) / (full + 1) - c
+    gap = np.clip(gap, -q.feedback_limit, q.feedback_limit)
+    c = np.where(fed & (c >= 0), c + q.feedback * rate * dt * gap, c)
+    slope = np.einsum("k,pkj->pj", np.maximum(phi - 1, 0.0), s.g)
+    delta = -q.shift * (rate * dt)[:, None] * dx**2 * slope
+    length = np.linalg.norm(delta, axis=1)
+    most = np.minimum(q.shift_limit * dx, 0.5 * rate * dt * dx)
+    most = np.where(near_outlet(scene, points["x"]), 0.0, most)
+    scale = np.where(length > most, most / np.maximum(length, 1e-300), 1.0)
+    delta = delta * scale[:, None]
+    lent = np.einsum("pdj,pj->pd", L, delta)
+    gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
+    new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
+    new["log_density"], new["x"] = c, new["x"] + delta
+    new["v"], new["shift_velocity"] = new["v"] + lent, lent
+
+
+def _least_around(scene, x, phi):
+    """Smallest phi of the nodes of the cell a point is in."""
+    middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / scene.grid.cell) + 0.5) * (
+        scene.grid.cell
+    )
+    s = Shapes(scene, middle)
+    return np.where(s.w > 0, phi[s.node], np.inf).min(axis=1)
+
+
+def near_outlet(scene, x):
+    """Points in cells no farther than shift_outlet_cells from an opening."""
+    reach = scene.scheme.shift_outlet_cells * scene.grid.cell
+    cell = scene.grid.cell
+    middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
+    near = np.zeros(len(x), dtype=bool)
+    for wall in scene.walls:
+        if getattr(wall, "opens_at", math.inf) == math.inf:
+            continue
+        inside = np.ones(len(x), dtype=bool)
+        for d in range(scene.grid.dim):
+            low, high = (wall.at, wall.at) if d == wall.axis else wall.extent(scene.grid, d)
+            inside &= (middle[:, d] > low - reach) & (middle[:, d] < high + reach)
+        near |= inside
+    return near
+
+
+# ---- constitutive laws ----
+
+
+def law(name, q, stress, L, log_density, dt, equation_of_state=False):
+    """One update of stresses (n, 3, 3) under velocity gradients L (n, 3, 3) in the time dt.
+
+    Returns the new stresses and the equivalent plastic shear rates (n,).
+    """
+    identity = np.eye(3)
+    D, W = (L + L.transpose(0, 2, 1)) / 2, (L - L.transpose(0, 2, 1)) / 2
+    volumetric = np.trace(D, axis1=1, axis2=2)[:, None, None] * identity
+    elastic = (q["K"] - 2 * q["G"] / 3) * volumetric + 2 * q["G"] * D
+    trial = stress + dt * (elastic + W @ stress - stress @ W)
+    if name == "elastic":
+        return trial, np.zeros(len(stress))
+    p = -np.trace(trial, axis1=1, axis2=2) / 3
+    deviator = trial + p[:, None, None] * identity
+    if equation_of_state:
+        p = q["K"] * log_density
+    dense = (log_density >= 0) & (p > 0)
+    p = np.where(dense, p, 0.0)
+    tau_trial = np.sqrt(np.einsum("pij,pij->p", deviator, deviator) / 2)
+    tau = np.array(
+        [returned(name, q, t, pressure, dt) for t, pressure in zip(tau_trial, p, strict=True)]
+    )
+    scale = np.divide(tau, tau_trial, out=np.ones_like(tau), where=tau_trial > 0)
+    new = scale[:, None, None] * deviator - p[:, None, None] * identity
+    new[~dense] = 0.0
+    rate = np.where(dense, (tau_trial - tau) / (q["G"] * dt), 0.0)
+    return new, rate
+
+
+def returned(name, q, trial, p, dt):
+    """Shear stress after the return: bisection on tau_trial - tau = G dt gamma(tau) (2.13-2.15)."""
+    static = (q["mu_s"] if name == "mu_i" else q["mu"]) * p
+    if trial <= static:
+        return trial
+    if name == "drucker_prager":
+        return static
+    # gamma = xi sqrt(p) (mu - mu_s)/(mu_2 - mu), cleared of its denominator: a quadratic in tau
+    upper = q["mu_2"] * p
+    alpha = q["xi"] * q["G"] * dt * math.sqrt(p)
+
+    def excess(tau):
+        return (trial - tau) * (upper - tau) - alpha * (tau - static)
+
+    low, high = static, min(trial, upper)
+    for _ in range(200):
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return (low + high) / 2

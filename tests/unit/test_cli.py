@@ -1,0 +1,134 @@
+"""The command line: what it prints, writes and returns."""
+
+import pytest
+
+import granular as gr
+from granular import cli
+from granular.scenes import registry
+
+RUN = ["run", "column_collapse", "--aspect", "1", "--cell", "0.05", "--points-per-cell", "4"]
+RUN += [
+    "--E",
+    "1e5",
+    "--scheme",
+    "published",
+    "--until",
+    "0.1",
+    "--every",
+    "0.02",
+    "--threads",
+    "1",
+]
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    path = tmp_path_factory.mktemp("cli") / "run.h5"
+    assert cli.main([*RUN, "--quiet", "-o", str(path)]) == 0
+    return path
+
+
+def test_run_writes_the_record_of_the_scene_asked_for(record):
+    with gr.open(record) as states:
+        scene = states.scene
+        assert scene.parameters["aspect"] == 1.0
+        assert scene.parameters["points_per_cell"] == 4
+        assert scene.material.E == 1e5
+        assert scene.scheme == gr.schemes.published
+        assert len(states) == 6
+        expected = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]
+        assert states.times == pytest.approx(expected, abs=3.1e-6)
+
+
+def test_run_equals_the_same_run_in_python(record):
+    scene = gr.scenes.column_collapse(
+        aspect=1.0,
+        cell=0.05,
+        points_per_cell=4,
+        material=gr.materials.glass_beads.replace(E=1e5),
+        scheme=gr.schemes.published,
+    )
+    simulation = gr.Simulation(scene, threads=1).run(until=0.1)
+    with gr.open(record) as states:
+        assert (states[-1].x == simulation.state.x).all()
+
+
+def test_pictures_of_a_run(tmp_path):
+    out, png, gif = (str(tmp_path / name) for name in ("a.h5", "a.png", "a.gif"))
+    arguments = [*RUN, "--quiet", "-o", out, "--picture", png, "--gif", gif, "--color", "speed"]
+    assert cli.main(arguments) == 0
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / "a.gif").read_bytes().startswith(b"GIF89a")
+
+
+def test_resume_goes_on_bitwise_with_the_same_spacing(record, tmp_path):
+    path = tmp_path / "half.h5"
+    half = [*RUN, "--quiet", "-o", str(path)]
+    half[half.index("--until") + 1] = "0.06"
+    assert cli.main(half) == 0
+    assert cli.main(["resume", str(path), "--until", "0.1", "--quiet"]) == 0
+    with gr.open(path) as parts, gr.open(record) as whole:
+        assert list(parts.times) == list(whole.times)
+        assert (parts[-1].x == whole[-1].x).all()
+
+
+@pytest.mark.parametrize("every", [1 / 60, 0.01, 0.004, 0.5])
+def test_spacing_is_found_from_the_frames(every):
+    dt = 3e-6
+
+    class Record:
+        times = [0.0, *(k * every + 0.7 * dt for k in range(1, 8)), 7.4 * every]  # noqa: RUF012
+        series = {"time": times, "dt": [dt] * len(times)}  # noqa: RUF012
+
+    assert cli._spacing(Record) == every
+
+
+def test_info_tells_frames_and_damage(record, tmp_path, capsys):
+    assert cli.main(["info", str(record)]) == 0
+    said = capsys.readouterr().out
+    assert "column_collapse" in said
+    assert "0 to 0.1" in said
+
+
+def test_plot_of_a_frame(record, tmp_path):
+    picture = tmp_path / "first.png"
+    assert cli.main(["plot", str(record), "--frame", "0", "-o", str(picture)]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_list_names_all_scenes_and_keywords(capsys):
+    assert cli.main(["list"]) == 0
+    said = capsys.readouterr().out
+    for name in registry:
+        assert f"{name}: " in said
+    assert "--orifice X  (0.1)" in said
+    assert "--center X,Y  (0.2,0.25)" in said
+    assert "--material" not in said
+
+
+def test_tuples_and_words_reach_the_scene(tmp_path):
+    out = tmp_path / "slug.h5"
+    arguments = ["run", "slug", "--velocity", "2,1", "--cell", "0.05", "--E", "1e5", "--quiet"]
+    assert cli.main([*arguments, "--until", "0.002", "-o", str(out)]) == 0
+    with gr.open(out) as states:
+        assert states.scene.parameters["velocity"] == (2.0, 1.0)
+        assert states[0].v[0].tolist() == [2.0, 1.0]
+
+
+def test_verify_passes_its_exit_code_on(monkeypatch):
+    import granular.verify
+
+    seen = []
+    monkeypatch.setattr(
+        granular.verify, "main", lambda *, slow: seen.append(slow) or 1, raising=False
+    )
+    assert cli.main(["verify"]) == 1
+    assert cli.main(["verify", "--slow"]) == 1
+    assert seen == [False, True]
+
+
+def test_help_and_version(capsys):
+    assert cli.main(["--version"]) == 0
+    assert gr.__version__ in capsys.readouterr().out
+    assert cli.main(["run", "silo", "--help"]) == 0
+    assert "--orifice" in capsys.readouterr().out

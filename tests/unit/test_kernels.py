@@ -1,0 +1,188 @@
+"""Scatter, grid and gather of the core against the plain NumPy step of oracle.py."""
+
+import numpy as np
+import oracle
+import pytest
+
+import granular as gr
+from granular import _core
+
+TIME = 0.03
+"""In the middle of the ramp of gravity."""
+
+
+def living(sim):
+    """Places of the points in the buffers, in the order of their ids."""
+    ids = sim.buffers["id"]
+    places = np.flatnonzero(ids >= 0)
+    return places[np.argsort(ids[places])]
+
+
+def read(sim):
+    """The buffers as arrays (n, ...) by id."""
+    places = living(sim)
+    fields = {name: array[..., places].T.copy() for name, array in sim.buffers.items()}
+    return {n: a[:, 0] if a.ndim == 2 and a.shape[1] == 1 else a for n, a in fields.items()}
+
+
+def disturbed(scene, seed=3, **options):
+    """A simulation whose points move, bear stress (some of them none) and carry all fields."""
+    sim = gr.Simulation(scene, threads=1, **options)
+    rng, at = np.random.default_rng(seed), living(sim)
+    n, material = len(at), scene.material
+    p = np.where(rng.random(n) < 0.2, 0.0, rng.uniform(10.0, 4000.0, n))
+    values = {
+        "v": rng.normal(0.0, 0.3, (scene.dim, n)),
+        "log_density": np.where(p > 0, p / material.K, rng.uniform(-0.3, 0.0, n)),
+        "affine": rng.normal(0.0, 3.0, (scene.dim**2, n)),
+        "density_gradient": rng.normal(0.0, 0.05, (scene.dim, n)),
+        "shift_velocity": rng.normal(0.0, 0.02, (scene.dim, n)),
+    }
+    stress = rng.normal(0.0, 0.3, (4 if scene.dim == 2 else 6, n)) * p
+    stress[:3] -= stress[:3].mean(axis=0) + p
+    values["stress"] = stress
+    for name, value in values.items():
+        if name in sim.buffers:
+            sim.buffers[name][:, at] = value
+    sim._engine.restore(sim._engine.scalars() | {"time": TIME, "time_anchor": TIME})
+    return sim
+
+
+def nodes_by_number(scene, found):
+    """Numbers of the engine's nodes in the whole grid, x fastest."""
+    shapes = oracle.Shapes(scene, np.array([scene.grid.lower]) + 0.5 * scene.grid.cell)
+    where = np.zeros((len(found), scene.dim))
+    number, stride = np.zeros(len(found), dtype=int), 1
+    for d in range(scene.dim):
+        where = (found[:, d] - scene.grid.lower[d]) / scene.grid.cell
+        axis = oracle.axis_nodes(scene, d)
+        nearest = abs(where[:, None] - axis).argmin(axis=1)
+        np.testing.assert_allclose(axis[nearest], where, atol=1e-9)
+        number += stride * nearest
+        stride *= shapes.counts[d]
+    return number
+
+
+def assert_close(actual, expected, scale, text):
+    """Equal to round-off of what was summed."""
+    error = abs(np.asarray(actual) - np.asarray(expected)).max() if len(actual) else 0.0
+    assert error <= 2e-13 * scale, f"{text}: {error:.3g} of {scale:.3g}"
+
+
+@pytest.mark.parametrize("kind", ["walls", "periodic", "outlet"])
+def test_stages_agree_with_the_oracle(small_scene, combination, dim, kind):
+    scene = small_scene(kind, dim, combination, E=1e6, flip_decay=40.0, shift_limit=1e-3)
+    sim = disturbed(scene)
+    before, engine = read(sim), sim._engine
+    expected = oracle.scatter(scene, before)
+    assert engine.scatter() == 0
+    found = engine.nodes()
+    number = nodes_by_number(scene, found["x"])
+    assert set(np.flatnonzero(expected.mass > 0)) <= set(number)
+    for name in ("mass", "momentum", "force"):
+        value = getattr(expected, name)
+        assert_close(found[name], value[number], abs(value).max(), name)
+
+    engine.grid()
+    found, dt = engine.nodes(), engine.scalars()["dt"]
+    oracle.grid(scene, before, expected, dt, TIME)
+    # velocities of nodes of little mass are quotients of small sums
+    heavy = expected.mass[number] > 1e-4 * expected.mass.max()
+    assert heavy.mean() > 0.3
+    for name in ("v", "w"):
+        value = getattr(expected, name)[number]
+        assert_close(found[name][heavy], value[heavy], 1e3 * abs(value[heavy]).max(), name)
+    light = expected.mass[number] == 0
+    assert not found["v"][light].any()
+
+    engine.gather()
+    after, expected = read(sim), oracle.gather(scene, before, expected, dt)
+    np.testing.assert_array_equal(after["id"], before["id"])
+    length = np.array(scene.grid.shape) * scene.grid.cell
+    difference = after["x"] - expected["x"]
+    difference -= np.where(scene.grid.periodic, np.round(difference / length) * length, 0.0)
+    assert abs(difference).max() <= 1e-15 + 1e-13 * scene.grid.cell
+    assert abs(after["x"] - before["x"]).max() > 1e-4 * scene.grid.cell
+    K = scene.material.K
+    strain = abs(expected["log_density"] - before["log_density"]).max()
+    floor = {"stress": K * strain, "shear_rate": strain / dt, "log_density": 1e-3}
+    for name in set(after) - {"x", "id", "mass"}:
+        scale = max(floor.get(name, 0.0), abs(expected[name]).max())
+        assert scale > 0, name
+        assert_close(after[name], expected[name], 10 * scale, name)
+    np.testing.assert_array_equal(after["mass"], before["mass"])
+
+
+def test_the_quick_logarithm_of_the_feedback_is_near_enough():
+    full = np.linspace(np.exp(-0.2), np.exp(0.2), 1001)
+    assert abs(2 * (full - 1) / (full + 1) - np.log(full)).max() < 1e-3
+
+
+def stages(sim, count):
+    for _ in range(count):
+        for stage in (sim._engine.scatter, sim._engine.grid, sim._engine.gather):
+            needed = stage()
+            while needed:
+                sim._grow(needed)
+                needed = 0
+
+
+def available():
+    found = []
+    for isa in ("baseline", "avx2", "avx512"):
+        try:
+            gr.Simulation(gr.scenes.incline(cell=0.05), threads=1, isa=isa)
+        except ValueError:
+            continue
+        found.append(isa)
+    return found
+
+
+AVAILABLE = available()
+
+
+def test_the_best_instruction_set_is_among_those_that_are_tested():
+    assert "baseline" in AVAILABLE
+    assert _core.build_info()["isa"] in AVAILABLE
+
+
+@pytest.mark.parametrize("isa", AVAILABLE)
+@pytest.mark.parametrize("kind", ["walls", "outlet"])
+def test_fused_and_separate_stages_have_the_same_bits(small_scene, combination, dim, kind, isa):
+    scene = small_scene(kind, dim, combination)
+    fused, separate = disturbed(scene, isa=isa), disturbed(scene, isa=isa)
+    fused.step(30)
+    stages(separate, 30)
+    one, other = fused.checkpoint(), separate.checkpoint()
+    assert one.scalars == other.scalars
+    for name, array in one.arrays.items():
+        assert array.tobytes() == other.arrays[name].tobytes(), name
+
+
+@pytest.mark.parametrize("isa", [isa for isa in AVAILABLE if isa != "baseline"])
+def test_instruction_sets_agree_to_round_off(small_scene, combination, dim, isa):
+    scene = small_scene("walls", dim, combination)
+    plain, wide = disturbed(scene, isa="baseline"), disturbed(scene, isa=isa)
+    plain.step()
+    wide.step()
+    assert wide.isa == isa
+    assert plain.dt == wide.dt
+    one, other = read(plain), read(wide)
+    for name in one:
+        scale = abs(one[name]).max()
+        assert abs(one[name] - other[name]).max() <= 1e-12 * scale, name
+
+
+def test_no_point_is_lost_when_points_spread(small_scene, combination, dim):
+    """Cells fill up and empty: grouping keeps every point, once, with all that it carries."""
+    sim = disturbed(small_scene("walls", dim, combination))
+    before = read(sim)
+    sim.step(200)
+    after = read(sim)
+    np.testing.assert_array_equal(after["id"], before["id"])
+    np.testing.assert_array_equal(after["mass"], before["mass"])
+    spare = sim.buffers["id"] < 0
+    used = sim._engine.cells()
+    assert used[1].sum() == len(before["id"])
+    assert not sim.buffers["mass"][0, spare].any()
+    assert all(np.isfinite(array).all() for array in sim.buffers.values())

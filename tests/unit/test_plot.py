@@ -1,0 +1,284 @@
+"""Pictures: values and scales, what is drawn where, movies."""
+
+import stat
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from PIL import Image
+
+import granular as gr
+from granular import plot
+from granular.plot.canvas import View, scenery
+from granular.plot.fields import Brush, values
+
+SOFT = gr.materials.glass_beads.replace(E=1e5)
+
+
+def small(**parameters):
+    return gr.scenes.column_collapse(
+        aspect=1.0, cell=0.05, points_per_cell=4, material=SOFT, **parameters
+    )
+
+
+def moved(scene, **fields):
+    """The initial state of a scene with some fields replaced."""
+    start = gr.Simulation(scene, threads=1).state
+    kept = {name: array.copy() for name, array in start.fields.items()}
+    return gr.State(scene=scene, time=0.5, step=1, dt=1e-4, fields=kept | fields)
+
+
+@pytest.fixture(scope="module")
+def state():
+    scene = small()
+    n = scene.n_points
+    stress = np.tile([-300.0, -600.0, -900.0, 40.0], (n, 1))
+    v = np.column_stack([np.full(n, 3.0), np.full(n, -4.0)])
+    return moved(scene, stress=stress, v=v, shear_rate=np.geomspace(1e-3, 1e2, n))
+
+
+@pytest.mark.parametrize(
+    ("color", "expected"),
+    [("p", 600.0), ("speed", 5.0), ("v_y", -4.0), ("stress_xy", 40.0), ("rho", 1500.0)],
+)
+def test_values_by_name(state, color, expected):
+    assert values(state, color) == pytest.approx(np.full(state.n, expected))
+
+
+def test_smoothing_keeps_a_uniform_field(state):
+    assert values(state, "p", smooth=True) == pytest.approx(np.full(state.n, 600.0))
+
+
+@pytest.mark.parametrize("color", ["hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x"])
+def test_what_is_not_one_number_a_point_is_refused(state, color):
+    with pytest.raises(ValueError, match="one number for each"):
+        plot.frame(state, color)
+
+
+def test_rates_have_a_logarithmic_scale_on_which_zero_is_the_low_end(state):
+    still = moved(state.scene, shear_rate=np.zeros(state.n))
+    brush = Brush.fitted([still, state], "shear_rate")
+    assert (brush.norm.vmin, brush.norm.vmax) == pytest.approx((1e-2, 1e2))
+    assert np.asarray(brush.norm(brush.paint(still))) == pytest.approx(np.zeros(state.n))
+
+
+def test_points_without_a_value_are_masked(state):
+    mu = np.where(np.arange(state.n) < 3, np.nan, 0.4)
+    assert Brush.fitted([state], mu).paint(state).mask.sum() == 3
+
+
+@pytest.mark.parametrize("limits", [(1.0, 1.0), (2.0, 1.0), (0.0, 1.0), (-1.0, 1.0)])
+def test_bad_limits_are_refused(state, limits):
+    with pytest.raises(ValueError, match="limits = "):
+        plot.frame(state, limits=limits)
+
+
+def test_an_unknown_colour_map_is_refused(state):
+    with pytest.raises(ValueError, match="cmap = 'mud'"):
+        plot.frame(state, cmap="mud")
+
+
+def test_frame_draws_every_point_where_it_is_in_its_true_size(state):
+    figure = plot.frame(state, "p")
+    assert isinstance(figure, Figure)
+    ax = figure.axes[0]
+    (points,) = ax.collections
+    assert np.array_equal(points.get_offsets(), state.x)
+    # 4 points a cell of .05 m are .025 m apart; discs are a little larger, to leave no gaps.
+    assert points.get_widths()[0] == pytest.approx(1.15 * 0.025)
+    assert ax.get_title() == "t = 0.5 s"
+    assert figure.axes[1].get_ylabel() == "pressure [Pa]"
+
+
+def test_frame_into_given_axes_leaves_pyplot_alone(state):
+    import sys
+
+    ax = Figure().add_subplot()
+    assert plot.frame(state, ax=ax, bar=False, title="here") is ax.figure
+    assert ax.get_title() == "here"
+    assert "matplotlib.pyplot" not in sys.modules
+
+
+def test_a_picture_shows_itself(state):
+    assert plot.frame(state)._repr_png_().startswith(b"\x89PNG")
+
+
+def test_the_middle_of_a_picture_has_the_colour_of_its_value(state):
+    """Pixels are where the points are: material in the lower left, none in the upper right."""
+    figure = plot.frame(state, np.ones(state.n), limits=(0.0, 1.0), cmap="viridis")
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    ax, pixels = figure.axes[0], np.asarray(canvas.buffer_rgba())
+    column, up = ax.transData.transform((0.0875, 0.0875)).astype(int)
+    assert pixels[len(pixels) - up, column, :3] == pytest.approx([253, 231, 37], abs=2)
+    column, up = ax.transData.transform((0.22, 0.22)).astype(int)
+    assert pixels[len(pixels) - up, column, :3].tolist() == [255, 255, 255]
+
+
+def test_walls_are_drawn_where_they_are_and_outlets_when_they_open():
+    scene = gr.scenes.silo(orifice=0.2, cell=0.05, material=SOFT)
+    parts = scenery(Figure().add_subplot(), scene, View(2))
+    lines = {(begin, end): line for line, begin, end in parts}
+    bottom = [line for line, _, end in parts if end == np.inf and line.get_linewidth() == 2.5]
+    assert [list(line.get_xdata()) for line in bottom] == [pytest.approx([0.15, 0.5])]
+    lid, outlet = lines[(-np.inf, 0.1)], lines[(0.1, np.inf)]
+    assert lid.get_xdata() == pytest.approx([0.0, 0.15])
+    assert outlet.get_xdata() == pytest.approx([0.0, 0.15])
+    symmetry = [line for line, *_ in parts if list(line.get_xdata()) == [0.0, 0.0]]
+    assert [line.get_linestyle() for line in symmetry] == ["--"]
+
+
+def test_blocks_are_drawn():
+    scene = gr.scenes.hourglass(
+        kind="sloped", cell=0.05, orifice_radius=0.05, material=SOFT, fill_height=0.25
+    )
+    ax = Figure().add_subplot()
+    scenery(ax, scene, View(2))
+    blocks = [wall for wall in scene.walls if hasattr(wall, "upper")]
+    drawn = [(patch.get_x(), patch.get_y()) for patch in ax.patches]
+    assert drawn == [block.lower for block in blocks]
+    assert blocks
+
+
+@pytest.fixture(scope="module")
+def solid():
+    scene = gr.scenes.cylinder_collapse(cell=0.05, material=SOFT)
+    return gr.Simulation(scene, threads=1).state
+
+
+def test_a_projection_has_the_nearest_points_on_top(solid):
+    (points,) = plot.frame(solid, solid.x[:, 1], bar=False).axes[0].collections
+    depth = np.asarray(points.get_array())
+    assert len(depth) == solid.n
+    assert (np.diff(depth) <= 0).all()
+
+
+def test_a_slice_has_the_points_within(solid):
+    figure = plot.frame(solid, "p", view=(0, 1), slab=(0.0, 0.03), bar=False)
+    (points,) = figure.axes[0].collections
+    inside = solid.x[solid.x[:, 2] <= 0.03]
+    assert 0 < len(inside) < solid.n
+    assert sorted(map(tuple, points.get_offsets())) == sorted(map(tuple, inside[:, :2]))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"view": (0, 0)}, "two different"),
+        ({"view": (0, 5)}, "view"),
+        ({"slab": (1.0, 0.0)}, "low"),
+    ],
+)
+def test_bad_views_are_refused(solid, options, message):
+    with pytest.raises(ValueError, match=message):
+        plot.frame(solid, **options)
+
+
+def falling(n=4):
+    """States that fall by two points' spacings a frame."""
+    scene = small()
+    start = gr.Simulation(scene, threads=1).state
+    return [moved(scene, x=start.x + np.array([0.05 * k, 0.0])) for k in range(n)]
+
+
+def test_movie_has_a_picture_for_each_frame_that_moves(tmp_path):
+    states = falling()
+    path = plot.movie(states, tmp_path / "a.gif", color="speed", fps=20)
+    with Image.open(path) as gif:
+        assert gif.n_frames == len(states)
+        assert gif.info["duration"] == 50
+        assert gif.info["loop"] == 0
+        pictures = []
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            pictures.append(np.asarray(gif.convert("RGB")).astype(int))
+    # At rest the material has the lowest colour of viridis; the bar is in the right quarter.
+    middle = []
+    for picture in pictures:
+        axes = picture[:, : picture.shape[1] * 3 // 4]
+        material = (abs(axes - [68, 1, 84]) < 12).all(axis=2)
+        assert material.sum() > 1000
+        middle.append(np.nonzero(material)[1].mean())
+    # The same way from frame to frame, to a pixel.
+    assert np.diff(middle) == pytest.approx(np.full(3, np.diff(middle).mean()), abs=1.5)
+    assert middle[1] - middle[0] > 5
+    assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
+    assert stat.S_IMODE(path.stat().st_mode) & 0o400
+
+
+def test_movie_of_a_domain_that_empties(tmp_path):
+    states = falling(2)
+    nothing = {name: array[:0] for name, array in states[0].fields.items()}
+    empty = gr.State(scene=states[0].scene, time=1.0, step=9, dt=1e-4, fields=nothing)
+    path = plot.movie([*states, empty], tmp_path / "a.gif", color="phase")
+    with Image.open(path) as gif:
+        assert gif.n_frames == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "error"),
+    [
+        ("a.avi", {}, ValueError),
+        ("a.gif", {"fps": 0.0}, ValueError),
+        ("a.gif", {"fps": 60.0}, ValueError),
+        ("a.gif", {"color": "hue"}, ValueError),
+        ("no/a.gif", {}, FileNotFoundError),
+    ],
+)
+def test_movies_that_cannot_be_are_refused_and_leave_nothing(tmp_path, name, options, error):
+    with pytest.raises(error):
+        plot.movie(falling(2), tmp_path / name, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_movie_of_nothing_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="0 frames"):
+        plot.movie([], tmp_path / "a.gif")
+
+
+def test_an_existing_movie_is_kept(tmp_path):
+    path = tmp_path / "a.gif"
+    path.write_text("precious")
+    with pytest.raises(FileExistsError, match=r"a\.gif"):
+        plot.movie(falling(2), path)
+    assert path.read_text() == "precious"
+    plot.movie(falling(2), path, overwrite=True)
+    assert path.read_bytes().startswith(b"GIF89a")
+
+
+def test_mp4_without_ffmpeg_says_so(tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(ValueError, match="needs ffmpeg"):
+        plot.movie(falling(2), tmp_path / "a.mp4")
+
+
+@pytest.fixture
+def ffmpeg(tmp_path, monkeypatch):
+    """A stand-in that keeps the raw pictures, or fails."""
+
+    def install(script):
+        folder = tmp_path / "bin"
+        folder.mkdir()
+        (folder / "ffmpeg").write_text(f"#!/bin/sh\n{script}\n")
+        (folder / "ffmpeg").chmod(0o755)
+        monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
+
+    return install
+
+
+def test_mp4_hands_all_pictures_to_ffmpeg(tmp_path, ffmpeg):
+    ffmpeg('for last; do :; done; cat > "$last"; echo "$@" >> "$last"')
+    path = plot.movie(falling(3), tmp_path / "a.mp4", fps=30)
+    raw, _, words = path.read_bytes().rpartition(b"-y ")
+    width, height = map(int, words.split(b"-s ")[1].split()[0].split(b"x"))
+    assert b"-r 30" in words
+    assert width % 2 == height % 2 == 0
+    assert len(raw) == 3 * width * height * 3
+
+
+def test_a_failing_ffmpeg_is_reported_and_leaves_nothing(tmp_path, ffmpeg):
+    ffmpeg("echo no such codec >&2; exit 3")
+    with pytest.raises(RuntimeError, match="no such codec"):
+        plot.movie(falling(2), tmp_path / "a.mp4")
+    assert [p.name for p in tmp_path.iterdir()] == ["bin"]

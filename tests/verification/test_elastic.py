@@ -1,0 +1,248 @@
+"""What a scheme does to plain motions: patches, flight, rotation, waves, and the null space."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.geometry import Box, Fill, Grid
+from granular.materials import Elastic
+from granular.walls import Gravity
+
+CELL = 0.1
+SOLID = Elastic(E=1e6)
+REST = Gravity((0.0,), ((0.0, 0.0),))
+
+
+def scene(combination, shape, fills, *, material=SOLID, periodic=(False, False), **scheme):
+    basis, transfer, density = combination
+    return gr.Scene(
+        name="elastic",
+        grid=Grid((0.0, 0.0), CELL, shape, periodic=periodic),
+        fills=fills,
+        material=material,
+        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **scheme),
+        gravity=REST,
+        duration=1.0,
+        seed=11,
+    )
+
+
+def places(sim):
+    ids = sim.buffers["id"]
+    at = np.flatnonzero(ids >= 0)
+    return at[np.argsort(ids[at])]
+
+
+def block(combination, points=4, **options):
+    """A jittered block in the middle of an empty grid."""
+    fills = (Fill(Box((0.4, 0.4), (1.2, 1.2)), points, jitter=1.0),)
+    return gr.Simulation(scene(combination, (16, 16), fills, **options), threads=1)
+
+
+# ---- patches ----
+
+
+def patch_error(basis, seed):
+    """Largest force that a uniform pressure makes on nodes inside, in units of p dx.
+
+    The jittered lattice first flies a quarter of a cell, so that points lie on both sides of the
+    borders of cells: on the lattice itself each keeps to its own quarter and no basis is at fault.
+    """
+    box = Box((0.3, 0.3), (1.9, 1.9))
+    fills = (Fill(box, 4, jitter=1.0, density=1200.0, velocity=(1.0, 1.0)),)
+    base = scene((basis, "flip", "tracked"), (24, 24), fills, material=gr.materials.MuI(E=1e6))
+    sim = gr.Simulation(base.replace(seed=seed), threads=1)
+    while sim.time < 0.25 * CELL:
+        sim.step()
+    sim.buffers["stress"][:3, places(sim)] = -100.0
+    sim._engine.scatter()
+    nodes = sim._engine.nodes()
+    inside = ((nodes["x"] > 0.55) & (nodes["x"] < 1.75)).all(axis=1)
+    assert inside.sum() > 80
+    return abs(nodes["force"][inside]).max() / (100.0 * CELL)
+
+
+def test_a_uniform_stress_makes_little_force():
+    """Jittered seeding: quadrature errs, hats far more than splines (cell crossing)."""
+    error = {
+        basis: np.median([patch_error(basis, seed) for seed in range(15)])
+        for basis in ("linear", "ugimp", "quadratic")
+    }
+    assert error["quadratic"] < 0.5 * error["linear"]
+    assert error["ugimp"] < error["linear"]
+    assert error["linear"] < 1.0
+
+
+@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
+def test_regular_points_make_no_force(basis):
+    fills = (Fill(Box((0.0, 0.0), (1.6, 1.6)), 4),)
+    sim = gr.Simulation(scene((basis, "flip", "tracked"), (16, 16), fills), threads=1)
+    sim.buffers["stress"][:3, places(sim)] = -100.0
+    sim._engine.scatter()
+    nodes = sim._engine.nodes()
+    inside = ((nodes["x"] > 0.25) & (nodes["x"] < 1.35)).all(axis=1)
+    assert abs(nodes["force"][inside]).max() <= 1e-13 * 100.0 * CELL
+
+
+@pytest.mark.parametrize("transfer", ["apic", "tpic"])
+@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
+def test_a_linear_velocity_is_carried_exactly(basis, transfer):
+    """v = b + A x on points with C = A gives v_i = b + A x_i, and back the same A."""
+    sim = block((basis, transfer, "tracked"))
+    A, b = np.array([[0.3, -0.7], [0.4, 0.2]]), np.array([0.5, -1.0])
+    at, before = places(sim), sim.state
+    sim.buffers["v"][:, at] = b[:, None] + A @ before.x.T
+    sim.buffers["affine"][:, at] = A.reshape(4, 1)
+    for stage in (sim._engine.scatter, sim._engine.grid):
+        stage()
+    nodes, dt = sim._engine.nodes(), sim.dt
+    heavy = nodes["mass"] > 1e-3 * nodes["mass"].max()
+    exact = b + nodes["x"] @ A.T
+    assert abs(nodes["v"] - exact)[heavy].max() <= 1e-12
+    sim._engine.gather()
+    after = sim.state
+    L = after.affine.reshape(-1, 2, 2)
+    # a light node's velocity is a quotient of small sums
+    assert abs(L - A).max() <= 1e-9
+    assert np.median(abs(L - A)) <= 1e-13
+    v = b + before.x @ A.T
+    np.testing.assert_allclose(after.x, before.x + dt * v, atol=1e-12)
+    np.testing.assert_allclose(after.v, v, atol=1e-11)
+    np.testing.assert_allclose(after.log_density, -dt * np.trace(A), atol=1e-11)
+
+
+# ---- flight and rotation ----
+
+
+def test_free_flight_is_the_parabola_of_the_integrator(combination):
+    """Loose material in flight: v += g dt, then x += v dt, every point alike and free of stress."""
+    g = np.array([0.5, -9.8])
+    fills = (Fill(Box((0.3, 0.6), (0.8, 1.1)), 4, jitter=1.0, density=1200.0, velocity=(0.9, 2.0)),)
+    material = gr.materials.MuI(E=1e6)
+    base = scene(combination, (24, 24), fills, material=material)
+    sim = gr.Simulation(base.replace(gravity=Gravity((0.0,), (tuple(g),))), threads=1)
+    start = sim.state
+    x, v = start.x.copy(), np.array([0.9, 2.0])
+    for _ in range(200):
+        sim.step()
+        v = v + sim.dt * g
+        x = x + sim.dt * v
+    end = sim.state
+    assert end.time > 0.1
+    assert abs(x - start.x).max() > 2 * CELL
+    assert abs(end.v - v).max() <= 1e-11
+    assert abs(end.x - x).max() <= 1e-11
+    assert not end.stress.any()
+    np.testing.assert_allclose(end.log_density, np.log(1200 / 1500), atol=1e-10)
+
+
+def angular_momentum(state):
+    """About the origin, with the spin of the affine field (its moment is dx^2/4 for splines)."""
+    m, x, v = state.mass, state.x, state.v
+    C = state.affine.reshape(-1, 2, 2)
+    spin = (C[:, 1, 0] - C[:, 0, 1]) * CELL**2 / 4
+    return np.sum(m * (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0] + spin))
+
+
+def rotating(transfer, rate=5.0):
+    sim = block(("quadratic", transfer, "tracked"))
+    at, centre = places(sim), np.array([0.8, 0.8])
+    r = sim.state.x - centre
+    sim.buffers["v"][:, at] = rate * np.stack([-r[:, 1], r[:, 0]])
+    if "affine" in sim.buffers:
+        sim.buffers["affine"][:, at] = np.array([[0.0], [-rate], [rate], [0.0]])
+    return sim
+
+
+def test_apic_keeps_the_angular_momentum_of_a_free_block():
+    sim = rotating("apic")
+    before, kinetic = angular_momentum(sim.state), gr.measure.energy(sim.state).kinetic
+    for _ in range(10):
+        sim.step(60)
+        assert angular_momentum(sim.state) == pytest.approx(before, rel=1e-10)
+    assert sim.time * 5.0 > 4.0  # radians
+    assert gr.measure.energy(sim.state).kinetic > 0.9 * kinetic
+
+
+def test_angular_momentum_is_a_test_that_can_fail():
+    """The gradient of tpic is not the moment of apic: it loses angular momentum."""
+    sim = rotating("tpic")
+    before = angular_momentum(sim.state)
+    sim.step(600)
+    assert abs(angular_momentum(sim.state) / before - 1) > 1e-8
+
+
+# ---- waves in a periodic bar ----
+
+
+def bar(combination, cells, points=4, **options):
+    """A bar along x, periodic along both axes, of one row of cells."""
+    basis, transfer, density = combination
+    cell = 3.2 / cells
+    base = gr.Scene(
+        name="bar",
+        grid=Grid((0.0, 0.0), cell, (cells, 1), periodic=(True, True)),
+        fills=(Fill(Box((0.0, 0.0), (3.2, cell)), points),),
+        material=SOLID,
+        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **options),
+        gravity=REST,
+        duration=1.0,
+    )
+    return gr.Simulation(base, threads=1)
+
+
+def wave(transfer, cells, periods, basis="quadratic", amplitude=1e-3):
+    """A standing wave after so many periods: error of v against its amplitude, energy kept."""
+    sim = bar((basis, transfer, "tracked"), cells, cfl=0.2)
+    k = 2 * np.pi / 3.2
+    at, x = places(sim), sim.state.x[:, 0]
+    sim.buffers["v"][0, at] = amplitude * np.sin(k * x)
+    if "affine" in sim.buffers:
+        sim.buffers["affine"][0, at] = amplitude * k * np.cos(k * x)
+    start = gr.measure.energy(sim.state)
+    omega = k * SOLID.wave_speed
+    while sim.time < periods * 2 * np.pi / omega:
+        sim.step()
+    state, end = sim.state, gr.measure.energy(sim.state)
+    exact = amplitude * np.sin(k * x) * np.cos(omega * state.time)
+    error = np.sqrt(np.mean((state.v[:, 0] - exact) ** 2)) / amplitude
+    kept = (end.kinetic + end.elastic) / (start.kinetic + start.elastic)
+    return error, kept
+
+
+@pytest.mark.parametrize(
+    ("transfer", "least"), [("flip", 0.97), ("apic", 0.9), ("tpic", 0.9), ("xpic", 0.9)]
+)
+def test_a_standing_wave_keeps_its_energy(transfer, least):
+    _, kept = wave(transfer, 32, 1)
+    assert least <= kept <= 1.01
+
+
+@pytest.mark.parametrize("transfer", ["flip", "apic"])
+def test_a_standing_wave_converges(transfer):
+    errors = [wave(transfer, cells, 0.7)[0] for cells in (8, 16, 32)]
+    orders = [np.log2(a / b) for a, b in itertools.pairwise(errors)]
+    assert errors[-1] < 0.05
+    assert min(orders) > 0.8
+
+
+# ---- null space ----
+
+
+def test_a_velocity_that_the_grid_does_not_see():
+    """Alternating between the points of a cell: FLIP keeps it for ever, the others remove it."""
+    left = {}
+    for transfer in ("flip", "apic", "xpic"):
+        sim = bar(("quadratic", transfer, "tracked"), 32)
+        at, x = places(sim), sim.state.x
+        sign = np.where(np.floor(x[:, 0] / 0.05 + 1e-9) % 2, 1.0, -1.0)
+        sim.buffers["v"][0, at] = 1e-4 * sign
+        before = abs(sim.state.v[:, 0] @ sign)
+        while sim.time < 4 * 3.2 / SOLID.wave_speed:
+            sim.step()
+        left[transfer] = abs(sim.state.v[:, 0] @ sign) / before
+    assert left["flip"] > 0.95
+    assert left["apic"] < 0.05
+    assert left["xpic"] < 0.05

@@ -1,0 +1,14 @@
+"""Where the incline begins to flow, and all its angles."""
+
+import pytest
+
+from granular import verify
+
+
+def test_table():
+    assert verify.failures("incline_thresholds_quick") == []
+
+
+@pytest.mark.slow
+def test_all_angles():
+    assert verify.failures("incline_angles") == []
