@@ -1,6 +1,6 @@
 """Build of the extension granular._core; all metadata is in pyproject.toml.
 
-The kernels are compiled once for each instruction set and chosen at run time, so a wheel is portable.
+The kernels are compiled once for each instruction set and chosen at run time: a wheel is portable.
 Environment: GRANULAR_OPENMP = auto (default) | 1 | 0; GRANULAR_CFLAGS = extra compiler flags.
 """
 
@@ -15,14 +15,17 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 ROOT = Path(__file__).parent
-SOURCES = sorted(
+INCLUDED = ("scatter.c", "gather.c", "law_elastic.c", "law_frictional.c")  # by kernels.c
+SOURCES = [
     str(path.relative_to(ROOT))
-    for folder in ("core", "mpm", "python")
-    for path in (ROOT / "csrc" / folder).glob("*.c")
-    if path.name not in ("scatter.c", "gather.c")  # included by kernels.c
-) + ["csrc/law/law.c", "csrc/dispatch.c"]
+    for folder in ("core", "law", "mpm", "python")
+    for path in sorted((ROOT / "csrc" / folder).glob("*.c"))
+    if path.name not in INCLUDED
+]
+SOURCES.append("csrc/dispatch.c")
 # -ffp-contract=off: the bits must not depend on where a compiler chooses to fuse.
-FLAGS = ["-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math", "-fvisibility=hidden"]
+FLAGS = ["-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+FLAGS.append("-fvisibility=hidden")
 KERNEL_FLAGS = ["-fno-tree-loop-distribute-patterns"]  # running sums are registers, not a memset
 AVX2 = ["-mavx2", "-mfma"]
 AVX512 = [*AVX2, "-mavx512f", "-mavx512dq", "-mavx512vl", "-mprefer-vector-width=512"]
@@ -43,10 +46,15 @@ class BuildCore(build_ext):
             return False
         with tempfile.TemporaryDirectory() as folder:
             probe = Path(folder, "probe.c")
-            probe.write_text("#include <omp.h>\nint main(void) { return omp_get_max_threads() < 1; }\n")
+            probe.write_text(
+                "#include <omp.h>\nint main(void) { return !omp_get_max_threads(); }\n"
+            )
             try:
-                objects = self.compiler.compile([str(probe)], output_dir=folder, extra_postargs=["-fopenmp"])
-                self.compiler.link_executable(objects, str(Path(folder, "probe")), extra_postargs=["-fopenmp"])
+                flag, out = ["-fopenmp"], str(Path(folder, "probe"))
+                objects = self.compiler.compile(
+                    [str(probe)], output_dir=folder, extra_postargs=flag
+                )
+                self.compiler.link_executable(objects, out, extra_postargs=flag)
             except Exception as error:
                 if wanted == "1":
                     raise SystemExit("GRANULAR_OPENMP=1, but the compiler has no OpenMP") from error

@@ -14,8 +14,8 @@
 #define GR_STRING2(a) #a
 #define GR_STRING(a) GR_STRING2(a)
 
-#define GR_X(name)                                                                    \
-    static void name##_2d(const struct gr_law_call *call) { law_##name(2, call); }    \
+#define GR_X(name)                                                                 \
+    static void name##_2d(const struct gr_law_call *call) { law_##name(2, call); } \
     static void name##_3d(const struct gr_law_call *call) { law_##name(3, call); }
 GR_LAWS(GR_X)
 #undef GR_X
@@ -27,28 +27,28 @@ static gr_law_update *const laws[GR_LAW_COUNT][2] = {
 };
 
 /* X(dim, basis, affine, diffused): what can be built. The averaged density goes with the quadratic basis. */
-#define GR_VARIANTS_OF(X, dim)                                                                               \
-    X(dim, GR_LINEAR, GR_AFFINE_NONE, 0)                                                                     \
-    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0)                                                                 \
-    X(dim, GR_LINEAR, GR_AFFINE_MOMENT, 0)                                                                   \
-    X(dim, GR_UGIMP, GR_AFFINE_NONE, 0)                                                                      \
-    X(dim, GR_UGIMP, GR_AFFINE_GRADIENT, 0)                                                                  \
-    X(dim, GR_UGIMP, GR_AFFINE_MOMENT, 0)                                                                    \
-    X(dim, GR_QUADRATIC, GR_AFFINE_NONE, 0)                                                                  \
-    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 0)                                                              \
-    X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0)                                                                \
+#define GR_VARIANTS_OF(X, dim)                  \
+    X(dim, GR_LINEAR, GR_AFFINE_NONE, 0)        \
+    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0)    \
+    X(dim, GR_LINEAR, GR_AFFINE_MOMENT, 0)      \
+    X(dim, GR_UGIMP, GR_AFFINE_NONE, 0)         \
+    X(dim, GR_UGIMP, GR_AFFINE_GRADIENT, 0)     \
+    X(dim, GR_UGIMP, GR_AFFINE_MOMENT, 0)       \
+    X(dim, GR_QUADRATIC, GR_AFFINE_NONE, 0)     \
+    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 0) \
+    X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0)   \
     X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1)
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
-#define GR_X(d, b, a, q)                                                                                        \
-    static __attribute__((noinline)) void scatter_##d##b##a##q(struct gr_engine *e, int64_t index)              \
-    {                                                                                                           \
-        scatter_cell(d, b, a > 0, q, e, index);                                                                 \
-    }                                                                                                           \
-    static __attribute__((noinline)) int64_t sweep_##d##b##a##q(struct gr_engine *e, int64_t first, int64_t last, \
-                                                                struct gr_leaver *leaver, int fused)            \
-    {                                                                                                           \
-        return sweep_cells(d, b, a, q, e, first, last, leaver, fused, laws[e->config.law][d - 2]);              \
+#define GR_X(d, b, a, q)                                                                                              \
+    static __attribute__((noinline)) void scatter_##d##b##a##q(struct gr_engine *e, int64_t index)                    \
+    {                                                                                                                 \
+        scatter_cell(d, b, a > 0, q, e, index);                                                                       \
+    }                                                                                                                 \
+    static __attribute__((noinline))                                                                                  \
+    int64_t sweep_##d##b##a##q(struct gr_engine *e, int64_t first, int64_t last, struct gr_leaver *leaver, int fused) \
+    {                                                                                                                 \
+        return sweep_cells(d, b, a, q, e, first, last, leaver, fused, laws[e->config.law][d - 2]);                    \
     }
 GR_VARIANTS(GR_X)
 #undef GR_X
@@ -58,8 +58,8 @@ GR_VARIANTS(GR_X)
 
 static void scatter(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_X(d, b, a, q)                                                                 \
-    if (GR_IS(e, d, b, a, q))                                                            \
+#define GR_X(d, b, a, q)      \
+    if (GR_IS(e, d, b, a, q)) \
         for (int64_t i = first; i < last; i++) scatter_##d##b##a##q(e, i);
     GR_VARIANTS(GR_X)
 #undef GR_X
@@ -81,7 +81,7 @@ static int64_t sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_SMOOTH(d, b) \
+#define GR_SMOOTH(d, b)                             \
     if (e->config.dim == d && e->config.basis == b) \
         for (int64_t i = first; i < last; i++) smooth_cell(d, b, e, i);
     GR_SMOOTH(2, GR_LINEAR)

@@ -1,6 +1,9 @@
 """Dense granular flow as a continuum through all its phases: heap, flow and gas."""
 
-from granular import materials, measure, schemes, scenes, theory
+from importlib import import_module
+from types import ModuleType
+
+from granular import materials, measure, scenes, schemes, theory
 from granular._core import build_info as show_config
 from granular.scene import Scene
 from granular.schemes import Scheme
@@ -10,6 +13,13 @@ from granular.trajectory import Trajectory, open_trajectory
 from granular.trajectory import open_trajectory as open
 
 __version__ = "0.1.0"
+
+
+def __getattr__(name: str) -> ModuleType:
+    if name == "plot":  # matplotlib takes longer to import than a small scene to run
+        return import_module("granular.plot")
+    raise AttributeError(f"module 'granular' has no attribute {name!r}")
+
 
 __all__ = [
     "Scene",
@@ -22,6 +32,7 @@ __all__ = [
     "measure",
     "open",
     "open_trajectory",
+    "plot",
     "scenes",
     "schemes",
     "show_config",

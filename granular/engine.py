@@ -57,9 +57,7 @@ def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     """Which cells are solid, and which are so near an outlet that points must not be shifted."""
     flags = np.zeros(shape[::-1], dtype=np.uint8)
     grid = scene.grid
-    centre = [
-        grid.lower[d] + (np.arange(n) + 0.5) * grid.cell for d, n in enumerate(shape)
-    ]
+    centre = [grid.lower[d] + (np.arange(n) + 0.5) * grid.cell for d, n in enumerate(shape)]
 
     def mark(lower: list[float], upper: list[float], flag: int) -> None:
         where = [
@@ -77,7 +75,8 @@ def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
                 (wall.at, wall.at) if d == wall.axis else wall.extent(grid, d)
                 for d in range(grid.dim)
             ]
-            mark([low - reach for low, _ in ends], [high + reach for _, high in ends], FLAG_NO_SHIFT)
+            low, high = np.transpose(ends)
+            mark(list(low - reach), list(high + reach), FLAG_NO_SHIFT)
     return flags
 
 

@@ -134,7 +134,7 @@ class Scheme:
             )
         if self.transfer != "flip" and self.flip_decay:
             raise ValueError(
-                f'flip_decay = {self.flip_decay} must be 0 with transfer = {self.transfer!r}'
+                f"flip_decay = {self.flip_decay} must be 0 with transfer = {self.transfer!r}"
             )
 
     def replace(self, **changes: Any) -> Self:

@@ -59,14 +59,14 @@ class Simulation:
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
 
-    def _start(
-        self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None
-    ) -> None:
+    def _start(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
         self.scene = scene
         self._mean_mass = mean_mass
         name = os.environ.get("GRANULAR_ISA", "") if isa is None else isa
         self._engine = core.build(scene, mean_mass, name)
-        self._threads = None if threads is None else integer("threads", threads, 1, _core.MAX_THREADS)
+        if threads is not None:
+            threads = integer("threads", threads, 1, _core.MAX_THREADS)
+        self._threads = threads
         self._chunk = 1
         self.record: Path | None = None
 
@@ -124,8 +124,10 @@ class Simulation:
         """What the core works on, without copying: {field: (component, capacity)} and "id".
 
         Rows are grouped by cell; places with a negative id are spare. They may be larger arrays
-        after points have spread.
+        after points have spread. What is written into them counts from the next step on, if this
+        property has been asked for since the last one.
         """
+        self._engine.refresh()
         return dict(self._buffers)
 
     @property
@@ -338,9 +340,7 @@ class Simulation:
             If the file is damaged or holds no checkpoint.
         """
         with open_trajectory(path) as record:
-            self = cls.from_checkpoint(
-                record.scene, record.checkpoint(), threads=threads, isa=isa
-            )
+            self = cls.from_checkpoint(record.scene, record.checkpoint(), threads=threads, isa=isa)
         self.record = Path(path)
         return self
 

@@ -113,8 +113,8 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *creases, 
     return GR_OK;
 }
 
-int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases,
-                  double lambda, double origin, double dx)
+int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases, double lambda,
+                  double origin, double dx)
 {
     int error = GR_ERR_CONFIG;
     memset(axis, 0, sizeof *axis);

@@ -29,7 +29,7 @@ struct gr_axis_cell {
 };
 
 struct gr_axis {
-    int n_cells;  /* cells of the grouping */
+    int n_cells; /* cells of the grouping */
     int n_nodes;
     int periodic;
     double origin; /* coordinate of the lower end of the domain, m */
@@ -46,8 +46,8 @@ static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 :
  * Given: basis, n (grid cells), periodic, creases[n_creases] (interior grid lines, ascending), lambda
  * (ugimp: half-width of a point in cells, 0 < lambda <= 1/2), origin and dx in m.
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
-int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases,
-                  double lambda, double origin, double dx);
+int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases, double lambda,
+                  double origin, double dx);
 void gr_axis_free(struct gr_axis *axis);
 
 #endif

@@ -6,7 +6,4 @@ static const char *const messages[] = {
 #undef GR_X
 };
 
-const char *gr_error_message(int code)
-{
-    return code >= 0 && code < GR_ERROR_COUNT ? messages[code] : "unknown error code";
-}
+const char *gr_error_message(int code) { return code >= 0 && code < GR_ERROR_COUNT ? messages[code] : "unknown error code"; }

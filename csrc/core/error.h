@@ -3,13 +3,13 @@
 #define GR_CORE_ERROR_H
 
 /* X(code, exception raised by the Python layer, message) */
-#define GR_ERRORS(X)                                                                                  \
-    X(GR_OK, NONE, "no error")                                                                        \
-    X(GR_ERR_MEMORY, MEMORY, "the core could not allocate memory")                                    \
-    X(GR_ERR_CAPACITY, INTERNAL, "the point arrays are too small for the grouped points")             \
-    X(GR_ERR_NOT_FINITE, SIMULATION, "a material point is not finite")                                \
-    X(GR_ERR_RUNAWAY, SIMULATION, "a material point crossed more than one cell in a step")            \
-    X(GR_ERR_OUTSIDE, VALUE, "a material point lies outside the grid")                                \
+#define GR_ERRORS(X)                                                                       \
+    X(GR_OK, NONE, "no error")                                                             \
+    X(GR_ERR_MEMORY, MEMORY, "the core could not allocate memory")                         \
+    X(GR_ERR_CAPACITY, INTERNAL, "the point arrays are too small for the grouped points")  \
+    X(GR_ERR_NOT_FINITE, SIMULATION, "a material point is not finite")                     \
+    X(GR_ERR_RUNAWAY, SIMULATION, "a material point crossed more than one cell in a step") \
+    X(GR_ERR_OUTSIDE, VALUE, "a material point lies outside the grid")                     \
     X(GR_ERR_CONFIG, VALUE, "the configuration is not valid")
 
 enum gr_error {

@@ -10,15 +10,15 @@ enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
 enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED };
 
 /* X(name, kind, needed by, unit, description) */
-#define GR_FIELDS(X)                                                                                  \
-    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                       \
-    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                     \
-    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                          \
-    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")      \
-    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                     \
-    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run")  \
-    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")               \
-    X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")   \
+#define GR_FIELDS(X)                                                                                 \
+    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                      \
+    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                    \
+    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                         \
+    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")     \
+    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                    \
+    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run") \
+    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")              \
+    X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")  \
     X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")
 
 enum gr_field {
@@ -51,9 +51,6 @@ static inline int gr_kind_components(enum gr_kind kind, int dim)
     }
 }
 
-static inline int gr_field_components(int field, int dim)
-{
-    return gr_kind_components(gr_field_table[field].kind, dim);
-}
+static inline int gr_field_components(int field, int dim) { return gr_kind_components(gr_field_table[field].kind, dim); }
 
 #endif

@@ -36,14 +36,16 @@ static inline vd v_sqrt_fast(vd a)
 {
     const vd safe = _mm512_max_pd(a, _mm512_set1_pd(1e-290)), y = _mm512_rsqrt14_pd(safe), s = safe * y;
     const vd r = _mm512_fnmadd_pd(s, y, _mm512_set1_pd(1.0));
-    const vd series = _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
+    const vd series =
+        _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
     return _mm512_fmadd_pd(s * r, series, s);
 }
 /* out[k] = the sum of the lanes of a[k], 8 vectors at once: a tree that halves vectors and lanes together. */
 static inline void v_sums(double *out, const vd *a)
 {
     vd b[4], c[2];
-    for (int k = 0; k < 4; k++) b[k] = _mm512_unpacklo_pd(a[2 * k], a[2 * k + 1]) + _mm512_unpackhi_pd(a[2 * k], a[2 * k + 1]);
+    for (int k = 0; k < 4; k++)
+        b[k] = _mm512_unpacklo_pd(a[2 * k], a[2 * k + 1]) + _mm512_unpackhi_pd(a[2 * k], a[2 * k + 1]);
     for (int k = 0; k < 2; k++)
         c[k] = _mm512_shuffle_f64x2(b[2 * k], b[2 * k + 1], 0x88) + _mm512_shuffle_f64x2(b[2 * k], b[2 * k + 1], 0xdd);
     _mm512_storeu_pd(out, _mm512_shuffle_f64x2(c[0], c[1], 0x88) + _mm512_shuffle_f64x2(c[0], c[1], 0xdd));

@@ -40,8 +40,8 @@ static inline void law_frictional(const int dim, const int rate, const struct gr
                 scale = v_select(flows, above / (below * trial), scale);
                 gamma = v_keep(flows, v_fnma(scale, trial, trial) * to_rate);
             }
-            for (int i = 0; i < 3; i++) v_store(call->stress[i] + at, v_fma(scale, t.s[i], -p));
-            for (int i = 3; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, scale * t.s[i]);
+            for (int i = 0; i < 3; i++) v_store(call->stress[i] + at, v_keep(dense, v_fma(scale, t.s[i], -p)));
+            for (int i = 3; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, v_keep(dense, scale * t.s[i]));
         }
         if (call->shear_rate) v_store(call->shear_rate + at, gamma);
     }

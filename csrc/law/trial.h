@@ -12,8 +12,8 @@ struct gr_stress {
 
 /* Trial stress s + dt (C:D + W s - s W), Dunatunga & Kamrin 2015, eq. 3.10, with L dt given (row-major).
  * The explicit Jaumann form is first order in the rotation of a step. */
-static inline struct gr_stress gr_trial(const int dim, const double *gradient, const struct gr_law_call *call,
-                                        int64_t at, vd K, vd G)
+static inline struct gr_stress gr_trial(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at,
+                                        vd K, vd G)
 {
     struct gr_stress t;
     const vd half = v_set(0.5), two = v_set(2.0), lambda = K - two / v_set(3.0) * G, twoG = two * G;

@@ -17,7 +17,7 @@ enum { DT_INTERVAL = 16 }; /* steps between two looks at the fastest point */
 struct team {
     struct gr_engine *e;
     const struct gr_kernels *kernels;
-    int threads, go;
+    int threads, go, again;
     int64_t left; /* steps */
     double until, gravity[3];
     int64_t cut[GR_MAX_THREADS + 1];
@@ -81,6 +81,8 @@ static void prepare(struct team *team)
     if (!team->go) return;
     team->left--;
     const double dt = config->dt > 0 ? config->dt : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e) : e->dt;
+    /* What the shift has lent is in the sums as a force for dt: with another dt they are made again. */
+    team->again = config->diffused && e->step > 0 && dt != e->lent_dt;
     if (dt != e->dt) {
         e->dt = dt;
         e->time_anchor = e->time;
@@ -124,6 +126,11 @@ static void stage_grid(struct team *team, int t)
     struct gr_engine *e = team->e;
     int64_t first, last;
     if (t == 0) note_dt(e); /* not before: others may still have been scattering with the last one */
+    if (team->again) {
+        barrier();
+        team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
+        barrier();
+    }
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
     gr_grid_nodes(e, first, last, team->gravity);
     barrier();
@@ -209,6 +216,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (e->error) return e->error;
     prepare(&team);
     note_dt(e);
+    if (team.again) kernels->scatter(e, 0, e->mesh.n_cells);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         kernels->smooth(e, 0, e->mesh.n_cells);

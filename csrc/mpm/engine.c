@@ -146,11 +146,28 @@ void gr_engine_free(struct gr_engine *e)
 {
     if (!e) return;
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
-    void *owned[] = {(void *)e->config.gravity_times, (void *)e->config.gravity_vectors, (void *)e->config.walls,
-                     (void *)e->config.node_codes, (void *)e->config.cell_flags, e->mesh.cell, e->mesh.cell_node,
-                     e->mesh.node_source, e->mesh.node_code, e->mesh.node_volume, e->mesh.node_id, e->mesh.cell_of,
-                     e->mesh.node_of, e->sums, e->node_data, e->node_mass, e->node_v, e->solid, e->leaver, e->pending,
-                     e->pending_id, e->dirty};
+    void *owned[] = {(void *)e->config.gravity_times,
+                     (void *)e->config.gravity_vectors,
+                     (void *)e->config.walls,
+                     (void *)e->config.node_codes,
+                     (void *)e->config.cell_flags,
+                     e->mesh.cell,
+                     e->mesh.cell_node,
+                     e->mesh.node_source,
+                     e->mesh.node_code,
+                     e->mesh.node_volume,
+                     e->mesh.node_id,
+                     e->mesh.cell_of,
+                     e->mesh.node_of,
+                     e->sums,
+                     e->node_data,
+                     e->node_mass,
+                     e->node_v,
+                     e->solid,
+                     e->leaver,
+                     e->pending,
+                     e->pending_id,
+                     e->dirty};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     free(e);
 }

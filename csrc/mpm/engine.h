@@ -13,12 +13,12 @@
 
 /* What a wall does to the velocity of a node (see granular/boundaries.py). */
 struct gr_wall {
-    int32_t fixed;    /* bit d: component d is zero */
-    int32_t clamp;    /* bit d: component d is at most zero (absorbing layer) */
-    int32_t normal;   /* axis of Coulomb friction, -1 where there is none */
-    int32_t side;     /* +1: material above the wall along `normal`, -1: below, 0: both */
-    double friction;  /* Coulomb coefficient of the wall */
-    double opens_at;  /* s; from then on the node is ruled by row `after` */
+    int32_t fixed;   /* bit d: component d is zero */
+    int32_t clamp;   /* bit d: component d is at most zero (absorbing layer) */
+    int32_t normal;  /* axis of Coulomb friction, -1 where there is none */
+    int32_t side;    /* +1: material above the wall along `normal`, -1: below, 0: both */
+    double friction; /* Coulomb coefficient of the wall */
+    double opens_at; /* s; from then on the node is ruled by row `after` */
     int32_t after;
 };
 
@@ -50,9 +50,9 @@ struct gr_config {
     const double *gravity_times;   /* s */
     const double *gravity_vectors; /* n_gravity x dim, m/s^2 */
     int n_walls;
-    const struct gr_wall *walls;  /* row 0 is the free node */
-    const uint8_t *node_codes;    /* per node of the grid, x fastest */
-    const uint8_t *cell_flags;    /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
+    const struct gr_wall *walls; /* row 0 is the free node */
+    const uint8_t *node_codes;   /* per node of the grid, x fastest */
+    const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
 };
 
 enum gr_cell_flag { GR_CELL_SOLID = 1, GR_CELL_NO_SHIFT = 2 };
@@ -72,8 +72,8 @@ struct gr_mesh {
     int32_t *cell_node;   /* n_cells x K */
     int64_t *node_source; /* n_nodes x K: cell << 5 | place of the node in it; the zero block where there is none */
     uint8_t *node_code;
-    double *node_volume;  /* fraction of dx^dim that the node stands for */
-    int64_t *node_id;     /* index in the whole grid */
+    double *node_volume;        /* fraction of dx^dim that the node stands for */
+    int64_t *node_id;           /* index in the whole grid */
     int32_t *cell_of, *node_of; /* whole grid: active index + 1, 0 for none */
 };
 
@@ -89,7 +89,7 @@ struct gr_engine {
     double *field[GR_FIELD_COUNT]; /* component c of field f: field[f] + c*capacity */
     int64_t *id;
     int64_t capacity, used, n_points; /* places; places in use or once used; points in the domain */
-    int n_components; /* of all the fields in use */
+    int n_components;                 /* of all the fields in use */
     /* grid */
     struct gr_mesh mesh;
     double *sums;      /* n_cells + 1 blocks of sum_stride; the last one is zero */
@@ -105,10 +105,10 @@ struct gr_engine {
     int64_t *pending_id;
     int64_t *dirty, n_dirty;
     /* progress */
-    double time, dt, time_anchor; /* time = time_anchor + (step - step_anchor) dt */
-    double lent_dt;               /* dt of the step that made shift_velocity */
+    double time, dt, time_anchor;                   /* time = time_anchor + (step - step_anchor) dt */
+    double lent_dt;                                 /* dt of the step that made shift_velocity */
     double inv_dx, inv_dt, force_scale, lent_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/lent_dt: no division in a kernel */
-    double keep_velocity;         /* the part f of the old velocity that survives this step */
+    double keep_velocity;                           /* the part f of the old velocity that survives this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
     int sums_valid, record_rates, disconnected;

@@ -7,6 +7,8 @@
  * listed; the sums of such a cell are made after they have moved (migrate.c). */
 #include "mpm/shape.h"
 
+#define NO_DENSITY 1e3 /* |ln(rho/rho_c)| beyond which a density is none: looked at as a point that leaves */
+
 enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the first-level cache */
 
 struct batch {
@@ -142,8 +144,8 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
             trace = trace + L[d * dim + d];
             move[d] = v_grid;
             const vd v_old = v_load(e->field[GR_FIELD_v] + d * e->capacity + at);
-            v_new[d] = all_new ? v_grid
-                               : v_fma(v_set(keep), v_old, gr_interpolate(dim, basis, N[dim + d], &s, s.g, 0, slope));
+            v_new[d] =
+                all_new ? v_grid : v_fma(v_set(keep), v_old, gr_interpolate(dim, basis, N[dim + d], &s, s.g, 0, slope));
         }
         if (affine == GR_AFFINE_MOMENT) { /* C = B D^-1; where D vanishes (a wall), the gradient */
             for (int d = 0; d < dim; d++) {
@@ -155,7 +157,8 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
         }
         vd c;
         if (diffused) {
-            c = relax_density(dim, basis, e, cell, &s, N[2 * dim], excess, N[2 * dim + 1], phi_least, L, trace, at, delta, lent);
+            c = relax_density(dim, basis, e, cell, &s, N[2 * dim], excess, N[2 * dim + 1], phi_least, L, trace, at, delta,
+                              lent);
             for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
         } else {
             c = v_load(e->field[GR_FIELD_log_density] + at) - trace;
@@ -171,7 +174,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
                         v_keep(joined, affine == GR_AFFINE_MOMENT ? v_mul(slope[j], v_set(inv_dx))
                                                                   : v_mul(L[d * dim + j], v_set(e->inv_dt))));
         }
-        unsigned inside = GR_ALL_LANES;
+        unsigned inside = m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* NaN is outside, too */
         for (int d = 0; d < dim; d++) {
             double *x = e->field[GR_FIELD_x] + d * e->capacity + at;
             const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];

@@ -23,7 +23,7 @@ static int compare_ids(const void *a, const void *b)
 /* What a regrouping works with, between the old order and the new. */
 struct regroup {
     int64_t n, n_cells, total;
-    int32_t usual; /* points in a cell that has any */
+    int32_t usual;    /* points in a cell that has any */
     int64_t *source;  /* per point: old place, or -1 - k for pending point k */
     int64_t *cell_id; /* per point, then its new place */
     int64_t *cells;   /* ids of the active cells, ascending */
@@ -133,11 +133,11 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     if (n_cells <= mesh->cell_room && e->sums) return GR_OK;
     const int64_t room = n_cells + n_cells / 2 + 8;
     mesh->cell_room = 0;
-#define GR_RESIZE(p, count)                                       \
-    do {                                                          \
-        void *q = realloc(p, sizeof *(p) * (size_t)(count));      \
-        if (!q) return GR_ERR_MEMORY;                             \
-        (p) = q;                                                  \
+#define GR_RESIZE(p, count)                                  \
+    do {                                                     \
+        void *q = realloc(p, sizeof *(p) * (size_t)(count)); \
+        if (!q) return GR_ERR_MEMORY;                        \
+        (p) = q;                                             \
     } while (0)
     GR_RESIZE(mesh->cell, room);
     GR_RESIZE(mesh->cell_node, room * e->K);
@@ -292,8 +292,7 @@ int gr_regroup(struct gr_engine *e)
     if (!error) error = reserve_mesh(e, r.n_cells);
     if (error) { /* back to the old cells */
         for (int64_t c = 0; c < r.n_cells; c++) e->mesh.cell_of[r.cells[c]] = 0;
-        for (int64_t c = 0; c < e->mesh.n_cells; c++)
-            e->mesh.cell_of[gr_cell_id(e, e->mesh.cell[c].at)] = (int32_t)(c + 1);
+        for (int64_t c = 0; c < e->mesh.n_cells; c++) e->mesh.cell_of[gr_cell_id(e, e->mesh.cell[c].at)] = (int32_t)(c + 1);
         goto out;
     }
     place_cells(e, &r);

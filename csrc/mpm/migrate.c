@@ -116,9 +116,10 @@ static int lift_leaver(struct gr_engine *e, const struct gr_leaver *leaver)
     double *record = e->pending + e->n_pending * e->n_components, x[3];
     int64_t at[3];
     lift(e, leaver->slot, record);
+    for (int c = 0; c < e->n_components; c++)
+        if (!isfinite(record[c])) return fail(e, GR_ERR_NOT_FINITE, leaver->slot);
     for (int d = 0; d < dim; d++) {
         x[d] = record[d];
-        if (!isfinite(x[d]) || !isfinite(record[dim + d])) return fail(e, GR_ERR_NOT_FINITE, leaver->slot);
         at[d] = gr_locate(&e->axis[d], 1.0 / e->config.dx, x[d]);
         if (at[d] > cell->at[d] + 1 || at[d] < cell->at[d] - 1) return fail(e, GR_ERR_RUNAWAY, leaver->slot);
     }

@@ -9,19 +9,18 @@
 #include "mpm/shape.h"
 
 /* exp(-c), for V = m exp(-c)/rho_c. Points that carry stress have |c| of order p/K, and then a short
- * series errs less than round-off. */
+ * series errs less than round-off; each lane takes its own, so that none depends on its neighbours. */
 GR_INLINE vd expansion(vd c)
 {
-    const vd small = v_set(0.0078125);
-    if (m_bits(v_ge(small, v_abs(c))) == GR_ALL_LANES) {
-        vd e = v_set(-1.0 / 120.0);
-        e = v_fma(e, c, v_set(1.0 / 24.0));
-        e = v_fma(e, c, v_set(-1.0 / 6.0));
-        e = v_fma(e, c, v_set(0.5));
-        e = v_fma(e, c, v_set(-1.0));
-        return v_fma(e, c, v_set(1.0));
-    }
-    return v_exp(-v_max(v_min(c, v_set(600.0)), v_set(-600.0)));
+    const vm small = v_ge(v_set(0.0078125), v_abs(c));
+    vd e = v_set(-1.0 / 120.0);
+    e = v_fma(e, c, v_set(1.0 / 24.0));
+    e = v_fma(e, c, v_set(-1.0 / 6.0));
+    e = v_fma(e, c, v_set(0.5));
+    e = v_fma(e, c, v_set(-1.0));
+    e = v_fma(e, c, v_set(1.0));
+    if (__builtin_expect(m_bits(small) == GR_ALL_LANES, 1)) return e;
+    return v_select(small, e, v_exp(-v_clamp(c, -600.0, 600.0)));
 }
 
 GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)
@@ -62,7 +61,8 @@ GR_INLINE void spread_linear(const int dim, const int basis, const struct gr_sha
 }
 
 /* acc[n stride] += t . grad w_n: one row of the divergence of a stress. */
-GR_INLINE void spread_gradient(const int dim, const int basis, const struct gr_shape *s, const vd t[3], vd *acc, const int stride)
+GR_INLINE void spread_gradient(const int dim, const int basis, const struct gr_shape *s, const vd t[3], vd *acc,
+                               const int stride)
 {
     const int k = gr_nodes_1d(basis);
     for (int c = 0; c < (dim == 3 ? k : 1); c++)

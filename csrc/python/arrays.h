@@ -24,6 +24,10 @@ int gr_refuse_overlap(PyArrayObject *const *arrays, const char *const *names, in
 /* Raise the exception of a core error. Always returns NULL. */
 PyObject *gr_raise(int error, const struct gr_engine *engine);
 
+/* The configuration that keyword arguments describe; it points into them and into `walls`. Returned: 0, or -1 with
+ * an exception set. */
+int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_wall walls[256], const char **isa);
+
 extern PyObject *gr_SimulationError;
 extern PyTypeObject *gr_engine_type(PyObject *module);
 

@@ -27,203 +27,24 @@ static struct gr_engine *ready(struct engine_object *self, int bound)
 
 /* ---- construction ---- */
 
-static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyObject *periodic, PyObject *open_low,
-                     PyObject *open_high, PyObject *creases)
-{
-    PyObject *const lists[] = {shape, lower, periodic, open_low, open_high, creases};
-    for (int k = 0; k < 6; k++)
-        if (!PyTuple_Check(lists[k]) || PyTuple_GET_SIZE(lists[k]) != c->dim) {
-            PyErr_SetString(PyExc_ValueError,
-                            "shape, lower, periodic, open_low, open_high and creases must be tuples of length dim");
-            return -1;
-        }
-    int64_t nodes = 1;
-    for (int d = 0; d < c->dim; d++) {
-        const long n = PyLong_AsLong(PyTuple_GET_ITEM(shape, d));
-        if (n == -1 && PyErr_Occurred()) return -1;
-        if (n < 1 || n > 1000000000 || (nodes *= 2 * n + 2) > ((int64_t)1 << 32)) {
-            PyErr_Format(PyExc_ValueError, "shape[%d] = %ld is outside the range of the grid", d, n);
-            return -1;
-        }
-        c->shape[d] = (int)n;
-        c->lower[d] = PyFloat_AsDouble(PyTuple_GET_ITEM(lower, d));
-        c->periodic[d] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, d));
-        c->open_low[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_low, d));
-        c->open_high[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_high, d));
-        const npy_intp any[1] = {-1};
-        PyArrayObject *lines = gr_array(PyTuple_GET_ITEM(creases, d), "creases", NPY_INT32, 1, any, 0);
-        if (!lines || PyErr_Occurred()) return -1;
-        if (!isfinite(c->lower[d])) {
-            PyErr_Format(PyExc_ValueError, "lower[%d] is not finite", d);
-            return -1;
-        }
-        c->n_creases[d] = (int)PyArray_DIM(lines, 0);
-        c->creases[d] = PyArray_DATA(lines);
-    }
-    return 0;
-}
-
-static int take_walls(struct gr_config *c, PyObject *walls, struct gr_wall *table)
-{
-    if (!PyList_Check(walls) || PyList_GET_SIZE(walls) < 1 || PyList_GET_SIZE(walls) > 256) {
-        PyErr_SetString(PyExc_ValueError, "walls must be a list of 1 to 256 rows, row 0 the free node");
-        return -1;
-    }
-    c->n_walls = (int)PyList_GET_SIZE(walls);
-    for (int k = 0; k < c->n_walls; k++) {
-        struct gr_wall *w = &table[k];
-        PyObject *row = PyList_GET_ITEM(walls, k);
-        if (!PyTuple_Check(row)) {
-            PyErr_SetString(PyExc_TypeError, "each row of walls must be a tuple");
-            return -1;
-        }
-        if (!PyArg_ParseTuple(row, "iidiidi;a row of walls is (fixed, clamp, friction, normal, side, opens_at, after)",
-                              &w->fixed, &w->clamp, &w->friction, &w->normal, &w->side, &w->opens_at, &w->after))
-            return -1;
-        if (!(w->friction >= 0)) {
-            PyErr_Format(PyExc_ValueError, "walls[%d]: friction must not be negative", k);
-            return -1;
-        }
-    }
-    c->walls = table;
-    return 0;
-}
-
-/* Numbers of nodes and of grouping cells that the codes and flags must have. */
-static int64_t count_along(const struct gr_config *c, int d, int nodes)
-{
-    const int n = c->shape[d];
-    if (c->basis == GR_QUADRATIC) return !nodes || c->periodic[d] ? n : n + 2 + c->n_creases[d];
-    return (nodes || c->basis == GR_UGIMP) && !c->periodic[d] ? n + 1 : n;
-}
-
-static int take_map(const struct gr_config *c, PyObject *object, const char *name, int nodes, const uint8_t **out)
-{
-    npy_intp shape[3];
-    for (int d = 0; d < c->dim; d++) shape[c->dim - 1 - d] = (npy_intp)count_along(c, d, nodes);
-    *out = NULL;
-    if (!nodes && object == Py_None) return 0;
-    PyArrayObject *array = gr_array(object, name, NPY_UINT8, c->dim, shape, 0);
-    if (!array) return -1;
-    const uint8_t *data = PyArray_DATA(array);
-    for (npy_intp k = 0; nodes && k < PyArray_SIZE(array); k++)
-        if (data[k] >= c->n_walls) {
-            PyErr_Format(PyExc_ValueError, "%s names wall row %d, but there are %d", name, (int)data[k], c->n_walls);
-            return -1;
-        }
-    *out = data;
-    return 0;
-}
-
-static int take_gravity(struct gr_config *c, PyObject *times, PyObject *vectors)
-{
-    const npy_intp any[1] = {-1};
-    PyArrayObject *t = gr_array(times, "gravity_times", NPY_DOUBLE, 1, any, 0);
-    if (!t) return -1;
-    const npy_intp shape[2] = {PyArray_DIM(t, 0), c->dim};
-    PyArrayObject *g = gr_array(vectors, "gravity_vectors", NPY_DOUBLE, 2, shape, 0);
-    if (!g) return -1;
-    c->n_gravity = (int)PyArray_DIM(t, 0);
-    c->gravity_times = PyArray_DATA(t);
-    c->gravity_vectors = PyArray_DATA(g);
-    for (int k = 0; k < c->n_gravity; k++)
-        if (!isfinite(c->gravity_times[k]) || (k && !(c->gravity_times[k] > c->gravity_times[k - 1]))) {
-            PyErr_SetString(PyExc_ValueError, "gravity_times must be finite and increase");
-            return -1;
-        }
-    return 0;
-}
-
-static int take_numbers(PyObject *dict, const char *name, double *out)
-{
-    PyObject *value = PyDict_GetItemString(dict, name);
-    if (!value) {
-        PyErr_Format(PyExc_ValueError, "the number %s is missing", name);
-        return -1;
-    }
-    *out = PyFloat_AsDouble(value);
-    if (PyErr_Occurred()) return -1;
-    if (!isfinite(*out)) {
-        PyErr_Format(PyExc_ValueError, "%s = %R must be finite", name, value);
-        return -1;
-    }
-    return 0;
-}
-
-static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *parameters)
-{
-#define GR_TAKE(name, place)                                       \
-    if (take_numbers(numbers, name, &c->place)) return -1;
-    GR_TAKE("dx", dx)
-    GR_TAKE("half_extent", lambda)
-    GR_TAKE("keep_velocity_rate", keep_velocity_rate)
-    GR_TAKE("rho_c", rho_c)
-    GR_TAKE("wave_speed", wave_speed)
-    GR_TAKE("mass_cutoff", mass_cutoff)
-    GR_TAKE("cfl", cfl)
-    GR_TAKE("dt", dt)
-    GR_TAKE("diffusion", cure.diffusion)
-    GR_TAKE("shear_diffusion", cure.shear_diffusion)
-    GR_TAKE("feedback", cure.feedback)
-    GR_TAKE("feedback_limit", cure.feedback_limit)
-    GR_TAKE("shift", cure.shift)
-    GR_TAKE("shift_limit", cure.shift_limit)
-    GR_TAKE("tension_reach", cure.reach)
-#undef GR_TAKE
-    const struct gr_law_info *law = &gr_law_table[c->law];
-    for (int k = 0; k < law->n_parameters; k++)
-        if (take_numbers(parameters, law->parameter[k].name, &c->parameter[k])) return -1;
-    return 0;
-}
-
-static int law_index(const char *name)
-{
-    for (int k = 0; k < GR_LAW_COUNT; k++)
-        if (!strcmp(gr_law_table[k].name, name)) return k;
-    PyErr_Format(PyExc_ValueError, "there is no law \"%s\"", name);
-    return -1;
-}
-
 static int engine_init(struct engine_object *self, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"dim", "basis", "affine", "diffused", "xpic_order", "pressure_from_density", "law", "isa",
-                            "shape", "lower", "periodic", "open_low", "open_high", "creases", "walls", "node_codes",
-                            "cell_flags", "gravity_times", "gravity_vectors", "numbers", "parameters", NULL};
-    struct gr_config c = {0};
-    struct gr_wall table[256];
-    const char *law, *isa;
-    PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *walls, *codes, *flags, *times, *vectors;
-    PyObject *numbers, *parameters;
+    struct gr_config config;
+    struct gr_wall walls[256];
+    const char *isa;
     if (self->engine) {
         PyErr_SetString(PyExc_RuntimeError, "the engine is already built");
         return -1;
     }
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiissOOOOOOOOOOOO!O!", names, &c.dim, &c.basis, &c.affine,
-                                     &c.diffused, &c.xpic_order, &c.pressure_from_density, &law, &isa, &shape, &lower,
-                                     &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags, &times,
-                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters))
-        return -1;
-    if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || c.diffused < 0 || c.diffused > 1) {
-        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis 0 to 2 and diffused 0 or 1");
-        return -1;
-    }
-    c.law = law_index(law);
-    if (c.law < 0) return -1;
+    if (gr_parse_config(args, kwargs, &config, walls, &isa)) return -1;
     self->kernels = gr_kernels_select(isa);
     if (!self->kernels) {
         PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
         return -1;
     }
-    if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases) || take_walls(&c, walls, table) ||
-        take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters))
-        return -1;
-    const int error = gr_engine_new(&self->engine, &c);
-    if (error) {
-        gr_raise(error, NULL);
-        return -1;
-    }
-    return 0;
+    const int error = gr_engine_new(&self->engine, &config);
+    if (error) gr_raise(error, NULL);
+    return error ? -1 : 0;
 }
 
 static void engine_dealloc(struct engine_object *self)
@@ -312,7 +133,8 @@ static PyObject *engine_advance(struct engine_object *self, PyObject *args)
     struct gr_engine *e = ready(self, 1);
     if (!e) return NULL;
     if (max_steps < 0 || isnan(until) || threads < 1 || threads > GR_MAX_THREADS)
-        return PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d", GR_MAX_THREADS);
+        return PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d",
+                            GR_MAX_THREADS);
     self->busy = 1;
     Py_BEGIN_ALLOW_THREADS
     error = gr_advance(e, self->kernels, max_steps, until, threads);
@@ -418,15 +240,15 @@ static PyObject *engine_scalars(struct engine_object *self, PyObject *unused)
     struct gr_engine *e = ready(self, 0);
     PyObject *out = e ? PyDict_New() : NULL, *value;
     if (!out) return NULL;
-#define GR_X(name)                                                          \
-    value = PyFloat_FromDouble(e->name);                                    \
-    if (!value || PyDict_SetItemString(out, #name, value)) goto fail;       \
+#define GR_X(name)                                                    \
+    value = PyFloat_FromDouble(e->name);                              \
+    if (!value || PyDict_SetItemString(out, #name, value)) goto fail; \
     Py_CLEAR(value);
     GR_FLOATS(GR_X)
 #undef GR_X
-#define GR_X(name)                                                          \
-    value = PyLong_FromLongLong(e->name);                                   \
-    if (!value || PyDict_SetItemString(out, #name, value)) goto fail;       \
+#define GR_X(name)                                                    \
+    value = PyLong_FromLongLong(e->name);                             \
+    if (!value || PyDict_SetItemString(out, #name, value)) goto fail; \
     Py_CLEAR(value);
     GR_INTEGERS(GR_X)
 #undef GR_X
@@ -443,17 +265,17 @@ static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
     if (!e) return NULL;
     if (!PyDict_Check(dict)) return PyErr_Format(PyExc_TypeError, "restore needs a dict of scalars");
     PyObject *value;
-#define GR_X(name)                                                                                     \
-    if (!(value = PyDict_GetItemString(dict, #name)))                                                  \
-        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name);                      \
-    const double float_##name = PyFloat_AsDouble(value);                                               \
+#define GR_X(name)                                                                \
+    if (!(value = PyDict_GetItemString(dict, #name)))                             \
+        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
+    const double float_##name = PyFloat_AsDouble(value);                          \
     if (PyErr_Occurred()) return NULL;
     GR_FLOATS(GR_X)
 #undef GR_X
-#define GR_X(name)                                                                                     \
-    if (!(value = PyDict_GetItemString(dict, #name)))                                                  \
-        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name);                      \
-    const long long integer_##name = PyLong_AsLongLong(value);                                         \
+#define GR_X(name)                                                                \
+    if (!(value = PyDict_GetItemString(dict, #name)))                             \
+        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
+    const long long integer_##name = PyLong_AsLongLong(value);                    \
     if (PyErr_Occurred()) return NULL;
     GR_INTEGERS(GR_X)
 #undef GR_X
@@ -469,6 +291,15 @@ static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
     GR_INTEGERS(GR_X)
 #undef GR_X
     e->lent_scale = -1.0 / e->lent_dt;
+    e->sums_valid = 0;
+    Py_RETURN_NONE;
+}
+
+static PyObject *engine_refresh(struct engine_object *self, PyObject *unused)
+{
+    (void)unused;
+    struct gr_engine *e = ready(self, 0);
+    if (!e) return NULL;
     e->sums_valid = 0;
     Py_RETURN_NONE;
 }
@@ -512,10 +343,13 @@ static PyMethodDef methods[] = {
     {"scatter", (PyCFunction)engine_scatter, METH_NOARGS, "scatter()\n--\n\nP2G alone: the sums of all cells."},
     {"grid", (PyCFunction)engine_grid, METH_NOARGS, "grid()\n--\n\nThe grid stage alone: nodal velocities of this step."},
     {"gather", (PyCFunction)engine_gather, METH_NOARGS, "gather()\n--\n\nG2P and stress update alone; completes the step."},
-    {"nodes", (PyCFunction)engine_nodes, METH_NOARGS, "nodes()\n--\n\nCopies of the nodal arrays: x, mass, momentum, force, v, w."},
+    {"nodes", (PyCFunction)engine_nodes, METH_NOARGS,
+     "nodes()\n--\n\nCopies of the nodal arrays: x, mass, momentum, force, v, w."},
     {"cells", (PyCFunction)engine_cells, METH_NOARGS, "cells()\n--\n\n(offset, count) of the cells in the point arrays."},
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
+    {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
+     "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},
     {"fields", (PyCFunction)engine_fields, METH_NOARGS, "fields()\n--\n\n[(name, components, unit, doc)] of the buffers."},
     {NULL, NULL, 0, NULL}};

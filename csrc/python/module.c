@@ -21,8 +21,8 @@ static PyObject *law_update(PyObject *module, PyObject *args)
     int dim, eos, law = -1;
     double dt, parameter[GR_LAW_MAX_PARAMETERS] = {0};
     PyObject *parameters, *objects[4];
-    if (!PyArg_ParseTuple(args, "siO!diOOOOs", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
-                          &objects[1], &objects[2], &objects[3], &isa))
+    if (!PyArg_ParseTuple(args, "siO!diOOOOs", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0], &objects[1],
+                          &objects[2], &objects[3], &isa))
         return NULL;
     for (int k = 0; k < GR_LAW_COUNT; k++)
         if (!strcmp(gr_law_table[k].name, name)) law = k;
@@ -32,7 +32,8 @@ static PyObject *law_update(PyObject *module, PyObject *args)
                             name, dim, isa);
     for (int k = 0; k < gr_law_table[law].n_parameters; k++) {
         PyObject *value = PyDict_GetItemString(parameters, gr_law_table[law].parameter[k].name);
-        if (!value) return PyErr_Format(PyExc_ValueError, "the parameter %s is missing", gr_law_table[law].parameter[k].name);
+        if (!value)
+            return PyErr_Format(PyExc_ValueError, "the parameter %s is missing", gr_law_table[law].parameter[k].name);
         parameter[k] = PyFloat_AsDouble(value);
         if (PyErr_Occurred()) return NULL;
     }
@@ -104,7 +105,8 @@ static PyObject *node_positions(PyObject *module, PyObject *args)
     if (basis < 0 || basis >= GR_BASIS_COUNT || n < 1 || n > 100000000)
         return PyErr_Format(PyExc_ValueError, "basis = %d or n_cells = %d is not valid", basis, n);
     struct gr_axis axis;
-    const int error = gr_axis_build(&axis, basis, n, periodic, PyArray_DATA(creases), (int)PyArray_DIM(creases, 0), 0.25, 0, 1);
+    const int error =
+        gr_axis_build(&axis, basis, n, periodic, PyArray_DATA(creases), (int)PyArray_DIM(creases, 0), 0.25, 0, 1);
     if (error) return gr_raise(error, NULL);
     const npy_intp shape[1] = {axis.n_nodes};
     PyObject *out = PyArray_SimpleNew(1, shape, NPY_DOUBLE);
@@ -118,7 +120,8 @@ static PyMethodDef functions[] = {
      "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa)\n--\n\n"
      "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n)."},
     {"laws", laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
-    {"build_info", build_info, METH_NOARGS, "build_info()\n--\n\nInstruction set, OpenMP, compiler and flags of this build."},
+    {"build_info", build_info, METH_NOARGS,
+     "build_info()\n--\n\nInstruction set, OpenMP, compiler and flags of this build."},
     {"node_positions", node_positions, METH_VARARGS,
      "node_positions(basis, n_cells, periodic, creases)\n--\n\nNodes along one axis, in cells from its lower end."},
     {NULL, NULL, 0, NULL}};
@@ -128,8 +131,9 @@ static int exec_module(PyObject *module)
     if (PyArray_ImportNumPyAPI() < 0) return -1;
     if (!gr_SimulationError) {
         gr_SimulationError = PyErr_NewExceptionWithDoc(
-            "granular.SimulationError", "A run failed: a point that is not finite or ran away. `point` is its id, `step` the step.",
-            PyExc_RuntimeError, NULL);
+            "granular.SimulationError",
+            "A run failed: a point that is not finite or ran away. `point` is its id, `step` the step.", PyExc_RuntimeError,
+            NULL);
         if (!gr_SimulationError) return -1;
     }
     if (PyModule_AddObjectRef(module, "SimulationError", gr_SimulationError)) return -1;

@@ -201,7 +201,7 @@ static void capacity_may_be_refused(void)
     for (int64_t k = 0; k < s.capacity; k++)
         if (s.id[k] >= 0)
             for (int d = 0; d < 2; d++)
-                *scene_at(&s, GR_FIELD_v, d, k) = 20 * (*scene_at(&s, GR_FIELD_x, d, k) - (d ? 2.3 : -0.7));
+                *scene_at(&s, GR_FIELD_v, d, k) = 200 * (*scene_at(&s, GR_FIELD_x, d, k) - (d ? 2.3 : -0.7));
     CHECK(gr_regroup(s.engine) == GR_OK);
     s.engine->capacity = s.engine->used; /* no room to regroup */
     const int64_t stride = s.capacity;
@@ -212,7 +212,7 @@ static void capacity_may_be_refused(void)
     int asked = 0;
     for (int k = 0; k < 60; k++) asked += gr_advance(s.engine, gr_kernels_select(""), 1, INFINITY, 1) == GR_ERR_CAPACITY;
     CHECK(asked > 0);
-    CHECK(scene_grow(&s) == 0);
+    if (asked) CHECK(scene_grow(&s) == 0);
     CHECK(gr_regroup(s.engine) == GR_OK);
     for (int64_t id = 0; id < 600; id++) CHECK(scene_find(&s, id) >= 0);
     scene_free(&s);

@@ -47,6 +47,7 @@ static void fields_by_need(void)
     do {                                                      \
         struct scene s;                                       \
         scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);   \
+        scene_codes(&s);                                      \
         change;                                               \
         CHECK(scene_build(&s, 1, 0.1, 0.9) == GR_ERR_CONFIG); \
         CHECK(!s.engine);                                     \

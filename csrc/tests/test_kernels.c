@@ -67,7 +67,8 @@ static void fused_is_separate(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int variant = 0; variant < 5; variant++) {
-            const int affine = variant % 4 % 3, diffused = variant == 4, xpic = variant == 3 ? 2 : 0;
+            const int affine = variant == 4 ? GR_AFFINE_GRADIENT : variant % 3, diffused = variant == 4,
+                      xpic = variant == 3 ? 2 : 0;
             struct scene a, b;
             if (diffused && basis != GR_QUADRATIC) continue;
             for (int copy = 0; copy < 2; copy++) {
@@ -99,11 +100,14 @@ static void exponential(void)
 
 static void lane_sums(void)
 {
-    double a[4][GR_W], sum[4], expected[4] = {0};
-    for (int k = 0; k < 4; k++)
+    double a[GR_SUMS][GR_W], sum[GR_SUMS], expected[GR_SUMS] = {0};
+    vd lanes[GR_SUMS];
+    for (int k = 0; k < GR_SUMS; k++) {
         for (int lane = 0; lane < GR_W; lane++) expected[k] += a[k][lane] = 1 + 10 * k + lane;
-    v_sum4(sum, v_load(a[0]), v_load(a[1]), v_load(a[2]), v_load(a[3]));
-    for (int k = 0; k < 4; k++) CHECK(sum[k] == expected[k]);
+        lanes[k] = v_load(a[k]);
+    }
+    v_sums(sum, lanes);
+    for (int k = 0; k < GR_SUMS; k++) CHECK(sum[k] == expected[k]);
 }
 
 static void comparisons(void)

@@ -22,9 +22,11 @@ static void random_points(struct points *p, int dim, int n, double strain)
     p->n = n, p->dim = dim;
     for (int k = 0; k < n; k++) {
         const double pressure = scene_random(100, 2000);
-        for (int c = 0; c < dim * dim; c++) p->gradient[k][c] = strain * scene_random(-1, 1);
-        for (int c = 0; c < 6; c++) p->stress[k][c] = (c < 3 ? -pressure : 0) + 0.3 * pressure * scene_random(-1, 1);
-        p->log_density[k] = scene_random(1e-4, 1e-3);
+        const double share = k % 2 ? 1 : 0.02; /* some that yield and some that do not */
+        for (int c = 0; c < dim * dim; c++) p->gradient[k][c] = share * strain * scene_random(-1, 1);
+        for (int c = 0; c < 6; c++)
+            p->stress[k][c] = (c < 3 ? -pressure : 0) + (k % 3 ? 0.1 : 0.3) * pressure * scene_random(-1, 1);
+        p->log_density[k] = pressure / K;
         p->shear_rate[k] = -1;
     }
 }

@@ -36,9 +36,9 @@ static void check_mesh(const struct scene *s)
     int64_t linked = 0;
     for (int64_t n = 0; n < mesh->n_nodes; n++)
         for (int i = 0; i < e->K; i++) {
-            const int32_t source = mesh->node_source[n * e->K + i];
-            if (source >= mesh->n_cells * e->K) continue;
-            CHECK(mesh->cell_node[source] == n);
+            const int64_t source = mesh->node_source[n * e->K + i];
+            if (source >= mesh->n_cells << 5) continue;
+            CHECK(mesh->cell_node[(source >> 5) * e->K + (source & 31)] == n);
             if (i) CHECK(mesh->node_source[n * e->K + i - 1] < source); /* in the order of cells */
             linked++;
         }

@@ -79,6 +79,8 @@ def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]
             aspects, value, bars, fmt=marker, color=shade, markersize=5, capsize=2, label=name
         )
     ax.set(xscale="log", yscale="log", xlabel="aspect ratio a", ylabel="run-out / half-width")
+    ax.set_xticks(aspects, labels=[f"{a:g}" for a in aspects])
+    ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     ax.legend(fontsize="small")
     return fig
 
@@ -126,7 +128,7 @@ def figure_5(
     right.plot(fit.orifices, fit.rates, "o", color="C3", label="measured")
     right.set(xscale="log", yscale="log", xlabel="orifice D [m]", ylabel="rate [kg/(s m)]")
     right.set_xticks(fit.orifices, labels=[f"{d:.3g}" for d in fit.orifices], fontsize="small")
-    right.minorticks_off()
+    right.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     right.legend(fontsize="small")
     return fig
 
@@ -332,13 +334,13 @@ def figure_13(
         off = np.abs(path.stress - _at(reference, path.times)).max(axis=1) / scale
         error.semilogy(path.times, np.maximum(off, 1e-16), color=shade, label=f"dt = {path.dt:.3g}")
         largest.append((path.dt, off.max()))
-    error.set(xlabel="time [s]", ylabel="error / largest stress", ylim=(1e-8, None))
-    error.legend(fontsize="x-small", ncols=2)
+    error.set(xlabel="time [s]", ylabel="error / largest stress", ylim=(1e-11, None))
+    error.legend(fontsize="x-small", ncols=2, loc="lower right")
     steps, errors = np.array(sorted(largest)).T
     order.loglog(steps, errors, "o", color="C3", label="largest error")
     order.loglog(steps, errors[-1] * steps / steps[-1], color="black", label="first order")
     order.set_xticks(steps, labels=[f"{dt:.3g}" for dt in steps], fontsize="x-small")
-    order.minorticks_off()
+    order.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     order.set(xlabel="time step [s]", ylabel="error / largest stress")
     order.legend(fontsize="small")
     return fig

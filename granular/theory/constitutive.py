@@ -92,7 +92,7 @@ def appendix_b_velocity_gradient(t: ArrayLike) -> Array:
         (.25, .5), the opposite expansion in (.75, 1).
     """
     t = np.asarray(t, dtype=float)
-    gradient = np.zeros(t.shape + (2, 2))
+    gradient = np.zeros((*t.shape, 2, 2))
     volumetric = np.where((t > 0.25) & (t < 0.5), abs(8 * t - 3) - 1, 0.0)
     volumetric = volumetric + np.where((t > 0.75) & (t < 1.0), 1 - abs(8 * t - 7), 0.0)
     gradient[..., 0, 0] = gradient[..., 1, 1] = volumetric

@@ -278,7 +278,7 @@ class _Layer:
         return self.mu_s + self.span * np.where(z < 0, z, z / (1 + np.maximum(z, 0)))
 
     def velocity(self, shear_rate: Array) -> Array:
-        v = np.zeros(shear_rate.shape[:-1] + (self.cells + 1,))
+        v = np.zeros((*shear_rate.shape[:-1], self.cells + 1))
         np.cumsum(shear_rate * self.dy, axis=-1, out=v[..., 1:])
         return v
 

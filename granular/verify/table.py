@@ -10,7 +10,7 @@ from typing import TextIO
 from granular.checks import one_of
 from granular.verify.rows import Check, Row, checks
 
-_WIDTHS = (22, 62, 16, 18)
+_WIDTHS = (24, 60, 14, 18)
 _WORDS = {True: "pass", False: "FAIL", None: "-"}
 
 

@@ -71,8 +71,8 @@ def test_a_uniform_stress_makes_little_force():
         for basis in ("linear", "ugimp", "quadratic")
     }
     assert error["quadratic"] < 0.5 * error["linear"]
-    assert error["ugimp"] < error["linear"]
-    assert error["linear"] < 1.0
+    assert error["ugimp"] < 0.8 * error["linear"]
+    assert error["linear"] < 1.2
 
 
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])

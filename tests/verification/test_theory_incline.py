@@ -97,7 +97,7 @@ def regularised(angle_deg, times, cells, sharpness):
 
 
 def test_transient_against_a_regularised_solution():
-    """An ordinary ODE solver on the regularised law tends to the transient as the creep vanishes."""
+    """An ODE solver on the regularised law tends to the transient as the creep vanishes."""
     times = [0.3, 1.0]
     exact = transient(25.0, HEIGHT, MATERIAL, times, cells=40, rtol=1e-8).mean
     sharpness = (1e-4, 1e-5, 1e-6)

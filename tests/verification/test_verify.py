@@ -9,7 +9,7 @@ from granular import verify
 from granular.verify.rows import at_least, at_most, beside, checks, holds, within
 
 
-@pytest.mark.parametrize("name", ["threads_and_restart", "conservation"])
+@pytest.mark.parametrize("name", ["threads_and_restart", "conservation", "energy"])
 def test_table(name):
     assert verify.failures(name) == []
 

@@ -1,0 +1,332 @@
+"""Wrong arguments to the core: documented exceptions only, no crash, no changed engine."""
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import granular as gr
+from granular import _core
+from granular import engine as core
+
+DOCUMENTED = (TypeError, ValueError, OverflowError, RuntimeError, MemoryError)
+QUICK = settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+class Wrapped(np.ndarray):
+    """A subclass, which the core must not take for an array."""
+
+
+def spoiled(array, how):
+    """An array that is wrong in one way, or a thing that is no array."""
+    with np.errstate(all="ignore"):
+        return {
+            "float32": lambda: array.astype(np.float32),
+            "int32": lambda: array.astype(np.int32),
+            "object": lambda: array.astype(object),
+            "swapped": lambda: array.astype(array.dtype.newbyteorder()),
+            "fortran": lambda: np.asfortranarray(np.stack([array, array])),
+            "strided": lambda: np.repeat(array, 2, axis=-1)[..., ::2],
+            "backwards": lambda: array[..., ::-1],
+            "read-only": lambda: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape),
+            "empty": lambda: array[..., :0],
+            "short": lambda: array[..., :-1].copy(),
+            "long": lambda: np.concatenate([array, array], axis=-1),
+            "flat": lambda: array.ravel()[:-1].copy(),
+            "deep": lambda: array[None].copy(),
+            "scalar": lambda: np.array(1.0),
+            "subclass": lambda: array.view(Wrapped),
+            "unaligned": lambda: np.frombuffer(
+                bytearray(array.nbytes + 1), np.uint8, array.nbytes, 1
+            ).view(array.dtype).reshape(array.shape),
+            "list": array.tolist,
+            "none": lambda: None,
+            "number": lambda: 3.5,
+            "text": lambda: "array",
+        }[how]()  # fmt: skip
+
+
+WAYS = (
+    "float32", "int32", "object", "swapped", "fortran", "strided", "backwards", "read-only",
+    "empty", "short", "long", "flat", "deep", "scalar", "subclass", "unaligned", "list", "none",
+    "number", "text",
+)  # fmt: skip
+
+numbers = st.one_of(
+    st.floats(),
+    st.integers(-(2**70), 2**70),
+    st.sampled_from([None, "1", (), 1j, True, np.float64("nan"), 2**63, -(2**31) - 1]),
+)
+
+
+def arguments(scene, mean_mass=1.0):
+    """The keywords with which an engine of this scene is built."""
+    caught = {}
+
+    class Catcher:
+        def __init__(self, **keywords):
+            caught.update(keywords)
+
+    before, _core.Engine = _core.Engine, Catcher
+    try:
+        core.build(scene, mean_mass)
+    finally:
+        _core.Engine = before
+    return caught
+
+
+@pytest.fixture
+def keywords(small_scene):
+    return arguments(small_scene("walls", 2, ("quadratic", "tpic", "diffused")))
+
+
+def law_arguments(n=3, dim=2):
+    lanes = _core.build_info()["lanes"]
+    return [
+        "mu_i", dim, {"K": 1e6, "G": 1e6, "mu_s": 0.38, "mu_2": 0.64, "xi": 1.1}, 1e-4, 0,
+        np.zeros((n, dim * dim, lanes)), np.zeros(n * lanes),
+        np.zeros((4 if dim == 2 else 6, n * lanes)), np.zeros(n * lanes), "",
+    ]  # fmt: skip
+
+
+# ---- law_update ----
+
+
+@pytest.mark.parametrize("place", [5, 6, 7, 8])
+@pytest.mark.parametrize("how", WAYS)
+def test_law_update_refuses_wrong_arrays(place, how):
+    wrong = law_arguments()
+    wrong[place] = spoiled(wrong[place], how)
+    if how == "read-only" and place in (5, 6):
+        _core.law_update(*wrong)  # it only reads them
+        return
+    if how == "long" and place == 5:
+        wrong[5] = wrong[5][..., : wrong[5].shape[-1] - 1]
+    with pytest.raises((TypeError, ValueError)):
+        _core.law_update(*wrong)
+
+
+def test_law_update_takes_no_points_and_refuses_shared_memory():
+    _core.law_update(*law_arguments(0))
+    shared = law_arguments()
+    shared[8] = shared[6]
+    with pytest.raises(ValueError, match="share memory"):
+        _core.law_update(*shared)
+    shared = law_arguments()
+    shared[8] = shared[7][0]
+    with pytest.raises(ValueError, match="share memory"):
+        _core.law_update(*shared)
+
+
+@QUICK
+@given(place=st.sampled_from([0, 1, 2, 3, 4, 9]), value=numbers)
+def test_law_update_refuses_wrong_numbers(place, value):
+    given_arguments = law_arguments()
+    given_arguments[place] = value
+    try:
+        _core.law_update(*given_arguments)
+    except DOCUMENTED:
+        return
+    # what is taken is a legal number in that place
+    assert isinstance(value, (int, float, np.floating))
+
+
+@QUICK
+@given(data=st.data())
+def test_law_update_survives_any_number_in_its_arrays(data):
+    dim = data.draw(st.sampled_from([2, 3]))
+    chosen = law_arguments(1, dim)
+    law = data.draw(st.sampled_from(sorted(_core.laws())))
+    chosen[0], chosen[4] = law, data.draw(st.integers(0, 1))
+    chosen[2] = {name: 0.5 for name, *_ in _core.laws()[law][1]}
+    for place in (5, 6, 7):
+        flat = chosen[place].reshape(-1)
+        flat[:] = data.draw(st.lists(st.floats(), min_size=flat.size, max_size=flat.size))
+    _core.law_update(*chosen)
+
+
+# ---- construction ----
+
+
+def test_the_caught_keywords_build_an_engine(keywords):
+    assert _core.Engine(**keywords).fields()
+
+
+@QUICK
+@given(data=st.data())
+def test_engine_refuses_wrong_keywords(keywords, data):
+    wrong = dict(keywords)
+    names = st.lists(st.sampled_from(sorted(keywords)), min_size=1, max_size=3, unique=True)
+    for name in data.draw(names):
+        value = wrong[name]
+        if isinstance(value, np.ndarray):
+            wrong[name] = spoiled(value, data.draw(st.sampled_from(WAYS)))
+        elif isinstance(value, dict):
+            inner = dict(value)
+            inner[data.draw(st.sampled_from(sorted(inner)))] = data.draw(numbers)
+            wrong[name] = inner
+        elif isinstance(value, tuple):
+            inner = list(value)
+            inner[data.draw(st.integers(0, len(inner) - 1))] = data.draw(numbers)
+            wrong[name] = tuple(inner[: data.draw(st.integers(0, 4))])
+        else:
+            wrong[name] = data.draw(numbers)
+    try:
+        engine = _core.Engine(**wrong)
+    except DOCUMENTED:
+        return
+    assert engine.scalars()["step"] == 0
+
+
+@QUICK
+@given(row=st.tuples(*[numbers] * 7), length=st.integers(0, 8))
+def test_engine_refuses_wrong_walls(keywords, row, length):
+    walls = [keywords["walls"][0], row[:length], *keywords["walls"][2:]]
+    try:
+        _core.Engine(**(keywords | {"walls": walls}))
+    except DOCUMENTED:
+        return
+    assert length == 7
+
+
+@QUICK
+@given(
+    lines=st.lists(st.integers(-5, 20), max_size=8),
+    basis=st.integers(-1, 4),
+    n=st.integers(-3, 12),
+    periodic=st.booleans(),
+)
+def test_node_positions_refuses_wrong_axes(lines, basis, n, periodic):
+    try:
+        found = _core.node_positions(basis, n, periodic, np.array(lines, dtype=np.int32))
+    except DOCUMENTED:
+        return
+    assert (np.diff(found) > 0).all()
+    assert lines == sorted(set(lines))
+
+
+@pytest.mark.parametrize("how", WAYS)
+def test_node_positions_refuses_wrong_creases(how):
+    lines = spoiled(np.array([2, 4, 6], dtype=np.int32), how)
+    if how in ("int32", "read-only", "empty", "short", "flat"):
+        assert len(_core.node_positions(2, 9, False, np.ascontiguousarray(lines)))
+        return
+    with pytest.raises((TypeError, ValueError)):
+        _core.node_positions(2, 9, False, lines)
+
+
+# ---- buffers ----
+
+
+def bound(scene):
+    sim = gr.Simulation(scene, threads=1)
+    return core.build(scene, sim._mean_mass), sim.buffers, sim.n_points
+
+
+@pytest.mark.parametrize("how", WAYS)
+def test_bind_refuses_wrong_buffers(small_scene, how):
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"))
+    engine, buffers, n = bound(scene)
+    for name in buffers:
+        with pytest.raises((TypeError, ValueError)):
+            engine.bind(buffers | {name: spoiled(buffers[name], how)}, n, True)
+        rest = {k: a for k, a in buffers.items() if k != name}
+        with pytest.raises(ValueError, match=name):
+            engine.bind(rest, n, True)
+    with pytest.raises(RuntimeError, match="bind"):
+        engine.advance(1, 1.0, 1)
+
+
+def test_bind_refuses_overlapping_buffers(small_scene):
+    engine, buffers, n = bound(small_scene("walls", 2, ("linear", "flip", "tracked")))
+    for name, other in (("x", "v"), ("mass", "log_density")):
+        with pytest.raises(ValueError, match="share memory"):
+            engine.bind(buffers | {name: buffers[other]}, n, True)
+    both = np.zeros(2 * len(buffers["id"]) + 8)
+    one = both[: buffers["mass"].size].reshape(1, -1)
+    half = both[8 : 8 + buffers["mass"].size].reshape(1, -1)
+    with pytest.raises(ValueError, match="share memory"):
+        engine.bind(buffers | {"mass": one, "shear_rate": half}, n, True)
+
+
+def test_the_ids_must_not_share_memory_either(small_scene):
+    engine, buffers, n = bound(small_scene("walls", 2, ("linear", "flip", "tracked")))
+    shared = buffers["mass"].view(np.int64)[0]
+    with pytest.raises(ValueError, match="share memory"):
+        engine.bind(buffers | {"id": shared}, n, True)
+
+
+@QUICK
+@given(n=numbers, fresh=numbers)
+def test_bind_refuses_wrong_counts(small_scene, n, fresh):
+    engine, buffers, _ = bound(small_scene("walls", 2, ("linear", "flip", "tracked")))
+    try:
+        engine.bind(buffers, n, fresh)
+        engine.regroup()
+    except DOCUMENTED:
+        return
+    assert 0 <= n <= len(buffers["id"])
+
+
+@QUICK
+@given(steps=numbers, until=numbers, threads=numbers)
+def test_advance_refuses_wrong_numbers(small_scene, steps, until, threads):
+    sim = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "tracked")), threads=1)
+    few = steps if not isinstance(steps, int) or abs(steps) < 50 else -abs(steps)
+    try:
+        sim._engine.advance(few, until, threads)
+    except DOCUMENTED:
+        assert sim.steps == 0
+    sim.step()
+
+
+@QUICK
+@given(data=st.data())
+def test_restore_refuses_wrong_scalars(small_scene, data):
+    sim = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "tracked")), threads=1)
+    before = sim._engine.scalars()
+    name = data.draw(st.sampled_from(sorted(before)))
+    try:
+        sim._engine.restore(before | {name: data.draw(numbers)})
+    except DOCUMENTED:
+        assert sim._engine.scalars() == before
+        sim.step()
+
+
+@QUICK
+@given(data=st.data())
+def test_any_number_at_a_point_is_survived(small_scene, data):
+    """A step on NaN, infinity or absurd numbers ends in SimulationError or goes on."""
+    combination = data.draw(
+        st.sampled_from([("linear", "flip", "tracked"), ("quadratic", "tpic", "diffused")])
+    )
+    sim = gr.Simulation(small_scene("periodic", 2, combination), threads=1)
+    at = np.flatnonzero(sim.buffers["id"] >= 0)
+    for _ in range(3):
+        name = data.draw(st.sampled_from(sorted(set(sim.buffers) - {"id"})))
+        array = sim.buffers[name]
+        component = data.draw(st.integers(0, len(array) - 1))
+        array[component, at[data.draw(st.integers(0, len(at) - 1))]] = data.draw(st.floats())
+    sim._engine.restore(sim._engine.scalars())
+    try:
+        sim.step(3)
+    except (gr.SimulationError, ValueError):
+        return
+    assert sim.steps == 3
+
+
+def test_an_engine_without_points_says_so(keywords):
+    engine = _core.Engine(**keywords)
+    calls = (engine.regroup, engine.scatter, engine.grid, engine.gather, engine.nodes)
+    for call in (*calls, engine.cells, engine.stable_dt, lambda: engine.advance(1, 1.0, 1)):
+        with pytest.raises(RuntimeError, match="bind"):
+            call()
+    with pytest.raises(RuntimeError, match="already"):
+        engine.__init__(**keywords)
+    with pytest.raises(RuntimeError, match="bind"):
+        _core.Engine.__new__(_core.Engine).advance(1, 1.0, 1)
