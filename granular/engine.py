@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.boundaries import Solid, Wall, WallRow, creases, node_codes
 from granular.geometry import seed_points
+from granular.nodes import CORE_BASES
 from granular.scene import Scene
 
 __all__ = ["allocate", "build", "dt_limit", "initial_buffers", "initial_points"]
 
-BASIS = {"linear": 0, "ugimp": 1, "quadratic": 2}
 AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
 COURANT_LIMIT = {"linear": 0.75, "ugimp": 0.75, "quadratic": 1.0}
 """Largest c dt/dx that was seen to be stable: beyond it a run fails without a NaN."""
@@ -125,7 +125,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     axes = "xyz"[: grid.dim]
     return _core.Engine(
         dim=grid.dim,
-        basis=BASIS[scheme.basis],
+        basis=CORE_BASES.index(scheme.basis),
         affine=AFFINE[scheme.transfer],
         diffused=int(diffused),
         xpic_order=scheme.xpic_order if scheme.transfer == "xpic" else 0,

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from granular import _core
 from granular.checks import integer, one_of
 from granular.geometry import LINE_TOLERANCE, Grid
 from granular.walls import Absorber, Solid, Wall
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["WallRow", "creases", "node_codes", "node_positions"]
 
+CORE_BASES = ("linear", "ugimp", "quadratic")  # in the order of the core
 MAX_ROWS = 255
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Nodes of a block no deeper than this (cells) belong to the face: the first layer of quadratic
@@ -91,7 +93,7 @@ def creases(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tuple
 
 def check_creases(basis: str, n_cells: int, periodic: bool, creases: Sequence[int]) -> list[int]:
     """Refuse creases that an axis of this basis cannot have; see `node_positions`."""
-    one_of("basis", basis, ("linear", "ugimp", "quadratic"))
+    one_of("basis", basis, CORE_BASES)
     n = integer("n_cells", n_cells, 1)
     lines = [integer("creases", line, 1, n - 1) for line in creases]
     if lines != sorted(set(lines)):
@@ -133,12 +135,12 @@ def node_positions(
     """
     lines = check_creases(basis, n_cells, periodic, creases)
     n = int(n_cells)
-    if basis != "quadratic":
-        return np.arange(n if periodic else n + 1, dtype=np.float64)
-    if periodic:
-        return np.arange(n) + 0.5
-    knots = np.sort(np.concatenate([[0, 0], np.arange(n + 1), [n, n], lines]))
-    return 0.5 * (knots[1:-2] + knots[2:-1])
+    if periodic and lines and basis == "quadratic":
+        raise ValueError(
+            f"creases = {tuple(lines)} must be empty on a periodic axis of quadratic splines:"
+            " no wall may end along it"
+        )
+    return _core.node_positions(CORE_BASES.index(basis), n, periodic, np.array(lines, np.int32))
 
 
 @dataclass(frozen=True)

@@ -148,6 +148,8 @@ def step_budget(sim: "Simulation") -> StepBudget:
     sums = engine.nodes()
     engine.grid()
     nodes, dt = engine.nodes(), engine.scalars()["dt"]
+    if scene.scheme.density == "diffused":  # where dt has changed the sums were made anew for it
+        sums = nodes
     sim._grow(engine.gather())
     after = sim.state
 

@@ -22,7 +22,7 @@ def test_presets():
         ({"basis": "cubic"}, ValueError, "basis = 'cubic' must be one of 'linear'"),
         ({"basis": 2}, TypeError, "basis = 2"),
         ({"transfer": "pic"}, ValueError, "transfer = 'pic'"),
-        ({"density": None}, TypeError, "density = None"),
+        ({"density": 1.0}, TypeError, "density = 1.0"),
         ({"cfl": 0.0}, ValueError, r"cfl = 0.0 must be in \(0.0, 1.0\]"),
         ({"cfl": 1.01}, ValueError, "cfl = 1.01"),
         ({"dt": 0.0}, ValueError, "dt = 0.0"),
@@ -34,6 +34,8 @@ def test_presets():
         ({"diffusion": math.nan}, ValueError, "diffusion = nan"),
         ({"shift_limit": 0.6}, ValueError, "shift_limit = 0.6"),
         ({"shift_outlet_cells": -1}, ValueError, "shift_outlet_cells = -1"),
+        ({"basis": "linear", "density": "diffused"}, ValueError, "needs basis = \"quadratic\""),
+        ({"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
         ({"decay": "fast"}, TypeError, "decay = 'fast'"),
     ],
 )
