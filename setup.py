@@ -26,7 +26,7 @@ SOURCES.append("csrc/dispatch.c")
 # -ffp-contract=off: the bits must not depend on where a compiler chooses to fuse.
 FLAGS = ["-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 FLAGS.append("-fvisibility=hidden")
-KERNEL_FLAGS = ["-fno-tree-loop-distribute-patterns"]  # running sums are registers, not a memset
+KERNEL_FLAGS = ["-fno-tree-loop-distribute-patterns"]  # gcc: running sums are registers, no memset
 AVX2 = ["-mavx2", "-mfma"]
 AVX512 = [*AVX2, "-mavx512f", "-mavx512dq", "-mavx512vl", "-mprefer-vector-width=512"]
 KERNELS = {"baseline": []}
@@ -38,28 +38,34 @@ if X86:
 class BuildCore(build_ext):
     """Compile kernels.c for each instruction set and link it with the rest."""
 
+    def accepts(self, flags: list[str], source: str) -> bool:
+        """Whether the compiler makes a program with these flags."""
+        with tempfile.TemporaryDirectory() as folder:
+            probe = Path(folder, "probe.c")
+            probe.write_text(source)
+            flags = [*flags, "-Werror"]
+            try:
+                objects = self.compiler.compile(
+                    [str(probe)], output_dir=folder, extra_postargs=flags
+                )
+                self.compiler.link_executable(
+                    objects, str(Path(folder, "probe")), extra_postargs=flags
+                )
+            except Exception:
+                return False
+        return True
+
     def has_openmp(self) -> bool:
         wanted = os.environ.get("GRANULAR_OPENMP", "auto")
         if wanted not in ("auto", "0", "1"):
             raise SystemExit(f"GRANULAR_OPENMP = {wanted!r} must be auto, 0 or 1")
         if wanted == "0":
             return False
-        with tempfile.TemporaryDirectory() as folder:
-            probe = Path(folder, "probe.c")
-            probe.write_text(
-                "#include <omp.h>\nint main(void) { return !omp_get_max_threads(); }\n"
-            )
-            try:
-                flag, out = ["-fopenmp"], str(Path(folder, "probe"))
-                objects = self.compiler.compile(
-                    [str(probe)], output_dir=folder, extra_postargs=flag
-                )
-                self.compiler.link_executable(objects, out, extra_postargs=flag)
-            except Exception as error:
-                if wanted == "1":
-                    raise SystemExit("GRANULAR_OPENMP=1, but the compiler has no OpenMP") from error
-                return False
-        return True
+        source = "#include <omp.h>\nint main(void) { return !omp_get_max_threads(); }\n"
+        found = self.accepts(["-fopenmp"], source)
+        if wanted == "1" and not found:
+            raise SystemExit("GRANULAR_OPENMP=1, but the compiler has no OpenMP")
+        return found
 
     def build_extension(self, ext: Extension) -> None:
         flags = FLAGS + os.environ.get("GRANULAR_CFLAGS", "").split()
@@ -71,13 +77,16 @@ class BuildCore(build_ext):
         ext.define_macros.append(("GR_FLAGS", '"' + " ".join(flags) + '"'))
         ext.extra_compile_args += flags
 
+        empty = "int main(void) { return 0; }\n"
+        kernel_flags = flags + [flag for flag in KERNEL_FLAGS if self.accepts([flag], empty)]
+
         def compile_kernels(isa: str) -> list[str]:
             return self.compiler.compile(
                 ["csrc/kernels.c"],
                 output_dir=str(Path(self.build_temp, isa)),
                 macros=[("GR_ISA", isa), *ext.define_macros],
                 include_dirs=ext.include_dirs,
-                extra_postargs=flags + KERNEL_FLAGS + KERNELS[isa],
+                extra_postargs=kernel_flags + KERNELS[isa],
                 depends=ext.depends,
             )
 
@@ -93,7 +102,7 @@ setup(
             "granular._core",
             sources=SOURCES,
             include_dirs=["csrc", numpy.get_include()],
-            depends=[str(path) for path in sorted((ROOT / "csrc").rglob("*.[ch]"))],
+            depends=[str(p.relative_to(ROOT)) for p in sorted((ROOT / "csrc").rglob("*.[ch]"))],
         )
     ],
     cmdclass={"build_ext": BuildCore},

@@ -240,7 +240,7 @@ class Simulation:
                         self._frame(writer, hooks)
                 if interrupted and writer:
                     writer.checkpoint(self.checkpoint())
-            if interrupted:
+            if interrupted:  # here, so that the record is left as it is and not merged
                 raise KeyboardInterrupt
         return self
 

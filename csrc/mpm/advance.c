@@ -69,7 +69,7 @@ static int share_out(struct team *team)
         e->leaver_room = points + points / 2;
     }
     for (t = 0; t < team->threads; t++) team->list[t] = e->leaver + first[t];
-    return GR_OK;
+    return gr_reserve_pending(e, e->n_points + e->n_pending + 1); /* all may leave their cells at once */
 }
 
 /* Decide whether there is another step, and its dt and gravity. One thread. */

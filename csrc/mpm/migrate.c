@@ -83,7 +83,7 @@ static void lower(struct gr_engine *e, int64_t slot, const double *record, int64
     e->id[slot] = id;
 }
 
-static int reserve_pending(struct gr_engine *e, int64_t n)
+int gr_reserve_pending(struct gr_engine *e, int64_t n)
 {
     if (n <= e->pending_room) return GR_OK;
     const int64_t room = n + n / 2 + 64;
@@ -142,7 +142,7 @@ int gr_migrate(struct gr_engine *e, const struct gr_leaver *const list[], const 
     for (int t = 0; t < lists; t++) total += count[t];
     const int64_t n_points = e->n_points, dropped = e->dropped, n_pending = e->n_pending;
     const double dropped_mass = e->dropped_mass;
-    int error = reserve_pending(e, n_pending + total + 1); /* one more: scratch of close_hole */
+    int error = gr_reserve_pending(e, n_pending + total + 1); /* one more: scratch of close_hole */
     for (int t = 0; t < lists; t++)
         for (int64_t k = 0; !error && k < count[t]; k++) error = lift_leaver(e, &list[t][k]);
     if (error) { /* nobody has moved yet: as if nobody had been looked at */

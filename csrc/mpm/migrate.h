@@ -46,6 +46,9 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
  * through an open side. Cells whose sums must be made anew are listed in dirty. */
 int gr_migrate(struct gr_engine *e, const struct gr_leaver *const list[], const int64_t count[], int lists);
 
+/* Make room for n points that wait; what share_out does before the steps, so that none of them allocates. */
+int gr_reserve_pending(struct gr_engine *e, int64_t n);
+
 /* Bring a point that is outside the domain back (periodic or closed side).
  * Given: x and the cell found for it. Returned: 1 if the point is inside now, 0 if it has left. */
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3]);

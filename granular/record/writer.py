@@ -356,6 +356,15 @@ class TrajectoryWriter:
         self.closed = True
         _unlock(self._lock)
 
+    def leave(self) -> None:
+        """Stop writing without merging: the parts are a valid record, to be read and resumed.
+
+        Takes no longer for a long record than for a short one, where `close` copies all of it.
+        """
+        if not self.closed:
+            self.closed = True
+            _unlock(self._lock)
+
     def __enter__(self) -> Self:
         return self
 
@@ -365,4 +374,7 @@ class TrajectoryWriter:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.close()
+        if kind is not None and issubclass(kind, KeyboardInterrupt):
+            self.leave()  # whoever presses Ctrl-C is not to wait
+        else:
+            self.close()

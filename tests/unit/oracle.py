@@ -290,6 +290,9 @@ def gather(scene, points, nodes, dt):
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
     if scene.scheme.density == "diffused":
         _average(scene, points, new, nodes, L, dt)
+    if "affine" in new and scene.material.law != "elastic":  # loose points carry none
+        loose = new["log_density"] < -scene.scheme.tension_reach
+        new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
     material = scene.material

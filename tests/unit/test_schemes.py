@@ -34,7 +34,7 @@ def test_presets():
         ({"diffusion": math.nan}, ValueError, "diffusion = nan"),
         ({"shift_limit": 0.6}, ValueError, "shift_limit = 0.6"),
         ({"shift_outlet_cells": -1}, ValueError, "shift_outlet_cells = -1"),
-        ({"basis": "linear", "density": "diffused"}, ValueError, "needs basis = \"quadratic\""),
+        ({"basis": "linear", "density": "diffused"}, ValueError, 'needs basis = "quadratic"'),
         ({"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
         ({"decay": "fast"}, TypeError, "decay = 'fast'"),
     ],
