@@ -69,9 +69,9 @@ def transient_errors(angle_deg: float, E: float, times: Sequence[float]) -> np.n
 def incline_quick() -> Iterator[Row]:
     """One column at 25 deg up to .5 s, E = 1e7 and 1e8 (the paper's is 1e9).
 
-    The gravity ramp sets off elastic waves, and the layer slips while they lower its pressure: an
-    offset of vbar that stays. It falls with the duration of the waves, about as 1/sqrt(E) or
-    faster, which is asserted; bounds are twice what was measured when this was written.
+    vbar has an offset that stays and falls as 1/sqrt(E) or faster, which is asserted. The likely
+    cause: elastic waves of the gravity ramp, during which the layer slips while its pressure is
+    low. The other bounds are twice what was measured when this was written.
     """
     soft, stiff = (transient_errors(25.0, E, (0.2, 0.5))[:, 1] for E in (1e7, 1e8))
     yield at_most("error of vbar at .2 s, E = 1e8", abs(stiff[0]), 8e-3)
@@ -102,7 +102,7 @@ def incline_thresholds_quick() -> Iterator[Row]:
 
 
 def modulus(angle_deg: int) -> float:
-    """Young's modulus [Pa] that brings the offset of the gravity ramp (see `incline_quick`) below
+    """Young's modulus [Pa] that brings the offset described in `incline_quick` below
     1 % at .5 s. Near the threshold little is left of tan(angle) - mu_s for it to be small against.
     """
     return {21: 3e10, 22: 1e9}.get(angle_deg, 1e8)

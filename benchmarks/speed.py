@@ -1,0 +1,108 @@
+"""Time per particle-step of the kernels, with the error of the same schemes beside it.
+
+    python benchmarks/speed.py [--quick] [--out benchmarks/results/speed.json]
+
+Column collapse of aspect 2 with 16 points per cell in double precision: about 8,000 and 200,000
+points, as seeded and after the column has fallen for a while, with one thread and with two. One
+thread is timed by the processor time of the process, two by the wall clock; the best of several
+batches counts, and the ratios within one run are what can be compared. Beside each scheme stands
+its error on the periodic incline of 25 degrees, one column of cells and eight, against the
+one-dimensional equation: a fast scheme that is wrong is no bargain.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+from pathlib import Path
+
+import numpy as np
+
+import granular as gr
+
+SCHEMES = {
+    "linear flip": gr.Scheme(basis="linear"),
+    "ugimp flip": gr.Scheme(basis="ugimp"),
+    "quadratic flip": gr.Scheme(basis="quadratic", transfer="flip"),
+    "quadratic apic": gr.Scheme(basis="quadratic", transfer="apic"),
+    "default": gr.schemes.default,
+}
+MATERIAL = gr.materials.glass_beads.replace(E=1e7)
+
+
+def best_time(sim: gr.Simulation, threads: int, batches: int) -> float:
+    """Seconds per particle-step, the best of some batches of about 50 ms each."""
+    clock = time.process_time if threads == 1 else time.perf_counter
+    steps = max(int(0.05 / (40e-9 * sim.n_points)), 1)
+    best = np.inf
+    for _ in range(batches):
+        begin = clock()
+        sim.step(steps)
+        best = min(best, (clock() - begin) / (steps * sim.n_points))
+    return best
+
+
+def speed(scheme: gr.Scheme, cell: float, fall: float, batches: int) -> list[dict]:
+    """Times of a scheme on a column of cells of this size, as seeded and after `fall` seconds."""
+    scene = gr.scenes.column_collapse(aspect=2.0, cell=cell, material=MATERIAL, scheme=scheme)
+    start = gr.Simulation(scene, threads=2)
+    start.step(5)
+    seeded = start.checkpoint()
+    fallen = start.run(until=fall).checkpoint()
+    rows = []
+    for state, checkpoint in (("seeded", seeded), (f"after {fall} s", fallen)):
+        for threads in (1, 2):
+            sim = gr.Simulation.from_checkpoint(scene, checkpoint, threads=threads)
+            ns = best_time(sim, threads, batches) * 1e9
+            rows.append({"points": sim.n_points, "state": state, "threads": threads, "ns": ns})
+    return rows
+
+
+def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
+    """Relative L2 error of the velocity profile on the incline of 25 degrees, 9 points per cell."""
+    scene = gr.scenes.incline(
+        cell=0.01, columns=columns, points_per_cell=9, jitter=0.6, material=MATERIAL, scheme=scheme
+    )
+    state = gr.Simulation(scene, threads=1).run(until=until).state
+    exact = gr.theory.transient(25.0, 0.2, MATERIAL, [state.time])
+    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
+    return float(np.sqrt((state.mass * (state.v[:, 0] - v) ** 2).sum() / (state.mass * v**2).sum()))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--quick", action="store_true", help="small sizes: only to see that it runs"
+    )
+    parser.add_argument("--out", type=Path, help="write the table as JSON")
+    arguments = parser.parse_args()
+    sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]
+    batches, until = (2, 0.05) if arguments.quick else (12, 4.0)
+    build = gr.show_config()
+    print(f"{platform.processor() or platform.machine()}, {build['isa']}, gcc {build['compiler']}")
+    print(
+        f"{'scheme':16s}{'points':>8s}  {'state':14s}{'1 thread':>9s}{'2':>7s}{'ratio':>7s}  error"
+    )
+    table = []
+    for name, scheme in SCHEMES.items():
+        errors = {columns: incline_error(scheme, columns, until) for columns in (1, 8)}
+        for cell, fall in sizes:
+            rows = speed(scheme, cell, fall, batches)
+            for one, two in zip(rows[::2], rows[1::2], strict=True):
+                print(
+                    f"{name:16s}{one['points']:8d}  {one['state']:14s}{one['ns']:9.1f}"
+                    f"{two['ns']:7.1f}{one['ns'] / two['ns']:7.2f}"
+                    f"  {errors[1]:.4f} (1 column) {errors[8]:.4f} (8)",
+                    flush=True,
+                )
+            table += [row | {"scheme": name, "incline_error": errors} for row in rows]
+    if arguments.out:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        head = {"machine": platform.machine(), "build": build, "incline_seconds": until}
+        arguments.out.write_text(json.dumps(head | {"rows": table}, indent=1, default=str) + "\n")
+
+
+if __name__ == "__main__":
+    main()
