@@ -74,14 +74,14 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--quick", action="store_true", help="small sizes: only to see that it runs"
+        "--quick", action="store_true", help="small sizes, to see that it runs"
     )
     parser.add_argument("--out", type=Path, help="write the table as JSON")
     arguments = parser.parse_args()
     sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]
     batches, until = (2, 0.05) if arguments.quick else (12, 4.0)
     build = gr.show_config()
-    print(f"{platform.processor() or platform.machine()}, {build['isa']}, gcc {build['compiler']}")
+    print(f"{platform.machine()}, {build['isa']}, compiler {build['compiler']}; ns/particle-step")
     print(
         f"{'scheme':16s}{'points':>8s}  {'state':14s}{'1 thread':>9s}{'2':>7s}{'ratio':>7s}  error"
     )

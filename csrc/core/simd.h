@@ -17,8 +17,6 @@
 typedef __m512d vd;
 typedef __mmask8 vm;
 static inline vd v_set(double a) { return _mm512_set1_pd(a); }
-static inline vd v_load(const double *p) { return _mm512_loadu_pd(p); }
-static inline void v_store(double *p, vd a) { _mm512_storeu_pd(p, a); }
 static inline vd v_fma(vd a, vd b, vd c) { return _mm512_fmadd_pd(a, b, c); }
 static inline vd v_fnma(vd a, vd b, vd c) { return _mm512_fnmadd_pd(a, b, c); }
 static inline vd v_min(vd a, vd b) { return _mm512_min_pd(a, b); }
@@ -57,8 +55,6 @@ static inline void v_sums(double *out, const vd *a)
 typedef __m256d vd;
 typedef __m256d vm;
 static inline vd v_set(double a) { return _mm256_set1_pd(a); }
-static inline vd v_load(const double *p) { return _mm256_loadu_pd(p); }
-static inline void v_store(double *p, vd a) { _mm256_storeu_pd(p, a); }
 static inline vd v_fma(vd a, vd b, vd c) { return _mm256_fmadd_pd(a, b, c); }
 static inline vd v_fnma(vd a, vd b, vd c) { return _mm256_fnmadd_pd(a, b, c); }
 static inline vd v_min(vd a, vd b) { return _mm256_min_pd(a, b); }
@@ -83,8 +79,6 @@ static inline void v_sums(double *out, const vd *a)
 typedef double vd __attribute__((vector_size(16)));
 typedef int64_t vm __attribute__((vector_size(16)));
 static inline vd v_set(double a) { return (vd){a, a}; }
-static inline vd v_load(const double *p) { return (vd){p[0], p[1]}; }
-static inline void v_store(double *p, vd a) { p[0] = a[0], p[1] = a[1]; }
 static inline vd v_fma(vd a, vd b, vd c) { return a * b + c; }
 static inline vd v_fnma(vd a, vd b, vd c) { return c - a * b; }
 static inline vm v_gt(vd a, vd b) { return (vm)(a > b); }
@@ -101,6 +95,12 @@ static inline vd v_sqrt_fast(vd a) { return v_sqrt(a); }
 static inline void v_sums(double *out, const vd *a) { out[0] = a[0][0] + a[0][1], out[1] = a[1][0] + a[1][1]; }
 #define GR_SUMS 2
 #endif
+
+/* Loads and stores that are known to touch doubles only: with the intrinsics, which may alias anything, a
+ * compiler reads every pointer again after each store. */
+typedef double vd_in_memory __attribute__((vector_size(8 * GR_W), aligned(8)));
+static inline vd v_load(const double *p) { return (vd) * (const vd_in_memory *)p; }
+static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
 
 #define GR_BLOCKS(count) (((count) + GR_W - 1) / GR_W) /* blocks of lanes that `count` points fill */
 #define GR_ALL_LANES ((1u << GR_W) - 1u)
@@ -123,6 +123,7 @@ static inline vd v_exp(vd x)
 }
 
 static inline vd v_mul(vd a, vd b) { return a * b; }
+static inline vd v_add(vd a, vd b) { return a + b; }
 static inline vd v_zero(void) { return v_set(0.0); }
 static inline vd v_abs(vd a) { return v_max(a, -a); }
 static inline vd v_clamp(vd a, double lo, double hi) { return v_min(v_max(a, v_set(lo)), v_set(hi)); }

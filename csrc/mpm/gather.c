@@ -14,7 +14,7 @@ enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the firs
 struct batch {
     int64_t n;
     int64_t slot[BATCH];
-    double gradient[BATCH * 9 * GR_W];
+    _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
 static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch)
@@ -141,7 +141,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
                 L[d * dim + j] = slope[j] * v_set(dt * inv_dx);
                 v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
             }
-            trace = trace + L[d * dim + d];
+            trace = d ? v_add(trace, L[d * dim + d]) : L[0];
             move[d] = v_grid;
             const vd v_old = v_load(e->field[GR_FIELD_v] + d * e->capacity + at);
             v_new[d] =
@@ -179,7 +179,8 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
             double *x = e->field[GR_FIELD_x] + d * e->capacity + at;
             const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
             v_store(e->field[GR_FIELD_v] + d * e->capacity + at, v_new[d]);
-            v_store(x, v_fma(v_set(dt), move[d], v_load(x)) + delta[d]);
+            v_store(x,
+                    diffused ? v_add(v_fma(v_set(dt), move[d], v_load(x)), delta[d]) : v_fma(v_set(dt), move[d], v_load(x)));
             const vd xi = gr_local(&e->axis[d], inv_dx, x, cell->at[d]);
             inside &= m_bits(v_ge(xi, v_set(ac->low))) & m_bits(v_gt(v_set(ac->high), xi));
         }
