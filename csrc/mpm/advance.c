@@ -3,6 +3,8 @@
  * The work of a stage is cut at cells and nodes; each result is written by one thread and every sum has
  * an order of its own, so the bits do not depend on the number of threads. */
 #include <math.h>
+#include <sched.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
 #ifdef _OPENMP
@@ -18,18 +20,28 @@ struct team {
     struct gr_engine *e;
     const struct gr_kernels *kernels;
     int threads, go, again;
-    int64_t left; /* steps */
+    atomic_int arrived, round; /* of the barrier */
+    int64_t left;              /* steps */
     double until, gravity[3];
     int64_t cut[GR_MAX_THREADS + 1];
     const struct gr_leaver *list[GR_MAX_THREADS];
     int64_t count[GR_MAX_THREADS];
 };
 
-static void barrier(void)
+/* Wait for the team. The wait of OpenMP spins for milliseconds, which on a busy machine is the time that the
+ * thread waited for lacks; this one spins for about a microsecond and then gives the processor away. */
+static void barrier(struct team *team)
 {
-#ifdef _OPENMP
-#pragma omp barrier
-#endif
+    enum { SPINS = 2000 };
+    if (team->threads == 1) return;
+    const int round = atomic_load_explicit(&team->round, memory_order_acquire);
+    if (atomic_fetch_add_explicit(&team->arrived, 1, memory_order_acq_rel) == team->threads - 1) {
+        atomic_store_explicit(&team->arrived, 0, memory_order_relaxed);
+        atomic_store_explicit(&team->round, round + 1, memory_order_release);
+        return;
+    }
+    for (int spins = 0; atomic_load_explicit(&team->round, memory_order_acquire) == round; spins++)
+        if (spins > SPINS) sched_yield();
 }
 
 double gr_stable_dt(const struct gr_engine *e)
@@ -127,18 +139,18 @@ static void stage_grid(struct team *team, int t)
     int64_t first, last;
     if (t == 0) note_dt(e); /* not before: others may still have been scattering with the last one */
     if (team->again) {
-        barrier();
+        barrier(team);
         team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
-        barrier();
+        barrier(team);
     }
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
     gr_grid_nodes(e, first, last, team->gravity);
-    barrier();
+    barrier(team);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         team->kernels->smooth(e, team->cut[t], team->cut[t + 1]);
-        barrier();
+        barrier(team);
         gr_grid_smooth(e, first, last, pass);
-        barrier();
+        barrier(team);
     }
 }
 
@@ -149,17 +161,17 @@ static void run(struct team *team, int t)
         int64_t first, last;
         if (!e->sums_valid) {
             team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
-            barrier();
+            barrier(team);
             if (t == 0) e->sums_valid = 1;
         }
         if (t == 0) prepare(team);
-        barrier();
+        barrier(team);
         if (!team->go) return;
         stage_grid(team, t);
         team->count[t] = team->kernels->sweep(e, team->cut[t], team->cut[t + 1], (struct gr_leaver *)team->list[t], 1);
-        barrier();
+        barrier(team);
         if (t == 0) finish(team);
-        barrier();
+        barrier(team);
         if (e->error || !e->sums_valid) continue;
         slice(e->n_dirty, t, team->threads, &first, &last);
         team->kernels->scatter_list(e, e->dirty, first, last);
