@@ -14,7 +14,6 @@ import pytest
 from granular.record import layout, merge
 from granular.trajectory import Checkpoint, RecordError, TrajectoryWriter, open_trajectory
 
-ROOT = Path(__file__).parents[2]
 SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
 
 
@@ -113,7 +112,7 @@ def test_mutants_are_refused_or_harmless(tmp_path, member, count):
         target = path
     else:
         target = tmp_path / "a.h5.parts" / member
-    folders = [str(ROOT), str(Path(__file__).parent)]
+    folders = [str(Path(__file__).parent)]
     run = subprocess.run(
         [sys.executable, "-c", MUTANTS, str(path), str(target), str(count), *folders],
         capture_output=True,

@@ -17,7 +17,6 @@ import pytest
 from granular.record.merge import merge
 from granular.trajectory import Checkpoint, TrajectoryWriter, open_trajectory
 
-ROOT = Path(__file__).parents[2]
 SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
 
 
@@ -86,7 +85,7 @@ def test_kill_leaves_all_completed_frames(tmp_path):
     chance = random.Random(5)
     for trial in range(8):
         path = tmp_path / f"{trial}.h5"
-        command = [sys.executable, "-c", CHILD, str(path), str(ROOT), str(Path(__file__).parent)]
+        command = [sys.executable, "-c", CHILD, str(path), str(Path(__file__).parent)]
         child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         for _ in range(chance.randint(1, 6)):
             last = int(child.stdout.readline())
