@@ -32,6 +32,8 @@ Hook = Callable[["Simulation"], Any]
 CHUNK_SECONDS = 0.05
 """Wall time between two returns from the core: signals, progress and hooks wait no longer."""
 MAX_CHUNK = 1 << 20
+SMALL = 4000
+"""Points up to which one thread is the default: a guess at where the barriers eat the gain."""
 
 
 class Simulation:
@@ -91,8 +93,10 @@ class Simulation:
         """Threads that the core uses."""
         if self._threads is not None:
             return self._threads
-        # Below this the barriers of a step cost what a second thread gains.
-        return min(len(os.sched_getaffinity(0)), _core.MAX_THREADS) if self.n_points > 4000 else 1
+        if self.n_points <= SMALL:
+            return 1
+        own = getattr(os, "sched_getaffinity", None)  # Linux: what this process may use
+        return min(len(own(0)) if own else os.cpu_count() or 1, _core.MAX_THREADS)
 
     @property
     def time(self) -> float:

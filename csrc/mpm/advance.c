@@ -29,7 +29,7 @@ struct team {
 };
 
 /* Wait for the team. The wait of OpenMP spins for milliseconds, which on a busy machine is the time that the
- * thread waited for lacks; this one spins for about a microsecond and then gives the processor away. */
+ * thread waited for lacks; this one spins briefly and then gives the processor away. */
 static void barrier(struct team *team)
 {
     enum { SPINS = 2000 };

@@ -345,7 +345,6 @@ def test_impossible_folders_are_refused_before_the_run(tmp_path):
             TrajectoryWriter(tmp_path / folder / "a.h5", SCENE)
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no advisory locks")
 def test_a_live_record_cannot_be_written_twice(tmp_path):
     path = tmp_path / "a.h5"
     writer = TrajectoryWriter(path, SCENE)
