@@ -1,5 +1,6 @@
 #include "core/axis.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,7 +31,6 @@ static void build_linear(struct gr_axis *axis, int n)
         cell->position[1] = 1;
         cell->node[0] = c;
         cell->node[1] = axis->periodic && c == n - 1 ? 0 : c + 1;
-        cell->high = 1;
         set_integrals(cell, 2);
     }
 }
@@ -49,8 +49,6 @@ static void build_ugimp(struct gr_axis *axis, int n, const int32_t *creases, int
         cell->node[0] = first ? j : (j + nodes - 1) % nodes; /* the weight of a node beyond an end is zero */
         cell->node[1] = j;
         cell->node[2] = last ? j : (j + 1) % nodes;
-        cell->low = first ? 0.5 : 0;
-        cell->high = last ? 0.5 : 1;
         cell->clip = first || last || is_crease(creases, n_creases, j);
         cell->integral[1] = first || last ? 0.5 : 1; /* lumped */
     }
@@ -80,8 +78,7 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *creases, 
                 cell->node[a] = (c + a - 1 + n) % n;
                 cell->position[a] = a - 0.5;
             }
-            cell->high = 1;
-            set_integrals(cell, 3);
+                set_integrals(cell, 3);
         }
         return GR_OK;
     }
@@ -106,11 +103,36 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *creases, 
             cell->node[a] = s - 2 + a;
             cell->position[a] = axis->node_position[s - 2 + a] - c;
         }
-        cell->high = 1;
         set_integrals(cell, 3);
     }
     free(knot);
     return GR_OK;
+}
+
+/* Where the cells lie. Those of ugimp reach half a cell beyond the ends of a walled domain: cut off there. */
+static void place_cells(struct gr_axis *axis, double dx)
+{
+    for (int c = 0; c < axis->n_cells; c++) {
+        axis->cell[c].edge = axis->cell[c].begin = axis->origin + (c - axis->shift) * dx;
+        axis->cell[c].end = axis->origin + (c + 1 - axis->shift) * dx;
+    }
+    if (axis->periodic) return;
+    axis->cell[0].begin = axis->origin;
+    axis->cell[axis->n_cells - 1].end = axis->origin + axis->length;
+}
+
+int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x)
+{
+    const double guess = (x - axis->origin) * inv_dx + axis->shift; /* right but for rounding */
+    if (!(guess > -1e15 && guess < 1e15)) return -(int64_t)1e15;
+    const int64_t last = axis->n_cells - 1;
+    int64_t at = (int64_t)floor(guess);
+    if (x < axis->cell[0].begin) return at < 0 ? at : -1;
+    if (x >= axis->cell[last].end) return at > last ? at : last + 1;
+    at = at < 0 ? 0 : at > last ? last : at;
+    while (x < axis->cell[at].begin) at--;
+    while (x >= axis->cell[at].end) at++;
+    return at;
 }
 
 int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases, double lambda,
@@ -137,6 +159,7 @@ int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const in
         build_ugimp(axis, n, creases, n_creases);
     else
         error = build_quadratic(axis, n, creases, n_creases);
+    if (!error) place_cells(axis, dx);
     for (int c = 0; !error && c < axis->n_cells; c++)
         for (int a = 0; a < gr_basis_nodes_1d(basis); a++)
             axis->node_integral[axis->cell[c].node[a]] += axis->cell[c].integral[a];

@@ -2,7 +2,8 @@
  *
  * All bases are products of one-dimensional functions, and within a cell of the *grouping* each is a
  * known function of the local coordinate xi in [0, 1), so walls, inner walls and periodic ends are a
- * matter of tables built once, not of branches in the loops.
+ * matter of tables built once, not of branches in the loops. A point belongs to the cell with
+ * begin <= x < end, to the last bit.
  *
  *   linear     nodes on the grid lines; cells as the grid's; 2 nodes a cell.
  *   quadratic  B-splines of degree 2 with knots on the grid lines, triple at the ends and double on
@@ -23,7 +24,8 @@ struct gr_axis_cell {
     double coefficient[GR_MAX_NODES_1D][3]; /* shape a: c0 + c1 xi + c2 xi^2 (linear, quadratic) */
     double position[GR_MAX_NODES_1D];       /* of the nodes, in cells from the cell's lower edge */
     double integral[GR_MAX_NODES_1D];       /* of the shapes over the cell, in cells */
-    double low, high;                       /* range of xi inside the domain */
+    double edge;                            /* coordinate where xi = 0, m */
+    double begin, end;                      /* the cell's part of the domain, m; the next cell begins at `end` */
     int32_t node[GR_MAX_NODES_1D];          /* index of the nodes along the axis */
     int32_t clip;                           /* ugimp: 1 where extents end at this cell's node */
 };
@@ -34,11 +36,14 @@ struct gr_axis {
     int periodic;
     double origin; /* coordinate of the lower end of the domain, m */
     double length; /* of the domain, m */
-    double shift;  /* cell = floor((x - origin)/dx + shift) */
+    double shift;  /* the cell of x is about (x - origin)/dx + shift */
     struct gr_axis_cell *cell;
     double *node_position; /* in cells from the origin */
     double *node_integral; /* of the shape of a node over the domain, in cells */
 };
+
+/* Cell of x, or a number outside [0, n_cells) for an x outside the domain (of a periodic axis, too). */
+int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x);
 
 static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 : 3; }
 

@@ -124,6 +124,7 @@ static inline vd v_exp(vd x)
 
 static inline vd v_mul(vd a, vd b) { return a * b; }
 static inline vd v_add(vd a, vd b) { return a + b; }
+static inline vd v_sub(vd a, vd b) { return a - b; }
 static inline vd v_zero(void) { return v_set(0.0); }
 static inline vd v_abs(vd a) { return v_max(a, -a); }
 static inline vd v_clamp(vd a, double lo, double hi) { return v_min(v_max(a, v_set(lo)), v_set(hi)); }

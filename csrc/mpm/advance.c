@@ -233,6 +233,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         kernels->smooth(e, 0, e->mesh.n_cells);
         gr_grid_smooth(e, 0, e->mesh.n_nodes, pass);
+        e->sums_valid = 0; /* smooth works in their place */
     }
     return GR_OK;
 }

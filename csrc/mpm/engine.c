@@ -111,8 +111,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     /* whole lines, and room for the whole groups that lane sums are written in */
-    e->sum_stride = ((1 + 2 * config->dim + 2 * config->diffused) * e->K + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
-    e->node_stride = 2 * config->dim + 2 * config->diffused;
+    e->sum_stride = (GR_NODE_SUMS(config->dim, config->diffused) * e->K + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
+    e->node_stride = (GR_NODE_FIELDS(config->dim, config->diffused) + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(config, f)) e->n_components += gr_field_components(f, config->dim);
     error = copy_config(e, n_nodes, n_cells);

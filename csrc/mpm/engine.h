@@ -70,7 +70,7 @@ struct gr_mesh {
     int64_t n_cells, n_nodes, cell_room, node_room;
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
-    int64_t *node_source; /* n_nodes x K: cell << 5 | place of the node in it; the zero block where there is none */
+    int64_t *node_source; /* n_nodes x K: where its sums over a cell begin; in the zero block where there is none */
     uint8_t *node_code;
     double *node_volume;        /* fraction of dx^dim that the node stands for */
     int64_t *node_id;           /* index in the whole grid */
@@ -93,7 +93,7 @@ struct gr_engine {
     /* grid */
     struct gr_mesh mesh;
     double *sums;      /* n_cells + 1 blocks of sum_stride; the last one is zero */
-    double *node_data; /* n_nodes x node_stride: v, w and, where the density is averaged, phi, cbar */
+    double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; room for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, smoothed by XPIC */
     double *solid;     /* per node of the grid: part of its volume that is no room; NULL without solids */
@@ -118,16 +118,11 @@ struct gr_engine {
     double error_x[3];
 };
 
-/* Layout of a block of sums: groups in which the sums of a node stand side by side. Few nodes: one group
- * m, p, f. Else m, p of all nodes, then f; then, where the density is averaged, its mass and moment. */
-#define GR_TOGETHER(K) ((K) <= 4)
-static inline int gr_sum_place(int dim, int K, int row, int node)
-{
-    if (GR_TOGETHER(K) && row <= 2 * dim) return node * (1 + 2 * dim) + row;
-    if (row <= dim) return node * (1 + dim) + row;
-    if (row <= 2 * dim) return K * (1 + dim) + node * dim + (row - 1 - dim);
-    return K * (1 + 2 * dim) + node * 2 + (row - 1 - 2 * dim);
-}
+/* Sums of a node over the points of a cell: m, p, f, and where the density is averaged its mass and moment. */
+#define GR_NODE_SUMS(dim, diffused) (1 + 2 * (dim) + 2 * (diffused))
+
+/* What node_data holds of a node: v^{n+1}, w, and where the density is averaged phi, cbar, max(0, phi - 1). */
+#define GR_NODE_FIELDS(dim, diffused) (2 * (dim) + 3 * (diffused))
 
 /* The kernels of one instruction set (kernels.c). */
 struct gr_kernels {

@@ -9,6 +9,8 @@
 
 #define NO_DENSITY 1e3 /* |ln(rho/rho_c)| beyond which a density is none: looked at as a point that leaves */
 
+#define MODE_STRIDE(fields) (((fields) + GR_W - 1) / GR_W * GR_W) /* whole vectors */
+
 enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the first-level cache */
 
 struct batch {
@@ -70,18 +72,20 @@ GR_INLINE vd kinematic_rate(const int dim, const vd *L)
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
  *   c += eta (cbar - c) + kappa gdot dt clip(ln phi - c),   eta = r/(1 + r),  r = dt dd c_w/dx + dg gdot dt,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
- * Given L dt and dt tr L; returned: the new log-density, delta in m and L delta in m/s. */
+ * Given L dt and dt tr L, and the modes of phi, cbar, max(0, phi - 1); returned: the new log-density, delta
+ * in m and L delta in m/s. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
-                           const struct gr_shape *s, const double *phi, const double *excess, const double *cbar,
-                           double phi_least, const vd *L, vd trace, int64_t at, vd delta[3], vd lent[3])
+                           const struct gr_shape *s, const double *mode, const int stride, double phi_least, const vd *L,
+                           vd trace, int64_t at, vd delta[3], vd lent[3])
 {
     const struct gr_cure *q = &e->config.cure;
     const double dx = e->config.dx, inv_dx = e->inv_dx;
+    const vd(*g)[3] = (const vd(*)[3])s->g;
     vd slope[3], gradient[3];
     const vd old = v_load(e->field[GR_FIELD_log_density] + at), rate = kinematic_rate(dim, L);
-    const vd near = gr_interpolate(dim, basis, cbar, s, (vd(*)[3])s->g, 1, gradient);
-    const vd full = gr_interpolate(dim, basis, phi, s, (vd(*)[3])s->g, 0, slope);
-    (void)gr_interpolate(dim, basis, excess, s, (vd(*)[3])s->g, 1, slope);
+    const vd full = gr_interpolate(dim, basis, 0, mode, stride, s, g, slope);
+    const vd near = gr_interpolate(dim, basis, 0, mode + 1, stride, s, g, gradient);
+    (void)gr_interpolate(dim, basis, 0, mode + 2, stride, s, g, slope);
     const vm joins = v_ge(old, v_set(-q->reach));
     const vd r = v_fma(v_set(q->shear_diffusion), rate, v_set(q->diffusion * e->config.wave_speed * inv_dx * e->dt));
     vd c = v_fma(v_keep(joins, r / (v_set(1.0) + r)), near - old, old - trace);
@@ -110,79 +114,92 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     return c;
 }
 
+/* Derivative weights w r/D of APIC's C = B D^-1; where D vanishes (a wall), those of the gradient. */
+GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_shape *s, vd moment[3][3])
+{
+    const int k = gr_nodes_1d(basis);
+    for (int d = 0; d < dim; d++) {
+        vd D = v_zero();
+        for (int a = 0; a < k; a++) D = v_fma(s->w[d][a] * s->r[d][a], s->r[d][a], D);
+        for (int a = 0; a < k; a++) moment[d][a] = v_select(v_gt(D, v_set(0.02)), s->w[d][a] * s->r[d][a] / D, s->g[d][a]);
+    }
+}
+
+/* Modes of the nodal fields of a cell: displacement in cells a step, w, and where the density is averaged
+ * phi, cbar and max(0, phi - 1). Returned: the least phi of the nodes. */
+GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, const int diffused, const struct gr_engine *e,
+                            int64_t index, const struct gr_frame *frame, double *mode)
+{
+    const int K = gr_power(gr_nodes_1d(basis), dim), fields = GR_NODE_FIELDS(dim, diffused), stride = MODE_STRIDE(fields);
+    double phi_least = 1e300, scale[MODE_STRIDE(9)];
+    for (int q = 0; q < stride; q++) scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
+    for (int i = 0; i < K; i++) {
+        const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
+        for (int q = 0; q < fields; q += GR_W) v_store(mode + i * stride + q, v_load(node + q) * v_load(scale + q));
+        if (diffused && node[2 * dim] < phi_least) phi_least = node[2 * dim];
+    }
+    gr_modes(dim, basis, nodal, fields, stride, frame, mode);
+    return phi_least;
+}
+
 GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
                               int64_t index, struct batch *batch, gr_law_update *law, struct gr_leaver *leaver)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = gr_power(gr_nodes_1d(basis), dim), k1 = gr_nodes_1d(basis), blocks = GR_BLOCKS(cell->count);
-    const double dt = e->dt, inv_dx = e->inv_dx, keep = e->keep_velocity;
+    const struct gr_frame frame = gr_frame_of(dim, e, cell);
+    const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, diffused)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
     const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: nothing of the old velocity survives and w = v */
-    double N[8][GR_MAX_NODES], excess[GR_MAX_NODES], phi_least = 1e300;
+    const int blocks = GR_BLOCKS(cell->count);
+    const int64_t stride = e->capacity, offset = cell->offset;
+    const vd dx = v_set(e->config.dx), inv_dt = v_set(e->inv_dt), keep = v_set(e->keep_velocity);
+    const vd loose = v_set(-e->config.cure.reach), speed = v_set(e->config.dx * e->inv_dt);
+    double *const x = e->field[GR_FIELD_x], *const v = e->field[GR_FIELD_v], *const log_density = e->field[GR_FIELD_log_density];
+    double mode[MODE_STRIDE(9) * GR_MAX_NODES];
+    vd begin[3], end[3];
     int64_t found = 0;
-    for (int i = 0; i < K; i++) {
-        const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
-        for (int q = 0; q < 2 * dim + 2 * diffused; q++) N[q][i] = node[q];
-        if (diffused) {
-            excess[i] = node[2 * dim] > 1 ? node[2 * dim] - 1 : 0;
-            if (node[2 * dim] < phi_least) phi_least = node[2 * dim];
-        }
-    }
+    for (int d = 0; d < dim; d++) begin[d] = v_set(frame.axis[d]->begin), end[d] = v_set(frame.axis[d]->end);
+    const double phi_least = cell_modes(dim, basis, nodal, diffused, e, index, &frame, mode);
     for (int n = 0; n < blocks; n++) {
-        const int64_t at = cell->offset + n * GR_W;
+        const int64_t at = offset + n * GR_W;
         struct gr_shape s;
-        vd L[9], move[3], v_new[3], slope[3], delta[3] = {v_zero(), v_zero(), v_zero()}, lent[3];
-        vd trace = v_zero(), moment[3][3];
+        vd L[9], move[3], v_new[3], slope[3], delta[3], lent[3], moment[3][3];
+        const double *place[3];
         if (batch->n == BATCH) run_law(e, law, batch);
         double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
-        gr_shapes(dim, basis, e, cell, at, affine == GR_AFFINE_MOMENT, &s);
+        for (int d = 0; d < dim; d++) place[d] = x + d * stride + at;
+        gr_shapes(dim, basis, &frame, place, affine == GR_AFFINE_MOMENT, &s);
+        vd trace = v_zero();
         for (int d = 0; d < dim; d++) {
-            const vd v_grid = gr_interpolate(dim, basis, N[d], &s, s.g, 1, slope);
-            for (int j = 0; j < dim; j++) {
-                L[d * dim + j] = slope[j] * v_set(dt * inv_dx);
-                v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
-            }
+            move[d] = gr_interpolate(dim, basis, nodal, mode + d, fields, &s, (const vd(*)[3])s.g, L + d * dim);
+            for (int j = 0; j < dim; j++) v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
             trace = d ? v_add(trace, L[d * dim + d]) : L[0];
-            move[d] = v_grid;
-            const vd v_old = v_load(e->field[GR_FIELD_v] + d * e->capacity + at);
-            v_new[d] =
-                all_new ? v_grid : v_fma(v_set(keep), v_old, gr_interpolate(dim, basis, N[dim + d], &s, s.g, 0, slope));
+            const vd w = all_new ? v_mul(speed, move[d])
+                                 : gr_interpolate(dim, basis, nodal, mode + dim + d, fields, &s, (const vd(*)[3])s.g, slope);
+            v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride + at), w);
         }
-        if (affine == GR_AFFINE_MOMENT) { /* C = B D^-1; where D vanishes (a wall), the gradient */
-            for (int d = 0; d < dim; d++) {
-                vd D = v_zero();
-                for (int a = 0; a < k1; a++) D = v_fma(s.w[d][a] * s.r[d][a], s.r[d][a], D);
-                for (int a = 0; a < k1; a++)
-                    moment[d][a] = v_select(v_gt(D, v_set(0.02)), s.w[d][a] * s.r[d][a] / D, s.g[d][a]);
-            }
-        }
-        vd c;
+        vd c = v_load(log_density + at) - trace;
         if (diffused) {
-            c = relax_density(dim, basis, e, cell, &s, N[2 * dim], excess, N[2 * dim + 1], phi_least, L, trace, at, delta,
-                              lent);
+            c = relax_density(dim, basis, e, cell, &s, mode + 2 * dim, fields, phi_least, L, trace, at, delta, lent);
             for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
-        } else {
-            c = v_load(e->field[GR_FIELD_log_density] + at) - trace;
         }
-        v_store(e->field[GR_FIELD_log_density] + at, c);
+        v_store(log_density + at, c);
         /* A point that has come loose carries no affine field: alone before a wall it would keep a gradient
          * that grows as the wall comes near, and strike it with that. */
-        const vm joined = v_ge(c, v_set(-e->config.cure.reach));
+        const vm joined = v_ge(c, loose);
+        if (affine == GR_AFFINE_MOMENT) moment_weights(dim, basis, &s, moment);
         for (int d = 0; affine && d < dim; d++) {
-            if (affine == GR_AFFINE_MOMENT) (void)gr_interpolate(dim, basis, N[d], &s, moment, 1, slope);
+            if (affine == GR_AFFINE_MOMENT)
+                (void)gr_interpolate(dim, basis, nodal, mode + d, fields, &s, (const vd(*)[3])moment, L + d * dim);
             for (int j = 0; j < dim; j++)
-                v_store(e->field[GR_FIELD_affine] + (d * dim + j) * e->capacity + at,
-                        v_keep(joined, affine == GR_AFFINE_MOMENT ? v_mul(slope[j], v_set(inv_dx))
-                                                                  : v_mul(L[d * dim + j], v_set(e->inv_dt))));
+                v_store(e->field[GR_FIELD_affine] + (d * dim + j) * stride + at, v_keep(joined, L[d * dim + j] * inv_dt));
         }
         unsigned inside = m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* NaN is outside, too */
         for (int d = 0; d < dim; d++) {
-            double *x = e->field[GR_FIELD_x] + d * e->capacity + at;
-            const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
-            v_store(e->field[GR_FIELD_v] + d * e->capacity + at, v_new[d]);
-            v_store(x,
-                    diffused ? v_add(v_fma(v_set(dt), move[d], v_load(x)), delta[d]) : v_fma(v_set(dt), move[d], v_load(x)));
-            const vd xi = gr_local(&e->axis[d], inv_dx, x, cell->at[d]);
-            inside &= m_bits(v_ge(xi, v_set(ac->low))) & m_bits(v_gt(v_set(ac->high), xi));
+            vd y = v_fma(dx, move[d], v_load(place[d]));
+            if (diffused) y = y + delta[d];
+            v_store(v + d * stride + at, v_new[d]);
+            v_store(x + d * stride + at, y);
+            inside &= m_bits(m_and(v_ge(y, begin[d]), v_gt(end[d], y)));
         }
         batch->slot[batch->n++] = at;
         if (__builtin_expect(inside != GR_ALL_LANES, 0)) found += settle(e, index, n, inside, leaver + found);
@@ -200,14 +217,16 @@ GR_INLINE int64_t sweep_cells(const int dim, const int basis, const int affine, 
     batch.n = 0;
     for (int64_t index = first; index < last; index++) {
         struct gr_cell *cell = &e->mesh.cell[index];
-        const int64_t before = found;
-        if (cell->count) found += gather_cell(dim, basis, affine, diffused, e, index, &batch, law, leaver + found);
-        cell->dirty = found > before;
-        queue[queued++] = index;
+        cell->dirty = 0;
+        if (cell->count) {
+            const int64_t here = gather_cell(dim, basis, affine, diffused, e, index, &batch, law, leaver + found);
+            found += here;
+            cell->dirty = here > 0;
+            if (!here) queue[queued++] = index; /* else its sums are made when they have moved */
+        }
         if (queued < QUEUE && index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
         if (batch.n) run_law(e, law, &batch);
-        for (int64_t k = 0; fused && k < queued; k++)
-            if (!e->mesh.cell[queue[k]].dirty) scatter_cell(dim, basis, affine > 0, diffused, e, queue[k]);
+        for (int64_t k = 0; fused && k < queued; k++) scatter_cell(dim, basis, affine > 0, diffused, e, queue[k]);
         queued = 0;
     }
     return found;

@@ -48,14 +48,13 @@ static void apply_wall(const struct gr_wall *wall, int dim, double *v, double *n
 }
 
 /* The sums of node n over its cells, in the order of cells. */
-static inline __attribute__((always_inline)) void gather_sums(const int dim, const int K, const int rows,
-                                                              const struct gr_engine *e, int64_t n, double *sum)
+static inline __attribute__((always_inline)) void gather_sums(const int K, const int rows, const struct gr_engine *e,
+                                                              int64_t n, double *sum)
 {
     for (int q = 0; q < rows; q++) sum[q] = 0;
     for (int i = 0; i < K; i++) {
-        const int64_t source = e->mesh.node_source[n * K + i];
-        const double *block = e->sums + (source >> 5) * e->sum_stride;
-        for (int q = 0; q < rows; q++) sum[q] += block[gr_sum_place(dim, K, q, (int)(source & 31))];
+        const double *part = e->sums + e->mesh.node_source[n * K + i];
+        for (int q = 0; q < rows; q++) sum[q] += part[q];
     }
 }
 
@@ -68,11 +67,11 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
     for (int64_t n = first; n < last; n++) {
         double sum[9], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
-        gather_sums(dim, K, 1 + 2 * dim + 2 * diffused, e, n, sum);
+        gather_sums(K, GR_NODE_SUMS(dim, diffused), e, n, sum);
         const double m = sum[0];
         e->node_mass[n] = m;
         if (!(m > cutoff) && m == m) { /* NaN goes on, to be found at the points */
-            for (int q = 0; q < 2 * dim + 2 * diffused; q++) out[q] = 0;
+            for (int q = 0; q < GR_NODE_FIELDS(dim, diffused); q++) out[q] = 0;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
             continue;
         }
@@ -91,6 +90,7 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
         if (diffused) {
             out[2 * dim] = m / (cell_mass * e->mesh.node_volume[n]);
             out[2 * dim + 1] = sum[1 + 2 * dim] > 0 ? sum[2 + 2 * dim] / sum[1 + 2 * dim] : 0;
+            out[2 * dim + 2] = fmax(out[2 * dim] - 1, 0);
         }
     }
 }
@@ -115,10 +115,9 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
     for (int r = 1; r <= pass; r++) share = share * (order - r + 1) / r;
     for (int64_t n = first; n < last; n++) {
         double sum[3] = {0};
-        for (int i = 0; i < K; i++) { /* smooth leaves the momentum alone in the block, node by node */
-            const int64_t source = e->mesh.node_source[n * K + i];
-            const double *block = e->sums + (source >> 5) * e->sum_stride + (source & 31) * dim;
-            for (int d = 0; d < dim; d++) sum[d] += block[d];
+        for (int i = 0; i < K; i++) {
+            const double *part = e->sums + e->mesh.node_source[n * K + i];
+            for (int d = 0; d < dim; d++) sum[d] += part[1 + d];
         }
         const double m = e->node_mass[n];
         const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[n]);

@@ -48,7 +48,7 @@ static int add_point(struct gr_engine *e, struct regroup *r, int64_t source, con
     int inside = 1;
     for (int d = 0; d < e->config.dim; d++) {
         const struct gr_axis *axis = &e->axis[d];
-        at[d] = gr_locate(axis, 1.0 / e->config.dx, y[d]);
+        at[d] = gr_locate(axis, e->inv_dx, y[d]);
         if (axis->periodic && at[d] == axis->n_cells) y[d] -= axis->length, at[d] = 0; /* ugimp: half a cell */
         if (at[d] < 0 || at[d] >= axis->n_cells) inside = 0;
         cell[d] = (int32_t)at[d];
@@ -157,7 +157,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(mesh->node_code, room);
     GR_RESIZE(mesh->node_volume, room);
     GR_RESIZE(mesh->node_id, room);
-    GR_RESIZE(e->node_data, room * e->node_stride);
+    GR_RESIZE(e->node_data, room * e->node_stride + 2 * GR_LANES);
     GR_RESIZE(e->node_mass, room);
     GR_RESIZE(e->node_v, room * e->config.dim);
     mesh->node_room = room;
@@ -229,14 +229,14 @@ static void describe_node(struct gr_engine *e, int64_t n)
         id /= e->axis[d].n_nodes;
     }
     mesh->node_volume[n] = volume - (e->solid ? e->solid[mesh->node_id[n]] : 0);
-    for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells << 5;
+    for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride;
 }
 
 /* The nodes of the active cells, and for each the cells it gathers from, in the order of cells. */
 static int connect_nodes(struct gr_engine *e)
 {
     struct gr_mesh *mesh = &e->mesh;
-    const int K = e->K;
+    const int K = e->K, sums = GR_NODE_SUMS(e->config.dim, e->config.diffused);
     for (int64_t n = 0; n < mesh->n_nodes; n++) mesh->node_of[mesh->node_id[n]] = 0;
     int64_t n_nodes = 0;
     int64_t *ids = malloc(sizeof(int64_t) * (size_t)(mesh->n_cells * K + 1));
@@ -263,7 +263,7 @@ static int connect_nodes(struct gr_engine *e)
         for (int a = 0; a < K; a++) {
             const int32_t n = mesh->node_of[node_id_of(e, &mesh->cell[c], a)] - 1;
             mesh->cell_node[c * K + a] = n;
-            mesh->node_source[(int64_t)n * K + filled[n]++] = c << 5 | a;
+            mesh->node_source[(int64_t)n * K + filled[n]++] = c * e->sum_stride + a * sums;
         }
     error = GR_OK;
 out:

@@ -1,5 +1,6 @@
 #include "mpm/migrate.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,28 +26,21 @@ static int face_is_closed(const struct gr_engine *e, const int32_t from[3], int 
 
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3])
 {
-    const double inv_dx = 1.0 / e->config.dx;
     for (int d = 0; d < e->config.dim; d++) {
         const struct gr_axis *axis = &e->axis[d];
+        const int32_t last = axis->n_cells - 1;
+        const int high = at[d] > last;
+        const double begin = axis->cell[0].begin, end = axis->cell[last].end;
+        if (at[d] >= 0 && !high) continue;
         if (axis->periodic) {
-            if (at[d] < 0) x[d] += axis->length;
-            if (at[d] >= axis->n_cells) x[d] -= axis->length;
-            at[d] = gr_locate(axis, inv_dx, x[d]);
-            if (at[d] >= axis->n_cells) x[d] = axis->origin, at[d] = 0; /* rounding of the sum */
+            x[d] += high ? -axis->length : axis->length;
+            x[d] = fmax(begin, fmin(x[d], nextafter(end, begin))); /* rounding of the sum */
+            at[d] = gr_locate(axis, e->inv_dx, x[d]);
             continue;
         }
-        const double where = (x[d] - axis->origin) * inv_dx + axis->shift;
-        const int high = where >= axis->n_cells - 1 + axis->cell[axis->n_cells - 1].high;
-        if (!high && where >= axis->cell[0].low) continue;
         if ((high ? e->config.open_high : e->config.open_low)[d] && !face_is_closed(e, from, d, high)) return 0;
-        const double end = axis->origin + (high ? axis->length : 0.0);
-        double step = 0;
-        do { /* the nearest number inside */
-            x[d] = high ? end - step : end + step;
-            step = step > 0 ? 2 * step : fabs(end) * 0x1p-53 + e->config.dx * 0x1p-53;
-            at[d] = gr_locate(axis, inv_dx, x[d]);
-        } while (at[d] < 0 || at[d] >= axis->n_cells ||
-                 (high && (x[d] - axis->origin) * inv_dx + axis->shift - (double)at[d] >= axis->cell[at[d]].high));
+        x[d] = high ? nextafter(end, begin) : begin; /* the nearest number inside */
+        at[d] = high ? last : 0;
         e->clamped++;
     }
     return 1;
@@ -120,7 +114,7 @@ static int lift_leaver(struct gr_engine *e, const struct gr_leaver *leaver)
         if (!isfinite(record[c])) return fail(e, GR_ERR_NOT_FINITE, leaver->slot);
     for (int d = 0; d < dim; d++) {
         x[d] = record[d];
-        at[d] = gr_locate(&e->axis[d], 1.0 / e->config.dx, x[d]);
+        at[d] = gr_locate(&e->axis[d], e->inv_dx, x[d]);
         if (at[d] > cell->at[d] + 1 || at[d] < cell->at[d] - 1) return fail(e, GR_ERR_RUNAWAY, leaver->slot);
     }
     if (gr_confine(e, x, at, cell->at)) {
@@ -158,7 +152,7 @@ int gr_migrate(struct gr_engine *e, const struct gr_leaver *const list[], const 
     for (int64_t k = 0; k < e->n_pending; k++) {
         double *record = e->pending + k * e->n_components;
         int32_t at[3];
-        for (int d = 0; d < dim; d++) at[d] = (int32_t)gr_locate(&e->axis[d], 1.0 / e->config.dx, record[d]);
+        for (int d = 0; d < dim; d++) at[d] = (int32_t)gr_locate(&e->axis[d], e->inv_dx, record[d]);
         const int64_t index = (int64_t)e->mesh.cell_of[gr_cell_id(e, at)] - 1;
         struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
         if (cell && cell->count < cell->capacity) {

@@ -2,16 +2,7 @@
 #ifndef GR_MPM_MIGRATE_H
 #define GR_MPM_MIGRATE_H
 
-#include <math.h>
-
 #include "mpm/engine.h"
-
-/* Cell of x along one axis; the same operations as gr_local in shape.h. May lie outside the axis. */
-static inline int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x)
-{
-    const double at = (x - axis->origin) * inv_dx + axis->shift;
-    return at > -1e15 && at < 1e15 ? (int64_t)floor(at) : -(int64_t)1e15;
-}
 
 static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
 {
@@ -28,8 +19,7 @@ static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cel
         for (int c = 0; e->field[f] && c < gr_field_components(f, dim); c++) e->field[f][c * e->capacity + slot] = 0;
     for (int d = 0; d < dim; d++) {
         const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
-        e->field[GR_FIELD_x][d * e->capacity + slot] =
-            e->axis[d].origin + (cell->at[d] - e->axis[d].shift + 0.5 * (ac->low + ac->high)) * e->config.dx;
+        e->field[GR_FIELD_x][d * e->capacity + slot] = 0.5 * (ac->begin + ac->end);
     }
     e->id[slot] = -1;
 }

@@ -4,8 +4,11 @@
  *   m_i = sum w m;   p_i = sum w m (v + C (x_i - x));   f_i = -sum V sigma grad w;
  * and, where the density is averaged, the mass and the linearly extrapolated log-density of the points
  * that are not far apart: sum w m, sum w m (c + grad c (x_i - x)).
- * Where the sums of a node stand is told by gr_sum_place. Each cell writes a block of its own and the nodes gather from the blocks in a fixed order (grid.c), so
- * the sums do not depend on the number of threads. */
+ * Each cell writes a block of its own, the sums of one node side by side, and the nodes gather from the blocks
+ * in a fixed order (grid.c), so the sums do not depend on the number of threads.
+ *
+ * A cell is taken a few blocks of lanes at a time: first all that a block contributes is prepared, then
+ * the nodes are served row by row, because the running sums of one row fit the registers. */
 #include "mpm/shape.h"
 
 /* exp(-c), for V = m exp(-c)/rho_c. Points that carry stress have |c| of order p/K, and then a short
@@ -23,157 +26,206 @@ GR_INLINE vd expansion(vd c)
     return v_select(small, e, v_exp(-v_clamp(c, -600.0, 600.0)));
 }
 
+enum { CHUNK = 32 / GR_W }; /* blocks prepared at once */
+
+/* What a block of points gives to the nodes. Only what a variant needs is set. */
+struct gift {
+    vd w[3][3], g[3][3], r[3][3]; /* shapes, see gr_shape */
+    vd m, v[3], affine[3][3];     /* kg, m/s, m/s: C dx */
+    vd stress[3][3], lent[3];     /* -V sigma/dx, m/s^2 kg: what the shift takes back */
+    vd joined, c, slope[3];       /* mass and log-density of the points that join the averaging; its gradient per cell */
+};
+
 GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)
 {
     return v_load(e->field[field] + c * e->capacity + at);
 }
 
-/* acc[n stride] += a w for the K nodes of the cell, a constant over the nodes. */
-GR_INLINE void spread(const int dim, const int basis, const struct gr_shape *s, vd a, vd *acc, const int stride)
+/* Shapes, mass and velocity of the block at place `at`. */
+GR_INLINE void give_momentum(const int dim, const int basis, const int affine, const struct gr_engine *e,
+                             const struct gr_frame *frame, int64_t at, struct gift *gift)
 {
     const int k = gr_nodes_1d(basis);
-    for (int c = 0; c < (dim == 3 ? k : 1); c++)
-        for (int b = 0; b < k; b++) {
-            const vd ab = dim == 3 ? a * s->w[1][b] * s->w[2][c] : a * s->w[1][b];
-            for (int i = 0; i < k; i++) {
-                vd *sum = &acc[(i + k * (b + k * c)) * stride];
-                *sum = v_fma(ab, s->w[0][i], *sum);
-            }
-        }
-}
-
-/* acc[n stride] += w (a + slope . r_n): a linear field about each point; wr = w0 r0. */
-GR_INLINE void spread_linear(const int dim, const int basis, const struct gr_shape *s, const vd wr[3], vd a,
-                             const vd slope[3], vd *acc, const int stride)
-{
-    const int k = gr_nodes_1d(basis);
-    for (int c = 0; c < (dim == 3 ? k : 1); c++)
-        for (int b = 0; b < k; b++) {
-            const vd w = dim == 3 ? v_mul(s->w[1][b], s->w[2][c]) : s->w[1][b];
-            vd level = v_fma(slope[1], s->r[1][b], a);
-            if (dim == 3) level = v_fma(slope[2], s->r[2][c], level);
-            const vd flat = w * level, tilted = w * slope[0];
-            for (int i = 0; i < k; i++) {
-                vd *sum = &acc[(i + k * (b + k * c)) * stride];
-                *sum = v_fma(flat, s->w[0][i], v_fma(tilted, wr[i], *sum));
-            }
-        }
-}
-
-/* acc[n stride] += t . grad w_n: one row of the divergence of a stress. */
-GR_INLINE void spread_gradient(const int dim, const int basis, const struct gr_shape *s, const vd t[3], vd *acc,
-                               const int stride)
-{
-    const int k = gr_nodes_1d(basis);
-    for (int c = 0; c < (dim == 3 ? k : 1); c++)
-        for (int b = 0; b < k; b++) {
-            const vd wz = dim == 3 ? s->w[2][c] : v_set(1.0);
-            const vd along = dim == 3 ? t[0] * s->w[1][b] * wz : t[0] * s->w[1][b];
-            vd across = dim == 3 ? t[1] * s->g[1][b] * wz : t[1] * s->g[1][b];
-            if (dim == 3) across = v_fma(t[2] * s->w[1][b], s->g[2][c], across);
-            for (int i = 0; i < k; i++) {
-                vd *sum = &acc[(i + k * (b + k * c)) * stride];
-                *sum = v_fma(along, s->g[0][i], v_fma(across, s->w[0][i], *sum));
-            }
-        }
-}
-
-/* Lane sums of n vectors. Whole groups are written: what lies behind the last is written over later. */
-GR_INLINE void store_sums(double *out, vd *acc, const int n)
-{
-    for (int i = n; i % GR_SUMS; i++) acc[i] = v_zero();
-    for (int i = 0; i < n; i += GR_SUMS) v_sums(out + i, acc + i);
-}
-
-GR_INLINE void add_momentum(const int dim, const int basis, const int affine, const struct gr_engine *e, int64_t at,
-                            const struct gr_shape *s, vd *acc, const int stride)
-{
-    const int k = gr_nodes_1d(basis);
-    const vd m = component(e, GR_FIELD_mass, 0, at);
-    vd wr[3], slope[3];
-    for (int i = 0; affine && i < k; i++) wr[i] = s->w[0][i] * s->r[0][i];
-    spread(dim, basis, s, m, acc, stride);
+    const double *x[3];
+    struct gr_shape s;
+    for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
+    gr_shapes(dim, basis, frame, x, affine, &s);
     for (int d = 0; d < dim; d++) {
-        const vd mv = m * component(e, GR_FIELD_v, d, at);
+        for (int a = 0; a < k; a++) {
+            gift->w[d][a] = s.w[d][a];
+            if (basis != GR_LINEAR) gift->g[d][a] = s.g[d][a];
+            if (affine) gift->r[d][a] = s.r[d][a];
+        }
+        gift->v[d] = component(e, GR_FIELD_v, d, at);
         for (int j = 0; affine && j < dim; j++)
-            slope[j] = m * v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at);
-        if (affine)
-            spread_linear(dim, basis, s, wr, mv, slope, acc + 1 + d, stride);
-        else
-            spread(dim, basis, s, mv, acc + 1 + d, stride);
+            gift->affine[d][j] = v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at);
     }
+    gift->m = component(e, GR_FIELD_mass, 0, at);
 }
 
 /* Internal force, and the momentum that the shift has lent to the points. */
-GR_INLINE void add_force(const int dim, const int basis, const int diffused, const struct gr_engine *e, int64_t at,
-                         const struct gr_shape *s, vd *acc, const int stride)
+GR_INLINE void give_force(const int dim, const int diffused, const struct gr_engine *e, int64_t at, struct gift *gift)
 {
     static const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
-    const vd m = component(e, GR_FIELD_mass, 0, at);
-    const vd V = m * v_set(e->force_scale) * expansion(component(e, GR_FIELD_log_density, 0, at));
-    vd t[6], line[3];
-    for (int c = 0; c < (dim == 2 ? 4 : 6); c++) t[c] = V * component(e, GR_FIELD_stress, c, at);
+    const vd V = gift->m * v_set(e->force_scale) * expansion(component(e, GR_FIELD_log_density, 0, at));
+    for (int d = 0; d < dim; d++)
+        for (int j = 0; j <= d; j++)
+            gift->stress[d][j] = gift->stress[j][d] = V * component(e, GR_FIELD_stress, place[d][j], at);
+    for (int d = 0; diffused && d < dim; d++)
+        gift->lent[d] = gift->m * v_set(e->lent_scale) * component(e, GR_FIELD_shift_velocity, d, at);
+}
+
+GR_INLINE void give_density(const int dim, const struct gr_engine *e, int64_t at, struct gift *gift)
+{
+    gift->c = component(e, GR_FIELD_log_density, 0, at);
+    gift->joined = v_keep(v_ge(gift->c, v_set(-e->config.cure.reach)), gift->m);
+    for (int j = 0; j < dim; j++)
+        gift->slope[j] = v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
+}
+
+/* A row of nodes: they differ in their place along the first axis, and have b and c along the others. */
+struct row {
+    int b, c;
+};
+
+GR_INLINE vd slope_of(const int basis, const struct gift *p, int d, int a)
+{
+    if (basis == GR_LINEAR) return v_set(a ? 1.0 : -1.0);
+    return p->g[d][a];
+}
+
+/* Product of the shapes along the other axes; `d` of them (0: none) differentiated. */
+GR_INLINE vd beside(const int dim, const int basis, const struct gift *p, const struct row row, const int d)
+{
+    vd y = p->w[1][row.b], z;
+    if (d == 1) y = slope_of(basis, p, 1, row.b);
+    if (dim == 2) return y;
+    z = p->w[2][row.c];
+    if (d == 2) z = slope_of(basis, p, 2, row.c);
+    return y * z;
+}
+
+/* level + slope . r, but for the first axis: a linear field about the points, at the row. */
+GR_INLINE vd level_of(const int dim, const struct gift *p, const struct row row, vd value, const vd slope[3])
+{
+    value = v_fma(slope[1], p->r[1][row.b], value);
+    return dim == 3 ? v_fma(slope[2], p->r[2][row.c], value) : value;
+}
+
+/* sum[a][...] += m, p of the row. */
+GR_INLINE void add_momentum(const int dim, const int basis, const int affine, const struct gift *p, const struct row row,
+                            vd sum[3][7])
+{
+    const vd m = p->m * beside(dim, basis, p, row, 0);
+    vd level[3];
     for (int d = 0; d < dim; d++) {
-        for (int j = 0; j < dim; j++) line[j] = t[place[d][j]];
-        spread_gradient(dim, basis, s, line, acc + d, stride);
-        if (diffused)
-            spread(dim, basis, s, m * v_set(e->lent_scale) * component(e, GR_FIELD_shift_velocity, d, at), acc + d, stride);
+        level[d] = p->v[d];
+        if (affine) level[d] = level_of(dim, p, row, level[d], p->affine[d]);
+    }
+    for (int a = 0; a < gr_nodes_1d(basis); a++) {
+        const vd w = m * p->w[0][a];
+        sum[a][0] = sum[a][0] + w;
+        for (int d = 0; d < dim; d++) {
+            vd value = level[d];
+            if (affine) value = v_fma(p->affine[d][0], p->r[0][a], value);
+            sum[a][1 + d] = v_fma(w, value, sum[a][1 + d]);
+        }
     }
 }
 
-GR_INLINE void add_density(const int dim, const int basis, const struct gr_engine *e, int64_t at, const struct gr_shape *s,
-                           vd *acc)
+/* sum[a][first...] += f of the row. */
+GR_INLINE void add_force(const int dim, const int basis, const int diffused, const struct gift *p, const struct row row,
+                         const int first, vd sum[3][7])
 {
-    const int k = gr_nodes_1d(basis);
-    const vd c = component(e, GR_FIELD_log_density, 0, at);
-    const vd m = v_keep(v_ge(c, v_set(-e->config.cure.reach)), component(e, GR_FIELD_mass, 0, at));
-    vd slope[3], wr[3];
-    for (int i = 0; i < k; i++) wr[i] = s->w[0][i] * s->r[0][i];
-    for (int j = 0; j < dim; j++) slope[j] = m * v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
-    spread(dim, basis, s, m, acc, 2);
-    spread_linear(dim, basis, s, wr, m * c, slope, acc + 1, 2);
+    const vd w = beside(dim, basis, p, row, 0);
+    for (int d = 0; d < dim; d++) {
+        const vd along = p->stress[d][0] * w;
+        vd across = p->stress[d][1] * beside(dim, basis, p, row, 1);
+        if (dim == 3) across = v_fma(p->stress[d][2], beside(dim, basis, p, row, 2), across);
+        if (diffused) across = v_fma(p->lent[d], w, across);
+        for (int a = 0; a < gr_nodes_1d(basis); a++) {
+            const vd with = v_fma(across, p->w[0][a], sum[a][first + d]);
+            if (basis == GR_LINEAR)
+                sum[a][first + d] = a ? v_add(with, along) : v_sub(with, along);
+            else
+                sum[a][first + d] = v_fma(along, p->g[0][a], with);
+        }
+    }
 }
 
-/* The sums of one cell: in one pass where all of them fit the registers, else row group by row group. */
+/* sum[a][...] += mass and log-density of the row. */
+GR_INLINE void add_density(const int dim, const int basis, const struct gift *p, const struct row row, vd sum[3][7])
+{
+    const vd m = p->joined * beside(dim, basis, p, row, 0), level = level_of(dim, p, row, p->c, p->slope);
+    for (int a = 0; a < gr_nodes_1d(basis); a++) {
+        const vd w = m * p->w[0][a];
+        sum[a][0] = sum[a][0] + w;
+        sum[a][1] = v_fma(w, v_fma(p->slope[0], p->r[0][a], level), sum[a][1]);
+    }
+}
+
+/* What is summed in a pass over the rows: m and p, f, or mass and log-density. */
+enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
+
+/* sum over what the blocks give, row by row of nodes, as sums first... of the `rows` sums of each node. */
+GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int diffused, const int what,
+                        const struct gift *gift, int n, const int rows, const int first, vd *acc)
+{
+    const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
+    const int width = (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? 2 : 0);
+    for (int bc = 0; bc < K / k; bc++) {
+        const struct row row = {bc % k, bc / k};
+        vd sum[3][7];
+        for (int i = 0; i < k * width; i++) sum[i / width][i % width] = v_zero();
+        GR_ROLLED
+        for (int i = 0; i < n; i++) {
+            if (what & MOMENTUM) add_momentum(dim, basis, affine, gift + i, row, sum);
+            if (what & FORCE) add_force(dim, basis, diffused, gift + i, row, what & MOMENTUM ? 1 + dim : 0, sum);
+            if (what & DENSITY) add_density(dim, basis, gift + i, row, sum);
+        }
+        for (int a = 0; a < k; a++)
+            for (int q = 0; q < width; q++) acc[(bc * k + a) * rows + first + q] = sum[a][q];
+    }
+}
+
+/* Lane sums of n vectors, added to `out` or written there. Whole groups: there is room for them. */
+GR_INLINE void store_sums(double *out, vd *acc, const int n, int add)
+{
+    for (int i = n; i % GR_SUMS; i++) acc[i] = v_zero();
+    for (int i = 0; i < n; i += GR_SUMS) {
+        double sum[GR_SUMS];
+        v_sums(sum, acc + i);
+        for (int j = 0; j < GR_SUMS; j++) out[i + j] = add ? out[i + j] + sum[j] : sum[j];
+    }
+}
+
+/* The sums of one cell. */
 GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
                             int64_t index)
 {
-    enum { MAX_ROWS = 5 };
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = gr_power(gr_nodes_1d(basis), dim), blocks = GR_BLOCKS(cell->count), rows = 1 + 2 * dim;
-    const int together = GR_TOGETHER(K);
+    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_NODE_SUMS(dim, diffused), blocks = GR_BLOCKS(cell->count);
+    const struct gr_frame frame = gr_frame_of(dim, e, cell);
     double *out = e->sums + index * e->sum_stride;
-    struct gr_shape s;
-    vd acc[MAX_ROWS * GR_MAX_NODES + GR_SUMS];
-    if (!blocks) {
-        for (int i = 0; i < e->sum_stride; i++) out[i] = 0;
-        return;
-    }
-    for (int i = 0; i < (together ? rows : 1 + dim) * K; i++) acc[i] = v_zero();
-    for (int n = 0; n < blocks; n++) {
-        const int64_t at = cell->offset + n * GR_W;
-        gr_shapes(dim, basis, e, cell, at, affine, &s);
-        add_momentum(dim, basis, affine, e, at, &s, acc, together ? rows : 1 + dim);
-        if (together) add_force(dim, basis, diffused, e, at, &s, acc + 1 + dim, rows);
-    }
-    store_sums(out, acc, (together ? rows : 1 + dim) * K);
-    if (!together) {
-        for (int i = 0; i < dim * K; i++) acc[i] = v_zero();
-        for (int n = 0; n < blocks; n++) {
-            const int64_t at = cell->offset + n * GR_W;
-            gr_shapes(dim, basis, e, cell, at, 0, &s);
-            add_force(dim, basis, diffused, e, at, &s, acc, dim);
+    struct gift gift[CHUNK];
+    vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS];
+    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
+    for (int done = 0; done < blocks; done += CHUNK) {
+        const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
+        for (int i = 0; i < n; i++) {
+            const int64_t at = cell->offset + (done + i) * GR_W;
+            give_momentum(dim, basis, affine, e, &frame, at, &gift[i]);
+            give_force(dim, diffused, e, at, &gift[i]);
+            if (diffused) give_density(dim, e, at, &gift[i]);
         }
-        store_sums(out + (1 + dim) * K, acc, dim * K);
-    }
-    if (diffused) {
-        for (int i = 0; i < 2 * K; i++) acc[i] = v_zero();
-        for (int n = 0; n < blocks; n++) {
-            const int64_t at = cell->offset + n * GR_W;
-            gr_shapes(dim, basis, e, cell, at, 1, &s);
-            add_density(dim, basis, e, at, &s, acc);
+        if (K <= 4) { /* all sums of a row fit the registers */
+            add_rows(dim, basis, affine, diffused, MOMENTUM | FORCE, gift, n, rows, 0, acc);
+        } else {
+            add_rows(dim, basis, affine, diffused, MOMENTUM, gift, n, rows, 0, acc);
+            add_rows(dim, basis, affine, diffused, FORCE, gift, n, rows, 1 + dim, acc);
         }
-        store_sums(out + rows * K, acc, 2 * K);
+        if (diffused) add_rows(dim, basis, affine, diffused, DENSITY, gift, n, rows, 1 + 2 * dim, acc);
+        store_sums(out, acc, K * rows, done);
     }
 }
 
@@ -181,19 +233,26 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
 GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = gr_power(gr_nodes_1d(basis), dim), blocks = GR_BLOCKS(cell->count);
-    double N[3][GR_MAX_NODES];
+    const int K = gr_power(gr_nodes_1d(basis), dim), blocks = GR_BLOCKS(cell->count), nodal = basis == GR_UGIMP;
+    const int rows = GR_NODE_SUMS(dim, 0);
+    const struct gr_frame frame = gr_frame_of(dim, e, cell);
+    double mode[GR_LANES * GR_MAX_NODES], *out = e->sums + index * e->sum_stride;
+    vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS], unused[3];
     for (int i = 0; i < K; i++)
-        for (int d = 0; d < dim; d++) N[d][i] = e->node_v[(int64_t)e->mesh.cell_node[index * K + i] * dim + d];
-    vd acc[3 * GR_MAX_NODES + GR_SUMS], unused[3];
-    for (int i = 0; i < dim * K; i++) acc[i] = v_zero();
+        for (int d = 0; d < dim; d++) mode[i * GR_LANES + d] = e->node_v[(int64_t)e->mesh.cell_node[index * K + i] * dim + d];
+    gr_modes(dim, basis, nodal, dim, GR_LANES, &frame, mode);
+    for (int i = 0; i < K * rows; i++) acc[i] = v_zero(); /* no forces */
     for (int n = 0; n < blocks; n++) {
-        const int64_t at = cell->offset + n * GR_W;
         struct gr_shape s;
-        gr_shapes(dim, basis, e, cell, at, 0, &s);
-        const vd m = component(e, GR_FIELD_mass, 0, at);
+        struct gift gift;
+        const double *x[3];
+        const int64_t at = cell->offset + n * GR_W;
+        for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
+        gr_shapes(dim, basis, &frame, x, 0, &s);
+        give_momentum(dim, basis, 0, e, &frame, at, &gift);
         for (int d = 0; d < dim; d++)
-            spread(dim, basis, &s, m * gr_interpolate(dim, basis, N[d], &s, s.g, 0, unused), acc + d, dim);
+            gift.v[d] = gr_interpolate(dim, basis, nodal, mode + d, GR_LANES, &s, (const vd(*)[3])s.g, unused);
+        add_rows(dim, basis, 0, 0, MOMENTUM, &gift, 1, rows, 0, acc);
+        store_sums(out, acc, K * rows, n);
     }
-    store_sums(e->sums + index * e->sum_stride, acc, dim * K);
 }

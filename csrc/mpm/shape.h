@@ -1,4 +1,4 @@
-/* Shape functions of a block of points in a cell, and sums over the nodes of the cell. */
+/* Shape functions of a block of points in a cell, and nodal fields seen by them. */
 #ifndef GR_MPM_SHAPE_H
 #define GR_MPM_SHAPE_H
 
@@ -7,19 +7,34 @@
 
 #define GR_INLINE static inline __attribute__((always_inline))
 
+/* Before a loop over blocks: unrolled, all that it reads would first be copied to the stack. */
+#define GR_ROLLED _Pragma("GCC unroll 1")
+
 struct gr_shape {
+    vd xi[3];   /* local coordinate in the cell */
     vd w[3][3]; /* axis, node: value */
     vd g[3][3]; /* derivative by the coordinate in cells (ugimp: its mean over the extent of the point) */
     vd r[3][3]; /* position of the node from the point, cells */
 };
 
+/* What the points of a cell have in common: where it is. */
+struct gr_frame {
+    const struct gr_axis_cell *axis[3];
+    vd edge[3], inv_dx;
+    double lambda;
+};
+
 GR_INLINE int gr_power(int k, int dim) { return dim == 2 ? k * k : k * k * k; }
 GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
-/* Local coordinate in [0, 1) of a cell; the same operations as gr_locate, so that both agree to the last bit. */
-GR_INLINE vd gr_local(const struct gr_axis *axis, double inv_dx, const double *x, int32_t at)
+GR_INLINE struct gr_frame gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell)
 {
-    return ((v_load(x) - v_set(axis->origin)) * v_set(inv_dx) + v_set(axis->shift)) - v_set((double)at);
+    struct gr_frame frame = {.inv_dx = v_set(e->inv_dx), .lambda = e->config.lambda};
+    for (int d = 0; d < dim; d++) {
+        frame.axis[d] = &e->axis[d].cell[cell->at[d]];
+        frame.edge[d] = v_set(frame.axis[d]->edge);
+    }
+    return frame;
 }
 
 GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, double lambda, vd xi, vd w[3], vd g[3])
@@ -53,52 +68,88 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, dou
     }
 }
 
-/* All shapes of the block whose first place is `at`. */
-GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine *e, const struct gr_cell *cell, int64_t at,
-                         int positions, struct gr_shape *s)
+/* All shapes of the block of points whose coordinates along axis d begin at x[d]. */
+GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_frame *frame, const double *const x[3],
+                         const int positions, struct gr_shape *s)
 {
-    const double inv_dx = e->inv_dx;
     for (int d = 0; d < dim; d++) {
-        const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
-        const vd xi = gr_local(&e->axis[d], inv_dx, e->field[GR_FIELD_x] + d * e->capacity + at, cell->at[d]);
-        gr_shape_1d(basis, ac, e->config.lambda, xi, s->w[d], s->g[d]);
-        if (positions)
-            for (int a = 0; a < gr_nodes_1d(basis); a++) s->r[d][a] = v_set(ac->position[a]) - xi;
+        s->xi[d] = (v_load(x[d]) - frame->edge[d]) * frame->inv_dx;
+        gr_shape_1d(basis, frame->axis[d], frame->lambda, s->xi[d], s->w[d], s->g[d]);
+        for (int a = 0; positions && a < gr_nodes_1d(basis); a++) s->r[d][a] = v_set(frame->axis[d]->position[a]) - s->xi[d];
     }
 }
 
-/* Value of the nodal field N at the points, and its derivatives with the derivative weights g. */
-GR_INLINE vd gr_interpolate(const int dim, const int basis, const double *N, const struct gr_shape *s, vd g[3][3],
-                            const int derivatives, vd slope[3])
+/* Modes: what stands for the values of a field at the nodes of a cell. Where the shapes are polynomials
+ * in xi they are the coefficients of the powers of xi along each axis, which makes a value a short Horner
+ * scheme; where `nodal`, they are the values themselves.
+ * Changed: mode[node * stride + q] of n_fields fields, from values to modes. Whole vectors of fields. */
+GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const int n_fields, const int stride,
+                        const struct gr_frame *frame, double *mode)
+{
+    const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
+    for (int q = 0; !nodal && q < n_fields; q += GR_W) {
+        vd m[GR_MAX_NODES];
+        for (int i = 0; i < K; i++) m[i] = v_load(mode + i * stride + q);
+        for (int d = 0, step = 1; d < dim; d++, step *= k)
+            for (int i = 0; i < K; i++) {
+                if (i / step % k) continue; /* not the first of a line along d */
+                const vd n0 = m[i], n1 = m[i + step], n2 = k == 3 ? m[i + 2 * step] : n1;
+                if (basis == GR_LINEAR) {
+                    m[i + step] = n1 - n0;
+                    continue;
+                }
+                const double(*c)[3] = frame->axis[d]->coefficient;
+                for (int j = 0; j < 3; j++)
+                    m[i + j * step] = v_fma(v_set(c[2][j]), n2, v_fma(v_set(c[1][j]), n1, v_set(c[0][j]) * n0));
+            }
+        for (int i = 0; i < K; i++) v_store(mode + i * stride + q, m[i]);
+    }
+}
+
+/* Value and derivative of the modes m along axis d. */
+GR_INLINE void gr_along(const int basis, const int nodal, const struct gr_shape *s, const vd g[3][3], const int d,
+                        const vd m[3], vd *value, vd *slope)
+{
+    if (nodal) {
+        *value = s->w[d][0] * m[0], *slope = g[d][0] * m[0];
+        for (int a = 1; a < gr_nodes_1d(basis); a++) {
+            *value = v_fma(s->w[d][a], m[a], *value);
+            *slope = v_fma(g[d][a], m[a], *slope);
+        }
+    } else if (basis == GR_LINEAR) {
+        *value = v_fma(m[1], s->xi[d], m[0]), *slope = m[1];
+    } else {
+        *value = v_fma(v_fma(m[2], s->xi[d], m[1]), s->xi[d], m[0]);
+        *slope = v_fma(m[2], s->xi[d] + s->xi[d], m[1]);
+    }
+}
+
+/* Value at the points of the field with modes mode[0], mode[stride], ..., and its gradient per cell; where
+ * `nodal`, the derivative weights are g. What a caller does not use is not computed. */
+GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, const double *mode, const int stride,
+                            const struct gr_shape *s, const vd g[3][3], vd gradient[3])
 {
     const int k = gr_nodes_1d(basis);
-    vd value = v_zero();
-    for (int d = 0; d < dim; d++) slope[d] = v_zero();
+    vd value[3], slope_x[3], slope_y[3], unused;
     for (int c = 0; c < (dim == 3 ? k : 1); c++) {
-        vd plane = v_zero(), plane_x = v_zero(), plane_y = v_zero();
+        vd line[3], line_x[3];
         for (int b = 0; b < k; b++) {
-            const double *row = N + k * (b + k * c);
-            vd line = s->w[0][0] * v_set(row[0]), line_x = g[0][0] * v_set(row[0]);
-            for (int a = 1; a < k; a++) {
-                line = v_fma(s->w[0][a], v_set(row[a]), line);
-                if (derivatives) line_x = v_fma(g[0][a], v_set(row[a]), line_x);
-            }
-            plane = b ? v_fma(s->w[1][b], line, plane) : v_mul(s->w[1][b], line);
-            if (derivatives) {
-                plane_x = b ? v_fma(s->w[1][b], line_x, plane_x) : v_mul(s->w[1][b], line_x);
-                plane_y = b ? v_fma(g[1][b], line, plane_y) : v_mul(g[1][b], line);
-            }
+            vd m[3];
+            for (int a = 0; a < k; a++) m[a] = v_set(mode[(a + k * (b + k * c)) * stride]);
+            gr_along(basis, nodal, s, g, 0, m, &line[b], &line_x[b]);
         }
-        if (dim == 2) {
-            value = plane, slope[0] = plane_x, slope[1] = plane_y;
-        } else {
-            value = v_fma(s->w[2][c], plane, value);
-            slope[0] = v_fma(s->w[2][c], plane_x, slope[0]);
-            slope[1] = v_fma(s->w[2][c], plane_y, slope[1]);
-            slope[2] = v_fma(g[2][c], plane, slope[2]);
-        }
+        gr_along(basis, nodal, s, g, 1, line, &value[c], &slope_y[c]);
+        gr_along(basis, nodal, s, g, 1, line_x, &slope_x[c], &unused);
     }
-    return value;
+    if (dim == 2) {
+        gradient[0] = slope_x[0], gradient[1] = slope_y[0];
+        return value[0];
+    }
+    vd whole;
+    gr_along(basis, nodal, s, g, 2, value, &whole, &gradient[2]);
+    gr_along(basis, nodal, s, g, 2, slope_x, &gradient[0], &unused);
+    gr_along(basis, nodal, s, g, 2, slope_y, &gradient[1], &unused);
+    return whole;
 }
 
 #endif

@@ -188,9 +188,8 @@ static PyObject *engine_nodes(struct engine_object *self, PyObject *unused)
         int64_t id = e->mesh.node_id[i];
         double sum[7] = {0};
         for (int k = 0; k < e->K; k++) {
-            const int64_t source = e->mesh.node_source[i * e->K + k];
-            const double *block = e->sums + (source >> 5) * e->sum_stride;
-            for (int q = 0; q < rows; q++) sum[q] += block[gr_sum_place((int)dim, e->K, q, (int)(source & 31))];
+            const double *part = e->sums + e->mesh.node_source[i * e->K + k];
+            for (int q = 0; q < rows; q++) sum[q] += part[q];
         }
         ((double *)PyArray_DATA((PyArrayObject *)m))[i] = sum[0];
         for (npy_intp d = 0; d < dim; d++) {

@@ -149,10 +149,7 @@ double scene_sum(const struct scene *s, int64_t node, int q)
 {
     const struct gr_engine *e = s->engine;
     double sum = 0;
-    for (int i = 0; i < e->K; i++) {
-        const int64_t source = e->mesh.node_source[node * e->K + i];
-        sum += e->sums[(source >> 5) * e->sum_stride + gr_sum_place(e->config.dim, e->K, q, (int)(source & 31))];
-    }
+    for (int i = 0; i < e->K; i++) sum += e->sums[e->mesh.node_source[node * e->K + i] + q];
     return sum;
 }
 

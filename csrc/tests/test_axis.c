@@ -33,7 +33,7 @@ static double b_spline(const double *t, int i, int degree, double x)
 static void check_sums(const struct gr_axis *axis, int nodes, int cells)
 {
     for (int c = 0; c < cells; c++)
-        for (double xi = axis->cell[c].low; xi <= axis->cell[c].high; xi += 1.0 / 64) {
+        for (double xi = 0; xi <= 1; xi += 1.0 / 64) {
             double one = 0, d_one = 0, x = 0, d_x = 0;
             for (int a = 0; a < nodes; a++) {
                 const struct gr_axis_cell *cell = &axis->cell[c];
@@ -163,9 +163,9 @@ static void ugimp_averages_hats(void)
         const struct gr_axis_cell *cell = &axis.cell[c];
         const int is_crease = c == 3 || c == 4 || c == 7;
         CHECK(cell->clip == (c == 0 || c == N || is_crease));
-        CHECK_NEAR(cell->low, c == 0 ? 0.5 : 0, 0);
-        CHECK_NEAR(cell->high, c == N ? 0.5 : 1, 0);
-        for (double xi = cell->low + 1.0 / 128; xi < cell->high; xi += 1.0 / 64) {
+        CHECK_NEAR(cell->begin - cell->edge, c == 0 ? 0.5 : 0, 0);
+        CHECK_NEAR(cell->end - cell->edge, c == N ? 0.5 : 1, 0);
+        for (double xi = cell->begin - cell->edge + 1.0 / 128; xi < cell->end - cell->edge; xi += 1.0 / 64) {
             vd w[3], g[3];
             gr_shape_1d(GR_UGIMP, cell, lambda, v_set(xi), w, g);
             const double r = xi - 0.5;
@@ -219,6 +219,31 @@ static void periodic_wraps(void)
         }
 }
 
+/* Every x of the domain has one cell, which holds it; the cells leave no gap; beyond the ends there is none. */
+static void locates(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int periodic = 0; periodic < 2; periodic++)
+            for (int far = 0; far < 2; far++) {
+                struct gr_axis axis;
+                const double origin = far ? 1e6 + 0.1 : -0.3, dx = 0.1;
+                CHECK(gr_axis_build(&axis, basis, N, periodic, NULL, 0, 0.25, origin, dx) == GR_OK);
+                for (int c = 0; c < axis.n_cells; c++) {
+                    const double begin = axis.cell[c].begin, end = axis.cell[c].end;
+                    CHECK(c == axis.n_cells - 1 || end == axis.cell[c + 1].begin);
+                    CHECK(gr_locate(&axis, 1 / dx, begin) == c);
+                    CHECK(gr_locate(&axis, 1 / dx, nextafter(end, begin)) == c);
+                    CHECK(gr_locate(&axis, 1 / dx, 0.5 * (begin + end)) == c);
+                }
+                const double low = axis.cell[0].begin, high = axis.cell[axis.n_cells - 1].end;
+                CHECK(gr_locate(&axis, 1 / dx, nextafter(low, -INFINITY)) < 0);
+                CHECK(gr_locate(&axis, 1 / dx, high) >= axis.n_cells);
+                CHECK(gr_locate(&axis, 1 / dx, -1e300) < 0 && gr_locate(&axis, 1 / dx, NAN) < 0);
+                CHECK(gr_locate(&axis, 1 / dx, high + 50 * dx) > axis.n_cells + 10);
+                gr_axis_free(&axis);
+            }
+}
+
 static void refuses(void)
 {
     struct gr_axis axis;
@@ -249,6 +274,7 @@ int main(void)
     RUN(ugimp_averages_hats);
     RUN(blocks_agree);
     RUN(periodic_wraps);
+    RUN(locates);
     RUN(refuses);
     return check_report("axis");
 }

@@ -33,12 +33,14 @@ static void check_mesh(const struct scene *s)
     CHECK(points == e->n_points && end == e->used && end <= s->capacity);
     for (int64_t k = end; k < s->capacity; k++) CHECK(s->id[k] < 0);
     for (int64_t n = 0; n < mesh->n_nodes; n++) CHECK(mesh->node_of[mesh->node_id[n]] == n + 1);
+    const int64_t sums = GR_NODE_SUMS(dim, e->config.diffused);
     int64_t linked = 0;
     for (int64_t n = 0; n < mesh->n_nodes; n++)
         for (int i = 0; i < e->K; i++) {
             const int64_t source = mesh->node_source[n * e->K + i];
-            if (source >= mesh->n_cells << 5) continue;
-            CHECK(mesh->cell_node[(source >> 5) * e->K + (source & 31)] == n);
+            const int64_t cell = source / e->sum_stride, place = source % e->sum_stride;
+            if (cell >= mesh->n_cells) continue;
+            CHECK(place % sums == 0 && mesh->cell_node[cell * e->K + place / sums] == n);
             if (i) CHECK(mesh->node_source[n * e->K + i - 1] < source); /* in the order of cells */
             linked++;
         }

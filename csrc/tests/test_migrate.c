@@ -14,9 +14,8 @@ static int confine(struct scene *s, double x[3], const int32_t from[3])
     const int inside = gr_confine(s->engine, x, at, from);
     for (int d = 0; inside && d < s->config.dim; d++) {
         const struct gr_axis *axis = &s->engine->axis[d];
-        const double xi = (x[d] - axis->origin) * (1 / s->config.dx) + axis->shift - (double)at[d];
         CHECK(at[d] >= 0 && at[d] < axis->n_cells && at[d] == gr_locate(axis, 1 / s->config.dx, x[d]));
-        CHECK(xi >= axis->cell[at[d]].low && xi < axis->cell[at[d]].high);
+        CHECK(x[d] >= axis->cell[at[d]].begin && x[d] < axis->cell[at[d]].end);
     }
     return inside;
 }
