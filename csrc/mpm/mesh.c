@@ -5,13 +5,12 @@
 
 #include "mpm/migrate.h"
 
-/* Places of a cell: whole lanes, with room for half as many more, and for a usual number of them in
- * a cell that is still empty, so that a front does not ask for a regrouping at each cell it enters. */
+/* Places of a cell: whole lanes, with room for half as many points as it has or as a cell usually has, so
+ * that neither a crowd nor a front that enters empty cells asks for a regrouping at every turn. */
 static int32_t places(int32_t count, int32_t usual)
 {
-    if (!count) count = usual;
-    const int32_t spare = count / 2 > 4 ? count / 2 : 4;
-    return (count + spare + GR_LANES - 1) / GR_LANES * GR_LANES;
+    const int32_t many = count > usual ? count : usual, spare = many / 2 > 4 ? many / 2 : 4;
+    return (many + spare + GR_LANES - 1) / GR_LANES * GR_LANES;
 }
 
 static int compare_ids(const void *a, const void *b)
