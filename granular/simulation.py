@@ -182,7 +182,7 @@ class Simulation:
 
     def _chunks(self, until: float) -> Iterator[None]:
         """Advance to `until` in calls of about CHUNK_SECONDS; the cuts do not touch the result."""
-        while self.time < until and self.n_points:
+        while self.time < until:
             begin, first = clock.perf_counter(), self.steps
             self._advance(self._chunk, until)
             seconds = max(clock.perf_counter() - begin, 1e-6) / max(self.steps - first, 1)
@@ -200,6 +200,8 @@ class Simulation:
         hooks: tuple[Hook, ...] = (),
     ) -> Self:
         """Run to a time, recording frames on the way.
+
+        Where all points have left, the clock and the frames go on without them.
 
         Parameters
         ----------
@@ -234,7 +236,7 @@ class Simulation:
             with _interruptible() as interrupted:
                 if self.steps == 0:
                     self._frame(writer, hooks)
-                while self.time < until and self.n_points and not interrupted:
+                while self.time < until and not interrupted:
                     frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)

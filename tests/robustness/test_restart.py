@@ -70,6 +70,28 @@ def test_restart_by_a_record(small_scene, combination, tmp_path):
         assert shown(one[-1]) == shown(cut[-1])
 
 
+@pytest.mark.parametrize("basis", ["linear", "quadratic"])
+def test_a_domain_that_has_emptied_goes_on(small_scene, basis, tmp_path):
+    """All points leave: the run and its frames reach their time, resumed or not."""
+    scene = small_scene("outlet", 2, (basis, None, None), E=1e5)
+    scene = scene.replace(walls=tuple(w for w in scene.walls if w.kind == "frictionless"))
+    whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
+    gr.Simulation(scene, threads=1).run(until=1.2, save=whole, every=0.1)
+    gr.Simulation(scene, threads=1).run(until=0.8, save=cut, every=0.1)
+    resumed = gr.Simulation.resume(cut, threads=2)
+    assert resumed.n_points == 0
+    resumed.run(until=1.2, every=0.1)
+    with gr.open(whole) as one, gr.open(cut) as other:
+        assert len(one) == 13
+        assert one.series["n"][0] > 100
+        assert one.series["n"][-1] == 0
+        assert 1.2 <= one.times[-1] < 1.2 + resumed.dt
+        assert [shown(s) for s in one] == [shown(s) for s in other]
+    before = resumed.steps
+    resumed.step(3)
+    assert resumed.steps == before + 3
+
+
 def test_nothing_that_the_engine_carries_is_left_out(small_scene, combination, dim):
     """Every field and scalar of the core is in a checkpoint, and every one of them matters."""
     scene = small_scene("walls", dim, combination, E=1e5)
