@@ -92,6 +92,22 @@ def test_a_domain_that_has_emptied_goes_on(small_scene, basis, tmp_path):
     assert resumed.steps == before + 3
 
 
+def test_frames_go_on_as_they_were_asked_for(small_scene, tmp_path):
+    """The time between frames is told by the record, not by its frames: there may be few."""
+    scene, path = small_scene("walls", 2, ("linear", "flip", "tracked"), E=1e5), tmp_path / "a.h5"
+    gr.Simulation(scene, threads=1).run(until=0.01, save=path, every=0.035)
+    sim = gr.Simulation.resume(path, threads=1).run(until=0.08)
+    with gr.open(path) as record:
+        assert record.times == pytest.approx([0.0, 0.01, 0.035, 0.07, 0.08], abs=sim.dt)
+        assert record.provenance["every"] == 0.035
+    sim.run(until=0.12)
+    sim.run(until=0.16, every=0.02)
+    gr.Simulation.resume(path, threads=1).run(until=0.19)
+    with gr.open(path) as record:
+        later = [0.105, 0.12, 0.14, 0.16, 0.18, 0.19]
+        assert record.times[5:] == pytest.approx(later, abs=sim.dt)
+
+
 def test_nothing_that_the_engine_carries_is_left_out(small_scene, combination, dim):
     """Every field and scalar of the core is in a checkpoint, and every one of them matters."""
     scene = small_scene("walls", dim, combination, E=1e5)
