@@ -53,6 +53,36 @@ def test_restart_after_points_have_left(small_scene, combination):
         assert bits(whole) == bits(second)
 
 
+@pytest.mark.parametrize(
+    ("basis", "transfer", "density"),
+    [
+        (basis, transfer, "tracked")
+        for basis in ("linear", "ugimp", "quadratic")
+        for transfer in ("apic", "tpic")
+    ]
+    + [("quadratic", "tpic", "diffused")],
+)
+def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
+    """1200 steps in which half of it flows out; nothing is faster than a fall from its top."""
+    scene = gr.scenes.silo(
+        cell=0.025,
+        orifice=0.2,
+        material=gr.materials.glass_beads.replace(E=1e5),
+        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density),
+    )
+    whole, points = gr.Simulation(scene, threads=1), []
+    for _ in range(12):
+        whole.step(100)
+        assert np.linalg.norm(whole.state.v, axis=1).max() < np.sqrt(2 * 9.8 * 1.0)
+        if whole.steps in (100, 700):
+            points.append(whole.checkpoint())
+    assert 0.3 * scene.n_points < whole.n_points < 0.7 * scene.n_points
+    for point in points:
+        second = gr.Simulation.from_checkpoint(scene, point, threads=2)
+        second.step(1200 - second.steps)
+        assert bits(second) == bits(whole)
+
+
 def test_restart_by_a_record(small_scene, combination, tmp_path):
     """Through the file, in the middle of the output, and on in the same record."""
     scene = small_scene("outlet", 2, combination, E=1e5)
