@@ -231,6 +231,8 @@ class Simulation:
         SimulationError
             If a point is not finite or ran away. `point` and `step` name it; the record holds the
             last good frame and checkpoint.
+        RuntimeError
+            With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt
             On Ctrl-C; the simulation and the record stay valid and can go on.
         """
