@@ -221,8 +221,6 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.picture or arguments.gif:
         _check_color(simulation.state, arguments.color)
     options = {"save": arguments.output, "overwrite": arguments.overwrite}
-    if arguments.every is not None:
-        options["every"] = arguments.every
     code = _simulate(simulation, arguments, options)
     if code == 0:
         _draw(
@@ -237,12 +235,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _resume(arguments: argparse.Namespace) -> int:
-    from granular import Simulation, open_trajectory
+    from granular import Simulation
 
-    with open_trajectory(arguments.file) as record:
-        every = _spacing(record) if arguments.every is None else arguments.every
     simulation = Simulation.resume(arguments.file, threads=arguments.threads)
-    return _simulate(simulation, arguments, {"every": every})
+    return _simulate(simulation, arguments, {})
 
 
 def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str, Any]) -> int:
@@ -250,7 +246,7 @@ def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str,
     if until <= simulation.time:
         raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
     try:
-        simulation.run(until, progress=not arguments.quiet, **options)
+        simulation.run(until, every=arguments.every, progress=not arguments.quiet, **options)
     except KeyboardInterrupt:
         message = f"interrupted at t = {simulation.time:.6g} s"
         if simulation.record is not None:
@@ -260,23 +256,6 @@ def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str,
     if not arguments.quiet:
         print(f"{simulation.record}: {simulation}")
     return 0
-
-
-def _spacing(record: Any) -> float:
-    """Time between the frames of a record [s], as it was asked for.
-
-    A frame is the first step at or past a multiple of it: each frame bounds it from both sides.
-    The simplest fraction within the bounds is taken; 1/60 if there are too few frames to tell.
-    """
-    times, steps = record.series["time"][1:-1], record.series["dt"][1:-1]
-    count = range(1, len(times) + 1)
-    low = max(((t - dt) / k for t, dt, k in zip(times, steps, count, strict=True)), default=0.0)
-    high = min((t / k for t, k in zip(times, count, strict=True)), default=0.0)
-    for denominator in range(1, 10001):
-        numerator = math.floor(low * denominator) + 1
-        if numerator <= high * denominator * (1 + 1e-12):
-            return numerator / denominator
-    return 1 / 60
 
 
 def _info(arguments: argparse.Namespace) -> int:

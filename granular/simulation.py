@@ -32,6 +32,8 @@ Hook = Callable[["Simulation"], Any]
 CHUNK_SECONDS = 0.05
 """Wall time between two returns from the core: signals, progress and hooks wait no longer."""
 MAX_CHUNK = 1 << 20
+EVERY = 1 / 60
+"""Time between frames [s], unless another is asked for: a film in real time."""
 SMALL = 4000
 """Points up to which one thread is the default: a guess at where the barriers eat the gain."""
 
@@ -71,6 +73,7 @@ class Simulation:
         self._threads = threads
         self._chunk = 1
         self.record: Path | None = None
+        self._every = EVERY
 
     def _bind(self, n_points: int) -> None:
         self._engine.bind(self._buffers, n_points, True)
@@ -182,7 +185,7 @@ class Simulation:
 
     def _chunks(self, until: float) -> Iterator[None]:
         """Advance to `until` in calls of about CHUNK_SECONDS; the cuts do not touch the result."""
-        while self.time < until and self.n_points:
+        while self.time < until:
             begin, first = clock.perf_counter(), self.steps
             self._advance(self._chunk, until)
             seconds = max(clock.perf_counter() - begin, 1e-6) / max(self.steps - first, 1)
@@ -194,12 +197,14 @@ class Simulation:
         until: float | None = None,
         *,
         save: str | os.PathLike | None = None,
-        every: float = 1 / 60,
+        every: float | None = None,
         overwrite: bool = False,
         progress: bool = False,
         hooks: tuple[Hook, ...] = (),
     ) -> Self:
         """Run to a time, recording frames on the way.
+
+        Where all points have left, the clock and the frames go on without them.
 
         Parameters
         ----------
@@ -207,8 +212,9 @@ class Simulation:
             Time to stop at [s]: the first step at or past it; the scene's duration by default.
         save : path, optional
             HDF5 record to write. A simulation that was resumed goes on in its own record.
-        every : float
-            Time between frames [s]; a frame is the first step at or past its time.
+        every : float, optional
+            Time between frames [s]; a frame is the first step at or past its time. By default as
+            in the run before, which a record tells too, and 1/60 in the first.
         overwrite : bool
             Whether an existing record may be replaced.
         progress : bool
@@ -225,16 +231,18 @@ class Simulation:
         SimulationError
             If a point is not finite or ran away. `point` and `step` name it; the record holds the
             last good frame and checkpoint.
+        RuntimeError
+            With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt
             On Ctrl-C; the simulation and the record stay valid and can go on.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        every = positive("every", every)
+        self._every = every = positive("every", self._every if every is None else every)
         with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
             with _interruptible() as interrupted:
                 if self.steps == 0:
                     self._frame(writer, hooks)
-                while self.time < until and self.n_points and not interrupted:
+                while self.time < until and not interrupted:
                     frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)
@@ -264,7 +272,7 @@ class Simulation:
             return
         resumed = self.record is not None and save is None
         path = self.record if resumed else Path(save)
-        provenance = {"threads": self.threads, "isa": self.isa}
+        provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
         with (
             TrajectoryWriter.resume(path, provenance=provenance)
             if resumed
@@ -345,6 +353,7 @@ class Simulation:
         """
         with open_trajectory(path) as record:
             self = cls.from_checkpoint(record.scene, record.checkpoint(), threads=threads, isa=isa)
+            self._every = record.provenance.get("every", EVERY)
         self.record = Path(path)
         return self
 

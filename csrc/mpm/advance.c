@@ -178,19 +178,21 @@ static void run(struct team *team, int t)
     }
 }
 
-/* Points grouped, none waiting and the mesh whole: else that first. */
+/* Points grouped, none waiting and the mesh whole: else that first. Without points it leaves no cells, so that
+ * the clock alone goes on, and fast. */
 static int ready(struct gr_engine *e)
 {
-    return e->mesh.n_cells && !e->n_pending && !e->disconnected ? GR_OK : gr_regroup(e);
+    return e->n_points && e->mesh.n_cells && !e->n_pending && !e->disconnected ? GR_OK : gr_regroup(e);
 }
 
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
 {
     struct team team = {.e = e, .kernels = kernels, .left = max_steps, .until = until, .threads = 1};
     e->error = ready(e);
-    if (e->error || !e->mesh.n_cells) return e->error;
+    if (e->error) return e->error;
 #ifdef _OPENMP
     if (threads > GR_MAX_THREADS) threads = GR_MAX_THREADS;
+    if (!e->mesh.n_cells) threads = 1;
 #pragma omp parallel num_threads(threads)
     {
 #pragma omp single

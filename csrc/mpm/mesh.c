@@ -231,6 +231,16 @@ static void describe_node(struct gr_engine *e, int64_t n)
     for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride;
 }
 
+/* What the grid stage has left there belongs to other nodes: a gather before the next one finds all at rest. */
+static void clear_nodes(struct gr_engine *e)
+{
+    const size_t n = (size_t)e->mesh.n_nodes * sizeof(double);
+    if (!n) return;
+    memset(e->node_data, 0, n * (size_t)e->node_stride);
+    memset(e->node_mass, 0, n);
+    memset(e->node_v, 0, n * (size_t)e->config.dim);
+}
+
 /* The nodes of the active cells, and for each the cells it gathers from, in the order of cells. */
 static int connect_nodes(struct gr_engine *e)
 {
@@ -253,6 +263,7 @@ static int connect_nodes(struct gr_engine *e)
     filled = calloc((size_t)n_nodes + 1, sizeof(int32_t));
     if (!filled || reserve_nodes(e, n_nodes)) goto out;
     mesh->n_nodes = n_nodes;
+    clear_nodes(e);
     for (int64_t n = 0; n < n_nodes; n++) {
         mesh->node_id[n] = ids[n];
         mesh->node_of[ids[n]] = (int32_t)(n + 1);

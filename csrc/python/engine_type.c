@@ -1,6 +1,7 @@
 /* The Python type `Engine`: it borrows the buffers of the points and steps them with the GIL released. */
 #include <math.h>
 #include <stddef.h>
+#include <unistd.h>
 
 #include "python/arrays.h"
 
@@ -123,6 +124,26 @@ static PyObject *engine_regroup(struct engine_object *self, PyObject *unused)
 
 /* ---- stepping ---- */
 
+/* A team of gcc's OpenMP does not live on in a forked child, which would wait for it for ever. The process in
+ * which a team first ran is all that is kept beyond an engine. */
+static int team_is_lost(int threads)
+{
+#if defined(_OPENMP) && !defined(__clang__)
+    static pid_t home;
+    if (threads == 1) return 0;
+    if (!home) home = getpid();
+    if (home == getpid()) return 0;
+    PyErr_Format(PyExc_RuntimeError,
+                 "threads = %d must be 1 in a process that was forked after a simulation ran with threads; or begin "
+                 "processes by multiprocessing's \"spawn\" or \"forkserver\"",
+                 threads);
+    return 1;
+#else
+    (void)threads;
+    return 0;
+#endif
+}
+
 /* advance(max_steps, until, threads) -> needed capacity: 0, or the places that the buffers must have to go on. */
 static PyObject *engine_advance(struct engine_object *self, PyObject *args)
 {
@@ -135,6 +156,7 @@ static PyObject *engine_advance(struct engine_object *self, PyObject *args)
     if (max_steps < 0 || isnan(until) || threads < 1 || threads > GR_MAX_THREADS)
         return PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d",
                             GR_MAX_THREADS);
+    if (team_is_lost(threads)) return NULL;
     self->busy = 1;
     Py_BEGIN_ALLOW_THREADS
     error = gr_advance(e, self->kernels, max_steps, until, threads);

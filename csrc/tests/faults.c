@@ -9,19 +9,22 @@ void *__wrap_malloc(size_t size);
 void *__wrap_calloc(size_t count, size_t size);
 void *__wrap_realloc(void *old, size_t size);
 
-static long countdown;
+static long countdown, calls;
 static int hit;
 
 void faults_at(long n)
 {
     countdown = n;
+    calls = 0;
     hit = 0;
 }
 
 int faults_hit(void) { return hit; }
+long faults_calls(void) { return calls; }
 
 static int fails(void)
 {
+    calls++;
     if (!countdown || --countdown) return 0;
     return hit = 1;
 }

@@ -6,5 +6,7 @@
 void faults_at(long n);
 /* Whether it has been reached. */
 int faults_hit(void);
+/* Allocations since then. */
+long faults_calls(void);
 
 #endif

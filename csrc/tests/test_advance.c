@@ -179,15 +179,42 @@ static void runaway_stops_the_run(void)
     scene_free(&s);
 }
 
-/* Without points there is nothing to do, and nothing breaks. */
+/* Without points the clock goes on alone, by the steps of a medium at rest. */
 static void empty_run(void)
 {
     struct scene s;
+    const struct gr_kernels *kernels = gr_kernels_select("");
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     CHECK(scene_build(&s, 0, 0.1, 0.9) == GR_OK);
-    CHECK(gr_advance(s.engine, gr_kernels_select(""), 5, 1, 1) == GR_OK);
-    CHECK(gr_scatter(s.engine, gr_kernels_select("")) == GR_OK);
+    const double dt = s.config.cfl * s.config.dx / s.config.wave_speed;
+    CHECK(gr_advance(s.engine, kernels, 5, INFINITY, 3) == GR_OK);
+    CHECK(s.engine->step == 5 && s.engine->dt == dt);
+    CHECK(gr_advance(s.engine, kernels, 1000000, 100 * dt, 3) == GR_OK);
+    CHECK(s.engine->time >= 100 * dt && s.engine->time < 101 * dt);
+    CHECK(gr_scatter(s.engine, kernels) == GR_OK);
+    CHECK(gr_grid(s.engine, kernels) == GR_OK);
     scene_free(&s);
+}
+
+/* A domain that has emptied: the cells go with the points, and the clock does not see it. */
+static void emptied_run(void)
+{
+    struct scene whole, cut;
+    for (int part = 0; part < 2; part++) {
+        struct scene *s = part ? &cut : &whole;
+        scene_seed(67);
+        scene_default(s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
+        s->config.open_high[0] = 1;
+        s->gravity_vectors[0] = 50;
+        CHECK(scene_build(s, 40, 0.7, 0.95) == GR_OK);
+        for (int64_t k = 0; part && k < 400; k++) CHECK(go(s, 5, INFINITY, 1 + (int)(k % 2)) == GR_OK);
+        if (!part) CHECK(go(s, 2000, INFINITY, 1) == GR_OK);
+    }
+    CHECK(whole.engine->n_points == 0 && whole.engine->dropped == 40);
+    CHECK(whole.engine->mesh.n_cells > 0 && cut.engine->mesh.n_cells == 0);
+    CHECK(whole.engine->step == 2000 && cut.engine->step == 2000 && whole.engine->time == cut.engine->time);
+    scene_free(&whole);
+    scene_free(&cut);
 }
 
 /* Advancing again without the larger buffers that were asked for must not break anything, nor lose a point. */
@@ -235,6 +262,7 @@ int main(void)
     RUN(nan_stops_the_run);
     RUN(runaway_stops_the_run);
     RUN(empty_run);
+    RUN(emptied_run);
     RUN(capacity_may_be_refused);
     return check_report("advance");
 }

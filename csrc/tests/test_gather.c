@@ -147,11 +147,40 @@ static void needs_points_and_a_step(void)
     scene_free(&s);
 }
 
+/* Without a grid stage since the last regrouping the nodes are at rest: nothing moves, nothing is undefined. */
+static void before_the_grid_all_is_at_rest(void)
+{
+    static struct before b;
+    for (int affine = 0; affine < GR_AFFINE_COUNT; affine++)
+        for (int stepped = 0; stepped < 2; stepped++) {
+            struct scene s;
+            const struct gr_kernels *kernels = gr_kernels_select("baseline");
+            scene_seed(41);
+            scene_default(&s, 2, GR_QUADRATIC, affine, affine == GR_AFFINE_GRADIENT);
+            s.config.dt = 1e-4;
+            CHECK(scene_build(&s, POINTS, 0.3, 0.7) == GR_OK);
+            if (stepped) CHECK(gr_advance(s.engine, kernels, 5, INFINITY, 1) == GR_OK);
+            CHECK(gr_regroup(s.engine) == GR_OK);
+            const struct gr_engine *e = s.engine;
+            for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
+                CHECK(e->node_mass[n] == 0);
+                for (int q = 0; q < e->node_stride; q++) CHECK(e->node_data[n * e->node_stride + q] == 0);
+                for (int d = 0; d < 2; d++) CHECK(e->node_v[n * 2 + d] == 0);
+            }
+            remember(&s, &b);
+            CHECK(gr_gather(s.engine, kernels) == GR_OK);
+            for (int64_t id = 0; id < POINTS; id++)
+                for (int d = 0; d < 2; d++) CHECK(*scene_at(&s, GR_FIELD_x, d, scene_find(&s, id)) == b.x[id][d]);
+            scene_free(&s);
+        }
+}
+
 int main(void)
 {
     RUN(linear_fields_are_exact);
     RUN(moments_are_exact);
     RUN(translation_is_free);
     RUN(needs_points_and_a_step);
+    RUN(before_the_grid_all_is_at_rest);
     return check_report("gather");
 }

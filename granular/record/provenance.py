@@ -45,7 +45,8 @@ def collect(extra: Mapping[str, Any] | None = None, *, parent: str | None = None
     Parameters
     ----------
     extra
-        More entries, JSON-compatible; they win over the collected ones (``threads`` for one).
+        More entries, JSON-compatible; they win over the collected ones (``threads`` for one). A
+        simulation adds ``every``, the time between its frames [s].
     parent
         Digest (hex) of the checkpoint or frame that the run continues from.
     """

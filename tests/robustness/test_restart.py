@@ -53,6 +53,36 @@ def test_restart_after_points_have_left(small_scene, combination):
         assert bits(whole) == bits(second)
 
 
+@pytest.mark.parametrize(
+    ("basis", "transfer", "density"),
+    [
+        (basis, transfer, "tracked")
+        for basis in ("linear", "ugimp", "quadratic")
+        for transfer in ("apic", "tpic")
+    ]
+    + [("quadratic", "tpic", "diffused")],
+)
+def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
+    """1200 steps in which half of it flows out; nothing is faster than a fall from its top."""
+    scene = gr.scenes.silo(
+        cell=0.025,
+        orifice=0.2,
+        material=gr.materials.glass_beads.replace(E=1e5),
+        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density),
+    )
+    whole, points = gr.Simulation(scene, threads=1), []
+    for _ in range(12):
+        whole.step(100)
+        assert np.linalg.norm(whole.state.v, axis=1).max() < np.sqrt(2 * 9.8 * 1.0)
+        if whole.steps in (100, 700):
+            points.append(whole.checkpoint())
+    assert 0.3 * scene.n_points < whole.n_points < 0.7 * scene.n_points
+    for point in points:
+        second = gr.Simulation.from_checkpoint(scene, point, threads=2)
+        second.step(1200 - second.steps)
+        assert bits(second) == bits(whole)
+
+
 def test_restart_by_a_record(small_scene, combination, tmp_path):
     """Through the file, in the middle of the output, and on in the same record."""
     scene = small_scene("outlet", 2, combination, E=1e5)
@@ -68,6 +98,44 @@ def test_restart_by_a_record(small_scene, combination, tmp_path):
         # a run that ends between two frames has one frame more
         assert {shown(s)[:2] for s in one} <= {shown(s)[:2] for s in cut}
         assert shown(one[-1]) == shown(cut[-1])
+
+
+@pytest.mark.parametrize("basis", ["linear", "quadratic"])
+def test_a_domain_that_has_emptied_goes_on(small_scene, basis, tmp_path):
+    """All points leave: the run and its frames reach their time, resumed or not."""
+    scene = small_scene("outlet", 2, (basis, None, None), E=1e5)
+    scene = scene.replace(walls=tuple(w for w in scene.walls if w.kind == "frictionless"))
+    whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
+    gr.Simulation(scene, threads=1).run(until=1.2, save=whole, every=0.1)
+    gr.Simulation(scene, threads=1).run(until=0.8, save=cut, every=0.1)
+    resumed = gr.Simulation.resume(cut, threads=2)
+    assert resumed.n_points == 0
+    resumed.run(until=1.2, every=0.1)
+    with gr.open(whole) as one, gr.open(cut) as other:
+        assert len(one) == 13
+        assert one.series["n"][0] > 100
+        assert one.series["n"][-1] == 0
+        assert 1.2 <= one.times[-1] < 1.2 + resumed.dt
+        assert [shown(s) for s in one] == [shown(s) for s in other]
+    before = resumed.steps
+    resumed.step(3)
+    assert resumed.steps == before + 3
+
+
+def test_frames_go_on_as_they_were_asked_for(small_scene, tmp_path):
+    """The time between frames is told by the record, not by its frames: there may be few."""
+    scene, path = small_scene("walls", 2, ("linear", "flip", "tracked"), E=1e5), tmp_path / "a.h5"
+    gr.Simulation(scene, threads=1).run(until=0.01, save=path, every=0.035)
+    sim = gr.Simulation.resume(path, threads=1).run(until=0.08)
+    with gr.open(path) as record:
+        assert record.times == pytest.approx([0.0, 0.01, 0.035, 0.07, 0.08], abs=sim.dt)
+        assert record.provenance["every"] == 0.035
+    sim.run(until=0.12)
+    sim.run(until=0.16, every=0.02)
+    gr.Simulation.resume(path, threads=1).run(until=0.19)
+    with gr.open(path) as record:
+        later = [0.105, 0.12, 0.14, 0.16, 0.18, 0.19]
+        assert record.times[5:] == pytest.approx(later, abs=sim.dt)
 
 
 def test_nothing_that_the_engine_carries_is_left_out(small_scene, combination, dim):

@@ -129,38 +129,44 @@ CHILD = textwrap.dedent(
     from conftest import make_scene
     import granular as gr
 
-    sent, frames = [], []
+    sent, frames, due = [], [], [40]
     def interrupt():
         time.sleep(0.03)
-        sent.append((time.perf_counter(), time.process_time()))
+        sent[:] = time.perf_counter(), time.process_time()
         os.kill(os.getpid(), signal.SIGINT)
     def count(sim):
         frames.append(sim.steps)
-        if len(frames) == 40:
+        if len(frames) in due:
             threading.Thread(target=interrupt).start()
 
     scene = make_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
     sim = gr.Simulation(scene, threads=1)
-    try:
-        sim.run(until=1e3, save={path!r}, every=0.01, hooks=(count,))
-    except KeyboardInterrupt:
-        wall, cpu = time.perf_counter() - sent[0][0], time.process_time() - sent[0][1]
-        print(sim.steps, len(frames), cpu, wall)
-        sys.exit(130)
+    for _ in range(5):
+        try:
+            sim.run(until=1e3, save=None if frames else {path!r}, every=0.01, hooks=(count,))
+        except KeyboardInterrupt:
+            print(time.perf_counter() - sent[0], time.process_time() - sent[1])
+            due.append(len(frames) + 5)
+    print(sim.steps, len(frames))
     """
 )
 
 
 def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_path):
-    """After many frames, too. Processor time is what counts: the machine may be busy."""
+    """Five times in a run, after many frames, too: within 0.2 s, with a state that goes on.
+
+    A busy machine can only add to the wall time: the least of five is the package's own. The time
+    of the processor is its own each time.
+    """
     path = tmp_path / "run.h5"
     code = CHILD.format(tests=str(ROOT / "tests"), path=str(path))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     child = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=60
     )
-    assert child.returncode == 130, child.stderr
-    steps, frames, cpu, wall = (float(word) for word in child.stdout.split())
+    assert child.returncode == 0, child.stderr
+    *latencies, last = [line.split() for line in child.stdout.splitlines()]
+    steps, frames = (int(word) for word in last)
     scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
     with gr.open(path) as record:
         assert len(record) == frames
@@ -168,10 +174,12 @@ def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_p
     assert resumed.steps == steps
     resumed.step(50)
     whole = gr.Simulation(scene, threads=1)
-    whole.step(int(steps) + 50)
+    whole.step(steps + 50)
     assert shown(whole.state) == shown(resumed.state)
-    assert cpu < 0.2
-    assert wall < 5.0
+    wall, cpu = np.array(latencies, dtype=float).T
+    assert len(wall) == 5
+    assert wall.min() < 0.2
+    assert cpu.max() < 0.2
 
 
 def test_the_handler_of_the_user_comes_back(small_scene):

@@ -66,21 +66,21 @@ def test_resume_goes_on_bitwise_with_the_same_spacing(record, tmp_path):
     half = [*RUN, "--quiet", "-o", str(path)]
     half[half.index("--until") + 1] = "0.06"
     assert cli.main(half) == 0
+    assert cli.main(["resume", str(path), "--until", "0.08", "--quiet"]) == 0
     assert cli.main(["resume", str(path), "--until", "0.1", "--quiet"]) == 0
     with gr.open(path) as parts, gr.open(record) as whole:
         assert list(parts.times) == list(whole.times)
         assert (parts[-1].x == whole[-1].x).all()
 
 
-@pytest.mark.parametrize("every", [1 / 60, 0.01, 0.004, 0.5])
-def test_spacing_is_found_from_the_frames(every):
-    dt = 3e-6
-
-    class Record:
-        times = [0.0, *(k * every + 0.7 * dt for k in range(1, 8)), 7.4 * every]  # noqa: RUF012
-        series = {"time": times, "dt": [dt] * len(times)}  # noqa: RUF012
-
-    assert cli._spacing(Record) == every
+def test_resume_with_another_spacing(tmp_path):
+    path = str(tmp_path / "a.h5")
+    short = [*RUN, "--quiet", "-o", path]
+    short[short.index("--until") + 1] = "0.02"
+    assert cli.main(short) == 0
+    assert cli.main(["resume", path, "--until", "0.05", "--every", "0.01", "--quiet"]) == 0
+    with gr.open(path) as states:
+        assert states.times == pytest.approx([0.0, 0.02, 0.03, 0.04, 0.05], abs=3.1e-6)
 
 
 def test_info_tells_frames_and_damage(record, tmp_path, capsys):
