@@ -236,7 +236,7 @@ static void clear_nodes(struct gr_engine *e)
 {
     const size_t n = (size_t)e->mesh.n_nodes * sizeof(double);
     if (!n) return;
-    memset(e->node_data, 0, n * (size_t)e->node_stride);
+    memset(e->node_data, 0, n * (size_t)e->node_stride + 2 * GR_LANES * sizeof(double));
     memset(e->node_mass, 0, n);
     memset(e->node_v, 0, n * (size_t)e->config.dim);
 }
