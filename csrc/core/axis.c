@@ -78,7 +78,7 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *creases, 
                 cell->node[a] = (c + a - 1 + n) % n;
                 cell->position[a] = a - 0.5;
             }
-                set_integrals(cell, 3);
+            set_integrals(cell, 3);
         }
         return GR_OK;
     }

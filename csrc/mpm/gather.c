@@ -16,6 +16,7 @@ enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the firs
 struct batch {
     int64_t n;
     int64_t slot[BATCH];
+    double scale[MODE_STRIDE(9)]; /* of the nodal fields: velocity to displacement in cells a step */
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
@@ -101,10 +102,12 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         delta[d] = v_set(-q->shift * dx) * rate * slope[d];
         length = v_fma(delta[d], delta[d], length);
     }
-    length = v_sqrt(length);
     const vd most = cell->flags & GR_CELL_NO_SHIFT ? v_zero() : v_min(v_set(q->shift_limit * dx), v_set(0.5 * dx) * rate);
-    const vd scale = v_select(v_gt(length, most), most / v_max(length, v_set(1e-300)), v_set(1.0));
-    for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
+    const vm far = v_gt(length, most * most);
+    if (m_bits(far)) {
+        const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), v_set(1.0));
+        for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
+    }
     for (int d = 0; d < dim; d++) {
         lent[d] = v_zero();
         for (int j = 0; j < dim; j++) lent[d] = v_fma(L[d * dim + j], delta[j], lent[d]);
@@ -128,11 +131,10 @@ GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_sh
 /* Modes of the nodal fields of a cell: displacement in cells a step, w, and where the density is averaged
  * phi, cbar and max(0, phi - 1). Returned: the least phi of the nodes. */
 GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, const int diffused, const struct gr_engine *e,
-                            int64_t index, const struct gr_frame *frame, double *mode)
+                            int64_t index, const struct gr_frame *frame, const double *scale, double *mode)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim), fields = GR_NODE_FIELDS(dim, diffused), stride = MODE_STRIDE(fields);
-    double phi_least = 1e300, scale[MODE_STRIDE(9)];
-    for (int q = 0; q < stride; q++) scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
+    double phi_least = 1e300;
     for (int i = 0; i < K; i++) {
         const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
         for (int q = 0; q < fields; q += GR_W) v_store(mode + i * stride + q, v_load(node + q) * v_load(scale + q));
@@ -153,12 +155,13 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const int64_t stride = e->capacity, offset = cell->offset;
     const vd dx = v_set(e->config.dx), inv_dt = v_set(e->inv_dt), keep = v_set(e->keep_velocity);
     const vd loose = v_set(-e->config.cure.reach), speed = v_set(e->config.dx * e->inv_dt);
-    double *const x = e->field[GR_FIELD_x], *const v = e->field[GR_FIELD_v], *const log_density = e->field[GR_FIELD_log_density];
+    double *const x = e->field[GR_FIELD_x], *const v = e->field[GR_FIELD_v],
+                  *const log_density = e->field[GR_FIELD_log_density];
     double mode[MODE_STRIDE(9) * GR_MAX_NODES];
     vd begin[3], end[3];
     int64_t found = 0;
     for (int d = 0; d < dim; d++) begin[d] = v_set(frame.axis[d]->begin), end[d] = v_set(frame.axis[d]->end);
-    const double phi_least = cell_modes(dim, basis, nodal, diffused, e, index, &frame, mode);
+    const double phi_least = cell_modes(dim, basis, nodal, diffused, e, index, &frame, batch->scale, mode);
     for (int n = 0; n < blocks; n++) {
         const int64_t at = offset + n * GR_W;
         struct gr_shape s;
@@ -215,6 +218,7 @@ GR_INLINE int64_t sweep_cells(const int dim, const int basis, const int affine, 
     struct batch batch;
     int64_t found = 0, queued = 0, queue[QUEUE];
     batch.n = 0;
+    for (int q = 0; q < MODE_STRIDE(9); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
     for (int64_t index = first; index < last; index++) {
         struct gr_cell *cell = &e->mesh.cell[index];
         cell->dirty = 0;

@@ -79,8 +79,7 @@ GR_INLINE void give_density(const int dim, const struct gr_engine *e, int64_t at
 {
     gift->c = component(e, GR_FIELD_log_density, 0, at);
     gift->joined = v_keep(v_ge(gift->c, v_set(-e->config.cure.reach)), gift->m);
-    for (int j = 0; j < dim; j++)
-        gift->slope[j] = v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
+    for (int j = 0; j < dim; j++) gift->slope[j] = v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
 }
 
 /* A row of nodes: they differ in their place along the first axis, and have b and c along the others. */
@@ -239,7 +238,8 @@ GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, 
     double mode[GR_LANES * GR_MAX_NODES], *out = e->sums + index * e->sum_stride;
     vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS], unused[3];
     for (int i = 0; i < K; i++)
-        for (int d = 0; d < dim; d++) mode[i * GR_LANES + d] = e->node_v[(int64_t)e->mesh.cell_node[index * K + i] * dim + d];
+        for (int d = 0; d < dim; d++)
+            mode[i * GR_LANES + d] = e->node_v[(int64_t)e->mesh.cell_node[index * K + i] * dim + d];
     gr_modes(dim, basis, nodal, dim, GR_LANES, &frame, mode);
     for (int i = 0; i < K * rows; i++) acc[i] = v_zero(); /* no forces */
     for (int n = 0; n < blocks; n++) {

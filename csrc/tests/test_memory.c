@@ -95,26 +95,27 @@ static void later_regroup_fails(void) { regroup_fails(1); }
 /* Advance with a fault, then simply again: the same points as without it, wherever it struck. */
 static void advance_fails(void)
 {
+    enum { STEPS = 800 }; /* until a cell is full and the points are regrouped */
     long n = 0;
     int error, hit, within = 0;
     struct scene good;
     const struct gr_kernels *kernels = gr_kernels_select("baseline");
     config(&good, GR_LINEAR);
     CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
-    CHECK(gr_advance(good.engine, kernels, 200, INFINITY, 1) == GR_OK);
+    CHECK(gr_advance(good.engine, kernels, STEPS, INFINITY, 1) == GR_OK);
     do {
         struct scene s;
         config(&s, GR_LINEAR);
         CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
         faults_at(++n);
-        error = gr_advance(s.engine, kernels, 200, INFINITY, 1);
+        error = gr_advance(s.engine, kernels, STEPS, INFINITY, 1);
         hit = faults_hit();
         faults_at(0);
         CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
         CHECK(s.engine->n_points == 300);
         within += hit && s.engine->step > 0;
-        CHECK(gr_advance(s.engine, kernels, 200 - s.engine->step, INFINITY, 1) == GR_OK);
-        CHECK(s.engine->step == 200 && s.engine->time == good.engine->time);
+        CHECK(gr_advance(s.engine, kernels, STEPS - s.engine->step, INFINITY, 1) == GR_OK);
+        CHECK(s.engine->step == STEPS && s.engine->time == good.engine->time);
         CHECK(!scene_differs(&good, &s));
         scene_free(&s);
     } while (hit && n < MOST);
