@@ -83,9 +83,7 @@ def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
 
 def _ends(wall: Wall, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lower and upper corner of a wall [m]."""
-    ends = [
-        (wall.at, wall.at) if d == wall.axis else wall.extent(grid, d) for d in range(grid.dim)
-    ]
+    ends = [(wall.at, wall.at) if d == wall.axis else wall.extent(grid, d) for d in range(grid.dim)]
     return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
 
 
