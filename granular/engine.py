@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
 from granular.boundaries import Solid, Wall, WallRow, creases, node_codes
-from granular.geometry import seed_points
+from granular.geometry import Grid, seed_points
 from granular.nodes import CORE_BASES
 from granular.scene import Scene
 
@@ -19,7 +19,7 @@ __all__ = ["allocate", "build", "dt_limit", "initial_buffers", "initial_points"]
 AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
 COURANT_LIMIT = {"linear": 0.75, "ugimp": 0.75, "quadratic": 1.0}
 """Largest c dt/dx that was seen to be stable: beyond it a run fails without a NaN."""
-FLAG_SOLID, FLAG_NO_SHIFT = 1, 2
+FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
 PAGE, LINE = 4096, 64  # bytes
 UNBOUNDED = 1e300
 
@@ -54,12 +54,13 @@ def _velocity_rate(scene: Scene) -> float:
 
 
 def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    """Which cells are solid, and which are so near an outlet that points must not be shifted."""
+    """Which cells are solid, are so near an outlet that points must not be shifted, or have walls
+    at their faces."""
     flags = np.zeros(shape[::-1], dtype=np.uint8)
     grid = scene.grid
     centre = [grid.lower[d] + (np.arange(n) + 0.5) * grid.cell for d, n in enumerate(shape)]
 
-    def mark(lower: list[float], upper: list[float], flag: int) -> None:
+    def mark(lower: Sequence[float], upper: Sequence[float], flag: int) -> None:
         where = [
             np.flatnonzero((x > low) & (x < high))
             for x, low, high in zip(centre, lower, upper, strict=True)
@@ -69,15 +70,21 @@ def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
     reach = scene.scheme.shift_outlet_cells * grid.cell
     for wall in scene.walls:
         if isinstance(wall, Solid):
-            mark(list(wall.lower), list(wall.upper), FLAG_SOLID)
-        elif isinstance(wall, Wall) and wall.opens_at < math.inf:
-            ends = [
-                (wall.at, wall.at) if d == wall.axis else wall.extent(grid, d)
-                for d in range(grid.dim)
-            ]
-            low, high = np.transpose(ends)
-            mark(list(low - reach), list(high + reach), FLAG_NO_SHIFT)
+            mark(wall.lower, wall.upper, FLAG_SOLID)
+            continue
+        low, high = _ends(wall, grid)
+        across = grid.cell * (np.arange(grid.dim) == wall.axis)
+        mark(low, high + across, FLAG_WALL << 2 * wall.axis)  # at their low face
+        mark(low - across, high, FLAG_WALL << 2 * wall.axis + 1)
+        if wall.opens_at < math.inf:
+            mark(low - reach, high + reach, FLAG_NO_SHIFT)
     return flags
+
+
+def _ends(wall: Wall, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper corner of a wall [m]."""
+    ends = [(wall.at, wall.at) if d == wall.axis else wall.extent(grid, d) for d in range(grid.dim)]
+    return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
 
 
 def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, float]:

@@ -55,7 +55,8 @@ struct gr_config {
     const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
 };
 
-enum gr_cell_flag { GR_CELL_SOLID = 1, GR_CELL_NO_SHIFT = 2 };
+/* GR_CELL_WALL << (2 d + side): a wall stands at the low (side 0) or high (1) face of the cell along axis d. */
+enum gr_cell_flag { GR_CELL_SOLID = 1, GR_CELL_NO_SHIFT = 2, GR_CELL_WALL = 4 };
 
 struct gr_cell {
     int64_t offset; /* first place in the point arrays */

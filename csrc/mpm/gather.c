@@ -70,6 +70,17 @@ GR_INLINE vd kinematic_rate(const int dim, const vd *L)
     return v_sqrt(v_max(square, v_zero())) + v_abs(trace);
 }
 
+/* Towards a wall the shift dies out over the cell at the wall, as the flow does: else it would carry points,
+ * which the wall only stops by the velocity of its nodes, through a wall inside the grid. */
+GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd xi[3], vd delta[3])
+{
+    for (int d = 0; d < dim; d++) {
+        const int walls = cell->flags / GR_CELL_WALL >> 2 * d & 3;
+        if (walls & 1) delta[d] = v_max(delta[d], delta[d] * xi[d]);
+        if (walls & 2) delta[d] = v_min(delta[d], delta[d] * (v_set(1.0) - xi[d]));
+    }
+}
+
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
  *   c += eta (cbar - c) + kappa gdot dt clip(ln phi - c),   eta = r/(1 + r),  r = dt dd c_w/dx + dg gdot dt,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
@@ -108,6 +119,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), v_set(1.0));
         for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
     }
+    if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s->xi, delta);
     for (int d = 0; d < dim; d++) {
         lent[d] = v_zero();
         for (int j = 0; j < dim; j++) lent[d] = v_fma(L[d * dim + j], delta[j], lent[d]);

@@ -349,6 +349,7 @@ def _average(scene, points, new, nodes, L, dt):
     most = np.where(near_outlet(scene, points["x"]), 0.0, most)
     scale = np.where(length > most, most / np.maximum(length, 1e-300), 1.0)
     delta = delta * scale[:, None]
+    delta = _held_at_walls(scene, points["x"], delta)
     lent = np.einsum("pdj,pj->pd", L, delta)
     gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
@@ -363,6 +364,24 @@ def _least_around(scene, x, phi):
     )
     s = Shapes(scene, middle)
     return np.where(s.w > 0, phi[s.node], np.inf).min(axis=1)
+
+
+def _held_at_walls(scene, x, delta):
+    """What is left of the shift in the cell at a wall: towards it as much as the distance to it."""
+    cell, delta = scene.grid.cell, delta.copy()
+    middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
+    for wall in scene.walls:
+        if not hasattr(wall, "axis"):
+            continue
+        a = wall.axis
+        beside = abs(abs(middle[:, a] - wall.at) - cell / 2) < 1e-6 * cell
+        for d in set(range(scene.grid.dim)) - {a}:
+            low, high = wall.extent(scene.grid, d)
+            beside &= (middle[:, d] > low) & (middle[:, d] < high)
+        distance = (x[:, a] - wall.at) / cell
+        towards = beside & (distance * delta[:, a] < 0)
+        delta[:, a] *= np.where(towards, abs(distance), 1.0)
+    return delta
 
 
 def near_outlet(scene, x):

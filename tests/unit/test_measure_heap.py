@@ -166,3 +166,20 @@ def test_heights_by_mass_follow_the_mass():
     x = lattice(s, 2, lambda x: x[:, 1] < 0.02)
     once, twice = (surface(state(s, x, mass=RHO_C * CELL**2 / 4 * f)) for f in (1.0, 2.0))
     assert np.allclose(twice.height, 2 * once.height)
+
+
+def test_a_wider_window_sees_less_of_where_the_points_lie():
+    rng = np.random.default_rng(5)
+    s = scene((80, 40), CELL)
+    x = rng.uniform((0, 0), (0.8, 0.4), (12800, 2))  # 4 in a cell, at random
+    heap = state(s, x[x[:, 1] < 0.3 - 0.4 * x[:, 0]])
+    narrow, wide = (repose_angle(heap, window=w) for w in (5, 15))
+    assert narrow.mean_deg == wide.mean_deg == pytest.approx(np.degrees(np.arctan(0.4)), abs=0.7)
+    assert narrow.largest_deg > wide.largest_deg + 2
+    assert wide.largest_deg < wide.mean_deg + 3
+
+
+@pytest.mark.parametrize(("window", "error"), [(2, ValueError), (5.0, TypeError)])
+def test_a_window_is_an_integer_of_3_or_more(window, error):
+    with pytest.raises(error, match="window"):
+        repose_angle(triangle(), window=window)

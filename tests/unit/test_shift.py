@@ -1,0 +1,31 @@
+"""The shift out of crowded places, at walls."""
+
+import numpy as np
+import pytest
+from test_kernels import disturbed, living
+
+CELL = 0.1
+WALL = 3 * CELL
+"""Where the inner wall of the scene "walls" stands, up to two cells above the floor."""
+
+
+@pytest.mark.parametrize("distance", [1e-4, 1e-12])
+def test_the_shift_carries_no_point_through_an_inner_wall(small_scene, dim, distance):
+    """Points at a wall, with more crowded ones behind them that shift them towards it."""
+    scene = small_scene("walls", dim, ("quadratic", "tpic", "diffused"))
+    sim = disturbed(scene)
+    at, buffers = living(sim), sim.buffers
+    x, height = buffers["x"][0], buffers["x"][-1]
+    beside = at[(abs(x[at] - WALL) < 0.5 * CELL) & (height[at] < 1.9 * CELL)]
+    side = np.sign(x[beside] - WALL)
+    assert min((side > 0).sum(), (side < 0).sum()) >= 3
+    x[beside] = WALL + side * distance * CELL
+    ids = buffers["id"][beside]
+    buffers["mass"][0, at] *= np.where(np.isin(at, beside), 0.5, 1.8)  # crowded but at the wall
+
+    sim.step(1)
+    state = sim.state
+    place = np.searchsorted(state.id, ids)
+    np.testing.assert_array_equal(np.sign(state.x[place, 0] - WALL), side)
+    moved = abs(state.x[place, 0] - WALL) / (distance * CELL) - 1
+    assert abs(moved).max() > 1e-3, "nothing was tried"
