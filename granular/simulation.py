@@ -259,7 +259,7 @@ class Simulation:
     def _frame(self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...]) -> None:
         if writer:
             writer.append(self.state)
-            writer.checkpoint(self.checkpoint())
+            writer.checkpoint(self.checkpoint(), may_wait=True)
         for hook in hooks:
             hook(self)
 

@@ -69,8 +69,9 @@ static inline vd v_keep(vm m, vd a) { return _mm256_and_pd(m, a); }
 static inline vd v_sqrt_fast(vd a) { return _mm256_sqrt_pd(a); }
 static inline void v_sums(double *out, const vd *a)
 {
-    const __m256d ab = _mm256_hadd_pd(a[0], a[1]), cd = _mm256_hadd_pd(a[2], a[3]);
-    _mm256_storeu_pd(out, _mm256_add_pd(_mm256_permute2f128_pd(ab, cd, 0x20), _mm256_permute2f128_pd(ab, cd, 0x31)));
+    const __m256d ab = _mm256_unpacklo_pd(a[0], a[1]) + _mm256_unpackhi_pd(a[0], a[1]);
+    const __m256d cd = _mm256_unpacklo_pd(a[2], a[3]) + _mm256_unpackhi_pd(a[2], a[3]);
+    _mm256_storeu_pd(out, _mm256_blend_pd(ab, cd, 0xc) + _mm256_permute2f128_pd(ab, cd, 0x21));
 }
 #define GR_SUMS 4
 #else

@@ -171,7 +171,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
                   *const log_density = e->field[GR_FIELD_log_density];
     double mode[MODE_STRIDE(9) * GR_MAX_NODES];
     vd begin[3], end[3];
-    int64_t found = 0;
+    int64_t found = 0, filled = batch->n;
     for (int d = 0; d < dim; d++) begin[d] = v_set(frame.axis[d]->begin), end[d] = v_set(frame.axis[d]->end);
     const double phi_least = cell_modes(dim, basis, nodal, diffused, e, index, &frame, batch->scale, mode);
     for (int n = 0; n < blocks; n++) {
@@ -179,8 +179,12 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
         struct gr_shape s;
         vd L[9], move[3], v_new[3], slope[3], delta[3], lent[3], moment[3][3];
         const double *place[3];
-        if (batch->n == BATCH) run_law(e, law, batch);
-        double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+        if (__builtin_expect(filled == BATCH, 0)) {
+            batch->n = filled;
+            run_law(e, law, batch);
+            filled = 0;
+        }
+        double *gradient = batch->gradient + filled * dim * dim * GR_W;
         for (int d = 0; d < dim; d++) place[d] = x + d * stride + at;
         gr_shapes(dim, basis, &frame, place, affine == GR_AFFINE_MOMENT, &s);
         vd trace = v_zero();
@@ -208,17 +212,19 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
             for (int j = 0; j < dim; j++)
                 v_store(e->field[GR_FIELD_affine] + (d * dim + j) * stride + at, v_keep(joined, L[d * dim + j] * inv_dt));
         }
-        unsigned inside = m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* NaN is outside, too */
+        vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
         for (int d = 0; d < dim; d++) {
             vd y = v_fma(dx, move[d], v_load(place[d]));
             if (diffused) y = y + delta[d];
             v_store(v + d * stride + at, v_new[d]);
             v_store(x + d * stride + at, y);
-            inside &= m_bits(m_and(v_ge(y, begin[d]), v_gt(end[d], y)));
+            stays = m_and(stays, m_and(v_ge(y, begin[d]), v_gt(end[d], y)));
         }
-        batch->slot[batch->n++] = at;
+        batch->slot[filled++] = at;
+        const unsigned inside = m_bits(stays);
         if (__builtin_expect(inside != GR_ALL_LANES, 0)) found += settle(e, index, n, inside, leaver + found);
     }
+    batch->n = filled;
     return found;
 }
 

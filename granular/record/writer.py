@@ -1,8 +1,10 @@
 """Writing a record so that what was completed stays."""
 
 import json
+import math
 import os
 import shutil
+import time
 import uuid
 from bisect import bisect_left
 from collections.abc import Mapping
@@ -33,6 +35,9 @@ try:
     import fcntl
 except ImportError:  # Windows has no advisory locks
     fcntl = None
+
+CHECKPOINT_SECONDS = 1.0
+"""Wall time that a kill may cost: closer checkpoints wait for the next one, see `checkpoint`."""
 
 VECTORS = ("x", "v")
 """Fields stored with three columns, for ParaView."""
@@ -239,6 +244,8 @@ class TrajectoryWriter:
     def _begin(self, path: Path, record: str, scene: str, text: str, *, extends: bool) -> None:
         """Head a folder of parts; what an older one held goes once the new head is written."""
         self.path, self._folder, self._record = path, parts_folder(path), record
+        self._waiting: Checkpoint | None = None
+        self._stored = -math.inf  # time.monotonic() of the last checkpoint on the disk
         head = self._folder / "head.h5"
         data = _head(record, scene, text, extends)
         old = _lock(head) if head.exists() else None
@@ -318,8 +325,12 @@ class TrajectoryWriter:
             source=Part(self._folder),
         )
 
-    def checkpoint(self, checkpoint: Checkpoint) -> None:
+    def checkpoint(self, checkpoint: Checkpoint, *, may_wait: bool = False) -> None:
         """Store the restart state in place of the previous one.
+
+        Where it `may_wait`, it is kept in memory while the last one on the disk is younger than
+        `CHECKPOINT_SECONDS`, and goes to the disk at the latest when the writer is closed or
+        left: frames may come faster than it pays to be able to start at each of them.
 
         Raises
         ------
@@ -327,12 +338,22 @@ class TrajectoryWriter:
             It could not be written; the previous one is as before.
         """
         self._check_open()
+        self._waiting = checkpoint
+        if not may_wait or time.monotonic() - self._stored >= CHECKPOINT_SECONDS:
+            self._store()
+
+    def _store(self) -> None:
+        """Bring the checkpoint that waits to the disk."""
+        checkpoint = self._waiting
+        if checkpoint is None:
+            return
 
         def fill(file: h5py.File) -> None:
             file.attrs["format"] = FORMAT
             write_checkpoint(file.create_group("checkpoint"), checkpoint)
 
         atomic_write(self._folder / "checkpoint.h5", image(fill))
+        self._waiting, self._stored = None, time.monotonic()
 
     def _check_open(self) -> None:
         if self.closed:
@@ -349,6 +370,7 @@ class TrajectoryWriter:
         """
         if self.closed:
             return
+        self._store()
         if self._recorded or (self._folder / "checkpoint.h5").exists():
             merge(self.path)
         else:
@@ -362,6 +384,7 @@ class TrajectoryWriter:
         Takes no longer for a long record than for a short one, where `close` copies all of it.
         """
         if not self.closed:
+            self._store()
             self.closed = True
             _unlock(self._lock)
 

@@ -196,6 +196,32 @@ def test_the_last_checkpoint_comes_back_bitwise(tmp_path):
         assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
 
 
+@pytest.mark.parametrize("leave", [False, True])
+def test_a_checkpoint_that_may_wait_is_stored_in_the_end(tmp_path, leave):
+    path = tmp_path / "a.h5"
+    writer = TrajectoryWriter(path, SceneDouble())
+    writer.append(make_state(0, 5))
+    writer.checkpoint(make_checkpoint(1), may_wait=True)  # the first is stored at once
+    writer.checkpoint(make_checkpoint(2), may_wait=True)
+    with open_trajectory(path) as record:
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint(1))
+    writer.leave() if leave else writer.close()
+    with open_trajectory(path) as record:
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
+
+
+def test_a_checkpoint_does_not_wait_for_long(tmp_path, monkeypatch):
+    now = 100.0
+    monkeypatch.setattr("granular.record.writer.time.monotonic", lambda: now)
+    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        writer.append(make_state(0, 5))
+        writer.checkpoint(make_checkpoint(1), may_wait=True)
+        now += 1.5
+        writer.checkpoint(make_checkpoint(2), may_wait=True)
+        with open_trajectory(tmp_path / "a.h5") as record:
+            assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
+
+
 def test_a_checkpoint_alone_is_a_record(tmp_path):
     with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
         writer.checkpoint(make_checkpoint())
