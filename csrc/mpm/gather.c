@@ -16,7 +16,7 @@ enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the firs
 struct batch {
     int64_t n;
     int64_t slot[BATCH];
-    double scale[MODE_STRIDE(9)]; /* of the nodal fields: velocity to displacement in cells a step */
+    double scale[MODE_STRIDE(GR_NODE_FIELDS(3, 1))]; /* of the nodal fields: velocity to displacement in cells a step */
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
@@ -140,6 +140,23 @@ GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_sh
     }
 }
 
+/* The affine field that the points carry on, from the gradient L dt of the displacement or from its moment.
+ * A point that has come loose carries none: alone before a wall it would keep a gradient that grows as the
+ * wall comes near, and strike it with that. */
+GR_INLINE void store_affine(const int dim, const int basis, const int affine, struct gr_engine *e, int64_t at,
+                            const struct gr_shape *s, const double *mode, const int stride, vm joined, const vd *L)
+{
+    vd moment[3][3], C[9];
+    for (int c = 0; c < dim * dim; c++) C[c] = L[c];
+    if (affine == GR_AFFINE_MOMENT) {
+        moment_weights(dim, basis, s, moment);
+        for (int d = 0; d < dim; d++)
+            (void)gr_interpolate(dim, basis, 1, mode + d, stride, s, (const vd(*)[3])moment, C + d * dim);
+    }
+    for (int c = 0; c < dim * dim; c++)
+        v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(joined, C[c] * v_set(e->inv_dt)));
+}
+
 /* Modes of the nodal fields of a cell: displacement in cells a step, w, and where the density is averaged
  * phi, cbar and max(0, phi - 1). Returned: the least phi of the nodes. */
 GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, const int diffused, const struct gr_engine *e,
@@ -165,11 +182,11 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: nothing of the old velocity survives and w = v */
     const int blocks = GR_BLOCKS(cell->count);
     const int64_t stride = e->capacity, offset = cell->offset;
-    const vd dx = v_set(e->config.dx), inv_dt = v_set(e->inv_dt), keep = v_set(e->keep_velocity);
+    const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity);
     const vd loose = v_set(-e->config.cure.reach), speed = v_set(e->config.dx * e->inv_dt);
     double *const x = e->field[GR_FIELD_x], *const v = e->field[GR_FIELD_v],
                   *const log_density = e->field[GR_FIELD_log_density];
-    double mode[MODE_STRIDE(9) * GR_MAX_NODES];
+    double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
     vd begin[3], end[3];
     int64_t found = 0, filled = batch->n;
     for (int d = 0; d < dim; d++) begin[d] = v_set(frame.axis[d]->begin), end[d] = v_set(frame.axis[d]->end);
@@ -177,7 +194,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     for (int n = 0; n < blocks; n++) {
         const int64_t at = offset + n * GR_W;
         struct gr_shape s;
-        vd L[9], move[3], v_new[3], slope[3], delta[3], lent[3], moment[3][3];
+        vd L[9], move[3], v_new[3], slope[3], delta[3], lent[3];
         const double *place[3];
         if (__builtin_expect(filled == BATCH, 0)) {
             batch->n = filled;
@@ -202,16 +219,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
             for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
         }
         v_store(log_density + at, c);
-        /* A point that has come loose carries no affine field: alone before a wall it would keep a gradient
-         * that grows as the wall comes near, and strike it with that. */
-        const vm joined = v_ge(c, loose);
-        if (affine == GR_AFFINE_MOMENT) moment_weights(dim, basis, &s, moment);
-        for (int d = 0; affine && d < dim; d++) {
-            if (affine == GR_AFFINE_MOMENT)
-                (void)gr_interpolate(dim, basis, nodal, mode + d, fields, &s, (const vd(*)[3])moment, L + d * dim);
-            for (int j = 0; j < dim; j++)
-                v_store(e->field[GR_FIELD_affine] + (d * dim + j) * stride + at, v_keep(joined, L[d * dim + j] * inv_dt));
-        }
+        if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, loose), L);
         vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
         for (int d = 0; d < dim; d++) {
             vd y = v_fma(dx, move[d], v_load(place[d]));
@@ -236,7 +244,7 @@ GR_INLINE int64_t sweep_cells(const int dim, const int basis, const int affine, 
     struct batch batch;
     int64_t found = 0, queued = 0, queue[QUEUE];
     batch.n = 0;
-    for (int q = 0; q < MODE_STRIDE(9); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
+    for (int q = 0; q < MODE_STRIDE(GR_NODE_FIELDS(3, 1)); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
     for (int64_t index = first; index < last; index++) {
         struct gr_cell *cell = &e->mesh.cell[index];
         cell->dirty = 0;
