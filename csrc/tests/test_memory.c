@@ -92,21 +92,30 @@ static void regroup_fails(int moved)
 static void first_regroup_fails(void) { regroup_fails(0); }
 static void later_regroup_fails(void) { regroup_fails(1); }
 
+/* Send all points off, into cells that are not active yet. */
+static void throw_all(struct scene *s)
+{
+    for (int64_t k = 0; k < s->capacity; k++)
+        if (s->id[k] >= 0) *scene_at(s, GR_FIELD_v, 0, k) = 5;
+}
+
 /* Advance with a fault, then simply again: the same points as without it, wherever it struck. */
 static void advance_fails(void)
 {
-    enum { STEPS = 800 }; /* until a cell is full and the points are regrouped */
+    enum { STEPS = 200 };
     long n = 0;
     int error, hit, within = 0;
     struct scene good;
     const struct gr_kernels *kernels = gr_kernels_select("baseline");
     config(&good, GR_LINEAR);
     CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
+    throw_all(&good);
     CHECK(gr_advance(good.engine, kernels, STEPS, INFINITY, 1) == GR_OK);
     do {
         struct scene s;
         config(&s, GR_LINEAR);
         CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
+        throw_all(&s);
         faults_at(++n);
         error = gr_advance(s.engine, kernels, STEPS, INFINITY, 1);
         hit = faults_hit();
