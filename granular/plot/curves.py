@@ -13,6 +13,7 @@ from typing import Any, Self
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from granular import measure, theory
@@ -126,9 +127,13 @@ def figure_5(
         along, free, "--", color="C0", label=f"C = {fit.C_free:.3f}, {fit.exponent_free:.3f}"
     )
     right.plot(fit.orifices, fit.rates, "o", color="C3", label="measured")
-    right.set(xscale="log", yscale="log", xlabel="orifice D [m]", ylabel="rate [kg/(s m)]")
-    right.set_xticks(fit.orifices, labels=[f"{d:.3g}" for d in fit.orifices], fontsize="small")
+    right.set(xscale="log", yscale="log", xlabel="orifice D [cm]", ylabel="rate [kg/(s m)]")
+    right.set_xticks(
+        fit.orifices, labels=[f"{100 * d:.3g}" for d in fit.orifices], fontsize="small"
+    )
     right.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
+    for axis in (right.yaxis.set_major_formatter, right.yaxis.set_minor_formatter):
+        axis(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
     right.legend(fontsize="small")
     return fig
 

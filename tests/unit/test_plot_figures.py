@@ -1,7 +1,10 @@
 """The figures of the paper: panels, curves and numbers are those that were given."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import granular as gr
 from granular import measure, plot, theory
@@ -161,6 +164,24 @@ def test_figure_5_draws_the_fit_and_the_rates():
     x, y = lines["C = 1.300, 3/2"].get_data()
     assert y == pytest.approx(1.3 * 1500 * np.sqrt(9.8) * x**1.5)
     assert left.get_xlabel() == "time [s]"
+
+
+def test_the_ticks_of_all_orifices_and_aspects_can_be_read():
+    """Those of the scripts; labels that run into each other are no labels."""
+    orifices = np.arange(6, 21, 2) / 100
+    fit = measure.beverloo(orifices, theory.beverloo_rate(orifices, 1500.0), rho=1500.0)
+    times = np.linspace(0, 5, 50)
+    histories = {0.1: measure.MassHistory(times, 1500 - 100 * times, 1.0)}
+    aspects = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0]
+    runouts = {"mine": [measure.Runout(a, a, a) for a in aspects]}
+    for figure in (plot.figure_5(histories, fit, rho=1500.0), plot.figure_3(aspects, runouts)):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        labels = figure.axes[-1].get_xticklabels()
+        boxes = [text.get_window_extent(canvas.get_renderer()) for text in labels]
+        assert len(boxes) >= 8
+        gaps = [right.x0 - left.x1 for left, right in pairwise(boxes)]
+        assert min(gaps) > 2
 
 
 def flow(angle, speed):
