@@ -63,9 +63,9 @@ def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]
     aspects = np.asarray(aspects, dtype=float)
     fig, ((ax,),) = _axes(1, height=4.4)
     along = np.geomspace(0.8 * aspects.min(), 1.25 * aspects.max(), 200)
-    for name, shade in (("lube", "0.75"), ("lagree", "0.6"), ("staron", "0.45")):
+    for name, dashes in (("lube", "-."), ("lagree", ":"), ("staron", "--")):
         law = theory.RUNOUT_LAWS[name]
-        ax.plot(along, law(along), color=shade, linewidth=1.0, label=law.source)
+        ax.plot(along, law(along), dashes, color="0.5", linewidth=1.2, label=law.source)
     law = theory.RUNOUT_LAWS["dunatunga"]
     ax.plot(along, law(along), color="black", linewidth=1.8, label=law.source)
     for (name, found), shade, marker in zip(

@@ -17,6 +17,8 @@ PICTURES = {
     "figure_11": ["figure_11"],
     "figure_13": ["figure_13"],
 }
+FAST = ("figure_2", "figure_11", "figure_13")
+"""Some seconds each."""
 
 
 @pytest.fixture
@@ -32,7 +34,7 @@ def test_every_script_is_known():
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(n, marks=() if n == "figure_13" else pytest.mark.slow) for n in PICTURES],
+    [pytest.param(n, marks=() if n in FAST else pytest.mark.slow) for n in PICTURES],
 )
 def test_a_quick_figure_is_written(script, name, tmp_path):
     script(name).main(["--quick", "--out", str(tmp_path / "new")])
