@@ -1,9 +1,9 @@
-"""What the scripts of the figures share: options, runs, saving."""
+"""What the scripts of the figures share: options, runs, saving. See docs/figures.md."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,28 +12,62 @@ from tqdm.auto import tqdm
 import granular as gr
 from granular.plot import Picture
 
+OUT = Path("build/figures")
+"""Where the pictures go: git ignores it."""
+DPI = 200
 
-def options(doc: str, argv: Sequence[str] | None, *, E: float | None = None) -> argparse.Namespace:
-    """The command line: --quick, --out, --E, --scheme."""
+SCHEMES = {
+    "default": gr.schemes.default,
+    # The published step of 3e-6 s belongs to 1 GPa; softer material needs no such small one.
+    "published": gr.schemes.published.replace(dt=None),
+}
+
+
+def options(
+    doc: str,
+    argv: Sequence[str] | None,
+    *,
+    E: float = 1e7,
+    quick_E: float = 1e6,
+    without: Collection[str] = (),
+) -> argparse.Namespace:
+    """The command line, and the material and scheme it asks for.
+
+    Parameters
+    ----------
+    doc : str
+        What the script draws.
+    argv : sequence of str or None
+        Arguments; those of the process if None.
+    E, quick_E : float
+        Young's modulus [Pa] unless --E says another, without and with --quick.
+    without : collection of str
+        Options that mean nothing to the script, to be refused: "scheme", "threads".
+    """
     parser = argparse.ArgumentParser(description=doc)
     parser.add_argument("--quick", action="store_true", help="coarse and short, to look at")
-    parser.add_argument("--out", type=Path, default=Path("figures"), help="folder of the PNG")
-    parser.add_argument("--E", type=float, default=E, help="Young's modulus [Pa]")
-    parser.add_argument("--scheme", choices=("default", "published"), default="default")
-    arguments = parser.parse_args(argv)
-    if arguments.E is None:
-        # Fast modes: the silo of the paper drains 0.2 % slower at 10 MPa, 4 % faster at 1 MPa.
-        arguments.E = 1e6 if arguments.quick else 1e7
-    arguments.material = gr.materials.glass_beads.replace(E=arguments.E)
-    # The published step of 3e-6 s belongs to 1 GPa; softer material needs no such small one.
-    published = gr.schemes.published.replace(dt=None)
-    arguments.scheme = published if arguments.scheme == "published" else gr.schemes.default
-    return arguments
+    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of the PNG ({OUT})")
+    parser.add_argument("--E", type=float, help=f"Young's modulus [Pa] ({E:g}, quick {quick_E:g})")
+    if "scheme" not in without:
+        parser.add_argument("--scheme", choices=tuple(SCHEMES), default="default")
+    if "threads" not in without:
+        parser.add_argument("--threads", type=int, help="of the core; no result depends on it")
+    chosen = parser.parse_args(argv)
+    if chosen.E is None:
+        chosen.E = quick_E if chosen.quick else E
+    chosen.material = gr.materials.glass_beads.replace(E=chosen.E)
+    chosen.note = f"E = {chosen.E:g} Pa"
+    if "scheme" not in without:
+        chosen.note = f"{chosen.scheme} scheme, {chosen.note}"
+        chosen.scheme = SCHEMES[chosen.scheme]
+    return chosen
 
 
-def states_at(scene: gr.Scene, times: Sequence[float], name: str = "") -> list[gr.State]:
+def states_at(
+    scene: gr.Scene, times: Sequence[float], *, threads: int | None, name: str = ""
+) -> list[gr.State]:
     """States of a run at ascending times, each the first step at or past its time."""
-    simulation = gr.Simulation(scene)
+    simulation = gr.Simulation(scene, threads=threads)
     found = []
     for time in tqdm(times, desc=name or scene.name, unit="state"):
         if time > 0:
@@ -42,10 +76,18 @@ def states_at(scene: gr.Scene, times: Sequence[float], name: str = "") -> list[g
     return found
 
 
-def frames(scene: gr.Scene, until: float, every: float, measure: Any, name: str = "") -> list[Any]:
+def frames(
+    scene: gr.Scene,
+    until: float,
+    every: float,
+    measure: Any,
+    *,
+    threads: int | None,
+    name: str = "",
+) -> list[Any]:
     """What `measure` says of the state at each frame of a run; the states are not kept."""
     found: list[Any] = []
-    simulation = gr.Simulation(scene)
+    simulation = gr.Simulation(scene, threads=threads)
     with tqdm(total=until, desc=name or scene.name, unit="s", leave=False) as bar:
 
         def look(running: gr.Simulation) -> None:
@@ -56,9 +98,10 @@ def frames(scene: gr.Scene, until: float, every: float, measure: Any, name: str 
     return found
 
 
-def save(picture: Picture, folder: Path, name: str) -> None:
-    """Write the PNG and say where."""
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{name}.png"
-    picture.savefig(path, dpi=150)
+def save(picture: Picture, chosen: argparse.Namespace, name: str) -> None:
+    """Write the PNG, with what it was made with in its corner, and say where."""
+    picture.text(0.995, 0.005, chosen.note, ha="right", va="bottom", fontsize=6, color="0.4")
+    chosen.out.mkdir(parents=True, exist_ok=True)
+    path = chosen.out / f"{name}.png"
+    picture.savefig(path, dpi=DPI)
     tqdm.write(str(path))

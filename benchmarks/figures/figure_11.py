@@ -10,13 +10,19 @@ from granular import plot
 
 def main(argv: list[str] | None = None) -> None:
     chosen = options(__doc__, argv)
+    # The paper gives cells of .0083 m, 120 to a metre, but no size: here a box of 1 m, so that
+    # the heap ends before the left wall; the way to the right wall is that of the scene.
     scene = gr.scenes.slug(
-        cell=0.0166 if chosen.quick else 0.0083, material=chosen.material, scheme=chosen.scheme
+        center=(0.45, 0.25),
+        wall_at=1.0,
+        cell=0.0166 if chosen.quick else 0.0083,
+        material=chosen.material,
+        scheme=chosen.scheme,
     )
-    flight, impact = (0.0, 0.1, 0.2, 0.3), (0.34, 0.38, 0.42, 0.48, 0.55, 0.65)
-    states = states_at(scene, (*flight, *impact, scene.duration))
+    flight, impact = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)
+    states = states_at(scene, (*flight, *impact, scene.duration), threads=chosen.threads)
     picture = plot.figure_11(states[: len(flight)], states[len(flight) : -1], states[-1])
-    save(picture, chosen.out, "figure_11")
+    save(picture, chosen, "figure_11")
 
 
 if __name__ == "__main__":

@@ -24,12 +24,12 @@ def _path(material: gr.materials.MuI, dt: float) -> plot.ConstitutivePath:
 
 
 def main(argv: list[str] | None = None) -> None:
-    chosen = options(__doc__, argv, E=APPENDIX_E)
+    chosen = options(__doc__, argv, E=APPENDIX_E, quick_E=APPENDIX_E, without=("scheme", "threads"))
     paths = [_path(chosen.material, dt) for dt in (STEPS[:3] if chosen.quick else STEPS)]
     finest = min(paths, key=lambda path: path.dt)
     times = np.linspace(0.0, DURATION, len(finest.times))
     exact = gr.theory.reference(chosen.material, P0, times)
-    save(plot.figure_13(paths, exact), chosen.out, "figure_13")
+    save(plot.figure_13(paths, exact), chosen, "figure_13")
 
 
 if __name__ == "__main__":

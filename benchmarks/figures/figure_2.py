@@ -18,8 +18,9 @@ def main(argv: list[str] | None = None) -> None:
             material=chosen.material,
             scheme=chosen.scheme,
         )
-        columns.append(states_at(scene, (0.0, 0.5, 2.0), f"a = {aspect:g}"))
-    save(plot.figure_2(columns), chosen.out, "figure_2")
+        name = f"a = {aspect:g}"
+        columns.append(states_at(scene, (0.0, 0.5, 2.0), threads=chosen.threads, name=name))
+    save(plot.figure_2(columns), chosen, "figure_2")
 
 
 if __name__ == "__main__":

@@ -2,34 +2,32 @@
 
 import sys
 
-from common import options, save, states_at
+from common import SCHEMES, options, save, states_at
 
 import granular as gr
 from granular import plot
 
 
 def main(argv: list[str] | None = None) -> None:
-    chosen = options(__doc__, argv)
+    chosen = options(__doc__, argv, without=("scheme",))
     aspects = (
         (0.5, 1.0, 2.0, 4.0) if chosen.quick else (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
     )
-    schemes = {
-        "published scheme": gr.schemes.published.replace(dt=None),
-        "default scheme": gr.schemes.default,
-    }
     runouts = {}
-    for name, scheme in schemes.items():
+    for key in ("published", "default"):
+        name = f"{key} scheme"
         runouts[name] = []
         for aspect in aspects:
             scene = gr.scenes.column_collapse(
                 aspect=aspect,
                 cell=0.02 if chosen.quick else None,
                 material=chosen.material,
-                scheme=scheme,
+                scheme=SCHEMES[key],
             )
-            (last,) = states_at(scene, (scene.duration,), f"{name}, a = {aspect:g}")
+            label = f"{name}, a = {aspect:g}"
+            (last,) = states_at(scene, (scene.duration,), threads=chosen.threads, name=label)
             runouts[name].append(gr.measure.runout(last))
-    save(plot.figure_3(aspects, runouts), chosen.out, "figure_3")
+    save(plot.figure_3(aspects, runouts), chosen, "figure_3")
 
 
 if __name__ == "__main__":

@@ -18,8 +18,9 @@ def main(argv: list[str] | None = None) -> None:
             material=chosen.material,
             scheme=chosen.scheme,
         )
-        silos.append(states_at(scene, (0.0, 2.0, 5.0), f"D = {orifice:g} m"))
-    save(plot.figure_4(silos), chosen.out, "figure_4")
+        name = f"D = {orifice:g} m"
+        silos.append(states_at(scene, (0.0, 2.0, 5.0), threads=chosen.threads, name=name))
+    save(plot.figure_4(silos), chosen, "figure_4")
 
 
 if __name__ == "__main__":

@@ -22,10 +22,11 @@ def main(argv: list[str] | None = None) -> None:
             material=chosen.material,
             scheme=chosen.scheme,
         )
-        runs.append(states_at(scene, (0.0, 1.0, 2.0, 5.0)))
+        runs.append(states_at(scene, (0.0, 1.0, 2.0, 5.0), threads=chosen.threads))
     flat, sloped = runs
-    save(plot.figure_6(flat, sloped), chosen.out, "figure_6")
-    save(plot.figure_7(flat, sloped), chosen.out, "figure_7")
+    save(plot.figure_6(flat, sloped), chosen, "figure_6")
+    save(plot.figure_7(flat, sloped), chosen, "figure_7")
+    save(plot.figure_7(flat, sloped, by="stress"), chosen, "figure_7_stress")
 
 
 if __name__ == "__main__":

@@ -30,7 +30,7 @@ WALL_STYLES = {
     "coulomb": {"color": "black", "linewidth": 2.5, "linestyle": (0, (3, 1))},
 }
 SYMMETRY_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (5, 3))}
-OUTLET_STYLE = {"color": "#2d5d8f", "linewidth": 1.5, "linestyle": (0, (1, 1.5))}
+OUTLET_STYLE = {"color": "#1a8f3c", "linewidth": 1.5, "linestyle": (0, (1, 1.5))}
 
 
 class Picture(Figure):
@@ -129,13 +129,15 @@ class View:
         ax.set_ylim(bottom - edge, top + edge)
         ax.set_xlabel(self.labels[0])
         ax.set_ylabel(self.labels[1])
+        # The frame of the picture must not be taken for a wall.
+        ax.spines[:].set_color("0.8")
 
 
 def diameter(state: Any) -> float:
-    """Of a point in a picture [m]: over the initial spacing, so that a heap has no gaps."""
+    """Of a point in a picture [m]: the diagonal of the spacing at the start, to leave no gaps."""
     scene = state.scene
     per_cell = max(fill.points_per_cell for fill in scene.fills)
-    return 1.15 * scene.grid.cell / per_cell ** (1 / state.dim)
+    return math.sqrt(2) * scene.grid.cell / per_cell ** (1 / state.dim)
 
 
 class Points:
@@ -145,7 +147,7 @@ class Points:
     ----------
     ax, state, brush, view
     size : float, optional
-        Diameter of a point [m]; by default a little more than the initial spacing.
+        Diameter of a point [m]; by default the diagonal of the initial spacing.
     """
 
     def __init__(
@@ -185,8 +187,7 @@ def color_bar(fig: Figure, artist: Any, brush: Brush, **options: Any) -> None:
         bar.ax.tick_params(length=0, labelrotation=90)
         for text in bar.ax.get_yticklabels():
             text.set_verticalalignment("center")
-    else:
-        bar.set_label(brush.quantity.title, fontsize="small")
+    bar.set_label(brush.quantity.title, fontsize="small")
     bar.ax.tick_params(labelsize="small")
 
 

@@ -13,6 +13,7 @@ from typing import Any, Self
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import LogFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from granular import measure, theory
@@ -62,9 +63,9 @@ def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]
     aspects = np.asarray(aspects, dtype=float)
     fig, ((ax,),) = _axes(1, height=4.4)
     along = np.geomspace(0.8 * aspects.min(), 1.25 * aspects.max(), 200)
-    for name, shade in (("lube", "0.75"), ("lagree", "0.6"), ("staron", "0.45")):
+    for name, dashes in (("lube", "-."), ("lagree", ":"), ("staron", "--")):
         law = theory.RUNOUT_LAWS[name]
-        ax.plot(along, law(along), color=shade, linewidth=1.0, label=law.source)
+        ax.plot(along, law(along), dashes, color="0.5", linewidth=1.2, label=law.source)
     law = theory.RUNOUT_LAWS["dunatunga"]
     ax.plot(along, law(along), color="black", linewidth=1.8, label=law.source)
     for (name, found), shade, marker in zip(
@@ -126,9 +127,13 @@ def figure_5(
         along, free, "--", color="C0", label=f"C = {fit.C_free:.3f}, {fit.exponent_free:.3f}"
     )
     right.plot(fit.orifices, fit.rates, "o", color="C3", label="measured")
-    right.set(xscale="log", yscale="log", xlabel="orifice D [m]", ylabel="rate [kg/(s m)]")
-    right.set_xticks(fit.orifices, labels=[f"{d:.3g}" for d in fit.orifices], fontsize="small")
+    right.set(xscale="log", yscale="log", xlabel="orifice D [cm]", ylabel="rate [kg/(s m)]")
+    right.set_xticks(
+        fit.orifices, labels=[f"{100 * d:.3g}" for d in fit.orifices], fontsize="small"
+    )
     right.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
+    for axis in (right.yaxis.set_major_formatter, right.yaxis.set_minor_formatter):
+        axis(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
     right.legend(fontsize="small")
     return fig
 
@@ -179,30 +184,39 @@ class InclineFlow:
         return middle, np.diff(self.speed) / np.diff(self.times)
 
 
-def figure_9(flows: Sequence[InclineFlow], *, mu_s: float, mu_2: float) -> Picture:
+def figure_9(
+    flows: Sequence[InclineFlow], *, mu_s: float, mu_2: float, gravity: float = 9.8
+) -> Picture:
     """Inclines: friction, depth-averaged speed and acceleration over time.
 
     Parameters
     ----------
     flows : sequence of InclineFlow
     mu_s, mu_2 : float
-        Of the material. The thin lines at the left are tan(angle), or mu_2 where it is beyond.
+        Of the material. The dotted lines at the left are what flow comes to: tan(angle), or mu_2
+        where it is beyond; those at the right the acceleration that is then left.
+    gravity : float
+        [m/s2]
     """
     fig, ((left, centre, right),) = _axes(3)
     for flow, shade in zip(flows, _shades(len(flows)), strict=True):
         name = f"{flow.angle_deg:g} deg"
         left.plot(flow.times, flow.friction, color=shade, label=name)
-        slope = min(math.tan(math.radians(flow.angle_deg)), mu_2)
-        left.axhline(slope, color=shade, linewidth=0.7, linestyle=":")
+        angle = math.radians(flow.angle_deg)
+        if (slope := min(math.tan(angle), mu_2)) > mu_s:
+            left.axhline(slope, color=shade, linewidth=0.9, linestyle=":")
         centre.plot(flow.times, flow.speed, color=shade, label=name)
         right.plot(*flow.acceleration, color=shade, label=name)
+        late = gravity * (math.sin(angle) - mu_2 * math.cos(angle))
+        if late > 0:
+            right.axhline(late, color=shade, linewidth=0.9, linestyle=":")
     for value, text in ((mu_s, r"$\mu_s$"), (mu_2, r"$\mu_2$")):
         left.axhline(value, color="black", linewidth=1.0, linestyle="--")
-        left.annotate(text, (1.0, value), (-14, 3), "axes fraction", "offset points")
-        left.texts[-1].xycoords = ("axes fraction", "data")
+        across = left.get_yaxis_transform()
+        left.text(0.98, value, text, transform=across, ha="right", va="bottom")
     left.set(xlabel="time [s]", ylabel=r"friction $\mu$", ylim=(0.9 * mu_s, 1.08 * mu_2))
     centre.set(xlabel="time [s]", ylabel="mean speed [m/s]")
-    right.set(xlabel="time [s]", ylabel="mean acceleration [m/s2]")
+    right.set(xlabel="time [s]", ylabel="mean acceleration [m/s$^2$]")
     centre.legend(fontsize="small")
     return fig
 
@@ -215,19 +229,19 @@ def figure_10(
     Parameters
     ----------
     flows : sequence of InclineFlow
-        Their last frames are drawn; all of one height and material.
+        Their last frames are drawn, of one time; all of one height and material.
     state : State
         Of the scene `incline`, for the profile.
     at_time : bool
-        Also draw the transient solution at the time of the state (`granular.theory.transient`):
-        steady flow takes long, the longer the nearer to mu_2.
+        Also draw the transient solution (`granular.theory.transient`) at the times of the last
+        frames and of the state: steady flow takes long, the longer the nearer to mu_2.
     gravity : float
         [m/s2]
     """
     scene = state.scene
     height, material = float(scene.parameters["height"]), scene.material
     fig, ((left, right),) = _axes(2)
-    _speeds(left, flows, state.time, height, material, at_time, gravity)
+    _speeds(left, flows, height, material, at_time, gravity)
     _profile(right, state, height, material, at_time, gravity)
     return fig
 
@@ -235,7 +249,6 @@ def figure_10(
 def _speeds(
     ax: Axes,
     flows: Sequence[InclineFlow],
-    time: float,
     height: float,
     material: Any,
     at_time: bool,
@@ -248,11 +261,12 @@ def _speeds(
     ax.plot(steady, np.array(mean) / unit, color="black", label="steady, eq. 4.7")
     angles = sorted(flow.angle_deg for flow in flows)
     if at_time:
+        time = float(flows[0].times[-1])
         now = [theory.transient(a, height, material, [time], gravity).mean[0] for a in angles]
         ax.plot(angles, np.array(now) / unit, "--", color="C0", label=f"transient, {time:.3g} s")
     found = [flow.speed[-1] / unit for flow in flows]
     ax.plot([f.angle_deg for f in flows], found, "o", color="C3", label="measured")
-    ax.axvline(limit, color="0.6", linestyle=":")
+    ax.axvline(limit, color="0.6", linestyle=":", label=r"$\arctan\,\mu_2$")
     ax.set(xlabel="angle [deg]", ylabel=r"mean speed / $\sqrt{g h}$")
     ax.set_xlim(min(angles) - 1, max(angles) + 1)
     ax.set_ylim(-0.03 * max(found), 1.3 * max(found) + 1e-12)
@@ -320,7 +334,14 @@ def figure_13(
     finest = min(paths, key=lambda path: path.dt)
     fig, ((stress, rate), (error, order)) = _axes(2, 2, height=3.2)
     for i, name in enumerate(("xx", "yy", "zz", "xy")):
-        stress.plot(finest.times, finest.stress[:, i], color=f"C{i}", label=rf"$\sigma_{{{name}}}$")
+        # Equal up to the shear: the first is wider, to be seen below the second.
+        stress.plot(
+            finest.times,
+            finest.stress[:, i],
+            color=f"C{i}",
+            linewidth=4.0 if name == "xx" else 1.5,
+            label=rf"$\sigma_{{{name}}}$",
+        )
         stress.plot(reference.times, reference.stress[:, i], ":", color="black", linewidth=0.9)
     stress.set(xlabel="time [s]", ylabel="stress [Pa]", title=f"dt = {finest.dt:.3g} s")
     stress.legend(fontsize="small", loc="lower right")
@@ -332,7 +353,8 @@ def figure_13(
     largest = []
     for path, shade in zip(paths, _shades(len(paths)), strict=True):
         off = np.abs(path.stress - _at(reference, path.times)).max(axis=1) / scale
-        error.semilogy(path.times, np.maximum(off, 1e-16), color=shade, label=f"dt = {path.dt:.3g}")
+        label = f"dt = {path.dt:.3g} s"
+        error.semilogy(path.times, np.maximum(off, 1e-16), color=shade, label=label)
         largest.append((path.dt, off.max()))
     error.set(xlabel="time [s]", ylabel="error / largest stress", ylim=(1e-11, None))
     error.legend(fontsize="x-small", ncols=2, loc="lower right")

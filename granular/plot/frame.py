@@ -56,7 +56,7 @@ def frame(
         Draw the field mapped to the nodes and back, as the paper does with stresses (Dunatunga &
         Kamrin 2015, eqs. 4.1-4.3).
     size : float, optional
-        Diameter of a point [m]; by default a little more than the initial spacing.
+        Diameter of a point [m]; by default the diagonal of the initial spacing.
     extent : ((left, right), (bottom, top)), optional
         What is seen [m]; by default what holds the material.
     view : (int, int), optional

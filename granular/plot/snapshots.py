@@ -5,6 +5,7 @@ Each takes states and simulates nothing; `benchmarks/figures` has the runs.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,16 +13,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from granular import measure
+from granular.checks import one_of
 from granular.plot.canvas import Extent, Picture, View, color_bar
 from granular.plot.fields import Brush
 from granular.plot.frame import draw
+from granular.plot.mosaic import Panel, mosaic
 
 __all__ = ["figure_2", "figure_4", "figure_6", "figure_7", "figure_11"]
 
 States = Sequence[Any]
 
-WIDTH, HEIGHT = 10.0, 12.0
-"""Of a figure [inches], at most."""
 TOLERANCE = 0.02
 """Shortfall of the nodal density still shown as dense: points at rest never fill cells evenly."""
 
@@ -35,62 +36,6 @@ def _rectangular(name: str, columns: Sequence[States]) -> int:
             "all must hold the same number, at least 1"
         )
     return counts.pop()
-
-
-def _size(extent: Extent) -> tuple[float, float]:
-    return extent[0][1] - extent[0][0], extent[1][1] - extent[1][0]
-
-
-def _mosaic(
-    rows: Sequence[Sequence[Extent]], bars: Sequence[int]
-) -> tuple[Picture, list[list[Axes]], list[Axes]]:
-    """Axes at one scale for all, row by row, and one for each colour bar at the right.
-
-    `bars` are the numbers of rows that share a bar, from the top.
-    """
-    gap, head, left, right, bottom = 0.5, 0.32, 0.65, 1.25, 0.55
-    scale = min(
-        (WIDTH - left - right - gap * (len(row) - 1)) / sum(_size(extent)[0] for extent in row)
-        for row in rows
-    )
-    rest = len(rows) * head + (len(rows) - 1) * 0.25 + bottom
-    scale = min(scale, (HEIGHT - rest) / sum(max(_size(e)[1] for e in row) for row in rows))
-    tall = [scale * max(_size(extent)[1] for extent in row) for row in rows]
-    height = sum(tall) + rest
-    used = max(
-        scale * sum(_size(extent)[0] for extent in row) + gap * (len(row) - 1) for row in rows
-    )
-    total = left + used + right
-    fig = Picture(figsize=(total, height))
-
-    def place(x: float, y: float, width: float, up: float) -> Axes:
-        return fig.add_axes((x / total, y / height, width / total, up / height))
-
-    axes, floors, top = [], [], height
-    for row, up in zip(rows, tall, strict=True):
-        top -= head + up
-        x, placed = left, []
-        for extent in row:
-            width, size = (scale * length for length in _size(extent))
-            placed.append(place(x, top, width, size))
-            x += width + gap
-        axes.append(placed)
-        floors.append(top)
-        top -= 0.25
-    ends = np.cumsum(bars)
-    return (
-        fig,
-        axes,
-        [
-            place(
-                total - right + 0.2,
-                floors[end - 1],
-                0.16,
-                floors[end - count] + tall[end - count] - floors[end - 1],
-            )
-            for count, end in zip(bars, ends, strict=True)
-        ],
-    )
 
 
 def _panel(ax: Axes, state: Any, brush: Brush, extent: Extent, title: str) -> Any:
@@ -130,8 +75,8 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
     Returns
     -------
     Picture
-        One column an aspect ratio; the last row is the pressure, smoothed by the nodes
-        (eqs. 4.1-4.3).
+        One column an aspect ratio, each to its own scale; the last row is the pressure, smoothed
+        by the nodes (eqs. 4.1-4.3). A dotted line rises from the toe at atan(mu_s).
 
     Raises
     ------
@@ -143,7 +88,9 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
     rate = Brush.fitted(flat, "shear_rate", limits=limits)
     pressure = Brush.fitted([states[-1] for states in columns], "p", smooth=True)
     extents = [View(2).extent(states) for states in columns]
-    fig, axes, bars = _mosaic([extents] * (rows + 1), (rows, 1))
+    widest = max(right - left for (left, right), _ in extents)
+    panels = [Panel(e, zoom=widest / (e[0][1] - e[0][0])) for e in extents]
+    fig, axes, bars = mosaic([panels] * (rows + 1), (rows, 1))
     for column, (states, extent) in enumerate(zip(columns, extents, strict=True)):
         aspect = states[0].scene.parameters.get("aspect")
         head = "" if aspect is None else f"a = {aspect:g}, "
@@ -151,10 +98,31 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
             shown = _panel(axes[row][column], state, rate, extent, head + _time(state))
         last = states[-1]
         pressed = _panel(axes[rows][column], last, pressure, extent, head + _time(last))
+        for row in (rows - 1, rows):
+            _steepest(axes[row][column], last)
     _label(axes)
     color_bar(fig, shown, rate, cax=bars[0])
     color_bar(fig, pressed, pressure, cax=bars[1])
     return fig
+
+
+def _steepest(ax: Axes, state: Any) -> None:
+    """A line at the static angle from where 99.9 % of the mass ends: heaps should lie below."""
+    order = np.argsort(state.x[:, 0])
+    mass = np.cumsum(state.mass[order])
+    toe = state.x[order, 0][np.searchsorted(mass, 0.999 * mass[-1])]
+    mu_s = state.scene.material.mu_s
+    top = ax.get_ylim()[1]
+    ax.plot([toe, toe - top / mu_s], [0.0, top], color="0.4", linewidth=0.9, linestyle=":")
+    degrees = math.degrees(math.atan(mu_s))
+    ax.annotate(
+        rf"$\arctan\,\mu_s$ = {degrees:.1f}°",
+        (toe - 0.5 * top / mu_s, 0.5 * top),
+        (4, 2),
+        textcoords="offset points",
+        fontsize="x-small",
+        color="0.3",
+    )
 
 
 def figure_4(silos: Sequence[States], *, limits: tuple[float, float] | None = None) -> Picture:
@@ -176,7 +144,7 @@ def figure_4(silos: Sequence[States], *, limits: tuple[float, float] | None = No
     rows = _rectangular("silos", silos)
     rate = Brush.fitted([state for states in silos for state in states], limits=limits)
     extents = [View(2).extent(states) for states in silos]
-    fig, axes, (bar,) = _mosaic([extents] * rows, (rows,))
+    fig, axes, (bar,) = mosaic([[Panel(extent) for extent in extents]] * rows, (rows,))
     for column, (states, extent) in enumerate(zip(silos, extents, strict=True)):
         orifice = states[0].scene.parameters.get("orifice")
         head = "" if orifice is None else f"D = {orifice:g} m, "
@@ -205,18 +173,35 @@ def figure_6(flat: States, sloped: States, *, limits: tuple[float, float] | None
     return _hourglasses(flat, sloped, Brush.fitted([*flat, *sloped], limits=limits))
 
 
-def figure_7(flat: States, sloped: States, *, tolerance: float = TOLERANCE) -> Picture:
+def figure_7(
+    flat: States, sloped: States, *, by: str = "nodal_density", tolerance: float = TOLERANCE
+) -> Picture:
     """Hourglasses as in `figure_6`: which points are dense and which disconnected.
 
-    By the nodal density, see `granular.measure.phase`; `tolerance` is its relative shortfall that
-    still counts as dense.
+    Parameters
+    ----------
+    flat, sloped : sequence of State
+    by : {"nodal_density", "stress"}
+        What tells them apart: the nodal density against rho_c, as in the paper (see
+        `granular.measure.phase`), or whether the points bear stress. Points that rained into a
+        heap lie unevenly, some 7 % in density from node to node, so that the former speckles a
+        heap which bears stress throughout.
+    tolerance : float
+        Relative shortfall of the nodal density that still counts as dense.
+
+    Raises
+    ------
+    ValueError
+        If they are not equally many, or `by` is neither of the two.
     """
-    brush = Brush.fitted([], "phase")
+    one_of("by", by, ("nodal_density", "stress"))
+    if by == "stress":
+        return _hourglasses(flat, sloped, Brush.fitted([], "dense"))
     phase = [
         [measure.phase(state, tolerance=tolerance).astype(float) for state in states]
         for states in (flat, sloped)
     ]
-    return _hourglasses(flat, sloped, brush, phase)
+    return _hourglasses(flat, sloped, Brush.fitted([], "phase"), phase)
 
 
 def _hourglasses(
@@ -227,8 +212,8 @@ def _hourglasses(
     half = (count + 1) // 2
     groups = [flat[:half], flat[half:], sloped] if count > 1 else [flat, sloped]
     wide, narrow = View(2).extent(flat), View(2).extent(sloped)
-    shapes = [[narrow if group is sloped else wide] * len(group) for group in groups]
-    fig, axes, (bar,) = _mosaic(shapes, (len(groups),))
+    shapes = [[Panel(narrow if group is sloped else wide)] * len(group) for group in groups]
+    fig, axes, (bar,) = mosaic(shapes, (len(groups),))
     flat_axes = [ax for row in axes[:-1] for ax in row]
     painted = [None] * count if values is None else values[0]
     for ax, state, found in zip(flat_axes, flat, painted, strict=True):
@@ -250,14 +235,14 @@ def figure_11(flight: States, impact: States, heap: Any) -> Picture:
     flight : sequence of State
         Drawn into one panel, with the parabola of the mass centre from the first one on.
     impact : sequence of State
-        One panel each, zoomed to where the material meets the right wall.
+        One panel each, enlarged to where the material meets the right wall.
     heap : State
         At rest.
 
     Returns
     -------
     Picture
-        Coloured by the nodal density (section 4.3).
+        Coloured by the nodal density (section 4.3); the bar marks rho_c.
 
     Raises
     ------
@@ -271,8 +256,9 @@ def figure_11(flight: States, impact: States, heap: Any) -> Picture:
     view, half = View(2), (len(impact) + 1) // 2
     whole, last = view.extent([*flight, *impact, heap]), view.extent([heap])
     zoom = _near_wall(impact, whole)
-    fig, axes, (bar,) = _mosaic(
-        [[whole, *[zoom] * half], [*[zoom] * (len(impact) - half), last]], (2,)
+    near = Panel(zoom, zoom=_tall(whole) / _tall(zoom))
+    fig, axes, (bar,) = mosaic(
+        [[Panel(whole), *[near] * half], [*[near] * (len(impact) - half), Panel(last)]], (2,)
     )
     (first, *upper), (*lower, end) = axes
     for state in flight:
@@ -284,7 +270,14 @@ def figure_11(flight: States, impact: States, heap: Any) -> Picture:
     shown = _panel(end, heap, brush, last, _time(heap))
     _label(axes)
     color_bar(fig, shown, brush, cax=bar)
+    bar.axhline(rho_c, color="black", linewidth=1.2)
+    across = bar.get_yaxis_transform()
+    bar.text(0.5, rho_c, r"$\rho_c$", transform=across, ha="center", va="bottom", fontsize="small")
     return fig
+
+
+def _tall(extent: Extent) -> float:
+    return extent[1][1] - extent[1][0]
 
 
 def _parabola(ax: Axes, start: Any, until: float) -> None:

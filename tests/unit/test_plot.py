@@ -5,13 +5,14 @@ import stat
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgba, to_rgba_array
 from matplotlib.figure import Figure
 from PIL import Image
 
 import granular as gr
 from granular import plot
-from granular.plot.canvas import View, scenery
-from granular.plot.fields import Brush, values
+from granular.plot.canvas import OUTLET_STYLE, WALL_STYLES, View, scenery
+from granular.plot.fields import PHASES, Brush, values
 
 SOFT = gr.materials.glass_beads.replace(E=1e5)
 
@@ -85,8 +86,8 @@ def test_frame_draws_every_point_where_it_is_in_its_true_size(state):
     ax = figure.axes[0]
     (points,) = ax.collections
     assert np.array_equal(points.get_offsets(), state.x)
-    # 4 points a cell of .05 m are .025 m apart; discs are a little larger, to leave no gaps.
-    assert points.get_widths()[0] == pytest.approx(1.15 * 0.025)
+    # 4 points a cell of .05 m are .025 m apart; discs that reach across leave no gaps.
+    assert points.get_widths()[0] == pytest.approx(np.sqrt(2) * 0.025)
     assert ax.get_title() == "t = 0.5 s"
     assert figure.axes[1].get_ylabel() == "pressure [Pa]"
 
@@ -127,6 +128,18 @@ def test_walls_are_drawn_where_they_are_and_outlets_when_they_open():
     assert outlet.get_xdata() == pytest.approx([0.0, 0.15])
     symmetry = [line for line, *_ in parts if list(line.get_xdata()) == [0.0, 0.0]]
     assert [line.get_linestyle() for line in symmetry] == ["--"]
+
+
+def test_an_outlet_has_the_colour_of_no_phase(state):
+    phases = {tuple(color) for color in to_rgba_array(PHASES.colors)}
+    assert to_rgba(OUTLET_STYLE["color"]) not in phases
+
+
+def test_the_frame_of_a_picture_is_no_wall(state):
+    ax = plot.frame(state).axes[0]
+    frame = {to_rgba(spine.get_edgecolor()) for spine in ax.spines.values()}
+    walls = {to_rgba(style["color"]) for style in WALL_STYLES.values()}
+    assert not frame & walls
 
 
 def test_blocks_are_drawn():

@@ -1,10 +1,14 @@
 """The figures of the paper: panels, curves and numbers are those that were given."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import granular as gr
 from granular import measure, plot, theory
+from granular.plot.mosaic import Panel, mosaic
 
 SOFT = gr.materials.glass_beads.replace(E=1e5)
 
@@ -41,6 +45,47 @@ def test_figure_2_has_a_row_for_each_time_and_one_for_the_pressure():
         plot.figure_2([columns[0], columns[1][:2]])
 
 
+def test_panels_of_a_figure_have_the_shape_of_what_they_show_and_do_not_overlap():
+    rows = [
+        [Panel(((0.0, 1.0), (0.0, 0.5))), Panel(((0.0, 0.2), (0.0, 0.1)), zoom=3.0)],
+        [Panel(((0.0, 0.3), (0.0, 0.9)))],
+    ]
+    figure, axes, bars = mosaic(rows, (1, 1))
+    width, height = figure.get_size_inches()
+    assert width <= 10.0 + 1e-9
+    assert height <= 12.0 + 1e-9
+    boxes = []
+    for row, line in zip(rows, axes, strict=True):
+        for panel, ax in zip(row, line, strict=True):
+            box = ax.get_position()
+            across, up = panel.size
+            assert box.width * width / (box.height * height) == pytest.approx(across / up)
+            boxes.append(box)
+    boxes += [bar.get_position() for bar in bars]
+    first, second = boxes[:2]
+    # .2 m enlarged three times beside 1 m.
+    assert second.width / first.width == pytest.approx(0.6)
+    for i, box in enumerate(boxes):
+        assert 0.0 <= box.x0 < box.x1 <= 1.0
+        assert 0.0 <= box.y0 < box.y1 <= 1.0
+        assert not any(box.overlaps(other) for other in boxes[:i])
+
+
+def test_figure_2_gives_each_column_the_same_width_and_the_static_angle():
+    columns = [
+        states(gr.scenes.column_collapse(aspect=a, cell=0.05, material=SOFT), 2) for a in (2.0, 0.5)
+    ]
+    figure = plot.figure_2(columns)
+    panels = [ax for ax in figure.axes if ax.get_title()]
+    widths = [ax.get_position(original=True).width for ax in panels]
+    assert widths == pytest.approx(np.full(len(panels), widths[0]))
+    for ax in panels[2:]:
+        (x0, x1), (y0, y1) = ax.lines[-1].get_data()
+        assert (y1 - y0) / (x0 - x1) == pytest.approx(SOFT.mu_s)
+        # The last points of a block .2 m wide are half a spacing inside; 16 a cell of .05 m.
+        assert x0 == pytest.approx(0.2 - 0.05 / 8)
+
+
 def test_figure_4_has_a_column_for_each_orifice():
     silos = [
         states(gr.scenes.silo(orifice=d, cell=0.05, material=SOFT), 2) for d in (0.1, 0.2, 0.3)
@@ -64,6 +109,22 @@ def test_figures_6_and_7_show_both_hourglasses():
     for ax in figure.axes[:8]:
         # Seeded material is dense everywhere.
         assert np.all(ax.collections[0].get_array() == 1.0)
+
+
+def test_figure_7_by_stress_shows_who_bears_it():
+    scene = gr.scenes.hourglass(cell=0.05, orifice_radius=0.05, width=0.5, material=SOFT)
+    (start,) = states(scene, 1)
+    stress = np.zeros((start.n, 4))
+    stress[::2, :3] = -100.0
+    fields = dict(start.fields) | {"stress": stress}
+    loaded = gr.State(scene=scene, time=0.5, step=1, dt=1e-4, fields=fields)
+    figure = plot.figure_7([loaded], [loaded], by="stress")
+    for ax in figure.axes[:2]:
+        assert np.array_equal(ax.collections[0].get_array(), stress[:, 0] < 0)
+    assert "stress" in figure.axes[-1].get_ylabel()
+    assert "density" in plot.figure_7([loaded], [loaded]).axes[-1].get_ylabel()
+    with pytest.raises(ValueError, match="by"):
+        plot.figure_7([loaded], [loaded], by="colour")
 
 
 def test_figure_11_draws_the_flight_on_its_parabola():
@@ -105,6 +166,24 @@ def test_figure_5_draws_the_fit_and_the_rates():
     assert left.get_xlabel() == "time [s]"
 
 
+def test_the_ticks_of_all_orifices_and_aspects_can_be_read():
+    """Those of the scripts; labels that run into each other are no labels."""
+    orifices = np.arange(6, 21, 2) / 100
+    fit = measure.beverloo(orifices, theory.beverloo_rate(orifices, 1500.0), rho=1500.0)
+    times = np.linspace(0, 5, 50)
+    histories = {0.1: measure.MassHistory(times, 1500 - 100 * times, 1.0)}
+    aspects = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0]
+    runouts = {"mine": [measure.Runout(a, a, a) for a in aspects]}
+    for figure in (plot.figure_5(histories, fit, rho=1500.0), plot.figure_3(aspects, runouts)):
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        labels = figure.axes[-1].get_xticklabels()
+        boxes = [text.get_window_extent(canvas.get_renderer()) for text in labels]
+        assert len(boxes) >= 8
+        gaps = [right.x0 - left.x1 for left, right in pairwise(boxes)]
+        assert min(gaps) > 2
+
+
 def flow(angle, speed):
     times = np.linspace(0.0, 2.0, 5)
     return plot.InclineFlow(angle, times, np.full(5, 0.45), speed * times)
@@ -116,6 +195,29 @@ def test_figure_9_draws_friction_speed_and_acceleration():
     assert centre.lines[1].get_ydata()[-1] == pytest.approx(1.2)
     assert right.lines[0].get_ydata() == pytest.approx(np.full(4, 0.3))
     assert right.lines[0].get_xdata() == pytest.approx([0.25, 0.75, 1.25, 1.75])
+
+
+def test_figure_9_draws_where_flows_end():
+    """tan(angle) in the range of steady flow, mu_2 and the rest of gravity beyond."""
+    flows = [flow(19.0, 0.0), flow(25.0, 0.3), flow(34.0, 0.6)]
+    left, _, right = plot.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
+    dotted = [line.get_ydata()[0] for line in left.lines if line.get_linestyle() == ":"]
+    assert dotted == pytest.approx([np.tan(np.radians(25.0)), 0.6435])
+    (late,) = [line.get_ydata()[0] for line in right.lines if line.get_linestyle() == ":"]
+    angle = np.radians(34.0)
+    assert late == pytest.approx(9.8 * (np.sin(angle) - 0.6435 * np.cos(angle)))
+
+
+def test_figure_10_draws_speeds_at_their_time_and_the_profile_at_its_own():
+    """Flows up to 2 s, a profile at 6 s."""
+    left, right = plot.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)).axes
+    lines = {line.get_label(): line for line in left.lines}
+    expected = [
+        theory.transient(a, 0.2, SOFT, [2.0], 9.8).mean[0] / np.sqrt(9.8 * 0.2)
+        for a in (22.0, 25.0)
+    ]
+    assert lines["transient, 2 s"].get_ydata() == pytest.approx(expected)
+    assert "transient, 6 s" in {line.get_label() for line in right.lines}
 
 
 def incline(time):

@@ -1,0 +1,68 @@
+"""The scripts of the figures: each runs to its end and writes its pictures where it is told."""
+
+import importlib
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+FOLDER = Path(__file__).parents[2] / "benchmarks" / "figures"
+PICTURES = {
+    "figure_2": ["figure_2"],
+    "figure_3": ["figure_3"],
+    "figure_4": ["figure_4"],
+    "figure_5": ["figure_5"],
+    "figures_6_7": ["figure_6", "figure_7", "figure_7_stress"],
+    "figures_9_10": ["figure_10", "figure_9"],
+    "figure_11": ["figure_11"],
+    "figure_13": ["figure_13"],
+}
+FAST = ("figure_2", "figure_11", "figure_13")
+"""Some seconds each."""
+
+
+@pytest.fixture
+def script(monkeypatch):
+    """A script by its name, as a module."""
+    monkeypatch.syspath_prepend(FOLDER)
+    return importlib.import_module
+
+
+def test_every_script_is_known():
+    assert sorted(PICTURES) == sorted(path.stem for path in FOLDER.glob("figure*.py"))
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=() if n in FAST else pytest.mark.slow) for n in PICTURES],
+)
+def test_a_quick_figure_is_written(script, name, tmp_path):
+    script(name).main(["--quick", "--out", str(tmp_path / "new")])
+    written = sorted(path.stem for path in (tmp_path / "new").iterdir())
+    assert written == PICTURES[name]
+    for stem in written:
+        with Image.open(tmp_path / "new" / f"{stem}.png") as picture:
+            assert min(picture.size) > 500
+
+
+def test_pictures_go_where_git_does_not_look(script):
+    """By default into a folder `build`, which .gitignore names."""
+    ignored = (FOLDER.parents[1] / ".gitignore").read_text().split()
+    assert script("common").OUT.parts[0] + "/" in ignored
+
+
+def test_an_option_that_means_nothing_is_refused(script, capsys):
+    """Figure 3 is of both schemes, figure 13 of no run."""
+    for name in ("figure_3", "figure_13"):
+        with pytest.raises(SystemExit):
+            script(name).main(["--scheme", "published"])
+        assert "--scheme" in capsys.readouterr().err
+
+
+def test_options_say_what_a_picture_was_made_with(script):
+    chosen = script("common").options("", ["--scheme", "published"], E=2e6)
+    assert chosen.note == "published scheme, E = 2e+06 Pa"
+    assert chosen.scheme.basis == "linear"
+    assert chosen.material.E == 2e6
+    assert script("common").options("", ["--quick"]).E == 1e6
+    assert script("common").options("", ["--E", "3e6"], E=2e6).E == 3e6
