@@ -1,6 +1,6 @@
 /* Gather (G2P), law and scatter of a run of cells in one sweep: a cell's points are read and written once a step.
  *
- * Given: node_data (v^{n+1}, w, and phi, cbar where the density is averaged). Per point
+ * Given: node_data, see GR_NODE_FIELDS. Per point
  *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.c),
  *   c <- c - dt tr L      (eq. 3.9 in the logarithm of the density),
  * then the stress update of the law, and the sums of the next step. Points that leave their cell are

@@ -166,7 +166,7 @@ GR_INLINE void add_density(const int dim, const int basis, const struct gift *p,
 /* What is summed in a pass over the rows: m and p, f, or mass and log-density. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
 
-/* sum over what the blocks give, row by row of nodes, as sums first... of the `rows` sums of each node. */
+/* What n blocks give, row by row: acc[node * rows + first...] = the sums `what` of each node, of its `rows` in all. */
 GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int diffused, const int what,
                         const struct gift *gift, int n, const int rows, const int first, vd *acc)
 {

@@ -108,9 +108,7 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
 
 def _steepest(ax: Axes, state: Any) -> None:
     """A line at the static angle from where 99.9 % of the mass ends: heaps should lie below."""
-    order = np.argsort(state.x[:, 0])
-    mass = np.cumsum(state.mass[order])
-    toe = state.x[order, 0][np.searchsorted(mass, 0.999 * mass[-1])]
+    toe = 1.0 + measure.runout(state, half_width=1.0).quantile  # m: over a half-width of 1 m
     mu_s = state.scene.material.mu_s
     top = ax.get_ylim()[1]
     ax.plot([toe, toe - top / mu_s], [0.0, top], color="0.4", linewidth=0.9, linestyle=":")
