@@ -11,19 +11,20 @@
  * the nodes are served row by row, because the running sums of one row fit the registers. */
 #include "mpm/shape.h"
 
-/* exp(-c), for V = m exp(-c)/rho_c. Points that carry stress have |c| of order p/K, and then a short
- * series errs less than round-off; each lane takes its own, so that none depends on its neighbours. */
-GR_INLINE vd expansion(vd c)
+/* exp(-c), for V = m exp(-c)/rho_c, in the lanes that `carry` stress: elsewhere V counts for nothing, and what
+ * is returned is finite. Points that carry stress have |c| of order p/K, and then a short series errs less than
+ * round-off; each lane takes its own, so that none depends on its neighbours. */
+GR_INLINE vd expansion(vd c, vm carry)
 {
-    const vm small = v_ge(v_set(0.0078125), v_abs(c));
+    const vm large = m_and(carry, v_gt(v_abs(c), v_set(0.0078125)));
     vd e = v_set(-1.0 / 120.0);
     e = v_fma(e, c, v_set(1.0 / 24.0));
     e = v_fma(e, c, v_set(-1.0 / 6.0));
     e = v_fma(e, c, v_set(0.5));
     e = v_fma(e, c, v_set(-1.0));
     e = v_fma(e, c, v_set(1.0));
-    if (__builtin_expect(m_bits(small) == GR_ALL_LANES, 1)) return e;
-    return v_select(small, e, v_exp(-v_clamp(c, -600.0, 600.0)));
+    if (__builtin_expect(!m_bits(large), 1)) return e;
+    return v_select(large, v_exp(-v_clamp(c, -600.0, 600.0)), e);
 }
 
 enum { CHUNK = 32 / GR_W }; /* blocks prepared at once */
@@ -67,10 +68,16 @@ GR_INLINE void give_momentum(const int dim, const int basis, const int affine, c
 GR_INLINE void give_force(const int dim, const int diffused, const struct gr_engine *e, int64_t at, struct gift *gift)
 {
     static const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
-    const vd V = gift->m * v_set(e->force_scale) * expansion(component(e, GR_FIELD_log_density, 0, at));
+    vd largest = v_zero();
     for (int d = 0; d < dim; d++)
-        for (int j = 0; j <= d; j++)
-            gift->stress[d][j] = gift->stress[j][d] = V * component(e, GR_FIELD_stress, place[d][j], at);
+        for (int j = 0; j <= d; j++) {
+            gift->stress[d][j] = component(e, GR_FIELD_stress, place[d][j], at);
+            largest = v_max(v_abs(gift->stress[d][j]), largest);
+        }
+    const vd c = component(e, GR_FIELD_log_density, 0, at);
+    const vd V = gift->m * v_set(e->force_scale) * expansion(c, v_gt(largest, v_zero()));
+    for (int d = 0; d < dim; d++)
+        for (int j = 0; j <= d; j++) gift->stress[d][j] = gift->stress[j][d] = V * gift->stress[d][j];
     for (int d = 0; diffused && d < dim; d++)
         gift->lent[d] = gift->m * v_set(e->lent_scale) * component(e, GR_FIELD_shift_velocity, d, at);
 }
