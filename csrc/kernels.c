@@ -40,15 +40,15 @@ static gr_law_update *const laws[GR_LAW_COUNT][2] = {
     X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1)
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
-#define GR_X(d, b, a, q)                                                                                              \
-    static __attribute__((noinline)) void scatter_##d##b##a##q(struct gr_engine *e, int64_t index)                    \
-    {                                                                                                                 \
-        scatter_cell(d, b, a > 0, q, e, index);                                                                       \
-    }                                                                                                                 \
-    static __attribute__((noinline))                                                                                  \
-    int64_t sweep_##d##b##a##q(struct gr_engine *e, int64_t first, int64_t last, struct gr_leaver *leaver, int fused) \
-    {                                                                                                                 \
-        return sweep_cells(d, b, a, q, e, first, last, leaver, fused, laws[e->config.law][d - 2]);                    \
+#define GR_X(d, b, a, q)                                                                                       \
+    static __attribute__((noinline)) void scatter_##d##b##a##q(struct gr_engine *e, int64_t index)             \
+    {                                                                                                          \
+        scatter_cell(d, b, a > 0, q, e, index);                                                                \
+    }                                                                                                          \
+    static __attribute__((noinline)) void sweep_##d##b##a##q(struct gr_engine *e, int64_t first, int64_t last, \
+                                                             struct gr_leavers *out, int fused)                \
+    {                                                                                                          \
+        sweep_cells(d, b, a, q, e, first, last, out, fused, laws[e->config.law][d - 2]);                       \
     }
 GR_VARIANTS(GR_X)
 #undef GR_X
@@ -70,13 +70,12 @@ static void scatter_list(struct gr_engine *e, const int64_t *list, int64_t first
     for (int64_t k = first; k < last; k++) scatter(e, list[k], list[k] + 1);
 }
 
-static int64_t sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_leaver *leaver, int fused)
+static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_leavers *out, int fused)
 {
 #define GR_X(d, b, a, q) \
-    if (GR_IS(e, d, b, a, q)) return sweep_##d##b##a##q(e, first, last, leaver, fused);
+    if (GR_IS(e, d, b, a, q)) sweep_##d##b##a##q(e, first, last, out, fused);
     GR_VARIANTS(GR_X)
 #undef GR_X
-    return 0;
 }
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)

@@ -24,8 +24,7 @@ struct team {
     int64_t left;              /* steps */
     double until, gravity[3];
     int64_t cut[GR_MAX_THREADS + 1];
-    const struct gr_leaver *list[GR_MAX_THREADS];
-    int64_t count[GR_MAX_THREADS];
+    struct gr_leavers leavers[GR_MAX_THREADS];
 };
 
 /* Wait for the team. The wait of OpenMP spins for milliseconds, which on a busy machine is the time that the
@@ -59,7 +58,8 @@ double gr_stable_dt(const struct gr_engine *e)
     return e->config.cfl * e->config.dx / (e->config.wave_speed + sqrt(fastest));
 }
 
-/* Cut the cells so that each thread has about the same number of points, and give each a list for leavers. */
+/* Cut the cells so that each thread has about the same number of points, and give each room for leavers: all its
+ * points may leave their cells at once. */
 static int share_out(struct team *team)
 {
     struct gr_engine *e = team->e;
@@ -74,14 +74,13 @@ static int share_out(struct team *team)
         }
     }
     for (; t <= team->threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
-    if (points > e->leaver_room) {
-        struct gr_leaver *leaver = realloc(e->leaver, sizeof *leaver * (size_t)(points + points / 2));
-        if (!leaver) return GR_ERR_MEMORY;
-        e->leaver = leaver;
-        e->leaver_room = points + points / 2;
+    if (gr_reserve_pending(e, points + team->threads)) return GR_ERR_MEMORY;
+    for (t = 0; t < team->threads; t++) {
+        const int64_t begin = first[t] + t; /* a record more than points for each */
+        team->leavers[t] =
+            (struct gr_leavers){e->leaver + begin, e->pending + begin * e->n_components, e->pending_id + begin, 0};
     }
-    for (t = 0; t < team->threads; t++) team->list[t] = e->leaver + first[t];
-    return gr_reserve_pending(e, e->n_points + e->n_pending + 1); /* all may leave their cells at once */
+    return GR_OK;
 }
 
 /* Decide whether there is another step, and its dt and gravity. One thread. */
@@ -111,7 +110,7 @@ static void prepare(struct team *team)
 static void finish(struct team *team)
 {
     struct gr_engine *e = team->e;
-    e->error = gr_migrate(e, team->list, team->count, team->threads);
+    e->error = gr_migrate(e, team->leavers, team->threads);
     if (e->error) return;
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
@@ -168,7 +167,7 @@ static void run(struct team *team, int t)
         barrier(team);
         if (!team->go) return;
         stage_grid(team, t);
-        team->count[t] = team->kernels->sweep(e, team->cut[t], team->cut[t + 1], (struct gr_leaver *)team->list[t], 1);
+        team->kernels->sweep(e, team->cut[t], team->cut[t + 1], &team->leavers[t], 1);
         barrier(team);
         if (t == 0) finish(team);
         barrier(team);
@@ -246,7 +245,7 @@ int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels)
     e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected ? share_out(&team) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;
-    team.count[0] = kernels->sweep(e, 0, e->mesh.n_cells, (struct gr_leaver *)team.list[0], 0);
+    kernels->sweep(e, 0, e->mesh.n_cells, &team.leavers[0], 0);
     finish(&team);
     e->sums_valid = 0;
     return e->error;

@@ -78,8 +78,16 @@ struct gr_mesh {
     int32_t *cell_of, *node_of; /* whole grid: active index + 1, 0 for none */
 };
 
+/* Where a point was that left its cell. */
 struct gr_leaver {
     int64_t cell, slot;
+};
+
+/* The points that leave the cells of a thread in a step, in the order of cells and places: listed, then lifted. */
+struct gr_leavers {
+    struct gr_leaver *from;
+    double *record; /* count x n_components; room for one more */
+    int64_t *id, count;
 };
 
 struct gr_engine {
@@ -99,9 +107,9 @@ struct gr_engine {
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, smoothed by XPIC */
     double *solid;     /* per node of the grid: part of its volume that is no room; NULL without solids */
     int sum_stride, node_stride;
-    /* leavers of a step, by thread, and points that wait for a place */
+    /* leavers of a step, by thread; their records become those of the points that wait for a place */
     struct gr_leaver *leaver;
-    int64_t leaver_room, n_pending, pending_room, needed_capacity;
+    int64_t n_pending, pending_room, needed_capacity;
     double *pending; /* n_pending x n_components */
     int64_t *pending_id;
     int64_t *dirty, n_dirty;
@@ -131,7 +139,7 @@ struct gr_kernels {
     int lanes;
     void (*scatter)(struct gr_engine *, int64_t first, int64_t last);
     void (*scatter_list)(struct gr_engine *, const int64_t *list, int64_t first, int64_t last);
-    int64_t (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leaver *leaver, int fused);
+    void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leavers *out, int fused);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
 };

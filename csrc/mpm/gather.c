@@ -3,8 +3,8 @@
  * Given: node_data, see GR_NODE_FIELDS. Per point
  *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.c),
  *   c <- c - dt tr L      (eq. 3.9 in the logarithm of the density),
- * then the stress update of the law, and the sums of the next step. Points that leave their cell are
- * listed; the sums of such a cell are made after they have moved (migrate.c). */
+ * then the stress update of the law, and the sums of the next step. Points that leave their cell are taken out
+ * of it before; the sums of a cell that they come to are made anew (migrate.c). */
 #include "mpm/shape.h"
 
 #define NO_DENSITY 1e3 /* |ln(rho/rho_c)| beyond which a density is none: looked at as a point that leaves */
@@ -236,28 +236,28 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     return found;
 }
 
-/* Sweep the cells [first, last). Returned: the number of points that left their cell, listed in `leaver`. */
-GR_INLINE int64_t sweep_cells(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
-                              int64_t first, int64_t last, struct gr_leaver *leaver, int fused, gr_law_update *law)
+/* Sweep the cells [first, last). Points that left their cell are lifted into `out`. */
+GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
+                           int64_t first, int64_t last, struct gr_leavers *out, int fused, gr_law_update *law)
 {
     enum { QUEUE = 64 };
     struct batch batch;
-    int64_t found = 0, queued = 0, queue[QUEUE];
+    int64_t queued = 0, lifted = 0, queue[QUEUE];
     batch.n = 0;
+    out->count = 0;
     for (int q = 0; q < MODE_STRIDE(GR_NODE_FIELDS(3, 1)); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
     for (int64_t index = first; index < last; index++) {
         struct gr_cell *cell = &e->mesh.cell[index];
         cell->dirty = 0;
         if (cell->count) {
-            const int64_t here = gather_cell(dim, basis, affine, diffused, e, index, &batch, law, leaver + found);
-            found += here;
-            cell->dirty = here > 0;
-            if (!here) queue[queued++] = index; /* else its sums are made when they have moved */
+            out->count += gather_cell(dim, basis, affine, diffused, e, index, &batch, law, out->from + out->count);
+            queue[queued++] = index;
         }
         if (queued < QUEUE && index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
         if (batch.n) run_law(e, law, &batch);
+        if (out->count > lifted) gr_lift_leavers(e, out, lifted);
+        lifted = out->count;
         for (int64_t k = 0; fused && k < queued; k++) scatter_cell(dim, basis, affine > 0, diffused, e, queue[k]);
         queued = 0;
     }
-    return found;
 }

@@ -46,19 +46,13 @@ int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t fr
     return 1;
 }
 
-static int fail(struct gr_engine *e, int code, int64_t slot)
+static int fail(struct gr_engine *e, int code, const double *record, int64_t id)
 {
     e->error = code;
-    e->error_id = e->id[slot];
+    e->error_id = id;
     e->error_step = e->step;
-    for (int d = 0; d < e->config.dim; d++) e->error_x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
+    for (int d = 0; d < e->config.dim; d++) e->error_x[d] = record[d];
     return code;
-}
-
-static void mark_dirty(struct gr_engine *e, int64_t index, int already)
-{
-    if (already || !e->mesh.cell[index].dirty) e->dirty[e->n_dirty++] = index;
-    e->mesh.cell[index].dirty = 1;
 }
 
 /* Copy a point out of its place: all components, x first. */
@@ -87,6 +81,9 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n)
     int64_t *ids = realloc(e->pending_id, sizeof(int64_t) * (size_t)room);
     if (!ids) return GR_ERR_MEMORY;
     e->pending_id = ids;
+    struct gr_leaver *leaver = realloc(e->leaver, sizeof *leaver * (size_t)room);
+    if (!leaver) return GR_ERR_MEMORY;
+    e->leaver = leaver;
     e->pending_room = room;
     return GR_OK;
 }
@@ -102,67 +99,87 @@ static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot, 
     gr_clear_place(e, cell, last);
 }
 
-/* Lift one leaver into the pending list, or drop it. Only checks and copies: its place is closed later. */
-static int lift_leaver(struct gr_engine *e, const struct gr_leaver *leaver)
+void gr_lift_leavers(struct gr_engine *e, struct gr_leavers *out, int64_t first)
 {
-    const int dim = e->config.dim;
-    const struct gr_cell *cell = &e->mesh.cell[leaver->cell];
-    double *record = e->pending + e->n_pending * e->n_components, x[3];
-    int64_t at[3];
-    lift(e, leaver->slot, record);
-    for (int c = 0; c < e->n_components; c++)
-        if (!isfinite(record[c])) return fail(e, GR_ERR_NOT_FINITE, leaver->slot);
-    for (int d = 0; d < dim; d++) {
-        x[d] = record[d];
-        at[d] = gr_locate(&e->axis[d], e->inv_dx, x[d]);
-        if (at[d] > cell->at[d] + 1 || at[d] < cell->at[d] - 1) return fail(e, GR_ERR_RUNAWAY, leaver->slot);
+    double *scratch = out->record + out->count * e->n_components;
+    for (int64_t k = first; k < out->count; k++) {
+        lift(e, out->from[k].slot, out->record + k * e->n_components);
+        out->id[k] = e->id[out->from[k].slot];
     }
-    if (gr_confine(e, x, at, cell->at)) {
-        memcpy(record, x, sizeof(double) * (size_t)dim);
-        e->pending_id[e->n_pending++] = e->id[leaver->slot];
-    } else {
-        e->dropped++;
-        e->dropped_mass += e->field[GR_FIELD_mass][leaver->slot];
-        e->n_points--;
+    for (int64_t k = out->count - 1; k >= first; k--)
+        close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot, scratch);
+}
+
+/* Where a field begins in a record. */
+static int component_of(const struct gr_engine *e, int field)
+{
+    int component = 0;
+    for (int f = 0; f < field; f++) component += e->field[f] ? gr_field_components(f, e->config.dim) : 0;
+    return component;
+}
+
+/* Whether a point that left its cell is sound: finite, and in a neighbour of the cell. */
+static int check_leaver(struct gr_engine *e, const struct gr_cell *cell, const double *record, int64_t id)
+{
+    for (int c = 0; c < e->n_components; c++)
+        if (!isfinite(record[c])) return fail(e, GR_ERR_NOT_FINITE, record, id);
+    for (int d = 0; d < e->config.dim; d++) {
+        const int64_t at = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+        if (at > cell->at[d] + 1 || at < cell->at[d] - 1) return fail(e, GR_ERR_RUNAWAY, record, id);
     }
     return GR_OK;
 }
 
-int gr_migrate(struct gr_engine *e, const struct gr_leaver *const list[], const int64_t count[], int lists)
+/* Back to the cells they left, where their places are free. */
+static void put_back(struct gr_engine *e, const struct gr_leavers *list, int lists)
+{
+    for (int t = 0; t < lists; t++)
+        for (int64_t k = 0; k < list[t].count; k++) {
+            struct gr_cell *cell = &e->mesh.cell[list[t].from[k].cell];
+            lower(e, cell->offset + cell->count++, list[t].record + k * e->n_components, list[t].id[k]);
+        }
+}
+
+/* Into the cell where the point is now; or out of the domain; or, without a place, to those that wait. */
+static void settle_leaver(struct gr_engine *e, const struct gr_cell *from, double *record, int64_t id)
 {
     const int dim = e->config.dim;
-    int64_t total = 0, waiting = 0;
+    int64_t at[3];
+    int32_t to[3];
+    for (int d = 0; d < dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+    if (!gr_confine(e, record, at, from->at)) {
+        e->dropped++;
+        e->dropped_mass += record[component_of(e, GR_FIELD_mass)];
+        e->n_points--;
+        return;
+    }
+    for (int d = 0; d < dim; d++) to[d] = (int32_t)at[d];
+    const int64_t index = (int64_t)e->mesh.cell_of[gr_cell_id(e, to)] - 1;
+    struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
+    if (cell && cell->count < cell->capacity) {
+        lower(e, cell->offset + cell->count++, record, id);
+        if (!cell->dirty) e->dirty[e->n_dirty++] = index;
+        cell->dirty = 1;
+    } else { /* the waiting come before the record that is looked at: nothing is overwritten */
+        memmove(e->pending + e->n_pending * e->n_components, record, sizeof(double) * (size_t)e->n_components);
+        e->pending_id[e->n_pending++] = id;
+    }
+}
+
+int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists)
+{
+    int error = GR_OK;
     e->n_dirty = 0;
-    for (int t = 0; t < lists; t++) total += count[t];
-    const int64_t n_points = e->n_points, dropped = e->dropped, n_pending = e->n_pending;
-    const double dropped_mass = e->dropped_mass;
-    int error = gr_reserve_pending(e, n_pending + total + 1); /* one more: scratch of close_hole */
     for (int t = 0; t < lists; t++)
-        for (int64_t k = 0; !error && k < count[t]; k++) error = lift_leaver(e, &list[t][k]);
-    if (error) { /* nobody has moved yet: as if nobody had been looked at */
-        e->n_points = n_points, e->dropped = dropped, e->n_pending = n_pending, e->dropped_mass = dropped_mass;
+        for (int64_t k = 0; !error && k < list[t].count; k++)
+            error =
+                check_leaver(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
+    if (error) { /* as if nobody had left */
+        put_back(e, list, lists);
         return error;
     }
-    for (int t = lists - 1; t >= 0; t--)
-        for (int64_t k = count[t] - 1; k >= 0; k--)
-            close_hole(e, &e->mesh.cell[list[t][k].cell], list[t][k].slot, e->pending + e->n_pending * e->n_components);
     for (int t = 0; t < lists; t++)
-        for (int64_t k = 0; k < count[t]; k++)
-            if (!k || list[t][k].cell != list[t][k - 1].cell) mark_dirty(e, list[t][k].cell, 1);
-    for (int64_t k = 0; k < e->n_pending; k++) {
-        double *record = e->pending + k * e->n_components;
-        int32_t at[3];
-        for (int d = 0; d < dim; d++) at[d] = (int32_t)gr_locate(&e->axis[d], e->inv_dx, record[d]);
-        const int64_t index = (int64_t)e->mesh.cell_of[gr_cell_id(e, at)] - 1;
-        struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
-        if (cell && cell->count < cell->capacity) {
-            lower(e, cell->offset + cell->count++, record, e->pending_id[k]);
-            mark_dirty(e, index, 0);
-        } else { /* no place: it waits for the next regrouping, in order */
-            memmove(e->pending + waiting * e->n_components, record, sizeof(double) * (size_t)e->n_components);
-            e->pending_id[waiting++] = e->pending_id[k];
-        }
-    }
-    e->n_pending = waiting;
+        for (int64_t k = 0; k < list[t].count; k++)
+            settle_leaver(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
     return GR_OK;
 }

@@ -32,11 +32,14 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
     return wall;
 }
 
-/* Move the listed points (in the order of cells and places) to their new cells; drop those that leave
- * through an open side. Cells whose sums must be made anew are listed in dirty. */
-int gr_migrate(struct gr_engine *e, const struct gr_leaver *const list[], const int64_t count[], int lists);
+/* Copy the listed points from number `first` on out of their cells, and close the holes they leave. */
+void gr_lift_leavers(struct gr_engine *e, struct gr_leavers *out, int64_t first);
 
-/* Make room for n points that wait; what share_out does before the steps, so that none of them allocates. */
+/* Bring the lifted points (lists in the order of cells and places) to their new cells; drop those that leave
+ * through an open side; those without a place wait. Cells that have gained points are listed in dirty. */
+int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists);
+
+/* Make room for n lifted points; what share_out does before the steps, so that none of them allocates. */
 int gr_reserve_pending(struct gr_engine *e, int64_t n);
 
 /* Bring a point that is outside the domain back (periodic or closed side).
