@@ -53,12 +53,17 @@ def _velocity_rate(scene: Scene) -> float:
     return scheme.flip_decay
 
 
-def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+def _cell_flags(scene: Scene) -> NDArray[np.uint8]:
     """Which cells are solid, are so near an outlet that points must not be shifted, or have walls
     at their faces."""
-    flags = np.zeros(shape[::-1], dtype=np.uint8)
     grid = scene.grid
-    centre = [grid.lower[d] + (np.arange(n) + 0.5) * grid.cell for d, n in enumerate(shape)]
+    on_nodes = scene.scheme.basis == "ugimp"  # its points are grouped by the nearest node
+    shape = [n + (on_nodes and not p) for n, p in zip(grid.shape, grid.periodic, strict=True)]
+    flags = np.zeros(shape[::-1], dtype=np.uint8)
+    centre = [
+        grid.lower[d] + (np.arange(n) + (0.0 if on_nodes else 0.5)) * grid.cell
+        for d, n in enumerate(shape)
+    ]
 
     def mark(lower: Sequence[float], upper: Sequence[float], flag: int) -> None:
         where = [
@@ -68,14 +73,15 @@ def _cell_flags(scene: Scene, shape: tuple[int, ...]) -> NDArray[np.uint8]:
         flags[np.ix_(*where[::-1])] |= flag
 
     reach = scene.scheme.shift_outlet_cells * grid.cell
+    half = 0.5 * grid.cell * on_nodes
     for wall in scene.walls:
         if isinstance(wall, Solid):
             mark(wall.lower, wall.upper, FLAG_SOLID)
             continue
         low, high = _ends(wall, grid)
         across = grid.cell * (np.arange(grid.dim) == wall.axis)
-        mark(low, high + across, FLAG_WALL << 2 * wall.axis)  # at their low face
-        mark(low - across, high, FLAG_WALL << 2 * wall.axis + 1)
+        mark(low - half, high + across + half, FLAG_WALL << 2 * wall.axis)  # at their low face
+        mark(low - across - half, high + half, FLAG_WALL << 2 * wall.axis + 1)
         if wall.opens_at < math.inf:
             mark(low - reach, high + reach, FLAG_NO_SHIFT)
     return flags
@@ -147,7 +153,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         creases=lines,
         walls=[(0, 0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
         node_codes=codes,
-        cell_flags=_cell_flags(scene, grid.shape) if diffused else None,
+        cell_flags=_cell_flags(scene) if diffused or AFFINE[scheme.transfer] else None,
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),

@@ -9,6 +9,8 @@
 
 #define NO_DENSITY 1e3 /* |ln(rho/rho_c)| beyond which a density is none: looked at as a point that leaves */
 
+enum { ALONE = 2 }; /* points in a cell up to which they are alone */
+
 #define MODE_STRIDE(fields) (((fields) + GR_W - 1) / GR_W * GR_W) /* whole vectors */
 
 enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the first-level cache */
@@ -141,8 +143,8 @@ GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_sh
 }
 
 /* The affine field that the points carry on, from the gradient L dt of the displacement or from its moment.
- * A point that has come loose carries none: alone before a wall it would keep a gradient that grows as the
- * wall comes near, and strike it with that. */
+ * A point that has come loose and is alone before a wall carries none: it would keep a gradient that grows as
+ * the wall comes near, and strike it with that. Where the density is averaged, no loose point does. */
 GR_INLINE void store_affine(const int dim, const int basis, const int affine, struct gr_engine *e, int64_t at,
                             const struct gr_shape *s, const double *mode, const int stride, vm joined, const vd *L)
 {
@@ -183,7 +185,9 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const int blocks = GR_BLOCKS(cell->count);
     const int64_t stride = e->capacity, offset = cell->offset;
     const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity);
-    const vd loose = v_set(-e->config.cure.reach), speed = v_set(e->config.dx * e->inv_dt);
+    const vd loose = v_set(diffused || (cell->flags >= GR_CELL_WALL && cell->count <= ALONE) ? -e->config.cure.reach
+                                                                                             : -NO_DENSITY),
+             speed = v_set(e->config.dx * e->inv_dt);
     double *const x = e->field[GR_FIELD_x], *const v = e->field[GR_FIELD_v],
                   *const log_density = e->field[GR_FIELD_log_density];
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];

@@ -5,11 +5,11 @@
 
 #include "mpm/migrate.h"
 
-/* Places of a cell: whole lanes, with room for half as many points as it has or as a cell usually has, so
+/* Places of a cell: whole lanes, with some room beyond what it has or what a cell usually has, so
  * that neither a crowd nor a front that enters empty cells asks for a regrouping at every turn. */
 static int32_t places(int32_t count, int32_t usual)
 {
-    const int32_t many = count > usual ? count : usual, spare = many / 2 > 4 ? many / 2 : 4;
+    const int32_t many = count > usual ? count : usual, spare = many / 8 + 2;
     return (many + spare + GR_LANES - 1) / GR_LANES * GR_LANES;
 }
 

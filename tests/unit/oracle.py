@@ -290,8 +290,10 @@ def gather(scene, points, nodes, dt):
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
     if scene.scheme.density == "diffused":
         _average(scene, points, new, nodes, L, dt)
-    if "affine" in new and scene.material.law != "elastic":  # loose points carry none
+    if "affine" in new and scene.material.law != "elastic":  # these loose points carry none
         loose = new["log_density"] < -scene.scheme.tension_reach
+        if scene.scheme.density == "tracked":
+            loose &= _alone_at_wall(scene, points["x"])
         new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
@@ -366,18 +368,39 @@ def _least_around(scene, x, phi):
     return np.where(s.w > 0, phi[s.node], np.inf).min(axis=1)
 
 
+def _beside_walls(scene, middle, reach=0.5):
+    """Walls, and which cells have their middle at most so many cells from them."""
+    cell, more = scene.grid.cell, (reach - 0.5 + 1e-6) * scene.grid.cell
+    for wall in scene.walls:
+        if not hasattr(wall, "axis"):
+            continue
+        beside = abs(middle[:, wall.axis] - wall.at) < reach * cell + 1e-6 * cell
+        for d in set(range(scene.grid.dim)) - {wall.axis}:
+            low, high = wall.extent(scene.grid, d)
+            beside &= (middle[:, d] > low - more) & (middle[:, d] < high + more)
+        yield wall, beside
+
+
+def _alone_at_wall(scene, x):
+    """Points in a cell with one other at most, and with a wall among its nodes."""
+    cell, lower = scene.grid.cell, np.array(scene.grid.lower)
+    if scene.scheme.basis == "ugimp":  # cells about the nodes
+        at, reach = np.floor((x - lower) / cell + 0.5), 1.0
+        middle = lower + at * cell
+    else:
+        at, reach = np.floor((x - lower) / cell), 0.5
+        middle = lower + (at + 0.5) * cell
+    _, which, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+    walls = [beside for _, beside in _beside_walls(scene, middle, reach)]
+    return (count[which.ravel()] <= 2) & np.any(walls, axis=0)
+
+
 def _held_at_walls(scene, x, delta):
     """What is left of the shift in the cell at a wall: towards it as much as the distance to it."""
     cell, delta = scene.grid.cell, delta.copy()
     middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
-    for wall in scene.walls:
-        if not hasattr(wall, "axis"):
-            continue
+    for wall, beside in _beside_walls(scene, middle):
         a = wall.axis
-        beside = abs(abs(middle[:, a] - wall.at) - cell / 2) < 1e-6 * cell
-        for d in set(range(scene.grid.dim)) - {a}:
-            low, high = wall.extent(scene.grid, d)
-            beside &= (middle[:, d] > low) & (middle[:, d] < high)
         distance = (x[:, a] - wall.at) / cell
         towards = beside & (distance * delta[:, a] < 0)
         delta[:, a] *= np.where(towards, abs(distance), 1.0)
