@@ -66,8 +66,7 @@ class Simulation:
     def _start(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
         self.scene = scene
         self._mean_mass = mean_mass
-        name = os.environ.get("GRANULAR_ISA", "") if isa is None else isa
-        self._engine = core.build(scene, mean_mass, name)
+        self._engine = core.build(scene, mean_mass, core.default_isa() if isa is None else isa)
         if threads is not None:
             threads = integer("threads", threads, 1, _core.MAX_THREADS)
         self._threads = threads
