@@ -4,7 +4,7 @@ from importlib import import_module
 from types import ModuleType
 
 from granular import materials, measure, scenes, schemes, theory
-from granular._core import build_info as show_config
+from granular.engine import show_config
 from granular.scene import Scene
 from granular.schemes import Scheme
 from granular.simulation import Simulation, SimulationError

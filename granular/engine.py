@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,7 +15,15 @@ from granular.geometry import Grid, seed_points
 from granular.nodes import CORE_BASES
 from granular.scene import Scene
 
-__all__ = ["allocate", "build", "dt_limit", "initial_buffers", "initial_points"]
+__all__ = [
+    "allocate",
+    "build",
+    "default_isa",
+    "dt_limit",
+    "initial_buffers",
+    "initial_points",
+    "show_config",
+]
 
 AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
 COURANT_LIMIT = {"linear": 0.75, "ugimp": 0.75, "quadratic": 1.0}
@@ -22,6 +31,22 @@ COURANT_LIMIT = {"linear": 0.75, "ugimp": 0.75, "quadratic": 1.0}
 FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
 PAGE, LINE = 4096, 64  # bytes
 UNBOUNDED = 1e300
+
+
+def default_isa() -> str:
+    """Instruction set that is asked for by the environment; empty: the best of the machine."""
+    return os.environ.get("GRANULAR_ISA", "")
+
+
+def show_config() -> _core.BuildInfo:
+    """What the build is: compiler, flags, OpenMP, and the instruction set a simulation would use.
+
+    Raises
+    ------
+    ValueError
+        If the environment variable GRANULAR_ISA asks for a set that this machine has not.
+    """
+    return _core.build_info(default_isa())
 
 
 def dt_limit(scene: Scene) -> float:

@@ -66,8 +66,7 @@ class Simulation:
     def _start(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
         self.scene = scene
         self._mean_mass = mean_mass
-        name = os.environ.get("GRANULAR_ISA", "") if isa is None else isa
-        self._engine = core.build(scene, mean_mass, name)
+        self._engine = core.build(scene, mean_mass, core.default_isa() if isa is None else isa)
         if threads is not None:
             threads = integer("threads", threads, 1, _core.MAX_THREADS)
         self._threads = threads
@@ -141,15 +140,16 @@ class Simulation:
     def state(self) -> State:
         """A snapshot, ordered by id."""
         ids = self._buffers["id"]
-        places = np.flatnonzero(ids >= 0)
-        places = places[np.argsort(ids[places], kind="stable")]
-        fields = {
-            name: np.ascontiguousarray(array[:, places].T)
-            for name, array in self._buffers.items()
-            if name != "id"
-        }
-        fields = {k: v[:, 0].copy() if k in self._scalar_fields else v for k, v in fields.items()}
-        fields["id"] = ids[places]
+        living = np.flatnonzero(ids >= 0)
+        ordered = np.full(ids.max(initial=-1) + 1, -1)
+        ordered[ids[living]] = living  # by id, with gaps where points have left
+        places = ordered[ordered >= 0]
+        fields = {"id": ids[places]}
+        for name, rows, _, _ in self._engine.fields():
+            values = np.empty((len(places), rows))
+            for column, row in zip(values.T, self._buffers[name], strict=True):
+                column[:] = row.take(places)
+            fields[name] = values if rows > 1 else values[:, 0]
         fields["x"] = self._wrapped(fields["x"])
         scalars = self._engine.scalars()
         return State(
@@ -159,10 +159,6 @@ class Simulation:
             dt=scalars["dt"],
             fields=fields,
         )
-
-    @property
-    def _scalar_fields(self) -> set[str]:
-        return {name for name, rows, _, _ in self._engine.fields() if rows == 1}
 
     def _wrapped(self, x: NDArray) -> NDArray:
         """Positions with those of periodic axes in the domain (ugimp groups by shifted cells)."""
@@ -246,6 +242,8 @@ class Simulation:
                     frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)
+                        if writer:
+                            writer.store(may_wait=True)
                         if interrupted:
                             break
                     else:
@@ -258,8 +256,7 @@ class Simulation:
 
     def _frame(self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...]) -> None:
         if writer:
-            writer.append(self.state)
-            writer.checkpoint(self.checkpoint(), may_wait=True)
+            writer.append(self.state, self.checkpoint(), may_wait=True)
         for hook in hooks:
             hook(self)
 
@@ -296,16 +293,15 @@ class Simulation:
     def checkpoint(self) -> Checkpoint:
         """All that a bitwise restart needs: the points in the order of cells, and the clock."""
         offset, count = self._engine.cells()
-        places = np.concatenate(
-            [np.arange(o, o + c) for o, c in zip(offset, count, strict=True)] or [np.arange(0)]
-        ).astype(np.intp)
+        before = np.cumsum(count) - count
+        places = np.arange(count.sum()) + np.repeat(offset - before, count)
         scalars = self._engine.scalars()
         return Checkpoint(
             time=scalars["time"],
             step=scalars["step"],
             dt=scalars["dt"],
             scalars=scalars | {"mean_mass": self._mean_mass},
-            arrays={name: array[..., places] for name, array in self._buffers.items()},
+            arrays={name: array.take(places, axis=-1) for name, array in self._buffers.items()},
         )
 
     @classmethod

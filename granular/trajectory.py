@@ -1,7 +1,8 @@
 """HDF5 record of a run: append, read, resume, provenance; readable by ParaView.
 
 One file a run. While the run lives, its frames are small files beside it, each written whole
-or not at all, so that neither a kill nor a full disk costs a completed frame.
+or not at all: a full disk costs no frame that was stored, and a kill none that was made more than
+about a second before.
 """
 
 from granular.record.checkpoint import Checkpoint

@@ -84,11 +84,15 @@ static PyObject *laws(PyObject *module, PyObject *unused)
     return out;
 }
 
-static PyObject *build_info(PyObject *module, PyObject *unused)
+/* build_info(isa="") -> what the build is, and the kernels that this name selects. */
+static PyObject *build_info(PyObject *module, PyObject *args)
 {
-    (void)module, (void)unused;
-    const struct gr_kernels *best = gr_kernels_select(NULL);
-    return Py_BuildValue("{s:s,s:i,s:O,s:s,s:s}", "isa", best->isa, "lanes", best->lanes, "openmp",
+    (void)module;
+    const char *isa = "";
+    if (!PyArg_ParseTuple(args, "|s:build_info", &isa)) return NULL;
+    const struct gr_kernels *kernels = gr_kernels_select(isa);
+    if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
+    return Py_BuildValue("{s:s,s:i,s:O,s:s,s:s}", "isa", kernels->isa, "lanes", kernels->lanes, "openmp",
                          GR_OPENMP ? Py_True : Py_False, "compiler", __VERSION__, "flags", GR_FLAGS);
 }
 
@@ -120,8 +124,8 @@ static PyMethodDef functions[] = {
      "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa)\n--\n\n"
      "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n)."},
     {"laws", laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
-    {"build_info", build_info, METH_NOARGS,
-     "build_info()\n--\n\nInstruction set, OpenMP, compiler and flags of this build."},
+    {"build_info", build_info, METH_VARARGS,
+     "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},
     {"node_positions", node_positions, METH_VARARGS,
      "node_positions(basis, n_cells, periodic, creases)\n--\n\nNodes along one axis, in cells from its lower end."},
     {NULL, NULL, 0, NULL}};

@@ -55,13 +55,14 @@ class Checkpoint:
         """Digest of all content (32 bytes)."""
         parts: list[str | bytes | np.ndarray] = [struct.pack("<dqd", self.time, self.step, self.dt)]
         for name in sorted(self.scalars):
-            parts += [name, _number(self.scalars[name])]
+            parts += [name, number(self.scalars[name])]
         for name in sorted(self.arrays):
             parts += [name, self.arrays[name]]
         return seal(*parts)
 
 
-def _number(value: float | int) -> np.ndarray:
+def number(value: float | int) -> np.ndarray:
+    """A scalar as it is stored, with all its bits."""
     return np.array(value, dtype="<i8" if isinstance(value, Integral) else "<f8")
 
 
@@ -73,7 +74,7 @@ def write_checkpoint(group: h5py.Group, checkpoint: Checkpoint) -> None:
     group.attrs["digest"] = as_attribute(checkpoint.digest)
     scalars, arrays = group.create_group("scalars"), group.create_group("arrays")
     for name, value in checkpoint.scalars.items():
-        scalars.create_dataset(name, data=_number(value))
+        scalars.create_dataset(name, data=number(value))
     for name, array in checkpoint.arrays.items():
         arrays.create_dataset(name, data=array)
 

@@ -7,13 +7,26 @@ HDF5 readers undo it without being told.
 """
 
 import zlib
+from collections.abc import Mapping, Sequence
+from typing import Self
 
 import h5py
 import numpy as np
 
+from granular.record.layout import (
+    DTYPES,
+    MAX_CHUNK_ROWS,
+    MAX_COLUMNS,
+    attribute,
+    checked,
+    rows_of,
+)
+
 LEVEL = 1
-SAMPLE = 256
+SAMPLE = 64
 WORTHWHILE = 0.6
+VECTORS = ("Points", "v")
+"""Datasets with three columns, for ParaView."""
 RAW = 0b11
 """Filter mask of a chunk to which neither shuffle nor deflate was applied."""
 
@@ -33,45 +46,127 @@ def pack(column: np.ndarray) -> tuple[int, bytes]:
     return RAW, column.tobytes()
 
 
-def create(
-    group: h5py.Group, name: str, shape: tuple[int, ...], dtype: str, chunk: int
-) -> h5py.Dataset:
-    """Empty dataset of shape (rows,) or (rows, columns) with one chunk a column."""
-    return group.create_dataset(
+def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
+    """Column of ``chunk`` rows from what `pack` made of it; ValueError if it is not one."""
+    size = 8 * chunk
+    if mask != RAW:
+        stream = zlib.decompressobj()
+        try:
+            raw = stream.decompress(raw, size)
+        except zlib.error as error:
+            raise ValueError(f"a column cannot be unpacked: {error}") from error
+    if len(raw) != size:
+        raise ValueError(f"a column has {len(raw)} bytes, not {size}")
+    if mask == RAW:
+        return np.frombuffer(raw, dtype=dtype)
+    return np.frombuffer(raw, dtype=np.uint8).reshape(8, -1).T.copy().view(dtype)[:, 0]
+
+
+class Packed:
+    """A field of one frame in memory, packed chunk by chunk as it goes into a file."""
+
+    def __init__(
+        self, dtype: str, columns: int, chunk: int, n: int, chunks: Sequence[tuple[int, bytes]]
+    ) -> None:
+        if not 0 <= columns <= MAX_COLUMNS or not 1 <= chunk <= MAX_CHUNK_ROWS:
+            raise ValueError(f"{columns} columns in chunks of {chunk} rows are not allowed")
+        if len(chunks) * chunk != rows_of(n, chunk) * max(columns, 1):
+            raise ValueError(f"{len(chunks)} chunks of {chunk} rows cannot be {n} rows")
+        self.dtype, self.columns, self.chunk = dtype, columns, chunk
+        self.corners = corners(n, chunk, columns)
+        self._chunks = dict(zip(self.corners, chunks, strict=True))
+
+    @classmethod
+    def of(cls, array: np.ndarray, chunk: int) -> Self:
+        """Pack an array of shape (n,) or (n, columns)."""
+        n, columns = len(array), array.shape[1] if array.ndim == 2 else 0
+        chunks = []
+        for row, *rest in corners(n, chunk, columns):
+            column = np.zeros(chunk, dtype=array.dtype)
+            part = array[(slice(row, row + chunk), *rest)]
+            column[: len(part)] = part
+            chunks.append(pack(column))
+        return cls(array.dtype.str, columns, chunk, n, chunks)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held."""
+        return sum(len(raw) for _, raw in self._chunks.values())
+
+    def raw(self, corner: tuple[int, ...]) -> tuple[int, bytes]:
+        """Filter mask and bytes of the chunk that begins at a row, or at a row and a column."""
+        return self._chunks[corner]
+
+    def read(self, row: int, n: int) -> np.ndarray:
+        """``n`` rows from ``row``, unpacked."""
+        whole = np.empty((max(self.columns, 1), rows_of(n, self.chunk)), dtype=self.dtype)
+        for corner, (mask, raw) in self._chunks.items():
+            first, column = (*corner, 0)[:2]
+            whole[column, first : first + self.chunk] = unpack(mask, raw, self.dtype, self.chunk)
+        rows = np.ascontiguousarray(whole[:, row : row + n].T)
+        return rows if self.columns else rows[:, 0]
+
+
+class Stored:
+    """A field of many frames in a file."""
+
+    def __init__(self, group: h5py.Group, name: str) -> None:
+        self.data = data = checked(group, name, DTYPES, 1, 2)
+        if data.chunks is None or data.chunks[1:] != (1,) * (data.ndim - 1):
+            raise ValueError(f"{data.name} is not chunked by columns")
+        self.dtype, self.chunk = data.dtype.str, data.chunks[0]
+        self.columns = int(attribute(data, "columns", "i"))
+        wide = data.shape[1] if data.ndim == 2 else 0
+        if not (self.columns == wide or (wide == 3 and self.columns == 2)):
+            raise ValueError(f"{data.name} has {wide} columns, its attribute says {self.columns}")
+
+    def raw(self, corner: tuple[int, ...]) -> tuple[int, bytes]:
+        """As of `Packed`."""
+        return self.data.id.read_direct_chunk(corner)
+
+    def read(self, row: int, n: int) -> np.ndarray:
+        """``n`` rows from ``row``, unpacked."""
+        if row < 0 or n < 0 or row + n > self.data.shape[0]:
+            raise ValueError(f"rows {row}+{n} of {self.data.name} are not in the file")
+        rows = self.data[row : row + n]
+        return np.ascontiguousarray(rows[:, : self.columns]) if self.columns else rows
+
+
+Field = Packed | Stored
+
+
+def layout(fields: Mapping[str, Field]) -> dict[str, tuple[str, int, int]]:
+    """Type, columns and rows of a chunk by name: what the frames of a record share."""
+    return {name: (field.dtype, field.columns, field.chunk) for name, field in fields.items()}
+
+
+def create(group: h5py.Group, name: str, rows: int, like: Field) -> h5py.Dataset:
+    """Empty dataset with one chunk a column; columns that are never written (z) read as 0."""
+    columns = 3 if name in VECTORS and like.columns == 2 else like.columns
+    data = group.create_dataset(
         name,
-        shape=shape,
-        maxshape=(None, *shape[1:]),
-        chunks=(chunk, 1)[: len(shape)],
-        dtype=dtype,
+        shape=(rows, columns) if columns else (rows,),
+        maxshape=(None, columns) if columns else (None,),
+        chunks=(like.chunk, 1) if columns else (like.chunk,),
+        dtype=like.dtype,
         compression="gzip",
         compression_opts=LEVEL,
         shuffle=True,
     )
+    data.attrs["columns"] = like.columns
+    return data
 
 
-def corners(n: int, chunk: int, shape: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """First row and column of each chunk of a frame of ``n`` rows, relative to its first row."""
+def corners(n: int, chunk: int, columns: int) -> list[tuple[int, ...]]:
+    """First row, and column if there are any, of each chunk of a frame of ``n`` rows."""
     rows = range(0, n, chunk)
-    if len(shape) == 1:
+    if not columns:
         return [(row,) for row in rows]
-    return [(row, column) for row in rows for column in range(shape[1])]
+    return [(row, column) for row in rows for column in range(columns)]
 
 
-def write(data: h5py.Dataset, array: np.ndarray) -> None:
-    """Write an array of the dataset's number of rows; missing columns (z in the plane) are 0."""
-    n, chunk = len(array), data.chunks[0]
-    for corner in corners(n, chunk, data.shape):
-        row, *rest = corner
-        column = np.zeros(chunk, dtype=array.dtype)
-        if not rest or rest[0] < array.shape[1]:
-            part = array[(slice(row, row + chunk), *rest)]
-            column[: len(part)] = part
-        mask, raw = pack(column)
-        data.id.write_direct_chunk(corner, raw, mask)
-
-
-def copy(source: h5py.Dataset, first: int, target: h5py.Dataset, row: int, n: int) -> None:
+def copy(source: Field, first: int, target: h5py.Dataset, row: int, n: int) -> None:
     """Copy ``n`` rows from ``first`` to ``row``, both on chunk boundaries, without unpacking."""
-    for shift, *rest in corners(n, source.chunks[0], source.shape):
-        mask, raw = source.id.read_direct_chunk((first + shift, *rest))
+    for shift, *rest in corners(n, source.chunk, source.columns):
+        mask, raw = source.raw((first + shift, *rest))
         target.id.write_direct_chunk((row + shift, *rest), raw, mask)

@@ -1,151 +1,31 @@
 """What a record holds, finished or not: the one file plus the parts that a running writer left."""
 
-import contextlib
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Protocol
 
 import h5py
-import numpy as np
 
 from granular.record.checkpoint import Checkpoint, read_checkpoint
+from granular.record.chunks import Stored
+from granular.record.frame import Frame, Table, Texts
 from granular.record.layout import (
-    DTYPES,
     RecordError,
     attribute,
     check_format,
     checked,
-    frame_digest,
     hard,
     read_text,
     reading,
-    seal,
 )
+from granular.record.segment import read_frames, read_head, read_restart
 from granular.record.storage import open_hdf5
-
-Columns = dict[str, tuple[h5py.Dataset, int]]
-
-
-class Source(Protocol):
-    """Where frames are stored."""
-
-    path: Path
-
-    def fields(self) -> contextlib.AbstractContextManager[Columns]:
-        """Datasets by field name, each with the number of columns of the field (0: none)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Frame:
-    """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``."""
-
-    time: float
-    step: int
-    dt: float
-    mass: float
-    n: int
-    digest: bytes
-    row: int
-    source: Source
-
-    def read(self) -> dict[str, np.ndarray]:
-        """All fields, verified.
-
-        Raises
-        ------
-        RecordError
-            The stored frame is damaged or does not match its digest.
-        """
-        fields = {}
-        with reading(self.source.path), self.source.fields() as stored:
-            for name, (data, columns) in stored.items():
-                if self.row < 0 or self.n < 0 or self.row + self.n > data.shape[0]:
-                    raise ValueError(f"rows {self.row}+{self.n} of {name} are not in the file")
-                rows = data[self.row : self.row + self.n]
-                fields[name] = np.ascontiguousarray(rows[:, :columns]) if columns else rows
-        if self.digest != frame_digest(self.time, self.step, self.dt, self.mass, fields):
-            raise RecordError(
-                f"{self.source.path}: the frame of step {self.step} does not match its digest"
-            )
-        return fields
-
-
-def _columns(data: h5py.Dataset) -> int:
-    columns = int(attribute(data, "columns", "i"))
-    wide = data.shape[1] if len(data.shape) == 2 else 0
-    if not (columns == wide or (wide == 3 and columns == 2)):
-        raise ValueError(f"{data.name} has {wide} columns, its attribute says {columns}")
-    return columns
-
-
-def _member(group: h5py.Group, name: str) -> tuple[h5py.Dataset, int]:
-    data = checked(group, name, DTYPES, 1, 2)
-    if data.chunks is None or data.chunks[1:] != (1,) * (data.ndim - 1):
-        raise ValueError(f"{data.name} is not chunked by columns")
-    return data, _columns(data)
-
-
-class Part:
-    """A segment: a small HDF5 file with one frame."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    @contextmanager
-    def fields(self) -> Iterator[Columns]:
-        """See `Source`."""
-        with open_hdf5(self.path) as file:
-            group = hard(file, "fields", h5py.Group)
-            yield {name: _member(group, name) for name in group}
-
-    def frame(self, record: str) -> Frame:
-        """The frame in this part, which must belong to ``record``."""
-        with open_hdf5(self.path) as file, reading(self.path):
-            check_format(self.path, int(attribute(file, "format", "i")))
-            frame = Frame(
-                time=attribute(file, "time", "f"),
-                step=attribute(file, "step", "i"),
-                dt=attribute(file, "dt", "f"),
-                mass=attribute(file, "mass", "f"),
-                n=attribute(file, "n", "i"),
-                digest=attribute(file, "digest", "u"),
-                row=0,
-                source=self,
-            )
-            if attribute(file, "seal", "u") != part_seal(record, frame):
-                raise ValueError("the segment is damaged or of another record")
-        return frame
-
-
-def part_seal(record: str, frame: Frame) -> bytes:
-    """Digest of the scalars of a part."""
-    scalars = np.array([frame.time, frame.dt, frame.mass])
-    return seal(record, scalars, np.array([frame.step, frame.n]), frame.digest)
-
-
-@dataclass(frozen=True)
-class Table:
-    """The per-frame columns of a finished file, and the seal over them."""
-
-    time: np.ndarray
-    n: np.ndarray
-    row: np.ndarray
-    step: np.ndarray
-    dt: np.ndarray
-    mass: np.ndarray
-    digest: np.ndarray
-
-    def seal(self, version: int, record: str, texts: tuple[str, str], checkpoint: bytes) -> bytes:
-        """Digest of everything in the file that no other digest covers."""
-        columns = (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
-        return seal(str(version), record, *texts, checkpoint, *columns)
 
 
 class Main:
-    """The finished file, held open."""
+    """The finished file, held open: it can be read whatever becomes of its name."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -160,8 +40,7 @@ class Main:
     def _load(self) -> None:
         own = hard(self.file, "granular", h5py.Group)
         version = check_format(self.path, int(attribute(own, "format", "i")))
-        self.record = read_text(own, "record")
-        self.scene, self.provenance = read_text(own, "scene"), read_text(own, "provenance")
+        self.texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
         vtk = hard(self.file, "VTKHDF", h5py.Group)
         steps = hard(vtk, "Steps", h5py.Group)
         table = Table(
@@ -177,7 +56,7 @@ class Main:
         checkpoint = b""
         if self.has_checkpoint:
             checkpoint = attribute(hard(own, "checkpoint", h5py.Group), "digest", "u")
-        expected = table.seal(version, self.record, (self.scene, self.provenance), checkpoint)
+        expected = table.seal(version, self.texts, checkpoint)
         if attribute(own, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
         self.frames = [
@@ -195,15 +74,15 @@ class Main:
         ]
 
     @contextmanager
-    def fields(self) -> Iterator[Columns]:
+    def fields(self) -> Iterator[Mapping[str, Stored]]:
         """See `Source`."""
         yield self._fields
 
     @cached_property
-    def _fields(self) -> Columns:
+    def _fields(self) -> Mapping[str, Stored]:
         vtk = hard(self.file, "VTKHDF", h5py.Group)
         data = hard(vtk, "PointData", h5py.Group)
-        return {"x": _member(vtk, "Points")} | {name: _member(data, name) for name in data}
+        return {"x": Stored(vtk, "Points")} | {name: Stored(data, name) for name in data}
 
     def checkpoint(self) -> Checkpoint:
         """The checkpoint, verified."""
@@ -217,22 +96,21 @@ class Contents:
     """Everything a record holds; `close` when done.
 
     ``main`` is the finished file, if it belongs to the record; ``folder`` the parts, if there
-    are any; ``frames`` are in order, a part superseding all frames of ``main`` from its index on.
+    are any; ``frames`` are in order, segments superseding all frames of ``main`` from their first
+    on; ``restart`` reads the newest restart state.
     """
 
     path: Path
-    record: str
-    scene: str
-    provenance: str
+    texts: Texts
     frames: list[Frame]
-    main: Main | None
-    folder: Path | None
-    part_checkpoint: Path | None
+    main: Main | None = None
+    folder: Path | None = None
+    restart: Callable[[], Checkpoint] | None = None
 
     @property
     def has_checkpoint(self) -> bool:
         """Whether a restart state is stored."""
-        return bool(self.part_checkpoint or (self.main and self.main.has_checkpoint))
+        return self.restart is not None
 
     def checkpoint(self) -> Checkpoint:
         """The newest restart state, verified.
@@ -242,14 +120,9 @@ class Contents:
         RecordError
             There is none, or it is damaged.
         """
-        if self.part_checkpoint:
-            path = self.part_checkpoint
-            with open_hdf5(path) as file, reading(path):
-                check_format(path, int(attribute(file, "format", "i")))
-                return read_checkpoint(hard(file, "checkpoint", h5py.Group))
-        if self.main and self.main.has_checkpoint:
-            return self.main.checkpoint()
-        raise RecordError(f"{self.path}: holds no checkpoint")
+        if not self.restart:
+            raise RecordError(f"{self.path}: holds no checkpoint")
+        return self.restart()
 
     def close(self) -> None:
         """Close the finished file."""
@@ -263,46 +136,43 @@ def parts_folder(path: Path) -> Path:
 
 
 @dataclass(frozen=True)
-class _Head:
-    record: str
-    scene: str
-    provenance: str
-    extends: bool
-    frames: dict[int, Frame]
+class _Parts:
+    folder: Path
+    texts: Texts
+    segments: dict[int, list[Frame]]
     checkpoint: Path | None
 
+    @property
+    def has_content(self) -> bool:
+        return bool(self.segments or self.checkpoint)
 
-def _load_parts(folder: Path) -> _Head | None:
-    path = folder / "head.h5"
-    if not path.exists():
+
+def _load_parts(folder: Path) -> _Parts | None:
+    head, checkpoint = folder / "head.part", folder / "checkpoint.part"
+    if not head.exists():
         return None  # what a kill leaves while a merged folder is removed: nothing of value
-    with open_hdf5(path) as file, reading(path):
-        check_format(path, int(attribute(file, "format", "i")))
-        texts = [read_text(file, name) for name in ("record", "scene", "provenance")]
-        extends = int(attribute(file, "extends", "i"))
-        if attribute(file, "seal", "u") != seal(*texts, str(extends)):
-            raise ValueError("it does not match its digest")
-    frames = {}
-    for part in sorted(folder.glob("frame-*.h5")):
-        with reading(part):
-            index = int(part.stem.removeprefix("frame-"))
-        frames[index] = Part(part).frame(texts[0])
-    checkpoint = folder / "checkpoint.h5"
-    return _Head(*texts, bool(extends), frames, checkpoint if checkpoint.exists() else None)
+    texts = read_head(head)
+    segments = {}
+    for path in sorted(folder.glob("frames-*.part")):
+        with reading(path):
+            index = int(path.stem.removeprefix("frames-"))
+        segments[index] = read_frames(path, texts.record)
+    return _Parts(folder, texts, segments, checkpoint if checkpoint.exists() else None)
 
 
-def _combine(path: Path, folder: Path, head: _Head, main: Main | None) -> Contents:
-    first = min(head.frames, default=len(main.frames) if main else 0)
+def _combine(path: Path, parts: _Parts, main: Main | None) -> Contents:
+    first = min(parts.segments, default=None)
     frames = main.frames[:first] if main else []
-    expected = list(range(first, first + len(head.frames)))
-    if len(frames) < first or sorted(head.frames) != expected:
-        if main:
-            main.file.close()
-        raise RecordError(f"{folder}: a segment is missing before or among {sorted(head.frames)}")
-    frames = frames + [head.frames[i] for i in sorted(head.frames)]
-    return Contents(
-        path, head.record, head.scene, head.provenance, frames, main, folder, head.checkpoint
-    )
+    for index, segment in sorted(parts.segments.items()):
+        if len(frames) != index:
+            if main:
+                main.file.close()
+            raise RecordError(f"{parts.folder}: a segment is missing before frame {index}")
+        frames = frames + segment
+    restart = main.checkpoint if main and main.has_checkpoint else None
+    if parts.checkpoint:
+        restart = partial(read_restart, parts.checkpoint)
+    return Contents(path, parts.texts, frames, main, parts.folder, restart)
 
 
 def load(path: Path) -> Contents:
@@ -317,35 +187,33 @@ def load(path: Path) -> Contents:
     """
     for _ in range(2):
         # a writer may be merging just now, its parts vanish: then the file has them
-        with contextlib.suppress(FileNotFoundError):
+        with suppress(FileNotFoundError):
             return _load_once(path)
     return _load_once(path)
 
 
 def _load_once(path: Path) -> Contents:
     folder = parts_folder(path)
-    head = _load_parts(folder) if folder.is_dir() else None
-    if head is None:
+    parts = _load_parts(folder) if folder.is_dir() else None
+    if parts is None:
         return _finished(Main(path))
     if not path.exists():
-        return _combine(path, folder, head, None)
-    has_content = bool(head.frames or head.checkpoint)
+        return _combine(path, parts, None)
     try:
         main = Main(path)
     except RecordError:
-        if head.extends or not has_content:
+        if parts.texts.extends or not parts.has_content:
             raise
-        return _combine(path, folder, head, None)  # what is to be overwritten may be anything
-    if head.record == main.record:
-        return _combine(path, folder, head, main)
-    if has_content:
+        return _combine(path, parts, None)  # what is to be overwritten may be anything
+    if parts.texts.record == main.texts.record:
+        return _combine(path, parts, main)
+    if parts.has_content:
         # a run that is to overwrite the file counts once it has something to show
         main.file.close()
-        return _combine(path, folder, head, None)
+        return _combine(path, parts, None)
     return _finished(main)
 
 
 def _finished(main: Main) -> Contents:
-    return Contents(
-        main.path, main.record, main.scene, main.provenance, main.frames, main, None, None
-    )
+    restart = main.checkpoint if main.has_checkpoint else None
+    return Contents(main.path, main.texts, main.frames, main=main, restart=restart)

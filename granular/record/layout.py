@@ -34,6 +34,7 @@ LIBVER = ("v110", "v110")
 
 DIGEST_SIZE = 32
 MAX_CHUNK_ROWS = 32768
+MAX_COLUMNS = 64
 MAX_CHUNK_BYTES = 1 << 26
 # deflate cannot shrink by more than 1032; whatever claims to is not data but an attack on memory
 MAX_DEFLATE = 1100

@@ -1,4 +1,4 @@
-"""All frames of a record into one file, chunk by chunk, without unpacking them."""
+"""All frames of a record into one HDF5 file, chunk by chunk, without unpacking them."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -9,7 +9,8 @@ import numpy as np
 
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
-from granular.record.index import Columns, Contents, Frame, Table, load, parts_folder
+from granular.record.frame import Frame, Table, Texts
+from granular.record.index import load, parts_folder
 from granular.record.layout import (
     DIGEST_SIZE,
     FORMAT,
@@ -17,6 +18,7 @@ from granular.record.layout import (
     TOPOLOGIES,
     RecordError,
     as_attribute,
+    reading,
     rows_of,
     write_text,
 )
@@ -25,35 +27,17 @@ from granular.record.storage import Sink, fsync_folder, replacing
 VTKHDF_VERSION = (2, 0)
 
 
-def _spec(stored: Columns) -> dict[str, tuple[str, tuple[int, ...], tuple[int, ...], int]]:
-    return {
-        name: (data.dtype.str, data.shape[1:], data.chunks, columns)
-        for name, (data, columns) in stored.items()
-    }
-
-
-def _create_fields(vtk: h5py.Group, source: Columns, rows: int) -> dict[str, h5py.Dataset]:
-    """Datasets like those of a frame, with room for all frames."""
-    inside = vtk.create_group("PointData")
-    targets = {}
-    for name, (like, columns) in source.items():
-        group, own = (vtk, "Points") if name == "x" else (inside, name)
-        shape = (rows, *like.shape[1:])
-        targets[name] = chunks.create(group, own, shape, like.dtype.str, like.chunks[0])
-        targets[name].attrs["columns"] = columns
-    return targets
-
-
 def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
     """One vertex cell a point; all frames share one table 0, 1, 2, ... of the longest frame."""
     most = int(counts.max(initial=0))
-    for name in TOPOLOGIES:
+    for name, here, size in (("Vertices", counts, most), ("Lines", np.zeros_like(counts), 0)):
         group = vtk.create_group(name)
-        here = counts if name == "Vertices" else np.zeros_like(counts)
-        group["NumberOfCells"] = group["NumberOfConnectivityIds"] = here
-        size = most if name == "Vertices" else 0
-        for own, length in (("Connectivity", size), ("Offsets", size + 1)):
-            group.create_dataset(own, data=np.arange(length, dtype="<i8"))
+        group["NumberOfCells"] = here
+        group["NumberOfConnectivityIds"] = group["NumberOfCells"]
+        group["Connectivity"] = np.arange(size, dtype="<i8")
+        group["Offsets"] = np.arange(size + 1, dtype="<i8")
+    for name in TOPOLOGIES[2:]:
+        vtk[name] = vtk["Lines"]  # as empty: a second name of the same group
 
 
 def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
@@ -65,28 +49,24 @@ def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
     steps["NumberOfParts"] = np.ones(count, dtype="<i8")
     steps["PointOffsets"] = table.row
     steps["CellOffsets"] = np.zeros((count, len(TOPOLOGIES)), dtype="<i8")
-    steps["ConnectivityIdOffsets"] = np.zeros((count, len(TOPOLOGIES)), dtype="<i8")
+    steps["ConnectivityIdOffsets"] = steps["CellOffsets"]
     offsets = steps.create_group("PointDataOffsets")
     for name in fields:
         if name != "x":
             offsets[name] = steps["PointOffsets"]  # a second name of the same data
 
 
-def _write_own(
-    file: h5py.File, contents: Contents, table: Table, checkpoint: Checkpoint | None
-) -> None:
+def _write_own(file: h5py.File, texts: Texts, table: Table, checkpoint: Checkpoint | None) -> None:
     own = file.create_group("granular")
     own.attrs["format"] = FORMAT
-    write_text(own, "record", contents.record)
-    write_text(own, "scene", contents.scene)
-    write_text(own, "provenance", contents.provenance)
-    own["step"], own["dt"], own["mass"] = table.step, table.dt, table.mass
-    own["digest"] = table.digest
+    for name in ("record", "scene", "provenance"):
+        write_text(own, name, getattr(texts, name))
+    for name in ("step", "dt", "mass", "digest"):
+        own[name] = getattr(table, name)
     if checkpoint:
         write_checkpoint(own.create_group("checkpoint"), checkpoint)
     digest = checkpoint.digest if checkpoint else b""
-    texts = (contents.scene, contents.provenance)
-    own.attrs["seal"] = as_attribute(table.seal(FORMAT, contents.record, texts, digest))
+    own.attrs["seal"] = as_attribute(table.seal(FORMAT, texts, digest))
 
 
 def _table(frames: Sequence[Frame], chunk: int) -> Table:
@@ -108,57 +88,65 @@ def _table(frames: Sequence[Frame], chunk: int) -> Table:
 
 def _write_frames(vtk: h5py.Group, frames: Sequence[Frame]) -> tuple[Table, list[str]]:
     """Fields of all frames, opening one frame at a time."""
+    inside = vtk.create_group("PointData")
     if not frames:
         vtk.create_dataset("Points", shape=(0, 3), maxshape=(None, 3), dtype="<f8")
-        vtk.create_group("PointData")
         return _table(frames, 1), []
     with frames[0].source.fields() as first:
-        spec = _spec(first)
-        chunk = first["x"][0].chunks[0]
+        layout = chunks.layout(first)
+        chunk = first["x"].chunk
         table = _table(frames, chunk)
-        targets = _create_fields(vtk, first, sum(rows_of(frame.n, chunk) for frame in frames))
+        rows = sum(rows_of(frame.n, chunk) for frame in frames)
+        targets = {
+            name: chunks.create(*((vtk, "Points") if name == "x" else (inside, name)), rows, field)
+            for name, field in first.items()
+        }
     for frame, row in zip(frames, table.row, strict=True):
-        with frame.source.fields() as source:
-            if _spec(source) != spec:
+        with reading(frame.source.path), frame.source.fields() as fields:
+            if chunks.layout(fields) != layout:
                 raise RecordError(f"{frame.source.path}: fields differ from those of frame 0")
-            for name, (data, _) in source.items():
-                chunks.copy(data, frame.row, targets[name], int(row), frame.n)
-    return table, list(spec)
+            for name, field in fields.items():
+                chunks.copy(field, frame.row, targets[name], int(row), frame.n)
+    return table, list(layout)
 
 
-def write_record(file: h5py.File, contents: Contents) -> None:
+def write_record(
+    file: h5py.File,
+    texts: Texts,
+    frames: Sequence[Frame],
+    checkpoint: Checkpoint | None,
+) -> None:
     """Fill an empty HDF5 file with a whole record."""
     vtk = file.create_group("VTKHDF")
     vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
     vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
-    table, fields = _write_frames(vtk, contents.frames)
+    table, fields = _write_frames(vtk, frames)
     vtk["NumberOfPoints"] = table.n
     _write_vertices(vtk, table.n)
     _write_steps(vtk, table, fields)
-    checkpoint = contents.checkpoint() if contents.has_checkpoint else None
-    _write_own(file, contents, table, checkpoint)
+    _write_own(file, texts, table, checkpoint)
 
 
 def clear_parts(folder: Path) -> None:
-    """Remove an unfinished record that is to be replaced, all but its head, the last frame first.
+    """Remove an unfinished record that is to be replaced, all but its head, the last segment first.
 
     Were this killed, a shorter record would remain.
     """
-    for part in sorted(folder.glob("frame-*.h5"), reverse=True):
+    for part in sorted(folder.glob("frames-*.part"), reverse=True):
         part.unlink()
     for other in folder.iterdir():
-        if other.name not in ("head.h5", "head.tmp"):
+        if other.name not in ("head.part", "head.tmp"):
             other.unlink()
 
 
 def remove_parts(folder: Path) -> None:
     """Remove a merged folder of parts, so that a kill leaves it meaningful.
 
-    Frames go in ascending order (what remains still continues the file), the head last.
+    Segments go in ascending order (what remains still continues the file), the head last.
     """
-    for part in sorted(folder.glob("frame-*.h5")):
+    for part in sorted(folder.glob("frames-*.part")):
         part.unlink()
-    for other in sorted(folder.iterdir(), key=lambda path: path.name == "head.h5"):
+    for other in sorted(folder.iterdir(), key=lambda path: path.name == "head.part"):
         other.unlink()
     folder.rmdir()
     fsync_folder(folder.parent)
@@ -178,12 +166,13 @@ def merge(path: Path) -> None:
     folder = parts_folder(path)
     try:
         if contents.folder and (contents.frames or contents.has_checkpoint):
+            checkpoint = contents.checkpoint() if contents.has_checkpoint else None
             temporary = folder / "merged.tmp"
             with replacing(path, temporary) as fd:
                 sink = Sink(fd)
                 try:
                     with h5py.File(sink, "w", libver=LIBVER) as file:
-                        write_record(file, contents)
+                        write_record(file, contents.texts, contents.frames, checkpoint)
                 except Exception:
                     sink.check()  # the first error is the cause
                     raise

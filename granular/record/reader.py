@@ -48,14 +48,14 @@ class Trajectory:
         from granular.scene import Scene  # a scene needs the whole package, a record does not
 
         try:
-            return Scene.from_json(self._contents.scene)
+            return Scene.from_json(self._contents.texts.scene)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordError(f"{self.path}: the scene cannot be read: {error}") from error
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
         """Versions, build, machine, start (UTC), ``parent`` and ``earlier`` sessions."""
-        return json.loads(self._contents.provenance)
+        return json.loads(self._contents.texts.provenance)
 
     @cached_property
     def series(self) -> dict[str, np.ndarray]:

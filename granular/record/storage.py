@@ -1,14 +1,13 @@
 """Bytes to disk so that they are there, or an OSError says that they are not."""
 
 import os
-import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
 
-from granular.record.layout import LIBVER, RecordError, reading
+from granular.record.layout import RecordError, reading
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
@@ -54,21 +53,6 @@ def replacing(path: Path, temporary: Path) -> Iterator[int]:
             os.unlink(temporary)
         raise
     fsync_folder(path.parent)
-
-
-def atomic_write(path: Path, data: bytes) -> None:
-    """Write a small file whole or not at all."""
-    with replacing(path, path.with_name(path.name + ".tmp")) as fd:
-        write_all(fd, data)
-
-
-def image(fill: Callable[[h5py.File], None]) -> bytes:
-    """Bytes of an HDF5 file built in memory: HDF5 itself never meets the disk's errors."""
-    name = uuid.uuid4().hex
-    with h5py.File(name, "w", driver="core", backing_store=False, libver=LIBVER) as file:
-        fill(file)
-        file.flush()
-        return file.id.get_file_image()
 
 
 class Sink:

@@ -8,39 +8,32 @@ import time
 import uuid
 from bisect import bisect_left
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
-import h5py
 import numpy as np
 
-from granular.record import chunks
 from granular.record import provenance as origin
-from granular.record.checkpoint import Checkpoint, write_checkpoint
-from granular.record.index import Contents, Frame, Part, load, part_seal, parts_folder
-from granular.record.layout import (
-    DTYPES,
-    FORMAT,
-    as_attribute,
-    chunk_rows,
-    frame_digest,
-    seal,
-    write_text,
-)
+from granular.record.checkpoint import Checkpoint
+from granular.record.chunks import Packed
+from granular.record.frame import Frame, Texts
+from granular.record.index import Contents, load, parts_folder
+from granular.record.layout import DTYPES, MAX_COLUMNS, chunk_rows, frame_digest
 from granular.record.merge import clear_parts, merge, remove_parts
-from granular.record.storage import atomic_write, fsync_folder, image, replacing, write_all
+from granular.record.segment import Memory, write_frames, write_head, write_restart
+from granular.record.storage import fsync_folder, replacing
 
 try:
     import fcntl
 except ImportError:  # Windows has no advisory locks
     fcntl = None
 
-CHECKPOINT_SECONDS = 1.0
-"""Wall time that a kill may cost: closer checkpoints wait for the next one, see `checkpoint`."""
-
-VECTORS = ("x", "v")
-"""Fields stored with three columns, for ParaView."""
+WAITING_SECONDS = 1.0
+"""Wall time that a kill may cost: what comes sooner after the last segment may wait for more."""
+WAITING_BYTES = 1 << 24
+"""Most that may wait in memory: little enough to be written at once when Ctrl-C is pressed."""
 
 
 class StateLike(Protocol):
@@ -77,18 +70,6 @@ def _unlock(fd: int | None) -> None:
         os.close(fd)
 
 
-def _head(record: str, scene: str, provenance: str, extends: bool) -> bytes:
-    def fill(file: h5py.File) -> None:
-        file.attrs["format"] = FORMAT
-        file.attrs["extends"] = int(extends)
-        write_text(file, "record", record)
-        write_text(file, "scene", scene)
-        write_text(file, "provenance", provenance)
-        file.attrs["seal"] = as_attribute(seal(record, scene, provenance, str(int(extends))))
-
-    return image(fill)
-
-
 def _check_fields(state: StateLike) -> dict[str, np.ndarray]:
     """Fields of a state as contiguous arrays that can be stored without loss."""
     fields: dict[str, np.ndarray] = {}
@@ -98,8 +79,10 @@ def _check_fields(state: StateLike) -> dict[str, np.ndarray]:
         if not isinstance(array, np.ndarray) or array.dtype.str not in DTYPES:
             kind = getattr(array, "dtype", type(array).__name__)
             raise TypeError(f"field {name} has type {kind}, must be float64 or int64")
-        if array.ndim not in (1, 2) or (array.ndim == 2 and not 1 <= array.shape[1] <= 64):
-            raise ValueError(f"field {name} has shape {array.shape}, must be (n,) or (n, 1..64)")
+        if array.ndim not in (1, 2) or (array.ndim == 2 and not 1 <= array.shape[1] <= MAX_COLUMNS):
+            raise ValueError(
+                f"field {name} has shape {array.shape}, must be (n,) or (n, 1..{MAX_COLUMNS})"
+            )
         fields[name] = np.ascontiguousarray(array)
     for name in ("x", "mass"):
         if name not in fields:
@@ -113,32 +96,11 @@ def _check_fields(state: StateLike) -> dict[str, np.ndarray]:
     return fields
 
 
-def _part(record: str, frame: Frame, fields: Mapping[str, np.ndarray], chunk: int) -> bytes:
-    """Image of a segment with one frame."""
-
-    def fill(file: h5py.File) -> None:
-        file.attrs["format"] = FORMAT
-        for name in ("time", "step", "dt", "mass", "n"):
-            file.attrs[name] = getattr(frame, name)
-        file.attrs["digest"] = as_attribute(frame.digest)
-        file.attrs["seal"] = as_attribute(part_seal(record, frame))
-        group = file.create_group("fields")
-        for name, array in fields.items():
-            columns = array.shape[1] if array.ndim == 2 else 0
-            wide = 3 if name in VECTORS and columns == 2 else columns
-            shape = (frame.n, wide) if columns else (frame.n,)
-            data = chunks.create(group, name, shape, array.dtype.str, chunk)
-            chunks.write(data, array)
-            data.attrs["columns"] = columns
-
-    return image(fill)
-
-
 class TrajectoryWriter:
-    """Writes one record: every frame at once durable, one file in the end.
+    """Writes one record: frames soon durable, one file in the end.
 
-    Frames are first written as segments, each whole or not at all, in the folder
-    ``<path>.parts``; `close` merges them into the one file. A run that is killed leaves the
+    Frames are first written as segments of one frame or several, each whole or not at all, in the
+    folder ``<path>.parts``; `close` merges them into the one file. A run that is killed leaves the
     segments, which `open_trajectory` reads and `resume` or the next `close` merges.
 
     Parameters
@@ -174,7 +136,7 @@ class TrajectoryWriter:
         folder = parts_folder(path)
         if path.is_dir():
             raise IsADirectoryError(f"{path} is a folder")
-        for existing in (path, folder / "head.h5"):
+        for existing in (path, folder / "head.part"):
             if existing.exists() and not overwrite:
                 raise FileExistsError(
                     f"{path} exists already"
@@ -182,10 +144,10 @@ class TrajectoryWriter:
                     + "; overwrite=True replaces it"
                 )
         text = origin.to_json(origin.collect(provenance))
-        self._begin(path, uuid.uuid4().hex, scene.to_json(), text, extends=False)
-        self._recorded: list[Frame] = []
+        self._begin(path, Texts(uuid.uuid4().hex, scene.to_json(), text))
+        self._recorded: list[tuple[int, bytes]] = []  # step and digest of each frame
         self._cursor = 0
-        self._spec: dict[str, tuple[str, tuple[int, ...]]] | None = None
+        self._spec: dict[str, tuple[str, int]] | None = None
         self._chunk: int | None = None
 
     @classmethod
@@ -205,7 +167,7 @@ class TrajectoryWriter:
             It is damaged.
         """
         path = Path(path)
-        head = parts_folder(path) / "head.h5"
+        head = parts_folder(path) / "head.part"
         if head.exists():
             lock = _lock(head)
             try:
@@ -221,7 +183,7 @@ class TrajectoryWriter:
         return writer
 
     def _continue(self, contents: Contents, extra: Mapping[str, Any] | None) -> None:
-        self._recorded = list(contents.frames)
+        self._recorded = [(frame.step, frame.digest) for frame in contents.frames]
         self._cursor = 0
         self._spec = self._chunk = None
         parent = None
@@ -229,25 +191,23 @@ class TrajectoryWriter:
             last = contents.frames[-1]
             parent = last.digest.hex()
             with last.source.fields() as stored:
-                self._chunk = stored["x"][0].chunks[0]
-                self._spec = {
-                    name: (data.dtype.str, (columns,) if columns else ())
-                    for name, (data, columns) in stored.items()
-                }
+                self._chunk = stored["x"].chunk
+                self._spec = {name: (field.dtype, field.columns) for name, field in stored.items()}
         if contents.has_checkpoint:
             parent = contents.checkpoint().digest.hex()
-        before = json.loads(contents.provenance)
+        before = json.loads(contents.texts.provenance)
         earlier = [*before.pop("earlier", []), before]
         text = origin.to_json(origin.collect(extra, parent=parent) | {"earlier": earlier})
-        self._begin(contents.path, contents.record, contents.scene, text, extends=True)
+        self._begin(contents.path, replace(contents.texts, provenance=text))
 
-    def _begin(self, path: Path, record: str, scene: str, text: str, *, extends: bool) -> None:
+    def _begin(self, path: Path, texts: Texts) -> None:
         """Head a folder of parts; what an older one held goes once the new head is written."""
-        self.path, self._folder, self._record = path, parts_folder(path), record
-        self._waiting: Checkpoint | None = None
-        self._stored = -math.inf  # time.monotonic() of the last checkpoint on the disk
-        head = self._folder / "head.h5"
-        data = _head(record, scene, text, extends)
+        self.path, self._folder, self._texts = path, parts_folder(path), texts
+        self._frames: list[Frame] = []  # that wait, the last of those recorded
+        self._bytes = 0  # of them
+        self._checkpoint: Checkpoint | None = None  # that waits
+        self._stored = -math.inf  # time.monotonic() when something last went to the disk
+        head = self._folder / "head.part"
         old = _lock(head) if head.exists() else None
         fresh = not self._folder.exists()
         self._lock: int | None = None
@@ -255,7 +215,7 @@ class TrajectoryWriter:
             if fresh:
                 self._folder.mkdir()
             with replacing(head, self._folder / "head.tmp") as fd:
-                write_all(fd, data)
+                write_head(fd, texts)
                 os.fsync(fd)
                 clear_parts(self._folder)
             self._lock = _lock(head)
@@ -276,10 +236,13 @@ class TrajectoryWriter:
         """Number of frames recorded (no ``__len__``: an empty writer must not be false)."""
         return len(self._recorded)
 
-    def append(self, state: StateLike) -> None:
-        """Add a frame; it is on the disk when this returns.
+    def append(
+        self, state: StateLike, checkpoint: Checkpoint | None = None, *, may_wait: bool = False
+    ) -> None:
+        """Add a frame, and the restart state at its time; they are on the disk when this returns.
 
-        A frame equal to the recorded one of the same step is taken for it.
+        A frame equal to the recorded one of the same step is taken for it. What `may_wait` is
+        stored by and by, see `store`.
 
         Raises
         ------
@@ -288,72 +251,81 @@ class TrajectoryWriter:
         TypeError
             A field is neither float64 nor int64.
         OSError
-            It could not be written; all earlier frames are as before.
+            It could not be written: what is on the disk is as before, the rest waits for the next
+            attempt.
         """
         self._check_open()
         fields = _check_fields(state)
-        spec = {name: (a.dtype.str, a.shape[1:]) for name, a in fields.items()}
+        spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
         if self._spec is not None and spec != self._spec:
             raise ValueError(f"fields = {spec} must be those of frame 0: {self._spec}")
-        frame = self._frame(state, fields)
-        index = bisect_left(self._recorded, frame.step, key=lambda old: old.step)
-        at = self._recorded[index] if index < len(self._recorded) else None
-        if at is not None and at.digest == frame.digest:
-            self._cursor = max(self._cursor, index + 1)
-            return
-        if index < self._cursor:
-            last = self._recorded[self._cursor - 1].step
-            raise ValueError(f"step = {frame.step} must exceed the last recorded step {last}")
-        chunk = self._chunk or chunk_rows(frame.n)
-        path = self._folder / f"frame-{index:08d}.h5"
-        atomic_write(path, _part(self._record, frame, fields, chunk))
-        self._recorded[index:] = [frame]
-        self._spec, self._chunk, self._cursor = spec, chunk, index + 1
+        self._add(state, fields)
+        self._spec = spec
+        self._checkpoint = checkpoint or self._checkpoint
+        self.store(may_wait=may_wait)
 
-    def _frame(self, state: StateLike, fields: Mapping[str, np.ndarray]) -> Frame:
+    def _add(self, state: StateLike, fields: Mapping[str, np.ndarray]) -> None:
+        """Let a frame wait, if it is not recorded already."""
         scalars = {
             "time": float(state.time),
             "step": int(state.step),
             "dt": float(state.dt),
             "mass": float(np.sum(fields["mass"])),
         }
-        return Frame(
-            **scalars,
-            n=len(fields["x"]),
-            digest=frame_digest(*scalars.values(), fields),
-            row=0,
-            source=Part(self._folder),
-        )
+        step, digest = scalars["step"], frame_digest(*scalars.values(), fields)
+        index = bisect_left(self._recorded, step, key=lambda old: old[0])
+        if self._recorded[index : index + 1] == [(step, digest)]:
+            self._cursor = max(self._cursor, index + 1)
+            return
+        if index < self._cursor:
+            last = self._recorded[self._cursor - 1][0]
+            raise ValueError(f"step = {step} must exceed the last recorded step {last}")
+        n = len(fields["x"])
+        self._chunk = self._chunk or chunk_rows(n)
+        packed = {name: Packed.of(array, self._chunk) for name, array in fields.items()}
+        source = Memory(self.path, packed)
+        self._frames.append(Frame(**scalars, n=n, digest=digest, row=0, source=source))
+        self._bytes += sum(field.nbytes for field in packed.values())
+        self._recorded[index:] = [(step, digest)]
+        self._cursor = index + 1
 
-    def checkpoint(self, checkpoint: Checkpoint, *, may_wait: bool = False) -> None:
-        """Store the restart state in place of the previous one.
-
-        Where it `may_wait`, it is kept in memory while the last one on the disk is younger than
-        `CHECKPOINT_SECONDS`, and goes to the disk at the latest when the writer is closed or
-        left: frames may come faster than it pays to be able to start at each of them.
+    def checkpoint(self, checkpoint: Checkpoint) -> None:
+        """Store a restart state in place of the previous one, after the frames that wait.
 
         Raises
         ------
         OSError
-            It could not be written; the previous one is as before.
+            As `append`.
         """
         self._check_open()
-        self._waiting = checkpoint
-        if not may_wait or time.monotonic() - self._stored >= CHECKPOINT_SECONDS:
-            self._store()
+        self._checkpoint = checkpoint
+        self.store()
 
-    def _store(self) -> None:
-        """Bring the checkpoint that waits to the disk."""
-        checkpoint = self._waiting
-        if checkpoint is None:
+    def store(self, *, may_wait: bool = False) -> None:
+        """Bring what waits to the disk.
+
+        Where it `may_wait`, only if `WAITING_SECONDS` have passed since the last time or
+        `WAITING_BYTES` have come together: many frames make one segment, and of their restart
+        states only the last is stored.
+
+        Raises
+        ------
+        OSError
+            As `append`.
+        """
+        due = time.monotonic() - self._stored >= WAITING_SECONDS
+        if may_wait and not due and self._bytes < WAITING_BYTES:
             return
-
-        def fill(file: h5py.File) -> None:
-            file.attrs["format"] = FORMAT
-            write_checkpoint(file.create_group("checkpoint"), checkpoint)
-
-        atomic_write(self._folder / "checkpoint.h5", image(fill))
-        self._waiting, self._stored = None, time.monotonic()
+        if self._frames:
+            first = len(self._recorded) - len(self._frames)
+            path = self._folder / f"frames-{first:08d}.part"
+            write_frames(path, self._texts.record, self._frames)
+            self._frames, self._bytes = [], 0
+            self._stored = time.monotonic()
+        if self._checkpoint:
+            path = self._folder / "checkpoint.part"
+            write_restart(path, self._texts.record, self._checkpoint)
+            self._checkpoint, self._stored = None, time.monotonic()
 
     def _check_open(self) -> None:
         if self.closed:
@@ -370,8 +342,8 @@ class TrajectoryWriter:
         """
         if self.closed:
             return
-        self._store()
-        if self._recorded or (self._folder / "checkpoint.h5").exists():
+        self.store()
+        if self._recorded or (self._folder / "checkpoint.part").exists():
             merge(self.path)
         else:
             remove_parts(self._folder)
@@ -384,7 +356,7 @@ class TrajectoryWriter:
         Takes no longer for a long record than for a short one, where `close` copies all of it.
         """
         if not self.closed:
-            self._store()
+            self.store()
             self.closed = True
             _unlock(self._lock)
 

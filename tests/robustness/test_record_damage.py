@@ -42,7 +42,7 @@ def content(path):
             for f in record._contents.frames
         ]
         checkpoint = record.checkpoint().digest if record._contents.has_checkpoint else None
-        texts = record._contents.scene, record._contents.provenance
+        texts = record._contents.texts
     return frames, checkpoint, texts
 
 
@@ -101,7 +101,7 @@ def unfinished(path):
 
 @pytest.mark.parametrize(
     ("member", "count"),
-    [("a.h5", 160), ("head.h5", 40), ("frame-00000001.h5", 80), ("checkpoint.h5", 40)],
+    [("a.h5", 160), ("head.part", 40), ("frames-00000001.part", 80), ("checkpoint.part", 40)],
 )
 def test_mutants_are_refused_or_harmless(tmp_path, member, count):
     """In a process of its own, so that a crash or a hang of HDF5 is seen too."""
@@ -227,14 +227,14 @@ def test_a_missing_or_strange_segment_is_reported(tmp_path):
     path, other = tmp_path / "a.h5", tmp_path / "b.h5"
     writers = unfinished(path), unfinished(other)
     parts = tmp_path / "a.h5.parts"
-    good = (parts / "frame-00000000.h5").read_bytes()
-    (parts / "frame-00000000.h5").unlink()
+    good = (parts / "frames-00000000.part").read_bytes()
+    (parts / "frames-00000000.part").unlink()
     with pytest.raises(RecordError, match="a segment is missing"):
         open_trajectory(path)
-    (tmp_path / "b.h5.parts" / "frame-00000000.h5").rename(parts / "frame-00000000.h5")
+    (tmp_path / "b.h5.parts" / "frames-00000000.part").rename(parts / "frames-00000000.part")
     with pytest.raises(RecordError, match="of another record"):
         open_trajectory(path)
-    (parts / "frame-00000000.h5").write_bytes(good)
+    (parts / "frames-00000000.part").write_bytes(good)
     with open_trajectory(path) as record:
         assert len(record) == 2
     assert len(writers) == 2

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -15,6 +16,7 @@ import numpy as np
 import pytest
 
 from granular.record.merge import merge
+from granular.record.writer import WAITING_SECONDS
 from granular.trajectory import Checkpoint, TrajectoryWriter, open_trajectory
 
 SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
@@ -106,6 +108,45 @@ def test_kill_leaves_all_completed_frames(tmp_path):
         assert sorted(p.name for p in tmp_path.iterdir()) == [f"{k}.h5" for k in range(trial + 1)]
 
 
+WAITING = textwrap.dedent("""
+    import sys, time
+    sys.path[:0] = sys.argv[2:]
+    from test_record_loss import SCENE, TrajectoryWriter, make_checkpoint, make_state
+    writer = TrajectoryWriter(sys.argv[1], SCENE)
+    for i in range(100000):
+        writer.append(make_state(i), make_checkpoint(i), may_wait=True)
+        print(i, time.monotonic(), flush=True)
+        time.sleep(0.02)
+""")
+
+
+def test_kill_while_frames_wait_costs_a_second(tmp_path):
+    chance = random.Random(6)
+    for trial in range(2):
+        path = tmp_path / f"{trial}.h5"
+        command = [sys.executable, "-c", WAITING, str(path), str(Path(__file__).parent)]
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        lines = [child.stdout.readline()]
+        end = time.monotonic() + 1.2 + chance.random()
+        while time.monotonic() < end:
+            lines.append(child.stdout.readline())
+        child.send_signal(signal.SIGKILL)
+        lines += [line for line in child.stdout if line.endswith("\n")]
+        child.wait()
+        child.stdout.close()
+        times = np.array([float(line.split()[1]) for line in lines])
+        frames, checkpoint = content(path)
+        assert frames == expected(range(len(frames)), None)[0]
+        assert checkpoint <= frames[-1][0], "no restart state is ahead of the frames"
+        # all but what was made in the last second before the last sign of life
+        pause = max(np.diff(times).max(), 0.1)  # of a busy machine, at the very moment
+        assert len(frames) >= np.sum(times < times[-1] - WAITING_SECONDS - pause)
+        with TrajectoryWriter.resume(path) as writer:  # made again from the checkpoint on
+            for i in range(checkpoint // 10, len(lines)):
+                writer.append(make_state(i), may_wait=True)
+        assert content(path) == expected(range(len(lines)), checkpoint)
+
+
 def test_kill_while_merged_parts_are_removed(tmp_path, monkeypatch):
     """Cut the removal of the parts after every single step of it."""
     for survivors in range(7):
@@ -191,8 +232,9 @@ def no_temporaries(folder):
     return not [p for p in folder.rglob("*") if p.suffix == ".tmp"]
 
 
+@pytest.mark.parametrize("waiting", [False, True])
 @pytest.mark.parametrize(("name", "code"), FAULTS)
-def test_failed_append_and_checkpoint_keep_what_was(tmp_path, monkeypatch, name, code):
+def test_failed_append_and_checkpoint_keep_what_was(tmp_path, monkeypatch, name, code, waiting):
     def prepare(k):
         writer = TrajectoryWriter(tmp_path / f"{k}.h5", SCENE)
         writer.append(make_state(0))
@@ -200,17 +242,18 @@ def test_failed_append_and_checkpoint_keep_what_was(tmp_path, monkeypatch, name,
         return writer
 
     def act(writer):
-        writer.append(make_state(1))
-        writer.checkpoint(make_checkpoint(1))
+        for i in (1, 2):
+            writer.append(make_state(i), may_wait=waiting)
+        writer.checkpoint(make_checkpoint(2))
 
     def check(writer):
         assert no_temporaries(tmp_path)
         frames, checkpoint = content(writer.path)
         assert frames == expected(range(len(frames)), None)[0]
-        assert checkpoint in (0, 10)
+        assert checkpoint == (20 if len(frames) == 3 and checkpoint else 0)
         act(writer)  # there is room again
         writer.close()
-        assert content(writer.path) == expected(range(2), 10)
+        assert content(writer.path) == expected(range(3), 20)
 
     hits = fail_at_each(monkeypatch, name, code, prepare, act, check)
     assert hits >= 2 or name == "ftruncate"

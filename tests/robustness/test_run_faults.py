@@ -12,6 +12,7 @@ import pytest
 
 import granular as gr
 from granular.engine import dt_limit
+from granular.trajectory import TrajectoryWriter
 
 ROOT = Path(__file__).parents[2]
 PLAIN = ("linear", "flip", "tracked")
@@ -120,6 +121,22 @@ def test_a_hook_that_raises_ends_the_run_and_keeps_the_record(small_scene, tmp_p
     resumed.run(until=0.1, every=0.02)
     sim.run(until=0.1, save=tmp_path / "other.h5", every=0.02)
     assert shown(sim.state) == shown(resumed.state)
+
+
+def test_a_finished_frame_does_not_wait_for_the_next(small_scene, tmp_path, monkeypatch):
+    """Between two frames of a slow run, too, the writer is asked whether it is time to store."""
+    monkeypatch.setattr("granular.simulation.CHUNK_SECONDS", 1e-5)
+    asked, real = [], TrajectoryWriter.store
+
+    def store(writer, *, may_wait=False):
+        asked.append((sim.steps, may_wait))
+        real(writer, may_wait=may_wait)
+
+    monkeypatch.setattr(TrajectoryWriter, "store", store)
+    sim = gr.Simulation(small_scene("walls", 2, PLAIN), threads=1)
+    sim.run(until=0.1, save=tmp_path / "run.h5", every=0.1)
+    between = {step for step, may_wait in asked if may_wait and 0 < step < sim.steps}
+    assert len(between) > 5
 
 
 CHILD = textwrap.dedent(

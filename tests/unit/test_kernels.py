@@ -147,6 +147,22 @@ def test_the_best_instruction_set_is_among_those_that_are_tested():
     assert _core.build_info()["isa"] in AVAILABLE
 
 
+@pytest.mark.parametrize("isa", ["", *AVAILABLE])
+def test_the_configuration_shown_is_that_of_a_simulation(monkeypatch, isa):
+    monkeypatch.setenv("GRANULAR_ISA", isa)
+    sim = gr.Simulation(gr.scenes.incline(cell=0.05), threads=1)
+    config = gr.show_config()
+    assert config["isa"] == sim.isa == (isa or AVAILABLE[-1])
+    assert config["lanes"] == {"baseline": 2, "avx2": 4, "avx512": 8}[sim.isa]
+
+
+def test_an_instruction_set_that_is_not_there_is_refused(monkeypatch):
+    monkeypatch.setenv("GRANULAR_ISA", "abacus")
+    for use in (gr.show_config, lambda: gr.Simulation(gr.scenes.incline(cell=0.05))):
+        with pytest.raises(ValueError, match='"abacus" is not available'):
+            use()
+
+
 @pytest.mark.parametrize("isa", AVAILABLE)
 @pytest.mark.parametrize("kind", ["walls", "outlet"])
 def test_fused_and_separate_stages_have_the_same_bits(small_scene, combination, dim, kind, isa):

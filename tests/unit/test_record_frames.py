@@ -197,29 +197,96 @@ def test_the_last_checkpoint_comes_back_bitwise(tmp_path):
 
 
 @pytest.mark.parametrize("leave", [False, True])
-def test_a_checkpoint_that_may_wait_is_stored_in_the_end(tmp_path, leave):
+def test_what_may_wait_is_stored_in_the_end(tmp_path, leave):
     path = tmp_path / "a.h5"
     writer = TrajectoryWriter(path, SceneDouble())
-    writer.append(make_state(0, 5))
-    writer.checkpoint(make_checkpoint(1), may_wait=True)  # the first is stored at once
-    writer.checkpoint(make_checkpoint(2), may_wait=True)
+    states = [make_state(i, 5) for i in range(4)]
+    for i, state in enumerate(states):  # the first is stored at once
+        writer.append(state, make_checkpoint(i), may_wait=True)
+    assert writer.frames == 4
     with open_trajectory(path) as record:
-        assert_same_checkpoint(record.checkpoint(), make_checkpoint(1))
+        assert record.series["step"].tolist() == [0]
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint(0))
     writer.leave() if leave else writer.close()
     with open_trajectory(path) as record:
-        assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
+        assert record.finished is not leave
+        for got, expected in zip(record, states, strict=True):
+            assert_same(got, expected)
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint(3))
 
 
-def test_a_checkpoint_does_not_wait_for_long(tmp_path, monkeypatch):
+def test_nothing_waits_for_long(tmp_path, monkeypatch):
     now = 100.0
     monkeypatch.setattr("granular.record.writer.time.monotonic", lambda: now)
+
+    def stored():
+        with open_trajectory(tmp_path / "a.h5") as record:
+            return len(record)
+
     with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
-        writer.append(make_state(0, 5))
-        writer.checkpoint(make_checkpoint(1), may_wait=True)
-        now += 1.5
-        writer.checkpoint(make_checkpoint(2), may_wait=True)
+        writer.append(make_state(0, 5), may_wait=True)
+        for i in (1, 2):
+            writer.append(make_state(i, 5), make_checkpoint(i), may_wait=True)
+        now += 0.9
+        writer.store(may_wait=True)
+        assert stored() == 1
+        now += 0.2
+        writer.store(may_wait=True)  # a run asks so between two frames, too
+        assert stored() == 3
         with open_trajectory(tmp_path / "a.h5") as record:
             assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
+        writer.append(make_state(3, 5), may_wait=True)
+        assert stored() == 3
+        now += 1.1
+        writer.append(make_state(4, 5), may_wait=True)
+        assert stored() == 5
+        now += 1.1
+        writer.append(make_state(5, 5), may_wait=True)
+        assert stored() == 6
+
+
+def test_no_more_waits_than_memory_is_meant_for(tmp_path, monkeypatch):
+    monkeypatch.setattr("granular.record.writer.time.monotonic", lambda: 100.0)
+    frame = 9000  # bytes at least: 100 points with 10 columns of noise, and zeros and masses
+    monkeypatch.setattr("granular.record.writer.WAITING_BYTES", 5 * frame)
+    most = 0
+    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        for i in range(30):
+            writer.append(make_state(i, 100), may_wait=True)
+            waiting = sum(f.nbytes for s in writer._frames for f in s.source.packed.values())
+            assert waiting < 5 * frame
+            most = max(most, waiting)
+        assert most > 3 * frame
+        segments = list((tmp_path / "a.h5.parts").glob("frames-*.part"))
+        assert 5 <= len(segments) <= 10
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert record.series["step"].tolist() == [10 * i for i in range(30)]
+        assert record.damage() == []
+
+
+def test_what_waits_is_a_copy(tmp_path):
+    state = make_state(1, 5)
+    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        writer.append(make_state(0, 5), may_wait=True)
+        writer.append(state, may_wait=True)
+        state.fields["v"][:] = 7.0
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert_same(record[1], make_state(1, 5))
+
+
+@pytest.mark.parametrize("value", [np.nan, -np.nan, -0.0, np.inf])
+def test_strange_numbers_survive_a_segment(tmp_path, value):
+    """JSON, of which the headers of segments are made, would lose the sign of a nan."""
+    scalars = {"strange": float(value)}
+    point = Checkpoint(time=1.0, step=10, dt=1e-3, scalars=scalars, arrays={})
+    state = make_state(1, 5, mass=np.full(5, value))
+    writer = TrajectoryWriter(tmp_path / "a.h5", SceneDouble())
+    writer.append(state, point)
+    for _ in range(2):  # from a segment, then from the file
+        with open_trajectory(tmp_path / "a.h5") as record:
+            assert_same(record[0], state)
+            assert_same_checkpoint(record.checkpoint(), point)
+        writer.close()
 
 
 def test_a_checkpoint_alone_is_a_record(tmp_path):

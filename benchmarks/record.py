@@ -1,0 +1,103 @@
+"""Where the time of `sim.run` goes behind the README's first command: kernels, and all the rest.
+
+    python benchmarks/record.py [--threads N] [--until SECONDS] [--folder FOLDER]
+
+The column collapse of figure 2 (aspect 2, E 1e7, a frame each 1/60 s) is run to its record. Each
+part is charged with its own time, without that of the parts it calls: by the wall clock, which
+counts waiting for the disk, and for other jobs, too; and by the processor time of the process,
+which counts every thread and is the one to compare on a busy machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+from granular.trajectory import TrajectoryWriter
+
+PARTS = (
+    (gr.Simulation, "_advance", "kernels"),
+    (gr.Simulation, "state", "copy of the state"),
+    (gr.Simulation, "checkpoint", "copy for the checkpoint"),
+    (TrajectoryWriter, "append", "digest and packing"),
+    (TrajectoryWriter, "store", "segments and checkpoints"),
+    (TrajectoryWriter, "close", "merge"),
+    (os, "fsync", "waiting for the disk"),
+)
+
+
+class Account:
+    """Wall and processor time [s] by part, each without the parts called from it."""
+
+    def __init__(self) -> None:
+        self.spent: dict[str, np.ndarray] = defaultdict(lambda: np.zeros(2))
+        self._within = [np.zeros(2)]
+
+    def of(self, function: Callable, part: str) -> Callable:
+        """The function, its time charged to a part."""
+
+        @wraps(function)
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            begin = now()
+            self._within.append(np.zeros(2))
+            try:
+                return function(*args, **kwargs)
+            finally:
+                whole = now() - begin
+                self.spent[part] += whole - self._within.pop()
+                self._within[-1] += whole
+
+        return timed
+
+    def watch(self) -> None:
+        """Charge all PARTS from now on."""
+        for owner, name, part in PARTS:
+            member = getattr(owner, name)
+            if isinstance(member, property):
+                setattr(owner, name, property(self.of(member.fget, part)))
+            else:
+                setattr(owner, name, self.of(member, part))
+
+
+def now() -> np.ndarray:
+    return np.array([time.perf_counter(), time.process_time()])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--threads", type=int, help="default: that of a simulation")
+    parser.add_argument("--until", type=float, help="time to stop at [s]")
+    parser.add_argument("--folder", type=Path, help="where the record is written for a while")
+    arguments = parser.parse_args()
+    scene = gr.scenes.column_collapse(aspect=2.0, material=gr.materials.glass_beads.replace(E=1e7))
+    sim = gr.Simulation(scene, threads=arguments.threads)
+    account = Account()
+    account.watch()
+    with tempfile.TemporaryDirectory(dir=arguments.folder) as folder:
+        path = Path(folder) / "collapse.h5"
+        account.of(sim.run, "all else")(arguments.until, save=path)
+        size = path.stat().st_size / 1e6
+        with gr.open(path) as record:
+            frames = len(record)
+    total = sum(account.spent.values())
+    print(f"{sim.n_points} points, {sim.steps} steps, {sim.threads} threads, {sim.isa}, ", end="")
+    print(f"{frames} frames, {size:.0f} MB")
+    print(f"{'ms per frame':26s}{'wall':>9s}{'processor':>11s}")
+    for part, spent in (*account.spent.items(), ("sum", total)):
+        print(f"{part:26s}{1e3 * spent[0] / frames:9.2f}{1e3 * spent[1] / frames:11.2f}")
+    share = account.spent["kernels"] / total
+    print(f"share of the kernels      {share[0]:9.1%}{share[1]:11.1%}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,84 @@
+"""A frame: its numbers, its digest, and where its fields are; and the table of all of them."""
+
+import json
+from collections.abc import Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from granular.record.chunks import Field
+from granular.record.layout import RecordError, frame_digest, reading, seal
+
+
+class Source(Protocol):
+    """Where frames are stored."""
+
+    path: Path
+
+    def fields(self) -> AbstractContextManager[Mapping[str, Field]]:
+        """The fields by name."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``."""
+
+    time: float
+    step: int
+    dt: float
+    mass: float
+    n: int
+    digest: bytes
+    row: int
+    source: Source
+
+    def read(self) -> dict[str, np.ndarray]:
+        """All fields, verified.
+
+        Raises
+        ------
+        RecordError
+            The stored frame is damaged or does not match its digest.
+        """
+        with reading(self.source.path), self.source.fields() as stored:
+            fields = {name: field.read(self.row, self.n) for name, field in stored.items()}
+        if self.digest != frame_digest(self.time, self.step, self.dt, self.mass, fields):
+            raise RecordError(
+                f"{self.source.path}: the frame of step {self.step} does not match its digest"
+            )
+        return fields
+
+
+@dataclass(frozen=True)
+class Texts:
+    """What heads a record: its name, scene and provenance (JSON)."""
+
+    record: str
+    scene: str
+    provenance: str
+
+    @property
+    def extends(self) -> bool:
+        """Whether they head the continuation of a record."""
+        return "earlier" in json.loads(self.provenance)
+
+
+@dataclass(frozen=True)
+class Table:
+    """The per-frame columns of a finished file, and the seal over them."""
+
+    time: np.ndarray
+    n: np.ndarray
+    row: np.ndarray
+    step: np.ndarray
+    dt: np.ndarray
+    mass: np.ndarray
+    digest: np.ndarray
+
+    def seal(self, version: int, texts: Texts, checkpoint: bytes) -> bytes:
+        """Digest of everything in the file that no other digest covers."""
+        columns = (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
+        return seal(str(version), texts.record, texts.scene, texts.provenance, checkpoint, *columns)
