@@ -27,7 +27,7 @@ from granular.trajectory import TrajectoryWriter
 
 PARTS = (
     (gr.Simulation, "_advance", "kernels"),
-    (gr.Simulation, "state", "copy of the state"),
+    (gr.Simulation, "_snapshot", "copy of the state"),
     (gr.Simulation, "checkpoint", "copy for the checkpoint"),
     (TrajectoryWriter, "append", "digest and packing"),
     (TrajectoryWriter, "store", "segments and checkpoints"),
@@ -62,11 +62,7 @@ class Account:
     def watch(self) -> None:
         """Charge all PARTS from now on."""
         for owner, name, part in PARTS:
-            member = getattr(owner, name)
-            if isinstance(member, property):
-                setattr(owner, name, property(self.of(member.fget, part)))
-            else:
-                setattr(owner, name, self.of(member, part))
+            setattr(owner, name, self.of(getattr(owner, name), part))
 
 
 def now() -> np.ndarray:

@@ -34,6 +34,9 @@ CHUNK_SECONDS = 0.05
 MAX_CHUNK = 1 << 20
 EVERY = 1 / 60
 """Time between frames [s], unless another is asked for: a film in real time."""
+CARRIED = frozenset({"affine", "density_gradient", "shift_velocity"})
+"""Fields that a scheme carries from step to step: in every checkpoint, but not in the frames, which
+they would swell by two thirds and where no measure asks for them."""
 SMALL = 4000
 """Points up to which one thread is the default: a guess at where the barriers eat the gain."""
 
@@ -139,6 +142,9 @@ class Simulation:
     @property
     def state(self) -> State:
         """A snapshot, ordered by id."""
+        return self._snapshot()
+
+    def _snapshot(self, without: frozenset[str] = frozenset()) -> State:
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
         ordered = np.full(ids.max(initial=-1) + 1, -1)
@@ -146,6 +152,8 @@ class Simulation:
         places = ordered[ordered >= 0]
         fields = {"id": ids[places]}
         for name, rows, _, _ in self._engine.fields():
+            if name in without:
+                continue
             values = np.empty((len(places), rows))
             for column, row in zip(values.T, self._buffers[name], strict=True):
                 column[:] = row.take(places)
@@ -256,7 +264,7 @@ class Simulation:
 
     def _frame(self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...]) -> None:
         if writer:
-            writer.append(self.state, self.checkpoint(), may_wait=True)
+            writer.append(self._snapshot(CARRIED), self.checkpoint(), may_wait=True)
         for hook in hooks:
             hook(self)
 

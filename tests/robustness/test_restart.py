@@ -83,6 +83,15 @@ def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
         assert bits(second) == bits(whole)
 
 
+def test_frames_leave_out_what_only_a_restart_needs(small_scene, tmp_path):
+    scene, path = small_scene("walls", 2, ("quadratic", "tpic", "diffused")), tmp_path / "run.h5"
+    sim = gr.Simulation(scene, threads=1).run(until=0.01, save=path, every=0.005)
+    carried = {"affine", "density_gradient", "shift_velocity"}
+    with gr.open(path) as record:
+        assert set(record[-1].fields) == set(sim.state.fields) - carried
+    assert carried < set(sim.checkpoint().arrays)
+
+
 def test_restart_by_a_record(small_scene, combination, tmp_path):
     """Through the file, in the middle of the output, and on in the same record."""
     scene = small_scene("outlet", 2, combination, E=1e5)
