@@ -102,11 +102,13 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     (void)gr_interpolate(dim, basis, 0, mode + 2, stride, s, g, slope);
     const vm joins = v_ge(old, v_set(-q->reach));
     const vd r = v_fma(v_set(q->shear_diffusion), rate, v_set(q->diffusion * e->config.wave_speed * inv_dx * e->dt));
-    vd c = v_fma(v_keep(joins, r / (v_set(1.0) + r)), near - old, old - trace);
+    /* eta and ln phi with one division: the logarithm by 2 (phi - 1)/(phi + 1), to 1e-3 where it is not clipped */
+    const vd one = v_set(1.0), r_1 = one + r, full_1 = full + one, inverse = one / (r_1 * full_1);
+    vd c = v_fma(v_keep(joins, r * full_1 * inverse), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(joins, gradient[d] * v_set(inv_dx)));
     if (phi_least > 0.5) {
-        const vd log_full = v_set(2.0) * (full - v_set(1.0)) / (full + v_set(1.0)); /* ln, to 1e-3 where it is not clipped */
+        const vd log_full = v_set(2.0) * (full - one) * r_1 * inverse;
         const vd gap = v_clamp(log_full - c, -q->feedback_limit, q->feedback_limit);
         c = v_fma(v_keep(v_ge(c, v_zero()), v_set(q->feedback) * rate), gap, c);
     }

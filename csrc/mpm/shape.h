@@ -39,17 +39,20 @@ GR_INLINE struct gr_frame gr_frame_of(const int dim, const struct gr_engine *e, 
     return frame;
 }
 
+/* A quadratic spline over a cell of any knots is low (1 - xi)^2, 1 - low (1 - xi)^2 - high xi^2, or high xi^2. */
+GR_INLINE double gr_low(const struct gr_axis_cell *cell) { return cell->coefficient[0][2]; }
+GR_INLINE double gr_high(const struct gr_axis_cell *cell) { return cell->coefficient[2][2]; }
+
 GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, double lambda, vd xi, vd w[3], vd g[3])
 {
     if (basis == GR_LINEAR) {
         w[0] = v_set(1.0) - xi, w[1] = xi;
         g[0] = v_set(-1.0), g[1] = v_set(1.0);
     } else if (basis == GR_QUADRATIC) {
-        for (int a = 0; a < 3; a++) {
-            const double *c = cell->coefficient[a];
-            w[a] = v_fma(v_fma(v_set(c[2]), xi, v_set(c[1])), xi, v_set(c[0]));
-            g[a] = v_fma(v_set(2.0 * c[2]), xi, v_set(c[1]));
-        }
+        const vd one = v_set(1.0), rest = one - xi; /* whatever the knots: low (1 - xi)^2 and high xi^2 */
+        const vd low = v_set(gr_low(cell)) * rest, high = v_set(gr_high(cell)) * xi;
+        w[0] = low * rest, w[2] = high * xi, w[1] = (one - w[0]) - w[2];
+        g[0] = v_set(-2.0) * low, g[2] = high + high, g[1] = -g[2] - g[0];
     } else { /* ugimp: h(r) is the hat of a neighbour, averaged over [r - lambda, r + lambda] */
         const vd r = xi - v_set(0.5), zero = v_zero(), one = v_set(1.0);
         vd h[2], d[2];
@@ -100,9 +103,10 @@ GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const i
                     m[i + step] = n1 - n0;
                     continue;
                 }
-                const double(*c)[3] = frame->axis[d]->coefficient;
-                for (int j = 0; j < 3; j++)
-                    m[i + j * step] = v_fma(v_set(c[2][j]), n2, v_fma(v_set(c[1][j]), n1, v_set(c[0][j]) * n0));
+                const vd low = v_set(gr_low(frame->axis[d])) * (n0 - n1);
+                m[i] = n1 + low;
+                m[i + step] = v_set(-2.0) * low;
+                m[i + 2 * step] = v_fma(v_set(gr_high(frame->axis[d])), n2 - n1, low);
             }
         for (int i = 0; i < K; i++) v_store(mode + i * stride + q, m[i]);
     }
