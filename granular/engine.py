@@ -166,6 +166,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         basis=CORE_BASES.index(scheme.basis),
         affine=AFFINE[scheme.transfer],
         diffused=int(diffused),
+        averaging_interval=scheme.averaging_interval,
         xpic_order=scheme.xpic_order if scheme.transfer == "xpic" else 0,
         pressure_from_density=int(diffused),
         law=scene.material.law,

@@ -67,6 +67,9 @@ class Scheme:
         Largest shift in a step, in cells.
     shift_outlet_cells : int
         No shift nearer than this to an opening, in cells: it would jam the outlet.
+    averaging_interval : int
+        Steps between two averagings of the density, 1 to 16. Each stands for so many steps: the
+        rates above stay what they are, and the steps between cost no more than plain ones.
     tension_reach : float
         Points looser than c_p = -tension_reach take no part in the averaging.
     decay : float
@@ -93,6 +96,7 @@ class Scheme:
     shift: float = 5.0
     shift_limit: float = 0.05
     shift_outlet_cells: int = 3
+    averaging_interval: int = 4
     tension_reach: float = 0.02
     decay: float = 0.03
 
@@ -113,6 +117,7 @@ class Scheme:
             "mass_cutoff": in_range("mass_cutoff", self.mass_cutoff, 0.0, 0.01),
             "feedback_limit": in_range("feedback_limit", self.feedback_limit, 0.0, 1.0),
             "shift_limit": in_range("shift_limit", self.shift_limit, 0.0, 0.5),
+            "averaging_interval": integer("averaging_interval", self.averaging_interval, 1, 16),
             "shift_outlet_cells": integer("shift_outlet_cells", self.shift_outlet_cells, 0, 1000),
         }
         for name in (

@@ -93,7 +93,7 @@ static void prepare(struct team *team)
     team->left--;
     const double dt = config->dt > 0 ? config->dt : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e) : e->dt;
     /* What the shift has lent is in the sums as a force for dt: with another dt they are made again. */
-    team->again = config->diffused && e->step > 0 && dt != e->lent_dt;
+    team->again = e->sums_take_back && e->step > 0 && dt != e->lent_dt;
     if (dt != e->dt) {
         e->dt = dt;
         e->time_anchor = e->time;
@@ -111,6 +111,7 @@ static void finish(struct team *team)
 {
     struct gr_engine *e = team->e;
     e->error = gr_migrate(e, team->leavers, team->threads);
+    e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
@@ -142,6 +143,7 @@ static void stage_grid(struct team *team, int t)
         team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
         barrier(team);
     }
+    if (t == 0) gr_plan_sums(e, e->step + 1);
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
     gr_grid_nodes(e, first, last, team->gravity);
     barrier(team);
@@ -189,6 +191,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
     struct team team = {.e = e, .kernels = kernels, .left = max_steps, .until = until, .threads = 1};
     e->error = ready(e);
     if (e->error) return e->error;
+    gr_plan_sums(e, e->step);
 #ifdef _OPENMP
     if (threads > GR_MAX_THREADS) threads = GR_MAX_THREADS;
     if (!e->mesh.n_cells) threads = 1;
@@ -215,6 +218,7 @@ int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     e->error = ready(e);
     if (e->error) return e->error;
+    gr_plan_sums(e, e->step);
     kernels->scatter(e, 0, e->mesh.n_cells);
     e->sums_valid = 1;
     return GR_OK;

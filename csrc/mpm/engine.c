@@ -79,6 +79,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
     if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || c->law < 0 || c->law >= GR_LAW_COUNT) return 0;
     if (c->diffused && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
+    if (c->diffused && c->cure.interval < 1) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;

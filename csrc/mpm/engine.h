@@ -33,6 +33,7 @@ struct gr_cure {
     double shift;           /* 1: strength of the shift */
     double shift_limit;     /* largest shift in a step, cells */
     double reach;           /* points looser than -reach take no part in the averaging */
+    int interval;           /* steps between two averagings, each of which stands for so many steps */
 };
 
 struct gr_config {
@@ -121,11 +122,26 @@ struct gr_engine {
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
     int sums_valid, record_rates, disconnected;
+    int sums_average, sums_take_back; /* what the sums of the next step hold, see gr_plan_sums */
     /* failure */
     int error;
     int64_t error_id, error_step;
     double error_x[3];
 };
+
+/* Whether the gather of a step averages the density. */
+static inline int gr_averages(const struct gr_engine *e, int64_t step)
+{
+    return e->config.diffused && step % e->config.cure.interval == 0;
+}
+
+/* The sums to come are those of `step`: with the density if it averages, and less the momentum that the shift
+ * has lent if the step before did. */
+static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
+{
+    e->sums_average = gr_averages(e, step);
+    e->sums_take_back = gr_averages(e, step - 1);
+}
 
 /* Sums of a node over the points of a cell: m, p, f, and where the density is averaged its mass and moment. */
 #define GR_NODE_SUMS(dim, diffused) (1 + 2 * (dim) + 2 * (diffused))

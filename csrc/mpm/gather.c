@@ -86,7 +86,7 @@ GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
  *   c += eta (cbar - c) + kappa gdot dt clip(ln phi - c),   eta = r/(1 + r),  r = dt dd c_w/dx + dg gdot dt,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
- * Given L dt and dt tr L, and the modes of phi, cbar, max(0, phi - 1); returned: the new log-density, delta
+ * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and the modes of phi, cbar, max(0, phi - 1); returned: the new log-density, delta
  * in m and L delta in m/s. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
                            const struct gr_shape *s, const double *mode, const int stride, double phi_least, const vd *L,
@@ -96,12 +96,14 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const double dx = e->config.dx, inv_dx = e->inv_dx;
     const vd(*g)[3] = (const vd(*)[3])s->g;
     vd slope[3], gradient[3];
-    const vd old = v_load(e->field[GR_FIELD_log_density] + at), rate = kinematic_rate(dim, L);
+    const double interval = q->interval;
+    const vd old = v_load(e->field[GR_FIELD_log_density] + at), rate = v_set(interval) * kinematic_rate(dim, L);
     const vd full = gr_interpolate(dim, basis, 0, mode, stride, s, g, slope);
     const vd near = gr_interpolate(dim, basis, 0, mode + 1, stride, s, g, gradient);
     (void)gr_interpolate(dim, basis, 0, mode + 2, stride, s, g, slope);
     const vm joins = v_ge(old, v_set(-q->reach));
-    const vd r = v_fma(v_set(q->shear_diffusion), rate, v_set(q->diffusion * e->config.wave_speed * inv_dx * e->dt));
+    const vd r =
+        v_fma(v_set(q->shear_diffusion), rate, v_set(q->diffusion * e->config.wave_speed * inv_dx * e->dt * interval));
     /* eta and ln phi with one division: the logarithm by 2 (phi - 1)/(phi + 1), to 1e-3 where it is not clipped */
     const vd one = v_set(1.0), r_1 = one + r, full_1 = full + one, inverse = one / (r_1 * full_1);
     vd c = v_fma(v_keep(joins, r * full_1 * inverse), near - old, old - trace);
@@ -161,24 +163,26 @@ GR_INLINE void store_affine(const int dim, const int basis, const int affine, st
         v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(joined, C[c] * v_set(e->inv_dt)));
 }
 
-/* Modes of the nodal fields of a cell: displacement in cells a step, w, and where the density is averaged
+/* Modes of the nodal fields of a cell: displacement in cells a step, w, and where the step averages the density
  * phi, cbar and max(0, phi - 1). Returned: the least phi of the nodes. */
-GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, const int diffused, const struct gr_engine *e,
-                            int64_t index, const struct gr_frame *frame, const double *scale, double *mode)
+GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, const int averages, const int stride,
+                            const struct gr_engine *e, int64_t index, const struct gr_frame *frame, const double *scale,
+                            double *mode)
 {
-    const int K = gr_power(gr_nodes_1d(basis), dim), fields = GR_NODE_FIELDS(dim, diffused), stride = MODE_STRIDE(fields);
+    const int K = gr_power(gr_nodes_1d(basis), dim), fields = GR_NODE_FIELDS(dim, averages);
     double phi_least = 1e300;
     for (int i = 0; i < K; i++) {
         const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
         for (int q = 0; q < fields; q += GR_W) v_store(mode + i * stride + q, v_load(node + q) * v_load(scale + q));
-        if (diffused && node[2 * dim] < phi_least) phi_least = node[2 * dim];
+        if (averages && node[2 * dim] < phi_least) phi_least = node[2 * dim];
     }
     gr_modes(dim, basis, nodal, fields, stride, frame, mode);
     return phi_least;
 }
 
-GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
-                              int64_t index, struct batch *batch, gr_law_update *law, struct gr_leaver *leaver)
+GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, int averages,
+                              struct gr_engine *e, int64_t index, struct batch *batch, gr_law_update *law,
+                              struct gr_leaver *leaver)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
     const struct gr_frame frame = gr_frame_of(dim, e, cell);
@@ -196,7 +200,9 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     vd begin[3], end[3];
     int64_t found = 0, filled = batch->n;
     for (int d = 0; d < dim; d++) begin[d] = v_set(frame.axis[d]->begin), end[d] = v_set(frame.axis[d]->end);
-    const double phi_least = cell_modes(dim, basis, nodal, diffused, e, index, &frame, batch->scale, mode);
+    const double phi_least = diffused && averages
+                                 ? cell_modes(dim, basis, nodal, 1, fields, e, index, &frame, batch->scale, mode)
+                                 : cell_modes(dim, basis, nodal, 0, fields, e, index, &frame, batch->scale, mode);
     for (int n = 0; n < blocks; n++) {
         const int64_t at = offset + n * GR_W;
         struct gr_shape s;
@@ -220,7 +226,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
             v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride + at), w);
         }
         vd c = v_load(log_density + at) - trace;
-        if (diffused) {
+        if (diffused && averages) {
             c = relax_density(dim, basis, e, cell, &s, mode + 2 * dim, fields, phi_least, L, trace, at, delta, lent);
             for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
         }
@@ -229,7 +235,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
         vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
         for (int d = 0; d < dim; d++) {
             vd y = v_fma(dx, move[d], v_load(place[d]));
-            if (diffused) y = y + delta[d];
+            if (diffused && averages) y = y + delta[d];
             v_store(v + d * stride + at, v_new[d]);
             v_store(x + d * stride + at, y);
             stays = m_and(stays, m_and(v_ge(y, begin[d]), v_gt(end[d], y)));
@@ -248,6 +254,7 @@ GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, con
 {
     enum { QUEUE = 64 };
     struct batch batch;
+    const int averages = gr_averages(e, e->step);
     int64_t queued = 0, lifted = 0, queue[QUEUE];
     batch.n = 0;
     out->count = 0;
@@ -256,7 +263,7 @@ GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, con
         struct gr_cell *cell = &e->mesh.cell[index];
         cell->dirty = 0;
         if (cell->count) {
-            out->count += gather_cell(dim, basis, affine, diffused, e, index, &batch, law, out->from + out->count);
+            out->count += gather_cell(dim, basis, affine, diffused, averages, e, index, &batch, law, out->from + out->count);
             queue[queued++] = index;
         }
         if (queued < QUEUE && index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;

@@ -97,8 +97,9 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
 
 void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
 {
+    const int averages = gr_averages(e, e->step);
 #define GR_GRID(d, k, q) \
-    if (e->config.dim == d && e->K == k && e->config.diffused == q) grid_nodes(d, k, q, e, first, last, g);
+    if (e->config.dim == d && e->K == k && averages == q) grid_nodes(d, k, q, e, first, last, g);
     GR_GRID(2, 4, 0)
     GR_GRID(2, 9, 0)
     GR_GRID(2, 9, 1)

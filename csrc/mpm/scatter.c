@@ -78,8 +78,10 @@ GR_INLINE void give_force(const int dim, const int diffused, const struct gr_eng
     const vd V = gift->m * v_set(e->force_scale) * expansion(c, v_gt(largest, v_zero()));
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++) gift->stress[d][j] = gift->stress[j][d] = V * gift->stress[d][j];
-    for (int d = 0; diffused && d < dim; d++)
-        gift->lent[d] = gift->m * v_set(e->lent_scale) * component(e, GR_FIELD_shift_velocity, d, at);
+    for (int d = 0; diffused && d < dim; d++) {
+        gift->lent[d] = v_zero();
+        if (e->sums_take_back) gift->lent[d] = gift->m * v_set(e->lent_scale) * component(e, GR_FIELD_shift_velocity, d, at);
+    }
 }
 
 GR_INLINE void give_density(const int dim, const struct gr_engine *e, int64_t at, struct gift *gift)
@@ -215,6 +217,8 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
     double *out = e->sums + index * e->sum_stride;
     struct gift gift[CHUNK];
     vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS];
+    const int averages = diffused && e->sums_average;
+    for (int i = 0; diffused && !averages && i < 2 * K; i++) acc[i / 2 * rows + 1 + 2 * dim + i % 2] = v_zero();
     for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
@@ -222,7 +226,7 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
             const int64_t at = cell->offset + (done + i) * GR_W;
             give_momentum(dim, basis, affine, e, &frame, at, &gift[i]);
             give_force(dim, diffused, e, at, &gift[i]);
-            if (diffused) give_density(dim, e, at, &gift[i]);
+            if (averages) give_density(dim, e, at, &gift[i]);
         }
         if (K <= 4) { /* all sums of a row fit the registers */
             add_rows(dim, basis, affine, diffused, MOMENTUM | FORCE, gift, n, rows, 0, acc);
@@ -230,7 +234,7 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
             add_rows(dim, basis, affine, diffused, MOMENTUM, gift, n, rows, 0, acc);
             add_rows(dim, basis, affine, diffused, FORCE, gift, n, rows, 1 + dim, acc);
         }
-        if (diffused) add_rows(dim, basis, affine, diffused, DENSITY, gift, n, rows, 1 + 2 * dim, acc);
+        if (averages) add_rows(dim, basis, affine, diffused, DENSITY, gift, n, rows, 1 + 2 * dim, acc);
         store_sums(out, acc, K * rows, done);
     }
 }

@@ -34,7 +34,8 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int diffused
                                .feedback_limit = 0.2,
                                .shift = 5,
                                .shift_limit = 0.05,
-                               .reach = 0.02};
+                               .reach = 0.02,
+                               .interval = 1};
     s->walls[0] = (struct gr_wall){.normal = -1, .opens_at = INFINITY};
     c->n_walls = 1;
     c->n_gravity = 1;

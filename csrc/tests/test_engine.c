@@ -65,6 +65,8 @@ static void refuses_kinds(void)
     REFUSED(s.config.law = GR_LAW_COUNT);
     REFUSED(s.config.diffused = 1); /* needs splines and the gradient */
     REFUSED(s.config.xpic_order = -1);
+    REFUSED((s.config.diffused = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,
+             s.config.cure.interval = 0));
     REFUSED(s.config.xpic_order = 11);
     REFUSED((s.config.xpic_order = 2, s.config.affine = GR_AFFINE_MOMENT));
 }

@@ -95,7 +95,8 @@ def closed_system(scheme: Scheme) -> Scene:
 
 def momentum(state: State) -> NDArray[np.float64]:
     """Momentum of the points [kg m/s], without what the shift has lent them until the next step."""
-    lent = state.fields.get("shift_velocity", 0.0)
+    averaged = (state.step - 1) % state.scene.scheme.averaging_interval == 0
+    lent = state.fields.get("shift_velocity", 0.0) if averaged else 0.0
     return state.mass @ (state.v - lent)
 
 

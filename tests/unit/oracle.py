@@ -171,8 +171,13 @@ def components(matrices, dim):
     return np.stack([matrices[:, i, j] for i, j in STRESS_PLACES[dim]], axis=1)
 
 
-def scatter(scene, points, lent_dt=1.0):
-    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the density is averaged."""
+def averages(scene, step):
+    """Whether a step averages the density."""
+    return scene.scheme.density == "diffused" and step % scene.scheme.averaging_interval == 0
+
+
+def scatter(scene, points, step=0, lent_dt=1.0):
+    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density."""
     dim = scene.grid.dim
     s = Shapes(scene, points["x"])
     m = points["mass"]
@@ -182,7 +187,7 @@ def scatter(scene, points, lent_dt=1.0):
     volume = m * np.exp(-points["log_density"]) / scene.material.rho_c
     stress = tensor(points["stress"], dim)[:, :dim, :dim]
     force = -np.einsum("p,pdj,pkj->pkd", volume, stress, s.g)
-    if "shift_velocity" in points:
+    if averages(scene, step - 1):
         force -= np.einsum("p,pk,pd->pkd", m / lent_dt, s.w, points["shift_velocity"])
     out = SimpleNamespace(
         shapes=s,
@@ -190,7 +195,7 @@ def scatter(scene, points, lent_dt=1.0):
         momentum=s.to_nodes((s.w * m[:, None])[..., None] * v),
         force=s.to_nodes(force),
     )
-    if "density_gradient" in points:
+    if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
         c = points["log_density"]
@@ -274,7 +279,7 @@ def _filtered(scene, points, nodes, v, fixed):
     return out
 
 
-def gather(scene, points, nodes, dt):
+def gather(scene, points, nodes, dt, step=0):
     """Points after the step (3.8-3.16), as a new mapping."""
     dim, s = scene.grid.dim, nodes.shapes
     new, keep = dict(points), keep_share(scene, dt)
@@ -288,7 +293,7 @@ def gather(scene, points, nodes, dt):
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
-    if scene.scheme.density == "diffused":
+    if averages(scene, step):
         _average(scene, points, new, nodes, L, dt)
     if "affine" in new and scene.material.law != "elastic":  # these loose points carry none
         loose = new["log_density"] < -scene.scheme.tension_reach
@@ -325,15 +330,17 @@ def _moment(scene, s, v):
 
 
 def _average(scene, points, new, nodes, L, dt):
-    """Averaging of the density, its pull to the geometric density, and the shift."""
+    """Averaging of the density, its pull to the geometric density, and the shift: for all the steps
+    until the next one."""
+    many = scene.scheme.averaging_interval
     q, dx, s, dim = scene.scheme, scene.grid.cell, nodes.shapes, scene.grid.dim
     trace = np.trace(L, axis1=1, axis2=2)
     D = (L + L.transpose(0, 2, 1)) / 2
     deviator_squared = np.einsum("pij,pij->p", D, D) - trace**2 / 3
-    rate = np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace)
+    rate = many * (np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace))
     old = points["log_density"]
     joins = old >= -q.tension_reach
-    r = dt * (q.diffusion * scene.material.wave_speed / dx)
+    r = many * dt * (q.diffusion * scene.material.wave_speed / dx)
     r = r + dt * q.shear_diffusion * scene.material.E * rate
     near = s.w @ nodes.cbar[s.node]
     c = old - dt * trace + np.where(joins, r / (1 + r), 0.0) * (near - old)
