@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,23 @@ def _velocity_rate(scene: Scene) -> float:
     return scheme.flip_decay
 
 
+_Vector = NDArray[np.float64]
+ABOVE, BELOW = 1, 2
+"""Sides of a face where material may be."""
+
+
+def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int]]:
+    """Faces of walls and blocks: lower and upper corner [m], axis, and sides."""
+    for wall in scene.walls:
+        if isinstance(wall, Wall):
+            yield *_ends(wall, scene.grid), wall.axis, ABOVE | BELOW
+            continue
+        low, high = np.array(wall.lower), np.array(wall.upper)
+        for axis, at in enumerate(np.eye(scene.grid.dim, dtype=bool)):
+            yield np.where(at, high, low), high, axis, ABOVE
+            yield low, np.where(at, low, high), axis, BELOW
+
+
 def _cell_flags(scene: Scene) -> NDArray[np.uint8]:
     """Which cells are solid, are so near an outlet that points must not be shifted, or have walls
     at their faces."""
@@ -90,24 +107,26 @@ def _cell_flags(scene: Scene) -> NDArray[np.uint8]:
         for d, n in enumerate(shape)
     ]
 
-    def mark(lower: Sequence[float], upper: Sequence[float], flag: int) -> None:
+    def mark(lower: _Vector, upper: _Vector, flag: int) -> None:
         where = [
             np.flatnonzero((x > low) & (x < high))
             for x, low, high in zip(centre, lower, upper, strict=True)
         ]
         flags[np.ix_(*where[::-1])] |= flag
 
+    for low, high, axis, sides in _faces(scene):
+        half = 0.5 * grid.cell * on_nodes
+        across = grid.cell * (np.arange(grid.dim) == axis)
+        if sides & ABOVE:  # the face is at the low end of these cells
+            mark(low - half, high + across + half, FLAG_WALL << 2 * axis)
+        if sides & BELOW:
+            mark(low - across - half, high + half, FLAG_WALL << 2 * axis + 1)
     reach = scene.scheme.shift_outlet_cells * grid.cell
-    half = 0.5 * grid.cell * on_nodes
     for wall in scene.walls:
         if isinstance(wall, Solid):
-            mark(wall.lower, wall.upper, FLAG_SOLID)
-            continue
-        low, high = _ends(wall, grid)
-        across = grid.cell * (np.arange(grid.dim) == wall.axis)
-        mark(low - half, high + across + half, FLAG_WALL << 2 * wall.axis)  # at their low face
-        mark(low - across - half, high + half, FLAG_WALL << 2 * wall.axis + 1)
-        if wall.opens_at < math.inf:
+            mark(np.array(wall.lower), np.array(wall.upper), FLAG_SOLID)
+        elif wall.opens_at < math.inf:
+            low, high = _ends(wall, grid)
             mark(low - reach, high + reach, FLAG_NO_SHIFT)
     return flags
 

@@ -375,17 +375,26 @@ def _least_around(scene, x, phi):
     return np.where(s.w > 0, phi[s.node], np.inf).min(axis=1)
 
 
-def _beside_walls(scene, middle, reach=0.5):
-    """Walls, and which cells have their middle at most so many cells from them."""
-    cell, more = scene.grid.cell, (reach - 0.5 + 1e-6) * scene.grid.cell
+def _faces(scene):
+    """Axis, coordinate and extents of the faces of walls and blocks."""
     for wall in scene.walls:
-        if not hasattr(wall, "axis"):
-            continue
-        beside = abs(middle[:, wall.axis] - wall.at) < reach * cell + 1e-6 * cell
-        for d in set(range(scene.grid.dim)) - {wall.axis}:
-            low, high = wall.extent(scene.grid, d)
+        if hasattr(wall, "axis"):
+            others = set(range(scene.grid.dim)) - {wall.axis}
+            yield wall.axis, wall.at, {d: wall.extent(scene.grid, d) for d in others}
+        else:
+            extents = list(zip(wall.lower, wall.upper, strict=True))
+            yield from ((d, at, extents) for d in range(scene.grid.dim) for at in extents[d])
+
+
+def _beside_walls(scene, middle, reach=0.5):
+    """Faces, and which cells have their middle at most so many cells from them."""
+    cell, more = scene.grid.cell, (reach - 0.5 + 1e-6) * scene.grid.cell
+    for axis, at, extents in _faces(scene):
+        beside = abs(middle[:, axis] - at) < reach * cell + 1e-6 * cell
+        for d in set(range(scene.grid.dim)) - {axis}:
+            low, high = extents[d]
             beside &= (middle[:, d] > low - more) & (middle[:, d] < high + more)
-        yield wall, beside
+        yield axis, at, beside
 
 
 def _alone_at_wall(scene, x):
@@ -398,7 +407,7 @@ def _alone_at_wall(scene, x):
         at, reach = np.floor((x - lower) / cell), 0.5
         middle = lower + (at + 0.5) * cell
     _, which, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
-    walls = [beside for _, beside in _beside_walls(scene, middle, reach)]
+    walls = [beside for *_, beside in _beside_walls(scene, middle, reach)]
     return (count[which.ravel()] <= 2) & np.any(walls, axis=0)
 
 
@@ -406,9 +415,8 @@ def _held_at_walls(scene, x, delta):
     """What is left of the shift in the cell at a wall: towards it as much as the distance to it."""
     cell, delta = scene.grid.cell, delta.copy()
     middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
-    for wall, beside in _beside_walls(scene, middle):
-        a = wall.axis
-        distance = (x[:, a] - wall.at) / cell
+    for a, at, beside in _beside_walls(scene, middle):
+        distance = (x[:, a] - at) / cell
         towards = beside & (distance * delta[:, a] < 0)
         delta[:, a] *= np.where(towards, abs(distance), 1.0)
     return delta

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 from test_kernels import disturbed, living
 
+import granular as gr
+from granular.engine import FLAG_WALL, _cell_flags
+
 CELL = 0.1
 WALL = 3 * CELL
 """Where the inner wall of the scene "walls" stands, up to two cells above the floor."""
@@ -29,3 +32,16 @@ def test_the_shift_carries_no_point_through_an_inner_wall(small_scene, dim, dist
     np.testing.assert_array_equal(np.sign(state.x[place, 0] - WALL), side)
     moved = abs(state.x[place, 0] - WALL) / (distance * CELL) - 1
     assert abs(moved).max() > 1e-3, "nothing was tried"
+
+
+def test_faces_of_blocks_hold_the_shift_as_walls_do(small_scene):
+    """The cells around a block of one cell know on which side it is."""
+    base = small_scene("periodic", 2, ("quadratic", "tpic", "diffused"))
+    low, cell = np.array(base.grid.lower), base.grid.cell
+    block = gr.walls.Solid(tuple(low + 2 * cell), tuple(low + 3 * cell))
+    flags = _cell_flags(base.replace(walls=(*base.walls, block))) ^ _cell_flags(base)
+    sides = {(2, 3): 1 << 0, (2, 1): 1 << 1, (3, 2): 1 << 2, (1, 2): 1 << 3}  # y, x of cells
+    for place, side in sides.items():
+        assert flags[place] // FLAG_WALL == side
+    assert flags[2, 2] & 1
+    assert np.count_nonzero(flags) == 5
