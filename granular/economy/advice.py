@@ -112,10 +112,8 @@ class AdviceList(Sequence[Advice]):
 
 def scene_function(scene: Scene) -> Callable[..., Scene] | None:
     """The function that made a ready scene; None for one made by hand."""
-    for name, function in registry.items():
-        if scene.name == name or scene.name.startswith(f"{name}_"):
-            return function
-    return None
+    names = [n for n in registry if scene.name == n or scene.name.startswith(f"{n}_")]
+    return registry[max(names, key=len)] if names else None
 
 
 def rebuilt(scene: Scene, **changes: Any) -> Scene:

@@ -265,6 +265,15 @@ def test_unknown_scene_keeps_its_stiffness():
     assert not item.changes and math.isnan(item.error) and "not been measured" in item.reason
 
 
+@pytest.mark.parametrize(
+    "changes", [{"transfer": "apic"}, {"flip_decay": 20.0}, {"basis": "ugimp"}]
+)
+def test_a_scheme_that_was_not_measured_keeps_its_stiffness(changes):
+    scene = gr.scenes.silo(scheme=gr.schemes.published.replace(**changes))
+    item = gr.economy.advise(scene, 0.02).about("stiffness")
+    assert not item.changes and math.isnan(item.error)
+
+
 def test_pieces_can_be_chosen():
     scene = gr.scenes.incline(columns=4, scheme=gr.schemes.published)
     advice = gr.economy.advise(scene, 0.05)
