@@ -47,9 +47,10 @@ class StiffnessLaw:
     Attributes
     ----------
     scatter : float
-        How far runs differ that should be the same; it does not fall with the strain.
+        What is left of it for stiff grains: how far runs differ that should be the same.
     prefactor : float
-        Such that no run that was made differs more from the stiffest one.
+        Such that runs, or the means of several, do not differ more from the stiffest one, within
+        their own uncertainty.
     largest : float
         Pressure strain of the softest of these runs: nothing is known beyond.
     """
@@ -66,8 +67,8 @@ class StiffnessLaw:
 
 LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
     {
-        ("column_collapse", "published"): StiffnessLaw(0.01, 27.0, 3.6e-3),
-        ("column_collapse", "default"): StiffnessLaw(0.01, 27.0, 3.6e-3),
+        ("column_collapse", "published"): StiffnessLaw(0.05, 27.0, 3.6e-3),
+        ("column_collapse", "default"): StiffnessLaw(0.015, 14.0, 3.6e-3),
         ("silo", "published"): StiffnessLaw(0.01, 2.8, 0.0177),
         ("silo", "default"): StiffnessLaw(0.01, 1.3, 0.0177),
         ("hourglass", "published"): StiffnessLaw(0.01, 1.0, 4.5e-3),

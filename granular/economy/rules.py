@@ -153,7 +153,7 @@ def _rounded(E: float) -> float:
 
 
 def softest(scene: Scene, name: str, tolerance: float) -> float:
-    """The softest E [Pa] whose expected error is within a tolerance; nan where none is known."""
+    """The softest E [Pa] whose expected error is within a tolerance; nan where there is none."""
 
     def error(E: float) -> float:
         return bias.stiffness_error(scene, name, scene.material.replace(E=E))
@@ -169,11 +169,16 @@ def softest(scene: Scene, name: str, tolerance: float) -> float:
 
 def _stiffness(asked: _Asked) -> Advice:
     scene = asked.scene
-    E = softest(scene, asked.name, asked.tolerance)
-    if math.isnan(E):
+    own = bias.stiffness_error(scene, asked.name, scene.material)
+    if math.isnan(own):
         reason = "What softer grains would change here has not been measured: E is kept."
         return asked.advice("stiffness", reason, math.nan)
-    own = bias.stiffness_error(scene, asked.name, scene.material)
+    E = softest(scene, asked.name, asked.tolerance)
+    if math.isnan(E):
+        reason = (
+            f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."
+        )
+        return asked.advice("stiffness", reason, own)
     if E >= scene.material.E:
         reason = (
             f"E = {scene.material.E:.2g} Pa is soft enough: its own error is about {own:.2g},"

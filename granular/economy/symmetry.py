@@ -63,7 +63,9 @@ class _Mirror:
 
     def fill(self, fill: Fill, side: int) -> tuple[object, ...]:
         velocity = fill.velocity or (0.0,) * self.grid.dim
-        rest = (fill.points_per_cell, fill.density, side * velocity[0], velocity[1:], fill.jitter)
+        # Adding zero turns -0 into 0.
+        across = side * velocity[0] + 0.0
+        rest = (fill.points_per_cell, fill.density, across, velocity[1:], fill.jitter)
         return (*self.region(fill.region, side), *rest)
 
 

@@ -91,11 +91,13 @@ def economy_incline() -> Iterator[Row]:
 
 @check(slow=True)
 def economy_collapse() -> Iterator[Row]:
-    """Column of aspect 1, both schemes: advised at 2 % against E = 1e8 and the cost of 3e-6 s."""
-    for scheme, name in ((schemes.published, "published"), (schemes.default, "default")):
-        scene = published("column_collapse", scheme, aspect=1.0)
-        full = reference(scene, STIFF)
-        yield from rows(f"collapse, {name}", advised(scene), full, ("run-out",), timed=True)
+    """Column of aspect 1, default scheme: advised at 2 % against E = 1e8 and the cost of 3e-6 s.
+
+    With the published scheme the run-out is chance to 5 %, and the advice promises nothing.
+    """
+    scene = published("column_collapse", schemes.default, aspect=1.0)
+    full = reference(scene, STIFF)
+    yield from rows("collapse, default", advised(scene), full, ("run-out",), timed=True)
 
 
 @check(slow=True)

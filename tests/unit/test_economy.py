@@ -77,9 +77,13 @@ def test_two_per_cent_spare_nine_tenths(scene):
     """Of the paper's own settings, E = 1 GPa and dt = 3e-6 s."""
     scene = scene.replace(scheme=scene.scheme.replace(dt=3e-6))
     advice = gr.economy.advise(scene, 0.02)
-    if scene.name == "slug" and scene.scheme.basis == "linear":
-        # Its final place drifts with E as far as was looked.
-        assert "not been measured" in advice.about("stiffness").reason
+    refused = {
+        ("slug", "linear"): "not been measured",  # its final place drifts with E, without end
+        ("column_collapse", "linear"): "should be the same",  # its run-out is chance to 5 %
+    }.get((scene.name, scene.scheme.basis))
+    if refused:
+        assert refused in advice.about("stiffness").reason
+        assert advice.about("stiffness").changes == {}
     else:
         assert advice.saving >= 10
 
@@ -88,12 +92,15 @@ def test_a_silo_a_seventh_off_is_not_advised():
     """E = 1e5 Pa changes the rate of the published scheme by 14 %."""
     for scheme in (gr.schemes.published, gr.schemes.default):
         scene = gr.scenes.silo(orifice=0.2, scheme=scheme)
-        for tolerance in (0.01, 0.02, 0.05):
+        for tolerance in (0.015, 0.02, 0.05):
             item = gr.economy.advise(scene, tolerance).about("stiffness")
             assert item.changes["E"] > 1e5
         soft = gr.scenes.silo(material=glass_beads.replace(E=1e5), scheme=scheme)
         item = gr.economy.advise(soft, 0.02).about("stiffness")
         assert not item.changes and item.error > 0.02
+    # Runs that should be the same differ by 1 %: less than that is not promised.
+    item = gr.economy.advise(gr.scenes.silo(), 0.01).about("stiffness")
+    assert not item.changes and "should be the same" in item.reason
     assert gr.economy.advise(PUBLISHED[5], 0.13).about("stiffness").changes["E"] > 1e5
 
 
@@ -197,7 +204,7 @@ def test_resolution_only_where_it_converges():
     item = gr.economy.advise(gr.scenes.incline(), 0.02).about("resolution")
     assert 0.2 / item.changes["cell"] == pytest.approx(round(0.2 / item.changes["cell"]))
     assert item.error <= 0.005
-    fine = gr.economy.advise(gr.scenes.incline(), 0.002).about("resolution")
+    fine = gr.economy.advise(gr.scenes.incline(), 0.004).about("resolution")
     assert fine.changes["cell"] < item.changes["cell"]
     assert not gr.economy.advise(gr.scenes.silo(), 0.5).about("resolution").changes
 
