@@ -68,8 +68,8 @@ class StiffnessLaw:
 LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
     {
         ("column_collapse", "published"): StiffnessLaw(0.05, 27.0, 3.6e-3),
-        ("column_collapse", "default"): StiffnessLaw(0.015, 14.0, 3.6e-3),
-        ("silo", "published"): StiffnessLaw(0.01, 2.8, 0.0177),
+        ("column_collapse", "default"): StiffnessLaw(0.022, 8.0, 3.6e-3),
+        ("silo", "published"): StiffnessLaw(0.03, 2.8, 0.0177),
         ("silo", "default"): StiffnessLaw(0.01, 1.3, 0.0177),
         ("hourglass", "published"): StiffnessLaw(0.01, 1.0, 4.5e-3),
         ("hourglass", "default"): StiffnessLaw(0.01, 1.0, 4.5e-3),

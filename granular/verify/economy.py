@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from granular import economy, materials, scenes, schemes
 from granular.scene import Scene
 from granular.schemes import Scheme
@@ -14,6 +16,9 @@ from granular.verify.rows import Row, at_least, at_most, beside, check
 
 TOLERANCE = 0.02
 """Asked of the advice, and of what is measured."""
+
+COLUMN_TOLERANCE = 0.025
+"""Asked for columns, of which less is not promised."""
 
 SPARED = 10.0
 """Factor by which the cost must fall."""
@@ -61,9 +66,9 @@ def rows(
         yield at_least(f"points times steps spared, {name}", ratio, SPARED)
 
 
-def advised(scene: Scene) -> Outcome:
+def advised(scene: Scene, tolerance: float = TOLERANCE) -> Outcome:
     """A run of the scene that the advice leads to."""
-    return quantities(economy.apply(scene, economy.advise(scene, TOLERANCE)))
+    return quantities(economy.apply(scene, economy.advise(scene, tolerance)))
 
 
 @check()
@@ -91,22 +96,31 @@ def economy_incline() -> Iterator[Row]:
 
 @check(slow=True)
 def economy_collapse() -> Iterator[Row]:
-    """Column of aspect 1, default scheme: advised at 2 % against E = 1e8 and the cost of 3e-6 s.
+    """Columns of aspect 1, coarse, three seedings: advised at 2.5 % against E = 1 GPa, in the mean.
 
-    With the published scheme the run-out is chance to 5 %, and the advice promises nothing.
+    Less is not promised: see docs/economy.md. A single run-out is chance to 1 or 2 %; the bound
+    allows for the standard errors of both means, 1 % together.
     """
-    scene = published("column_collapse", schemes.default, aspect=1.0)
-    full = reference(scene, STIFF)
-    yield from rows("collapse, default", advised(scene), full, ("run-out",), timed=True)
+    thrifty, full = [], []
+    for seed in (1, 2, 3):
+        scene = published(
+            "column_collapse", schemes.default, aspect=1.0, cell=0.025, jitter=0.5, seed=seed
+        )
+        thrifty.append(advised(scene, COLUMN_TOLERANCE))
+        full.append(reference(scene, materials.glass_beads.E))
+    means = [np.mean([run.numbers["run-out"] for run in runs]) for runs in (thrifty, full)]
+    moved = abs(means[0] / means[1] - 1)
+    yield at_most("change of the run-out, mean of 3", moved, COLUMN_TOLERANCE + 0.01)
+    spared = sum(run.seconds for run in full) / sum(run.seconds for run in thrifty)
+    yield at_least("core-seconds spared, collapse", spared, SPARED)
 
 
 @check(slow=True)
 def economy_silo() -> Iterator[Row]:
-    """Silo with an opening of .2 m, both schemes: advised at 2 % against E = 1e8."""
-    for scheme, name in ((schemes.published, "published"), (schemes.default, "default")):
-        scene = published("silo", scheme, orifice=0.2)
-        full = reference(scene, STIFF)
-        yield from rows(f"silo, {name}", advised(scene), full, ("rate",), timed=True)
+    """Silo with an opening of .2 m, default scheme: advised at 2 % against E = 1e8."""
+    scene = published("silo", schemes.default, orifice=0.2)
+    full = reference(scene, STIFF)
+    yield from rows("silo, default", advised(scene), full, ("rate",), timed=True)
 
 
 @check(slow=True)

@@ -79,11 +79,15 @@ def test_two_per_cent_spare_nine_tenths(scene):
     advice = gr.economy.advise(scene, 0.02)
     refused = {
         ("slug", "linear"): "not been measured",  # its final place drifts with E, without end
-        ("column_collapse", "linear"): "should be the same",  # its run-out is chance to 5 %
+        ("silo", "linear"): "should be the same",  # its rate is, to 3 %
+        ("column_collapse", "linear"): "should be the same",  # its run-out is chance to 5 %,
+        ("column_collapse", "quadratic"): "should be the same",  # and here it moves by 2.2 %
     }.get((scene.name, scene.scheme.basis))
     if refused:
         assert refused in advice.about("stiffness").reason
         assert advice.about("stiffness").changes == {}
+        if scene.name in ("column_collapse", "silo"):
+            assert gr.economy.advise(scene, 0.08).saving >= 10
     else:
         assert advice.saving >= 10
 
@@ -94,7 +98,7 @@ def test_a_silo_a_seventh_off_is_not_advised():
         scene = gr.scenes.silo(orifice=0.2, scheme=scheme)
         for tolerance in (0.015, 0.02, 0.05):
             item = gr.economy.advise(scene, tolerance).about("stiffness")
-            assert item.changes["E"] > 1e5
+            assert item.changes.get("E", 1e9) > 1e5
         soft = gr.scenes.silo(material=glass_beads.replace(E=1e5), scheme=scheme)
         item = gr.economy.advise(soft, 0.02).about("stiffness")
         assert not item.changes and item.error > 0.02
