@@ -67,7 +67,7 @@ class StiffnessLaw:
 
 LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
     {
-        ("column_collapse", "published"): StiffnessLaw(0.05, 27.0, 3.6e-3),
+        ("column_collapse", "published"): StiffnessLaw(0.12, 20.0, 3.6e-3),
         ("column_collapse", "default"): StiffnessLaw(0.022, 8.0, 3.6e-3),
         ("silo", "published"): StiffnessLaw(0.03, 2.8, 0.0177),
         ("silo", "default"): StiffnessLaw(0.01, 1.3, 0.0177),

