@@ -26,7 +26,8 @@ from granular.verify.quantities import quantities
 OUT = Path("benchmarks/results/economy.json")
 
 SCHEMES = {
-    "default": gr.schemes.default,
+    # The default scheme as it was when the table was made; softened scenes average so, anyway.
+    "default": gr.schemes.default.replace(averaging_interval=1),
     "published": gr.schemes.published.replace(dt=None),
 }
 

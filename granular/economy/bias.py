@@ -188,17 +188,20 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
     return math.nan if law is None else law(pressure_strain(scene, material))
 
 
-def held_rates(scene: Scene, E: float) -> dict[str, float]:
+def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     """Numbers of the scheme with which its own rates [1/s] stay what they are as E changes.
 
     Decay and diffusion go with c_w/dx, the diffusion by shear with E: left alone, softer grains
     would change the scheme as well, which moves a run-out more than their elasticity does.
     """
     scheme, softer = scene.scheme, scene.material.E / E
-    numbers: dict[str, float] = {}
+    numbers: dict[str, float | int] = {}
     if scheme.transfer == "tpic":
         numbers["decay"] = scheme.decay * math.sqrt(softer)
     if scheme.density == "diffused":
         numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
         numbers["shear_diffusion"] = scheme.shear_diffusion * softer
+        # The time between two averagings, too, as far as whole steps allow.
+        steps = round(scheme.averaging_interval / math.sqrt(softer))
+        numbers["averaging_interval"] = min(max(steps, 1), 16)
     return numbers

@@ -248,6 +248,7 @@ def test_rates_of_the_scheme_are_held_where_grains_are_softened():
         return np.array([s.scheme.decay * c, s.scheme.diffusion * c, s.scheme.shear_diffusion * E])
 
     assert rates(thrifty) == pytest.approx(rates(scene), rel=1e-12)
+    assert (scene.scheme.averaging_interval, thrifty.scheme.averaging_interval) == (4, 1)
     flip = scene.replace(scheme=gr.schemes.published)
     assert set(gr.economy.advise(flip, 0.1).about("stiffness").changes) == {"E"}
 
