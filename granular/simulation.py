@@ -124,6 +124,11 @@ class Simulation:
         return self._engine.scalars()["n_points"]
 
     @property
+    def cell_counts(self) -> NDArray[np.int64]:
+        """Points in each cell that the kernels work on: cells with points and their neighbours."""
+        return self._engine.cells()[1]
+
+    @property
     def isa(self) -> str:
         """Instruction set of the kernels."""
         return self._engine.isa

@@ -15,6 +15,8 @@ from granular.plot import Picture
 OUT = Path("build/figures")
 """Where the pictures go: git ignores it."""
 DPI = 200
+PUBLISHED_E = 1e9
+"""Young's modulus of the paper [Pa]."""
 
 SCHEMES = {
     "default": gr.schemes.default,
@@ -42,7 +44,7 @@ def options(
     E, quick_E : float
         Young's modulus [Pa] unless --E says another, without and with --quick.
     without : collection of str
-        Options that mean nothing to the script, to be refused: "scheme", "threads".
+        Options that mean nothing to the script, to be refused: "scheme", "threads", "tolerance".
     """
     parser = argparse.ArgumentParser(description=doc)
     parser.add_argument("--quick", action="store_true", help="coarse and short, to look at")
@@ -52,22 +54,40 @@ def options(
         parser.add_argument("--scheme", choices=tuple(SCHEMES), default="default")
     if "threads" not in without:
         parser.add_argument("--threads", type=int, help="of the core; no result depends on it")
+    if "tolerance" not in without:
+        parser.add_argument(
+            "--tolerance",
+            type=float,
+            help=f"start from {PUBLISHED_E:g} Pa, or from --E, and take the advice of gr.economy",
+        )
     chosen = parser.parse_args(argv)
+    tolerance = getattr(chosen, "tolerance", None)
     if chosen.E is None:
-        chosen.E = quick_E if chosen.quick else E
+        softer = quick_E if chosen.quick else E
+        chosen.E = softer if tolerance is None else PUBLISHED_E
     chosen.material = gr.materials.glass_beads.replace(E=chosen.E)
     chosen.note = f"E = {chosen.E:g} Pa"
+    if tolerance is not None:
+        chosen.note = f"as advised at {tolerance:g} for {chosen.note}"
     if "scheme" not in without:
         chosen.note = f"{chosen.scheme} scheme, {chosen.note}"
         chosen.scheme = SCHEMES[chosen.scheme]
     return chosen
 
 
+def simulation_of(scene: gr.Scene, chosen: argparse.Namespace) -> gr.Simulation:
+    """A simulation of the scene, or with --tolerance of the thriftier one that is advised."""
+    if chosen.tolerance is not None:
+        advice = gr.economy.advise(scene, chosen.tolerance)
+        scene = gr.economy.apply(scene, advice)
+    return gr.Simulation(scene, threads=chosen.threads)
+
+
 def states_at(
-    scene: gr.Scene, times: Sequence[float], *, threads: int | None, name: str = ""
+    scene: gr.Scene, times: Sequence[float], chosen: argparse.Namespace, *, name: str = ""
 ) -> list[gr.State]:
     """States of a run at ascending times, each the first step at or past its time."""
-    simulation = gr.Simulation(scene, threads=threads)
+    simulation = simulation_of(scene, chosen)
     found = []
     for time in tqdm(times, desc=name or scene.name, unit="state"):
         if time > 0:
@@ -81,13 +101,13 @@ def frames(
     until: float,
     every: float,
     measure: Any,
+    chosen: argparse.Namespace,
     *,
-    threads: int | None,
     name: str = "",
 ) -> list[Any]:
     """What `measure` says of the state at each frame of a run; the states are not kept."""
     found: list[Any] = []
-    simulation = gr.Simulation(scene, threads=threads)
+    simulation = simulation_of(scene, chosen)
     with tqdm(total=until, desc=name or scene.name, unit="s", leave=False) as bar:
 
         def look(running: gr.Simulation) -> None:

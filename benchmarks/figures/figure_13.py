@@ -24,7 +24,9 @@ def _path(material: gr.materials.MuI, dt: float) -> plot.ConstitutivePath:
 
 
 def main(argv: list[str] | None = None) -> None:
-    chosen = options(__doc__, argv, E=APPENDIX_E, quick_E=APPENDIX_E, without=("scheme", "threads"))
+    chosen = options(
+        __doc__, argv, E=APPENDIX_E, quick_E=APPENDIX_E, without=("scheme", "threads", "tolerance")
+    )
     paths = [_path(chosen.material, dt) for dt in (STEPS[:3] if chosen.quick else STEPS)]
     finest = min(paths, key=lambda path: path.dt)
     times = np.linspace(0.0, DURATION, len(finest.times))

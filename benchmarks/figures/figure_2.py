@@ -19,7 +19,7 @@ def main(argv: list[str] | None = None) -> None:
             scheme=chosen.scheme,
         )
         name = f"a = {aspect:g}"
-        columns.append(states_at(scene, (0.0, 0.5, 2.0), threads=chosen.threads, name=name))
+        columns.append(states_at(scene, (0.0, 0.5, 2.0), chosen, name=name))
     save(plot.figure_2(columns), chosen, "figure_2")
 
 

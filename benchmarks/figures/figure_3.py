@@ -25,7 +25,7 @@ def main(argv: list[str] | None = None) -> None:
                 scheme=SCHEMES[key],
             )
             label = f"{name}, a = {aspect:g}"
-            (last,) = states_at(scene, (scene.duration,), threads=chosen.threads, name=label)
+            (last,) = states_at(scene, (scene.duration,), chosen, name=label)
             runouts[name].append(gr.measure.runout(last))
     save(plot.figure_3(aspects, runouts), chosen, "figure_3")
 

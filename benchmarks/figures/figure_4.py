@@ -19,7 +19,7 @@ def main(argv: list[str] | None = None) -> None:
             scheme=chosen.scheme,
         )
         name = f"D = {orifice:g} m"
-        silos.append(states_at(scene, (0.0, 2.0, 5.0), threads=chosen.threads, name=name))
+        silos.append(states_at(scene, (0.0, 2.0, 5.0), chosen, name=name))
     save(plot.figure_4(silos), chosen, "figure_4")
 
 

@@ -30,9 +30,7 @@ def main(argv: list[str] | None = None) -> None:
         rate = gr.theory.beverloo_rate(orifice, chosen.material.rho_c)
         until = min(scene.duration, 0.5 + 600 / (0.67 * float(rate)))
         name = f"D = {orifice:g} m"
-        times, mass = np.array(
-            frames(scene, until, 1 / 60, _left, threads=chosen.threads, name=name)
-        ).T
+        times, mass = np.array(frames(scene, until, 1 / 60, _left, chosen, name=name)).T
         histories[float(orifice)] = gr.measure.MassHistory(times, 2 * mass, 0.5)
     rates = [gr.measure.discharge(history).rate for history in histories.values()]
     rho = chosen.material.rho_c

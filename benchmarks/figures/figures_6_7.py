@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> None:
             material=chosen.material,
             scheme=chosen.scheme,
         )
-        runs.append(states_at(scene, (0.0, 1.0, 2.0, 5.0), threads=chosen.threads))
+        runs.append(states_at(scene, (0.0, 1.0, 2.0, 5.0), chosen))
     flat, sloped = runs
     save(plot.figure_6(flat, sloped), chosen, "figure_6")
     save(plot.figure_7(flat, sloped), chosen, "figure_7")

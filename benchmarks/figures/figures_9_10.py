@@ -24,11 +24,11 @@ def main(argv: list[str] | None = None) -> None:
     def last_and_flow(angle: float) -> plot.InclineFlow:
         name, every = f"{angle} deg", until / 100
         return plot.InclineFlow.measured(
-            frames(scene(angle), until, every, lambda s: s, threads=chosen.threads, name=name)
+            frames(scene(angle), until, every, lambda s: s, chosen, name=name)
         )
 
     flows = [last_and_flow(angle) for angle in angles]
-    (state,) = states_at(scene(25), (3 * until,), threads=chosen.threads, name="profile at 25 deg")
+    (state,) = states_at(scene(25), (3 * until,), chosen, name="profile at 25 deg")
     grains = chosen.material
     shown = [flow for flow in flows if flow.angle_deg in (19, 22, 25, 28, 31, 34)]
     save(plot.figure_9(shown, mu_s=grains.mu_s, mu_2=grains.mu_2), chosen, "figure_9")

@@ -12,6 +12,7 @@ from granular.verify import (  # isort: skip
     collapse,
     slug,
     hourglass,
+    economy,
     invariants,
 )
 from granular.verify.constitutive import constitutive_path
@@ -26,6 +27,7 @@ __all__ = [
     "collapse",
     "constitutive",
     "constitutive_path",
+    "economy",
     "failures",
     "hourglass",
     "incline",

@@ -1,0 +1,207 @@
+"""What softer grains change: laws from dimensionless numbers, prefactors measured.
+
+docs/economy.md says where each law comes from and shows the runs behind the prefactors.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from types import MappingProxyType
+
+import numpy as np
+
+from granular.materials import Material, MuI
+from granular.scene import Scene
+from granular.schemes import Scheme
+from granular.theory import transient
+
+__all__ = [
+    "LAWS",
+    "StiffnessLaw",
+    "friction_shift",
+    "held_rates",
+    "incline_error",
+    "incline_resolution_error",
+    "pressure_strain",
+    "ramp_slip",
+    "stiffness_error",
+]
+
+RAMP_SLIP = 0.16
+"""Velocity that a layer on an incline wins while gravity is switched on, over g h/c_w."""
+
+RESOLUTION = 0.3
+"""Error of the flow down an incline over (cell/height)^2."""
+
+PROBE = 1e-4
+"""Relative change of the friction by which the sensitivity of a flow is taken."""
+
+
+@dataclass(frozen=True)
+class StiffnessLaw:
+    """``error = scatter + prefactor rho_c g H/K``, measured up to `largest` of that strain.
+
+    Attributes
+    ----------
+    scatter : float
+        What is left of it for stiff grains: how far runs differ that should be the same.
+    prefactor : float
+        Such that runs, or the means of several, do not differ more from the stiffest one, within
+        their own uncertainty.
+    largest : float
+        Pressure strain of the softest of these runs: nothing is known beyond.
+    """
+
+    scatter: float
+    prefactor: float
+    largest: float
+
+    def __call__(self, strain: float) -> float:
+        if strain > self.largest * (1 + 1e-6):
+            return math.inf
+        return self.scatter + self.prefactor * strain
+
+
+LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
+    {
+        ("column_collapse", "published"): StiffnessLaw(0.12, 20.0, 3.6e-3),
+        ("column_collapse", "default"): StiffnessLaw(0.022, 8.0, 3.6e-3),
+        ("silo", "published"): StiffnessLaw(0.03, 2.8, 0.0177),
+        ("silo", "default"): StiffnessLaw(0.01, 1.3, 0.0177),
+        ("hourglass", "published"): StiffnessLaw(0.01, 1.0, 4.5e-3),
+        ("hourglass", "default"): StiffnessLaw(0.01, 1.0, 4.5e-3),
+        ("slug", "default"): StiffnessLaw(0.012, 1.0, 5.3e-3),
+    }
+)
+"""By the name of the scene function and of the scheme that is like the one measured; the rates of
+the default scheme held (`held_rates`). What is not here was not measured, or did not settle:
+docs/economy.md."""
+
+
+def kind(scheme: Scheme) -> str:
+    """The scheme for which measurements of this one hold: "default", "published" or "" for none."""
+    if scheme.density == "diffused":
+        return "default"
+    plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
+    return "published" if plain else ""
+
+
+def height(scene: Scene) -> float:
+    """Height of the material at the start [m]."""
+    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
+    return max(high[-1] for high in highs) - min(low[-1] for low in lows)
+
+
+def gravity(scene: Scene) -> float:
+    """Magnitude of gravity at the end of a run [m/s2]."""
+    return float(np.linalg.norm(scene.gravity.at(scene.duration)))
+
+
+def pressure_strain(scene: Scene, material: Material | None = None) -> float:
+    """p/K at the foot of the material, with p = rho_c g H."""
+    grains = scene.material if material is None else material
+    return grains.rho_c * gravity(scene) * height(scene) / grains.K
+
+
+def friction_shift(scene: Scene, material: Material) -> float:
+    """Relative loss of friction of a soft layer in steady shear, averaged for its mean velocity.
+
+    In steady shear the Jaumann rate holds a normal stress s_yy = -tau^2/G, so that the pressure
+    is less than the weight, by (mu tau/G) of itself at depth z, tau = rho g z sin(angle). The
+    mean velocity weighs depths by z^(3/2), which takes 5/7 of the value at the base.
+    """
+    angle = math.radians(float(scene.parameters["angle_deg"]))
+    tau = material.rho_c * gravity(scene) * math.sin(angle) * height(scene)
+    return 5 / 7 * math.tan(angle) * tau / material.G
+
+
+def ramp_slip(scene: Scene, material: Material) -> float:
+    """Velocity [m/s] that a layer wins from the waves of the gravity ramp, about g h/c_w.
+
+    They lower its pressure for a time of h/c_w, in which gravity is not opposed.
+    """
+    return RAMP_SLIP * gravity(scene) * height(scene) / material.wave_speed
+
+
+@lru_cache(maxsize=64)
+def _flow(angle: float, depth: float, grains: MuI, g: float, ramp: float, end: float) -> float:
+    """Mean velocity at the end of a run [m/s], by the one-dimensional equation."""
+    return float(transient(angle, depth, grains, [end], g, ramp, cells=100).mean[-1])
+
+
+def incline_flow(scene: Scene, *, weaker: float = 0.0) -> float:
+    """Mean velocity [m/s] of a rigid layer at the end of a run, with friction less by a share."""
+    grains = scene.material
+    weak = grains.replace(mu_s=grains.mu_s * (1 - weaker), mu_2=grains.mu_2 * (1 - weaker))
+    called = scene.parameters
+    return _flow(
+        float(called["angle_deg"]),
+        float(called["height"]),
+        weak.replace(E=1e9),  # of no account here; one entry for all of them
+        float(called["gravity"]),
+        float(called["ramp"]),
+        scene.duration,
+    )
+
+
+def incline_error(scene: Scene, material: Material) -> float:
+    """Largest error of the mean velocity over the run, relative to its value at the end.
+
+    The flow of a layer with as much less friction, by the one-dimensional equation, and the slip
+    of the ramp. nan without the mu(I) law, or where the ramp is another than the one measured.
+    """
+    if not isinstance(material, MuI) or scene.parameters["ramp"] != 0.1:
+        return math.nan
+    flow = incline_flow(scene)
+    if flow <= 0.0:
+        return math.nan
+    slope = (incline_flow(scene, weaker=PROBE) / flow - 1) / PROBE
+    return slope * friction_shift(scene, material) + ramp_slip(scene, material) / flow
+
+
+def incline_resolution_error(scene: Scene, cell: float) -> float:
+    """Error of the flow down an incline with cells of this size [m], for its mean velocity."""
+    return RESOLUTION * (cell / height(scene)) ** 2
+
+
+def stiffness_error(scene: Scene, name: str, material: Material) -> float:
+    """Expected relative change of the quantity of interest from a material as stiff as grains.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        Name of its scene function.
+    material : Material
+
+    Returns
+    -------
+    float
+        nan where nothing was measured; inf beyond what was.
+    """
+    if name == "incline":
+        return incline_error(scene, material)
+    law = LAWS.get((name, kind(scene.scheme)))
+    return math.nan if law is None else law(pressure_strain(scene, material))
+
+
+def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
+    """Numbers of the scheme with which its own rates [1/s] stay what they are as E changes.
+
+    Decay and diffusion go with c_w/dx, the diffusion by shear with E: left alone, softer grains
+    would change the scheme as well, which moves a run-out more than their elasticity does.
+    """
+    scheme, softer = scene.scheme, scene.material.E / E
+    numbers: dict[str, float | int] = {}
+    if scheme.transfer == "tpic":
+        numbers["decay"] = scheme.decay * math.sqrt(softer)
+    if scheme.density == "diffused":
+        numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
+        numbers["shear_diffusion"] = scheme.shear_diffusion * softer
+        # The time between two averagings, too, as far as whole steps allow.
+        steps = round(scheme.averaging_interval / math.sqrt(softer))
+        numbers["averaging_interval"] = min(max(steps, 1), 16)
+    return numbers

@@ -1,0 +1,343 @@
+"""The pieces of advice: each looks at one side of a scene, and takes what the tolerance leaves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from granular import engine
+from granular.checks import in_range
+from granular.economy import bias
+from granular.economy.advice import Advice, AdviceList, changed, saving, scene_function
+from granular.economy.symmetry import obstacle
+from granular.materials import MuI
+from granular.scene import Scene
+
+__all__ = ["advise"]
+
+NONLOCAL_AMPLITUDE = (0.48, 0.9)
+"""A of the nonlocal law for glass beads: the size of grains is felt over lengths of A d."""
+
+ONE_COLUMN = 0.005
+"""Change of the flow down an incline when many columns become one, default scheme (.0036 and .0031
+off the one-dimensional equation with 8 columns and with one, docs/kernels.md)."""
+
+LINEAR_COLUMN = 0.002
+"""Change of that flow, in one column, from the default scheme to linear functions."""
+
+LEAST_ROWS = 10
+"""Cells over the height of a layer, at least: fewer were not tried."""
+
+SHARE = 0.25
+"""Share of the tolerance that a piece may take which comes before the stiffness."""
+
+FRICTION_SHARE = 3.2
+"""Relative change of a run-out over that of the friction: without its dependence on the rate a
+column of aspect 1 runs out by 23 % more, and the friction estimated here is 7 % less."""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """A scene with the changes advised so far.
+
+    Attributes
+    ----------
+    given, scene : Scene
+        As it was asked about, and with the changes.
+    name : str
+        Of the scene function; "" if none made it.
+    tolerance : float
+        What the pieces so far have left of it.
+    """
+
+    given: Scene
+    scene: Scene
+    name: str
+    tolerance: float
+
+    def take(self, item: Advice) -> _Asked:
+        if not item.changes:
+            return self
+        scene = changed(self.scene, item.changes)
+        return _Asked(self.given, scene, self.name, self.tolerance - item.error)
+
+    def advice(
+        self, topic: str, reason: str, error: float = 0.0, changes: Mapping[str, Any] | None = None
+    ) -> Advice:
+        gain = saving(self.scene, changes) if changes else 1.0
+        return Advice(
+            topic=topic,
+            reason=reason,
+            error=error,
+            saving=gain,
+            changes=changes or {},
+            scene=self.given,
+        )
+
+
+def _dimension(asked: _Asked) -> Advice:
+    scene, called = asked.scene, asked.scene.parameters
+    if asked.name == "incline":
+        if called["columns"] == 1:
+            return asked.advice("dimension", "One column of cells is the least there is.")
+        if SHARE * asked.tolerance < ONE_COLUMN:
+            reason = f"One column would change the flow by about {ONE_COLUMN:.2g}."
+            return asked.advice("dimension", reason)
+        reason = (
+            "The flow is the same all along the slope: one periodic column shows it. It cannot"
+            " show waves on the surface, nor a scheme that fails in two dimensions."
+        )
+        return asked.advice("dimension", reason, ONE_COLUMN, {"columns": 1})
+    if called.get("half", False):
+        return asked.advice("dimension", "In the plane, and half by symmetry: all there is.")
+    if called.get("quarter", False):
+        reason = "A quarter by symmetry. It spreads in two directions: the plane is another flow."
+        return asked.advice("dimension", reason)
+    reason = obstacle(scene)
+    if reason:
+        return asked.advice("dimension", f"It cannot be halved: {reason}.")
+    reason = "The scene is its own mirror image: half of it, before a frictionless wall, is enough."
+    return asked.advice("dimension", reason, 0.0, {"half": True})
+
+
+def _basis(asked: _Asked) -> Advice:
+    scheme = asked.scene.scheme
+    flat = asked.name == "incline" and asked.scene.parameters["columns"] == 1
+    if scheme.basis == "linear":
+        reason = "Linear functions are the cheapest." + (
+            ""
+            if flat
+            else " They lose two-dimensional shear flows; a scheme that keeps them costs three"
+            " times as much for a point and step."
+        )
+        return asked.advice("basis", reason)
+    if not flat:
+        reason = (
+            "Kept: linear functions cost a third, but the layers they shear in two dimensions"
+            " collapse; on the incline of 8 columns the profile is off by .16 in 4 s."
+        )
+        return asked.advice("basis", reason)
+    if SHARE * asked.tolerance < LINEAR_COLUMN:
+        reason = f"Kept: linear functions change the flow by about {LINEAR_COLUMN:.2g}."
+        return asked.advice("basis", reason)
+    reason = "One column cannot fail in two dimensions: linear functions serve as well."
+    changes = {"basis": "linear", "transfer": "flip", "density": "tracked"}
+    return asked.advice("basis", reason, LINEAR_COLUMN, changes)
+
+
+def _resolution(asked: _Asked) -> Advice:
+    scene, called = asked.scene, asked.scene.parameters
+    if asked.name != "incline":
+        reason = (
+            "Cells and points are kept. Openings act wider by a part of a cell, and a front"
+            " is told to a cell: other cells are another answer. Fewer points a cell: see"
+            " docs/economy.md."
+        )
+        return asked.advice("resolution", reason)
+    rows = round(called["height"] / called["cell"])
+    for coarse in (n for n in range(LEAST_ROWS, rows) if rows % n == 0):
+        cell = called["cell"] * (rows // coarse)
+        error = bias.incline_resolution_error(scene, cell)
+        if error <= SHARE * asked.tolerance:
+            reason = f"{coarse} cells over the height are enough: the error falls as their square."
+            return asked.advice("resolution", reason, error, {"cell": cell})
+    return asked.advice("resolution", f"{rows} cells over the height are none too many.")
+
+
+def _rounded(E: float) -> float:
+    """E rounded up to two digits."""
+    unit = 10.0 ** (math.floor(math.log10(E)) - 1)
+    return math.ceil(round(E / unit, 6)) * unit
+
+
+def softest(scene: Scene, name: str, tolerance: float) -> float:
+    """The softest E [Pa] whose expected error is within a tolerance; nan where there is none."""
+
+    def error(E: float) -> float:
+        return bias.stiffness_error(scene, name, scene.material.replace(E=E))
+
+    low, high = 1e3, 1e13
+    if not error(high) <= tolerance:
+        return math.nan
+    for _ in range(60):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if error(middle) <= tolerance else (middle, high)
+    return _rounded(high)
+
+
+def _stiffness(asked: _Asked) -> Advice:
+    scene = asked.scene
+    own = bias.stiffness_error(scene, asked.name, scene.material)
+    if math.isnan(own):
+        reason = "What softer grains would change here has not been measured: E is kept."
+        return asked.advice("stiffness", reason, math.nan)
+    E = softest(scene, asked.name, asked.tolerance)
+    if math.isnan(E):
+        reason = (
+            f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."
+        )
+        return asked.advice("stiffness", reason, own)
+    if E >= scene.material.E:
+        reason = (
+            f"E = {scene.material.E:.2g} Pa is soft enough: its own error is about {own:.2g},"
+            f" and the tolerance asks for {E:.2g} Pa or more."
+        )
+        return asked.advice("stiffness", reason, own)
+    error = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E))
+    softer = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E / 10))
+    beyond = "not known" if not math.isfinite(softer) else f"about {softer:.2g}"
+    strain = bias.pressure_strain(scene, scene.material.replace(E=E))
+    reason = (
+        f"Grains need only be stiff against their load: p/K = {strain:.2g} at the foot."
+        f" Ten times softer still, the error is {beyond}: not advised."
+    )
+    changes = {"E": E} | bias.held_rates(scene, E)
+    if len(changes) > 1:
+        reason += " The rates of the scheme, which go with the stiffness, are held."
+    return asked.advice("stiffness", reason, error, changes)
+
+
+def _time_step(asked: _Asked) -> Advice:
+    scene, scheme = asked.scene, asked.scene.scheme
+    if scheme.dt is None:
+        reason = f"Adaptive at {scheme.cfl:g} of dx/c already; beyond it runs can fail silently."
+        return asked.advice("time step", reason)
+    adaptive = scheme.cfl * scene.grid.cell / scene.material.wave_speed
+    if adaptive <= scheme.dt:
+        reason = f"{scheme.dt:.2g} s is no less than the adaptive step of {adaptive:.2g} s."
+        return asked.advice("time step", reason)
+    reason = f"Adaptive at {scheme.cfl:g} of dx/c: {adaptive:.2g} s in place of {scheme.dt:.2g} s."
+    return asked.advice("time step", reason, 0.0, {"dt": None})
+
+
+def inertia(scene: Scene, name: str) -> float:
+    """I/I0 of the flow, about; 0 for an incline that stays at rest.
+
+    On an incline A = (tan - mu_s)/(mu_2 - tan). Elsewhere the rate sqrt(g/L) of a fall through
+    the length L at the pressure rho g L: 1/(xi sqrt(rho_c) L), L the opening or the height.
+    """
+    grains = scene.material
+    if name == "incline":
+        slope = math.tan(math.radians(float(scene.parameters["angle_deg"])))
+        if slope >= grains.mu_2:
+            return math.inf
+        return max(slope - grains.mu_s, 0.0) / (grains.mu_2 - slope)
+    opening = scene.parameters.get("orifice", 2 * scene.parameters.get("orifice_radius", 0.0))
+    return 1.0 / (grains.xi * math.sqrt(grains.rho_c) * (opening or bias.height(scene)))
+
+
+def _rate(asked: _Asked) -> Advice:
+    grains = asked.scene.material
+    if not isinstance(grains, MuI):
+        return asked.advice("rate", "The material does not depend on the rate.")
+    ratio = inertia(asked.scene, asked.name)
+    share = 1.0 if math.isinf(ratio) else ratio / (1 + ratio)
+    gain = (grains.mu_2 - grains.mu_s) / grains.mu_s * share
+    about = f"I/I0 is about {ratio:.2g}, friction {gain:.1%} above mu_s"
+    if asked.name == "incline" and ratio > 0.0:
+        return asked.advice("rate", f"It decides how fast the layer flows: {about}.", math.inf)
+    error = FRICTION_SHARE * gain
+    if error > asked.tolerance:
+        return asked.advice("rate", f"It matters: {about}.", error)
+    reason = f"It does not matter: {about}. Coulomb friction mu_s would do, and costs as much."
+    return asked.advice("rate", reason, error)
+
+
+def _grains(asked: _Asked) -> Advice:
+    scene, called = asked.scene, asked.scene.parameters
+    d = getattr(scene.material, "d", None)
+    if d is None:
+        reason = "The material has no grain size; with I0 and d in place of xi it can be judged."
+        return asked.advice("grains", reason, math.nan)
+    low, high = (d * amplitude for amplitude in NONLOCAL_AMPLITUDE)
+    opening = called.get("orifice", 2 * called.get("orifice_radius", 0.0))
+    size, what = (opening, "opening") if opening else (bias.height(scene), "layer")
+    text = (
+        f"The size of grains is felt over A d = {1e3 * low:.2g} to {1e3 * high:.2g} mm, "
+        f"{high / size:.2g} of the {what} of {size:.3g} m"
+    )
+    if asked.name == "incline":
+        text += _stopping_height(scene, d)
+    verdict = "The local law leaves it out" if high / size > asked.tolerance else "Negligible"
+    return asked.advice("grains", f"{text}. {verdict}.", high / size)
+
+
+def _stopping_height(scene: Scene, d: float) -> str:
+    """H_stop = (pi A d/2) sqrt((mu_2 - tan)/((mu_2 - mu_s)(tan - mu_s))) of the nonlocal law."""
+    grains = scene.material
+    slope = math.tan(math.radians(float(scene.parameters["angle_deg"])))
+    if not grains.mu_s < slope < grains.mu_2:
+        return ""
+    root = math.sqrt((grains.mu_2 - slope) / ((grains.mu_2 - grains.mu_s) * (slope - grains.mu_s)))
+    low, high = (math.pi / 2 * amplitude * d * root for amplitude in NONLOCAL_AMPLITUDE)
+    return f"; layers thinner than {low:.2g} to {high:.2g} m would not flow"
+
+
+_WANTED = {
+    "incline": ("the mean velocity and its profile", "x, v and mass"),
+    "column_collapse": ("the run-out", "x and mass at the end"),
+    "cylinder_collapse": ("the run-out", "x and mass at the end"),
+    "silo": ("the rate of discharge", "the mass left, a series that a record keeps by itself"),
+    "hourglass": ("the rate and the slope of the heap", "x and mass"),
+    "slug": ("impact and final shape", "x, v and mass"),
+}
+
+
+def _fields(asked: _Asked) -> Advice:
+    scene = asked.scene
+    carried = engine.build(scene, 1.0).fields()
+    numbers = sum(components for _, components, _, _ in carried)
+    names = ", ".join(name for name, _, _, _ in carried)
+    text = f"The scheme carries {names}: {8 * numbers} bytes a point, all of which it needs"
+    if asked.name in _WANTED:
+        quantity, needed = _WANTED[asked.name]
+        text += f"; for {quantity} it is enough to look at {needed}"
+    return asked.advice("fields", f"{text}.")
+
+
+_RULES: tuple[Callable[[_Asked], Advice], ...] = (
+    _dimension,
+    _basis,
+    _resolution,
+    _stiffness,
+    _time_step,
+    _rate,
+    _grains,
+    _fields,
+)
+
+
+def advise(scene: Scene, tolerance: float = 0.02) -> AdviceList:
+    """How little is enough for a scene, with a reason and an expected error for each piece.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float
+        Relative change of the quantity of interest that may come of it all, 0 < tolerance <= 1/2.
+        The quantities: flow down an incline, run-out of a column, rate of a silo, rate and slope
+        of an hourglass, impact and final shape of a slug.
+
+    Returns
+    -------
+    AdviceList
+        The errors of what would be changed add up to no more than the tolerance. Nothing is
+        changed until `apply` is asked to.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For anything but a scene, and tolerances out of range.
+    """
+    if not isinstance(scene, Scene):
+        raise TypeError(f"scene = {scene!r} must be a Scene")
+    tolerance = in_range("tolerance", tolerance, 0.0, 0.5, open_low=True)
+    function = scene_function(scene)
+    asked = _Asked(scene, scene, function.__name__ if function else "", tolerance)
+    items = []
+    for rule in _RULES:
+        items.append(rule(asked))
+        asked = asked.take(items[-1])
+    return AdviceList(items)

@@ -1,0 +1,153 @@
+"""The right half of a scene that is its own mirror image."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from granular.boundaries import Solid, Wall
+from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Intersection, Region, Union
+from granular.scene import Scene
+
+__all__ = ["half", "obstacle"]
+
+_DIGITS = 9
+"""Of a length in cells, to which two places are the same."""
+
+
+class _Mirror:
+    """The plane x = middle of the grid."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.grid = scene.grid
+        self.middle = 0.5 * (self.grid.lower[0] + self.grid.upper[0])
+
+    def key(self, *lengths: float) -> tuple[float, ...]:
+        # Adding zero turns -0 into 0.
+        return tuple(round(x / self.grid.cell, _DIGITS) + 0.0 for x in lengths)
+
+    def place(self, x: float, side: int) -> float:
+        """Where x lies from the plane, seen from the right (side 1) or the left (-1)."""
+        return side * (x - self.middle)
+
+    def ends(self, low: float, high: float, side: int) -> tuple[float, ...]:
+        return self.key(*sorted((self.place(low, side), self.place(high, side))))
+
+    def wall(self, wall: Wall | Solid, side: int) -> tuple[object, ...]:
+        """A wall in numbers that are equal for a wall and its image seen from the other side."""
+        if isinstance(wall, Solid):
+            across = self.ends(wall.lower[0], wall.upper[0], side)
+            return ("solid", across, wall.lower[1:], wall.upper[1:], wall.kind)
+        spans = [wall.extent(self.grid, axis) for axis in range(self.grid.dim) if axis != wall.axis]
+        if wall.axis == 0:
+            at = self.key(self.place(wall.at, side))
+        else:
+            at = self.key(wall.at)
+            spans[0] = self.ends(*spans[0], side)
+        return (wall.axis, at, tuple(spans), wall.kind, wall.friction, wall.opens_at)
+
+    def region(self, region: Region, side: int) -> tuple[object, ...]:
+        """The same of a region."""
+        name = type(region).__name__
+        if isinstance(region, Box):
+            across = self.ends(region.lower[0], region.upper[0], side)
+            return (name, across, region.lower[1:], region.upper[1:])
+        if isinstance(region, (Disc, Cylinder)):
+            centre = self.key(self.place(region.center[0], side))
+            rest = (region.height,) if isinstance(region, Cylinder) else ()
+            return (name, centre, region.center[1:], region.radius, *rest)
+        if isinstance(region, Difference):
+            return (name, self.region(region.region, side), self.region(region.without, side))
+        if isinstance(region, (Union, Intersection)):
+            return (name, *sorted((self.region(r, side) for r in region.regions), key=repr))
+        raise TypeError(f"{name} has no image that is known")
+
+    def fill(self, fill: Fill, side: int) -> tuple[object, ...]:
+        velocity = fill.velocity or (0.0,) * self.grid.dim
+        # Adding zero turns -0 into 0.
+        across = side * velocity[0] + 0.0
+        rest = (fill.points_per_cell, fill.density, across, velocity[1:], fill.jitter)
+        return (*self.region(fill.region, side), *rest)
+
+
+def obstacle(scene: Scene) -> str:
+    """Why a scene is not its own mirror image about the middle of its grid; "" if it is."""
+    grid, mirror = scene.grid, _Mirror(scene)
+    if grid.periodic[0]:
+        return "the domain is periodic along x"
+    if grid.shape[0] % 2:
+        return f"{grid.shape[0]} cells along x have no grid line in the middle"
+    if any(vector[0] for vector in scene.gravity.vectors):
+        return "gravity has a component along x"
+    if len({"x-", "x+"} & grid.open_sides) == 1:
+        return "one of the sides is open"
+    if any(absorber.axis == 0 for absorber in scene.absorbers):
+        return "waves are absorbed on one side"
+    for name, parts, view in (
+        ("walls", scene.walls, mirror.wall),
+        ("fills", scene.fills, mirror.fill),
+    ):
+        try:
+            right, left = (sorted(repr(view(part, side)) for part in parts) for side in (1, -1))
+        except TypeError as error:
+            return str(error)
+        if right != left:
+            return f"the {name} are not symmetric"
+    return ""
+
+
+def half(scene: Scene) -> Scene:
+    """The right half of a symmetric scene, with a frictionless wall on the plane of symmetry.
+
+    With linear functions this is the same flow, to round-off; other bases see a wall where there
+    was none. The parameter `half` is set, which tells measures of the mass to double it.
+
+    Raises
+    ------
+    ValueError
+        If the scene is not its own mirror image about the middle of its grid, or is a half.
+    """
+    if scene.parameters.get("half", False):
+        raise ValueError(f"scene {scene.name!r} is a half already")
+    if reason := obstacle(scene):
+        raise ValueError(f"scene {scene.name!r} cannot be halved: {reason}")
+    grid = scene.grid
+    middle = 0.5 * (grid.lower[0] + grid.upper[0])
+    keep = Box((middle, *grid.lower[1:]), grid.upper)
+    walls = [part for wall in scene.walls if (part := _cut_wall(wall, middle)) is not None]
+    fills = [
+        fill if fill.region.bounds[0][0] >= middle else _cut_fill(fill, keep)
+        for fill in scene.fills
+        if fill.region.bounds[1][0] > middle
+    ]
+    return scene.replace(
+        grid=replace(
+            grid,
+            lower=keep.lower,
+            shape=(grid.shape[0] // 2, *grid.shape[1:]),
+            open_sides=grid.open_sides - {"x-"},
+        ),
+        fills=tuple(fills),
+        walls=(Wall(0, middle, kind="frictionless"), *walls),
+        parameters={**scene.parameters, "half": True},
+    )
+
+
+def _cut_fill(fill: Fill, keep: Box) -> Fill:
+    if isinstance(fill.region, Box):
+        lower = (keep.lower[0], *fill.region.lower[1:])
+        return replace(fill, region=Box(lower, fill.region.upper))
+    return replace(fill, region=Intersection((fill.region, keep)))
+
+
+def _cut_wall(wall: Wall | Solid, middle: float) -> Wall | Solid | None:
+    """What of a wall is on the right of the plane; None if nothing."""
+    if isinstance(wall, Solid):
+        if wall.upper[0] <= middle:
+            return None
+        return replace(wall, lower=(max(wall.lower[0], middle), *wall.lower[1:]))
+    if wall.axis == 0:
+        return wall if wall.at > middle else None
+    if wall.span is None:
+        return wall
+    (low, high), *rest = wall.span
+    return replace(wall, span=((max(low, middle), high), *rest)) if high > middle else None

@@ -1,0 +1,357 @@
+"""Advice: each piece by itself, what is refused, and that nothing is changed unasked."""
+
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.economy import bias
+from granular.geometry import Box, Fill, Grid
+from granular.materials import DruckerPrager, glass_beads, glass_beads_5mm
+from granular.walls import Gravity, Solid, Wall
+
+PAPER = [
+    gr.scenes.incline(),
+    gr.scenes.incline(angle_deg=21.0),
+    gr.scenes.incline(angle_deg=34.0),
+    gr.scenes.column_collapse(aspect=0.5),
+    gr.scenes.column_collapse(aspect=2.0),
+    gr.scenes.silo(),
+    gr.scenes.hourglass(kind="flat"),
+    gr.scenes.hourglass(kind="sloped"),
+    gr.scenes.slug(),
+]
+PUBLISHED = [scene.replace(scheme=gr.schemes.published) for scene in PAPER]
+
+
+def full_silo(**changes):
+    """The silo of the paper with both of its halves, made by hand."""
+    floor = [Wall(1, 0.0, span=(s,)) for s in ((-0.5, -0.06), (0.06, 0.5))]
+    parts = {
+        "name": "full silo",
+        "grid": Grid((-0.5, 0.0), 0.01, (100, 104), open_sides=frozenset({"y-"})),
+        "fills": (Fill(Box((-0.5, 0.0), (0.5, 1.0)), 4),),
+        "material": glass_beads,
+        "scheme": gr.schemes.published,
+        "walls": (
+            *floor,
+            Wall(1, 0.0, span=((-0.06, 0.06),), opens_at=0.1),
+            Wall(0, -0.5, kind="frictionless"),
+            Wall(0, 0.5, kind="frictionless"),
+        ),
+        "gravity": Gravity(),
+        "duration": 40.0,
+    }
+    return gr.Scene(**(parts | changes))
+
+
+@pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("scene", PAPER + PUBLISHED, ids=lambda s: f"{s.name}-{s.scheme.basis}")
+def test_what_is_advised_stays_within_the_tolerance(scene, tolerance):
+    before = scene.to_json()
+    advice = gr.economy.advise(scene, tolerance)
+    assert [item.topic for item in advice] == [
+        "dimension",
+        "basis",
+        "resolution",
+        "stiffness",
+        "time step",
+        "rate",
+        "grains",
+        "fields",
+    ]
+    assert advice.error <= tolerance * (1 + 1e-12)
+    assert all(item.reason.endswith(".") and item.saving >= 1 for item in advice)
+    thrifty = gr.economy.apply(scene, advice)
+    assert scene.to_json() == before
+    spared = gr.economy.cost(scene).seconds / gr.economy.cost(thrifty).seconds
+    assert spared == pytest.approx(advice.saving, rel=1e-6)
+    # What was advised is not improved on by asking again with nothing left to give.
+    again = gr.economy.advise(thrifty, 1e-6)
+    assert gr.economy.apply(thrifty, again) == thrifty
+
+
+@pytest.mark.parametrize("scene", PAPER + PUBLISHED, ids=lambda s: f"{s.name}-{s.scheme.basis}")
+def test_two_per_cent_spare_nine_tenths(scene):
+    """Of the paper's own settings, E = 1 GPa and dt = 3e-6 s."""
+    scene = scene.replace(scheme=scene.scheme.replace(dt=3e-6))
+    advice = gr.economy.advise(scene, 0.02)
+    refused = {
+        ("slug", "linear"): "not been measured",  # its final place drifts with E, without end
+        ("silo", "linear"): "should be the same",  # its rate is, to 3 %
+        ("column_collapse", "linear"): "should be the same",  # its run-out is chance,
+        ("column_collapse", "quadratic"): "should be the same",  # and here it moves by 2.2 %
+    }.get((scene.name, scene.scheme.basis))
+    if refused:
+        assert refused in advice.about("stiffness").reason
+        assert advice.about("stiffness").changes == {}
+        if scene.name in ("column_collapse", "silo"):
+            assert gr.economy.advise(scene, 0.15).saving >= 10
+    else:
+        assert advice.saving >= 10
+
+
+def test_a_silo_a_seventh_off_is_not_advised():
+    """E = 1e5 Pa changes the rate of the published scheme by 14 %."""
+    for scheme in (gr.schemes.published, gr.schemes.default):
+        scene = gr.scenes.silo(orifice=0.2, scheme=scheme)
+        for tolerance in (0.015, 0.02, 0.05):
+            item = gr.economy.advise(scene, tolerance).about("stiffness")
+            assert item.changes.get("E", 1e9) > 1e5
+        soft = gr.scenes.silo(material=glass_beads.replace(E=1e5), scheme=scheme)
+        item = gr.economy.advise(soft, 0.02).about("stiffness")
+        assert not item.changes and item.error > 0.02
+    # Runs that should be the same differ by 1 %: less than that is not promised.
+    item = gr.economy.advise(gr.scenes.silo(), 0.01).about("stiffness")
+    assert not item.changes and "should be the same" in item.reason
+    assert gr.economy.advise(PUBLISHED[5], 0.13).about("stiffness").changes["E"] > 1e5
+
+
+def test_pressure_strain_by_hand():
+    """rho g H/K: 1500 9.8 1 m over 1 GPa/1.2; the same for a silo twice as high and as stiff."""
+    scene = gr.scenes.silo()
+    assert bias.pressure_strain(scene) == pytest.approx(1500 * 9.8 / (1e9 / 1.2))
+    tall = gr.scenes.silo(height=2.0, material=glass_beads.replace(E=2e9))
+    assert bias.pressure_strain(tall) == pytest.approx(bias.pressure_strain(scene))
+    asked = [gr.economy.advise(s, 0.02).about("stiffness").changes["E"] for s in (scene, tall)]
+    assert asked[1] == pytest.approx(2 * asked[0], rel=0.05)
+
+
+def test_soft_layer_loses_friction_as_the_closed_form_says():
+    """mu tau/G at the base, 5/7 of it for the mean velocity, times d ln v/d ln mu of A."""
+    scene = gr.scenes.incline(angle_deg=25.0, duration=200.0)
+    grains = glass_beads.replace(E=1e6)
+    t = math.tan(math.radians(25))
+    tau = 1500 * 9.8 * math.sin(math.radians(25)) * 0.2
+    assert bias.friction_shift(scene, grains) == pytest.approx(5 / 7 * t * tau / grains.G)
+    gain = bias.incline_flow(scene, weaker=1e-4) / bias.incline_flow(scene) - 1
+    closed = grains.mu_s / (t - grains.mu_s) + grains.mu_2 / (grains.mu_2 - t)
+    assert gain / 1e-4 == pytest.approx(closed, rel=5e-3)
+    # The design study measured .7 % at 25 degrees, 1.8 % at 30, E = 1e6, steady.
+    for angle, measured in ((25.0, 0.007), (30.0, 0.018)):
+        scene = gr.scenes.incline(angle_deg=angle, duration=200.0)
+        assert 0.8 * measured < bias.incline_error(scene, grains) < 2 * measured
+
+
+def test_near_the_threshold_grains_must_be_stiff():
+    stiff = [
+        gr.economy.advise(gr.scenes.incline(angle_deg=angle), 0.02).about("stiffness")
+        for angle in (21.0, 22.0, 25.0)
+    ]
+    E = [item.changes.get("E", 1e9) for item in stiff]
+    assert E[0] > 10 * E[1] > 50 * E[2]
+    flat = gr.economy.advise(gr.scenes.incline(angle_deg=19.0), 0.02).about("stiffness")
+    assert not flat.changes and math.isnan(flat.error)
+
+
+def test_dimension():
+    many = gr.economy.advise(gr.scenes.incline(columns=8), 0.05)
+    assert many.about("dimension").changes == {"columns": 1}
+    assert many.about("dimension").saving == 8
+    assert not gr.economy.advise(gr.scenes.incline(columns=8), 0.005).about("dimension").changes
+    assert not gr.economy.advise(gr.scenes.incline(), 0.05).about("dimension").changes
+    for scene in (gr.scenes.silo(), gr.scenes.cylinder_collapse()):
+        item = gr.economy.advise(scene).about("dimension")
+        assert not item.changes and "symmetry" in item.reason
+    assert "cannot be halved" in gr.economy.advise(gr.scenes.slug()).about("dimension").reason
+
+
+def test_half_of_a_silo_is_the_silo_of_the_paper():
+    scene = full_silo()
+    advice = gr.economy.advise(scene, 0.02)
+    assert advice.about("dimension").changes == {"half": True}
+    found, known = gr.economy.half(scene), gr.scenes.silo(scheme=gr.schemes.published)
+    assert np.allclose(found.points().x, known.points().x)
+    assert found.grid == known.grid
+    assert found.parameters["half"] and set(map(repr, found.walls)) == set(map(repr, known.walls))
+    assert gr.economy.apply(scene, advice).n_points == scene.n_points / 2
+    with pytest.raises(ValueError, match="half already"):
+        gr.economy.half(found)
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"grid": Grid((-0.5, 0.0), 0.01, (101, 104))}, "no grid line"),
+        ({"grid": Grid((-0.5, 0.0), 0.01, (100, 104), open_sides=frozenset({"x+"}))}, "open"),
+        ({"gravity": Gravity((0.0,), ((1.0, -9.8),))}, "gravity"),
+        ({"fills": (Fill(Box((-0.4, 0.0), (0.5, 1.0)), 4),)}, "fills"),
+        ({"fills": (Fill(Box((-0.5, 0.0), (0.5, 1.0)), 4, velocity=(1.0, 0.0)),)}, "fills"),
+        ({"walls": (Wall(0, -0.5),)}, "walls"),
+        ({"walls": (Solid((-0.5, 0.0), (-0.4, 0.2)),)}, "walls"),
+    ],
+)
+def test_what_is_no_mirror_image_is_not_halved(changes, reason):
+    scene = full_silo(**changes)
+    with pytest.raises(ValueError, match=reason):
+        gr.economy.half(scene)
+    assert not gr.economy.advise(scene).about("dimension").changes
+
+
+def test_a_block_across_the_plane_is_cut():
+    blocks = (Solid((-0.1, 0.5), (0.1, 0.6)), Solid((-0.5, 0.2), (-0.4, 0.3)))
+    whole = full_silo(walls=(*blocks, Solid((0.4, 0.2), (0.5, 0.3))))
+    kept = [wall for wall in gr.economy.half(whole).walls if isinstance(wall, Solid)]
+    assert [block.lower[0] for block in kept] == [0.0, 0.4]
+
+
+def test_basis_is_kept_where_linear_functions_fail():
+    assert not gr.economy.advise(gr.scenes.column_collapse(), 0.5).about("basis").changes
+    assert not gr.economy.advise(gr.scenes.incline(columns=8), 0.005).about("basis").changes
+    one = gr.economy.advise(gr.scenes.incline(), 0.02).about("basis")
+    assert one.changes["basis"] == "linear"
+    assert "lose" in gr.economy.advise(PUBLISHED[5], 0.02).about("basis").reason
+
+
+def test_resolution_only_where_it_converges():
+    item = gr.economy.advise(gr.scenes.incline(), 0.02).about("resolution")
+    assert 0.2 / item.changes["cell"] == pytest.approx(round(0.2 / item.changes["cell"]))
+    assert item.error <= 0.005
+    fine = gr.economy.advise(gr.scenes.incline(), 0.004).about("resolution")
+    assert fine.changes["cell"] < item.changes["cell"]
+    assert not gr.economy.advise(gr.scenes.silo(), 0.5).about("resolution").changes
+
+
+def test_time_step():
+    item = gr.economy.advise(PUBLISHED[4], 0.02).about("time step")
+    assert item.changes == {"dt": None}
+    assert not gr.economy.advise(PAPER[4], 0.02).about("time step").changes
+    coarse = gr.schemes.published.replace(dt=6e-6)
+    scene = gr.scenes.column_collapse(scheme=coarse, material=glass_beads.replace(E=1.3e9))
+    kept = gr.economy.advise(scene, 1e-9).about("time step")
+    assert not kept.changes
+
+
+def test_rate():
+    for scene in PAPER:
+        assert not gr.economy.advise(scene, 0.02).about("rate").changes
+    item = gr.economy.advise(PAPER[4], 0.02).about("rate")
+    assert item.error > 0.02 and "It matters" in item.reason
+    hill = gr.scenes.column_collapse(half_width=200.0, cell=12.5)
+    item = gr.economy.advise(hill, 0.02).about("rate")
+    assert item.error < 0.02 and "does not matter" in item.reason and not item.changes
+    simple = hill.replace(material=DruckerPrager())
+    assert "not depend" in gr.economy.advise(simple).about("rate").reason
+    still = gr.economy.advise(gr.scenes.incline(angle_deg=19.0)).about("rate")
+    assert still.error == 0.0
+
+
+def test_rates_of_the_scheme_are_held_where_grains_are_softened():
+    """decay c_w/dx, diffusion c_w/dx and shear_diffusion E of the diffused density, in 1/s."""
+    scene = gr.scenes.silo()
+    thrifty = gr.economy.apply(scene, gr.economy.advise(scene, 0.02).about("stiffness"))
+    assert thrifty.material.E < scene.material.E
+
+    def rates(s):
+        c, E = s.material.wave_speed, s.material.E
+        return np.array([s.scheme.decay * c, s.scheme.diffusion * c, s.scheme.shear_diffusion * E])
+
+    assert rates(thrifty) == pytest.approx(rates(scene), rel=1e-12)
+    assert (scene.scheme.averaging_interval, thrifty.scheme.averaging_interval) == (4, 1)
+    flip = scene.replace(scheme=gr.schemes.published)
+    assert set(gr.economy.advise(flip, 0.1).about("stiffness").changes) == {"E"}
+
+
+def test_grains_are_only_told_of():
+    unknown = gr.economy.advise(gr.scenes.silo(), 0.02).about("grains")
+    assert math.isnan(unknown.error) and not unknown.changes
+    narrow = gr.scenes.silo(orifice=0.06, material=glass_beads_5mm)
+    item = gr.economy.advise(narrow, 0.02).about("grains")
+    assert item.error == pytest.approx(0.9 * 0.005 / 0.06) and "leaves it out" in item.reason
+    assert not item.changes
+    layer = gr.economy.advise(gr.scenes.incline(material=glass_beads_5mm)).about("grains")
+    stop = math.pi / 2 * 0.48 * 0.005 * math.sqrt(0.1772 / (0.2616 * 0.0844))
+    assert f"{stop:.2g}" in layer.reason
+
+
+def test_fields():
+    tracked, diffused = (
+        gr.economy.advise(scene).about("fields").reason for scene in (PUBLISHED[5], PAPER[5])
+    )
+    assert "88 bytes" in tracked and "152 bytes" in diffused and "density_gradient" in diffused
+
+
+def test_unknown_scene_keeps_its_stiffness():
+    item = gr.economy.advise(full_silo(), 0.02).about("stiffness")
+    assert not item.changes and math.isnan(item.error) and "not been measured" in item.reason
+
+
+@pytest.mark.parametrize(
+    "changes", [{"transfer": "apic"}, {"flip_decay": 20.0}, {"basis": "ugimp"}]
+)
+def test_a_scheme_that_was_not_measured_keeps_its_stiffness(changes):
+    scene = gr.scenes.silo(scheme=gr.schemes.published.replace(**changes))
+    item = gr.economy.advise(scene, 0.02).about("stiffness")
+    assert not item.changes and math.isnan(item.error)
+
+
+def test_pieces_can_be_chosen():
+    scene = gr.scenes.incline(columns=4, scheme=gr.schemes.published)
+    advice = gr.economy.advise(scene, 0.05)
+    some = gr.economy.apply(scene, [i for i in advice if i.topic in ("dimension", "time step")])
+    assert some == gr.scenes.incline(columns=1, scheme=gr.schemes.published.replace(dt=None))
+    assert gr.economy.apply(scene, advice.about("stiffness")).grid == scene.grid
+    assert gr.economy.apply(scene, []) == scene
+
+
+def test_advice_for_another_scene_is_refused():
+    advice = gr.economy.advise(gr.scenes.silo(orifice=0.1))
+    with pytest.raises(ValueError, match="another scene"):
+        gr.economy.apply(gr.scenes.silo(orifice=0.2), advice)
+    with pytest.raises(TypeError, match="Advice"):
+        gr.economy.apply(gr.scenes.silo(), ["stiffness"])
+
+
+def test_a_scene_changed_by_hand_is_not_rebuilt():
+    scene = gr.scenes.incline(columns=4).replace(walls=(Wall(1, 0.0, kind="frictionless"),))
+    advice = gr.economy.advise(gr.scenes.incline(columns=4), 0.05).about("dimension")
+    with pytest.raises(ValueError, match="another scene"):
+        gr.economy.apply(scene, advice)
+    with pytest.raises(ValueError, match="changed since"):
+        gr.economy.advise(scene, 0.05)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -0.1, 0.6, math.nan, True, "2 %"])
+def test_tolerance_is_checked(tolerance):
+    with pytest.raises((TypeError, ValueError), match="tolerance"):
+        gr.economy.advise(gr.scenes.silo(), tolerance)
+
+
+def test_only_scenes_are_advised():
+    with pytest.raises(TypeError, match="Scene"):
+        gr.economy.advise("silo")
+
+
+def test_advice_prints_as_a_table():
+    advice = gr.economy.advise(gr.scenes.silo())
+    text = str(advice)
+    assert (
+        text.count("\n") == len(advice) and "together" in text and "<table>" in advice._repr_html_()
+    )
+    with pytest.raises(KeyError):
+        advice.about("weather")
+    assert len(advice[:2]) == 2
+
+
+def test_cost_by_hand():
+    scene = gr.scenes.column_collapse(scheme=gr.schemes.published)
+    found = gr.economy.cost(scene)
+    assert (found.points, found.steps) == (8192, 666667)
+    assert found.seconds == pytest.approx(found.point_steps * 14e-9)
+    stiff = scene.replace(material=glass_beads.replace(E=1e13))
+    with pytest.raises(ValueError, match="dt"):
+        gr.economy.cost(stiff)
+
+
+def test_work_falls_with_what_is_left():
+    """Half of a silo gone, half of the points and about half of the cells to visit."""
+    soft = glass_beads.replace(E=1e6)
+    sim = gr.Simulation(gr.scenes.silo(orifice=0.2, cell=0.02, material=soft), threads=1)
+    sim.step(5)
+    points, cells = sim.n_points, len(sim.cell_counts)
+    assert sim.cell_counts.sum() == points
+    while sim.n_points > 0.5 * points:
+        sim.run(until=sim.time + 1 / 60)
+    assert sim.cell_counts.sum() == sim.n_points
+    assert 0.4 < len(sim.cell_counts) / cells < 0.6

@@ -1,0 +1,66 @@
+"""What advice leads to, and that half of a symmetric scene is half of its flow."""
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular import verify
+from granular.geometry import Box, Fill, Grid
+from granular.materials import glass_beads
+from granular.verify.quantities import change, quantities
+from granular.walls import Gravity, Wall
+
+
+def test_quick_row():
+    assert verify.failures("economy_quick") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    ["economy_incline", "economy_collapse", "economy_silo", "economy_hourglass", "economy_slug"],
+)
+def test_slow_rows(name):
+    assert verify.failures(name) == []
+
+
+def test_half_of_a_scene_flows_as_half_of_the_whole():
+    """A column that falls to both sides: with linear functions its halves are mirror images."""
+    whole = gr.Scene(
+        name="column of two sides",
+        grid=Grid((-0.4, 0.0), 0.025, (32, 12)),
+        fills=(Fill(Box((-0.1, 0.0), (0.1, 0.2)), 4),),
+        material=glass_beads.replace(E=1e6),
+        scheme=gr.schemes.published.replace(dt=2e-4),
+        walls=(Wall(1, 0.0), Wall(0, -0.4, kind="frictionless"), Wall(0, 0.4, kind="frictionless")),
+        gravity=Gravity(),
+        duration=0.3,
+    )
+    half = gr.economy.half(whole)
+    full, right = (gr.Simulation(scene, threads=1).run().state for scene in (whole, half))
+    assert full.n == 2 * right.n
+    assert np.ptp(right.x[:, 0]) > 0.12  # it has fallen
+    kept = full.x[:, 0] > 0
+    order, known = (np.lexsort(np.round(x.T, 6)) for x in (full.x[kept], right.x))
+    assert full.x[kept][order] == pytest.approx(right.x[known], abs=1e-9)
+
+
+def test_quantities_tell_soft_from_stiff():
+    """The numbers of a run, and their change: an incline ten times softer flows faster."""
+    soft, stiff = (
+        quantities(
+            gr.scenes.incline(
+                cell=0.02,
+                duration=1.0,
+                material=glass_beads.replace(E=E),
+                scheme=gr.schemes.published.replace(dt=None),
+            )
+        )
+        for E in (1e5, 1e7)
+    )
+    assert soft.steps < stiff.steps / 9
+    assert stiff.point_steps == 40 * stiff.steps
+    moved = change(soft.numbers["mean velocity"], stiff.numbers["mean velocity"])
+    assert 0.02 < moved < 0.2
+    with pytest.raises(ValueError, match=r"scene\.name"):
+        quantities(gr.scenes.silo().replace(name="another"))
