@@ -263,7 +263,7 @@ def _info(arguments: argparse.Namespace) -> int:
 
     found = info(arguments.file)
     provenance = found.pop("provenance")
-    damage = found.pop("damage")
+    damage, health = found.pop("damage"), found.pop("health")
     for name, value in found.items():
         if isinstance(value, tuple):
             value = " to ".join(f"{end:g}" for end in value)
@@ -271,6 +271,7 @@ def _info(arguments: argparse.Namespace) -> int:
     for name in ("granular", "start", "threads", "cpu"):
         if name in provenance:
             print(f"{name:>16}  {provenance[name]}")
+    print(health)
     for message in damage:
         print(f"{'damage':>16}  {message}")
     return FAILED if damage else 0
