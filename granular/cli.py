@@ -259,11 +259,11 @@ def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str,
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from granular.trajectory import info
+    from granular.trajectory import info, open_trajectory
 
     found = info(arguments.file)
     provenance = found.pop("provenance")
-    damage, health = found.pop("damage"), found.pop("health")
+    damage = found.pop("damage")
     for name, value in found.items():
         if isinstance(value, tuple):
             value = " to ".join(f"{end:g}" for end in value)
@@ -271,7 +271,8 @@ def _info(arguments: argparse.Namespace) -> int:
     for name in ("granular", "start", "threads", "cpu"):
         if name in provenance:
             print(f"{name:>16}  {provenance[name]}")
-    print(health)
+    with open_trajectory(arguments.file) as record:
+        print(record.health())
     for message in damage:
         print(f"{'damage':>16}  {message}")
     return FAILED if damage else 0

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
-from granular import _core
+from granular import _core, stability
 from granular import engine as core
 from granular.checks import integer, positive
 from granular.monitor import Health, Monitor, health
@@ -59,9 +59,15 @@ class Simulation:
     ------
     ValueError
         If the time step is beyond its limit or the scene cannot be built.
+
+    Warns
+    -----
+    StabilityWarning
+        For what is known to go wrong without a word, see `granular.stability.doubts`.
     """
 
     def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+        stability.warn(scene)
         points = core.initial_points(scene)
         self._start(scene, float(points["mass"].mean()), threads, isa)
         self._buffers = core.initial_buffers(self._engine, points)

@@ -109,7 +109,7 @@ def arrangements(quick: bool) -> Map:
     for basis in ("linear", "ugimp", "quadratic"):
         for dim in (1, 2):
             for per_axis in (1, 2) if quick else (1, 2, 3):
-                tries = 60 if quick else (6000, 1000)[dim - 1]
+                tries = 60 if quick else (3000, 600)[dim - 1]
                 found.add(
                     basis,
                     f"{dim}-D, {per_axis**dim}",

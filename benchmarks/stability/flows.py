@@ -51,16 +51,16 @@ def incline_courant(quick: bool) -> Map:
     """Too large a step without a NaN: one column at 25 deg."""
     found = Map(
         "incline_courant",
-        "Too large a step without a NaN: one column of an incline, 20 s",
+        "Too large a step without a NaN: one column of an incline of 25 deg, 10 s",
         "relative L2 error of v(y)",
         "scheme",
         "c dt/dx",
         0.02,
     )
     material, cell = glass_beads.replace(E=1e6), 0.01
-    names = ("published (linear, flip)", "uGIMP, flip", "quadratic, flip", "default")
+    names = ("published (linear, flip)", "quadratic, flip", "default")
     for name in names:
-        for courant in chosen((0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2, 1.3, 1.4), quick):
+        for courant in chosen((0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2, 1.4), quick):
             scene = gr.scenes.incline(
                 cell=cell,
                 material=material,
@@ -69,7 +69,7 @@ def incline_courant(quick: bool) -> Map:
             found.add(
                 name,
                 f"{courant:g}",
-                lambda s=scene: flow(s, 0.3 if quick else 20.0),
+                lambda s=scene: flow(s, 0.3 if quick else 10.0),
                 refuses(scene),
             )
     return found
@@ -154,15 +154,15 @@ def incline_columns(quick: bool) -> Map:
     """Columns x scheme: where the published scheme begins to be two-dimensional."""
     found = Map(
         "incline_columns",
-        "Columns of an incline of 25 deg, jittered, 8 s",
+        "Columns of an incline of 25 deg, jittered, 6 s",
         "relative L2 error of v(y)",
         "scheme",
         "columns",
         0.05,
     )
-    names = ("published (linear, flip)", "quadratic, flip", "quadratic, apic", "default")
+    names = ("published (linear, flip)", "quadratic, apic", "default")
     for name in names:
-        for columns in chosen((1, 2, 3, 4, 8, 16), quick):
+        for columns in chosen((1, 2, 3, 4, 8), quick):
             scene = gr.scenes.incline(
                 cell=0.01,
                 columns=columns,
@@ -170,7 +170,7 @@ def incline_columns(quick: bool) -> Map:
                 material=glass_beads.replace(E=1e6),
                 scheme=SCHEMES[name],
             )
-            found.add(name, f"{columns}", lambda s=scene: flow(s, 0.05 if quick else 8.0))
+            found.add(name, f"{columns}", lambda s=scene: flow(s, 0.05 if quick else 6.0))
     return found
 
 
@@ -213,8 +213,9 @@ def rest(quick: bool) -> list[Map]:
         "slope [deg]",
         0.03,
     )
-    for name, scheme in SCHEMES.items():
-        for angle in chosen((0.0, 15.0, 19.0), quick):
+    for name in ("published (linear, flip)", "quadratic, apic", "default"):
+        scheme = SCHEMES[name]
+        for angle in chosen((0.0, 15.0), quick):
             speeds.add(
                 name, f"{angle:g}", lambda s=scheme, a=angle: at_rest(s, a, 20 if quick else 1e4)
             )
@@ -266,7 +267,7 @@ def discharge(E: float, quick: bool) -> float:
     scene = gr.scenes.silo(orifice=0.2, cell=0.02, material=material)
     states: list[gr.State] = []
     sim = simulate(scene)
-    sim.run(until=0.2 if quick else 1.6, every=1 / 60, hooks=(lambda s: states.append(s.state),))
+    sim.run(until=0.2 if quick else 1.2, every=1 / 60, hooks=(lambda s: states.append(s.state),))
     times = np.array([s.time for s in states])
     mass = np.array([s.mass.sum() for s in states])
     late = times > (0.12 if quick else 0.5)

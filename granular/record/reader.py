@@ -190,8 +190,8 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
     dict
         ``path``, ``format``, ``scene`` (name), ``frames``, ``times`` (first, last) [s],
         ``n`` (first, last), ``steps`` (first, last), ``checkpoint_step`` (None: no checkpoint),
-        ``finished``, ``provenance``, ``digest_ok``, ``damage`` (messages), ``health``. The pairs
-        are None for a record without frames.
+        ``finished``, ``provenance``, ``digest_ok``, ``damage`` (messages). The pairs are None
+        for a record without frames.
 
     Raises
     ------
@@ -222,5 +222,4 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
             "provenance": record.provenance,
             "digest_ok": not damage,
             "damage": damage,
-            "health": record.health(),
         }
