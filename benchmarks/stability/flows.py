@@ -75,22 +75,23 @@ def incline_courant(quick: bool) -> Map:
     return found
 
 
-ANGLES = (22.0, 23.5, 25.0, 27.0, 29.0, 30.0, 31.0, 32.0)
+ANGLES = (22.0, 23.5, 25.0, 27.0, 29.0, 30.0, 31.5)
 
 
 def incline_angles(quick: bool) -> Map:
     """Inertial number x scheme: eight columns, slopes on both sides of the well-posed range."""
     found = Map(
         "incline_angles",
-        "Two-dimensional shear flow: an incline of 8 columns, jittered, 8 s",
+        "Two-dimensional shear flow: an incline of 8 columns, jittered, 6 s",
         "relative L2 error of v(y)",
         "scheme",
         "slope [deg] and its inertial number I/I0",
         0.05,
     )
-    for name, scheme in SCHEMES.items():
+    material = glass_beads.replace(E=1e6)
+    for name in ("published (linear, flip)", "quadratic, flip", "quadratic, apic", "default"):
+        scheme = SCHEMES[name]
         for angle in chosen(ANGLES, quick):
-            material = glass_beads.replace(E=1e6 if 23 < angle < 26 else 1e7)
             ratio = gr.theory.scaled_inertial_number_of_slope(angle, material)
             scene = gr.scenes.incline(
                 angle_deg=angle,
@@ -102,7 +103,7 @@ def incline_angles(quick: bool) -> Map:
                 seed=4,
             )
             found.add(
-                name, f"{angle:g}: {ratio:.2g}", lambda s=scene: flow(s, 0.05 if quick else 8.0)
+                name, f"{angle:g}: {ratio:.2g}", lambda s=scene: flow(s, 0.05 if quick else 6.0)
             )
     return found
 
@@ -182,7 +183,7 @@ def at_rest(scheme: gr.Scheme, angle: float, waves: float) -> tuple[float, dict[
         angle_deg=angle,
         height=height,
         cell=0.01,
-        columns=8,
+        columns=4,
         jitter=0.6,
         material=material,
         scheme=scheme,
@@ -279,14 +280,14 @@ def softness(quick: bool) -> Map:
     found = Map(
         "softness",
         "What a softer material costs",
-        "relative change against E = 1e8 Pa (silo), error against the equation (inclines, 20 s)",
+        "relative change against E = 1e7 Pa (silo), error against the equation (inclines, 10 s)",
         "case",
         "E [Pa]",
         0.02,
     )
-    moduli = (1e7, 1e5) if quick else (1e7, 1e6, 1e5)
-    stiff = discharge(1e6 if quick else 1e8, quick)
-    for E in moduli:
+    moduli = (1e6, 1e5) if quick else (1e7, 1e6, 1e5)
+    stiff = discharge(moduli[0], quick)
+    for E in moduli[1:]:
         found.add(
             "silo, discharge at D = .2 m",
             f"{E:.0e}",
@@ -298,7 +299,7 @@ def softness(quick: bool) -> Map:
             found.add(
                 f"incline, depth average, {angle:g} deg",
                 f"{E:.0e}",
-                lambda s=scene: depth_average_error(s, 0.3 if quick else 20.0),
+                lambda s=scene: depth_average_error(s, 0.3 if quick else 10.0),
             )
     return found
 
