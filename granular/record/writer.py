@@ -246,8 +246,8 @@ class TrajectoryWriter:
     ) -> None:
         """Add a frame, and the restart state at its time; they are on the disk when this returns.
 
-        `looks` is what monitors told of the frame. A frame equal to the recorded one of the same step is taken for it. What `may_wait` is
-        stored by and by, see `store`.
+        `looks` is what monitors told of the frame. A frame equal to the recorded one of the same
+        step is taken for it. What `may_wait` is stored by and by, see `store`.
 
         Raises
         ------
