@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
+from granular.measure.energy import between, elastic_of, kinetic_of
 from granular.notebook import table
 from granular.stability import courant_limit
 
@@ -55,7 +56,7 @@ class Monitor:
 
     def __init__(self) -> None:
         self.rows: list[NDArray[np.float64]] = []
-        self._before: _Ledger | None = None
+        self._before: State | None = None
         self._step = 0
 
     def due(self, step: int, n_points: int) -> bool:
@@ -67,15 +68,14 @@ class Monitor:
 
         The first state of a run, in which nothing has happened, only opens the accounts.
         """
-        ledger = _Ledger(state)
-        row = self.peek(state, ledger)
-        self._before, self._step = ledger, state.step
+        row = self.peek(state)
+        self._before, self._step = state, state.step
         if state.step == 0:
             return {}
         self.rows.append(row)
         return dict(zip(NAMES, row.tolist(), strict=True))
 
-    def peek(self, state: State, ledger: _Ledger | None = None) -> NDArray[np.float64]:
+    def peek(self, state: State) -> NDArray[np.float64]:
         """What a look at a state would tell, without remembering it."""
         if not state.n:
             return np.full(len(NAMES), np.nan)
@@ -83,8 +83,7 @@ class Monitor:
         material = state.scene.material
         before = work = created = np.nan
         if self._before is not None:
-            before = float(self._before.held.sum())
-            work, created = self._before.until(ledger or _Ledger(state))
+            before, work, created = _account(self._before, state)
         row = {
             "disconnected": np.nan if material.law == "elastic" else bulk.disconnected(),
             "density_drift": np.nan if material.law == "elastic" else bulk.drift(),
@@ -115,43 +114,24 @@ def _courant(state: State) -> float:
     return float((state.scene.material.wave_speed + speed) * state.dt / state.scene.grid.cell)
 
 
-class _Ledger:
-    """The accounts of a state: what its points hold, and how fast they dissipate."""
+def _plastic_power(state: State) -> float:
+    """sum V tau gdot [W]; 0 for a law without a yield."""
+    if state.scene.material.law == "elastic":
+        return 0.0
+    return float(np.sum(state.volume * state.tau * state.shear_rate))
 
-    def __init__(self, state: State) -> None:
-        material = state.scene.material
-        self.scene, self.time, self.id = state.scene, state.time, state.id
-        self.mass, self.x, self.v = state.mass, state.x, state.v
-        kinetic = state.mass * np.sum(state.v**2, axis=1) / 2
-        # s:s = 2 tau**2
-        elastic = state.tau**2 / (2 * material.G) + state.p**2 / (2 * material.K)
-        self.held = kinetic + state.volume * elastic
-        self.plastic = float(np.sum(state.volume * state.tau * state.shear_rate))
-        if material.law == "elastic":
-            self.plastic = 0.0
 
-    def until(self, after: _Ledger) -> tuple[float, float]:
-        """Work of gravity to a later state [J], and the energy that came from nowhere.
+def _account(before: State, after: State) -> tuple[float, float, float]:
+    """What was held [J] at an earlier state, the work of gravity since, and energy from nowhere.
 
-        created = change of what is held + outflow + plastic dissipation - work, less what the
-        transfers and disconnections lost, which is not known: it is negative in a sound run.
-        Plastic power counts by the trapezoidal rule. Displacements along periodic axes are
-        ``(v0 + v1)/2 dt``.
-        """
-        if len(self.id) == len(after.id) and np.array_equal(self.id, after.id):
-            old = new = np.arange(len(self.id))
-        else:
-            _, old, new = np.intersect1d(self.id, after.id, assume_unique=True, return_indices=True)
-        interval = after.time - self.time
-        gravity = self.scene.gravity
-        g = (np.asarray(gravity.at(self.time)) + np.asarray(gravity.at(after.time))) / 2
-        drift = (after.v[new] + self.v[old]) / 2 * interval
-        moved = np.where(self.scene.grid.periodic, drift, after.x[new] - self.x[old])
-        work = float(self.mass[old] @ (moved @ g))
-        outflow = float(self.held.sum() - self.held[old].sum())
-        plastic = (self.plastic + after.plastic) / 2 * interval
-        gained = float(after.held.sum() - self.held.sum())
-        return work, gained + outflow + plastic - work
+    created = change of what is held + outflow + plastic dissipation - work: minus what transfers
+    and disconnections lost, which is not known, plus what was made. It is not positive in a sound
+    run. Plastic power counts by the trapezoidal rule, work as in `granular.measure.energy_budget`.
+    """
+    held, now = (float((kinetic_of(s) + elastic_of(s)).sum()) for s in (before, after))
+    work, outflow = between(before, after)
+    plastic = (_plastic_power(before) + _plastic_power(after)) / 2 * (after.time - before.time)
+    return held, work, now - held + outflow + plastic - work
 
 
 # ---- what the looks add up to ----
