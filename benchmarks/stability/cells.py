@@ -77,8 +77,7 @@ class Map:
 @contextmanager
 def lifted() -> Iterator[None]:
     """Without the limits of the time step, to see what they spare."""
-    free = dict.fromkeys(stability.COURANT_LIMIT, math.inf)
-    with mock.patch.object(stability, "COURANT_LIMIT", free):
+    with mock.patch.object(stability, "courant_limit", lambda scene: math.inf):
         yield
 
 

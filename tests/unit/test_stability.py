@@ -2,11 +2,12 @@
 
 import warnings
 
+import numpy as np
 import pytest
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
-from granular.stability import COURANT_LIMIT, SAFE_COURANT, doubts, dt_limit
+from granular.stability import COURANT_LIMIT, doubts, dt_limit
 from granular.walls import Gravity, Wall
 
 BEADS = gr.materials.glass_beads.replace(E=1e6)
@@ -38,7 +39,10 @@ def test_the_published_incline_is_sound():
     [
         ({"scheme": gr.schemes.published.replace(dt=None)}, "density"),
         ({"scheme": gr.Scheme(transfer="apic")}, "density"),
-        ({"scheme": gr.Scheme(cfl=0.7)}, "cfl = 0.7 exceeds 0.69"),
+        (
+            {"scheme": gr.Scheme(basis="linear"), "material": gr.materials.Elastic(E=1e6)},
+            'basis = "linear" with an elastic body',
+        ),
         ({"points_per_cell": 1}, "points_per_cell = 1"),
         ({"height": 0.03}, "3 cells in height"),
         ({"angle_deg": 31.0}, "slope of 31 deg: .* from 21.7 to 30.1 deg"),
@@ -68,14 +72,28 @@ def test_one_column_is_not_two_dimensional():
         assert doubts(layer(columns=1, **options)) == []
 
 
-@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
-def test_cfl_beyond_the_limit_is_refused(basis):
-    scheme = gr.Scheme(basis=basis, transfer="flip", cfl=COURANT_LIMIT[basis])
-    gr.Simulation(layer(scheme=scheme), threads=1)
-    beyond = scheme.replace(cfl=min(COURANT_LIMIT[basis] * 1.01, 1.0))
-    if beyond.cfl > COURANT_LIMIT[basis]:
-        with pytest.raises(ValueError, match=r"cfl = .* must be <= "):
-            gr.Simulation(layer(scheme=beyond), threads=1)
+@pytest.mark.parametrize(
+    ("basis", "dim", "limit"), [(b, d, v) for b, of in COURANT_LIMIT.items() for d, v in of.items()]
+)
+def test_cfl_beyond_the_limit_is_refused(small_scene, basis, dim, limit):
+    scene = small_scene("periodic", dim, (basis, "flip", "tracked"), cfl=limit)
+    gr.Simulation(scene, threads=1)
+    with pytest.raises(ValueError, match=rf"cfl = .* must be <= {limit} .* {dim} dimensions"):
+        gr.Simulation(scene.replace(scheme=scene.scheme.replace(cfl=1.01 * limit)))
+
+
+def test_limits_are_those_of_a_single_point():
+    """2/sqrt(lambda_max) c/dx of one point between the nodes of a spline, one dimension.
+
+    lambda_max = sum slope^2/weight; its first term is 2 wherever the point stands and the others
+    tend to 4 at the border of a cell, so that the worst step is 2/sqrt(6).
+    """
+    s = np.linspace(0, 0.4999, 101)
+    weight = np.array([(0.5 - s) ** 2 / 2, 0.75 - s * s, (0.5 + s) ** 2 / 2])
+    slope = np.array([s - 0.5, -2 * s, s + 0.5])
+    steps = 2 / np.sqrt(np.sum(slope**2 / weight, axis=0))
+    assert steps.min() == pytest.approx(2 / np.sqrt(6), rel=1e-3)
+    assert COURANT_LIMIT["quadratic"][3] < COURANT_LIMIT["quadratic"][2] < steps.min()
 
 
 def test_a_fixed_step_must_suit_the_speed_at_the_start():
@@ -98,10 +116,9 @@ def test_a_fixed_step_must_suit_the_speed_at_the_start():
     gr.Simulation(scene.replace(scheme=gr.Scheme(dt=step * c / (c + 3.0))), threads=1)
 
 
-def test_safe_steps_are_within_the_limits():
-    for basis, safe in SAFE_COURANT.items():
-        assert max(safe.values()) <= COURANT_LIMIT[basis]
-        assert gr.Scheme(basis=basis).cfl <= min(safe.values())
+def test_default_steps_are_within_the_limits():
+    for basis, limits in COURANT_LIMIT.items():
+        assert gr.Scheme(basis=basis).cfl <= min(limits.values())
 
 
 def test_a_resumed_run_is_not_warned_of_again(tmp_path):

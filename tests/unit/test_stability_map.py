@@ -4,6 +4,7 @@ import importlib
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -42,6 +43,16 @@ def test_a_quick_map_is_written_and_drawn(script, tmp_path):
     assert list(again) == list(maps)
 
 
+@pytest.mark.parametrize(("dim", "tries"), [(2, 300), (3, 40)])
+def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
+    """No limit is beyond 2/sqrt(lambda_max) of a point that stands alone, nor far below it."""
+    part, rng = script.arrangements, np.random.default_rng(2)
+    x = rng.uniform(1.0, 2.0, (tries, 1, dim))
+    for basis, shape in (("quadratic", part.spline), ("ugimp", part.averaged_hat(0.25))):
+        worst = max(part.largest_eigenvalue(at, shape, 2, 1.0) for at in x)
+        assert COURANT_LIMIT[basis][dim] <= 2 / np.sqrt(worst) < 1.2 * COURANT_LIMIT[basis][dim]
+
+
 @pytest.mark.slow
 def test_every_quick_map_is_written(script, tmp_path):
     drawn = {name for members, _ in script.draw.FIGURES.values() for name in members}
@@ -66,7 +77,7 @@ def test_what_the_map_shows_as_failing_is_refused(script):
         basis = "ugimp" if "ugimp" in name else "quadratic"
         for cell in found.cells:
             courant = float(cell.column)
-            assert (cell.verdict == "refused") == (courant > COURANT_LIMIT[basis])
+            assert (cell.verdict == "refused") == (courant > COURANT_LIMIT[basis][2])
             assert cell.verdict != "degraded", (name, cell)
             seen += cell.verdict == "refused"
     assert seen > 10
