@@ -35,7 +35,7 @@ points hardly reach has next to no mass; their limit is that of a layer in flow 
 POINTS_PER_CELL = 4
 """Least number of points per cell of a flow: the map "incline_seeding"."""
 
-LAYER_CELLS = 4
+LAYER_CELLS = 6
 """Least height of a fill in cells: the map "incline_seeding"."""
 
 LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
