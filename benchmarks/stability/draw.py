@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from PIL import Image
 
 from stability.cells import DEGRADED, REFUSED, STABLE, Map
 
@@ -59,7 +60,7 @@ def number(value: float) -> str:
     if value != 0 and (abs(value) >= 1e4 or abs(value) < 1e-3):
         mantissa, exponent = f"{value:.0e}".split("e")
         return f"{mantissa}e{int(exponent)}"
-    return f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+    return f"{value:.2g}" if abs(value) < 100 else f"{value:.0f}"
 
 
 def panel(axes: Axes, found: Map) -> None:
@@ -104,4 +105,7 @@ def figures(maps: dict[str, Map], folder: Path) -> None:
             panel(figure.add_subplot(grid[i // across, i % across]), found)
         patches = [Patch(color=colour, label=verdict) for verdict, colour in COLOURS.items()]
         figure.legend(handles=patches, loc="outside lower center", ncols=3, fontsize=8)
-        figure.savefig(folder / f"{name}.png", dpi=110, pil_kwargs={"optimize": True})
+        path = folder / f"{name}.png"
+        figure.savefig(path, dpi=100)
+        with Image.open(path) as picture:  # few colours: a third of the size
+            picture.convert("RGB").quantize(64).save(path, optimize=True)

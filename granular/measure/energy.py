@@ -105,8 +105,8 @@ def energy_budget(trajectory: Iterable[Any]) -> EnergyBudget:
     """The energy budget of a run by plain differences between frames.
 
     Work is ``m g.(x1 - x0)`` of the points present in both frames, with the mean of g; along
-    periodic axes the displacement is ``(v0 + v1)/2 dt``. Exact for constant gravity in a closed
-    box, of second order in the frame interval elsewhere.
+    periodic axes the displacement is that of the image nearest to ``(v0 + v1)/2 dt``. Exact for
+    constant gravity in a closed box, of second order in the frame interval elsewhere.
 
     Parameters
     ----------
@@ -149,9 +149,12 @@ def between(before: Any, after: Any) -> tuple[float, float]:
         _, old, new = np.intersect1d(before.id, after.id, assume_unique=True, return_indices=True)
     gravity = after.scene.gravity
     g = (np.asarray(gravity.at(before.time)) + np.asarray(gravity.at(after.time))) / 2
+    grid = after.scene.grid
     moved = np.asarray(after.x)[new] - np.asarray(before.x)[old]
-    drift = (np.asarray(after.v)[new] + np.asarray(before.v)[old]) / 2
-    moved = np.where(after.scene.grid.periodic, drift * (after.time - before.time), moved)
+    drift = (np.asarray(after.v)[new] + np.asarray(before.v)[old]) / 2 * (after.time - before.time)
+    around = np.where(grid.periodic, grid.cell * np.asarray(grid.shape), np.inf)
+    rounds = np.where(grid.periodic, np.round((drift - moved) / around), 0.0)
+    moved = moved + rounds * np.where(grid.periodic, around, 0.0)
     held = kinetic_of(before) + elastic_of(before)
     work = np.asarray(before.mass)[old] @ (moved @ g)
     return float(work), float(held.sum() - held[old].sum())
