@@ -8,6 +8,7 @@ from granular.engine import show_config
 from granular.scene import Scene
 from granular.schemes import Scheme
 from granular.simulation import Simulation, SimulationError
+from granular.stability import StabilityWarning
 from granular.state import State
 from granular.trajectory import Trajectory, open_trajectory
 from granular.trajectory import open_trajectory as open
@@ -26,6 +27,7 @@ __all__ = [
     "Scheme",
     "Simulation",
     "SimulationError",
+    "StabilityWarning",
     "State",
     "Trajectory",
     "economy",

@@ -11,6 +11,7 @@ import inspect
 import math
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn, get_type_hints
@@ -205,7 +206,8 @@ def _shown(value: Any) -> str:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from granular import Simulation, materials, schemes
+    from granular import Simulation, StabilityWarning, materials, schemes
+    from granular.stability import doubts
 
     given = {
         name.removeprefix("scene_"): value
@@ -217,7 +219,11 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = arguments.scene(**given, scheme=getattr(schemes, arguments.scheme))
     _check_output(arguments.output, arguments.overwrite)
     _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
-    simulation = Simulation(scene, threads=arguments.threads)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StabilityWarning)  # said in a line of our own
+        simulation = Simulation(scene, threads=arguments.threads)
+    for doubt in doubts(scene):
+        print(f"granular: warning: {doubt}", file=sys.stderr)
     if arguments.picture or arguments.gif:
         _check_color(simulation.state, arguments.color)
     options = {"save": arguments.output, "overwrite": arguments.overwrite}
@@ -259,7 +265,7 @@ def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str,
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from granular.trajectory import info
+    from granular.trajectory import info, open_trajectory
 
     found = info(arguments.file)
     provenance = found.pop("provenance")
@@ -271,6 +277,8 @@ def _info(arguments: argparse.Namespace) -> int:
     for name in ("granular", "start", "threads", "cpu"):
         if name in provenance:
             print(f"{name:>16}  {provenance[name]}")
+    with open_trajectory(arguments.file) as record:
+        print(record.health())
     for message in damage:
         print(f"{'damage':>16}  {message}")
     return FAILED if damage else 0

@@ -14,20 +14,18 @@ from granular.boundaries import Solid, Wall, WallRow, creases, node_codes
 from granular.geometry import Grid, seed_points
 from granular.nodes import CORE_BASES
 from granular.scene import Scene
+from granular.stability import check_time_step
 
 __all__ = [
     "allocate",
     "build",
     "default_isa",
-    "dt_limit",
     "initial_buffers",
     "initial_points",
     "show_config",
 ]
 
 AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
-COURANT_LIMIT = {"linear": 0.75, "ugimp": 0.75, "quadratic": 1.0}
-"""Largest c dt/dx that was seen to be stable: beyond it a run fails without a NaN."""
 FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
 PAGE, LINE = 4096, 64  # bytes
 UNBOUNDED = 1e300
@@ -47,25 +45,6 @@ def show_config() -> _core.BuildInfo:
         If the environment variable GRANULAR_ISA asks for a set that this machine has not.
     """
     return _core.build_info(default_isa())
-
-
-def dt_limit(scene: Scene) -> float:
-    """Largest stable time step at rest [s]: courant dx/c, c = sqrt((K + 4G/3)/rho_c)."""
-    return COURANT_LIMIT[scene.scheme.basis] * scene.grid.cell / scene.material.wave_speed
-
-
-def _check_time_step(scene: Scene) -> None:
-    scheme, limit = scene.scheme, dt_limit(scene)
-    if scheme.dt is not None and scheme.dt > limit:
-        raise ValueError(
-            f"dt = {scheme.dt} must be <= {limit:.4g}, the limit of the {scheme.basis} basis with "
-            f"cells of {scene.grid.cell} m and waves of {scene.material.wave_speed:.4g} m/s"
-        )
-    if scheme.dt is None and scheme.cfl > COURANT_LIMIT[scheme.basis]:
-        raise ValueError(
-            f"cfl = {scheme.cfl} must be <= {COURANT_LIMIT[scheme.basis]} "
-            f"with the {scheme.basis} basis"
-        )
 
 
 def _velocity_rate(scene: Scene) -> float:
@@ -171,7 +150,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     ValueError
         If the time step is beyond its limit, or the scheme cannot be built.
     """
-    _check_time_step(scene)
+    check_time_step(scene)
     grid, scheme = scene.grid, scene.scheme
     per_axis = round(scene.fills[0].points_per_cell ** (1.0 / grid.dim))
     codes, rows = node_codes(scene)

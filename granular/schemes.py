@@ -44,7 +44,8 @@ class Scheme:
         "tracked" integrates the density of each point by itself, as published; "diffused" shares
         it among neighbours and ties it to the fullness of the grid (the numbers below).
     cfl : float
-        Time step as a share of dx/(c_w + max speed), 0 < cfl <= 1.
+        Time step as a share of dx/(c_w + max speed), 0 < cfl <= 1; a simulation refuses more than
+        `granular.stability.COURANT_LIMIT` of its basis and dimension.
     dt : float or None
         Fixed time step [s]; None for the adaptive one.
     mass_cutoff : float

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
-from granular import _core
+from granular import _core, stability
 from granular import engine as core
 from granular.checks import integer, positive
+from granular.monitor import Health, Monitor, health
 from granular.notebook import table
 from granular.scene import Scene
 from granular.state import State
@@ -58,9 +59,15 @@ class Simulation:
     ------
     ValueError
         If the time step is beyond its limit or the scene cannot be built.
+
+    Warns
+    -----
+    StabilityWarning
+        For what is known to go wrong without a word, see `granular.stability.doubts`.
     """
 
     def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+        stability.warn(scene)
         points = core.initial_points(scene)
         self._start(scene, float(points["mass"].mean()), threads, isa)
         self._buffers = core.initial_buffers(self._engine, points)
@@ -76,6 +83,7 @@ class Simulation:
         self._chunk = 1
         self.record: Path | None = None
         self._every = EVERY
+        self._monitor = Monitor()
 
     def _bind(self, n_points: int) -> None:
         self._engine.bind(self._buffers, n_points, True)
@@ -210,6 +218,7 @@ class Simulation:
         overwrite: bool = False,
         progress: bool = False,
         hooks: tuple[Hook, ...] = (),
+        monitor: bool = True,
     ) -> Self:
         """Run to a time, recording frames on the way.
 
@@ -230,6 +239,9 @@ class Simulation:
             Show a progress bar.
         hooks : sequence of callables
             Called with the simulation at each frame; what they raise ends the run.
+        monitor : bool
+            Look at frames for signs of failure, for `health` and the record; the looks are so far
+            apart that they take less than a fiftieth of the run.
 
         Raises
         ------
@@ -250,7 +262,7 @@ class Simulation:
         with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
             with _interruptible() as interrupted:
                 if self.steps == 0:
-                    self._frame(writer, hooks)
+                    self._frame(writer, hooks, monitor)
                 while self.time < until and not interrupted:
                     frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
                     for _ in self._chunks(frame):
@@ -260,18 +272,35 @@ class Simulation:
                         if interrupted:
                             break
                     else:
-                        self._frame(writer, hooks)
+                        self._frame(writer, hooks, monitor)
                 if interrupted and writer:
                     writer.checkpoint(self.checkpoint())
             if interrupted:  # here, so that the record is left as it is and not merged
                 raise KeyboardInterrupt
         return self
 
-    def _frame(self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...]) -> None:
+    def _frame(
+        self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool
+    ) -> None:
+        due = monitor and self._monitor.due(self.steps, self.n_points)
+        if writer or due:
+            state = self._snapshot(CARRIED)
+            looks = self._monitor.look(state) if due else {}
         if writer:
-            writer.append(self._snapshot(CARRIED), self.checkpoint(), may_wait=True)
+            writer.append(state, self.checkpoint(), looks=looks, may_wait=True)
         for hook in hooks:
             hook(self)
+
+    def health(self) -> Health:
+        """What the looks at the run so far, and one at the present state, say of it.
+
+        Returns
+        -------
+        Health
+            Value, limit and verdict of each sign; see `granular.monitor`.
+        """
+        last = self._monitor.peek(self.state) if self.steps else None
+        return health(self.scene, self._monitor.columns(last))
 
     @contextmanager
     def _writer(
@@ -363,6 +392,8 @@ class Simulation:
         with open_trajectory(path) as record:
             self = cls.from_checkpoint(record.scene, record.checkpoint(), threads=threads, isa=isa)
             self._every = record.provenance.get("every", EVERY)
+            past = record.series["step"] <= self.steps
+            self._monitor.recall({name: v[past] for name, v in record.looks.items()})
         self.record = Path(path)
         return self
 

@@ -16,6 +16,12 @@ COMBINATIONS = [
 CELL = 0.1
 
 
+def pytest_collection_modifyitems(items):
+    """Every scheme is tested, those too that are warned of; other warnings are errors."""
+    for item in items:
+        item.add_marker(pytest.mark.filterwarnings("ignore::granular.StabilityWarning"))
+
+
 @pytest.fixture(params=COMBINATIONS, ids="-".join)
 def combination(request):
     """(basis, transfer, density): everything a scheme can be made of."""

@@ -5,6 +5,12 @@ small frozen result; none changes what it is given.
 """
 
 from granular.measure.budget import StepBudget, step_budget
+from granular.measure.bulk import (
+    density_drift,
+    disconnected_fraction,
+    gap_fraction,
+    ill_posed_fraction,
+)
 from granular.measure.discharge import (
     BeverlooFit,
     Discharge,
@@ -24,7 +30,6 @@ from granular.measure.fields import (
     smooth,
 )
 from granular.measure.health import (
-    disconnected_fraction,
     layer_height,
     mean_pressure_error,
     occupied_area,
@@ -67,6 +72,7 @@ __all__ = [
     "cell_average",
     "cell_density",
     "cell_density_percentile",
+    "density_drift",
     "depth_average",
     "discharge",
     "disconnected_fraction",
@@ -74,6 +80,8 @@ __all__ = [
     "energy_budget",
     "friction",
     "friction_profile",
+    "gap_fraction",
+    "ill_posed_fraction",
     "inertial_number",
     "layer_height",
     "mass_balance_error",

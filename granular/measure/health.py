@@ -1,64 +1,13 @@
-"""Signs that a run is sound: stress-free points in the bulk, speeds at rest, room, pressure."""
+"""Signs that a run is sound: speeds at rest, room, height, pressure."""
 
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.checks import finite, in_range, integer, non_negative, one_of
+from granular.measure.bulk import FILLED, uppermost
 from granular.measure.fields import cell_average
-from granular.measure.lattice import Array, cell_mass, cells_of, require_points
-
-FILLED = 0.5
-"""A cell counts as filled from this share of the mass it holds at rho_c."""
-
-
-def _surface_cells(state: Any) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """Which cells are filled, and for each the uppermost cell of its gapless run upwards."""
-    grid = state.scene.grid
-    dim = len(grid.shape)
-    filled = cell_mass(state) >= FILLED * state.scene.material.rho_c * grid.cell**dim
-    top = np.broadcast_to(np.arange(grid.shape[-1]), grid.shape).copy()
-    for j in range(grid.shape[-1] - 2, -1, -1):
-        top[..., j] = np.where(filled[..., j + 1], top[..., j + 1], j)
-    return filled, top
-
-
-def disconnected_fraction(state: Any, *, depth_cells: int = 2) -> float:
-    """Share, by mass, of the bulk whose points are free of stress (p = 0).
-
-    The bulk: the points more than `depth_cells` cells below the surface of their column. The
-    surface is the upper edge of the run of filled cells that leads up from the point's own cell
-    without a gap; filled means at least half the mass that fits at rho_c, so that neither sprays
-    above a heap nor free fall below an orifice count as bulk.
-
-    Parameters
-    ----------
-    state : State
-    depth_cells : int
-        Cells below the surface that are not bulk; stress-free points belong there.
-
-    Returns
-    -------
-    float
-        0 in a sound dense flow.
-
-    Raises
-    ------
-    ValueError
-        If the state is empty, a point is off the grid, or no point lies in the bulk.
-    """
-    integer("depth_cells", depth_cells, 0)
-    grid = state.scene.grid
-    filled, top = _surface_cells(state)
-    own = tuple(cells_of(state).T)
-    up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
-    bulk = filled[own] & (top[own] + 1 - up > depth_cells)
-    if not bulk.any():
-        raise ValueError(f"no point lies more than depth_cells = {depth_cells} below the surface")
-    mass = np.asarray(state.mass, dtype=float)[bulk]
-    free = np.asarray(state.p)[bulk] <= 0
-    return float(mass[free].sum() / mass.sum())
+from granular.measure.lattice import Array, cell_mass, require_points
 
 
 def speed_percentile(state: Any, *, q: float = 99.0) -> float:
@@ -166,7 +115,9 @@ def mean_pressure_error(
     one_of("of", of, ("normal", "pressure"))
     integer("depth_cells", depth_cells, 0)
     weight = _overburden(state, per_column)
-    filled, top = _surface_cells(state)
+    grid = state.scene.grid
+    full = grid.cell**weight.ndim * state.scene.material.rho_c
+    filled, top = uppermost(cell_mass(state) >= FILLED * full)
     axis = weight.ndim - 1
     field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.p
     mean = cell_average(state, field, weight="volume")

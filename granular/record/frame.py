@@ -1,9 +1,10 @@
 """A frame: its numbers, its digest, and where its fields are; and the table of all of them."""
 
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -24,7 +25,10 @@ class Source(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``."""
+    """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``.
+
+    ``looks`` is what monitors told of it, if they looked.
+    """
 
     time: float
     step: int
@@ -34,6 +38,7 @@ class Frame:
     digest: bytes
     row: int
     source: Source
+    looks: Mapping[str, float] = field(default_factory=dict)
 
     def read(self) -> dict[str, np.ndarray]:
         """All fields, verified.
@@ -77,8 +82,22 @@ class Table:
     dt: np.ndarray
     mass: np.ndarray
     digest: np.ndarray
+    looks: Mapping[str, np.ndarray]
+
+    def look(self, i: int) -> dict[str, float]:
+        """What monitors told of a frame; nothing where they did not look."""
+        row = {name: float(column[i]) for name, column in self.looks.items()}
+        return {} if all(math.isnan(value) for value in row.values()) else row
 
     def seal(self, version: int, texts: Texts, checkpoint: bytes) -> bytes:
         """Digest of everything in the file that no other digest covers."""
         columns = (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
-        return seal(str(version), texts.record, texts.scene, texts.provenance, checkpoint, *columns)
+        texts_of = (texts.record, texts.scene, texts.provenance)
+        looks = [part for name in sorted(self.looks) for part in (name, self.looks[name])]
+        return seal(str(version), *texts_of, checkpoint, *columns, *looks)
+
+
+def looks_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:
+    """What monitors told of frames, one column a name; nan where they did not look."""
+    names = sorted({name for frame in frames for name in frame.looks})
+    return {name: np.array([f.looks.get(name, math.nan) for f in frames]) for name in names}

@@ -7,6 +7,7 @@ from functools import cached_property, partial
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from granular.record.checkpoint import Checkpoint, read_checkpoint
 from granular.record.chunks import Stored
@@ -22,6 +23,14 @@ from granular.record.layout import (
 )
 from granular.record.segment import read_frames, read_head, read_restart
 from granular.record.storage import open_hdf5
+
+
+def _looks(own: h5py.Group) -> dict[str, np.ndarray]:
+    """What monitors told, one column a name; records of earlier versions have none."""
+    if "looks" not in own:
+        return {}
+    group = hard(own, "looks", h5py.Group)
+    return {name: checked(group, name, ("<f8",), 1)[:] for name in group}
 
 
 class Main:
@@ -51,6 +60,7 @@ class Main:
             dt=checked(own, "dt", ("<f8",), 1)[:],
             mass=checked(own, "mass", ("<f8",), 1)[:],
             digest=checked(own, "digest", ("|u1",), 2)[:],
+            looks=_looks(own),
         )
         self.has_checkpoint = "checkpoint" in own
         checkpoint = b""
@@ -69,6 +79,7 @@ class Main:
                 digest=table.digest[i].tobytes(),
                 row=int(table.row[i]),
                 source=self,
+                looks=table.look(i),
             )
             for i in range(len(table.time))
         ]

@@ -10,6 +10,7 @@ The finished file::
         scene, provenance   JSON
         step, dt, mass      one value a frame
         digest              (frames, 32) of each frame's content
+        looks/<name>        what monitors told of each frame, nan where they did not look
         checkpoint          the newest restart state (optional)
 
 Every frame begins on a chunk boundary, so that merging copies compressed chunks as they are;

@@ -9,7 +9,7 @@ import numpy as np
 
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
-from granular.record.frame import Frame, Table, Texts
+from granular.record.frame import Frame, Table, Texts, looks_of
 from granular.record.index import load, parts_folder
 from granular.record.layout import (
     DIGEST_SIZE,
@@ -63,6 +63,9 @@ def _write_own(file: h5py.File, texts: Texts, table: Table, checkpoint: Checkpoi
         write_text(own, name, getattr(texts, name))
     for name in ("step", "dt", "mass", "digest"):
         own[name] = getattr(table, name)
+    looks = own.create_group("looks")
+    for name, column in table.looks.items():
+        looks[name] = column
     if checkpoint:
         write_checkpoint(own.create_group("checkpoint"), checkpoint)
     digest = checkpoint.digest if checkpoint else b""
@@ -83,6 +86,7 @@ def _table(frames: Sequence[Frame], chunk: int) -> Table:
         dt=column("dt", "<f8"),
         mass=column("mass", "<f8"),
         digest=np.frombuffer(digests, dtype=np.uint8).reshape(-1, DIGEST_SIZE),
+        looks=looks_of(frames),
     )
 
 

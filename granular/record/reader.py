@@ -12,10 +12,12 @@ import numpy as np
 
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.index import Contents, Frame, load
+from granular.record.frame import Frame, looks_of
+from granular.record.index import Contents, load
 from granular.record.layout import FORMAT, RecordError
 
 if TYPE_CHECKING:
+    from granular.monitor import Health
     from granular.scene import Scene
     from granular.state import State
 
@@ -61,6 +63,20 @@ class Trajectory:
     def series(self) -> dict[str, np.ndarray]:
         """Scalars of every frame: time [s], step, dt [s], n, total mass [kg]; shape (frames,)."""
         return {name: np.array([getattr(f, name) for f in self._frames]) for name in SERIES}
+
+    @cached_property
+    def looks(self) -> dict[str, np.ndarray]:
+        """What the monitors of the run told of every frame, by the names of `granular.monitor`.
+
+        Each of shape (frames,); nan for frames they did not look at, empty if there are none.
+        """
+        return looks_of(self._frames)
+
+    def health(self) -> "Health":
+        """What the looks at these frames say of the run."""
+        from granular.monitor import health  # a record needs no more of the package than a reader
+
+        return health(self.scene, self.looks)
 
     @property
     def times(self) -> np.ndarray:

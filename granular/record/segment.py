@@ -127,7 +127,8 @@ def write_frames(path: Path, record: str, frames: Sequence[Frame]) -> None:
                 layout[name] = field.dtype, field.columns, field.chunk, sizes
                 data += [raw for _, raw in chunks]
         scalars = SCALARS.pack(frame.time, frame.step, frame.dt, frame.mass, frame.n)
-        heads.append((scalars.hex(), frame.digest.hex(), layout))
+        looks = {name: value.hex() for name, value in frame.looks.items()}
+        heads.append((scalars.hex(), frame.digest.hex(), layout, looks))
     with replacing(path, path.with_suffix(".tmp")) as fd:
         _write(fd, record, {"frames": heads}, data)
 
@@ -139,7 +140,7 @@ def read_frames(path: Path, record: str) -> list[Frame]:
         header, offset = _read(path)
         if header["record"] != record:
             raise ValueError("the segment is of another record")
-        for scalars, digest, layout in header["frames"]:
+        for scalars, digest, layout, looks in header["frames"]:
             time, step, dt, mass, n = SCALARS.unpack(bytes.fromhex(scalars))
             source = Stretch(path, offset, n, layout)
             frames.append(
@@ -152,6 +153,7 @@ def read_frames(path: Path, record: str) -> list[Frame]:
                     digest=bytes.fromhex(digest),
                     row=0,
                     source=source,
+                    looks={name: float.fromhex(value) for name, value in looks.items()},
                 )
             )
             offset += source.size

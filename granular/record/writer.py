@@ -237,12 +237,17 @@ class TrajectoryWriter:
         return len(self._recorded)
 
     def append(
-        self, state: StateLike, checkpoint: Checkpoint | None = None, *, may_wait: bool = False
+        self,
+        state: StateLike,
+        checkpoint: Checkpoint | None = None,
+        *,
+        looks: Mapping[str, float] | None = None,
+        may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time; they are on the disk when this returns.
 
-        A frame equal to the recorded one of the same step is taken for it. What `may_wait` is
-        stored by and by, see `store`.
+        `looks` is what monitors told of the frame. A frame equal to the recorded one of the same
+        step is taken for it. What `may_wait` is stored by and by, see `store`.
 
         Raises
         ------
@@ -259,12 +264,14 @@ class TrajectoryWriter:
         spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
         if self._spec is not None and spec != self._spec:
             raise ValueError(f"fields = {spec} must be those of frame 0: {self._spec}")
-        self._add(state, fields)
+        self._add(state, fields, looks or {})
         self._spec = spec
         self._checkpoint = checkpoint or self._checkpoint
         self.store(may_wait=may_wait)
 
-    def _add(self, state: StateLike, fields: Mapping[str, np.ndarray]) -> None:
+    def _add(
+        self, state: StateLike, fields: Mapping[str, np.ndarray], looks: Mapping[str, float]
+    ) -> None:
         """Let a frame wait, if it is not recorded already."""
         scalars = {
             "time": float(state.time),
@@ -284,7 +291,7 @@ class TrajectoryWriter:
         self._chunk = self._chunk or chunk_rows(n)
         packed = {name: Packed.of(array, self._chunk) for name, array in fields.items()}
         source = Memory(self.path, packed)
-        self._frames.append(Frame(**scalars, n=n, digest=digest, row=0, source=source))
+        self._frames.append(Frame(**scalars, n=n, digest=digest, row=0, source=source, looks=looks))
         self._bytes += sum(field.nbytes for field in packed.values())
         self._recorded[index:] = [(step, digest)]
         self._cursor = index + 1

@@ -31,6 +31,12 @@ from granular.theory.kinetic import (
     temperature_coefficients,
 )
 from granular.theory.runout import RUNOUT_LAWS, Piece, RunoutLaw
+from granular.theory.well_posed import (
+    ill_posedness,
+    scaled_inertial_number_of_slope,
+    well_posed_range,
+    well_posed_slopes,
+)
 
 __all__ = [
     "APPENDIX_B_BREAKPOINTS",
@@ -51,13 +57,17 @@ __all__ = [
     "elastic_stress_rate",
     "gas_pressure",
     "granular_temperature",
+    "ill_posedness",
     "packing_fraction_of_inertial_number",
     "plastic_shear_rate",
     "radial_function",
     "reference",
+    "scaled_inertial_number_of_slope",
     "shear_pressure",
     "shear_temperature",
     "stress_rate",
     "temperature_coefficients",
     "transient",
+    "well_posed_range",
+    "well_posed_slopes",
 ]

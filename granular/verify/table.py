@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
 from granular.checks import one_of
+from granular.stability import StabilityWarning
 from granular.verify.rows import Check, Row, checks
 
 _WIDTHS = (24, 60, 14, 18)
@@ -17,7 +19,9 @@ _WORDS = {True: "pass", False: "FAIL", None: "-"}
 def rows_of(check: Check) -> Iterator[Row]:
     """Rows of a check; where it raises, a last row that fails and says what."""
     try:
-        yield from check.run()
+        with warnings.catch_warnings():  # the checks run doubtful schemes on purpose
+            warnings.simplefilter("ignore", StabilityWarning)
+            yield from check.run()
     except (ArithmeticError, RuntimeError, ValueError) as error:
         yield Row(f"{type(error).__name__}: {error}", "stopped", "no error", False)
 

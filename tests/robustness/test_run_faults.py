@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.engine import dt_limit
+from granular.stability import dt_limit
 from granular.trajectory import TrajectoryWriter
 
 ROOT = Path(__file__).parents[2]

@@ -132,3 +132,15 @@ def test_help_and_version(capsys):
     assert gr.__version__ in capsys.readouterr().out
     assert cli.main(["run", "silo", "--help"]) == 0
     assert "--orifice" in capsys.readouterr().out
+
+
+def test_doubts_are_one_line_each(tmp_path, capsys):
+    """The published scheme in two dimensions: said on stderr, and the run goes on."""
+    options = ["--until", "1e-3", "--quiet", "--cell", "0.05", "-o"]
+    words = ["run", "column_collapse", "--E", "1e5", *options, str(tmp_path / "a.h5")]
+    assert cli.main([*words, "--scheme", "published"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith('granular: warning: density = "tracked"')
+    assert cli.main([*words, "--overwrite"]) == 0
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,118 @@
+"""What a map is made of, and how the limits of the product are lifted to look beyond them."""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+from unittest import mock
+
+import granular as gr
+from granular import stability
+
+STABLE, DEGRADED, REFUSED = "stable", "degraded", "refused"
+
+
+@dataclass
+class Cell:
+    """One measured case: what came out, and the verdict."""
+
+    row: str
+    column: str
+    value: float
+    verdict: str
+    seconds: float
+    notes: dict[str, float | str] = field(default_factory=dict)
+
+
+@dataclass
+class Map:
+    """Cases over two parameters.
+
+    `sound` is the largest sound value (the least one where `least`).
+    """
+
+    name: str
+    title: str
+    quantity: str
+    rows: str
+    columns: str
+    sound: float
+    least: bool = False
+    cells: list[Cell] = field(default_factory=list)
+
+    def verdict(self, value: float) -> str:
+        """Stable or degraded; a run that stopped or has no number is degraded."""
+        if math.isnan(value):
+            return DEGRADED
+        good = value >= self.sound if self.least else value <= self.sound
+        return STABLE if good else DEGRADED
+
+    def add(
+        self,
+        row: str,
+        column: str,
+        case: Callable[[], float | tuple[float, dict[str, Any]]],
+        refused: bool = False,
+    ) -> None:
+        """Measure a case; a run that stops itself has the value nan and says why."""
+        begin, notes = time.process_time(), {}
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", gr.StabilityWarning)
+                value = case()
+            if isinstance(value, tuple):
+                value, notes = value
+        except gr.SimulationError as error:
+            value, notes = math.nan, {"stopped": str(error)}
+        verdict = REFUSED if refused else self.verdict(value)
+        seconds = time.process_time() - begin
+        self.cells.append(Cell(row, column, float(value), verdict, round(seconds, 2), notes))
+
+
+@contextmanager
+def lifted() -> Iterator[None]:
+    """Without the limits of the time step, to see what they spare."""
+    with mock.patch.object(stability, "courant_limit", lambda scene: math.inf):
+        yield
+
+
+def refuses(scene: gr.Scene) -> bool:
+    """Whether the product refuses a scene."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", gr.StabilityWarning)
+            gr.Simulation(scene, threads=1)
+    except ValueError:
+        return True
+    return False
+
+
+def simulate(scene: gr.Scene) -> gr.Simulation:
+    """A simulation on one thread, whatever the limits say."""
+    with lifted():
+        return gr.Simulation(scene, threads=1)
+
+
+def at_courant(scheme: gr.Scheme, courant: float, cell: float, material: Any) -> gr.Scheme:
+    """A scheme with the fixed time step courant dx/c."""
+    return scheme.replace(dt=courant * cell / material.wave_speed)
+
+
+SCHEMES = {
+    "published (linear, flip)": gr.Scheme(basis="linear"),
+    "uGIMP, flip": gr.Scheme(basis="ugimp"),
+    "quadratic, flip": gr.Scheme(basis="quadratic", transfer="flip"),
+    "quadratic, apic": gr.Scheme(basis="quadratic", transfer="apic"),
+    "default": gr.schemes.default,
+}
+"""The schemes of most maps."""
+
+
+def chosen(values: Sequence[Any], quick: bool, few: int = 2) -> Sequence[Any]:
+    """All values, or the first and last of them for a quick look."""
+    return values if not quick or len(values) <= few else (values[0], values[-1])

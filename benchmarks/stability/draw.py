@@ -1,0 +1,111 @@
+"""Pictures of the maps: colours for verdicts, numbers in the cells."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from PIL import Image
+
+from stability.cells import DEGRADED, REFUSED, STABLE, Map
+
+COLOURS = {STABLE: "#8fd694", DEGRADED: "#f6a15a", REFUSED: "#c9c9d6"}
+
+FIGURES: dict[str, tuple[tuple[str, ...], int]] = {
+    "stability_time_step": (
+        (
+            "courant_published_flip",
+            "courant_ugimp_flip",
+            "courant_quadratic_flip",
+            "courant_quadratic_apic",
+            "courant_default_tpic",
+            "courant_nu",
+            "incline_courant",
+            "arrangement",
+        ),
+        2,
+    ),
+    "stability_flows": (
+        ("incline_angles", "incline_columns", "incline_seeding", "softness"),
+        1,
+    ),
+    "stability_schemes": (
+        (
+            "patch",
+            "locking",
+            "tearing",
+            "null_space",
+            "wave",
+            "rotation",
+            "rest_speed",
+            "rest_pressure",
+            "slug",
+        ),
+        2,
+    ),
+}
+"""Maps of each figure and its number of columns."""
+
+
+def number(value: float) -> str:
+    """A number short enough for a cell; what stopped by itself has none."""
+    if math.isnan(value):
+        return "stop"
+    if math.isinf(value):
+        return "inf"
+    if value != 0 and (abs(value) >= 1e4 or abs(value) < 1e-3):
+        mantissa, exponent = f"{value:.0e}".split("e")
+        return f"{mantissa}e{int(exponent)}"
+    return f"{value:.2g}" if abs(value) < 100 else f"{value:.0f}"
+
+
+def panel(axes: Axes, found: Map) -> None:
+    """One map."""
+    rows = list(dict.fromkeys(cell.row for cell in found.cells))
+    columns = list(dict.fromkeys(cell.column for cell in found.cells))
+    order = list(COLOURS)
+    table = [[math.nan] * len(columns) for _ in rows]
+    for cell in found.cells:
+        i, j = rows.index(cell.row), columns.index(cell.column)
+        table[i][j] = order.index(cell.verdict)
+        axes.text(j, i, number(cell.value), ha="center", va="center", fontsize=7)
+    axes.imshow(table, cmap=ListedColormap(COLOURS.values()), vmin=-0.5, vmax=2.5, aspect="auto")
+    tilted = max(map(len, columns)) > 7 and len(columns) > 3
+    axes.set_xticks(range(len(columns)), columns, fontsize=7, rotation=25 if tilted else 0)
+    axes.set_yticks(range(len(rows)), rows, fontsize=7)
+    axes.set_xticks([j + 0.5 for j in range(len(columns) - 1)], minor=True)
+    axes.set_yticks([i + 0.5 for i in range(len(rows) - 1)], minor=True)
+    axes.grid(which="minor", color="white", linewidth=1.5)
+    axes.tick_params(which="both", length=0)
+    axes.set_xlabel(found.columns, fontsize=8)
+    axes.set_ylabel(found.rows, fontsize=8)
+    bound = f"{'>=' if found.least else '<='} {found.sound:g}"
+    axes.set_title(f"{found.title}\n{found.quantity}; stable {bound}", fontsize=8)
+
+
+def figures(maps: dict[str, Map], folder: Path) -> None:
+    """Write the figures for which there are maps."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, (members, across) in FIGURES.items():
+        present = [maps[m] for m in members if m in maps]
+        if not present:
+            continue
+        down = -(-len(present) // across)
+        heights = [
+            max(len({c.row for c in m.cells}) for m in present[i : i + across]) + 4.2
+            for i in range(0, len(present), across)
+        ]
+        figure = Figure(figsize=(11, 0.235 * sum(heights) + 0.4), layout="constrained")
+        grid = figure.add_gridspec(down, across, height_ratios=heights)
+        for i, found in enumerate(present):
+            panel(figure.add_subplot(grid[i // across, i % across]), found)
+        patches = [Patch(color=colour, label=verdict) for verdict, colour in COLOURS.items()]
+        figure.legend(handles=patches, loc="outside lower center", ncols=3, fontsize=8)
+        path = folder / f"{name}.png"
+        figure.savefig(path, dpi=100)
+        with Image.open(path) as picture:  # few colours: a third of the size
+            picture.convert("RGB").quantize(64).save(path, optimize=True)

@@ -1,0 +1,185 @@
+"""Elastic cases: patches, arrangements of points, waves, rotation, locking, tearing."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+from granular.geometry import Box, Disc, Fill, Grid
+from granular.materials import Elastic, MuI
+from granular.walls import Gravity
+from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
+
+CELL = 0.1
+WEIGHTLESS = Gravity((0.0,), ((0.0, 0.0),))
+BASES = ("linear", "ugimp", "quadratic")
+
+
+def places(sim: gr.Simulation) -> np.ndarray:
+    """Places of the points in the buffers, by id."""
+    ids = sim.buffers["id"]
+    at = np.flatnonzero(ids >= 0)
+    return at[np.argsort(ids[at])]
+
+
+def body(region: Any, points: int, scheme: gr.Scheme, **options: Any) -> gr.Scene:
+    """A jittered elastic body in a periodic box of 16 x 16 cells, without gravity."""
+    material = options.pop("material", Elastic(E=1e6))
+    seed, shape = options.pop("seed", 0), options.pop("shape", (16, 16))
+    return gr.Scene(
+        name="body",
+        grid=Grid((0.0, 0.0), CELL, shape, periodic=options.pop("periodic", (True, True))),
+        fills=(Fill(region, points, **({"jitter": 1.0} | options)),),
+        material=material,
+        scheme=scheme,
+        gravity=WEIGHTLESS,
+        duration=1.0,
+        seed=seed,
+    )
+
+
+# ---- cell crossing ----
+
+
+def patch_error(basis: str, points: int, jitter: float, seed: int) -> float:
+    """Largest force that a uniform pressure p makes on a node inside, in units of p dx.
+
+    The lattice first flies a quarter of a cell, so that points lie on both sides of cell borders.
+    """
+    region = Box((0.3, 0.3), (1.9, 1.9))
+    scene = body(
+        region,
+        points,
+        gr.Scheme(basis=basis, transfer="flip"),
+        material=MuI(E=1e6),
+        shape=(24, 24),
+        periodic=(False, False),
+        jitter=jitter,
+        density=1200.0,
+        velocity=(1.0, 1.0),
+        seed=seed,
+    )
+    sim = simulate(scene)
+    while sim.time < 0.25 * CELL:
+        sim.step()
+    sim.buffers["stress"][:3, places(sim)] = -100.0
+    sim._engine.scatter()
+    nodes = sim._engine.nodes()
+    inside = ((nodes["x"] > 0.55) & (nodes["x"] < 1.75)).all(axis=1)
+    return float(abs(nodes["force"][inside]).max() / (100.0 * CELL))
+
+
+def patches(quick: bool) -> Map:
+    """Cell crossing."""
+    found = Map(
+        "patch",
+        "Cell crossing: force of a uniform pressure",
+        "largest nodal force / (p dx), median of 7 lattices",
+        "basis",
+        "points per cell, jitter",
+        0.1,
+    )
+    seeds = 1 if quick else 7
+    for basis in BASES:
+        for jitter in (0.2, 1.0):
+            for points in chosen((1, 4, 9, 16), quick):
+                found.add(
+                    basis,
+                    f"{points}, {jitter:g}",
+                    lambda b=basis, n=points, j=jitter: float(
+                        np.median([patch_error(b, n, j, seed) for seed in range(seeds)])
+                    ),
+                )
+    return found
+
+
+# ---- time step ----
+
+
+def growth(scene: gr.Scene, steps: int, seed: int = 0) -> float:
+    """How much the energy of a body that flies freely grows, measured in the moving frame.
+
+    It flies over the cells with noise of a millionth of the wave speed, so that the step meets
+    many arrangements of points but nothing that is not linear.
+    """
+    sim = simulate(scene)
+    at, c = places(sim), scene.material.wave_speed
+    noise = np.random.default_rng(seed).standard_normal((2, len(at)))
+    sim.buffers["v"][:, at] = 0.02 * c * np.array([[1.0], [0.6]]) + 1e-6 * c * noise
+    sim.step(20)  # what the grid does not see of the noise is soon gone
+    before = own_energy(sim.state)
+    with np.errstate(over="ignore"):
+        sim.step(steps)
+    return own_energy(sim.state) / before
+
+
+def own_energy(state: gr.State) -> float:
+    """Kinetic energy about the mean velocity, plus elastic energy."""
+    mean = np.average(state.v, axis=0, weights=state.mass)
+    kinetic = np.sum(state.mass * np.sum((state.v - mean) ** 2, axis=1)) / 2
+    return float(kinetic + gr.measure.energy(state).elastic)
+
+
+def worst_growth(scheme: gr.Scheme, points: int, courant: float, quick: bool, **options: Any):
+    """Largest growth over lattices; and whether the product refuses the time step."""
+    material = options.pop("material", Elastic(E=1e6))
+    region = Disc((0.8, 0.8), 0.43)
+    scenes = [
+        body(
+            region,
+            points,
+            at_courant(scheme, courant, CELL, material),
+            material=material,
+            seed=seed,
+            **options,
+        )
+        for seed in range(1 if quick else 3)
+    ]
+    steps = 200 if quick else 2000
+    return (lambda: max(growth(s, steps, i) for i, s in enumerate(scenes))), refuses(scenes[0])
+
+
+COURANTS = (0.1, 0.25, 0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.2)
+
+
+def courant_points(quick: bool) -> list[Map]:
+    """CFL x points per cell, one map a scheme: a disc with a ragged edge in flight."""
+    maps = []
+    for name, scheme in SCHEMES.items():
+        found = Map(
+            f"courant_{name.split()[0].strip(',').lower()}_{scheme.transfer}",
+            f"Time step, {name}: a disc in flight",
+            "growth of its energy, worst of 3 lattices",
+            "points per cell",
+            "c dt/dx",
+            1.5,
+        )
+        for points in chosen((1, 4, 9, 16), quick):
+            for courant in chosen(COURANTS, quick):
+                case, refused = worst_growth(scheme, points, courant, quick)
+                found.add(f"{points}", f"{courant:g}", case, refused)
+        maps.append(found)
+    return maps
+
+
+def courant_nu(quick: bool) -> Map:
+    """CFL x nu with the default scheme: the wave speed is that of compression waves."""
+    found = Map(
+        "courant_nu",
+        "Time step and Poisson's ratio, default scheme: a disc in flight",
+        "growth of its energy, worst of 3 lattices",
+        "nu",
+        "c dt/dx",
+        1.5,
+    )
+    for nu in chosen((0.0, 0.3, 0.45, 0.49, 0.499), quick):
+        material = Elastic(E=1e6, nu=nu)
+        bar = math.sqrt(material.E / material.rho_c)
+        for courant in chosen((0.25, 0.5, 0.75, 1.0, 1.2), quick):
+            case, refused = worst_growth(gr.schemes.default, 4, courant, quick, material=material)
+            found.add(f"{nu:g}", f"{courant:g}", case, refused)
+        found.cells[-1].notes["c / sqrt(E/rho)"] = material.wave_speed / bar
+    return found

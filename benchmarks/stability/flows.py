@@ -1,0 +1,312 @@
+"""Granular cases: inclines, thin layers, rest, impact, and what a soft material costs."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+from granular.materials import glass_beads
+from granular.monitor import Monitor, health
+from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
+
+HEIGHT = 0.2
+
+
+def mean_speed(state: gr.State) -> float:
+    """Down the slope [m/s]."""
+    return float(np.average(state.v[:, 0], weights=state.mass))
+
+
+def error_of_profile(state: gr.State, height: float = HEIGHT) -> float:
+    """Relative L2 error of v(y) at the points against the one-dimensional equation."""
+    angle = state.scene.parameters["angle_deg"]
+    exact = gr.theory.transient(angle, height, state.scene.material, [state.time])
+    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
+    miss = state.mass * (state.v[:, 0] - v) ** 2
+    return float(np.sqrt(miss.sum() / (state.mass * v**2).sum()))
+
+
+def watched(sim: gr.Simulation, until: float, frames: int = 60) -> dict[str, float]:
+    """Run under a monitor that looks at every frame, whatever it costs; what it says in the end."""
+    monitor = Monitor()
+    hooks = (lambda sim: monitor.look(sim.state),)
+    sim.run(until=until, every=until / frames, hooks=hooks, monitor=False)
+    signs = health(sim.scene, monitor.columns())
+    return {sign.name: round(sign.value, 4) for sign in signs}
+
+
+def flow(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
+    """Error of v(y) after a while, and the signs of the monitors."""
+    sim = simulate(scene)
+    signs = watched(sim, until)
+    state = sim.state
+    height = gr.measure.layer_height(state) / scene.parameters["height"]
+    return error_of_profile(state, scene.parameters["height"]), signs | {"height": round(height, 4)}
+
+
+def incline_courant(quick: bool) -> Map:
+    """Too large a step without a NaN: one column at 25 deg."""
+    found = Map(
+        "incline_courant",
+        "Too large a step without a NaN: one column of an incline of 25 deg, 10 s",
+        "relative L2 error of v(y)",
+        "scheme",
+        "c dt/dx",
+        0.02,
+    )
+    material, cell = glass_beads.replace(E=1e6), 0.01
+    names = ("published (linear, flip)", "quadratic, flip", "default")
+    for name in names:
+        for courant in chosen((0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2, 1.4), quick):
+            scene = gr.scenes.incline(
+                cell=cell,
+                material=material,
+                scheme=at_courant(SCHEMES[name], courant, cell, material),
+            )
+            found.add(
+                name,
+                f"{courant:g}",
+                lambda s=scene: flow(s, 0.3 if quick else 10.0),
+                refuses(scene),
+            )
+    return found
+
+
+ANGLES = (22.0, 23.5, 25.0, 27.0, 29.0, 30.0, 31.5)
+
+
+def incline_angles(quick: bool) -> Map:
+    """Inertial number x scheme: eight columns, slopes on both sides of the well-posed range."""
+    found = Map(
+        "incline_angles",
+        "Two-dimensional shear flow: an incline of 8 columns, jittered, 6 s",
+        "relative L2 error of v(y)",
+        "scheme",
+        "slope [deg] and its inertial number I/I0",
+        0.05,
+    )
+    material = glass_beads.replace(E=1e6)
+    for name in ("published (linear, flip)", "quadratic, flip", "quadratic, apic", "default"):
+        scheme = SCHEMES[name]
+        for angle in chosen(ANGLES, quick):
+            ratio = gr.theory.scaled_inertial_number_of_slope(angle, material)
+            scene = gr.scenes.incline(
+                angle_deg=angle,
+                cell=0.01,
+                columns=8,
+                jitter=0.6,
+                material=material,
+                scheme=scheme,
+                seed=4,
+            )
+            found.add(
+                name, f"{angle:g}: {ratio:.2g}", lambda s=scene: flow(s, 0.05 if quick else 6.0)
+            )
+    return found
+
+
+def incline_seeding(quick: bool) -> Map:
+    """Points per cell x cells over the height, default scheme, 8 columns at 25 deg."""
+    found = Map(
+        "incline_seeding",
+        "Points per cell and thin layers: an incline of 25 deg, 8 columns, default scheme",
+        "relative L2 error of v(y) at 20 times sqrt(h/g)",
+        "points per cell",
+        "cells over the height",
+        0.05,
+    )
+    for points in chosen((1, 4, 9, 16), quick):
+        for cells in chosen((1, 2, 3, 4, 6, 8, 12, 20), quick):
+            height = 0.01 * cells
+            # The same ratio of weight to stiffness in each: the bias of a soft material is not
+            # what is looked for.
+            scene = gr.scenes.incline(
+                height=height,
+                cell=0.01,
+                columns=8,
+                points_per_cell=points,
+                jitter=0.6,
+                ramp=0.7 * math.sqrt(height / 9.8),
+                material=glass_beads.replace(E=5e6 * height),
+                seed=5,
+            )
+            until = (1 if quick else 20) * math.sqrt(height / 9.8)
+            found.add(f"{points}", f"{cells}", lambda s=scene, t=until: layer(s, t))
+    return found
+
+
+def layer(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
+    """As `flow`, with the ramp of the scene in the reference."""
+    sim = simulate(scene)
+    signs = watched(sim, until)
+    state, given = sim.state, scene.parameters
+    exact = gr.theory.transient(
+        given["angle_deg"], given["height"], scene.material, [state.time], ramp=given["ramp"]
+    )
+    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
+    miss = state.mass * (state.v[:, 0] - v) ** 2
+    return float(np.sqrt(miss.sum() / (state.mass * v**2).sum())), signs
+
+
+def incline_columns(quick: bool) -> Map:
+    """Columns x scheme: where the published scheme begins to be two-dimensional."""
+    found = Map(
+        "incline_columns",
+        "Columns of an incline of 25 deg, jittered, 6 s",
+        "relative L2 error of v(y)",
+        "scheme",
+        "columns",
+        0.05,
+    )
+    names = ("published (linear, flip)", "quadratic, apic", "default")
+    for name in names:
+        for columns in chosen((1, 2, 3, 4, 8), quick):
+            scene = gr.scenes.incline(
+                cell=0.01,
+                columns=columns,
+                jitter=0.6 if columns > 1 else 0.0,
+                material=glass_beads.replace(E=1e6),
+                scheme=SCHEMES[name],
+            )
+            found.add(name, f"{columns}", lambda s=scene: flow(s, 0.05 if quick else 6.0))
+    return found
+
+
+def at_rest(scheme: gr.Scheme, angle: float, waves: float) -> tuple[float, dict[str, float]]:
+    """Speed left in a layer after so many wave times, over sqrt(g h); the pressure's error."""
+    height = 0.1
+    material = glass_beads.replace(E=1e6)
+    scene = gr.scenes.incline(
+        angle_deg=angle,
+        height=height,
+        cell=0.01,
+        columns=4,
+        jitter=0.6,
+        material=material,
+        scheme=scheme,
+    )
+    sim = simulate(scene)
+    signs = watched(sim, waves * height / material.wave_speed)
+    state = sim.state
+    speed = gr.measure.speed_percentile(state, q=99) / math.sqrt(9.8 * height)
+    pressure = gr.measure.mean_pressure_error(state, depth_cells=2)
+    return speed, {"pressure": round(pressure, 4)} | signs
+
+
+def rest(quick: bool) -> list[Map]:
+    """Layers that should lie still: level, and on a slope below mu_s = tan 20.9 deg."""
+    speeds = Map(
+        "rest_speed",
+        "Rest: a layer after 10^4 wave times",
+        "99th percentile of speed / sqrt(g h)",
+        "scheme",
+        "slope [deg]",
+        1e-4,
+    )
+    pressures = Map(
+        "rest_pressure",
+        "Rest: cell pressure off the surface",
+        "relative error against the weight",
+        "scheme",
+        "slope [deg]",
+        0.03,
+    )
+    for name in ("published (linear, flip)", "quadratic, apic", "default"):
+        scheme = SCHEMES[name]
+        for angle in chosen((0.0, 15.0), quick):
+            speeds.add(
+                name, f"{angle:g}", lambda s=scheme, a=angle: at_rest(s, a, 20 if quick else 1e4)
+            )
+            last = speeds.cells[-1]
+            pressures.add(name, f"{angle:g}", lambda n=last.notes: n.get("pressure", math.nan))
+    return [speeds, pressures]
+
+
+def slug(scheme: gr.Scheme, quick: bool) -> tuple[float, dict[str, Any]]:
+    """Speed at which a loose slug leaves a wall, over that at which it came, before it falls down.
+
+    Notes: the largest stress in flight and the change of mass, which must be zero.
+    """
+    scene = gr.scenes.slug(cell=0.02, material=glass_beads.replace(E=1e6), scheme=scheme)
+    sim = simulate(scene)
+    mass = sim.state.mass.sum()
+    sim.run(until=0.3)
+    stress = float(abs(sim.state.stress).max())
+    speed = float(np.average(sim.state.v[:, 0], weights=sim.state.mass))
+    least = speed
+    for time in np.arange(0.32, 0.4 if quick else 0.6, 0.02):
+        sim.run(until=time)
+        least = min(least, float(np.average(sim.state.v[:, 0], weights=sim.state.mass)))
+    lost = float(abs(sim.state.mass.sum() / mass - 1))
+    return max(-least / speed, 0.0), {"stress in flight": stress, "mass lost": lost}
+
+
+def reconsolidation(quick: bool) -> Map:
+    """Free flight and reconsolidation: nothing in flight, no rebound to speak of."""
+    found = Map(
+        "slug",
+        "Free flight and impact: a loose slug meets a wall",
+        "speed of rebound / speed of impact",
+        "scheme",
+        "",
+        0.2,
+    )
+    for name, scheme in SCHEMES.items():
+        found.add(name, "rebound", lambda s=scheme: slug(s, quick))
+    return found
+
+
+# ---- softness ----
+
+
+def discharge(E: float, quick: bool) -> float:
+    """Discharge [kg/s] of the silo with an orifice of .2 m, cells of .02 m, default scheme."""
+    material = glass_beads.replace(E=E)
+    scene = gr.scenes.silo(orifice=0.2, cell=0.02, material=material)
+    states: list[gr.State] = []
+    sim = simulate(scene)
+    sim.run(until=0.2 if quick else 1.2, every=1 / 60, hooks=(lambda s: states.append(s.state),))
+    times = np.array([s.time for s in states])
+    mass = np.array([s.mass.sum() for s in states])
+    late = times > (0.12 if quick else 0.5)
+    return float(-np.polyfit(times[late], mass[late], 1)[0])
+
+
+def softness(quick: bool) -> Map:
+    """What a softer E costs: the change of the quantity of interest."""
+    found = Map(
+        "softness",
+        "What a softer material costs",
+        "relative change against E = 1e7 Pa (silo), error against the equation (inclines, 10 s)",
+        "case",
+        "E [Pa]",
+        0.02,
+    )
+    moduli = (1e6, 1e5) if quick else (1e7, 1e6, 1e5)
+    stiff = discharge(moduli[0], quick)
+    for E in moduli[1:]:
+        found.add(
+            "silo, discharge at D = .2 m",
+            f"{E:.0e}",
+            lambda e=E: abs(discharge(e, quick) / stiff - 1),
+        )
+    for angle in (25.0, 32.0):
+        for E in moduli[1:]:
+            scene = gr.scenes.incline(angle_deg=angle, cell=0.01, material=glass_beads.replace(E=E))
+            found.add(
+                f"incline, depth average, {angle:g} deg",
+                f"{E:.0e}",
+                lambda s=scene: depth_average_error(s, 0.3 if quick else 10.0),
+            )
+    return found
+
+
+def depth_average_error(scene: gr.Scene, until: float) -> float:
+    """Of the mean speed against the one-dimensional equation."""
+    state = simulate(scene).run(until=until).state
+    angle = scene.parameters["angle_deg"]
+    exact = gr.theory.transient(angle, HEIGHT, scene.material, [state.time]).mean[0]
+    return abs(mean_speed(state) / exact - 1)

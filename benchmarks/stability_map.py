@@ -1,0 +1,119 @@
+"""Where methods fail: the map of failure, measured.
+
+    python benchmarks/stability_map.py [--quick] [--only NAME ...] [--out FILE] [--figures FOLDER]
+    python benchmarks/stability_map.py --draw FILE --figures FOLDER
+
+Each cell of a map is a small run with a number and a verdict: *stable*, *degraded*, or *refused*,
+where the product does not start such a run; the number is then that of a run with the limits
+lifted, to show what is spared. Maps that exist in the file are kept unless they are asked for by
+name, so that one of them can be measured anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import platform
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from stability import arrangements, draw, elastic, flows, motions
+from stability.cells import Cell, Map
+
+import granular as gr
+
+RESULTS = Path(__file__).parent / "results" / "stability_map.json"
+
+MAKERS: dict[str, Callable[[bool], Map | list[Map]]] = {
+    "patch": elastic.patches,
+    "arrangement": arrangements.arrangements,
+    "courant": elastic.courant_points,
+    "courant_nu": elastic.courant_nu,
+    "transfers": motions.transfers,
+    "locking": motions.locking,
+    "tearing": motions.tearing,
+    "incline_courant": flows.incline_courant,
+    "incline_angles": flows.incline_angles,
+    "incline_columns": flows.incline_columns,
+    "incline_seeding": flows.incline_seeding,
+    "rest": flows.rest,
+    "slug": flows.reconsolidation,
+    "softness": flows.softness,
+}
+
+
+def measured(name: str, quick: bool) -> list[Map]:
+    """The maps of a maker."""
+    made = MAKERS[name](quick)
+    return made if isinstance(made, list) else [made]
+
+
+def read(path: Path) -> dict[str, Map]:
+    """Maps of a file, by name."""
+    stored = json.loads(path.read_text())["maps"]
+    for cell in (cell for m in stored for cell in m["cells"]):
+        cell["value"] = math.nan if cell["value"] is None else float(cell["value"])
+    maps = [Map(**(m | {"cells": [Cell(**c) for c in m["cells"]]})) for m in stored]
+    return {m.name: m for m in maps}
+
+
+def write(path: Path, maps: dict[str, Map]) -> None:
+    """Maps into a file, with what they were measured on."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    head = {
+        "machine": platform.machine(),
+        "granular": gr.__version__,
+        "build": gr.show_config(),
+        "seconds": round(sum(c.seconds for m in maps.values() for c in m.cells), 1),
+    }
+    body = head | {"maps": [asdict(m) for m in maps.values()]}
+    path.write_text(json.dumps(plain(body), indent=1, allow_nan=False) + "\n")
+
+
+def plain(value: Any) -> Any:
+    """What JSON knows: no nan, no infinity, four digits."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float):
+        if math.isnan(value):
+            return None
+        return float(f"{value:.4g}") if math.isfinite(value) else str(value)
+    return value if isinstance(value, (bool, int, str, type(None))) else str(value)
+
+
+def show(found: Map) -> None:
+    """Print a map."""
+    print(f"{found.name}: {found.title}; {found.quantity}")
+    for cell in found.cells:
+        line = f"  {cell.row} | {cell.column} | {cell.value:.4g} {cell.verdict}"
+        print(line + f" {cell.notes or ''}", flush=True)
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a few short cases, to see it run")
+    parser.add_argument("--only", nargs="+", choices=MAKERS, default=list(MAKERS), metavar="NAME")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="the table as JSON")
+    parser.add_argument("--figures", type=Path, help="folder for the figures")
+    parser.add_argument("--draw", type=Path, help="draw a table, measure nothing")
+    arguments = parser.parse_args(argv)
+    if arguments.draw:
+        maps = read(arguments.draw)
+    else:
+        maps = read(arguments.out) if arguments.out.exists() else {}
+        for name in arguments.only:
+            for found in measured(name, arguments.quick):
+                show(found)
+                maps[found.name] = found
+            write(arguments.out, maps)
+    if arguments.figures:
+        draw.figures(maps, arguments.figures)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,246 @@
+"""What the bulk of a state shows of a scheme that fails: stress-free points, lost room, gaps.
+
+The bulk are the points deep below the surface of their column. One `Bulk` serves several of these
+measures at the price of one look at the cells.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.checks import integer, non_negative
+from granular.measure.lattice import Array, cells_of
+from granular.measure.profiles import scaled_inertial_number
+from granular.theory.well_posed import ill_posedness
+from granular.walls import Solid
+
+FILLED = 0.5
+"""A cell counts as filled from this share of the mass it holds at rho_c."""
+
+FLOWING = 1e-3
+"""I/I0 from which a point flows: below it mu is mu_s to 3e-4, and what moves is noise."""
+
+
+class Bulk:
+    """Cell sums of a state, and which of its points are bulk.
+
+    The bulk: the points more than `depth_cells` cells below the surface of their column. The
+    surface is the upper edge of the run of filled cells that leads up from the point's own cell
+    without a gap; filled means at least half the mass that fits at rho_c, so that neither sprays
+    above a heap nor free fall below an orifice count as bulk.
+
+    Parameters
+    ----------
+    state : State
+    depth_cells : int
+        Cells below the surface that are not bulk.
+    packed : float
+        Least density, as a share of rho_c, of the room around the cell of a bulk point, its
+        occupied neighbours included: what flies loosely in a body is free of stress rightly.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range, the state is empty, or a point is off the grid.
+    """
+
+    def __init__(self, state: Any, *, depth_cells: int = 2, packed: float = 0.0) -> None:
+        integer("depth_cells", depth_cells, 0)
+        non_negative("packed", packed)
+        grid = state.scene.grid
+        self.state, self.shape = state, tuple(grid.shape)
+        self.room = grid.cell ** len(self.shape)
+        own = cells_of(state)
+        self.own = np.ravel_multi_index(tuple(own.T), self.shape)
+        self.mass = self.sum(state.mass)
+        full = state.scene.material.rho_c * self.room
+        filled, top = uppermost(self.mass >= FILLED * full)
+        up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
+        deep = filled.ravel()[self.own] & (top.ravel()[self.own] + 1 - up > depth_cells)
+        if packed:
+            deep &= (self.around(self.mass) >= packed * full).ravel()[self.own]
+        self.points: NDArray[np.bool_] = deep
+
+    def sum(self, values: Any) -> Array:
+        """Sum of a point field over each cell, an array of the grid's shape."""
+        return np.bincount(self.own, weights=values, minlength=int(np.prod(self.shape))).reshape(
+            self.shape
+        )
+
+    def around(self, cells: Array) -> Array:
+        """Mean of a cell field over each cell and its occupied neighbours, corners included."""
+        occupied = (self.mass > 0).astype(float)
+        return _pooled(cells) / np.maximum(_pooled(occupied), 1.0)
+
+    def disconnected(self) -> float:
+        """Share, by mass, of the bulk whose points are free of stress; nan without a bulk."""
+        return self._mean(np.asarray(self.state.p) <= 0)
+
+    def drift(self) -> float:
+        """Mean, by mass, over the bulk of tracked volume over room, less one; nan without one."""
+        around = self.around(self.sum(self.state.volume)) / self.room
+        return self._mean(around.ravel()[self.own]) - 1.0
+
+    def _mean(self, values: Array) -> float:
+        mass = np.asarray(self.state.mass, dtype=float)[self.points]
+        return float((mass * values[self.points]).sum() / mass.sum()) if len(mass) else np.nan
+
+
+def _pooled(cells: Array) -> Array:
+    """Sum over each cell and its neighbours within the grid."""
+    for axis in range(cells.ndim):
+        wide = cells.copy()
+        inner = [slice(None)] * cells.ndim
+        outer = [slice(None)] * cells.ndim
+        inner[axis], outer[axis] = slice(1, None), slice(None, -1)
+        wide[tuple(inner)] += cells[tuple(outer)]
+        wide[tuple(outer)] += cells[tuple(inner)]
+        cells = wide
+    return cells
+
+
+def uppermost(filled: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """The filled cells, and for each cell the uppermost one of its gapless run upwards."""
+    top = np.broadcast_to(np.arange(filled.shape[-1]), filled.shape).copy()
+    for j in range(filled.shape[-1] - 2, -1, -1):
+        top[..., j] = np.where(filled[..., j + 1], top[..., j + 1], j)
+    return filled, top
+
+
+def disconnected_fraction(state: Any, *, depth_cells: int = 2, packed: float = 0.0) -> float:
+    """Share, by mass, of the bulk whose points are free of stress (p = 0).
+
+    Parameters
+    ----------
+    state : State
+    depth_cells, packed
+        What the bulk is, see `Bulk`. With `packed` = 0 also what flies in a body.
+
+    Returns
+    -------
+    float
+        0 in a sound dense flow.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, a point is off the grid, or no point lies in the bulk.
+    """
+    return _bulk(state, depth_cells, packed).disconnected()
+
+
+def density_drift(state: Any, *, depth_cells: int = 2, packed: float = 0.9) -> float:
+    """How far the tracked densities have left the room that the points really take.
+
+    In each cell and its occupied neighbours the sum of the tracked volumes m/rho over the room,
+    less one; averaged, by mass, over the bulk. Positive where points have collapsed into one
+    another and do not know of it, as under the published scheme in two-dimensional shear flow.
+
+    Parameters
+    ----------
+    state : State
+    depth_cells, packed
+        What the bulk is, see `Bulk`.
+
+    Returns
+    -------
+    float
+        0 for an undisturbed packing.
+
+    Raises
+    ------
+    ValueError
+        As `disconnected_fraction`.
+    """
+    return _bulk(state, depth_cells, packed).drift()
+
+
+def _bulk(state: Any, depth_cells: int, packed: float) -> Bulk:
+    bulk = Bulk(state, depth_cells=depth_cells, packed=packed)
+    if not bulk.points.any():
+        raise ValueError(
+            f"no point lies more than depth_cells = {depth_cells} below the surface, "
+            f"in room with packed = {packed} of rho_c"
+        )
+    return bulk
+
+
+def ill_posed_fraction(state: Any) -> float:
+    """Share, by mass, of the flowing points at which the mu(I) law is ill posed.
+
+    By `granular.theory.ill_posedness` (Barker et al. 2015): there the shortest waves grow fastest,
+    and no refinement need converge. Flowing are points under pressure with I/I0 > 1e-3.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    float
+        nan if nothing flows.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or the material has no xi: its law knows no rate.
+    """
+    scaled = scaled_inertial_number(state)
+    flowing = scaled > FLOWING  # nan: free of stress
+    if not flowing.any():
+        return float("nan")
+    mass = np.asarray(state.mass)[flowing]
+    return float(mass @ (ill_posedness(scaled[flowing], state.scene.material) > 0) / mass.sum())
+
+
+def gap_fraction(state: Any) -> float:
+    """Empty cells between cells of stressed points, over the cells of stressed points.
+
+    Of a body that bears tension: once its points are a cell apart, cells between them fall empty,
+    the grid no longer joins them, and the body is torn by the discretisation, not by its law.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    float
+        0 for a whole body; nan if nothing bears stress.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or a point is off the grid.
+    """
+    return gaps(Bulk(state))
+
+
+def gaps(bulk: Bulk) -> float:
+    """`gap_fraction` of the state of a `Bulk`."""
+    state = bulk.state
+    stressed = bulk.sum(np.asarray(state.stress).any(axis=1)) > 0
+    empty = bulk.mass == 0
+    _exclude_solids(state.scene, empty)
+    between = np.zeros(bulk.shape, dtype=bool)
+    for axis in range(len(bulk.shape)):
+        low, mid, high = ([slice(None)] * len(bulk.shape) for _ in range(3))
+        low[axis], mid[axis], high[axis] = slice(None, -2), slice(1, -1), slice(2, None)
+        low, mid, high = tuple(low), tuple(mid), tuple(high)
+        between[mid] |= empty[mid] & stressed[low] & stressed[high]
+    count = np.count_nonzero(stressed)
+    return float(np.count_nonzero(between) / count) if count else float("nan")
+
+
+def _exclude_solids(scene: Any, cells: NDArray[np.bool_]) -> None:
+    """Take the cells of solid blocks out of a mask."""
+    grid = scene.grid
+    for wall in scene.walls:
+        if isinstance(wall, Solid):
+            ends = zip(wall.lower, wall.upper, grid.lower, strict=True)
+            spans = [
+                slice(round((low - zero) / grid.cell), round((high - zero) / grid.cell))
+                for low, high, zero in ends
+            ]
+            cells[tuple(spans)] = False

@@ -1,0 +1,188 @@
+"""What is known to fail before a run: limits that are refused, settings that are warned of."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from typing import TYPE_CHECKING
+
+from granular.materials import MuI
+from granular.theory.well_posed import well_posed_slopes
+
+if TYPE_CHECKING:
+    from granular.scene import Scene
+
+__all__ = ["StabilityWarning", "check_time_step", "courant_limit", "doubts", "dt_limit", "warn"]
+
+
+class StabilityWarning(UserWarning):
+    """A scene asks for what is known to go wrong without a word."""
+
+
+COURANT_LIMIT = {
+    "linear": {2: 0.75, 3: 0.75},
+    "ugimp": {2: 0.5, 3: 0.5},
+    "quadratic": {2: 0.69, 3: 0.61},
+}
+"""Largest (c + speed) dt/dx by basis and dimension: beyond it a run fails, mostly without a NaN.
+
+Up to it no arrangement of points makes energy, a single one included, which is the worst for
+splines (the maps "arrangement" and "courant"). With hats there is no such step, as a node that
+points hardly reach has next to no mass; their limit is that of a layer in flow (the map
+"incline_courant").
+"""
+
+POINTS_PER_CELL = 4
+"""Least number of points per cell of a flow: the map "incline_seeding"."""
+
+LAYER_CELLS = 6
+"""Least height of a fill in cells: the map "incline_seeding"."""
+
+LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
+"""Largest nu without locking: the map "locking"."""
+
+
+def courant_limit(scene: Scene) -> float:
+    """Largest stable (c + speed) dt/dx of the scene's scheme."""
+    return COURANT_LIMIT[scene.scheme.basis][scene.dim]
+
+
+def dt_limit(scene: Scene) -> float:
+    """Largest stable time step at rest [s]: courant dx/c, c = sqrt((K + 4G/3)/rho_c)."""
+    return courant_limit(scene) * scene.grid.cell / scene.material.wave_speed
+
+
+def check_time_step(scene: Scene) -> None:
+    """Refuse a time step beyond its limit.
+
+    Raises
+    ------
+    ValueError
+        Naming dt or cfl, its value and the limit.
+    """
+    scheme, limit = scene.scheme, courant_limit(scene)
+    if scheme.dt is None:
+        if scheme.cfl > limit:
+            raise ValueError(
+                f"cfl = {scheme.cfl} must be <= {limit} with the {scheme.basis} basis "
+                f"in {scene.dim} dimensions"
+            )
+        return
+    wave, speed = scene.material.wave_speed, _fastest(scene)
+    largest = limit * scene.grid.cell / (wave + speed)
+    if scheme.dt > largest:
+        raise ValueError(
+            f"dt = {scheme.dt} must be <= {largest:.4g}, the limit of the {scheme.basis} basis in "
+            f"{scene.dim} dimensions with cells of {scene.grid.cell} m, waves of {wave:.4g} m/s "
+            f"and points of {speed:.4g} m/s"
+        )
+
+
+def _fastest(scene: Scene) -> float:
+    """Largest speed of the material at the start [m/s]."""
+    return max(math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+
+
+# ---- what is warned of ----
+
+
+def warn(scene: Scene, stacklevel: int = 3) -> None:
+    """Issue a `StabilityWarning` for everything in a scene that `doubts` names."""
+    for doubt in doubts(scene):
+        warnings.warn(doubt, StabilityWarning, stacklevel=stacklevel)
+
+
+def doubts(scene: Scene) -> list[str]:
+    """What of a scene is known to go wrong without a word, one sentence each.
+
+    Each is a failure on the map of failure (`benchmarks/stability_map.py`, the page "Limits and
+    failures").
+    """
+    checks = (_hats, _density, _seeding, _layer, _locking, _slope, _grains)
+    return [doubt for check in checks if (doubt := check(scene))]
+
+
+def _hats(scene: Scene) -> str | None:
+    if _granular(scene) or scene.scheme.basis != "linear":
+        return None
+    return (
+        'basis = "linear" with an elastic body: a node that points hardly reach has next to no '
+        "mass, and where the body moves over the cells no time step is stable"
+    )
+
+
+def _density(scene: Scene) -> str | None:
+    """Of the schemes, only the diffused density keeps a flow that varies along the layer alive."""
+    if not _granular(scene) or scene.scheme.density == "diffused" or not _many_columns(scene):
+        return None
+    return (
+        'density = "tracked" loses contacts and room in flows that are truly two-dimensional: '
+        'most points go stress-free, layers compact; take density = "diffused" (the default)'
+    )
+
+
+def _seeding(scene: Scene) -> str | None:
+    fewest = min(fill.points_per_cell for fill in scene.fills)
+    if not _granular(scene) or fewest >= POINTS_PER_CELL or not _many_columns(scene):
+        return None
+    return f"points_per_cell = {fewest} is too few for a flow: take {POINTS_PER_CELL} or more"
+
+
+def _layer(scene: Scene) -> str | None:
+    if not _granular(scene):
+        return None
+    ends = [fill.region.bounds for fill in scene.fills]
+    height = max(high[-1] for _, high in ends) - min(low[-1] for low, _ in ends)
+    cells = height / scene.grid.cell
+    if cells >= LAYER_CELLS * (1 - 1e-9):
+        return None
+    return f"material of {cells:.3g} cells in height: take {LAYER_CELLS} or more"
+
+
+def _locking(scene: Scene) -> str | None:
+    nu, limit = scene.material.nu, LOCKING[scene.scheme.basis]
+    if nu <= limit:
+        return None
+    return (
+        f"nu = {nu} exceeds {limit}: the {scene.scheme.basis} basis makes material too stiff "
+        "that can hardly change its volume"
+    )
+
+
+def _slope(scene: Scene) -> str | None:
+    """An endless layer on a slope outside of the range where the mu(I) law is well posed."""
+    material, grid = scene.material, scene.grid
+    if not isinstance(material, MuI) or not _many_columns(scene) or not all(grid.periodic[:-1]):
+        return None
+    *along, across = scene.gravity.vectors[-1]
+    if not across < 0:
+        return None
+    slope = math.degrees(math.atan2(math.hypot(*along), -across))
+    if slope <= math.degrees(math.atan(material.mu_s)):
+        return None  # at rest
+    ends = well_posed_slopes(material)
+    if ends is not None and ends[0] <= slope <= ends[1]:
+        return None
+    where = "nowhere" if ends is None else f"from {ends[0]:.1f} to {ends[1]:.1f} deg only"
+    return (
+        f"a slope of {slope:.4g} deg: the mu(I) law is well posed {where} (Barker et al. 2015); "
+        "refinement need not converge"
+    )
+
+
+def _grains(scene: Scene) -> str | None:
+    d = getattr(scene.material, "d", None)
+    if d is None or scene.grid.cell >= d:
+        return None
+    return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: no continuum is there"
+
+
+def _granular(scene: Scene) -> bool:
+    return scene.material.law != "elastic"
+
+
+def _many_columns(scene: Scene) -> bool:
+    """Whether a flow can vary along the layer: more than one periodic column."""
+    grid = scene.grid
+    pairs = zip(grid.shape[:-1], grid.periodic[:-1], strict=True)
+    return any(count > 1 or not periodic for count, periodic in pairs)

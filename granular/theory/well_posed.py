@@ -1,0 +1,113 @@
+"""Where the mu(I) law is well posed (Barker, Schaeffer, Bohorquez & Gray 2015, J. Fluid Mech. 779).
+
+The law of an incompressible flow, ``s = mu(I) p A`` with A = D/||D||, ``||D|| = sqrt(D:D/2)``, is
+linearised about a flow of uniform shear for waves so short that the base flow does not vary over
+them. With r = d ln mu/d ln I and I ~ ||D||/sqrt(p),
+
+    s' = mu (1 - r/2) p' A + (mu p/||D||) (D' + (r - 1) A (A:D')/2).
+
+A wave along the unit vector k moves across it, at the rate (|k|^2 mu p/(2 rho ||D||)) times
+``-(1 + (r - 1) a^2/(1 - q b))`` with a = k.A.t, b = k.A.k, a^2 + b^2 = 1 and q = mu (1 - r/2), once
+the component of the momentum along k has given p'. It grows without bound as the wave gets shorter
+if ``r - q b + (1 - r) b^2 < 0`` for some direction, that is for a positive
+
+    C = q^2 - 4 r (1 - r) = 4 r^2 - 4 r + mu^2 (1 - r/2)^2.
+
+The material enters by mu_s and mu_2 alone, and the flow by I/I0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import overload
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from granular.checks import in_range
+from granular.materials import MuI
+
+Array = NDArray[np.float64]
+
+_SEARCHED = np.logspace(-6, 6, 481)
+"""Values of I/I0 between which the ends of the range are looked for."""
+
+
+@overload
+def ill_posedness(scaled: float, material: MuI) -> float: ...
+@overload
+def ill_posedness(scaled: Array, material: MuI) -> Array: ...
+def ill_posedness(scaled: float | Array, material: MuI) -> float | Array:
+    """The discriminant C of Barker et al. 2015: the law is ill posed where it is positive.
+
+    Parameters
+    ----------
+    scaled : float or ndarray
+        I/I0, >= 0 (`granular.measure.scaled_inertial_number` of points); nan gives nan.
+    material : MuI
+
+    Returns
+    -------
+    float or ndarray
+        Without unit.
+    """
+    x, gain = scaled, material.mu_2 - material.mu_s
+    mu = material.mu_s + gain * x / (1 + x)
+    r = gain * x / ((1 + x) ** 2 * mu)
+    return 4 * r**2 - 4 * r + mu**2 * (1 - r / 2) ** 2
+
+
+def well_posed_range(material: MuI) -> tuple[float, float] | None:
+    """Between which I/I0 the law is well posed.
+
+    Returns
+    -------
+    tuple of float, or None
+        None where no inertial number is: mu_2 too close to mu_s.
+    """
+    sign = ill_posedness(_SEARCHED, material)
+    inside = np.flatnonzero(sign < 0)
+    if not len(inside):
+        return None
+    first, last = inside[0], inside[-1]
+
+    def root(i: int) -> float:
+        return float(brentq(ill_posedness, *_SEARCHED[i : i + 2], args=(material,), rtol=1e-12))
+
+    return root(first - 1), root(last)
+
+
+def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
+    """Between which slopes [deg] steady flow down a rough incline is well posed: tan = mu(I).
+
+    Returns
+    -------
+    tuple of float, or None
+        As `well_posed_range`.
+    """
+    ends = well_posed_range(material)
+    if ends is None:
+        return None
+    gain = material.mu_2 - material.mu_s
+    low, high = (math.degrees(math.atan(material.mu_s + gain * x / (1 + x))) for x in ends)
+    return low, high
+
+
+def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
+    """I/I0 of steady flow down a rough incline (Dunatunga & Kamrin 2015, A of eq. 4.6).
+
+    Returns
+    -------
+    float
+        0 up to mu_s, infinite from mu_2 on.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For an angle that is not in [0, 90).
+    """
+    slope = math.tan(math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)))
+    if slope >= material.mu_2:
+        return math.inf
+    return max(slope - material.mu_s, 0.0) / (material.mu_2 - slope)

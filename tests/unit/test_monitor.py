@@ -1,0 +1,188 @@
+"""The monitors of a run: when they look, what looks add up to, and where they are kept."""
+
+import numpy as np
+import pytest
+
+import granular as gr
+import granular.geometry
+from granular import monitor
+from granular.cli import main
+from granular.monitor import NAMES, Monitor, health
+from granular.walls import Gravity
+
+DEFAULT = ("quadratic", "tpic", "diffused")
+
+
+def looks(**columns):
+    """Looks of a run, by name; what is not given was not told."""
+    length = max(map(len, columns.values()))
+    return {name: np.array(columns.get(name, [np.nan] * length), dtype=float) for name in NAMES}
+
+
+@pytest.fixture
+def scene(small_scene):
+    return small_scene("periodic", 2, DEFAULT)
+
+
+@pytest.fixture
+def often(monkeypatch):
+    """Looks every ten steps, whatever they cost."""
+    monkeypatch.setattr(monitor, "STEPS", 10)
+    monkeypatch.setattr(monitor, "POINT_STEPS", 0)
+
+
+# ---- what looks add up to ----
+
+
+@pytest.mark.parametrize(
+    ("name", "sound", "doubtful"),
+    [
+        ("disconnected", [1.0, 1.0, 0.05, 0.05], [0.0, 0.0, 0.2, 0.2]),
+        ("density_drift", [0.3, 0.3, 0.01, -0.02], [0.0, 0.0, 0.1, 0.1]),
+        ("density_drift", [0.0, 0.0, 0.04], [0.0, -0.1, -0.1]),
+        ("gaps", [0.0, 0.0], [0.01, 0.0]),
+        ("courant", [0.5, 0.68], [0.7, 0.5]),
+    ],
+)
+def test_verdicts(scene, name, sound, doubtful):
+    good, bad = (health(scene, looks(**{name: column})) for column in (sound, doubtful))
+    assert good[name].verdict == "sound"
+    assert good.sound
+    assert bad[name].verdict == "doubtful"
+    assert not bad.sound
+
+
+def test_energy_from_nowhere_is_a_rise_of_the_account(scene):
+    """Over what was turned over: 10 J held at the begin and 30 J of work."""
+
+    def value(created):
+        seen = looks(created=created, work=[10.0, -10.0, 10.0], held_before=[10.0, 0.0, 0.0])
+        return health(scene, seen)["energy_created"].value
+
+    assert value([-5.0, -5.0, -5.0]) == 0
+    assert value([1.0, -5.0, 2.0]) == pytest.approx(2 / 40)
+    assert value([1.0, 3.0, -9.0]) == pytest.approx(4 / 40)
+
+
+def test_what_has_no_value_has_no_verdict(scene):
+    empty = health(scene, {})
+    assert {sign.verdict for sign in empty} == {"unknown"}
+    assert empty.sound
+    seen = health(scene, looks(ill_posed=[0.9, np.nan, 0.7]))
+    assert seen["ill_posed"].verdict == "reported"
+    assert seen["ill_posed"].value == 0.7
+    with pytest.raises(KeyError):
+        empty["luck"]
+
+
+def test_health_shows_itself(scene):
+    seen = health(scene, looks(disconnected=[0.5]))
+    assert "disconnected  0.5 (limit 0.1): doubtful" in str(seen)
+    assert "<table>" in seen._repr_html_()
+    assert "1 looks" in seen._repr_html_()
+
+
+# ---- when it looks ----
+
+
+def test_looks_are_far_apart():
+    watch = Monitor()
+    assert watch.due(0, 8000)  # to open the accounts
+    assert not watch.due(1000, 8000)
+    assert watch.due(2250, 8000)
+    assert not watch.due(2250, 100)
+    assert watch.due(22_000, 100)
+
+
+def test_a_run_looks_unless_told_not_to(scene, often):
+    watched, blind = gr.Simulation(scene, threads=1), gr.Simulation(scene, threads=1)
+    watched.run(until=0.1, every=0.02)
+    blind.run(until=0.1, every=0.02, monitor=False)
+    # five frames and the present state; only that state without a monitor
+    assert watched.health().looks == 6
+    assert blind.health().looks == 1
+    assert watched.state.x.tobytes() == blind.state.x.tobytes()
+    assert watched.health().looks == 6  # asking leaves no trace
+    assert gr.Simulation(scene, threads=1).health().looks == 0
+
+
+def test_a_step_alone_needs_no_run(scene):
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(20)
+    courant = sim.health()["courant"]
+    speed = np.linalg.norm(sim.state.v, axis=1).max()
+    expected = (scene.material.wave_speed + speed) * sim.dt / scene.grid.cell
+    assert courant.value == pytest.approx(expected)
+    assert courant.verdict == "sound"
+
+
+def test_work_and_losses_of_a_fall(small_scene):
+    """Free fall: the work of gravity is the kinetic energy, nothing is made or lost."""
+    scene = small_scene("outlet", 2, DEFAULT)
+    fall = scene.replace(
+        walls=(),
+        fills=(gr.geometry.Fill(FALLING, 4, density=1200.0),),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+    )
+    sim, watch = gr.Simulation(fall, threads=1), Monitor()
+    watch.look(sim.state)
+    sim.run(until=0.15, monitor=False)
+    row = watch.look(sim.state)
+    kinetic = gr.measure.energy(sim.state).kinetic
+    # The positions of the integrator are half a step ahead of its velocities.
+    assert row["work"] == pytest.approx(kinetic, rel=2 * sim.dt / sim.time)
+    assert row["created"] == pytest.approx(kinetic - row["work"], abs=1e-9 * kinetic)
+    assert row["held_before"] == 0.0
+    assert np.isnan(row["disconnected"])  # loose: no bulk
+
+
+FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
+
+
+# ---- in the record ----
+
+
+def test_looks_are_recorded_and_read(scene, often, tmp_path, capsys):
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.1, every=0.02, save=tmp_path / "a.h5")
+    with gr.open(tmp_path / "a.h5") as record:
+        told = record.looks
+        assert set(told) == set(NAMES)
+        assert np.isnan(told["courant"][0])
+        np.testing.assert_array_equal(
+            np.array([told[name][1:] for name in NAMES]).T, np.array(sim._monitor.rows)
+        )
+        seen = record.health()
+        assert seen.looks == len(record) == 6
+        assert record[2:4].health().looks == 2
+        assert record.damage() == []
+    assert main(["info", str(tmp_path / "a.h5")]) == 0
+    assert str(seen) in capsys.readouterr().out
+
+
+def test_an_unfinished_record_has_looks(scene, often, tmp_path):
+    def stop(sim):
+        if sim.time > 0.05:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        gr.Simulation(scene, threads=1).run(
+            until=0.1, every=0.02, save=tmp_path / "a.h5", hooks=(stop,)
+        )
+    with gr.open(tmp_path / "a.h5") as record:
+        assert not record.finished
+        assert np.isfinite(record.looks["courant"]).sum() == len(record) - 1
+
+
+def test_a_resumed_run_remembers_its_looks(scene, often, tmp_path):
+    gr.Simulation(scene, threads=1).run(until=0.1, every=0.02, save=tmp_path / "a.h5")
+    resumed = gr.Simulation.resume(tmp_path / "a.h5", threads=1)
+    assert len(resumed._monitor.rows) >= 5
+    resumed.run(until=0.2, every=0.02)
+    with gr.open(tmp_path / "a.h5") as record:
+        assert np.isfinite(record.looks["courant"]).sum() >= 9
+    unwatched = gr.Simulation(scene, threads=1)
+    unwatched.run(until=0.04, every=0.02, save=tmp_path / "b.h5", monitor=False)
+    with gr.open(tmp_path / "b.h5") as record:
+        assert record.looks == {}
+        assert record.health().looks == 0

@@ -1,0 +1,83 @@
+"""The map of failure: the script runs, and what is committed says what the product does."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from granular.stability import COURANT_LIMIT
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+FAST = ["patch", "arrangement", "courant", "transfers", "tearing"]
+"""A second or two together."""
+
+
+@pytest.fixture
+def script(monkeypatch):
+    """The script, as a module."""
+    monkeypatch.syspath_prepend(FOLDER)
+    yield importlib.import_module("stability_map")
+    for name in [n for n in sys.modules if n.partition(".")[0] in ("stability", "stability_map")]:
+        del sys.modules[name]
+
+
+def ends(script, folder, *options):
+    out, figures = folder / "map.json", folder / "figures"
+    script.main(["--quick", "--out", str(out), "--figures", str(figures), *options])
+    for path in figures.iterdir():
+        with Image.open(path) as picture:
+            assert min(picture.size) > 200
+    return script.read(out)
+
+
+def test_a_quick_map_is_written_and_drawn(script, tmp_path):
+    maps = ends(script, tmp_path, "--only", *FAST)
+    assert len(maps) == 11
+    patch = {(c.row, c.column): c for c in maps["patch"].cells}
+    assert patch["quadratic", "16, 0.2"].verdict == "stable"
+    assert patch["linear", "1, 1"].verdict == "degraded"
+    again = ends(script, tmp_path, "--only", "patch")  # the others are kept
+    assert list(again) == list(maps)
+
+
+@pytest.mark.parametrize(("dim", "tries"), [(2, 300), (3, 40)])
+def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
+    """No limit is beyond 2/sqrt(lambda_max) of a point that stands alone, nor far below it."""
+    part, rng = script.arrangements, np.random.default_rng(2)
+    x = rng.uniform(1.0, 2.0, (tries, 1, dim))
+    for basis, shape in (("quadratic", part.spline), ("ugimp", part.averaged_hat(0.25))):
+        worst = max(part.largest_eigenvalue(at, shape, 2, 1.0) for at in x)
+        assert COURANT_LIMIT[basis][dim] <= 2 / np.sqrt(worst) < 1.2 * COURANT_LIMIT[basis][dim]
+
+
+@pytest.mark.slow
+def test_every_quick_map_is_written(script, tmp_path):
+    drawn = {name for members, _ in script.draw.FIGURES.values() for name in members}
+    assert set(ends(script, tmp_path)) == drawn
+
+
+def test_the_committed_map_is_whole(script):
+    maps = script.read(script.RESULTS)
+    assert set(maps) == {name for members, _ in script.draw.FIGURES.values() for name in members}
+    for found in maps.values():
+        for cell in found.cells:
+            assert cell.verdict in ("refused", found.verdict(cell.value)), (found.name, cell)
+
+
+def test_what_the_map_shows_as_failing_is_refused(script):
+    """No time step that is not refused makes energy on the map, save with hats."""
+    maps = script.read(script.RESULTS)
+    seen = 0
+    for name, found in maps.items():
+        if not name.startswith("courant_") or "published" in name:
+            continue
+        basis = "ugimp" if "ugimp" in name else "quadratic"
+        for cell in found.cells:
+            courant = float(cell.column)
+            assert (cell.verdict == "refused") == (courant > COURANT_LIMIT[basis][2])
+            assert cell.verdict != "degraded", (name, cell)
+            seen += cell.verdict == "refused"
+    assert seen > 10
