@@ -36,14 +36,10 @@ LIMIT = 200.0
 def run(case: cases.Case, limit: float) -> dict[str, Any]:
     """The row of a case: results, or why there are none."""
     try:
-        if case.solver != "granular":
-            return runs.run(case, peers.simulation(case.solver))
-        seconds = runs.foreseen(case)
-        if seconds > limit:
-            return case.row() | {"left_out": f"{seconds:.0f} core-seconds foreseen"}
-        return runs.run(case)
-    except peers.Missing as missing:
-        return case.row() | {"left_out": str(missing)}
+        own = case.solver == "granular"
+        return runs.run(case, gr.Simulation if own else peers.simulation(case.solver), limit)
+    except (peers.Missing, runs.TooLong) as reason:
+        return case.row() | {"left_out": str(reason)}
     except (gr.SimulationError, ValueError) as error:  # an outcome, too: it is in the table
         return case.row() | {"failed": str(error).splitlines()[0]}
 

@@ -28,6 +28,18 @@ OWN = {
     "taichi": {"marker": "P", "color": "tab:brown"},
     "newton": {"marker": "X", "color": "tab:pink"},
 }
+SHADES = {
+    "incline": "tab:blue",
+    "incline_2d": "tab:green",
+    "collapse": "tab:orange",
+    "silo": "tab:red",
+}
+LINES = {
+    "default": {"linestyle": "-", "marker": "D"},
+    "linear flip": {"linestyle": "--", "marker": "o"},
+}
+SCALES = {"cell": 1e3, "points": 1}
+"""Cells are drawn in millimetres."""
 CEILING = 3.0
 """Errors beyond are drawn there: all is lost anyway."""
 
@@ -141,48 +153,42 @@ def chart(
     return fig
 
 
+def _trend(ax: Axes, entry: Mapping[str, Any]) -> None:
+    """One series of the table of slopes."""
+    found, soft = entry["measured"], entry["parameter"] == "E"
+    steep = entry["angle_deg"] not in (None, 25.0)
+    ax.plot(
+        [
+            m["p_over_K"] if soft else SCALES[entry["parameter"]] * m[entry["parameter"]]
+            for m in found
+        ],
+        [abs(m["step" if soft else "error"]) for m in found],
+        **LINES[entry["scheme"]],
+        color=SHADES[entry["scene"]],
+        linewidth=0.7 if steep else 1.5,
+        markersize=3 if steep else 5,
+    )
+
+
 def trends(slopes: Sequence[Mapping[str, Any]]) -> Picture | None:
     """What a softer material changes against p/K, and the error against cell and points."""
-    fig = Picture(figsize=(13.5, 4.6), layout="constrained")
-    axes = dict(zip(("E", "cell", "points"), fig.subplots(1, 3), strict=True))
-    drawn = False
-    for entry in slopes:
-        if entry["scheme"] not in ("default", "linear flip"):
-            continue
-        found = entry["measured"]
-        soft = entry["parameter"] == "E"
-        x = [m["p_over_K"] if soft else m[entry["parameter"]] for m in found]
-        y = [abs(m["step" if soft else "error"]) for m in found]
-        angle = f", {entry['angle_deg']:g} deg" if entry["angle_deg"] not in (None, 25.0) else ""
-        axes[entry["parameter"]].plot(
-            x,
-            y,
-            style(entry["scheme"])["marker"],
-            linestyle="-" if entry["scheme"] == "default" else "--",
-            color=SHADES[entry["scene"]],
-            alpha=0.45 if angle else 1.0,
-            markersize=4,
-            label=f"{entry['scene']}{angle}, {entry['scheme']}, E {entry['E']:.0e}"
-            if not soft
-            else f"{entry['scene']}{angle}, {entry['scheme']}",
-        )
-        drawn = True
-    if not drawn:
+    entries = [entry for entry in slopes if entry["scheme"] in LINES]
+    if not entries:
         return None
-    axes["E"].set(xlabel="p/K at the deepest point", ylabel="change by a ten times stiffer E")
-    axes["cell"].set(xlabel="cell [m]", ylabel="error")
-    axes["points"].set(xlabel="points per cell", ylabel="error")
+    fig = Picture(figsize=(13.0, 5.0), layout="constrained")
+    axes = dict(zip(("E", "cell", "points"), fig.subplots(1, 3), strict=True))
+    for entry in entries:
+        _trend(axes[entry["parameter"]], entry)
     for ax in axes.values():
-        ax.set(xscale="log", yscale="log")
+        ax.set(xscale="log", yscale="log", ylabel="relative error")
         ax.grid(True, which="major", linewidth=0.4, color="0.85")
-        if ax.lines:
-            ax.legend(fontsize=6)
+    axes["E"].set(xlabel="p/K at the deepest point", ylabel="change by a ten times stiffer E")
+    for name, ticks in (("cell", (5, 10, 20, 40)), ("points", (4, 9, 16))):
+        axes[name].set_xticks(ticks, labels=[str(t) for t in ticks])
+        axes[name].tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
+        axes[name].set_xlabel({"cell": "cell [mm]", "points": "points per cell"}[name])
+    handles = [Line2D([], [], color=c, linewidth=3, label=TITLES[s]) for s, c in SHADES.items()]
+    handles += [Line2D([], [], color="0.3", label=s, **look) for s, look in LINES.items()]
+    handles.append(Line2D([], [], color="0.3", linewidth=0.7, label="incline of 23, 28, 31 deg"))
+    fig.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     return fig
-
-
-SHADES = {
-    "incline": "tab:blue",
-    "incline_2d": "tab:green",
-    "collapse": "tab:orange",
-    "silo": "tab:red",
-}

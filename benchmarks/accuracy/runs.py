@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from functools import cache
@@ -35,7 +36,7 @@ BIN = 0.025
 REACH = 1.5
 """How far the profile goes [m]."""
 PROBE = 100
-"""Steps from which the cost of a run is foreseen."""
+"""First steps, from which the cost of a run is foreseen."""
 
 
 def scene_of(case: Case) -> gr.Scene:
@@ -59,18 +60,12 @@ def scene_of(case: Case) -> gr.Scene:
     return gr.scenes.silo(**SILO, **common)
 
 
-def foreseen(case: Case) -> float:
-    """Core-seconds that a case of this package will take, from its first steps."""
-    sim = gr.Simulation(scene_of(case), threads=1)
-    sim.step(5)
-    begin = time.process_time()
-    sim.step(PROBE)
-    seconds = UNTIL["silo"] / 3 if case.scene == "silo" else sim.scene.duration
-    return (time.process_time() - begin) / PROBE * seconds / sim.dt
+class TooLong(Exception):
+    """A case whose foreseen cost is above the limit."""
 
 
-def run(case: Case, simulation: Any = gr.Simulation) -> dict[str, Any]:
-    """Run a case; the row of its results.
+def run(case: Case, simulation: Any = gr.Simulation, limit: float = math.inf) -> dict[str, Any]:
+    """Run a case; the row of its results. Only the steps are timed, not what prepares them.
 
     Parameters
     ----------
@@ -78,11 +73,23 @@ def run(case: Case, simulation: Any = gr.Simulation) -> dict[str, Any]:
     simulation : callable
         Makes, of a scene, what has `run(until=)`, `time`, `state`, `steps`, `dt` and `n_points`
         as `granular.Simulation` does: the peers do.
+    limit : float
+        Core-seconds that it may take.
+
+    Raises
+    ------
+    TooLong
+        If it would take longer, going by its first steps.
     """
     load = os.getloadavg()[0]
     sim = simulation(scene_of(case), threads=1)
     points = sim.n_points
     begin = time.process_time()
+    sim.run(until=PROBE * sim.dt)
+    seconds = UNTIL["silo"] / 2 if case.scene == "silo" else sim.scene.duration
+    foreseen = (time.process_time() - begin) * seconds / sim.time
+    if foreseen > limit:
+        raise TooLong(f"{foreseen:.0f} core-seconds foreseen")
     history = empty(sim) if case.scene == "silo" else sim.run(until=sim.scene.duration)
     seconds = time.process_time() - begin
     measured = discharge(history) if case.scene == "silo" else MEASURES[case.scene](sim.state)

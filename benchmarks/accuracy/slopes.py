@@ -62,7 +62,7 @@ def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
     `step` is the relative difference of the two, and `step_per_p_over_K` the same over the
     difference of p/K: the bias of a material is about that times its p/K. A difference holds
     neither the error of the cells nor, but for its last entries, what the scheme itself changes
-    with E. For inclines `step_per_gain` is over gain mu tau/G.
+    with E. For inclines `predicted_step` is the difference by the theory of steady flow.
     """
     found = []
     for soft, stiff in pairwise(runs):
@@ -70,9 +70,8 @@ def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
         step = observable(soft) / observable(stiff) - 1
         entry = {"E": soft["E"], "stiffer": stiff["E"], "step": step, **a}
         entry["step_per_p_over_K"] = step / (a["p_over_K"] - b["p_over_K"])
-        if "gain" in a:
-            difference = a["gain"] * (a["mu_tau_over_G"] - b["mu_tau_over_G"])
-            entry["step_per_gain"] = step / difference
+        if "predicted" in a:
+            entry["predicted_step"] = entry.pop("predicted") - b["predicted"]
         found.append(entry)
     return found
 

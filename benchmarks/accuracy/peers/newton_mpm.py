@@ -19,7 +19,7 @@ import granular as gr
 from accuracy.peers import Missing
 from granular.engine import initial_points
 
-STEP = 0.05
+STEP = 0.2
 """Cells that the fastest point of a fall through the height crosses in a step."""
 LAYERS = 2
 """Points across the slab."""
