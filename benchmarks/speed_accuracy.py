@@ -63,7 +63,8 @@ def summary(rows: Sequence[errors.Row]) -> dict[str, Any]:
     references = errors.references(rows)
     fronts = {}
     for panel, reference in references.items():
-        best = errors.front(errors.of_panel(rows, panel, reference)) if reference else []
+        points = errors.of_panel(rows, panel, reference) if reference else []
+        best = errors.front(points, reference.uncertainty) if reference else []
         names = ("scheme", "E", "cell", "points", "seed", "core_seconds")
         fronts[panel] = [{n: row[n] for n in names} | {"error": e} for row, e in best]
     return {

@@ -40,6 +40,8 @@ LINES = {
 }
 SCALES = {"cell": 1e3, "points": 1}
 """Cells are drawn in millimetres."""
+WIDE, HIGH = 0.5, 0.12
+"""Decades between two labels."""
 CEILING = 3.0
 """Errors beyond are drawn there: all is lost anyway."""
 
@@ -69,6 +71,18 @@ def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
         ax.plot(cost, e, color=style(key[1])["color"], linewidth=0.7, alpha=0.6, zorder=1)
 
 
+def apart(points: Sequence[tuple[Row, float]]) -> list[tuple[Row, float]]:
+    """Those far enough from the one before for a label of their own."""
+    kept: list[tuple[Row, float]] = []
+    for row, e in points:
+        if kept:
+            wide = np.log10(row["core_seconds"] / kept[-1][0]["core_seconds"])
+            if wide < WIDE and np.log10(kept[-1][1] / e) < HIGH:
+                continue
+        kept.append((row, e))
+    return kept
+
+
 def panel(ax: Axes, name: str, points: Sequence[tuple[Row, float]], reference: Reference) -> None:
     """Error against core-seconds of one scene, with the front and the reference's uncertainty."""
     points = [(row, min(e, CEILING)) for row, e in points]
@@ -85,7 +99,7 @@ def panel(ax: Axes, name: str, points: Sequence[tuple[Row, float]], reference: R
             zorder=3 if big else 2,
             **style(row["scheme"]),
         )
-    best = front(points)
+    best = front(points, reference.uncertainty)
     ax.step(
         [row["core_seconds"] for row, _ in best],
         [e for _, e in best],
@@ -94,7 +108,7 @@ def panel(ax: Axes, name: str, points: Sequence[tuple[Row, float]], reference: R
         linewidth=1.0,
         zorder=1.5,
     )
-    for row, e in best:
+    for row, e in apart(best):
         ax.annotate(
             label(row),
             (row["core_seconds"], e),

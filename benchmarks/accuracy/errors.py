@@ -151,12 +151,15 @@ def of_panel(rows: Sequence[Row], panel: str, reference: Reference) -> list[tupl
     return [(row, e) for row, e in found if math.isfinite(e) and e > 0]
 
 
-def front(points: Sequence[tuple[Row, float]]) -> list[tuple[Row, float]]:
-    """The runs that no other beats in both error and core-seconds, by their cost."""
+def front(points: Sequence[tuple[Row, float]], floor: float = 0.0) -> list[tuple[Row, float]]:
+    """The runs that no other beats in both error and core-seconds, by their cost.
+
+    Errors below the floor, the uncertainty of the reference, are all the same.
+    """
     best, found = math.inf, []
     for row, e in sorted(points, key=lambda pair: (pair[0]["core_seconds"], pair[1])):
-        if e < best:
-            best = e
+        if max(e, floor) < best:
+            best = max(e, floor)
             found.append((row, e))
     return found
 

@@ -67,7 +67,9 @@ class Simulation:
         self._mass = points["mass"]
         self._core = _Core(scene, points, self.dt)
         self._hold()
-        self._core.advance(0, 0.0)  # compiles: a cost of every process, not of every run
+        # Compiles all that a run needs: a cost of every process, not of every run.
+        self._core.advance(0, 0.0)
+        _ = self.state
 
     @property
     def n_points(self) -> int:
