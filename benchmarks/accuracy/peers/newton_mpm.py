@@ -19,7 +19,7 @@ import granular as gr
 from accuracy.peers import Missing
 from granular.engine import initial_points
 
-STEP = 0.2
+STEP = 0.4
 """Cells that the fastest point of a fall through the height crosses in a step."""
 LAYERS = 2
 """Points across the slab."""
@@ -99,8 +99,12 @@ class Simulation:
         share = rate / np.maximum(rate + scale, 1e-300)
         return material.mu_s + (material.mu_2 - material.mu_s) * share
 
+    def _stress(self) -> np.ndarray:
+        """Of every point, tension positive: Newton counts compression so."""
+        return -self._now.mpm.particle_stress.numpy().astype(float)
+
     def _pressure(self) -> np.ndarray:
-        return -np.trace(self._now.mpm.particle_stress.numpy().astype(float), axis1=1, axis2=2) / 3
+        return -np.trace(self._stress(), axis1=1, axis2=2) / 3
 
     def _step(self) -> None:
         ramp = self.scene.gravity.times[-1]
@@ -125,7 +129,7 @@ class Simulation:
     def state(self) -> gr.State:
         """The points, seen from the side."""
         q, v = self._now.particle_q.numpy(), self._now.particle_qd.numpy()
-        s = self._now.mpm.particle_stress.numpy()
+        s = self._stress()
         fields = {
             "x": q[:, [0, 2]],
             "v": v[:, [0, 2]],
