@@ -11,21 +11,18 @@ import granular as gr
 SOFT_STEP = gr.schemes.published.replace(dt=None)
 """The published scheme with the time step at half its limit: 3e-6 s belongs to 1 GPa."""
 
-# With the tracked density loose points carry no affine field unless the reach is this long.
-FAR = 1e6
-
 SCHEMES = {
     "default": gr.schemes.default,
     "published": gr.schemes.published,
     "linear flip": SOFT_STEP,
     "linear xpic": SOFT_STEP.replace(transfer="xpic"),
-    "linear apic": SOFT_STEP.replace(transfer="apic", tension_reach=FAR),
+    "linear apic": SOFT_STEP.replace(transfer="apic"),
     "ugimp flip": SOFT_STEP.replace(basis="ugimp"),
     "ugimp xpic": SOFT_STEP.replace(basis="ugimp", transfer="xpic"),
     "quadratic flip": SOFT_STEP.replace(basis="quadratic"),
     "quadratic xpic": SOFT_STEP.replace(basis="quadratic", transfer="xpic"),
-    "quadratic apic": SOFT_STEP.replace(basis="quadratic", transfer="apic", tension_reach=FAR),
-    "quadratic tpic": SOFT_STEP.replace(basis="quadratic", transfer="tpic", tension_reach=FAR),
+    "quadratic apic": SOFT_STEP.replace(basis="quadratic", transfer="apic"),
+    "quadratic tpic": SOFT_STEP.replace(basis="quadratic", transfer="tpic"),
 }
 """By the names that the chart gives them. "quadratic tpic" is the default without its cure."""
 
