@@ -1,0 +1,1 @@
+"""Cases, runs, errors and pictures of `benchmarks/speed_accuracy.py`."""

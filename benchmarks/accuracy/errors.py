@@ -1,0 +1,187 @@
+"""From rows of results to errors: the references, their uncertainty, the slopes of the bias."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+from accuracy.runs import HEIGHT, SILO
+
+Row = Mapping[str, Any]
+GRAVITY = 9.8
+COLUMN = 0.2
+"""Height of the column that collapses [m]."""
+
+QUANTITIES = {
+    "incline": "profile",
+    "incline_2d": "profile",
+    "collapse": "profile",
+    "runout": "runout",
+    "silo": "rate",
+}
+"""What is drawn: the run-out is a second error of the runs of the collapse."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured from.
+
+    Attributes
+    ----------
+    value : ndarray
+        A rate [kg/s], a profile [m], or run-outs; empty where the rows hold their errors.
+    uncertainty : float
+        Relative; an error below it says nothing.
+    source : str
+    """
+
+    value: np.ndarray
+    uncertainty: float
+    source: str
+
+
+def select(rows: Iterable[Row], **entries: Any) -> list[Row]:
+    """Rows with results and the given entries."""
+    return [
+        row
+        for row in rows
+        if "core_seconds" in row and all(row[name] == value for name, value in entries.items())
+    ]
+
+
+def _profile(row: Row) -> np.ndarray:
+    return np.array(row["profile"])
+
+
+def _runouts(row: Row) -> np.ndarray:
+    """Mass quantile and toe."""
+    return np.array([row["runout_quantile"], row["runout_toe"] or math.nan])
+
+
+def _profile_distance(a: np.ndarray, b: np.ndarray) -> float:
+    """L1 distance of two profiles over the area of the second."""
+    return float(np.abs(a - b).sum() / b.sum())
+
+
+def _runout_distance(a: np.ndarray, b: np.ndarray) -> float:
+    """Larger of the relative differences of the run-outs; nan if one of them was not found."""
+    return float(np.max(np.abs(a / b - 1)))
+
+
+DISTANCES = {"collapse": (_profile, _profile_distance), "runout": (_runouts, _runout_distance)}
+
+
+def collapse_reference(rows: Sequence[Row], name: str) -> Reference | None:
+    """Finest run of the default scheme.
+
+    Its uncertainty is the larger of its distances from the next coarser runs, which differ in
+    resolution and in seed.
+    """
+    value_of, distance = DISTANCES[name]
+    runs = select(rows, scene="collapse", scheme="default", E=1e7, points=16)
+    runs = sorted(runs, key=lambda row: row["cell"])
+    if len(runs) < 3:
+        return None
+    finest = value_of(runs[0])
+    others = [distance(value_of(row), finest) for row in runs[1:3]]
+    return Reference(finest, max(others), f"default scheme, dx = {runs[0]['cell'] * 1e3:.2g} mm")
+
+
+def silo_reference(rows: Sequence[Row]) -> Reference | None:
+    """Rates of the default scheme and of the linear one, each extrapolated to dx = 0.
+
+    An opening that acts wider by a share of a cell makes the error linear in dx. Half the
+    difference of the two, or of either from its finest run if that is less, is the uncertainty.
+    """
+    limits = []
+    for scheme in ("default", "linear flip"):
+        runs = select(rows, scene="silo", scheme=scheme, E=1e7, points=4)
+        runs = sorted(runs, key=lambda row: row["cell"])[:2]
+        if len(runs) < 2:
+            return None
+        (fine, coarse), ratio = runs, runs[1]["cell"] / runs[0]["cell"]
+        limits.append((ratio * fine["rate"] - coarse["rate"]) / (ratio - 1))
+    mean = float(np.mean(limits))
+    doubt = abs(limits[1] - limits[0]) / 2 / mean
+    return Reference(np.array([mean]), doubt, "default and linear FLIP, extrapolated to dx = 0")
+
+
+def references(rows: Sequence[Row]) -> dict[str, Reference | None]:
+    """The reference of each panel of the chart; None if its runs are not there."""
+    exact = Reference(np.empty(0), 0.0, "one-dimensional equation")
+    return {
+        "incline": exact,
+        "incline_2d": exact,
+        "collapse": collapse_reference(rows, "collapse"),
+        "runout": collapse_reference(rows, "runout"),
+        "silo": silo_reference(rows),
+    }
+
+
+def error(row: Row, panel: str, reference: Reference) -> float:
+    """Relative error of a run.
+
+    On an incline it is the larger of that of v(y) and that of the depth average: a layer that
+    has compacted may move at the speed that belongs to the height it has come to.
+    """
+    if panel.startswith("incline"):
+        return max(row["profile_error"], abs(row["mean_error"]))
+    if panel == "silo":
+        return abs(row["rate"] / reference.value[0] - 1)
+    value_of, distance = DISTANCES[panel]
+    return distance(value_of(row), reference.value)
+
+
+def of_panel(rows: Sequence[Row], panel: str, reference: Reference) -> list[tuple[Row, float]]:
+    """The runs of a panel and their errors, without those that have none.
+
+    An incline of another angle is another problem; the run that is the reference has no error.
+    """
+    scene = "collapse" if panel == "runout" else panel
+    found = [
+        (row, error(row, panel, reference))
+        for row in select(rows, scene=scene)
+        if row["angle_deg"] in (None, 25.0)
+    ]
+    return [(row, e) for row, e in found if math.isfinite(e) and e > 0]
+
+
+def front(points: Sequence[tuple[Row, float]], floor: float = 0.0) -> list[tuple[Row, float]]:
+    """The runs that no other beats in both error and core-seconds, by their cost.
+
+    Errors below the floor, the uncertainty of the reference, are all the same.
+    """
+    best, found = math.inf, []
+    for row, e in sorted(points, key=lambda pair: (pair[0]["core_seconds"], pair[1])):
+        if max(e, floor) < best:
+            best = max(e, floor)
+            found.append((row, e))
+    return found
+
+
+def stiffness(row: Row) -> dict[str, float]:
+    """The numbers that the bias of a soft material may depend on, at the deepest point.
+
+    p/K, mu tau/G, and, for an incline, the relative bias of the depth average in steady flow by
+    theory, to first order. With the Jaumann rate s_xx = -s_yy = tau^2/G in steady shear, so that
+    p = sigma_yy (1 - mu tau/G) and the friction is too large by mu tau/G. By eq. 4.6 the shear
+    rate grows by gain times that, with gain = mu (mu_2 - mu_s)/((mu_2 - mu)(mu - mu_s)), less
+    half of it as sqrt(p); and compressed rows are thinner by p/K. Over the height these grow
+    linearly: the depth average takes 5/7 of the value at the base.
+    """
+    material = gr.materials.glass_beads.replace(E=row["E"])
+    angle = math.radians(row["angle_deg"] or 0.0)
+    depths = {"collapse": COLUMN, "silo": SILO["height"]}
+    p = material.rho_c * GRAVITY * math.cos(angle) * depths.get(row["scene"], HEIGHT)
+    mu = math.tan(angle) if angle else material.mu_s
+    found = {"p_over_K": p / material.K, "mu_tau_over_G": mu**2 * p / material.G}
+    if angle:
+        gain = mu * (material.mu_2 - material.mu_s)
+        gain /= (material.mu_2 - mu) * (mu - material.mu_s)
+        found["predicted"] = 5 / 7 * ((gain - 0.5) * found["mu_tau_over_G"] - found["p_over_K"])
+    return found

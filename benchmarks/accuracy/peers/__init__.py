@@ -1,0 +1,27 @@
+"""Other codes on the same scenes. Each takes a scene and answers as `granular.Simulation` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+MODULES = {"taichi": "taichi_mpm", "newton": "newton_mpm"}
+
+
+class Missing(Exception):
+    """A peer that is not installed, or cannot do a scene."""
+
+
+def simulation(name: str) -> Callable[..., Any]:
+    """What makes a simulation of a scene with the peer.
+
+    Raises
+    ------
+    Missing
+        If it cannot be imported.
+    """
+    try:
+        return import_module(f"accuracy.peers.{MODULES[name]}").Simulation
+    except ImportError as error:
+        raise Missing(f"{name} cannot be imported: {error}") from error

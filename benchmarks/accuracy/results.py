@@ -1,0 +1,76 @@
+"""The table of results: a JSON file with a head and one row a line, written after every case."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import granular as gr
+from accuracy.cases import Case
+from granular.record.provenance import cpu_name
+
+ROOT = Path(__file__).parents[2]
+
+
+def head() -> dict[str, Any]:
+    """Machine, build, and the last commit that touched the package (the benchmark may change)."""
+    build = gr.show_config()
+    command = ["git", "log", "-1", "--format=%h", "--", "csrc", "granular", "setup.py"]
+    try:
+        commit = subprocess.run(
+            command, cwd=ROOT, capture_output=True, text=True, check=True
+        ).stdout.strip()
+    except (OSError, subprocess.CalledProcessError):
+        commit = "not in a repository"
+    return {
+        "machine": cpu_name(),
+        "compiler": build["compiler"],
+        "isa": build["isa"],
+        "commit": commit,
+    }
+
+
+class Table:
+    """Rows of results that a stopped benchmark goes on from.
+
+    Parameters
+    ----------
+    path : Path
+        Is read if it exists.
+
+    Raises
+    ------
+    ValueError
+        If the file is of another machine or build: their times do not belong in one table.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.head = head()
+        self.rows: list[dict[str, Any]] = []
+        if path.exists():
+            stored = json.loads(path.read_text())
+            if stored["head"] != self.head:
+                raise ValueError(
+                    f"{path} is of {stored['head']}, this is {self.head}: give another --out"
+                )
+            self.rows = stored["rows"]
+
+    def holds(self, case: Case) -> bool:
+        """Whether the case has been run, or left out."""
+        key = case.row()
+        return any(all(row[name] == key[name] for name in key) for row in self.rows)
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Append a row and write the file: whole, or not at all."""
+        self.rows.append(dict(row))
+        lines = ",\n".join(json.dumps(row, allow_nan=False) for row in self.rows)
+        text = f'{{"head": {json.dumps(self.head)},\n"rows": [\n{lines}\n]}}\n'
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        partial = self.path.with_suffix(".part")
+        partial.write_text(text)
+        os.replace(partial, self.path)

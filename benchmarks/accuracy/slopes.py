@@ -1,0 +1,121 @@
+"""How the bias grows with softness, cell and points per cell: a table that machines can read."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from accuracy.errors import Reference, Row, error, select, stiffness
+
+PARAMETERS = ("E", "cell", "points")
+VARIED = (*PARAMETERS, "seed")
+"""What differs between runs of one scene and scheme."""
+
+
+def observable(row: Row) -> float:
+    """The number of a run that a user would quote.
+
+    Depth average over that of the one-dimensional equation, run-out (mass quantile), or rate of
+    discharge [kg/s].
+    """
+    if row["scene"].startswith("incline"):
+        return 1.0 + row["mean_error"]
+    return row["runout_quantile"] if row["scene"] == "collapse" else row["rate"]
+
+
+def power_law(values: Sequence[float], errors: Sequence[float]) -> dict[str, float | None]:
+    """Least squares of ln(error) over ln(value): error = coefficient value^slope.
+
+    `scatter` is the rms distance in factors: 1 is a perfect law. Two points have none.
+    """
+    keep = [(v, abs(e)) for v, e in zip(values, errors, strict=True) if e]
+    if len(keep) < 2:
+        return {"slope": None, "coefficient": None, "scatter": None}
+    x, y = np.log(np.array(keep)).T
+    slope, level = np.polyfit(x, y, 1)
+    miss = math.exp(math.sqrt(np.mean((y - level - slope * x) ** 2)))
+    return {
+        "slope": float(slope),
+        "coefficient": float(math.exp(level)),
+        "scatter": miss if len(keep) > 2 else None,
+    }
+
+
+def _series(rows: Sequence[Row], parameter: str) -> list[list[Row]]:
+    """Runs that differ in one parameter only, three values of it or more."""
+    groups: dict[tuple[Any, ...], dict[float, Row]] = {}
+    for row in select(rows, solver="granular"):
+        if row["scheme"] != "published" and row["until"] is None:
+            fixed = [row[n] for n in ("scene", "scheme", "angle_deg")]
+            fixed += [row[n] for n in VARIED if n != parameter]
+            groups.setdefault(tuple(fixed), {})[row[parameter]] = row
+    return [[g[v] for v in sorted(g)] for g in groups.values() if len(g) > 2]
+
+
+def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
+    """What every run gains by the next stiffer one.
+
+    `step` is the relative difference of the two, and `step_per_p_over_K` the same over the
+    difference of p/K: the bias of a material is about that times its p/K. A difference holds
+    neither the error of the cells nor, but for its last entries, what the scheme itself changes
+    with E. For inclines `predicted_step` is the difference by the theory of steady flow.
+    """
+    found = []
+    for soft, stiff in pairwise(runs):
+        a, b = stiffness(soft), stiffness(stiff)
+        step = observable(soft) / observable(stiff) - 1
+        entry = {"E": soft["E"], "stiffer": stiff["E"], "step": step, **a}
+        entry["step_per_p_over_K"] = step / (a["p_over_K"] - b["p_over_K"])
+        if "predicted" in a:
+            entry["predicted_step"] = entry.pop("predicted") - b["predicted"]
+        found.append(entry)
+    return found
+
+
+def _falling(entries: Sequence[dict[str, float]]) -> list[dict[str, float]]:
+    """The softest entries, as long as their steps shrink threefold or more: then comes noise."""
+    kept = list(entries[:1])
+    for before, entry in pairwise(entries):
+        if abs(entry["step"]) > abs(before["step"]) / 3:
+            break
+        kept.append(entry)
+    return kept
+
+
+def _resolution(runs: Sequence[Row], name: str, reference: Reference) -> list[dict[str, float]]:
+    """Errors of the runs against the reference of their scene."""
+    scene = runs[0]["scene"]
+    found = [{name: row[name], "error": error(row, scene, reference)} for row in runs]
+    return [entry for entry in found if entry["error"] > 0]
+
+
+def table(rows: Sequence[Row], references: Mapping[str, Reference | None]) -> list[dict[str, Any]]:
+    """One entry for each series: what was varied, what was held, the points, the power law.
+
+    Under "E" the steps are signed, see `_softness`, and the law is fitted to those that fall;
+    its exponent is about -1 where the bias is one of p/K. Under "cell" and "points" the errors
+    are those of the chart.
+    """
+    found = []
+    for parameter in PARAMETERS:
+        for runs in _series(rows, parameter):
+            first, reference = runs[0], references[runs[0]["scene"]]
+            entry = {n: first[n] for n in ("scene", "scheme", "angle_deg")}
+            entry |= {"parameter": parameter}
+            entry |= {n: first[n] for n in PARAMETERS if n != parameter}
+            if parameter == "E":
+                measured = _softness(runs)
+                fitted = [(m["E"], m["step"]) for m in _falling(measured)]
+            elif reference is None:
+                continue
+            else:
+                measured = _resolution(runs, parameter, reference)
+                fitted = [(m[parameter], m["error"]) for m in measured]
+                entry["uncertainty"] = reference.uncertainty
+            law = power_law([v for v, _ in fitted], [e for _, e in fitted])
+            found.append(entry | law | {"measured": measured})
+    return found

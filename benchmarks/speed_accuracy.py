@@ -1,0 +1,122 @@
+"""Error against core-seconds, of the schemes of this package and of its peers.
+
+    python benchmarks/speed_accuracy.py [--quick] [--limit 200] [--out FILE] [--figures FOLDER]
+
+Runs every case of `accuracy/cases.py` that the table does not hold yet, one after the other with
+one thread, and appends it: a benchmark that was stopped goes on where it was. A case that would
+take longer than the limit is left out with its foreseen cost, a peer that is not installed
+(`pip install 'granular[peers]'`) with a message. Then the errors and the slopes of the bias are
+computed and the pictures drawn. docs/accuracy.md says how to read them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from accuracy import cases, chart, errors, peers, runs, slopes
+from accuracy.results import Table
+
+import granular as gr
+
+RESULTS = Path(__file__).parent / "results"
+DOCS = Path(__file__).parents[1] / "docs"
+PICTURES = {
+    "accuracy_inclines": ("incline", "incline_2d"),
+    "accuracy_scenes": ("collapse", "runout", "silo"),
+}
+DPI = 110
+LIMIT = 200.0
+"""Core-seconds of a case, at most."""
+
+
+def run(case: cases.Case, limit: float) -> dict[str, Any]:
+    """The row of a case: results, or why there are none."""
+    try:
+        own = case.solver == "granular"
+        return runs.run(case, gr.Simulation if own else peers.simulation(case.solver), limit)
+    except (peers.Missing, runs.TooLong) as reason:
+        return case.row() | {"left_out": str(reason)}
+    except (gr.SimulationError, ValueError) as error:  # an outcome, too: it is in the table
+        return case.row() | {"failed": str(error).splitlines()[0]}
+
+
+def report(row: dict[str, Any]) -> str:
+    """One line about a row."""
+    name = (
+        f"{row['scene']:11s}{row['scheme']:15s} E {row['E']:.0e} dx {row['cell']:.4g}"
+        f" {row['points']:2d}/cell seed {row['seed']}"
+    )
+    for word in ("left_out", "failed"):
+        if word in row:
+            return f"{name} {word}: {row[word]}"
+    names = ("profile_error", "mean_error", "runout_quantile", "runout_toe", "rate", "stress_free")
+    found = " ".join(f"{n} {row[n]:.4g}" for n in names if row.get(n) is not None)
+    return f"{name} {row['core_seconds']:8.2f} s {found}"
+
+
+def summary(rows: Sequence[errors.Row]) -> dict[str, Any]:
+    """What follows from the rows: references, fronts, and the slopes of the bias."""
+    references = errors.references(rows)
+    fronts = {}
+    for panel, reference in references.items():
+        points = errors.of_panel(rows, panel, reference) if reference else []
+        best = errors.front(points, reference.uncertainty) if reference else []
+        names = ("scheme", "E", "cell", "points", "seed", "core_seconds")
+        fronts[panel] = [{n: row[n] for n in names} | {"error": e} for row, e in best]
+    return {
+        "references": {
+            panel: {"source": r.source, "uncertainty": r.uncertainty}
+            for panel, r in references.items()
+            if r
+        },
+        "fronts": fronts,
+        "slopes": slopes.table(rows, references),
+    }
+
+
+def write(rows: Sequence[errors.Row], out: Path, figures: Path) -> None:
+    """Write the summary beside the table, and the pictures."""
+    found = summary(rows)
+    target = out.with_name(f"{out.stem}_summary.json")
+    target.write_text(json.dumps(rounded(found), indent=1, allow_nan=False) + "\n")
+    references = errors.references(rows)
+    pictures = {name: chart.chart(rows, references, p) for name, p in PICTURES.items()}
+    pictures["accuracy_trends"] = chart.trends(found["slopes"])
+    figures.mkdir(parents=True, exist_ok=True)
+    for name, picture in pictures.items():
+        if picture:
+            picture.savefig(figures / f"{name}.png", dpi=DPI)
+
+
+def rounded(value: Any) -> Any:
+    """The same with six digits, for what is computed from them has no more."""
+    if isinstance(value, Mapping):
+        return {name: rounded(v) for name, v in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [rounded(v) for v in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a few coarse cases, to see it runs")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
+    parser.add_argument("--out", type=Path, default=RESULTS / "speed_accuracy.json")
+    parser.add_argument("--figures", type=Path, default=DOCS, help="folder of the pictures")
+    parser.add_argument("--only", help="run the cases of this scene or solver, draw all there are")
+    chosen = parser.parse_args(argv)
+    table = Table(chosen.out)
+    for case in cases.quick() if chosen.quick else cases.full():
+        if table.holds(case) or chosen.only not in (None, case.scene, case.solver):
+            continue
+        table.add(run(case, chosen.limit))
+        print(report(table.rows[-1]), flush=True)
+    write(table.rows, chosen.out, chosen.figures)
+
+
+if __name__ == "__main__":
+    main()
