@@ -43,10 +43,12 @@ SOFT = materials.glass_beads.replace(E=layers.MODULUS)
 def cure_shear_quick(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     """Eight columns, 25 deg, from the steady profile, 4 points per cell, 4 s.
 
-    The published scheme is off by .3 to .5 by then.
+    The published scheme is off by a third or more by then.
     """
     (flow,) = layers.several(4.0, (0,), steady=True, scheme=scheme)
-    yield from layers.rows("4 s", [flow], 0.02)
+    yield at_most("L2 error of v", flow.error, 0.02)
+    yield at_most("change of the height", abs(flow.height - 1), 0.015)
+    yield at_most("stress-free in the bulk", flow.loose, 0.005)
 
 
 @check(slow=True)
@@ -118,7 +120,7 @@ def box(scheme: Scheme, cell: float = 0.0125, E: float = layers.MODULUS) -> Scen
     )
 
 
-@check()
+@check(slow=True)
 def cure_box(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     """A box at rest after 2 s: what the cells bear against the weight above them.
 
