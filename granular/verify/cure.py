@@ -198,7 +198,10 @@ def runouts(aspect: float, cells: tuple[float, ...], scheme: Scheme) -> Iterator
         yield beside(f"run-outs, {name}", three(run), f"paper {2.28 * aspect:.2f}")
         yield beside(f"plastic work in the ill-posed range, {name}", f"{bad:.2f}", "reported")
     steps = np.abs(np.diff(found))
-    yield holds(f"steps of the run-out fall, a = {aspect:g}", bool(np.all(np.diff(steps) < 0)))
+    yield holds(
+        f"steps of the run-out fall, a = {aspect:g}",
+        bool(len(steps) > 1 and np.all(np.diff(steps) < 0)),
+    )
 
 
 def crowding(state: State) -> float:
