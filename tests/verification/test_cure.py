@@ -106,7 +106,6 @@ def test_an_idle_cure_gives_nothing():
     )
     something = cure_budget.given(sim)
     assert something.energy != 0.0 and something.angular != 0.0
-    assert something.momentum < 1e-12
 
 
 def test_pde_is_the_reference_from_rest():
