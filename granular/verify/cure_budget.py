@@ -34,7 +34,7 @@ class Given:
     angular : float
         Angular momentum about the base, over sum m |v| y.
     plastic : float
-        Plastic work of the step [J/m].
+        Plastic work of the steps that the averaging stands for [J/m].
     """
 
     energy: float
@@ -56,8 +56,12 @@ def _two_steps(sim: Simulation, first: Scheme, second: Scheme) -> State:
 def given(sim: Simulation) -> Given:
     """Compare a step with the cure with the same step without it.
 
-    A second step, without the cure for both, takes back what the shift had lent.
+    The simulation first goes on to a step that averages the density. A second step, without the
+    cure for both, takes back what the shift had lent.
     """
+    interval = sim.scene.scheme.averaging_interval
+    if sim.steps % interval:
+        sim.step(interval - sim.steps % interval)
     cured = sim.scene.scheme.replace(dt=sim.dt)  # the same for all four steps
     idle = cured.replace(**IDLE)
     a, b = _two_steps(sim, cured, idle), _two_steps(sim, idle, idle)
@@ -75,7 +79,7 @@ def given(sim: Simulation) -> Given:
         energy=stored - float(m @ (moved @ a.scene.gravity.at(a.time))),
         momentum=float(np.abs(m @ (a.v - b.v)).max() / (m @ speed)),
         angular=float(spin / (m @ (speed * b.x[:, 1]))),
-        plastic=float(np.sum(b.volume * b.tau * b.shear_rate) * b.dt),
+        plastic=float(np.sum(b.volume * b.tau * b.shear_rate) * b.dt * interval),
     )
 
 
