@@ -20,6 +20,9 @@ from granular.walls import Gravity
 IDLE = {"diffusion": 0.0, "shear_diffusion": 0.0, "feedback": 0.0, "shift": 0.0}
 """Changes of a scheme without which it is its own twin that does not cure."""
 
+ENOUGH = 100
+"""Steps looked at from which the mean of what is given says something."""
+
 
 @dataclass(frozen=True)
 class Given:
@@ -117,8 +120,10 @@ def budget(samples: int, until: float, scheme: Scheme) -> Iterator[Row]:
     energy = np.array([f.energy for f in found]) / work
     spread = float(energy.std(ddof=1) / np.sqrt(samples))
     text = f"{energy.mean():+.2g} +- {spread:.1g}"
-    made = bool(energy.mean() > 2 * spread)
-    yield Row("energy given by the cure over plastic work", text, "0 or less", not made)
+    made = bool(energy.mean() > 2 * spread) if samples >= ENOUGH else None
+    expected = "reported" if made is None else "0 or less"
+    passed = None if made is None else not made
+    yield Row("energy given by the cure over plastic work", text, expected, passed)
     found = sampled(Simulation(collision(scheme), threads=1), samples, 0.1)
     yield holds("the colliding blocks flow", sum(f.plastic for f in found) > 0)
     yield at_most("momentum given in a step, over m |v|", max(f.momentum for f in found), 1e-12)
