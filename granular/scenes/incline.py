@@ -1,4 +1,4 @@
-"""A layer on a periodic rough incline, in the plane."""
+"""A layer on a periodic rough incline, in the plane or in space."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ def incline(
     height: float = 0.2,
     cell: float = 0.005,
     columns: int = 1,
+    columns_across: int = 0,
     points_per_cell: int = 4,
     jitter: float = 0.0,
     headroom: int = 8,
@@ -49,6 +50,8 @@ def incline(
         Cell [m].
     columns : int
         Cells along the slope.
+    columns_across : int
+        Cells across it, level and periodic as well; 0 for the plane.
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     headroom : int
@@ -70,25 +73,33 @@ def incline(
     columns = integer("columns", columns, 1)
     n_y = whole_cells("height", height, cell)
     gravity = positive("gravity", gravity)
-    full = (gravity * math.sin(angle), -gravity * math.cos(angle))
+    level = (columns,)
+    if integer("columns_across", columns_across, 0):
+        level += (columns_across,)
+    still = (0.0,) * len(level)
+    full = (gravity * math.sin(angle), *still[1:], -gravity * math.cos(angle))
     if non_negative("ramp", ramp) == 0.0:
         pull = Gravity((0.0,), (full,))
     else:
-        pull = Gravity((0.0, ramp), ((0.0, 0.0), full))
+        pull = Gravity((0.0, ramp), ((*still, 0.0), full))
     return Scene(
         name="incline",
         grid=Grid(
-            (0.0, 0.0),
+            (*still, 0.0),
             cell,
-            (columns, n_y + integer("headroom", headroom, 1)),
-            periodic=(True, False),
+            (*level, n_y + integer("headroom", headroom, 1)),
+            periodic=(*(True for _ in level), False),
         ),
         fills=(
-            Fill(Box((0.0, 0.0), (columns * cell, n_y * cell)), points_per_cell, jitter=jitter),
+            Fill(
+                Box((*still, 0.0), (*(n * cell for n in level), n_y * cell)),
+                points_per_cell,
+                jitter=jitter,
+            ),
         ),
         material=material,
         scheme=scheme,
-        walls=(Wall(1, 0.0, kind="rough"),),
+        walls=(Wall(len(level), 0.0, kind="rough"),),
         gravity=pull,
         duration=duration,
         seed=seed,
@@ -97,6 +108,7 @@ def incline(
             "height": height,
             "cell": cell,
             "columns": columns,
+            "columns_across": columns_across,
             "points_per_cell": points_per_cell,
             "jitter": jitter,
             "headroom": headroom,

@@ -36,7 +36,8 @@ def silo(
     Its orifice D reaches from the first to the last vertically free node of the bottom. In the
     whole silo these nodes stand from -D/2 to D/2, so that here those with x <= D/2 are free and
     the bottom begins one cell further, at D/2 + cell: the default `edge`. The exponent fitted to
-    Beverloo's law depends on this definition.
+    Beverloo's law depends on this definition. Splines, creased where the bottom begins, have their
+    last free node half a cell before it: by that definition their opening is D + cell.
 
     Chosen here: points leave for good as they cross the bottom, y = 0.
 

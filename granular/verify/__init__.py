@@ -14,6 +14,8 @@ from granular.verify import (  # isort: skip
     hourglass,
     economy,
     invariants,
+    cure,
+    cure_budget,
 )
 from granular.verify.constitutive import constitutive_path
 from granular.verify.rows import Check, Row, check, checks
@@ -27,6 +29,8 @@ __all__ = [
     "collapse",
     "constitutive",
     "constitutive_path",
+    "cure",
+    "cure_budget",
     "economy",
     "failures",
     "hourglass",

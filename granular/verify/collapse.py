@@ -46,7 +46,8 @@ def slopes(state: State, name: str) -> Iterator[Row]:
     yield at_most(f"largest slope over 5 columns [deg], {name}", repose.largest_deg, 21.9)
 
 
-def _three(runout: measure.Runout) -> str:
+def three(runout: measure.Runout) -> str:
+    """The run-outs by mass, toe and column, as text."""
     return f"{runout.quantile:.2f} {runout.toe:.2f} {runout.contiguous:.2f}"
 
 
@@ -85,7 +86,7 @@ def collapse_runout() -> Iterator[Row]:
         found.append(runout.quantile)
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
         off = runout.quantile / paper - 1
-        yield beside(f"run-outs, a = {aspect:g}", _three(runout), f"{paper:.2f}, {off:+.0%}")
+        yield beside(f"run-outs, a = {aspect:g}", three(runout), f"{paper:.2f}, {off:+.0%}")
     low = _exponent([a for a in ASPECTS if a < KINK], found[: sum(a < KINK for a in ASPECTS)])
     high = _exponent([a for a in ASPECTS if a > KINK], found[sum(a < KINK for a in ASPECTS) :])
     yield within("exponent above a = 2.83", high, 0.7, 0.1)
@@ -113,7 +114,7 @@ def collapse_causes() -> Iterator[Row]:
     }
     for name, (E, changes) in cases.items():
         state = collapse(1.0, E, **{"scheme": PUBLISHED, **changes}).state
-        yield beside(f"run-outs at a = 1, {name}", _three(measure.runout(state)), "paper 2.28")
+        yield beside(f"run-outs at a = 1, {name}", three(measure.runout(state)), "paper 2.28")
 
 
 @check(slow=True)
@@ -124,4 +125,4 @@ def collapse_slopes() -> Iterator[Row]:
         yield from slopes(state, f"a = {aspect:g}")
         loose, runout = measure.disconnected_fraction(state), measure.runout(state)
         yield beside(f"stress-free in the bulk, a = {aspect:g}", f"{loose:.4f}", "reported")
-        yield beside(f"run-outs, a = {aspect:g}, default", _three(runout), f"{2.28 * aspect:.2f}")
+        yield beside(f"run-outs, a = {aspect:g}, default", three(runout), f"{2.28 * aspect:.2f}")

@@ -28,11 +28,14 @@ class Row:
 
 @dataclass(frozen=True)
 class Check:
-    """A registered check: a function without arguments that makes rows, and whether it is slow."""
+    """A registered check: a function that makes rows, and whether it is slow.
+
+    Those of `granular.verify.cure` can be given a scheme; none must be given anything.
+    """
 
     name: str
     slow: bool
-    run: Callable[[], Iterable[Row]]
+    run: Callable[..., Iterable[Row]]
 
     @property
     def doc(self) -> str:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from granular import materials, measure, scenes, schemes
+from granular.geometry import LINE_TOLERANCE
+from granular.nodes import creases, node_positions
+from granular.schemes import Scheme
 from granular.simulation import Simulation
 from granular.theory import beverloo_rate
 from granular.verify.rows import Row, beside, check, holds, within
@@ -44,6 +48,19 @@ def empty(until_mass: float = 900.0, **parameters: Any) -> tuple[Simulation, mea
         if mass[-1] < until_mass:
             break
     return sim, measure.MassHistory(np.array(times), np.array(mass), 0.5)
+
+
+def free_opening(orifice: float, cell: float, scheme: Scheme) -> float:
+    """Distance [m] of the outermost vertically free nodes of the bottom: D of the paper.
+
+    That is `orifice` with the hats of the paper. Splines are creased where the bottom begins, one
+    cell further, and have a node there and one half a cell before it: D is larger by a cell.
+    """
+    scene = scenes.silo(orifice=orifice, cell=cell, scheme=scheme)
+    lines = creases(scene.grid, scene.walls, 0)
+    nodes = node_positions(scheme.basis, scene.grid.shape[0], False, lines)
+    begin = min(wall.span[0][0] for wall in scene.walls if wall.opens_at == math.inf and wall.span)
+    return 2 * cell * float(nodes[nodes < begin / cell - LINE_TOLERANCE].max())
 
 
 def mass_is_exact(sim: Simulation) -> bool:

@@ -164,6 +164,18 @@ def test_incline():
     assert scene.walls[0].kind == "rough"
 
 
+def test_incline_in_space():
+    scene = scenes.incline(columns=4, columns_across=3, height=0.1, cell=0.01, points_per_cell=8)
+    assert scene.grid.periodic == (True, True, False) and scene.grid.shape == (4, 3, 18)
+    assert mass(scene) == pytest.approx(1500 * 0.1 * 0.04 * 0.03)
+    assert len(scene.points().x) == 8 * 4 * 3 * 10
+    g = scene.gravity.at(1.0)
+    assert g[1] == 0.0 and g[0] / -g[2] == pytest.approx(math.tan(math.radians(25)))
+    assert scene.walls[0].axis == 2
+    with pytest.raises(ValueError, match="columns_across"):
+        scenes.incline(columns_across=-1)
+
+
 def test_slug_flies_freely_from_the_start():
     scene = scenes.slug()
     points = scene.points()
