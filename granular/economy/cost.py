@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular.engine import dt_limit
 from granular.scene import Scene
 from granular.schemes import Scheme
+from granular.stability import dt_limit
 
 __all__ = ["Cost", "cost", "nanoseconds", "time_step"]
 

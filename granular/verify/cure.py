@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import materials, measure, scenes, schemes
 from granular.geometry import Box, Fill, Grid
@@ -20,7 +19,7 @@ from granular.scenes._build import gravity_down
 from granular.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
-from granular.theory import beverloo_rate, transient
+from granular.theory import beverloo_rate, ill_posedness, transient
 from granular.verify import layers, silo
 from granular.verify.collapse import collapse, three
 from granular.verify.incline import MOVING, mean_speed
@@ -151,31 +150,17 @@ def cure_heap(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     yield from heap_rows(state, "a = 1")
 
 
-def ill_posed(state: State) -> NDArray[np.bool_]:
-    """Which flowing points lie in the ill-posed range of mu(I) (Barker et al. 2015, eq. 3.14).
-
-    ``4 r^2 - 4 r + mu^2 (1 - r/2)^2 > 0`` with r = d ln mu/d ln I, here of the material's law at
-    the rate and pressure of the point.
-    """
-    material = state.scene.material
-    flows = (state.p > 0) & (state.shear_rate > 0)
-    scaled = np.zeros(state.n)  # I/I0
-    scaled[flows] = state.shear_rate[flows] / (material.xi * np.sqrt(state.p[flows]))
-    gain = material.mu_2 - material.mu_s
-    mu = material.mu_s + gain * scaled / (1 + scaled)
-    r = gain * scaled / ((1 + scaled) ** 2 * mu)
-    return flows & (4 * r**2 - 4 * r + mu**2 * (1 - r / 2) ** 2 > 0)
-
-
 def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
     """Share of the plastic work of a run that points in the ill-posed range of the law do."""
     found = []
     for time in np.linspace(sim.time, until, frames + 1)[1:]:
         state = sim.run(until=float(time)).state
         power = state.volume * state.tau * state.shear_rate
-        found.append((power.sum(), power[ill_posed(state)].sum()))
-    total, bad = np.sum(found, axis=0)
-    return float(bad / total)
+        scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # free of stress: no power
+        bad = (scaled > 0) & (ill_posedness(scaled, state.scene.material) > 0)
+        found.append((power.sum(), power[bad].sum()))
+    total, ill_posed = np.sum(found, axis=0)
+    return float(ill_posed / total)
 
 
 @check(slow=True)

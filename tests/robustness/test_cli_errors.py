@@ -99,7 +99,7 @@ def test_a_failing_run_exits_with_one(error, tmp_path, monkeypatch, capsys):
 
 def test_ctrl_c_leaves_a_record_that_goes_on(tmp_path):
     path = tmp_path / "a.h5"
-    long = ["run", "column_collapse", "--cell", "0.02", "--scheme", "published", "--every", "0.01"]
+    long = ["run", "column_collapse", "--cell", "0.02", "--every", "0.01"]
     process = subprocess.Popen(
         [sys.executable, "-m", "granular", *long, "--quiet", "--threads", "1", "-o", str(path)],
         stderr=subprocess.PIPE,

@@ -150,7 +150,7 @@ def available():
     found = []
     for isa in ("baseline", "avx2", "avx512"):
         try:
-            gr.Simulation(gr.scenes.incline(cell=0.05), threads=1, isa=isa)
+            gr.Simulation(gr.scenes.incline(), threads=1, isa=isa)
         except ValueError:
             continue
         found.append(isa)
