@@ -1,0 +1,99 @@
+"""What bounds the kernels: their bytes and operations against what the machine can do.
+
+    python benchmarks/roofline.py [--out benchmarks/results/roofline.json]
+
+In one run on one core: the bandwidth of a sum into a third array, in the cache and out of it, and
+the rate of a matrix product as the peak of multiply-adds; beside them the time that a particle-step
+of the plain linear scheme would take if it were bound by either alone, and what it takes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
+
+import numpy as np
+from speed import MATERIAL, best_time
+
+import granular as gr
+
+COMPONENTS = 9
+"""Read and written of each point: x, v, four of the stress, the log-density; its mass is read."""
+OPERATIONS = {"gather": 45, "law": 75, "scatter": 80}
+"""Additions and multiplications a point in the plane with hats, counted by hand; the law has three
+square roots and a division besides."""
+POINTS_PER_CELL, NODE_SUMS = 16, 4 * 5
+
+
+def rate(work: Callable[[], object], amount: float, repeats: int = 20) -> float:
+    """Amount per second, the best of some repeats, by processor time."""
+    best = np.inf
+    for _ in range(repeats):
+        begin = time.process_time()
+        work()
+        best = min(best, time.process_time() - begin)
+    return amount / best
+
+
+def bandwidth(megabytes: float) -> float:
+    """Bytes per second of c = a + b with arrays of this size together."""
+    n = int(megabytes * 1e6 / 24)
+    a, b, c = np.ones(n), np.ones(n), np.ones(n)
+    passes = max(int(1e7 / n), 1)
+
+    def add() -> None:
+        for _ in range(passes):
+            np.add(a, b, out=c)
+
+    return rate(add, 24.0 * n * passes)
+
+
+def peak(n: int = 512) -> float:
+    """Operations per second of a product of two matrices."""
+    a = np.random.default_rng(0).random((n, n))
+    return rate(lambda: a @ a, 2.0 * n**3)
+
+
+def measured(cell: float) -> tuple[int, float]:
+    """Points of a column, and seconds per particle-step of the plain linear scheme on it."""
+    scheme = gr.Scheme(basis="linear")
+    scene = gr.scenes.column_collapse(aspect=2.0, cell=cell, material=MATERIAL, scheme=scheme)
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(5)
+    return sim.n_points, best_time(sim, 1, 12)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, help="write the numbers as JSON")
+    arguments = parser.parse_args()
+    bytes_moved = 8 * (2 * COMPONENTS + 1 + 2 * NODE_SUMS / POINTS_PER_CELL)
+    operations = sum(OPERATIONS.values())
+    near, far, flops = bandwidth(0.3), bandwidth(300.0), peak()
+    found = {
+        "bytes a particle-step": bytes_moved,
+        "operations a particle-step": operations,
+        "bandwidth in the cache [GB/s]": near / 1e9,
+        "bandwidth of the memory [GB/s]": far / 1e9,
+        "multiply-adds [Gflop/s]": flops / 1e9,
+        "bound by operations [ns]": operations / flops * 1e9,
+        "bound by the cache [ns]": bytes_moved / near * 1e9,
+        "bound by the memory [ns]": bytes_moved / far * 1e9,
+    }
+    for cell in (0.0125, 0.0025):
+        points, seconds = measured(cell)
+        found[f"measured, {points} points [ns]"] = seconds * 1e9
+    for name, value in found.items():
+        print(f"{name:34s}{value:8.1f}")
+    if arguments.out:
+        arguments.out.write_text(json.dumps(found, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
