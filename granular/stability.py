@@ -12,7 +12,15 @@ from granular.theory.well_posed import well_posed_slopes
 if TYPE_CHECKING:
     from granular.scene import Scene
 
-__all__ = ["StabilityWarning", "check_time_step", "courant_limit", "doubts", "dt_limit", "warn"]
+__all__ = [
+    "StabilityWarning",
+    "check_time_step",
+    "courant_limit",
+    "doubts",
+    "dt_limit",
+    "height",
+    "warn",
+]
 
 
 class StabilityWarning(UserWarning):
@@ -131,9 +139,7 @@ def _seeding(scene: Scene) -> str | None:
 def _layer(scene: Scene) -> str | None:
     if not _granular(scene):
         return None
-    ends = [fill.region.bounds for fill in scene.fills]
-    height = max(high[-1] for _, high in ends) - min(low[-1] for low, _ in ends)
-    cells = height / scene.grid.cell
+    cells = height(scene) / scene.grid.cell
     if cells >= LAYER_CELLS * (1 - 1e-9):
         return None
     return f"material of {cells:.3g} cells in height: take {LAYER_CELLS} or more"
@@ -175,6 +181,12 @@ def _grains(scene: Scene) -> str | None:
     if d is None or scene.grid.cell >= d:
         return None
     return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: no continuum is there"
+
+
+def height(scene: Scene) -> float:
+    """Height of the material at the start [m]."""
+    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
+    return max(high[-1] for high in highs) - min(low[-1] for low in lows)
 
 
 def _granular(scene: Scene) -> bool:

@@ -16,6 +16,7 @@ import numpy as np
 from granular.materials import Material, MuI
 from granular.scene import Scene
 from granular.schemes import Scheme
+from granular.stability import height
 from granular.theory import transient
 
 __all__ = [
@@ -87,12 +88,6 @@ def kind(scheme: Scheme) -> str:
         return "default"
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain else ""
-
-
-def height(scene: Scene) -> float:
-    """Height of the material at the start [m]."""
-    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
-    return max(high[-1] for high in highs) - min(low[-1] for low in lows)
 
 
 def gravity(scene: Scene) -> float:

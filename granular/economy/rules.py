@@ -14,6 +14,8 @@ from granular.economy.advice import Advice, AdviceList, changed, saving, scene_f
 from granular.economy.symmetry import obstacle
 from granular.materials import MuI
 from granular.scene import Scene
+from granular.stability import height
+from granular.theory.well_posed import scaled_inertial_number_of_slope
 
 __all__ = ["advise"]
 
@@ -215,17 +217,14 @@ def _time_step(asked: _Asked) -> Advice:
 def inertia(scene: Scene, name: str) -> float:
     """I/I0 of the flow, about; 0 for an incline that stays at rest.
 
-    On an incline A = (tan - mu_s)/(mu_2 - tan). Elsewhere the rate sqrt(g/L) of a fall through
+    On an incline that of its slope. Elsewhere the rate sqrt(g/L) of a fall through
     the length L at the pressure rho g L: 1/(xi sqrt(rho_c) L), L the opening or the height.
     """
     grains = scene.material
     if name == "incline":
-        slope = math.tan(math.radians(float(scene.parameters["angle_deg"])))
-        if slope >= grains.mu_2:
-            return math.inf
-        return max(slope - grains.mu_s, 0.0) / (grains.mu_2 - slope)
+        return scaled_inertial_number_of_slope(float(scene.parameters["angle_deg"]), grains)
     opening = scene.parameters.get("orifice", 2 * scene.parameters.get("orifice_radius", 0.0))
-    return 1.0 / (grains.xi * math.sqrt(grains.rho_c) * (opening or bias.height(scene)))
+    return 1.0 / (grains.xi * math.sqrt(grains.rho_c) * (opening or height(scene)))
 
 
 def _rate(asked: _Asked) -> Advice:
@@ -253,7 +252,7 @@ def _grains(asked: _Asked) -> Advice:
         return asked.advice("grains", reason, math.nan)
     low, high = (d * amplitude for amplitude in NONLOCAL_AMPLITUDE)
     opening = called.get("orifice", 2 * called.get("orifice_radius", 0.0))
-    size, what = (opening, "opening") if opening else (bias.height(scene), "layer")
+    size, what = (opening, "opening") if opening else (height(scene), "layer")
     text = (
         f"The size of grains is felt over A d = {1e3 * low:.2g} to {1e3 * high:.2g} mm, "
         f"{high / size:.2g} of the {what} of {size:.3g} m"

@@ -97,11 +97,9 @@ FORK = textwrap.dedent(
 )
 
 
-@pytest.mark.parametrize("method", ["fork", "forkserver", "spawn"])
+@pytest.mark.parametrize("method", multiprocessing.get_all_start_methods())
 def test_processes_beside_threads(method, tmp_path):
     """A child forked after a threaded run is told to use one thread: it would wait for ever."""
-    if method not in multiprocessing.get_all_start_methods():
-        pytest.skip(f"no {method} here")
     program = tmp_path / "program.py"
     program.write_text(FORK.format(tests=str(Path(__file__).parents[1]), method=method))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
