@@ -1,6 +1,6 @@
 """What bounds the kernels: their bytes and operations against what the machine can do.
 
-    python benchmarks/roofline.py [--out benchmarks/results/roofline.json]
+    python benchmarks/roofline.py [--quick] [--out benchmarks/results/roofline.json]
 
 In one run on one core: the bandwidth of a sum into a third array, in the cache and out of it, and
 the rate of a matrix product as the peak of multiply-adds; beside them the time that a particle-step
@@ -54,7 +54,7 @@ def bandwidth(megabytes: float) -> float:
     return rate(add, 24.0 * n * passes)
 
 
-def peak(n: int = 512) -> float:
+def peak(n: int) -> float:
     """Operations per second of a product of two matrices."""
     a = np.random.default_rng(0).random((n, n))
     return rate(lambda: a @ a, 2.0 * n**3)
@@ -69,13 +69,17 @@ def measured(cell: float) -> tuple[int, float]:
     return sim.n_points, best_time(sim, 1, 12)
 
 
-def main() -> None:
+def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
     parser.add_argument("--out", type=Path, help="write the numbers as JSON")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
+    megabytes, order, cells = 300.0, 512, (0.0125, 0.0025)
+    if arguments.quick:
+        megabytes, order, cells = 3.0, 64, (0.025,)
     bytes_moved = 8 * (2 * COMPONENTS + 1 + 2 * NODE_SUMS / POINTS_PER_CELL)
     operations = sum(OPERATIONS.values())
-    near, far, flops = bandwidth(0.3), bandwidth(300.0), peak()
+    near, far, flops = bandwidth(0.3), bandwidth(megabytes), peak(order)
     found = {
         "bytes a particle-step": bytes_moved,
         "operations a particle-step": operations,
@@ -86,7 +90,7 @@ def main() -> None:
         "bound by the cache [ns]": bytes_moved / near * 1e9,
         "bound by the memory [ns]": bytes_moved / far * 1e9,
     }
-    for cell in (0.0125, 0.0025):
+    for cell in cells:
         points, seconds = measured(cell)
         found[f"measured, {points} points [ns]"] = seconds * 1e9
     for name, value in found.items():

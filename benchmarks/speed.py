@@ -71,11 +71,11 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
     return float(np.sqrt((state.mass * (state.v[:, 0] - v) ** 2).sum() / (state.mass * v**2).sum()))
 
 
-def main() -> None:
+def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
     parser.add_argument("--out", type=Path, help="write the table as JSON")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(argv)
     sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]
     batches, until = (2, 0.05) if arguments.quick else (12, 4.0)
     build = gr.show_config()

@@ -1,12 +1,15 @@
-"""The chart of error against core-seconds: it runs, goes on, and counts right."""
+"""The scripts that time: they run; the chart of error against core-seconds counts right."""
 
 import importlib
 import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
+
+import granular as gr
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 RESULTS = FOLDER / "results"
@@ -64,6 +67,59 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
         monkeypatch.delitem(sys.modules, f"accuracy.peers.{file}", raising=False)
         case = cases.Case(scene="silo", solver=name, scheme=name)
         assert f"{name} cannot be imported" in script.run(case, 1.0)["left_out"]
+
+
+@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
+    """A time for each scheme and state with one thread and with two."""
+    script, out = module("speed"), tmp_path / "speed.json"
+    script.main(["--quick", "--out", str(out)])
+    rows = json.loads(out.read_text())["rows"]
+    assert len(rows) == 4 * len(script.SCHEMES) and {row["threads"] for row in rows} == {1, 2}
+    assert all(1.0 < row["ns"] < 1e4 for row in rows)
+    assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2
+
+
+@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+def test_a_quick_roofline_is_written(module, tmp_path, capsys):
+    """The bounds follow from the rates that were measured beside them."""
+    out = tmp_path / "roofline.json"
+    module("roofline").main(["--quick", "--out", str(out)])
+    found = json.loads(out.read_text())
+    assert found["bound by the memory [ns]"] * found["bandwidth of the memory [GB/s]"] == (
+        pytest.approx(found["bytes a particle-step"])
+    )
+    assert found["bound by operations [ns]"] * found["multiply-adds [Gflop/s]"] == (
+        pytest.approx(found["operations a particle-step"])
+    )
+    committed = json.loads((RESULTS / "roofline.json").read_text())
+    assert [name for name in committed if "points" not in name] == list(found)[:-1]
+    assert len(capsys.readouterr().out.splitlines()) == len(found)
+
+
+def test_a_quick_account_of_a_record(module, capsys):
+    """All parts are charged, their sum is the whole, and nothing stays charged afterwards."""
+    script, advance = module("record"), gr.Simulation._advance
+    script.main(["--quick", "--threads", "1"])
+    head, _, *lines = capsys.readouterr().out.splitlines()
+    assert head.startswith("512 points") and " 7 frames" in head
+    parts = {line[:26].strip(): float(line[26:].split()[1]) for line in lines[:-1]}
+    assert parts.keys() == {part for *_, part in script.PARTS} | {"all else", "sum"}
+    assert parts.pop("sum") == pytest.approx(sum(parts.values()), abs=0.05)
+    assert parts["kernels"] > 0.1
+    assert gr.Simulation._advance is advance
+
+
+def test_time_is_charged_once(module, monkeypatch):
+    """What a part spends in another one is the other's."""
+    script = module("record")
+    account = script.Account()
+    ticks = iter([[0.0, 0.0], [1.0, 1.0], [4.0, 3.0], [6.0, 5.0]])
+    monkeypatch.setattr(script, "now", lambda: np.array(next(ticks)))
+    inner = account.of(lambda: None, "inner")
+    account.of(inner, "outer")()
+    assert account.spent["inner"].tolist() == [3.0, 2.0]
+    assert account.spent["outer"].tolist() == [3.0, 3.0]
 
 
 def test_every_case_is_run_once(module):
