@@ -74,10 +74,12 @@ def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     """A time for each scheme and state with one thread and with two."""
     script, out = module("speed"), tmp_path / "speed.json"
     script.main(["--quick", "--out", str(out)])
-    rows = json.loads(out.read_text())["rows"]
+    table = json.loads(out.read_text())
+    rows = table["rows"]
+    assert {row["scheme"] for row in table["space"]} == set(script.SCHEMES)
     assert len(rows) == 4 * len(script.SCHEMES) and {row["threads"] for row in rows} == {1, 2}
     assert all(1.0 < row["ns"] < 1e4 for row in rows)
-    assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2
+    assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2 + len(table["space"])
 
 
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from granular.economy import bias
+from granular.economy.cost import nanoseconds
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 
@@ -80,6 +81,19 @@ def test_laws_bound_the_runs(script, table, name):
         assert np.linalg.norm(soft - stiff) <= (bound + slack) * np.linalg.norm(stiff), (E, own)
         compared += np.isfinite(bound)
     assert compared >= 2
+
+
+def test_what_runs_are_said_to_cost_was_measured(script):
+    """With one thread: the mean of seeded and fallen small columns, and quarters of cylinders."""
+    table = json.loads((FOLDER / "results" / "speed.json").read_text())
+    single = [row for row in table["rows"] if row["threads"] == 1]
+    fewest = min(row["points"] for row in single)
+    for name, scheme in script("speed").SCHEMES.items():
+        plane = [r["ns"] for r in single if r["scheme"] == name and r["points"] == fewest]
+        space = [r["ns"] for r in table["space"] if r["scheme"] == name]
+        assert len(plane) == 2 and len(space) == 1
+        assert nanoseconds(scheme, 2) == pytest.approx(np.mean(plane), rel=0.3)
+        assert nanoseconds(scheme, 3) == pytest.approx(space[0], rel=0.3)
 
 
 def test_all_figures_are_drawn(script):
