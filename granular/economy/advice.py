@@ -111,9 +111,31 @@ class AdviceList(Sequence[Advice]):
 
 
 def scene_function(scene: Scene) -> Callable[..., Scene] | None:
-    """The function that made a ready scene; None for one made by hand."""
+    """The function that made a ready scene; None for one made by hand, or changed by hand since.
+
+    Another material, scheme, duration or seed is no change: functions take them as arguments.
+    """
     names = [n for n in registry if scene.name == n or scene.name.startswith(f"{n}_")]
-    return registry[max(names, key=len)] if names else None
+    if not names:
+        return None
+    function = registry[max(names, key=len)]
+    try:
+        made = function(**_arguments(scene, function))
+    except (TypeError, ValueError):
+        return None  # only the name is that of a ready scene
+    return function if made == scene else None
+
+
+def _arguments(scene: Scene, function: Callable[..., Scene]) -> dict[str, Any]:
+    """What a scene function was called with."""
+    known = inspect.signature(function).parameters
+    called = {name: value for name, value in scene.parameters.items() if name in known}
+    return called | {
+        "material": scene.material,
+        "scheme": scene.scheme,
+        "seed": scene.seed,
+        "duration": scene.duration,
+    }
 
 
 def rebuilt(scene: Scene, **changes: Any) -> Scene:
@@ -126,14 +148,10 @@ def rebuilt(scene: Scene, **changes: Any) -> Scene:
     """
     function = scene_function(scene)
     if function is None:
-        raise ValueError(f"scene.name = {scene.name!r} must be one of {tuple(registry)}")
-    known = inspect.signature(function).parameters
-    called = {name: value for name, value in scene.parameters.items() if name in known}
-    rest = {"material": scene.material, "scheme": scene.scheme, "seed": scene.seed}
-    rest["duration"] = scene.duration
-    if function(**called, **rest) != scene:
-        raise ValueError(f"scene {scene.name!r} was changed since {function.__name__} made it")
-    return function(**(called | rest | changes))
+        raise ValueError(
+            f"scene {scene.name!r} must be as one of {tuple(registry)} made it, not by hand"
+        )
+    return function(**(_arguments(scene, function) | changes))
 
 
 def apply(scene: Scene, advice: Advice | Iterable[Advice]) -> Scene:

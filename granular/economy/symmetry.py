@@ -5,7 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 
 from granular.boundaries import Solid, Wall
-from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Intersection, Region, Union
+from granular.geometry import (
+    LINE_TOLERANCE,
+    Box,
+    Cylinder,
+    Difference,
+    Disc,
+    Fill,
+    Intersection,
+    Region,
+    Union,
+)
 from granular.scene import Scene
 
 __all__ = ["half", "obstacle"]
@@ -31,6 +41,12 @@ class _Mirror:
 
     def ends(self, low: float, high: float, side: int) -> tuple[float, ...]:
         return self.key(*sorted((self.place(low, side), self.place(high, side))))
+
+    def divides(self, wall: Wall | Solid) -> bool:
+        """Whether a wall stands on the plane, and is more than the plane itself."""
+        if isinstance(wall, Solid) or wall.axis != 0 or wall.kind == "frictionless":
+            return False
+        return self.key(self.place(wall.at, 1)) == (0.0,)
 
     def wall(self, wall: Wall | Solid, side: int) -> tuple[object, ...]:
         """A wall in numbers that are equal for a wall and its image seen from the other side."""
@@ -82,6 +98,8 @@ def obstacle(scene: Scene) -> str:
         return "one of the sides is open"
     if any(absorber.axis == 0 for absorber in scene.absorbers):
         return "waves are absorbed on one side"
+    if any(mirror.divides(wall) for wall in scene.walls):
+        return "a wall stands on the plane of symmetry"
     for name, parts, view in (
         ("walls", scene.walls, mirror.wall),
         ("fills", scene.fills, mirror.fill),
@@ -113,11 +131,12 @@ def half(scene: Scene) -> Scene:
     grid = scene.grid
     middle = 0.5 * (grid.lower[0] + grid.upper[0])
     keep = Box((middle, *grid.lower[1:]), grid.upper)
-    walls = [part for wall in scene.walls if (part := _cut_wall(wall, middle)) is not None]
+    beyond = middle + LINE_TOLERANCE * grid.cell  # what ends on the plane is not cut to nothing
+    walls = [part for wall in scene.walls if (part := _cut_wall(wall, middle, beyond)) is not None]
     fills = [
         fill if fill.region.bounds[0][0] >= middle else _cut_fill(fill, keep)
         for fill in scene.fills
-        if fill.region.bounds[1][0] > middle
+        if fill.region.bounds[1][0] > beyond
     ]
     return scene.replace(
         grid=replace(
@@ -139,15 +158,15 @@ def _cut_fill(fill: Fill, keep: Box) -> Fill:
     return replace(fill, region=Intersection((fill.region, keep)))
 
 
-def _cut_wall(wall: Wall | Solid, middle: float) -> Wall | Solid | None:
-    """What of a wall is on the right of the plane; None if nothing."""
+def _cut_wall(wall: Wall | Solid, middle: float, beyond: float) -> Wall | Solid | None:
+    """What of a wall is on the right of the plane; None if nothing reaches beyond it."""
     if isinstance(wall, Solid):
-        if wall.upper[0] <= middle:
+        if wall.upper[0] <= beyond:
             return None
         return replace(wall, lower=(max(wall.lower[0], middle), *wall.lower[1:]))
     if wall.axis == 0:
-        return wall if wall.at > middle else None
+        return wall if wall.at > beyond else None
     if wall.span is None:
         return wall
     (low, high), *rest = wall.span
-    return replace(wall, span=((max(low, middle), high), *rest)) if high > middle else None
+    return replace(wall, span=((max(low, middle), high), *rest)) if high > beyond else None

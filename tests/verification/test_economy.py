@@ -5,8 +5,10 @@ import pytest
 
 import granular as gr
 from granular import verify
+from granular.economy import bias, rules
 from granular.geometry import Box, Fill, Grid
 from granular.materials import glass_beads
+from granular.schemes import TRANSFERS
 from granular.verify.quantities import change, quantities
 from granular.walls import Gravity, Wall
 
@@ -43,6 +45,48 @@ def test_half_of_a_scene_flows_as_half_of_the_whole():
     kept = full.x[:, 0] > 0
     order, known = (np.lexsort(np.round(x.T, 6)) for x in (full.x[kept], right.x))
     assert full.x[kept][order] == pytest.approx(right.x[known], abs=1e-9)
+
+
+def mean_velocity(scheme):
+    """Of one column on an incline of 25 degrees after a second [m/s]."""
+    grains = glass_beads.replace(E=1e6)
+    scene = gr.scenes.incline(cell=0.02, material=grains, scheme=scheme)
+    state = gr.Simulation(scene, threads=1).run(until=1.0).state
+    return np.average(state.v[:, 0], weights=state.mass)
+
+
+@pytest.mark.parametrize("transfer", TRANSFERS)
+def test_which_transfers_damp_by_the_step(transfer):
+    """Where a fifth of the step makes another flow, advice leaves step, cells and E alone."""
+    scheme = gr.Scheme(transfer=transfer, density="tracked")
+    coarse, fine = (mean_velocity(scheme.replace(cfl=cfl)) for cfl in (0.5, 0.1))
+    assert (abs(fine / coarse - 1) > 0.005) == bias.damps_by_step(scheme)
+
+
+def test_half_of_a_silo_with_the_default_scheme():
+    """Not the same flow as with linear functions, but within what advice takes for the change."""
+    floor = [Wall(1, 0.0, span=(s,)) for s in ((-0.5, -0.1), (0.1, 0.5))]
+    whole = gr.Scene(
+        name="full silo",
+        grid=Grid((-0.5, 0.0), 0.02, (50, 54), open_sides=frozenset({"y-"})),
+        fills=(Fill(Box((-0.5, 0.0), (0.5, 1.0)), 4),),
+        material=glass_beads.replace(E=1e6),
+        scheme=gr.schemes.default,
+        walls=(
+            *floor,
+            Wall(1, 0.0, span=((-0.1, 0.1),), opens_at=0.1),
+            Wall(0, -0.5, kind="frictionless"),
+            Wall(0, 0.5, kind="frictionless"),
+        ),
+        gravity=Gravity(),
+        duration=1.2,
+    )
+    rates = []
+    for scene, parts in ((whole, 1), (gr.economy.half(whole), 2)):
+        sim = gr.Simulation(scene, threads=1)
+        mass = [sim.run(until=time).state.mass.sum() for time in (0.5, 1.2)]
+        rates.append(parts * (mass[0] - mass[1]))
+    assert 0 < abs(rates[1] / rates[0] - 1) <= rules.HALVED
 
 
 def test_quantities_tell_soft_from_stiff():
