@@ -107,9 +107,9 @@ def arrangements(quick: bool) -> Map:
         least=True,
     )
     for basis in ("linear", "ugimp", "quadratic"):
-        for dim in (1, 2):
-            for per_axis in (1, 2) if quick else (1, 2, 3):
-                tries = 60 if quick else (3000, 600)[dim - 1]
+        for dim in (1, 2, 3):
+            for per_axis in (1, 2) if quick or dim == 3 else (1, 2, 3):
+                tries = (60, 60, 6)[dim - 1] if quick else (3000, 600, 150)[dim - 1]
                 found.add(
                     basis,
                     f"{dim}-D, {per_axis**dim}",

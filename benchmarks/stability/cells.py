@@ -62,9 +62,7 @@ class Map:
         """Measure a case; a run that stops itself has the value nan and says why."""
         begin, notes = time.process_time(), {}
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", gr.StabilityWarning)
-                value = case()
+            value = case()
             if isinstance(value, tuple):
                 value, notes = value
         except gr.SimulationError as error:
@@ -94,7 +92,8 @@ def refuses(scene: gr.Scene) -> bool:
 
 def simulate(scene: gr.Scene) -> gr.Simulation:
     """A simulation on one thread, whatever the limits say."""
-    with lifted():
+    with lifted(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", gr.StabilityWarning)
         return gr.Simulation(scene, threads=1)
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.geometry import Box, Disc, Fill, Grid
+from granular.geometry import Box, Cylinder, Disc, Fill, Grid
 from granular.materials import Elastic, MuI
 from granular.walls import Gravity
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
@@ -29,13 +29,14 @@ def body(region: Any, points: int, scheme: gr.Scheme, **options: Any) -> gr.Scen
     """A jittered elastic body in a periodic box of 16 x 16 cells, without gravity."""
     material = options.pop("material", Elastic(E=1e6))
     seed, shape = options.pop("seed", 0), options.pop("shape", (16, 16))
+    still, periodic = (0.0,) * len(shape), options.pop("periodic", (True,) * len(shape))
     return gr.Scene(
         name="body",
-        grid=Grid((0.0, 0.0), CELL, shape, periodic=options.pop("periodic", (True, True))),
+        grid=Grid(still, CELL, shape, periodic=periodic),
         fills=(Fill(region, points, **({"jitter": 1.0} | options)),),
         material=material,
         scheme=scheme,
-        gravity=WEIGHTLESS,
+        gravity=Gravity((0.0,), (still,)),
         duration=1.0,
         seed=seed,
     )
@@ -99,7 +100,11 @@ def patches(quick: bool) -> Map:
 # ---- time step ----
 
 
-def growth(scene: gr.Scene, steps: int, seed: int = 0) -> float:
+FLIGHT = (0.02, 0.012, 0.007)
+"""Velocity of a flying body over the wave speed: over many arrangements, and not for long."""
+
+
+def growth(scene: gr.Scene, steps: int, seed: int = 0, flight: tuple[float, ...] = FLIGHT) -> float:
     """How much the energy of a body that flies freely grows, measured in the moving frame.
 
     It flies over the cells with noise of a millionth of the wave speed, so that the step meets
@@ -107,8 +112,9 @@ def growth(scene: gr.Scene, steps: int, seed: int = 0) -> float:
     """
     sim = simulate(scene)
     at, c = places(sim), scene.material.wave_speed
-    noise = np.random.default_rng(seed).standard_normal((2, len(at)))
-    sim.buffers["v"][:, at] = 0.02 * c * np.array([[1.0], [0.6]]) + 1e-6 * c * noise
+    noise = np.random.default_rng(seed).standard_normal((scene.dim, len(at)))
+    mean = np.array(flight[: scene.dim])[:, None]
+    sim.buffers["v"][:, at] = c * (mean + 1e-6 * noise)
     sim.step(20)  # what the grid does not see of the noise is soon gone
     before = own_energy(sim.state)
     with np.errstate(over="ignore"):
@@ -182,4 +188,67 @@ def courant_nu(quick: bool) -> Map:
             case, refused = worst_growth(gr.schemes.default, 4, courant, quick, material=material)
             found.add(f"{nu:g}", f"{courant:g}", case, refused)
         found.cells[-1].notes["c / sqrt(E/rho)"] = material.wave_speed / bar
+    return found
+
+
+SPACE_SCHEMES = {name: SCHEMES[name] for name in SCHEMES if "published" not in name}
+
+
+def courant_space(quick: bool) -> Map:
+    """CFL x scheme in space: a short cylinder in flight."""
+    found = Map(
+        "courant_space",
+        "Time step in space: a cylinder in flight",
+        "growth of its energy, worst of 2 lattices",
+        "scheme, points per cell",
+        "c dt/dx",
+        1.5,
+    )
+    material, region = Elastic(E=1e6), Cylinder((0.4, 0.4, 0.15), 0.23, 0.5)
+    for name, scheme in SPACE_SCHEMES.items():
+        for points in chosen((1, 8), quick, few=1):
+            for courant in chosen((0.5, 0.6, 0.7, 0.8, 1.0), quick):
+                fixed = at_courant(scheme, courant, CELL, material)
+                scenes = [
+                    body(region, points, fixed, material=material, shape=(8, 8, 8), seed=seed)
+                    for seed in range(1 if quick else 2)
+                ]
+                found.add(
+                    f"{name}, {points}",
+                    f"{courant:g}",
+                    lambda s=scenes: max(growth(x, 200 if quick else 2000, x.seed) for x in s),
+                    refuses(scenes[0]),
+                )
+    return found
+
+
+def courant_speed(quick: bool) -> Map:
+    """CFL x speed: the wave speed of a body in flight is c + |v|."""
+    found = Map(
+        "courant_speed",
+        "Time step of a fast body, default scheme: a disc in flight",
+        "growth of its energy, worst of 3 lattices",
+        "v/c",
+        "(c + v) dt/dx",
+        1.5,
+    )
+    material, region = Elastic(E=1e6), Disc((0.8, 0.8), 0.43)
+    c = material.wave_speed
+    for speed in chosen((0.1, 0.5, 1.0, 2.0), quick):
+        flight = (0.8 * speed, 0.6 * speed)
+        for courant in chosen((0.25, 0.5, 0.65, 0.8, 1.0, 1.5), quick):
+            scheme = gr.schemes.default.replace(dt=courant * CELL / (c * (1 + speed)))
+            velocity = tuple(c * v for v in flight)
+            scenes = [
+                body(region, 4, scheme, material=material, velocity=velocity, seed=seed)
+                for seed in range(1 if quick else 3)
+            ]
+            found.add(
+                f"{speed:g}",
+                f"{courant:g}",
+                lambda s=scenes, f=flight: max(
+                    growth(x, 200 if quick else 2000, x.seed, f) for x in s
+                ),
+                refuses(scenes[0]),
+            )
     return found

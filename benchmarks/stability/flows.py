@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 import granular as gr
-from granular.materials import glass_beads
+from granular.materials import MuI, glass_beads
 from granular.monitor import Monitor, health
+from granular.walls import Wall
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 
 HEIGHT = 0.2
@@ -151,6 +153,72 @@ def layer(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
     return float(np.sqrt(miss.sum() / (state.mass * v**2).sum())), signs
 
 
+def incline_refinement(quick: bool) -> Map:
+    """Slope x refinement, along the slope as well or in one column, where no wave can grow."""
+    found = Map(
+        "incline_refinement",
+        "Refinement of an incline, one column or .08 m long, jittered, default scheme, 1 s",
+        "relative L2 error of v(y)",
+        "columns, cells over the height",
+        "slope [deg] and its inertial number I/I0",
+        0.05,
+    )
+    material, until = glass_beads.replace(E=3e6), 0.05 if quick else 1.0
+    for cells in chosen((10, 20, 40), quick):
+        for columns in (1, round(0.4 * cells)):
+            for angle in chosen((22.0, 25.0, 28.0, 31.5), quick):
+                ratio = gr.theory.scaled_inertial_number_of_slope(angle, material)
+                scene = gr.scenes.incline(
+                    angle_deg=angle,
+                    cell=HEIGHT / cells,
+                    columns=columns,
+                    jitter=0.6,
+                    material=material,
+                    seed=6,
+                )
+                found.add(
+                    f"{columns}, {cells}", f"{angle:g}: {ratio:.2g}", lambda s=scene: flow(s, until)
+                )
+    # One column first: it is what the others should come to.
+    found.cells.sort(key=lambda cell: not cell.row.startswith("1,"))
+    return found
+
+
+def error_at_the_ends(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
+    """Error of v(y) over its own size, or over a hundredth of sqrt(g h) where that is larger."""
+    sim = simulate(scene)
+    signs = watched(sim, until)
+    state, angle = sim.state, scene.parameters["angle_deg"]
+    exact = gr.theory.transient(angle, HEIGHT, scene.material, [state.time])
+    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
+    miss, size = (math.sqrt(np.average(u**2, weights=state.mass)) for u in (state.v[:, 0] - v, v))
+    return miss / max(size, 0.01 * math.sqrt(9.8 * HEIGHT)), signs
+
+
+def law_ends(quick: bool) -> Map:
+    """Slopes about both ends of the law, mu_s = tan 20.90 deg and mu_2 = tan 32.76 deg."""
+    found = Map(
+        "law_ends",
+        "The ends of the mu(I) law: one column of an incline, 4 s",
+        "L2 error of v(y) over max(|v|, .01 sqrt(g h))",
+        "scheme",
+        "slope [deg]",
+        0.05,
+    )
+    material = glass_beads.replace(E=1e7)
+    low, high = (math.degrees(math.atan(mu)) for mu in (material.mu_s, material.mu_2))
+    angles = {f"{angle:g}": angle for angle in (0.0, 19.0, 21.5, 32.0, 34.0, 40.0)}
+    angles |= {"mu_s": low, "mu_2": high}
+    names = ("published (linear, flip)", "quadratic, apic", "default")
+    for name in names:
+        for label, angle in sorted(angles.items(), key=lambda item: item[1]):
+            scene = gr.scenes.incline(
+                angle_deg=angle, cell=0.02, material=material, scheme=SCHEMES[name]
+            )
+            found.add(name, label, lambda s=scene: error_at_the_ends(s, 0.2 if quick else 4.0))
+    return found
+
+
 def incline_columns(quick: bool) -> Map:
     """Columns x scheme: where the published scheme begins to be two-dimensional."""
     found = Map(
@@ -175,29 +243,42 @@ def incline_columns(quick: bool) -> Map:
     return found
 
 
-def at_rest(scheme: gr.Scheme, angle: float, waves: float) -> tuple[float, dict[str, float]]:
-    """Speed left in a layer after so many wave times, over sqrt(g h); the pressure's error."""
-    height = 0.1
-    material = glass_beads.replace(E=1e6)
-    scene = gr.scenes.incline(
+def layer_at_rest(scheme: gr.Scheme, angle: float, material: MuI) -> gr.Scene:
+    """Endless layer of 10 cells."""
+    return gr.scenes.incline(
         angle_deg=angle,
-        height=height,
+        height=REST_HEIGHT,
         cell=0.01,
         columns=4,
         jitter=0.6,
         material=material,
         scheme=scheme,
     )
+
+
+def column_at_rest(scheme: gr.Scheme, material: MuI) -> gr.Scene:
+    """The level layer between frictionless walls in place of periodic ends."""
+    scene = layer_at_rest(scheme, 0.0, material)
+    walls = [Wall(0, at, kind="frictionless") for at in (0.0, scene.grid.upper[0])]
+    grid = replace(scene.grid, periodic=(False, False))
+    return scene.replace(name="column", grid=grid, walls=(*scene.walls, *walls))
+
+
+REST_HEIGHT = 0.1
+
+
+def at_rest(scene: gr.Scene, waves: float) -> tuple[float, dict[str, float]]:
+    """Speed left in a layer after so many wave times, over sqrt(g h); the pressure's error."""
     sim = simulate(scene)
-    signs = watched(sim, waves * height / material.wave_speed)
+    signs = watched(sim, waves * REST_HEIGHT / scene.material.wave_speed)
     state = sim.state
-    speed = gr.measure.speed_percentile(state, q=99) / math.sqrt(9.8 * height)
+    speed = gr.measure.speed_percentile(state, q=99) / math.sqrt(9.8 * REST_HEIGHT)
     pressure = gr.measure.mean_pressure_error(state, depth_cells=2)
     return speed, {"pressure": round(pressure, 4)} | signs
 
 
 def rest(quick: bool) -> list[Map]:
-    """Layers that should lie still: level, and on a slope below mu_s = tan 20.9 deg."""
+    """Layers that should lie still: level, on a slope below mu_s = tan 20.9 deg, between walls."""
     speeds = Map(
         "rest_speed",
         "Rest: a layer after 10^4 wave times",
@@ -215,13 +296,13 @@ def rest(quick: bool) -> list[Map]:
         0.03,
     )
     for name in ("published (linear, flip)", "quadratic, apic", "default"):
-        scheme = SCHEMES[name]
-        for angle in chosen((0.0, 15.0), quick):
-            speeds.add(
-                name, f"{angle:g}", lambda s=scheme, a=angle: at_rest(s, a, 20 if quick else 1e4)
-            )
+        scheme, material = SCHEMES[name], glass_beads.replace(E=1e6)
+        scenes = {f"{angle:g}": layer_at_rest(scheme, angle, material) for angle in (0.0, 15.0)}
+        scenes["0, between walls"] = column_at_rest(scheme, material)
+        for column, scene in scenes.items():
+            speeds.add(name, column, lambda s=scene: at_rest(s, 20 if quick else 1e4))
             last = speeds.cells[-1]
-            pressures.add(name, f"{angle:g}", lambda n=last.notes: n.get("pressure", math.nan))
+            pressures.add(name, column, lambda n=last.notes: n.get("pressure", math.nan))
     return [speeds, pressures]
 
 

@@ -19,6 +19,7 @@ LENGTH = 3.2
 
 TRANSFERS = {
     "flip": {"transfer": "flip"},
+    "pic (xpic(1))": {"transfer": "xpic", "xpic_order": 1},
     "xpic(2)": {"transfer": "xpic"},
     "apic": {"transfer": "apic"},
     "tpic": {"transfer": "tpic", "density": "tracked"},
@@ -144,14 +145,15 @@ def locking(quick: bool) -> Map:
         "nu",
         0.05,
     )
-    rows = {name: SCHEMES[name] for name in ("published (linear, flip)", "quadratic, apic")}
-    rows["default"] = gr.schemes.default
+    names = ("published (linear, flip)", "uGIMP, flip", "quadratic, apic", "default")
     fine = 0.1 if quick else 0.025
-    for nu in chosen((0.3, 0.45, 0.49), quick):
+    for nu in chosen((0.3, 0.45, 0.49, 0.499), quick):
         exact = settlement(gr.Scheme(transfer="apic"), nu, fine)
-        for name, scheme in rows.items():
+        for name in names:
             found.add(
-                name, f"{nu:g}", lambda s=scheme, n=nu, e=exact: abs(settlement(s, n, 0.1) / e - 1)
+                name,
+                f"{nu:g}",
+                lambda s=SCHEMES[name], n=nu, e=exact: abs(settlement(s, n, 0.1) / e - 1),
             )
     return found
 

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granular.stability import COURANT_LIMIT
+from granular.stability import COURANT_LIMIT, LOCKING
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
-FAST = ["patch", "arrangement", "courant", "transfers", "tearing"]
-"""A second or two together."""
+FAST = [
+    *("patch", "arrangement", "courant", "courant_space", "courant_speed"),
+    *("transfers", "tearing"),
+]
+"""A few seconds together."""
 
 
 @pytest.fixture
@@ -35,7 +38,7 @@ def ends(script, folder, *options):
 
 def test_a_quick_map_is_written_and_drawn(script, tmp_path):
     maps = ends(script, tmp_path, "--only", *FAST)
-    assert len(maps) == 11
+    assert len(maps) == 13
     patch = {(c.row, c.column): c for c in maps["patch"].cells}
     assert patch["quadratic", "16, 0.2"].verdict == "stable"
     assert patch["linear", "1, 1"].verdict == "degraded"
@@ -74,10 +77,41 @@ def test_what_the_map_shows_as_failing_is_refused(script):
     for name, found in maps.items():
         if not name.startswith("courant_") or "published" in name:
             continue
-        basis = "ugimp" if "ugimp" in name else "quadratic"
+        dim = 3 if name == "courant_space" else 2
         for cell in found.cells:
+            basis = "ugimp" if "ugimp" in f"{name} {cell.row}".lower() else "quadratic"
             courant = float(cell.column)
-            assert (cell.verdict == "refused") == (courant > COURANT_LIMIT[basis][2])
+            assert (cell.verdict == "refused") == (courant > COURANT_LIMIT[basis][dim])
             assert cell.verdict != "degraded", (name, cell)
             seen += cell.verdict == "refused"
-    assert seen > 10
+    assert seen > 30
+
+
+def test_no_arrangement_on_the_map_is_beyond_the_limits(script):
+    """The analysis bounds the limits in every dimension, save with hats."""
+    for cell in script.read(script.RESULTS)["arrangement"].cells:
+        dim = max(int(cell.column[0]), 2)
+        if cell.row != "linear":
+            assert cell.value >= COURANT_LIMIT[cell.row][dim]
+
+
+def test_locking_begins_at_the_limits(script):
+    """Sound up to the limit of the basis, and locked beyond it with hats."""
+    basis = {"published (linear, flip)": "linear", "uGIMP, flip": "ugimp"}
+    for cell in script.read(script.RESULTS)["locking"].cells:
+        shape = basis.get(cell.row, "quadratic")
+        if float(cell.column) <= LOCKING[shape]:
+            assert cell.verdict == "stable"
+        elif shape != "quadratic":
+            assert cell.verdict == "degraded"
+
+
+def test_what_the_page_says_of_refinement_is_on_the_map(script):
+    """One column does not change by refinement; along the slope it gets worse at every angle."""
+    cells = script.read(script.RESULTS)["incline_refinement"].cells
+    values = {(cell.row, cell.column): cell.value for cell in cells}
+    for angle in {column for _, column in values}:
+        one = [values[row, angle] for row in ("1, 10", "1, 20", "1, 40")]
+        many = [values[row, angle] for row in ("4, 10", "8, 20", "16, 40")]
+        assert max(one) < 2 * min(one)
+        assert many == sorted(many) and many[-1] > 2 * many[0] and many[0] > max(one)
