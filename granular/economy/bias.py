@@ -16,7 +16,7 @@ import numpy as np
 from granular.materials import Material, MuI
 from granular.scene import Scene
 from granular.schemes import Scheme, default, published
-from granular.stability import height
+from granular.stability import damps_by_step, height
 from granular.theory import transient
 
 __all__ = [
@@ -111,16 +111,6 @@ def kind(scheme: Scheme) -> str:
         return "default" if held and same else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain and scheme.mass_cutoff == published.mass_cutoff else ""
-
-
-def damps_by_step(scheme: Scheme) -> bool:
-    """Whether a transfer damps so much a step, not a second: its flow depends on the step.
-
-    On the incline of 25 degrees, one column of 10 cells, E = 1e6, a tenth of the step takes 2.7 %
-    of the mean velocity under quadratic "apic" and half of it under "xpic"; under "flip" and
-    "tpic", whose damping is a rate, .01 %.
-    """
-    return scheme.transfer in ("apic", "xpic")
 
 
 def gravity(scene: Scene) -> float:

@@ -16,7 +16,7 @@ from granular.economy.symmetry import obstacle
 from granular.materials import MuI
 from granular.scene import Scene
 from granular.schemes import Scheme, default
-from granular.stability import check_time_step, courant_limit, height
+from granular.stability import check_time_step, courant_limit, damps_by_step, height
 from granular.theory.well_posed import scaled_inertial_number_of_slope
 
 __all__ = ["advise"]
@@ -179,7 +179,7 @@ def _resolution(asked: _Asked) -> Advice:
         )
         return asked.advice("resolution", reason)
     scheme, grains = scene.scheme, scene.material
-    if not _flat(asked) or bias.damps_by_step(scheme) or not isinstance(grains, MuI):
+    if not _flat(asked) or damps_by_step(scheme) or not isinstance(grains, MuI):
         reason = (
             "Cells are kept: what larger ones change was measured in one column, with the mu(I)"
             " law and a damping that does not depend on the step."
@@ -254,7 +254,7 @@ def _time_step(asked: _Asked) -> Advice:
     if scheme.dt is None:
         reason = f"Adaptive at {scheme.cfl:g} of dx/c already; beyond it runs can fail silently."
         return asked.advice("time step", reason)
-    if bias.damps_by_step(scheme):
+    if damps_by_step(scheme):
         reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
         return asked.advice("time step", reason, math.nan)
     limit = courant_limit(scene)

@@ -34,6 +34,14 @@ def test_the_published_incline_is_sound():
         assert doubts(scene) == []
 
 
+def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
+    """Where a tracked density is no doubt by itself."""
+    for scheme in (gr.Scheme(transfer="apic"), gr.Scheme(basis="linear", transfer="xpic")):
+        (doubt,) = doubts(layer(columns=1, scheme=scheme))
+        assert scheme.transfer in doubt and "damps by the step" in doubt
+    assert doubts(layer(columns=1, scheme=gr.Scheme(basis="linear", transfer="apic"))) == []
+
+
 @pytest.mark.parametrize(
     ("options", "names"),
     [
