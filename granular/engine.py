@@ -128,14 +128,22 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
         "cfl": scheme.cfl,
         "dt": scheme.dt or 0.0,
         "diffusion": scheme.diffusion,
-        "shear_diffusion": scheme.shear_diffusion * material.E,
         "feedback": scheme.feedback,
-        "feedback_limit": scheme.feedback_limit,
+        "feedback_limit": _feedback_limit(scene),
         "shift": scheme.shift,
         "shift_limit": scheme.shift_limit,
+        "weighting": scheme.weighting,
+        "weight_limit": scheme.weight_limit,
+        "weight_decay": scheme.weight_decay,
         # What bears tension is never loose.
         "tension_reach": scheme.tension_reach if material.law != "elastic" else UNBOUNDED,
     }
+
+
+def _feedback_limit(scene: Scene) -> float:
+    """Largest rate of log-density [1/s] by the feedback: eps g/c_w, g the largest gravity."""
+    g = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    return scene.scheme.feedback_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
 def _row(row: WallRow) -> tuple[int, int, float, int, int, float, int]:

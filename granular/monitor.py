@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
-from granular.measure.energy import between, elastic_of, kinetic_of
+from granular.measure.energy import between, elastic_of, kinetic_of, plastic_power
 from granular.notebook import table
 from granular.stability import courant_limit
 
@@ -114,13 +114,6 @@ def _courant(state: State) -> float:
     return float((state.scene.material.wave_speed + speed) * state.dt / state.scene.grid.cell)
 
 
-def _plastic_power(state: State) -> float:
-    """sum V tau gdot [W]; 0 for a law without a yield."""
-    if state.scene.material.law == "elastic":
-        return 0.0
-    return float(np.sum(state.volume * state.tau * state.shear_rate))
-
-
 def _account(before: State, after: State) -> tuple[float, float, float]:
     """What was held [J] at an earlier state, the work of gravity since, and energy from nowhere.
 
@@ -130,7 +123,7 @@ def _account(before: State, after: State) -> tuple[float, float, float]:
     """
     held, now = (float((kinetic_of(s) + elastic_of(s)).sum()) for s in (before, after))
     work, outflow = between(before, after)
-    plastic = (_plastic_power(before) + _plastic_power(after)) / 2 * (after.time - before.time)
+    plastic = (plastic_power(before) + plastic_power(after)) / 2 * (after.time - before.time)
     return held, work, now - held + outflow + plastic - work
 
 

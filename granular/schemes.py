@@ -52,15 +52,16 @@ class Scheme:
         Nodes lighter than this share of the mean point mass are left out.
     diffusion : float
         dd: c_p relaxes towards the mean of its neighbours (linearly extrapolated, so that a
-        hydrostatic gradient is untouched) at the rate dd c_w/dx + dg gdot.
-    shear_diffusion : float
-        dg/E [1/Pa]: dg = shear_diffusion E is 2 at E = 1 MPa and grows with the stiffness,
-        because the noise of a given strain does.
+        hydrostatic gradient is untouched) at the rate dd c_w/dx.
     feedback : float
-        kappa: c_p += dt kappa gdot clip(ln phi_p - c_p, -limit, limit), in dense points whose
-        nodes are all more than half full. Bound to the shear rate, it leaves heaps at rest alone.
+        kappa: c_p is pulled to ln phi_p at the rate kappa gdot (ln phi_p - c_p), in dense points
+        whose nodes are all more than half full. Bound to the shear rate, it leaves heaps at rest
+        alone.
     feedback_limit : float
-        The limit in that formula.
+        eps: that rate is eps g/c_w at most, with the largest gravity g of the scene, where there
+        is any: across a cell such a source of pressure accelerates by about a share eps of g.
+        Without it the noise of phi, which is that of the places of the points, drowns the small
+        compressions of stiff materials.
     shift : float
         beta: points move by -beta gdot dt dx^2 sum_i max(0, phi_i - 1) grad S_i, and take the
         velocity of where they come to.
@@ -73,6 +74,16 @@ class Scheme:
         rates above stay what they are, and the steps between cost no more than plain ones.
     tension_reach : float
         Points looser than c_p = -tension_reach take no part in the averaging.
+    weighting : float
+        Part of the unevenness of the points, the force E_i = sum_p q_p V_p grad S_i that a uniform
+        pressure would make on a node inside the material, that an averaging takes away by the
+        weights q_p of the points in the force: q_p += -weighting sum_i grad S_i . E_i, in lengths
+        of cells, less the local mean of q_p - 1, so that the whole weighs what it does. 0 for no
+        weights, 1 at most.
+    weight_limit : float
+        Largest abs(q_p - 1), at most .8: what weighs more is as much stiffer.
+    weight_decay : float
+        Part of q_p - 1 that a point loses in an averaging: it forgets where it has been. 0 to 1.
     decay : float
         Under "tpic" v_p = v_pic + f (v_p + dv - v_pic) with f = exp(-decay dt c_w/dx).
 
@@ -90,15 +101,17 @@ class Scheme:
     cfl: float = 0.5
     dt: float | None = None
     mass_cutoff: float = 1e-14
-    diffusion: float = 0.03
-    shear_diffusion: float = 2e-6
-    feedback: float = 0.2
-    feedback_limit: float = 0.2
+    diffusion: float = 4.0
+    feedback: float = 0.7
+    feedback_limit: float = 0.5
     shift: float = 5.0
     shift_limit: float = 0.05
     shift_outlet_cells: int = 3
     averaging_interval: int = 4
     tension_reach: float = 0.02
+    weighting: float = 0.6
+    weight_limit: float = 0.5
+    weight_decay: float = 0.03
     decay: float = 0.03
 
     def __post_init__(self) -> None:
@@ -116,16 +129,18 @@ class Scheme:
             "dt": None if self.dt is None else positive("dt", self.dt),
             # A tenth of a point changes a run-out by a fifth: cutoffs are for round-off only.
             "mass_cutoff": in_range("mass_cutoff", self.mass_cutoff, 0.0, 0.01),
-            "feedback_limit": in_range("feedback_limit", self.feedback_limit, 0.0, 1.0),
             "shift_limit": in_range("shift_limit", self.shift_limit, 0.0, 0.5),
+            "weighting": in_range("weighting", self.weighting, 0.0, 1.0),
+            "weight_limit": in_range("weight_limit", self.weight_limit, 0.0, 0.8),
+            "weight_decay": in_range("weight_decay", self.weight_decay, 0.0, 1.0),
             "averaging_interval": integer("averaging_interval", self.averaging_interval, 1, 16),
             "shift_outlet_cells": integer("shift_outlet_cells", self.shift_outlet_cells, 0, 1000),
         }
         for name in (
             "flip_decay",
             "diffusion",
-            "shear_diffusion",
             "feedback",
+            "feedback_limit",
             "shift",
             "tension_reach",
             "decay",

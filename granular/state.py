@@ -77,6 +77,17 @@ class State:
         return self.mass / self.rho
 
     @cached_property
+    def quadrature_volume(self) -> Array:
+        """Volume that the stress of a point stands for in the balance of forces, shape (n,).
+
+        `volume` times the weight of the point, where the scheme gives it one
+        (`Scheme.weighting`): force, power and energy of stresses are sums over these volumes.
+        """
+        if "overweight" in self.fields:
+            return (1.0 + self.overweight) * self.volume
+        return self.volume
+
+    @cached_property
     def p(self) -> Array:
         """Pressure -tr(stress)/3 [Pa], compression positive, shape (n,)."""
         return -self.stress[:, :3].sum(axis=1) / 3.0

@@ -19,7 +19,8 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED };
     X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run") \
     X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")              \
     X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")  \
-    X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")
+    X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")      \
+    X(overweight, GR_SCALAR, GR_DIFFUSED, "1", "part by which a point counts more than its volume")
 
 enum gr_field {
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

@@ -147,6 +147,10 @@ static void stage_grid(struct team *team, int t)
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
     gr_grid_nodes(e, first, last, team->gravity);
     barrier(team);
+    if (gr_averages(e, e->step)) {
+        gr_grid_unevenness(e, first, last);
+        barrier(team);
+    }
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         team->kernels->smooth(e, team->cut[t], team->cut[t + 1]);
         barrier(team);
@@ -235,6 +239,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     note_dt(e);
     if (team.again) kernels->scatter(e, 0, e->mesh.n_cells);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
+    if (gr_averages(e, e->step)) gr_grid_unevenness(e, 0, e->mesh.n_nodes);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         kernels->smooth(e, 0, e->mesh.n_cells);
         gr_grid_smooth(e, 0, e->mesh.n_nodes, pass);

@@ -83,10 +83,28 @@ GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd
     }
 }
 
+/* Weights of the points in the force, that a uniform pressure makes none inside the material:
+ *   u += -weighting sum_i E_i . grad S_i - weight_decay u,   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
+ * in lengths of cells; a descent on the sum of E^2, which forgets where a point has been. Given the modes of E. */
+GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s, const double *mode,
+                     const int stride, int64_t at)
+{
+    const struct gr_cure *q = &e->config.cure;
+    double *place = e->field[GR_FIELD_overweight] + at;
+    vd u = v_load(place), divergence = v_zero(), slope[3];
+    for (int d = 0; d < dim; d++) {
+        (void)gr_interpolate(dim, basis, 0, mode + 1 + d, stride, s, (const vd(*)[3])s->g, slope);
+        divergence = divergence + slope[d];
+    }
+    const vd mean = gr_interpolate(dim, basis, 0, mode, stride, s, (const vd(*)[3])s->g, slope) * v_set(q->weighting > 0);
+    u = v_fnma(v_set(q->weighting), divergence, v_fnma(v_set(q->weight_decay), u, u) - mean);
+    v_store(place, v_clamp(u, -q->weight_limit, q->weight_limit));
+}
+
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
- *   c += eta (cbar - c) + kappa gdot dt clip(ln phi - c),   eta = r/(1 + r),  r = dt dd c_w/dx + dg gdot dt,
+ *   c += eta (cbar - c) + clip(kappa gdot dt (ln phi - c)),   eta = r/(1 + r),  r = dt dd c_w/dx,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
- * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and the modes of phi, cbar, max(0, phi - 1); returned: the new log-density, delta
+ * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and the modes of phi, cbar, max(0, phi - 1), E; returned: the new log-density, delta
  * in m and L delta in m/s. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
                            const struct gr_shape *s, const double *mode, const int stride, double phi_least, const vd *L,
@@ -102,17 +120,14 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const vd near = gr_interpolate(dim, basis, 0, mode + 1, stride, s, g, gradient);
     (void)gr_interpolate(dim, basis, 0, mode + 2, stride, s, g, slope);
     const vm joins = v_ge(old, v_set(-q->reach));
-    const vd r =
-        v_fma(v_set(q->shear_diffusion), rate, v_set(q->diffusion * e->config.wave_speed * inv_dx * e->dt * interval));
-    /* eta and ln phi with one division: the logarithm by 2 (phi - 1)/(phi + 1), to 1e-3 where it is not clipped */
-    const vd one = v_set(1.0), r_1 = one + r, full_1 = full + one, inverse = one / (r_1 * full_1);
-    vd c = v_fma(v_keep(joins, r * full_1 * inverse), near - old, old - trace);
+    const double r = q->diffusion * e->config.wave_speed * inv_dx * e->dt * interval;
+    vd c = v_fma(v_keep(joins, v_set(r / (1.0 + r))), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(joins, gradient[d] * v_set(inv_dx)));
     if (phi_least > 0.5) {
-        const vd log_full = v_set(2.0) * (full - one) * r_1 * inverse;
-        const vd gap = v_clamp(log_full - c, -q->feedback_limit, q->feedback_limit);
-        c = v_fma(v_keep(v_ge(c, v_zero()), v_set(q->feedback) * rate), gap, c);
+        const vd one = v_set(1.0), log_full = v_set(2.0) * (full - one) / (full + one); /* to 4 % where half full */
+        const double most = q->feedback_limit * e->dt * interval;
+        c = c + v_keep(v_ge(c, v_zero()), v_clamp(v_set(q->feedback) * rate * (log_full - c), -most, most));
     }
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
@@ -126,6 +141,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
     }
     if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s->xi, delta);
+    weigh(dim, basis, e, s, mode + 3, stride, at);
     for (int d = 0; d < dim; d++) {
         lent[d] = v_zero();
         for (int j = 0; j < dim; j++) lent[d] = v_fma(L[d * dim + j], delta[j], lent[d]);

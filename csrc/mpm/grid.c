@@ -65,7 +65,7 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
     for (int64_t n = first; n < last; n++) {
-        double sum[9], v[3], next[3];
+        double sum[GR_NODE_SUMS(3, 1)], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
         gather_sums(K, GR_NODE_SUMS(dim, diffused), e, n, sum);
         const double m = sum[0];
@@ -91,6 +91,8 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
             out[2 * dim] = m / (cell_mass * e->mesh.node_volume[n]);
             out[2 * dim + 1] = sum[1 + 2 * dim] > 0 ? sum[2 + 2 * dim] / sum[1 + 2 * dim] : 0;
             out[2 * dim + 2] = fmax(out[2 * dim] - 1, 0);
+            out[2 * dim + 3] = sum[1 + 2 * dim] > 0 ? sum[3 + 2 * dim] / sum[1 + 2 * dim] : 0;
+            for (int d = 0; d < dim; d++) out[2 * dim + 4 + d] = sum[4 + 2 * dim + d] / cell_mass;
         }
     }
 }
@@ -107,6 +109,43 @@ void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const doubl
     GR_GRID(3, 27, 0)
     GR_GRID(3, 27, 1)
 #undef GR_GRID
+}
+
+/* Whether the node and those next to it are full enough to lie inside the material. */
+static int is_inside(const struct gr_engine *e, int64_t n)
+{
+    const double enough = 0.6;
+    const int dim = e->config.dim;
+    const double *phi = e->node_data + 2 * dim;
+    int64_t rest = e->mesh.node_id[n], stride = 1;
+    int inside = phi[n * e->node_stride] > enough;
+    for (int d = 0; inside && d < dim; d++) {
+        const int64_t m = e->axis[d].n_nodes, at = rest % m;
+        for (int64_t next = at - 1; next <= at + 1; next += 2) {
+            if (!e->axis[d].periodic && (next < 0 || next >= m)) continue;
+            const int64_t other = e->mesh.node_of[e->mesh.node_id[n] + ((next + m) % m - at) * stride] - 1;
+            inside = inside && other >= 0 && phi[other * e->node_stride] > enough;
+        }
+        rest /= m;
+        stride *= m;
+    }
+    return inside;
+}
+
+void gr_grid_unevenness(struct gr_engine *e, int64_t first, int64_t last)
+{
+    const int dim = e->config.dim;
+    for (int64_t n = first; n < last; n++) {
+        double *uneven = e->node_data + n * e->node_stride + 2 * dim + 4;
+        const int inside = is_inside(e, n), fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
+        int64_t rest = e->mesh.node_id[n];
+        for (int d = 0; d < dim; d++) {
+            const int64_t m = e->axis[d].n_nodes, at = rest % m;
+            const int end = !e->axis[d].periodic && (at == 0 || at == m - 1);
+            if (!inside || end || fixed >> d & 1) uneven[d] = 0;
+            rest /= m;
+        }
+    }
 }
 
 void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)

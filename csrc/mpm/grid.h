@@ -9,8 +9,12 @@ void gr_gravity(const struct gr_config *config, double t, double g[3]);
 
 /* Momentum balance on the nodes [first, last) with gravity g:
  *   v = p/m,  v' = v + dt (f/m + g), walls;  w = f (v' - v) + (1 - f) v'   (Dunatunga & Kamrin 2015, eq. 3.5-3.8).
- * v', w and, where the density is averaged, phi and cbar go to node_data; m to node_mass; v to node_v. */
+ * v', w and what the averaging of the density needs go to node_data; m to node_mass; v to node_v. */
 void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3]);
+
+/* After gr_grid_nodes for all nodes: leave the unevenness only where a uniform pressure should make no force, inside
+ * the material; elsewhere it is the force on the surface, or a wall bears it. */
+void gr_grid_unevenness(struct gr_engine *e, int64_t first, int64_t last);
 
 /* XPIC: take pass r of order m from the sums of kernels->smooth and add its share to w.
  *   w = v' - v + sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v   (Hammerquist & Nairn 2017). */

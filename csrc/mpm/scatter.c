@@ -3,7 +3,8 @@
  * Sums of a node (Dunatunga & Kamrin 2015, eq. 3.4):
  *   m_i = sum w m;   p_i = sum w m (v + C (x_i - x));   f_i = -sum V sigma grad w;
  * and, where the density is averaged, the mass and the linearly extrapolated log-density of the points
- * that are not far apart: sum w m, sum w m (c + grad c (x_i - x)).
+ * that are not far apart: sum w m, sum w m (c + grad c (x_i - x)), and their unevenness, the force that a uniform
+ * pressure would make: sum (1 + u) m grad w. V is m/rho with the weight 1 + u of the point.
  * Each cell writes a block of its own, the sums of one node side by side, and the nodes gather from the blocks
  * in a fixed order (grid.c), so the sums do not depend on the number of threads.
  *
@@ -35,6 +36,7 @@ struct gift {
     vd m, v[3], affine[3][3];     /* kg, m/s, m/s: C dx */
     vd stress[3][3], lent[3];     /* -V sigma/dx, m/s^2 kg: what the shift takes back */
     vd joined, c, slope[3];       /* mass and log-density of the points that join the averaging; its gradient per cell */
+    vd weight;                    /* 1 + u */
 };
 
 GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)
@@ -75,7 +77,11 @@ GR_INLINE void give_force(const int dim, const int diffused, const struct gr_eng
             largest = v_max(v_abs(gift->stress[d][j]), largest);
         }
     const vd c = component(e, GR_FIELD_log_density, 0, at);
-    const vd V = gift->m * v_set(e->force_scale) * expansion(c, v_gt(largest, v_zero()));
+    vd V = gift->m * v_set(e->force_scale) * expansion(c, v_gt(largest, v_zero()));
+    if (diffused) {
+        gift->weight = v_set(1.0) + component(e, GR_FIELD_overweight, 0, at);
+        V = V * gift->weight;
+    }
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++) gift->stress[d][j] = gift->stress[j][d] = V * gift->stress[d][j];
     for (int d = 0; diffused && d < dim; d++) {
@@ -161,18 +167,25 @@ GR_INLINE void add_force(const int dim, const int basis, const int diffused, con
     }
 }
 
-/* sum[a][...] += mass and log-density of the row. */
+/* sum[a][...] += mass, log-density and unevenness of the row. */
 GR_INLINE void add_density(const int dim, const int basis, const struct gift *p, const struct row row, vd sum[3][7])
 {
     const vd m = p->joined * beside(dim, basis, p, row, 0), level = level_of(dim, p, row, p->c, p->slope);
+    const vd u = p->weight - v_set(1.0);
+    vd across[3];
+    across[0] = m * p->weight;
+    for (int d = 1; d < dim; d++) across[d] = p->joined * p->weight * beside(dim, basis, p, row, d);
     for (int a = 0; a < gr_nodes_1d(basis); a++) {
         const vd w = m * p->w[0][a];
         sum[a][0] = sum[a][0] + w;
         sum[a][1] = v_fma(w, v_fma(p->slope[0], p->r[0][a], level), sum[a][1]);
+        sum[a][2] = v_fma(w, u, sum[a][2]);
+        sum[a][3] = v_fma(across[0], p->g[0][a], sum[a][3]);
+        for (int d = 1; d < dim; d++) sum[a][3 + d] = v_fma(across[d], p->w[0][a], sum[a][3 + d]);
     }
 }
 
-/* What is summed in a pass over the rows: m and p, f, or mass and log-density. */
+/* What is summed in a pass over the rows: m and p, f, or what the averaging needs. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
 
 /* What n blocks give, row by row: acc[node * rows + first...] = the sums `what` of each node, of its `rows` in all. */
@@ -180,7 +193,7 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
                         const struct gift *gift, int n, const int rows, const int first, vd *acc)
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
-    const int width = (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? 2 : 0);
+    const int width = (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? 3 + dim : 0);
     for (int bc = 0; bc < K / k; bc++) {
         const struct row row = {bc % k, bc / k};
         vd sum[3][7];
@@ -218,7 +231,8 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
     struct gift gift[CHUNK];
     vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS];
     const int averages = diffused && e->sums_average;
-    for (int i = 0; diffused && !averages && i < 2 * K; i++) acc[i / 2 * rows + 1 + 2 * dim + i % 2] = v_zero();
+    for (int i = 0; diffused && !averages && i < K; i++)
+        for (int q = 1 + 2 * dim; q < rows; q++) acc[i * rows + q] = v_zero();
     for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;

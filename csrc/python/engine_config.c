@@ -139,12 +139,14 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("cfl", cfl)
     GR_TAKE("dt", dt)
     GR_TAKE("diffusion", cure.diffusion)
-    GR_TAKE("shear_diffusion", cure.shear_diffusion)
     GR_TAKE("feedback", cure.feedback)
     GR_TAKE("feedback_limit", cure.feedback_limit)
     GR_TAKE("shift", cure.shift)
     GR_TAKE("shift_limit", cure.shift_limit)
     GR_TAKE("tension_reach", cure.reach)
+    GR_TAKE("weighting", cure.weighting)
+    GR_TAKE("weight_limit", cure.weight_limit)
+    GR_TAKE("weight_decay", cure.weight_decay)
 #undef GR_TAKE
     const struct gr_law_info *law = &gr_law_table[c->law];
     for (int k = 0; k < law->n_parameters; k++)

@@ -89,6 +89,9 @@ _KEPT = (
     "shift_limit",
     "shift_outlet_cells",
     "tension_reach",
+    "weighting",
+    "weight_limit",
+    "weight_decay",
     "mass_cutoff",
 )
 """Numbers of the default scheme with which its law was measured, whatever the rates."""
@@ -102,11 +105,7 @@ def kind(scheme: Scheme) -> str:
     """
     if scheme.density == "diffused":
         ratio = scheme.decay / default.decay
-        rates = (
-            (scheme.diffusion, default.diffusion * ratio),
-            (scheme.shear_diffusion, default.shear_diffusion * ratio**2),
-        )
-        held = ratio > 0 and all(math.isclose(*pair, rel_tol=1e-6) for pair in rates)
+        held = ratio > 0 and math.isclose(scheme.diffusion, default.diffusion * ratio, rel_tol=1e-6)
         same = all(getattr(scheme, name) == getattr(default, name) for name in _KEPT)
         return "default" if held and same else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
@@ -221,8 +220,8 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
 def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     """Numbers of the scheme with which its own rates [1/s] stay what they are as E changes.
 
-    Decay and diffusion go with c_w/dx, the diffusion by shear with E: left alone, softer grains
-    would change the scheme as well, which moves a run-out more than their elasticity does.
+    Decay and diffusion go with c_w/dx: left alone, softer grains would change the scheme as
+    well, which moves a run-out more than their elasticity does.
     """
     scheme, softer = scene.scheme, scene.material.E / E
     numbers: dict[str, float | int] = {}
@@ -230,7 +229,6 @@ def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
         numbers["decay"] = scheme.decay * math.sqrt(softer)
     if scheme.density == "diffused":
         numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
-        numbers["shear_diffusion"] = scheme.shear_diffusion * softer
         # The time between two averagings, too, as far as whole steps allow.
         steps = round(scheme.averaging_interval / math.sqrt(softer))
         numbers["averaging_interval"] = min(max(steps, 1), 16)

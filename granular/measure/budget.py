@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.measure.energy import elastic_of, kinetic_of, plastic_power
 from granular.measure.lattice import Array
-from granular.measure.stress import deviator_squared, pressure
 from granular.nodes import creases, node_codes, node_positions
 
 if TYPE_CHECKING:
     from granular.scene import Scene
     from granular.simulation import Simulation
-    from granular.state import State
 
 __all__ = ["StepBudget", "step_budget"]
 
@@ -108,16 +107,6 @@ def _at_walls(scene: "Scene", x: Array) -> Array:
     return ruled[number]
 
 
-def _kinetic(state: "State") -> Array:
-    return state.mass * np.sum(state.v**2, axis=1) / 2
-
-
-def _elastic(state: "State") -> Array:
-    material = state.scene.material
-    shear = deviator_squared(state.stress) / (4 * material.G)
-    return state.volume * (shear + pressure(state.stress) ** 2 / (2 * material.K))
-
-
 def _half_square(a: Array, b: Array) -> float:
     """sum a.b/2 over nodes and components."""
     return float(np.einsum("ij,ij->", a, b) / 2)
@@ -164,22 +153,22 @@ def step_budget(sim: "Simulation") -> StepBudget:
     wall = _half_square(old + new, np.where(ruled, impulse, 0.0))
     grid = [_half_square(m * old, old), _half_square(m * new, new)]
 
-    kinetic, elastic = _kinetic(before), _elastic(before)
+    kinetic, elastic = kinetic_of(before), elastic_of(before)
     _, stay, _ = np.intersect1d(before.id, after.id, assume_unique=True, return_indices=True)
     left = np.ones(before.n, dtype=bool)
     left[stay] = False
     dropped = elastic[stay][~after.stress.any(axis=1)].sum()
-    plastic = float(np.sum(after.volume * after.tau * after.shear_rate) * dt)
-    elastic_after, outflow = _elastic(after).sum(), elastic[left].sum()
+    plastic = plastic_power(after) * dt
+    elastic_after, outflow = elastic_of(after).sum(), elastic[left].sum()
     return StepBudget(
         time=before.time,
         dt=dt,
         kinetic_before=float(kinetic.sum()),
-        kinetic_after=float(_kinetic(after).sum()),
+        kinetic_after=float(kinetic_of(after).sum()),
         grid_kinetic_before=grid[0],
         grid_kinetic_after=grid[1],
         p2g_loss=float(kinetic.sum()) - grid[0],
-        g2p_loss=grid[1] - float(_kinetic(after).sum()) - float(kinetic[left].sum()),
+        g2p_loss=grid[1] - float(kinetic_of(after).sum()) - float(kinetic[left].sum()),
         internal_work=internal,
         external_work=external,
         wall_work=wall,

@@ -98,7 +98,14 @@ def elastic_of(state: Any) -> Array:
     stress = np.asarray(state.stress, dtype=float)
     material = state.scene.material
     density = deviator_squared(stress) / (4 * material.G) + pressure(stress) ** 2 / (2 * material.K)
-    return np.asarray(state.volume) * density
+    return np.asarray(state.quadrature_volume) * density
+
+
+def plastic_power(state: Any) -> float:
+    """sum V tau gdot [W] over the points (eq. 2.15); 0 for a law without a yield."""
+    if state.scene.material.law == "elastic":
+        return 0.0
+    return float(np.sum(state.quadrature_volume * state.tau * state.shear_rate))
 
 
 def energy_budget(trajectory: Iterable[Any]) -> EnergyBudget:

@@ -155,7 +155,8 @@ class CellField:
 def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
     """A point field averaged over each occupied cell.
 
-    ``sum w_p f_p / sum w_p`` over the points of the cell, w the mass or the volume.
+    ``sum w_p f_p / sum w_p`` over the points of the cell, w the mass or the volume, with the
+    weights of the scheme (`State.quadrature_volume`).
 
     Parameters
     ----------
@@ -175,7 +176,7 @@ def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
     """
     one_of("weight", weight, ("mass", "volume"))
     field = values(state, field)
-    w = np.asarray(getattr(state, weight), dtype=float)
+    w = np.asarray(state.mass if weight == "mass" else state.quadrature_volume, dtype=float)
     cells, row = np.unique(cells_of(state), axis=0, return_inverse=True)
     total = np.bincount(row, weights=w)
     columns = field.reshape(len(field), -1).T

@@ -9,6 +9,7 @@ import numpy as np
 
 from granular import materials, measure, schemes
 from granular.geometry import Box, Fill, Grid
+from granular.measure.energy import plastic_power
 from granular.scene import Scene
 from granular.schemes import Scheme
 from granular.simulation import Simulation
@@ -17,7 +18,13 @@ from granular.verify.layers import JITTER, MODULUS, layer
 from granular.verify.rows import Row, at_most, beside, check, holds
 from granular.walls import Gravity
 
-IDLE = {"diffusion": 0.0, "shear_diffusion": 0.0, "feedback": 0.0, "shift": 0.0}
+IDLE = {
+    "diffusion": 0.0,
+    "feedback": 0.0,
+    "shift": 0.0,
+    "weighting": 0.0,
+    "weight_decay": 0.0,
+}
 """Changes of a scheme without which it is its own twin that does not cure."""
 
 ENOUGH = 100
@@ -82,7 +89,7 @@ def given(sim: Simulation) -> Given:
         energy=stored - float(m @ (moved @ a.scene.gravity.at(a.time))),
         momentum=float(np.abs(m @ (a.v - b.v)).max() / (m @ speed)),
         angular=float(spin / (m @ (speed * b.x[:, 1]))),
-        plastic=float(np.sum(b.volume * b.tau * b.shear_rate) * b.dt * interval),
+        plastic=plastic_power(b) * b.dt * interval,
     )
 
 

@@ -185,6 +185,8 @@ def scatter(scene, points, step=0, lent_dt=1.0):
     if "affine" in points:
         v = v + np.einsum("pdj,pkj->pkd", points["affine"].reshape(-1, dim, dim), s.r)
     volume = m * np.exp(-points["log_density"]) / scene.material.rho_c
+    if "overweight" in points:
+        volume = (1 + points["overweight"]) * volume
     stress = tensor(points["stress"], dim)[:, :dim, :dim]
     force = -np.einsum("p,pdj,pkj->pkd", volume, stress, s.g)
     if averages(scene, step - 1):
@@ -203,7 +205,31 @@ def scatter(scene, points, step=0, lent_dt=1.0):
         seen = c[:, None] + np.einsum("pj,pkj->pk", points["density_gradient"], s.r)
         joined = s.to_nodes(s.w * joins[:, None])
         out.cbar = _ratio(s.to_nodes(s.w * joins[:, None] * seen), joined)
+        u = points["overweight"]
+        out.ubar = _ratio(s.to_nodes(s.w * (joins * u)[:, None]), joined)
+        push = s.g * scene.grid.cell * (joins * (1 + u) / cell_mass)[:, None, None]
+        out.uneven = s.to_nodes(push)
     return out
+
+
+def keep_uneven_inside(scene, nodes, fixed):
+    """Leave it where node and next nodes are full, no wall bears it and the domain goes on."""
+    counts = nodes.shapes.counts
+    full = (nodes.phi > 0.6).reshape(counts, order="F")
+    inside, ends = full.copy(), []
+    for d, periodic in enumerate(scene.grid.periodic):
+        place = np.moveaxis(np.indices(counts)[d], d, 0)
+        ends.append((place == 0) | (place == counts[d] - 1) if not periodic else place < 0)
+        line, kept = np.moveaxis(full, d, 0), np.moveaxis(inside, d, 0)
+        for side in (-1, 1):
+            beside = np.roll(line, side, axis=0)
+            if not periodic:
+                beside[0 if side == 1 else -1] = True
+            kept &= beside
+    for d in range(len(counts)):
+        on_end = np.moveaxis(ends[d], 0, d).ravel(order="F")
+        lost = ~inside.ravel(order="F") | on_end | fixed[:, d]
+        nodes.uneven[lost, d] = 0.0
 
 
 def _ratio(a, b):
@@ -259,6 +285,8 @@ def grid(scene, points, nodes, dt, time):
             _wall(row, v[i], after[i])
             fixed[i] = [row.fixed >> d & 1 for d in range(v.shape[1])]
     keep = keep_share(scene, dt)
+    if hasattr(nodes, "uneven"):
+        keep_uneven_inside(scene, nodes, fixed)
     nodes.v, nodes.before = after, v
     nodes.w = keep * (after - v) + (1 - keep) * after
     if scene.scheme.transfer == "xpic":
@@ -341,16 +369,16 @@ def _average(scene, points, new, nodes, L, dt):
     old = points["log_density"]
     joins = old >= -q.tension_reach
     r = many * dt * (q.diffusion * scene.material.wave_speed / dx)
-    r = r + dt * q.shear_diffusion * scene.material.E * rate
     near = s.w @ nodes.cbar[s.node]
     c = old - dt * trace + np.where(joins, r / (1 + r), 0.0) * (near - old)
     phi = nodes.phi[s.node]
     full = s.w @ phi
     fed = _least_around(scene, points["x"], nodes.phi) > 0.5
-    # ln(full) by its first approximant: |ln| is cut at feedback_limit about c
-    gap = 2 * (full - 1) / (full + 1) - c
-    gap = np.clip(gap, -q.feedback_limit, q.feedback_limit)
-    c = np.where(fed & (c >= 0), c + q.feedback * rate * dt * gap, c)
+    gap = 2 * (full - 1) / (full + 1) - c  # ln(full) by its first approximant
+    g = np.linalg.norm(scene.gravity.vectors, axis=1).max()
+    most = q.feedback_limit * g / scene.material.wave_speed * many * dt
+    pull = np.clip(q.feedback * rate * dt * gap, -most, most)
+    c = np.where(fed & (c >= 0), c + pull, c)
     slope = np.einsum("k,pkj->pj", np.maximum(phi - 1, 0.0), s.g)
     delta = -q.shift * (rate * dt)[:, None] * dx**2 * slope
     length = np.linalg.norm(delta, axis=1)
@@ -360,6 +388,10 @@ def _average(scene, points, new, nodes, L, dt):
     delta = delta * scale[:, None]
     delta = _held_at_walls(scene, points["x"], delta)
     lent = np.einsum("pdj,pj->pd", L, delta)
+    u = points["overweight"]
+    divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
+    u = u - q.weighting * divergence - q.weight_decay * u - s.w @ nodes.ubar[s.node]
+    new["overweight"] = np.clip(u, -q.weight_limit, q.weight_limit)
     gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta

@@ -37,6 +37,7 @@ def disturbed(scene, seed=3, step=0, **options):
         "affine": rng.normal(0.0, 3.0, (scene.dim**2, n)),
         "density_gradient": rng.normal(0.0, 0.05, (scene.dim, n)),
         "shift_velocity": rng.normal(0.0, 0.02, (scene.dim, n)),
+        "overweight": rng.normal(0.0, 0.1, (1, n)),
     }
     stress = rng.normal(0.0, 0.3, (4 if scene.dim == 2 else 6, n)) * p
     stress[:3] -= stress[:3].mean(axis=0) + p

@@ -12,7 +12,6 @@ def test_presets():
     p, d = schemes.published, schemes.default
     assert (p.basis, p.transfer, p.density, p.dt) == ("linear", "flip", "tracked", 3e-6)
     assert (d.basis, d.transfer, d.density, d.dt) == ("quadratic", "tpic", "diffused", None)
-    assert d.shear_diffusion * 1e6 == pytest.approx(2.0)
     assert Scheme() == d and d.replace(cfl=0.25).cfl == 0.25 and d.cfl == 0.5
 
 
@@ -32,6 +31,10 @@ def test_presets():
         ({"flip_decay": -1.0}, ValueError, "flip_decay = -1.0"),
         ({"mass_cutoff": 0.1}, ValueError, "mass_cutoff = 0.1"),
         ({"diffusion": math.nan}, ValueError, "diffusion = nan"),
+        ({"weighting": 1.1}, ValueError, "weighting = 1.1"),
+        ({"weight_limit": 1.0}, ValueError, "weight_limit = 1.0"),
+        ({"weight_decay": -0.1}, ValueError, "weight_decay = -0.1"),
+        ({"feedback_limit": -1.0}, ValueError, "feedback_limit = -1.0"),
         ({"shift_limit": 0.6}, ValueError, "shift_limit = 0.6"),
         ({"shift_outlet_cells": -1}, ValueError, "shift_outlet_cells = -1"),
         ({"basis": "linear", "density": "diffused"}, ValueError, 'needs basis = "quadratic"'),
