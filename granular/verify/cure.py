@@ -36,6 +36,9 @@ WINDOW = 15
 """Columns of the steepest piece of a slope. Over 5 columns it is chance where the highest points
 lie in theirs: those under an exact plane of 21.0 deg give 26.4 with 4 points per cell."""
 
+STIFF = 1e7
+"""Young's modulus [Pa] of layers that are to come to rest."""
+
 SOFT = materials.glass_beads.replace(E=layers.MODULUS)
 
 
@@ -243,16 +246,21 @@ def stop_time(angle_deg: float, push: float) -> float:
     return push / (9.8 * (SOFT.mu_s * np.cos(angle) - np.sin(angle)))
 
 
-def pushed(angle_deg: float, push: float, scheme: Scheme) -> Iterator[Row]:
+def pushed(angle_deg: float, push: float, scheme: Scheme, points: int = 4) -> Iterator[Row]:
     """Rows of a layer that is pushed below its angle: at rest after twice the time of a block,
-    and still so five times later."""
-    sim = layer(angle_deg, push=push, scheme=scheme)
+    and still so five times later.
+
+    E = 1e7: softer layers creep at 20 deg, as the law that is ill-posed there makes them (see
+    docs/limits.md).
+    """
+    sim = layer(angle_deg, push=push, scheme=scheme, points=points, E=STIFF)
     stop = 0.1 + 2 * stop_time(angle_deg, push)
+    name = f"{angle_deg:g} deg, {points} points"
     for time in (stop, 5 * stop):
         speed = abs(mean_speed(sim.run(until=time).state))
-        yield at_most(f"|vbar| [m/s] at {sim.time:.2g} s, {angle_deg:g} deg", speed, MOVING)
+        yield at_most(f"|vbar| [m/s] at {sim.time:.2g} s, {name}", speed, MOVING)
     top = measure.speed_percentile(sim.state, q=100.0)
-    yield at_most(f"fastest point [m/s] at {sim.time:.2g} s, {angle_deg:g} deg", top, MOVING)
+    yield at_most(f"fastest point [m/s] at {sim.time:.2g} s, {name}", top, MOVING)
 
 
 @check()
@@ -264,8 +272,12 @@ def cure_thresholds_quick(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 @check(slow=True)
 def cure_thresholds(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     """Pushed to .1 m/s at 19 and 20 deg it comes to rest; at 21.5 deg it flows from rest."""
-    for angle in (19.0, 20.0):
-        yield from pushed(angle, 0.1, scheme)
+    for points in (4, 9):
+        for angle in (19.0, 20.0):
+            yield from pushed(angle, 0.1, scheme, points)
+    sim = layer(20.0, push=0.1, scheme=scheme).run(until=0.1 + 10 * stop_time(20.0, 0.1))
+    speed = f"{abs(mean_speed(sim.state)):.2g}"
+    yield beside(f"|vbar| [m/s] at {sim.time:.2g} s, 20 deg, E = 1e6", speed, "reported")
     sim = layer(21.5, scheme=scheme).run(until=20.0)
     mean = mean_speed(sim.state)
     exact = transient(21.5, layers.HEIGHT, sim.scene.material, [sim.time]).mean[0]
