@@ -58,6 +58,7 @@ class Engine:
         basis: int,
         affine: int,
         diffused: int,
+        shared: int,
         averaging_interval: int,
         xpic_order: int,
         pressure_from_density: int,

@@ -145,6 +145,7 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("shift", cure.shift)
     GR_TAKE("shift_limit", cure.shift_limit)
     GR_TAKE("tension_reach", cure.reach)
+    GR_TAKE("bulk_viscosity", cure.bulk_viscosity)
 #undef GR_TAKE
     const struct gr_law_info *law = &gr_law_table[c->law];
     for (int k = 0; k < law->n_parameters; k++)
@@ -162,22 +163,42 @@ static int law_index(const char *name)
 
 int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_wall table[256], const char **isa)
 {
-    static char *names[] = {
-        "dim",        "basis", "affine",     "diffused",   "averaging_interval", "xpic_order",      "pressure_from_density",
-        "law",        "isa",   "shape",      "lower",      "periodic",           "open_low",        "open_high",
-        "creases",    "walls", "node_codes", "cell_flags", "gravity_times",      "gravity_vectors", "numbers",
-        "parameters", NULL};
+    static char *names[] = {"dim",
+                            "basis",
+                            "affine",
+                            "diffused",
+                            "shared",
+                            "averaging_interval",
+                            "xpic_order",
+                            "pressure_from_density",
+                            "law",
+                            "isa",
+                            "shape",
+                            "lower",
+                            "periodic",
+                            "open_low",
+                            "open_high",
+                            "creases",
+                            "walls",
+                            "node_codes",
+                            "cell_flags",
+                            "gravity_times",
+                            "gravity_vectors",
+                            "numbers",
+                            "parameters",
+                            NULL};
     struct gr_config c = {0};
     const char *law;
     PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *parameters;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!", names, &c.dim, &c.basis, &c.affine,
-                                     &c.diffused, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa,
-                                     &shape, &lower, &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiissOOOOOOOOOOOO!O!", names, &c.dim, &c.basis, &c.affine,
+                                     &c.diffused, &c.shared, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law,
+                                     isa, &shape, &lower, &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags,
                                      &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters))
         return -1;
-    if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || c.diffused < 0 || c.diffused > 1) {
-        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis 0 to 2 and diffused 0 or 1");
+    if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || c.diffused < 0 || c.diffused > 1 ||
+        c.shared < 0 || c.shared > 1) {
+        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis 0 to 2, diffused and shared 0 or 1");
         return -1;
     }
     c.law = law_index(law);
