@@ -25,6 +25,7 @@ __all__ = [
     "show_config",
 ]
 
+CORE_DENSITIES = ("tracked", "diffused", "shared")
 AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
 FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
 PAGE, LINE = 4096, 64  # bytes
@@ -163,8 +164,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         dim=grid.dim,
         basis=CORE_BASES.index(scheme.basis),
         affine=AFFINE[scheme.transfer],
-        diffused=int(scheme.density == "diffused"),
-        shared=int(scheme.density == "shared"),
+        density=CORE_DENSITIES.index(scheme.density),
         averaging_interval=scheme.averaging_interval,
         xpic_order=scheme.xpic_order if scheme.transfer == "xpic" else 0,
         pressure_from_density=int(scheme.density != "tracked"),
@@ -178,7 +178,9 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         creases=lines,
         walls=[(0, 0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
         node_codes=codes,
-        cell_flags=_cell_flags(scene) if scheme.density != "tracked" or AFFINE[scheme.transfer] else None,
+        cell_flags=_cell_flags(scene)
+        if scheme.density != "tracked" or AFFINE[scheme.transfer]
+        else None,
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),

@@ -42,10 +42,7 @@ GR_INLINE void scatter_shared_cell(const int dim, const int affine, struct gr_en
     double sum[MOST] = {0}, *out = e->sums + index * e->sum_stride;
     struct gift gift[CHUNK];
     vd acc[MOST];
-    if (!blocks) {
-        for (int i = 0; i < e->sum_stride; i++) out[i] = 0;
-        return;
-    }
+    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
         vd *const own = acc + K * rows;

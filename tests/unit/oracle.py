@@ -176,8 +176,9 @@ def averages(scene, step):
     return scene.scheme.density == "diffused" and step % scene.scheme.averaging_interval == 0
 
 
-def scatter(scene, points, step=0, lent_dt=1.0):
-    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density."""
+def scatter(scene, points, step=0, lent_dt=1.0, time=0.0):
+    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density,
+    and `cells` where they share it."""
     dim = scene.grid.dim
     s = Shapes(scene, points["x"])
     m = points["mass"]
@@ -195,6 +196,8 @@ def scatter(scene, points, step=0, lent_dt=1.0):
         momentum=s.to_nodes((s.w * m[:, None])[..., None] * v),
         force=s.to_nodes(force),
     )
+    if scene.scheme.density == "shared":
+        _share(scene, points, out, time)
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
@@ -240,14 +243,23 @@ def keep_share(scene, dt):
 
 def grid(scene, points, nodes, dt, time):
     """Nodal velocities (3.5-3.7): `v` after the forces, `w` what the points receive."""
-    codes, rows = node_codes(scene)
-    codes = codes.ravel()
     used = nodes.mass > 0
-    v = np.zeros_like(nodes.momentum)
-    v[used] = nodes.momentum[used] / nodes.mass[used, None]
+    v = _ratio(nodes.momentum, nodes.mass[:, None])
     after = np.zeros_like(v)
     acceleration = nodes.force[used] / nodes.mass[used, None] + scene.gravity.at(time)
     after[used] = v[used] + dt * acceleration
+    fixed = _at_walls(scene, used, v, after, time)
+    keep = keep_share(scene, dt)
+    nodes.v, nodes.before = after, v
+    nodes.w = keep * (after - v) + (1 - keep) * after
+    if scene.scheme.transfer == "xpic":
+        nodes.w = after - v + _filtered(scene, points, nodes, v, fixed)
+
+
+def _at_walls(scene, used, v, after, time):
+    """Apply the walls of a time to nodal velocities; which components they hold."""
+    codes, rows = node_codes(scene)
+    codes = codes.ravel()
     fixed = np.zeros(v.shape, dtype=bool)
     for i in np.flatnonzero(used & (codes > 0)):
         row = rows[codes[i] - 1]
@@ -258,11 +270,7 @@ def grid(scene, points, nodes, dt, time):
         if row is not None:
             _wall(row, v[i], after[i])
             fixed[i] = [row.fixed >> d & 1 for d in range(v.shape[1])]
-    keep = keep_share(scene, dt)
-    nodes.v, nodes.before = after, v
-    nodes.w = keep * (after - v) + (1 - keep) * after
-    if scene.scheme.transfer == "xpic":
-        nodes.w = after - v + _filtered(scene, points, nodes, v, fixed)
+    return fixed
 
 
 def _filtered(scene, points, nodes, v, fixed):
@@ -287,8 +295,10 @@ def gather(scene, points, nodes, dt, step=0):
     L = np.einsum("kd,pkj->pdj", v, s.g)
     new["v"] = keep * points["v"] + s.w @ w
     new["x"] = points["x"] + dt * (s.w @ v)
-    trace = np.trace(L, axis1=1, axis2=2)
-    new["log_density"] = points["log_density"] - dt * trace
+    if scene.scheme.density == "shared":
+        L = _flow_of_cells(scene, points, new, nodes, dt)
+    else:
+        new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
@@ -310,7 +320,7 @@ def gather(scene, points, nodes, dt, step=0):
         gradient,
         new["log_density"],
         dt,
-        equation_of_state=scene.scheme.density == "diffused",
+        equation_of_state=scene.scheme.density != "tracked",
     )
     new["stress"], new["shear_rate"] = components(stress, dim), rate
     return new
@@ -335,9 +345,7 @@ def _average(scene, points, new, nodes, L, dt):
     many = scene.scheme.averaging_interval
     q, dx, s, dim = scene.scheme, scene.grid.cell, nodes.shapes, scene.grid.dim
     trace = np.trace(L, axis1=1, axis2=2)
-    D = (L + L.transpose(0, 2, 1)) / 2
-    deviator_squared = np.einsum("pij,pij->p", D, D) - trace**2 / 3
-    rate = many * (np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace))
+    rate = many * _kinematic_rate(L)
     old = points["log_density"]
     joins = old >= -q.tension_reach
     r = many * dt * (q.diffusion * scene.material.wave_speed / dx)
@@ -364,6 +372,90 @@ def _average(scene, points, new, nodes, L, dt):
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
     new["v"], new["shift_velocity"] = new["v"] + lent, lent
+
+
+def _kinematic_rate(L):
+    """Shear rate and |tr L| of velocity gradients (n, dim, dim)."""
+    trace, D = np.trace(L, axis1=1, axis2=2), (L + L.transpose(0, 2, 1)) / 2
+    deviator_squared = np.einsum("pij,pij->p", D, D) - trace**2 / 3
+    return np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace)
+
+
+# ---- the density that the points of a cell share ----
+
+
+def _share(scene, points, nodes, time):
+    """Cells with points: what they are, and their forces in place of those of the points."""
+    grid, s, m, dim = scene.grid, nodes.shapes, points["mass"], scene.grid.dim
+    at = np.floor((points["x"] - grid.lower) / grid.cell)
+    place, which = np.unique(at, axis=0, return_inverse=True)
+    which = which.ravel()
+    mean = _mean_over_cells(which, m)
+    room = node_volumes(scene) * grid.cell**dim
+    middle = Shapes(scene, grid.lower + (place + 0.5) * grid.cell)
+    around = middle.w > 0
+    filled = around @ nodes.mass[middle.node] / scene.material.rho_c
+    free = around @ room[middle.node]
+    phi = filled / free
+    inside = np.clip((phi - 0.8) / 0.1, 0.0, 1.0)
+    centre = mean((points["x"] - grid.lower) / grid.cell) - place
+    local = inside[:, None] / 2 + (1 - inside[:, None]) * centre
+    here = Shapes(scene, grid.lower + (place + local) * grid.cell)
+
+    v = _ratio(nodes.momentum, nodes.mass[:, None])
+    _at_walls(scene, nodes.mass > 0, v, v.copy(), time)
+    trace = np.einsum("cki,ki->c", here.g, v[here.node])
+    c = mean(points["log_density"])
+    sigma = mean(tensor(points["stress"], dim)[:, :dim, :dim])
+    q, material = scene.scheme, scene.material
+    viscous = q.bulk_viscosity * material.rho_c * material.wave_speed * grid.cell * trace
+    sigma = sigma + np.where(c > 0, viscous, 0.0)[:, None, None] * np.eye(dim)
+    needed = np.minimum(np.bincount(which, m) / material.rho_c, grid.cell**dim)
+    volume = inside * grid.cell**dim + (1 - inside) * needed
+    nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
+        np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
+    )
+    excess = np.maximum(nodes.mass / material.rho_c - room, 0.0) / grid.cell**dim
+    nodes.cells = SimpleNamespace(
+        which=which,
+        here=here,
+        c=c,
+        inside=inside,
+        log_phi=2 * (phi - 1) / (phi + 1),
+        crowding=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
+    )
+
+
+def _mean_over_cells(which, m):
+    """The mean by mass of values (points, ...) over the points of each cell."""
+
+    def mean(values):
+        flat = values.reshape(len(m), -1)
+        sums = np.stack([np.bincount(which, m * column) for column in flat.T], axis=1)
+        sums /= np.bincount(which, m)[:, None]
+        return sums.reshape(-1, *values.shape[1:])
+
+    return mean
+
+
+def _flow_of_cells(scene, points, new, nodes, dt):
+    """Density and shift of the points, by cells; returned are the velocity gradients of these."""
+    q, cells, dx = scene.scheme, nodes.cells, scene.grid.cell
+    L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
+    c = cells.c - dt * np.trace(L, axis1=1, axis2=2)
+    rate, gap = dt * _kinematic_rate(L), cells.log_phi - c
+    fed = np.clip(gap, -q.feedback_limit, q.feedback_limit) * q.feedback * rate
+    snapped = (cells.inside > 0) & (gap > 0)
+    loose = np.where(snapped, np.minimum(cells.log_phi, 0.0), c)
+    c = np.where(c >= 0, c + np.where(gap < 0, cells.inside, 1.0) * fed, loose)
+    length = np.linalg.norm(cells.crowding, axis=1)
+    most = np.minimum(q.shift_limit, 0.5 * rate)
+    scale = np.minimum(q.shift * rate, most / np.maximum(length, 1e-300))
+    shift = (-scale[:, None] * dx * cells.crowding)[cells.which]
+    shift[near_outlet(scene, points["x"])] = 0.0
+    new["log_density"] = c[cells.which]
+    new["x"] = new["x"] + _held_at_walls(scene, points["x"], shift)
+    return L[cells.which]
 
 
 def _least_around(scene, x, phi):
