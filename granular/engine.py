@@ -136,7 +136,6 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
         "shift_limit": scheme.shift_limit,
         # What bears tension is never loose.
         "tension_reach": scheme.tension_reach if material.law != "elastic" else UNBOUNDED,
-        "bulk_viscosity": scheme.bulk_viscosity,
     }
 
 

@@ -73,8 +73,6 @@ class Scheme:
         rates above stay what they are, and the steps between cost no more than plain ones.
     tension_reach : float
         Points looser than c_p = -tension_reach take no part in the averaging.
-    bulk_viscosity : float
-        Of cells that share their density, against their compression and dilation, in rho_c c_w dx.
     decay : float
         Under "tpic" v_p = v_pic + f (v_p + dv - v_pic) with f = exp(-decay dt c_w/dx).
 
@@ -101,7 +99,6 @@ class Scheme:
     shift_outlet_cells: int = 3
     averaging_interval: int = 4
     tension_reach: float = 0.02
-    bulk_viscosity: float = 0.1
     decay: float = 0.03
 
     def __post_init__(self) -> None:
@@ -132,7 +129,6 @@ class Scheme:
             "shift",
             "tension_reach",
             "decay",
-            "bulk_viscosity",
         ):
             checked[name] = non_negative(name, getattr(self, name))
         for name, value in checked.items():

@@ -146,7 +146,7 @@ static void stage_grid(struct team *team, int t)
     if (t == 0) gr_plan_sums(e, e->step + 1);
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
     if (e->config.shared) {
-        gr_grid_velocities(e, first, last);
+        gr_grid_masses(e, first, last);
         barrier(team);
         team->kernels->press(e, team->cut[t], team->cut[t + 1]);
         barrier(team);
@@ -224,7 +224,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 static void press(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     if (!e->config.shared) return;
-    gr_grid_velocities(e, 0, e->mesh.n_nodes);
+    gr_grid_masses(e, 0, e->mesh.n_nodes);
     kernels->press(e, 0, e->mesh.n_cells);
 }
 

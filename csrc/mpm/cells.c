@@ -95,38 +95,28 @@ GR_INLINE double look_around(const int dim, const struct gr_engine *e, int64_t i
     return M;
 }
 
-/* Forces of a cell on its nodes, with the velocities v_i before them:
- *   f_i = -A (sigma + b rho_c c_w dx tr(L) I) B_i,   A = dx^dim (w + (1 - w) min(1, M/(rho_c dx^dim))),
- * the bulk viscosity b where the cell is dense. They have no momentum and no angular momentum. */
+/* Forces of a cell on its nodes: they have no momentum, and no angular momentum.
+ *   f_i = -A sigma B_i,   A = dx^dim (w + (1 - w) min(1, M/(rho_c dx^dim))). */
 GR_INLINE void press_cell(const int dim, struct gr_engine *e, int64_t index)
 {
     static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     struct gr_shared *own = shared_of(dim, e, index);
-    double *sum = e->sums + index * e->sum_stride, trace = 0, traction[3][3];
+    double *sum = e->sums + index * e->sum_stride;
     if (!e->mesh.cell[index].count) return;
     const double M = look_around(dim, e, index, own), filled = M * e->mass_scale, w = own->inside;
-    for (int i = 0; i < K; i++) {
-        const double *v = e->node_v + (int64_t)e->mesh.cell_node[index * K + i] * dim;
-        for (int d = 0; d < dim; d++) trace += v[d] * slope_at(dim, own->at, i, d);
-    }
-    const double swelling = own->c > 0 ? e->config.cure.bulk_viscosity * e->config.rho_c * e->config.wave_speed * trace : 0;
-    /* -A/dx, with mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
-    const double area = (w + (1 - w) * (filled < 1 ? filled : 1)) * e->force_scale / e->mass_scale;
-    for (int d = 0; d < dim; d++)
-        for (int j = 0; j < dim; j++)
-            traction[d][j] = area * (own->stress[place[dim - 2][d][j]] / M + (d == j ? swelling : 0));
+    /* A/(dx M), with mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
+    const double area = (w + (1 - w) * (filled < 1 ? filled : 1)) * e->force_scale / filled;
     for (int i = 0; i < K; i++)
         for (int d = 0; d < dim; d++) {
             double force = 0;
-            for (int j = 0; j < dim; j++) force += traction[d][j] * slope_at(dim, own->at, i, j);
-            sum[i * rows + 1 + dim + d] = force;
+            for (int j = 0; j < dim; j++) force += own->stress[place[dim - 2][d][j]] * slope_at(dim, own->at, i, j);
+            sum[i * rows + 1 + dim + d] = area * force;
         }
 }
 
 /* What all points of a cell take from the step: L dt, their log-density after it, and a shift in m.
  *   c <- c - dt tr L;  if dense, c += kappa gdot dt clip(ln phi - c), of which w where that loosens;
- *   loose ones inside the material are no looser than the room they have: c >= min(ln phi, 0);
  *   delta = -beta gdot dt dx crowding,   |delta| <= min(limit dx, gdot dt dx/2). */
 GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3])
 {
@@ -144,16 +134,12 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     for (int k = 0; k < dim * dim; k++) L[k] = v_set(e->dt * e->inv_dx * G[k]);
     for (int d = 0; d < dim; d++) trace += L[d * dim + d][0], length += own->crowding[d] * own->crowding[d];
     const double rate = kinematic_rate(dim, L)[0];
-    double c = own->c - trace, gap = own->log_phi - c;
+    double c = own->c - trace;
     if (c >= 0) {
-        gap = gap > q->feedback_limit ? q->feedback_limit : gap < -q->feedback_limit ? -q->feedback_limit : gap;
+        const double gap = fmax(fmin(own->log_phi - c, q->feedback_limit), -q->feedback_limit);
         c += q->feedback * rate * (gap < 0 ? own->inside * gap : gap);
-    } else if (own->inside > 0 && gap > 0) {
-        c = own->log_phi < 0 ? own->log_phi : 0;
     }
-    const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFT ? 0
-                        : q->shift_limit < 0.5 * rate                ? q->shift_limit
-                                                                     : 0.5 * rate;
+    const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFT ? 0 : fmin(q->shift_limit, 0.5 * rate);
     double scale = q->shift * rate;
     if (scale * scale * length > most * most) scale = most / sqrt(length);
     for (int d = 0; d < dim; d++) shift[d] = v_set(-scale * dx * own->crowding[d]);

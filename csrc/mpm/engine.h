@@ -34,7 +34,6 @@ struct gr_cure {
     double shift_limit;     /* largest shift in a step, cells */
     double reach;           /* points looser than -reach take no part in the averaging */
     int interval;           /* steps between two averagings, each of which stands for so many steps */
-    double bulk_viscosity;  /* 1: of cells that share their density (mpm/cells.c), in rho_c c_w dx */
 };
 
 struct gr_config {

@@ -58,25 +58,13 @@ static inline __attribute__((always_inline)) void gather_sums(const int K, const
     }
 }
 
-static inline __attribute__((always_inline)) void node_velocities(const int dim, const int K, struct gr_engine *e,
-                                                                  int64_t first, int64_t last)
+void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
 {
     for (int64_t n = first; n < last; n++) {
-        double sum[4], *v = e->node_v + n * dim;
-        gather_sums(K, 1 + dim, e, n, sum);
-        const int light = !(sum[0] > e->config.mass_cutoff) && sum[0] == sum[0];
-        e->node_mass[n] = sum[0];
-        for (int d = 0; d < dim; d++) v[d] = light ? 0 : sum[1 + d] / sum[0];
-        if (e->mesh.node_code[n]) apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, sum + 1);
+        double m = 0;
+        for (int i = 0; i < e->K; i++) m += e->sums[e->mesh.node_source[n * e->K + i]];
+        e->node_mass[n] = m;
     }
-}
-
-void gr_grid_velocities(struct gr_engine *e, int64_t first, int64_t last)
-{
-    if (e->config.dim == 2)
-        node_velocities(2, 4, e, first, last);
-    else
-        node_velocities(3, 8, e, first, last);
 }
 
 static inline __attribute__((always_inline)) void grid_nodes(const int dim, const int K, const int diffused,

@@ -145,7 +145,6 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("shift", cure.shift)
     GR_TAKE("shift_limit", cure.shift_limit)
     GR_TAKE("tension_reach", cure.reach)
-    GR_TAKE("bulk_viscosity", cure.bulk_viscosity)
 #undef GR_TAKE
     const struct gr_law_info *law = &gr_law_table[c->law];
     for (int k = 0; k < law->n_parameters; k++)

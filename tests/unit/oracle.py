@@ -176,7 +176,7 @@ def averages(scene, step):
     return scene.scheme.density == "diffused" and step % scene.scheme.averaging_interval == 0
 
 
-def scatter(scene, points, step=0, lent_dt=1.0, time=0.0):
+def scatter(scene, points, step=0, lent_dt=1.0):
     """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density,
     and `cells` where they share it."""
     dim = scene.grid.dim
@@ -197,7 +197,7 @@ def scatter(scene, points, step=0, lent_dt=1.0, time=0.0):
         force=s.to_nodes(force),
     )
     if scene.scheme.density == "shared":
-        _share(scene, points, out, time)
+        _share(scene, points, out)
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
@@ -384,7 +384,7 @@ def _kinematic_rate(L):
 # ---- the density that the points of a cell share ----
 
 
-def _share(scene, points, nodes, time):
+def _share(scene, points, nodes):
     """Cells with points: what they are, and their forces in place of those of the points."""
     grid, s, m, dim = scene.grid, nodes.shapes, points["mass"], scene.grid.dim
     at = np.floor((points["x"] - grid.lower) / grid.cell)
@@ -402,24 +402,17 @@ def _share(scene, points, nodes, time):
     local = inside[:, None] / 2 + (1 - inside[:, None]) * centre
     here = Shapes(scene, grid.lower + (place + local) * grid.cell)
 
-    v = _ratio(nodes.momentum, nodes.mass[:, None])
-    _at_walls(scene, nodes.mass > 0, v, v.copy(), time)
-    trace = np.einsum("cki,ki->c", here.g, v[here.node])
-    c = mean(points["log_density"])
     sigma = mean(tensor(points["stress"], dim)[:, :dim, :dim])
-    q, material = scene.scheme, scene.material
-    viscous = q.bulk_viscosity * material.rho_c * material.wave_speed * grid.cell * trace
-    sigma = sigma + np.where(c > 0, viscous, 0.0)[:, None, None] * np.eye(dim)
-    needed = np.minimum(np.bincount(which, m) / material.rho_c, grid.cell**dim)
+    needed = np.minimum(np.bincount(which, m) / scene.material.rho_c, grid.cell**dim)
     volume = inside * grid.cell**dim + (1 - inside) * needed
     nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
         np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
     )
-    excess = np.maximum(nodes.mass / material.rho_c - room, 0.0) / grid.cell**dim
+    excess = np.maximum(nodes.mass / scene.material.rho_c - room, 0.0) / grid.cell**dim
     nodes.cells = SimpleNamespace(
         which=which,
         here=here,
-        c=c,
+        c=mean(points["log_density"]),
         inside=inside,
         log_phi=2 * (phi - 1) / (phi + 1),
         crowding=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
@@ -445,9 +438,7 @@ def _flow_of_cells(scene, points, new, nodes, dt):
     c = cells.c - dt * np.trace(L, axis1=1, axis2=2)
     rate, gap = dt * _kinematic_rate(L), cells.log_phi - c
     fed = np.clip(gap, -q.feedback_limit, q.feedback_limit) * q.feedback * rate
-    snapped = (cells.inside > 0) & (gap > 0)
-    loose = np.where(snapped, np.minimum(cells.log_phi, 0.0), c)
-    c = np.where(c >= 0, c + np.where(gap < 0, cells.inside, 1.0) * fed, loose)
+    c = np.where(c >= 0, c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
     length = np.linalg.norm(cells.crowding, axis=1)
     most = np.minimum(q.shift_limit, 0.5 * rate)
     scale = np.minimum(q.shift * rate, most / np.maximum(length, 1e-300))

@@ -91,7 +91,7 @@ def compare_stages(scene, step):
     """Scatter, grid and gather of one step from a disturbed state, all fields."""
     sim = disturbed(scene, step=step)
     before, engine = read(sim), sim._engine
-    expected = oracle.scatter(scene, before, step, time=TIME)
+    expected = oracle.scatter(scene, before, step)
     assert engine.scatter() == 0
     found = engine.nodes()
     number = nodes_by_number(scene, found["x"])
@@ -103,7 +103,7 @@ def compare_stages(scene, step):
     engine.grid()
     found, dt = engine.nodes(), engine.scalars()["dt"]
     if step:  # what was lent goes back in a step of this length
-        expected = oracle.scatter(scene, before, step, dt, time=TIME)
+        expected = oracle.scatter(scene, before, step, dt)
     oracle.grid(scene, before, expected, dt, TIME)
     # velocities of nodes of little mass are quotients of small sums
     heavy = expected.mass[number] > 1e-4 * expected.mass.max()
