@@ -10,6 +10,8 @@
  * integrated at their centre of mass: a node that they hardly reach feels next to no force. */
 #include "mpm/shape.h"
 
+#define EMPTY -1e300 /* log-density of a cell without points */
+
 /* A full cell under an empty row has phi = 3/4, and .9 when that row is filled by a third. */
 #define SURFACE_BELOW 0.8
 #define INSIDE_FROM 0.9
@@ -42,7 +44,6 @@ GR_INLINE void scatter_shared_cell(const int dim, const int affine, struct gr_en
     double sum[MOST] = {0}, *out = e->sums + index * e->sum_stride;
     struct gift gift[CHUNK];
     vd acc[MOST];
-    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
         vd *const own = acc + K * rows;
@@ -103,7 +104,11 @@ GR_INLINE void press_cell(const int dim, struct gr_engine *e, int64_t index)
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     struct gr_shared *own = shared_of(dim, e, index);
     double *sum = e->sums + index * e->sum_stride;
-    if (!e->mesh.cell[index].count) return;
+    if (!e->mesh.cell[index].count) { /* its sums are zero */
+        own->c = EMPTY;
+        for (int i = 0; i < K * rows; i++) sum[i] = 0;
+        return;
+    }
     const double M = look_around(dim, e, index, own), filled = M * e->mass_scale, w = own->inside;
     /* A/(dx M), with mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
     const double area = (w + (1 - w) * (filled < 1 ? filled : 1)) * e->force_scale / filled;
@@ -115,8 +120,39 @@ GR_INLINE void press_cell(const int dim, struct gr_engine *e, int64_t index)
         }
 }
 
+/* The cell beside another along axis d, high or low; NULL beyond a wall, an end, or where there is none. */
+GR_INLINE const struct gr_shared *beside_cell(const int dim, const struct gr_engine *e, const struct gr_cell *cell, int d,
+                                              int high)
+{
+    const int n = e->axis[d].n_cells;
+    int32_t at[3] = {cell->at[0], cell->at[1], cell->at[2]};
+    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return 0;
+    at[d] += high ? 1 : -1;
+    if (at[d] < 0 || at[d] >= n) {
+        if (!e->axis[d].periodic) return 0;
+        at[d] += high ? -n : n;
+    }
+    const int64_t index = (int64_t)e->mesh.cell_of[gr_cell_id(e, at)] - 1;
+    return index < 0 ? 0 : shared_of(dim, e, index);
+}
+
+/* The mean over the axes of (c- - 2 c + c+)/4, what the neighbours on both sides make of the density of a cell: nothing of
+ * a linear field, all of one that alternates, whose forces on the nodes cancel. Loose cells take no part. */
+GR_INLINE double unevenness(const int dim, const struct gr_engine *e, int64_t index)
+{
+    const double c = shared_of(dim, e, index)->c, reach = -e->config.cure.reach;
+    double sum = 0;
+    for (int d = 0; c >= reach && d < dim; d++) {
+        const struct gr_shared *low = beside_cell(dim, e, &e->mesh.cell[index], d, 0);
+        const struct gr_shared *high = beside_cell(dim, e, &e->mesh.cell[index], d, 1);
+        if (low && high && low->c >= reach && high->c >= reach) sum += low->c - 2 * c + high->c;
+    }
+    return sum / (4 * dim);
+}
+
 /* What all points of a cell take from the step: L dt, their log-density after it, and a shift in m.
- *   c <- c - dt tr L;  if dense, c += kappa gdot dt clip(ln phi - c), of which w where that loosens;
+ *   c <- c - dt tr L + r/(1 + r) unevenness,   r = dt dd c_w/dx + dg gdot dt;  if dense,
+ *   c += kappa gdot dt clip(ln phi - c), of which w where that loosens;
  *   delta = -beta gdot dt dx crowding,   |delta| <= min(limit dx, gdot dt dx/2). */
 GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3])
 {
@@ -134,7 +170,8 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     for (int k = 0; k < dim * dim; k++) L[k] = v_set(e->dt * e->inv_dx * G[k]);
     for (int d = 0; d < dim; d++) trace += L[d * dim + d][0], length += own->crowding[d] * own->crowding[d];
     const double rate = kinematic_rate(dim, L)[0];
-    double c = own->c - trace;
+    const double r = e->dt * q->diffusion * e->config.wave_speed * e->inv_dx + q->shear_diffusion * rate;
+    double c = own->c - trace + r / (1 + r) * unevenness(dim, e, index);
     if (c >= 0) {
         const double gap = fmax(fmin(own->log_phi - c, q->feedback_limit), -q->feedback_limit);
         c += q->feedback * rate * (gap < 0 ? own->inside * gap : gap);

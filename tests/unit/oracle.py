@@ -411,6 +411,7 @@ def _share(scene, points, nodes):
     excess = np.maximum(nodes.mass / scene.material.rho_c - room, 0.0) / grid.cell**dim
     nodes.cells = SimpleNamespace(
         which=which,
+        place=place,
         here=here,
         c=mean(points["log_density"]),
         inside=inside,
@@ -431,12 +432,45 @@ def _mean_over_cells(which, m):
     return mean
 
 
+def _unevenness(scene, cells):
+    """The mean over the axes of a quarter of the second difference of c, where all three join."""
+    grid = scene.grid
+    joins = np.where(cells.c >= -scene.scheme.tension_reach, cells.c, np.nan)
+    known = {tuple(place): c for place, c in zip(cells.place, joins, strict=True)}
+    out = np.zeros(len(joins))
+    for k, place in enumerate(cells.place):
+        for d in range(grid.dim):
+            ends = (_beyond(scene, place, d, side, known) for side in (-1, 1))
+            out[k] += np.nan_to_num(sum(ends) - 2 * joins[k]) / (4 * grid.dim)
+    return out
+
+
+def _beyond(scene, place, d, side, known):
+    """c of the cell beside one; NaN beyond a wall or an end, and where there is none."""
+    grid = scene.grid
+    at = grid.lower[d] + (place[d] + max(side, 0)) * grid.cell
+    middle = grid.lower + (place + 0.5) * grid.cell
+    for axis, face, extents in _faces(scene):
+        others = set(range(grid.dim)) - {d}
+        if axis == d and abs(face - at) < 1e-6 * grid.cell:
+            if all(extents[j][0] < middle[j] < extents[j][1] for j in others):
+                return np.nan
+    other = place.copy()
+    other[d] += side
+    if grid.periodic[d]:
+        other[d] %= grid.shape[d]
+    return known.get(tuple(other), np.nan)
+
+
 def _flow_of_cells(scene, points, new, nodes, dt):
     """Density and shift of the points, by cells; returned are the velocity gradients of these."""
     q, cells, dx = scene.scheme, nodes.cells, scene.grid.cell
     L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
-    c = cells.c - dt * np.trace(L, axis1=1, axis2=2)
-    rate, gap = dt * _kinematic_rate(L), cells.log_phi - c
+    rate = dt * _kinematic_rate(L)
+    r = dt * q.diffusion * scene.material.wave_speed / dx
+    r = r + q.shear_diffusion * scene.material.E * rate
+    c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + r / (1 + r) * _unevenness(scene, cells)
+    gap = cells.log_phi - c
     fed = np.clip(gap, -q.feedback_limit, q.feedback_limit) * q.feedback * rate
     c = np.where(c >= 0, c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
     length = np.linalg.norm(cells.crowding, axis=1)
