@@ -23,7 +23,7 @@ _NANOSECONDS = {
 """Of a point and step on one core with few points, tracked density (docs/kernels.md); those not in
 that table are guesses. Only their ratios matter here."""
 
-_OTHER, _DIFFUSED = 30.0, 37.0
+_OTHER, _DIFFUSED, _SHARED = 30.0, 37.0, 20.0
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,8 @@ def time_step(scene: Scene) -> float:
 
 def nanoseconds(scheme: Scheme) -> float:
     """Time of a point and step of a scheme on one core, about [ns]."""
-    if scheme.density == "diffused":
-        return _DIFFUSED
+    if scheme.density != "tracked":
+        return _DIFFUSED if scheme.density == "diffused" else _SHARED
     return _NANOSECONDS.get((scheme.basis, scheme.transfer), _OTHER)
 
 

@@ -107,6 +107,8 @@ def _dimension(asked: _Asked) -> Advice:
 def _basis(asked: _Asked) -> Advice:
     scheme = asked.scene.scheme
     flat = asked.name == "incline" and asked.scene.parameters["columns"] == 1
+    if scheme.density == "shared":
+        return asked.advice("basis", "Linear functions that keep shear flows: none is cheaper.")
     if scheme.basis == "linear":
         reason = "Linear functions are the cheapest." + (
             ""
