@@ -452,9 +452,9 @@ def _beyond(scene, place, d, side, known):
     middle = grid.lower + (place + 0.5) * grid.cell
     for axis, face, extents in _faces(scene):
         others = set(range(grid.dim)) - {d}
-        if axis == d and abs(face - at) < 1e-6 * grid.cell:
-            if all(extents[j][0] < middle[j] < extents[j][1] for j in others):
-                return np.nan
+        here = axis == d and abs(face - at) < 1e-6 * grid.cell
+        if here and all(extents[j][0] < middle[j] < extents[j][1] for j in others):
+            return np.nan
     other = place.copy()
     other[d] += side
     if grid.periodic[d]:
