@@ -10,7 +10,7 @@
  * integrated at their centre of mass: a node that they hardly reach feels next to no force. */
 #include "mpm/shape.h"
 
-#define EMPTY -1e300 /* log-density of a cell without points */
+#define EMPTY -INFINITY /* log-density of a cell without points: looser than any reach */
 
 /* A full cell under an empty row has phi = 3/4, and .9 when that row is filled by a third. */
 #define SURFACE_BELOW 0.8
