@@ -84,7 +84,7 @@ GR_INLINE double look_around(const int dim, const struct gr_engine *e, int64_t i
         excess[i] = m > V ? m - V : 0;
         for (int d = 0; d < dim; d++) high[d] += i >> d & 1 ? sum[i * rows] : 0;
     }
-    const double w = (mass - SURFACE_BELOW * room) / ((INSIDE_FROM - SURFACE_BELOW) * room), inverse = 1 / M;
+    const double w = (mass / room - SURFACE_BELOW) * (1 / (INSIDE_FROM - SURFACE_BELOW)), inverse = 1 / M;
     own->inside = w < 0 ? 0 : w > 1 ? 1 : w;
     own->log_phi = 2 * (mass - room) / (mass + room);
     own->c = own->mc * inverse;
@@ -120,32 +120,35 @@ GR_INLINE void press_cell(const int dim, struct gr_engine *e, int64_t index)
         }
 }
 
-/* The cell beside another along axis d, high or low; NULL beyond a wall, an end, or where there is none. */
-GR_INLINE const struct gr_shared *beside_cell(const int dim, const struct gr_engine *e, const struct gr_cell *cell, int d,
-                                              int high)
+/* The log-density of the cell beside another along axis d, high or low; EMPTY beyond a wall and an end. `id` is that
+ * of the cell in the whole grid, `stride` what it grows by along d. */
+GR_INLINE double density_beside(const int dim, const struct gr_engine *e, const struct gr_cell *cell, int64_t id,
+                                int64_t stride, int d, int high)
 {
-    const int n = e->axis[d].n_cells;
-    int32_t at[3] = {cell->at[0], cell->at[1], cell->at[2]};
-    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return 0;
-    at[d] += high ? 1 : -1;
-    if (at[d] < 0 || at[d] >= n) {
-        if (!e->axis[d].periodic) return 0;
-        at[d] += high ? -n : n;
+    const struct gr_axis *axis = &e->axis[d];
+    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return EMPTY;
+    id += high ? stride : -stride;
+    if (cell->at[d] == (high ? axis->n_cells - 1 : 0)) {
+        if (!axis->periodic) return EMPTY;
+        id += (high ? -stride : stride) * axis->n_cells;
     }
-    const int64_t index = (int64_t)e->mesh.cell_of[gr_cell_id(e, at)] - 1;
-    return index < 0 ? 0 : shared_of(dim, e, index);
+    const int64_t index = (int64_t)e->mesh.cell_of[id] - 1;
+    return index < 0 ? EMPTY : shared_of(dim, e, index)->c;
 }
 
 /* The mean over the axes of (c- - 2 c + c+)/4, what the neighbours on both sides make of the density of a cell: nothing of
  * a linear field, all of one that alternates, whose forces on the nodes cancel. Loose cells take no part. */
 GR_INLINE double unevenness(const int dim, const struct gr_engine *e, int64_t index)
 {
+    const struct gr_cell *cell = &e->mesh.cell[index];
     const double c = shared_of(dim, e, index)->c, reach = -e->config.cure.reach;
+    const int64_t id = gr_cell_id(e, cell->at);
+    int64_t stride = 1;
     double sum = 0;
-    for (int d = 0; c >= reach && d < dim; d++) {
-        const struct gr_shared *low = beside_cell(dim, e, &e->mesh.cell[index], d, 0);
-        const struct gr_shared *high = beside_cell(dim, e, &e->mesh.cell[index], d, 1);
-        if (low && high && low->c >= reach && high->c >= reach) sum += low->c - 2 * c + high->c;
+    for (int d = 0; c >= reach && d < dim; stride *= e->axis[d++].n_cells) {
+        const double low = density_beside(dim, e, cell, id, stride, d, 0);
+        const double high = density_beside(dim, e, cell, id, stride, d, 1);
+        if (low >= reach && high >= reach) sum += low - 2 * c + high;
     }
     return sum / (4 * dim);
 }
