@@ -169,6 +169,6 @@ default = Scheme()
 """Quadratic B-splines, affine transfer, diffused density: keeps two-dimensional shear alive."""
 
 cell_averaged = Scheme(
-    basis="linear", transfer="tpic", density="shared", decay=3.0, diffusion=1.0, shift=2.0
+    basis="linear", transfer="tpic", density="shared", decay=3.0, diffusion=0.5, shift=2.0
 )
 """Hats, affine transfer, and the points of a cell as one unit: does the same, at less cost."""

@@ -154,8 +154,8 @@ GR_INLINE double unevenness(const int dim, const struct gr_engine *e, int64_t in
 }
 
 /* What all points of a cell take from the step: L dt, their log-density after it, and a shift in m.
- *   c <- c - dt tr L + r/(1 + r) unevenness,   r = dt dd c_w/dx + dg gdot dt;  if dense,
- *   c += kappa gdot dt clip(ln phi - c), of which w where that loosens;
+ *   c <- c - dt tr L + r/(1 + r) unevenness,   r = dt dd c_w/dx + dg gdot dt;  then
+ *   c += kappa gdot dt clip(ln phi - c), of which w where that loosens, and nothing where the cell is loose already;
  *   delta = -beta gdot dt dx crowding,   |delta| <= min(limit dx, gdot dt dx/2). */
 GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3])
 {
@@ -175,10 +175,8 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     const double rate = kinematic_rate(dim, L)[0];
     const double r = e->dt * q->diffusion * e->config.wave_speed * e->inv_dx + q->shear_diffusion * rate;
     double c = own->c - trace + r / (1 + r) * unevenness(dim, e, index);
-    if (c >= 0) {
-        const double gap = fmax(fmin(own->log_phi - c, q->feedback_limit), -q->feedback_limit);
-        c += q->feedback * rate * (gap < 0 ? own->inside * gap : gap);
-    }
+    const double gap = fmax(fmin(own->log_phi - c, q->feedback_limit), -q->feedback_limit);
+    if (gap > 0 || c >= 0) c += q->feedback * rate * (gap < 0 ? own->inside * gap : gap);
     const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFT ? 0 : fmin(q->shift_limit, 0.5 * rate);
     double scale = q->shift * rate;
     if (scale * scale * length > most * most) scale = most / sqrt(length);

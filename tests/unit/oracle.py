@@ -472,7 +472,7 @@ def _flow_of_cells(scene, points, new, nodes, dt):
     c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + r / (1 + r) * _unevenness(scene, cells)
     gap = cells.log_phi - c
     fed = np.clip(gap, -q.feedback_limit, q.feedback_limit) * q.feedback * rate
-    c = np.where(c >= 0, c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
+    c = np.where((gap > 0) | (c >= 0), c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
     length = np.linalg.norm(cells.crowding, axis=1)
     most = np.minimum(q.shift_limit, 0.5 * rate)
     scale = np.minimum(q.shift * rate, most / np.maximum(length, 1e-300))
