@@ -15,7 +15,7 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 ROOT = Path(__file__).parent
-INCLUDED = ("scatter.c", "gather.c", "law_elastic.c", "law_frictional.c")  # by kernels.c
+INCLUDED = ("scatter.c", "cells.c", "gather.c", "law_elastic.c", "law_frictional.c")  # by kernels.c
 SOURCES = [
     str(path.relative_to(ROOT))
     for folder in ("core", "law", "mpm", "python")

@@ -25,6 +25,7 @@ RESULTS = Path(__file__).parent / "results" / "cure_table.json"
 SCHEMES = {
     "default": gr.schemes.default,
     "default without weights": gr.schemes.default.replace(weighting=0.0),
+    "cell averaged": gr.schemes.cell_averaged,
     "published": gr.schemes.published.replace(dt=None),
     "quadratic FLIP": gr.Scheme(basis="quadratic", transfer="flip"),
     "quadratic APIC": gr.Scheme(basis="quadratic", transfer="apic"),

@@ -7,6 +7,7 @@
 #include "law/law_frictional.c"
 #include "mpm/migrate.h"
 #include "mpm/scatter.c"
+#include "mpm/cells.c"
 #include "mpm/gather.c"
 
 #define GR_PASTE2(a, b) a##b
@@ -26,41 +27,44 @@ static gr_law_update *const laws[GR_LAW_COUNT][2] = {
 #undef GR_X
 };
 
-/* X(dim, basis, affine, diffused): what can be built. The averaged density goes with the quadratic basis. */
-#define GR_VARIANTS_OF(X, dim)                  \
-    X(dim, GR_LINEAR, GR_AFFINE_NONE, 0)        \
-    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0)    \
-    X(dim, GR_LINEAR, GR_AFFINE_MOMENT, 0)      \
-    X(dim, GR_UGIMP, GR_AFFINE_NONE, 0)         \
-    X(dim, GR_UGIMP, GR_AFFINE_GRADIENT, 0)     \
-    X(dim, GR_UGIMP, GR_AFFINE_MOMENT, 0)       \
-    X(dim, GR_QUADRATIC, GR_AFFINE_NONE, 0)     \
-    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 0) \
-    X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0)   \
-    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1)
+/* X(dim, basis, affine, diffused, shared): what can be built. The diffused density goes with the quadratic basis, the
+ * shared one with the linear basis. */
+#define GR_VARIANTS_OF(X, dim)                     \
+    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 1)    \
+    X(dim, GR_LINEAR, GR_AFFINE_NONE, 0, 0)        \
+    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 0)    \
+    X(dim, GR_LINEAR, GR_AFFINE_MOMENT, 0, 0)      \
+    X(dim, GR_UGIMP, GR_AFFINE_NONE, 0, 0)         \
+    X(dim, GR_UGIMP, GR_AFFINE_GRADIENT, 0, 0)     \
+    X(dim, GR_UGIMP, GR_AFFINE_MOMENT, 0, 0)       \
+    X(dim, GR_QUADRATIC, GR_AFFINE_NONE, 0, 0)     \
+    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 0, 0) \
+    X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0, 0)   \
+    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1, 0)
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
-#define GR_X(d, b, a, q)                                                                                       \
-    static __attribute__((noinline)) void scatter_##d##b##a##q(struct gr_engine *e, int64_t index)             \
-    {                                                                                                          \
-        scatter_cell(d, b, a > 0, q, e, index);                                                                \
-    }                                                                                                          \
-    static __attribute__((noinline)) void sweep_##d##b##a##q(struct gr_engine *e, int64_t first, int64_t last, \
-                                                             struct gr_leavers *out, int fused)                \
-    {                                                                                                          \
-        sweep_cells(d, b, a, q, e, first, last, out, fused, laws[e->config.law][d - 2]);                       \
+#define GR_X(d, b, a, q, u)                                                                                       \
+    static __attribute__((noinline)) void scatter_##d##b##a##q##u(struct gr_engine *e, int64_t index)             \
+    {                                                                                                             \
+        scatter_points(d, b, a > 0, q, u, e, index);                                                              \
+    }                                                                                                             \
+    static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last, \
+                                                                struct gr_leavers *out, int fused)                \
+    {                                                                                                             \
+        sweep_cells(d, b, a, q, u, e, first, last, out, fused, laws[e->config.law][d - 2]);                       \
     }
 GR_VARIANTS(GR_X)
 #undef GR_X
 
-#define GR_IS(e, d, b, a, q) \
-    ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.diffused == q)
+#define GR_IS(e, d, b, a, q, u)                                                                                \
+    ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.diffused == q && \
+     (e)->config.shared == u)
 
 static void scatter(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_X(d, b, a, q)      \
-    if (GR_IS(e, d, b, a, q)) \
-        for (int64_t i = first; i < last; i++) scatter_##d##b##a##q(e, i);
+#define GR_X(d, b, a, q, u)      \
+    if (GR_IS(e, d, b, a, q, u)) \
+        for (int64_t i = first; i < last; i++) scatter_##d##b##a##q##u(e, i);
     GR_VARIANTS(GR_X)
 #undef GR_X
 }
@@ -72,10 +76,20 @@ static void scatter_list(struct gr_engine *e, const int64_t *list, int64_t first
 
 static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_leavers *out, int fused)
 {
-#define GR_X(d, b, a, q) \
-    if (GR_IS(e, d, b, a, q)) sweep_##d##b##a##q(e, first, last, out, fused);
+#define GR_X(d, b, a, q, u) \
+    if (GR_IS(e, d, b, a, q, u)) sweep_##d##b##a##q##u(e, first, last, out, fused);
     GR_VARIANTS(GR_X)
 #undef GR_X
+}
+
+static void press(struct gr_engine *e, int64_t first, int64_t last)
+{
+#define GR_PRESS(d)         \
+    if (e->config.dim == d) \
+        for (int64_t i = first; i < last; i++) press_cell(d, e, i);
+    GR_PRESS(2)
+    GR_PRESS(3)
+#undef GR_PRESS
 }
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
@@ -101,6 +115,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .scatter = scatter,
     .scatter_list = scatter_list,
     .sweep = sweep,
+    .press = press,
     .smooth = smooth,
     .update_law = update_law,
 };

@@ -57,7 +57,7 @@ class Engine:
         dim: int,
         basis: int,
         affine: int,
-        diffused: int,
+        density: int,
         averaging_interval: int,
         xpic_order: int,
         pressure_from_density: int,

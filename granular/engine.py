@@ -25,6 +25,7 @@ __all__ = [
     "show_config",
 ]
 
+CORE_DENSITIES = ("tracked", "diffused", "shared")
 AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
 FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
 PAGE, LINE = 4096, 64  # bytes
@@ -165,16 +166,15 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     lines = tuple(
         np.array(creases(grid, scene.walls, axis), dtype=np.int32) for axis in range(grid.dim)
     )
-    diffused = scheme.density == "diffused"
     axes = "xyz"[: grid.dim]
     return _core.Engine(
         dim=grid.dim,
         basis=CORE_BASES.index(scheme.basis),
         affine=AFFINE[scheme.transfer],
-        diffused=int(diffused),
+        density=CORE_DENSITIES.index(scheme.density),
         averaging_interval=scheme.averaging_interval,
         xpic_order=scheme.xpic_order if scheme.transfer == "xpic" else 0,
-        pressure_from_density=int(diffused),
+        pressure_from_density=int(scheme.density != "tracked"),
         law=scene.material.law,
         isa=isa,
         shape=tuple(grid.shape),
@@ -185,7 +185,9 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         creases=lines,
         walls=[(0, 0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
         node_codes=codes,
-        cell_flags=_cell_flags(scene) if diffused or AFFINE[scheme.transfer] else None,
+        cell_flags=_cell_flags(scene)
+        if scheme.density != "tracked" or AFFINE[scheme.transfer]
+        else None,
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),

@@ -132,8 +132,8 @@ def _hats(scene: Scene) -> str | None:
 
 
 def _density(scene: Scene) -> str | None:
-    """Of the schemes, only the diffused density keeps a flow that varies along the layer alive."""
-    if not _granular(scene) or scene.scheme.density == "diffused" or not _many_columns(scene):
+    """Only a density that neighbours have in common keeps a flow that varies along the layer."""
+    if not _granular(scene) or scene.scheme.density != "tracked" or not _many_columns(scene):
         return None
     return (
         'density = "tracked" loses contacts and room in flows that are truly two-dimensional: '

@@ -11,7 +11,7 @@ COMBINATIONS = [
     (basis, transfer, "tracked")
     for basis in ("linear", "ugimp", "quadratic")
     for transfer in ("flip", "apic", "tpic", "xpic")
-] + [("quadratic", "tpic", "diffused")]
+] + [("quadratic", "tpic", "diffused"), ("linear", "tpic", "shared")]
 
 CELL = 0.1
 

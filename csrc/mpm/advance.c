@@ -145,6 +145,12 @@ static void stage_grid(struct team *team, int t)
     }
     if (t == 0) gr_plan_sums(e, e->step + 1);
     slice(e->mesh.n_nodes, t, team->threads, &first, &last);
+    if (e->config.shared) {
+        gr_grid_masses(e, first, last);
+        barrier(team);
+        team->kernels->press(e, team->cut[t], team->cut[t + 1]);
+        barrier(team);
+    }
     gr_grid_nodes(e, first, last, team->gravity);
     barrier(team);
     if (gr_averages(e, e->step)) {
@@ -218,12 +224,21 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 
 /* The stages one by one, by one thread: what advance does in a step, to the last bit. */
 
+/* Forces of cells that share their density. */
+static void press(struct gr_engine *e, const struct gr_kernels *kernels)
+{
+    if (!e->config.shared) return;
+    gr_grid_masses(e, 0, e->mesh.n_nodes);
+    kernels->press(e, 0, e->mesh.n_cells);
+}
+
 int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     e->error = ready(e);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
     kernels->scatter(e, 0, e->mesh.n_cells);
+    press(e, kernels);
     e->sums_valid = 1;
     return GR_OK;
 }
@@ -238,6 +253,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     prepare(&team);
     note_dt(e);
     if (team.again) kernels->scatter(e, 0, e->mesh.n_cells);
+    press(e, kernels);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
     if (gr_averages(e, e->step)) gr_grid_unevenness(e, 0, e->mesh.n_nodes);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
@@ -251,7 +267,8 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     struct team team = {.e = e, .kernels = kernels, .threads = 1};
-    e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected ? share_out(&team) : GR_ERR_CONFIG;
+    const int known = !e->config.shared || e->sums_valid; /* the density of a cell is in its sums */
+    e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&team) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;
     kernels->sweep(e, 0, e->mesh.n_cells, &team.leavers[0], 0);

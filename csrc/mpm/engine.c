@@ -80,6 +80,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || c->law < 0 || c->law >= GR_LAW_COUNT) return 0;
     if (c->diffused && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->diffused && c->cure.interval < 1) return 0;
+    if (c->shared && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
@@ -112,7 +113,9 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     /* whole lines, and room for the whole groups that lane sums are written in */
-    e->sum_stride = (GR_NODE_SUMS(config->dim, config->diffused) * e->K + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
+    e->sum_stride = GR_NODE_SUMS(config->dim, config->diffused) * e->K;
+    if (config->shared) e->sum_stride += (int)(sizeof(struct gr_shared) / sizeof(double));
+    e->sum_stride = (e->sum_stride + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
     e->node_stride = (GR_NODE_FIELDS(config->dim, config->diffused) + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(config, f)) e->n_components += gr_field_components(f, config->dim);
@@ -128,6 +131,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->lent_scale = -1;
     e->inv_dx = 1.0 / config->dx;
     e->force_scale = -1.0 / (config->rho_c * config->dx);
+    e->mass_scale = 1.0 / (config->rho_c * pow(config->dx, config->dim));
     *out = e;
     e = 0;
     goto out;

@@ -39,7 +39,7 @@ struct gr_cure {
 };
 
 struct gr_config {
-    int dim, basis, affine, diffused, xpic_order, law;
+    int dim, basis, affine, diffused, shared, xpic_order, law;
     int shape[3], periodic[3], open_low[3], open_high[3];
     double lower[3], dx, lambda;
     int n_creases[3];
@@ -120,6 +120,7 @@ struct gr_engine {
     double time, dt, time_anchor;                   /* time = time_anchor + (step - step_anchor) dt */
     double lent_dt;                                 /* dt of the step that made shift_velocity */
     double inv_dx, inv_dt, force_scale, lent_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/lent_dt: no division in a kernel */
+    double mass_scale;                              /* 1/(rho_c dx^dim) */
     double keep_velocity;                           /* the part f of the old velocity that survives this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
@@ -149,6 +150,13 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
  * overweight, and the unevenness. */
 #define GR_NODE_SUMS(dim, diffused) (1 + 2 * (dim) + (3 + (dim)) * (diffused))
 
+/* Behind them, where the density is shared, what is the cell's own (mpm/cells.c): all doubles. */
+struct gr_shared {
+    double mc, stress[6];      /* sum m c, sum m sigma (xx, yy, zz, xy, yz, xz; in the plane xx, yy, xy) */
+    double c, log_phi, inside; /* log-density of its points, logarithm of its fullness; 0 at a surface to 1 inside */
+    double at[3], crowding[3]; /* local coordinates where it is integrated; what its points shift away from */
+};
+
 /* What node_data holds of a node: v^{n+1}, w, and where the density is averaged phi, cbar, max(0, phi - 1),
  * ubar and the unevenness. */
 #define GR_NODE_FIELDS(dim, diffused) (2 * (dim) + (4 + (dim)) * (diffused))
@@ -160,6 +168,7 @@ struct gr_kernels {
     void (*scatter)(struct gr_engine *, int64_t first, int64_t last);
     void (*scatter_list)(struct gr_engine *, const int64_t *list, int64_t first, int64_t last);
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leavers *out, int fused);
+    void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
 };

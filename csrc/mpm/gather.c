@@ -56,22 +56,6 @@ static __attribute__((noinline)) int64_t settle(struct gr_engine *e, int64_t ind
     return found;
 }
 
-/* Shear rate of the flow, sqrt(2 D':D') + |tr D|, from L dt; the measure by which the averaging is driven. */
-GR_INLINE vd kinematic_rate(const int dim, const vd *L)
-{
-    vd trace = v_zero(), square = v_zero();
-    for (int i = 0; i < dim; i++) {
-        trace = trace + L[i * dim + i];
-        square = v_fma(v_set(2.0) * L[i * dim + i], L[i * dim + i], square);
-        for (int j = 0; j < i; j++) {
-            const vd shear = L[i * dim + j] + L[j * dim + i];
-            square = v_fma(shear, shear, square);
-        }
-    }
-    square = v_fnma(v_set(2.0 / 3.0) * trace, trace, square);
-    return v_sqrt(v_max(square, v_zero())) + v_abs(trace);
-}
-
 /* Towards a wall the shift dies out over the cell at the wall, as the flow does: else it would carry points,
  * which the wall only stops by the velocity of its nodes, through a wall inside the grid. */
 GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd xi[3], vd delta[3])
@@ -196,8 +180,8 @@ GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, con
     return phi_least;
 }
 
-GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, int averages,
-                              struct gr_engine *e, int64_t index, struct batch *batch, gr_law_update *law,
+GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, const int shared,
+                              int averages, struct gr_engine *e, int64_t index, struct batch *batch, gr_law_update *law,
                               struct gr_leaver *leaver)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
@@ -207,8 +191,9 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const int blocks = GR_BLOCKS(cell->count);
     const int64_t stride = e->capacity, offset = cell->offset;
     const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity);
-    const vd loose = v_set(diffused || (cell->flags >= GR_CELL_WALL && cell->count <= ALONE) ? -e->config.cure.reach
-                                                                                             : -NO_DENSITY),
+    const vd loose =
+                 v_set(diffused || shared || (cell->flags >= GR_CELL_WALL && cell->count <= ALONE) ? -e->config.cure.reach
+                                                                                                   : -NO_DENSITY),
              speed = v_set(e->config.dx * e->inv_dt);
     double *const x = e->field[GR_FIELD_x], *const v = e->field[GR_FIELD_v],
                   *const log_density = e->field[GR_FIELD_log_density];
@@ -219,6 +204,8 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const double phi_least = diffused && averages
                                  ? cell_modes(dim, basis, nodal, 1, fields, e, index, &frame, batch->scale, mode)
                                  : cell_modes(dim, basis, nodal, 0, fields, e, index, &frame, batch->scale, mode);
+    vd L_cell[9], shift_cell[3], c_cell = v_zero();
+    if (shared) c_cell = flow_of_cell(dim, e, index, L_cell, shift_cell);
     for (int n = 0; n < blocks; n++) {
         const int64_t at = offset + n * GR_W;
         struct gr_shape s;
@@ -235,23 +222,30 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
         vd trace = v_zero();
         for (int d = 0; d < dim; d++) {
             move[d] = gr_interpolate(dim, basis, nodal, mode + d, fields, &s, (const vd(*)[3])s.g, L + d * dim);
-            for (int j = 0; j < dim; j++) v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
+            for (int j = 0; j < dim; j++) {
+                if (shared) L[d * dim + j] = L_cell[d * dim + j];
+                v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
+            }
             trace = d ? v_add(trace, L[d * dim + d]) : L[0];
             const vd w = all_new ? v_mul(speed, move[d])
                                  : gr_interpolate(dim, basis, nodal, mode + dim + d, fields, &s, (const vd(*)[3])s.g, slope);
             v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride + at), w);
         }
-        vd c = v_load(log_density + at) - trace;
+        vd c = shared ? c_cell : v_sub(v_load(log_density + at), trace);
         if (diffused && averages) {
             c = relax_density(dim, basis, e, cell, &s, mode + 2 * dim, fields, phi_least, L, trace, at, delta, lent);
             for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
+        }
+        if (shared) {
+            for (int d = 0; d < dim; d++) delta[d] = shift_cell[d];
+            if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s.xi, delta);
         }
         v_store(log_density + at, c);
         if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, loose), L);
         vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
         for (int d = 0; d < dim; d++) {
             vd y = v_fma(dx, move[d], v_load(place[d]));
-            if (diffused && averages) y = y + delta[d];
+            if (shared || (diffused && averages)) y = y + delta[d];
             v_store(v + d * stride + at, v_new[d]);
             v_store(x + d * stride + at, y);
             stays = m_and(stays, m_and(v_ge(y, begin[d]), v_gt(end[d], y)));
@@ -265,8 +259,9 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
 }
 
 /* Sweep the cells [first, last). Points that left their cell are lifted into `out`. */
-GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, const int diffused, struct gr_engine *e,
-                           int64_t first, int64_t last, struct gr_leavers *out, int fused, gr_law_update *law)
+GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, const int diffused, const int shared,
+                           struct gr_engine *e, int64_t first, int64_t last, struct gr_leavers *out, int fused,
+                           gr_law_update *law)
 {
     enum { QUEUE = 64 };
     struct batch batch;
@@ -279,14 +274,15 @@ GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, con
         struct gr_cell *cell = &e->mesh.cell[index];
         cell->dirty = 0;
         if (cell->count) {
-            out->count += gather_cell(dim, basis, affine, diffused, averages, e, index, &batch, law, out->from + out->count);
+            out->count +=
+                gather_cell(dim, basis, affine, diffused, shared, averages, e, index, &batch, law, out->from + out->count);
             queue[queued++] = index;
         }
         if (queued < QUEUE && index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
         if (batch.n) run_law(e, law, &batch);
         if (out->count > lifted) gr_lift_leavers(e, out, lifted);
         lifted = out->count;
-        for (int64_t k = 0; fused && k < queued; k++) scatter_cell(dim, basis, affine > 0, diffused, e, queue[k]);
+        for (int64_t k = 0; fused && k < queued; k++) scatter_points(dim, basis, affine > 0, diffused, shared, e, queue[k]);
         queued = 0;
     }
 }

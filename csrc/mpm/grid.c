@@ -58,6 +58,15 @@ static inline __attribute__((always_inline)) void gather_sums(const int K, const
     }
 }
 
+void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t n = first; n < last; n++) {
+        double m = 0;
+        for (int i = 0; i < e->K; i++) m += e->sums[e->mesh.node_source[n * e->K + i]];
+        e->node_mass[n] = m;
+    }
+}
+
 static inline __attribute__((always_inline)) void grid_nodes(const int dim, const int K, const int diffused,
                                                              struct gr_engine *e, int64_t first, int64_t last,
                                                              const double g[3])

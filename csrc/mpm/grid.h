@@ -7,6 +7,9 @@
 /* Gravity at time t, piecewise linear and held beyond its ends. Returned: g[dim], m/s^2. */
 void gr_gravity(const struct gr_config *config, double t, double g[3]);
 
+/* The masses of nodes alone, to node_mass, where the forces need them (mpm/cells.c). */
+void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
+
 /* Momentum balance on the nodes [first, last) with gravity g:
  *   v = p/m,  v' = v + dt (f/m + g), walls;  w = f (v' - v) + (1 - f) v'   (Dunatunga & Kamrin 2015, eq. 3.5-3.8).
  * v', w and what the averaging of the density needs go to node_data; m to node_mass; v to node_v. */

@@ -158,4 +158,20 @@ GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, con
     return whole;
 }
 
+/* Shear rate of the flow, sqrt(2 D':D') + |tr D|, from L dt; the measure by which the averaging is driven. */
+GR_INLINE vd kinematic_rate(const int dim, const vd *L)
+{
+    vd trace = v_zero(), square = v_zero();
+    for (int i = 0; i < dim; i++) {
+        trace = trace + L[i * dim + i];
+        square = v_fma(v_set(2.0) * L[i * dim + i], L[i * dim + i], square);
+        for (int j = 0; j < i; j++) {
+            const vd shear = L[i * dim + j] + L[j * dim + i];
+            square = v_fma(shear, shear, square);
+        }
+    }
+    square = v_fnma(v_set(2.0 / 3.0) * trace, trace, square);
+    return v_sqrt(v_max(square, v_zero())) + v_abs(trace);
+}
+
 #endif

@@ -165,23 +165,25 @@ static int law_index(const char *name)
 int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_wall table[256], const char **isa)
 {
     static char *names[] = {
-        "dim",        "basis", "affine",     "diffused",   "averaging_interval", "xpic_order",      "pressure_from_density",
+        "dim",        "basis", "affine",     "density",    "averaging_interval", "xpic_order",      "pressure_from_density",
         "law",        "isa",   "shape",      "lower",      "periodic",           "open_low",        "open_high",
         "creases",    "walls", "node_codes", "cell_flags", "gravity_times",      "gravity_vectors", "numbers",
         "parameters", NULL};
     struct gr_config c = {0};
+    int density;
     const char *law;
     PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *parameters;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!", names, &c.dim, &c.basis, &c.affine,
-                                     &c.diffused, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa,
-                                     &shape, &lower, &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags,
-                                     &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!", names, &c.dim, &c.basis, &c.affine, &density,
+                                     &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape, &lower,
+                                     &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags, &times, &vectors,
+                                     &PyDict_Type, &numbers, &PyDict_Type, &parameters))
         return -1;
-    if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || c.diffused < 0 || c.diffused > 1) {
-        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis 0 to 2 and diffused 0 or 1");
+    if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
+        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2");
         return -1;
     }
+    c.diffused = density == 1, c.shared = density == 2; /* 0: tracked */
     c.law = law_index(law);
     if (c.law < 0) return -1;
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases) || take_walls(&c, walls, table) ||

@@ -31,7 +31,7 @@ esac
 # The sources of the core as setup.py lists them: without Python, and without what kernels.c includes.
 core=(csrc/core/*.c csrc/law/law.c csrc/dispatch.c)
 for source in csrc/mpm/*.c; do
-    case $source in */scatter.c | */gather.c) ;; *) core+=("$source") ;; esac
+    case $source in */scatter.c | */cells.c | */gather.c) ;; *) core+=("$source") ;; esac
 done
 
 tests=("$@")

@@ -67,15 +67,15 @@ static void fused_is_separate(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int variant = 0; variant < 5; variant++) {
-            const int affine = variant == 4 ? GR_AFFINE_GRADIENT : variant % 3, diffused = variant == 4,
-                      xpic = variant == 3 ? 2 : 0;
+            const int affine = variant == 4 ? GR_AFFINE_GRADIENT : variant % 3, xpic = variant == 3 ? 2 : 0;
+            const int diffused = variant == 4 && basis == GR_QUADRATIC, shared = variant == 4 && basis == GR_LINEAR;
             struct scene a, b;
-            if (diffused && basis != GR_QUADRATIC) continue;
             for (int copy = 0; copy < 2; copy++) {
                 struct scene *one = copy ? &b : &a;
                 scene_seed(53);
                 scene_default(one, 2, basis, affine, diffused);
                 one->config.xpic_order = xpic;
+                one->config.shared = shared;
                 CHECK(scene_build(one, 200, 0.1, 0.9) == GR_OK);
             }
             const struct gr_kernels *kernels = gr_kernels_select("");

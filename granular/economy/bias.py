@@ -227,8 +227,9 @@ def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     numbers: dict[str, float | int] = {}
     if scheme.transfer == "tpic":
         numbers["decay"] = scheme.decay * math.sqrt(softer)
-    if scheme.density == "diffused":
+    if scheme.density != "tracked":
         numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
+    if scheme.density == "diffused":
         # The time between two averagings, too, as far as whole steps allow.
         steps = round(scheme.averaging_interval / math.sqrt(softer))
         numbers["averaging_interval"] = min(max(steps, 1), 16)

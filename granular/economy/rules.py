@@ -142,6 +142,8 @@ _LINEAR = Scheme(basis="linear")
 def _basis(asked: _Asked) -> Advice:
     scheme, dim = asked.scene.scheme, asked.scene.dim
     flat = _flat(asked)
+    if scheme.density == "shared":
+        return asked.advice("basis", "Linear functions that keep shear flows: none is cheaper.")
     if scheme.basis == "linear":
         dearer = nanoseconds(default, dim) / nanoseconds(scheme, dim)
         reason = "Linear functions are the cheapest." + (

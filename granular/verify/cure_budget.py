@@ -69,7 +69,8 @@ def given(sim: Simulation) -> Given:
     The simulation first goes on to a step that averages the density. A second step, without the
     cure for both, takes back what the shift had lent.
     """
-    interval = sim.scene.scheme.averaging_interval
+    scheme = sim.scene.scheme
+    interval = scheme.averaging_interval if scheme.density == "diffused" else 1
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
     cured = sim.scene.scheme.replace(dt=sim.dt)  # the same for all four steps

@@ -60,7 +60,7 @@ def test_restart_after_points_have_left(small_scene, combination):
         for basis in ("linear", "ugimp", "quadratic")
         for transfer in ("apic", "tpic")
     ]
-    + [("quadratic", "tpic", "diffused")],
+    + [("quadratic", "tpic", "diffused"), ("linear", "tpic", "shared")],
 )
 def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
     """1200 steps in which half of it flows out; nothing is faster than a fall from its top."""

@@ -177,7 +177,8 @@ def averages(scene, step):
 
 
 def scatter(scene, points, step=0, lent_dt=1.0):
-    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density."""
+    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density,
+    and `cells` where they share it."""
     dim = scene.grid.dim
     s = Shapes(scene, points["x"])
     m = points["mass"]
@@ -197,6 +198,8 @@ def scatter(scene, points, step=0, lent_dt=1.0):
         momentum=s.to_nodes((s.w * m[:, None])[..., None] * v),
         force=s.to_nodes(force),
     )
+    if scene.scheme.density == "shared":
+        _share(scene, points, out)
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
@@ -266,14 +269,25 @@ def keep_share(scene, dt):
 
 def grid(scene, points, nodes, dt, time):
     """Nodal velocities (3.5-3.7): `v` after the forces, `w` what the points receive."""
-    codes, rows = node_codes(scene)
-    codes = codes.ravel()
     used = nodes.mass > 0
-    v = np.zeros_like(nodes.momentum)
-    v[used] = nodes.momentum[used] / nodes.mass[used, None]
+    v = _ratio(nodes.momentum, nodes.mass[:, None])
     after = np.zeros_like(v)
     acceleration = nodes.force[used] / nodes.mass[used, None] + scene.gravity.at(time)
     after[used] = v[used] + dt * acceleration
+    fixed = _at_walls(scene, used, v, after, time)
+    keep = keep_share(scene, dt)
+    if hasattr(nodes, "uneven"):
+        keep_uneven_inside(scene, nodes, fixed)
+    nodes.v, nodes.before = after, v
+    nodes.w = keep * (after - v) + (1 - keep) * after
+    if scene.scheme.transfer == "xpic":
+        nodes.w = after - v + _filtered(scene, points, nodes, v, fixed)
+
+
+def _at_walls(scene, used, v, after, time):
+    """Apply the walls of a time to nodal velocities; which components they hold."""
+    codes, rows = node_codes(scene)
+    codes = codes.ravel()
     fixed = np.zeros(v.shape, dtype=bool)
     for i in np.flatnonzero(used & (codes > 0)):
         row = rows[codes[i] - 1]
@@ -284,13 +298,7 @@ def grid(scene, points, nodes, dt, time):
         if row is not None:
             _wall(row, v[i], after[i])
             fixed[i] = [row.fixed >> d & 1 for d in range(v.shape[1])]
-    keep = keep_share(scene, dt)
-    if hasattr(nodes, "uneven"):
-        keep_uneven_inside(scene, nodes, fixed)
-    nodes.v, nodes.before = after, v
-    nodes.w = keep * (after - v) + (1 - keep) * after
-    if scene.scheme.transfer == "xpic":
-        nodes.w = after - v + _filtered(scene, points, nodes, v, fixed)
+    return fixed
 
 
 def _filtered(scene, points, nodes, v, fixed):
@@ -315,8 +323,10 @@ def gather(scene, points, nodes, dt, step=0):
     L = np.einsum("kd,pkj->pdj", v, s.g)
     new["v"] = keep * points["v"] + s.w @ w
     new["x"] = points["x"] + dt * (s.w @ v)
-    trace = np.trace(L, axis1=1, axis2=2)
-    new["log_density"] = points["log_density"] - dt * trace
+    if scene.scheme.density == "shared":
+        L = _flow_of_cells(scene, points, new, nodes, dt)
+    else:
+        new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
@@ -338,7 +348,7 @@ def gather(scene, points, nodes, dt, step=0):
         gradient,
         new["log_density"],
         dt,
-        equation_of_state=scene.scheme.density == "diffused",
+        equation_of_state=scene.scheme.density != "tracked",
     )
     new["stress"], new["shear_rate"] = components(stress, dim), rate
     return new
@@ -363,9 +373,7 @@ def _average(scene, points, new, nodes, L, dt):
     many = scene.scheme.averaging_interval
     q, dx, s, dim = scene.scheme, scene.grid.cell, nodes.shapes, scene.grid.dim
     trace = np.trace(L, axis1=1, axis2=2)
-    D = (L + L.transpose(0, 2, 1)) / 2
-    deviator_squared = np.einsum("pij,pij->p", D, D) - trace**2 / 3
-    rate = many * (np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace))
+    rate = many * _kinematic_rate(L)
     old = points["log_density"]
     joins = old >= -q.tension_reach
     r = many * dt * (q.diffusion * scene.material.wave_speed / dx)
@@ -375,8 +383,7 @@ def _average(scene, points, new, nodes, L, dt):
     full = s.w @ phi
     fed = _least_around(scene, points["x"], nodes.phi) > 0.5
     gap = 2 * (full - 1) / (full + 1) - c  # ln(full) by its first approximant
-    g = np.linalg.norm(scene.gravity.vectors, axis=1).max()
-    most = q.feedback_limit * g / scene.material.wave_speed * many * dt
+    most = _most_pull(scene) * many * dt
     pull = np.clip(q.feedback * rate * dt * gap, -most, most)
     c = np.where(fed & (c >= 0), c + pull, c)
     slope = np.einsum("k,pkj->pj", np.maximum(phi - 1, 0.0), s.g)
@@ -396,6 +403,121 @@ def _average(scene, points, new, nodes, L, dt):
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
     new["v"], new["shift_velocity"] = new["v"] + lent, lent
+
+
+def _kinematic_rate(L):
+    """Shear rate and |tr L| of velocity gradients (n, dim, dim)."""
+    trace, D = np.trace(L, axis1=1, axis2=2), (L + L.transpose(0, 2, 1)) / 2
+    deviator_squared = np.einsum("pij,pij->p", D, D) - trace**2 / 3
+    return np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace)
+
+
+# ---- the density that the points of a cell share ----
+
+
+def _share(scene, points, nodes):
+    """Cells with points: what they are, and their forces in place of those of the points."""
+    grid, s, m, dim = scene.grid, nodes.shapes, points["mass"], scene.grid.dim
+    at = np.floor((points["x"] - grid.lower) / grid.cell)
+    place, which = np.unique(at, axis=0, return_inverse=True)
+    which = which.ravel()
+    mean = _mean_over_cells(which, m)
+    room = node_volumes(scene) * grid.cell**dim
+    middle = Shapes(scene, grid.lower + (place + 0.5) * grid.cell)
+    around = middle.w > 0
+    filled = around @ nodes.mass[middle.node] / scene.material.rho_c
+    free = around @ room[middle.node]
+    phi = filled / free
+    inside = np.clip((phi - 0.8) / 0.1, 0.0, 1.0)
+    centre = mean((points["x"] - grid.lower) / grid.cell) - place
+    local = inside[:, None] / 2 + (1 - inside[:, None]) * centre
+    here = Shapes(scene, grid.lower + (place + local) * grid.cell)
+
+    sigma = mean(tensor(points["stress"], dim)[:, :dim, :dim])
+    needed = np.minimum(np.bincount(which, m) / scene.material.rho_c, grid.cell**dim)
+    volume = inside * grid.cell**dim + (1 - inside) * needed
+    nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
+        np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
+    )
+    excess = np.maximum(nodes.mass / scene.material.rho_c - room, 0.0) / grid.cell**dim
+    nodes.cells = SimpleNamespace(
+        which=which,
+        place=place,
+        here=here,
+        c=mean(points["log_density"]),
+        inside=inside,
+        log_phi=2 * (phi - 1) / (phi + 1),
+        crowding=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
+    )
+
+
+def _mean_over_cells(which, m):
+    """The mean by mass of values (points, ...) over the points of each cell."""
+
+    def mean(values):
+        flat = values.reshape(len(m), -1)
+        sums = np.stack([np.bincount(which, m * column) for column in flat.T], axis=1)
+        sums /= np.bincount(which, m)[:, None]
+        return sums.reshape(-1, *values.shape[1:])
+
+    return mean
+
+
+def _unevenness(scene, cells):
+    """The mean over the axes of a quarter of the second difference of c, where all three join."""
+    grid = scene.grid
+    joins = np.where(cells.c >= -scene.scheme.tension_reach, cells.c, np.nan)
+    known = {tuple(place): c for place, c in zip(cells.place, joins, strict=True)}
+    out = np.zeros(len(joins))
+    for k, place in enumerate(cells.place):
+        for d in range(grid.dim):
+            ends = (_beyond(scene, place, d, side, known) for side in (-1, 1))
+            out[k] += np.nan_to_num(sum(ends) - 2 * joins[k]) / (4 * grid.dim)
+    return out
+
+
+def _beyond(scene, place, d, side, known):
+    """c of the cell beside one; NaN beyond a wall or an end, and where there is none."""
+    grid = scene.grid
+    at = grid.lower[d] + (place[d] + max(side, 0)) * grid.cell
+    middle = grid.lower + (place + 0.5) * grid.cell
+    for axis, face, extents in _faces(scene):
+        others = set(range(grid.dim)) - {d}
+        here = axis == d and abs(face - at) < 1e-6 * grid.cell
+        if here and all(extents[j][0] < middle[j] < extents[j][1] for j in others):
+            return np.nan
+    other = place.copy()
+    other[d] += side
+    if grid.periodic[d]:
+        other[d] %= grid.shape[d]
+    return known.get(tuple(other), np.nan)
+
+
+def _flow_of_cells(scene, points, new, nodes, dt):
+    """Density and shift of the points, by cells; returned are the velocity gradients of these."""
+    q, cells, dx = scene.scheme, nodes.cells, scene.grid.cell
+    L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
+    rate = dt * _kinematic_rate(L)
+    r = dt * q.diffusion * scene.material.wave_speed / dx
+    c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + r / (1 + r) * _unevenness(scene, cells)
+    gap = cells.log_phi - c
+    most = _most_pull(scene) * dt
+    fed = np.clip(q.feedback * rate * gap, -most, most)
+    c = np.where((gap > 0) | (c >= 0), c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
+    length = np.linalg.norm(cells.crowding, axis=1)
+    most = np.minimum(q.shift_limit, 0.5 * rate)
+    scale = np.minimum(q.shift * rate, most / np.maximum(length, 1e-300))
+    shift = (-scale[:, None] * dx * cells.crowding)[cells.which]
+    shift[near_outlet(scene, points["x"])] = 0.0
+    new["log_density"] = c[cells.which]
+    new["x"] = new["x"] + _held_at_walls(scene, points["x"], shift)
+    return L[cells.which]
+
+
+def _most_pull(scene):
+    """Largest rate of the pull of the density to the fullness [1/s]."""
+    g = np.linalg.norm(scene.gravity.vectors, axis=1).max()
+    return scene.scheme.feedback_limit * g / scene.material.wave_speed
 
 
 def _least_around(scene, x, phi):

@@ -9,7 +9,8 @@ from granular.schemes import Scheme
 
 
 def test_presets():
-    p, d = schemes.published, schemes.default
+    p, d, c = schemes.published, schemes.default, schemes.cell_averaged
+    assert (c.basis, c.transfer, c.density, c.dt) == ("linear", "tpic", "shared", None)
     assert (p.basis, p.transfer, p.density, p.dt) == ("linear", "flip", "tracked", 3e-6)
     assert (d.basis, d.transfer, d.density, d.dt) == ("quadratic", "tpic", "diffused", None)
     assert Scheme() == d and d.replace(cfl=0.25).cfl == 0.25 and d.cfl == 0.5
@@ -38,6 +39,8 @@ def test_presets():
         ({"shift_limit": 0.6}, ValueError, "shift_limit = 0.6"),
         ({"shift_outlet_cells": -1}, ValueError, "shift_outlet_cells = -1"),
         ({"basis": "linear", "density": "diffused"}, ValueError, 'needs basis = "quadratic"'),
+        ({"density": "shared"}, ValueError, 'needs basis = "linear" and transfer = "tpic"'),
+        ({"basis": "linear", "density": "shared"}, ValueError, "not 'linear' and 'flip'"),
         ({"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
         ({"decay": "fast"}, TypeError, "decay = 'fast'"),
     ],

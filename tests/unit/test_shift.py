@@ -13,9 +13,12 @@ WALL = 3 * CELL
 
 
 @pytest.mark.parametrize("distance", [1e-4, 1e-12])
-def test_the_shift_carries_no_point_through_an_inner_wall(small_scene, dim, distance):
+@pytest.mark.parametrize(
+    "combination", [("quadratic", "tpic", "diffused"), ("linear", "tpic", "shared")], ids="-".join
+)
+def test_the_shift_carries_no_point_through_an_inner_wall(small_scene, combination, dim, distance):
     """Points at a wall, with more crowded ones behind them that shift them towards it."""
-    scene = small_scene("walls", dim, ("quadratic", "tpic", "diffused"))
+    scene = small_scene("walls", dim, combination)
     sim = disturbed(scene)
     at, buffers = living(sim), sim.buffers
     x, height = buffers["x"][0], buffers["x"][-1]
