@@ -209,5 +209,5 @@ def test_the_core_saves_all_its_fields_in_some_scheme(small_scene):
     carried = {name for name, *_ in gr.Simulation(scene, threads=1)._engine.fields()}
     assert carried == {
         "x", "v", "stress", "log_density", "mass", "shear_rate", "affine", "density_gradient",
-        "shift_velocity",
+        "shift_velocity", "overweight",
     }  # fmt: skip

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from synthetic import RHO_C, isotropic, lattice, scene, state
 
+import granular as gr
 from granular.measure import (
     cell_average,
     cell_density,
@@ -12,6 +13,7 @@ from granular.measure import (
     phase,
     smooth,
 )
+from granular.measure.energy import elastic_of
 from granular.measure.lattice import stencil
 
 CELL = 0.1
@@ -143,6 +145,21 @@ def test_cell_averages_by_mass_and_by_volume():
     assert np.allclose(by_volume.value, [(10 * 1 + 20 * 2) / 3, 5])
     rows = cell_average(points, np.stack([f, -f], axis=1))
     assert np.allclose(rows.value, [[17.5, -17.5], [5, -5]])
+
+
+def test_stresses_count_by_the_weights_of_the_scheme(small_scene):
+    sim = gr.Simulation(small_scene("walls", 2, ("quadratic", "tpic", "diffused")), threads=1)
+    sim.buffers["stress"][:3] = -100.0
+    plain, u = sim.state, np.linspace(-0.4, 0.4, sim.state.n)
+    sim.buffers["overweight"][0, sim.buffers["id"] >= 0] = u[
+        sim.buffers["id"][sim.buffers["id"] >= 0]
+    ]
+    weighted = sim.state
+    assert np.array_equal(plain.quadrature_volume, plain.volume)
+    assert np.allclose(weighted.quadrature_volume, (1 + u) * plain.volume, rtol=1e-15)
+    assert np.allclose(elastic_of(weighted), (1 + u) * elastic_of(plain), rtol=1e-15)
+    total = cell_average(weighted, np.ones(plain.n), weight="volume").weight.sum()
+    assert total == pytest.approx(np.sum((1 + u) * plain.volume), rel=1e-14)
 
 
 def test_the_density_of_cells_and_its_percentile():
