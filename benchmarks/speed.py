@@ -30,6 +30,7 @@ SCHEMES = {
     "linear flip": gr.Scheme(basis="linear"),
     "ugimp flip": gr.Scheme(basis="ugimp"),
     "quadratic flip": gr.Scheme(basis="quadratic", transfer="flip"),
+    "cell averaged": gr.schemes.cell_averaged,
     "quadratic apic": gr.Scheme(basis="quadratic", transfer="apic"),
     "default": gr.schemes.default,
 }

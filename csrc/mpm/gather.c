@@ -68,8 +68,9 @@ GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd
 }
 
 /* Weights of the points in the force, that a uniform pressure makes none inside the material:
- *   u += -weighting sum_i E_i . grad S_i - weight_decay u,   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
- * in lengths of cells; a descent on the sum of E^2, which forgets where a point has been. Given the modes of E. */
+ *   u += -weighting sum_i E_i . grad S_i - weight_decay u - sum_i S_i ubar_i,   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
+ * in lengths of cells; a descent on the sum of E^2, which forgets where a point has been and leaves
+ * the mean about a node at one. Given the modes of ubar and E. */
 GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s, const double *mode,
                      const int stride, int64_t at)
 {
@@ -88,8 +89,8 @@ GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const 
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
  *   c += eta (cbar - c) + clip(kappa gdot dt (ln phi - c)),   eta = r/(1 + r),  r = dt dd c_w/dx,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
- * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and the modes of phi, cbar, max(0, phi - 1), E; returned: the new log-density, delta
- * in m and L delta in m/s. */
+ * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and
+ * the modes of phi, cbar, max(0, phi - 1), ubar and E; returned: the new log-density, delta in m, L delta in m/s. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
                            const struct gr_shape *s, const double *mode, const int stride, double phi_least, const vd *L,
                            vd trace, int64_t at, vd delta[3], vd lent[3])
@@ -180,78 +181,103 @@ GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, con
     return phi_least;
 }
 
+/* What the points of a cell have in common. */
+struct view {
+    struct gr_frame frame;
+    vd begin[3], end[3];  /* the cell ends here */
+    vd loose;             /* log-density below which a point carries no affine field */
+    vd L[9], shift[3], c; /* of all the points, where they share their density: L dt, m, 1 */
+    double phi_least;     /* of the nodes */
+    double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
+};
+
+GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, const int diffused, const int shared,
+                            int averages, const struct gr_engine *e, int64_t index, const double *scale, struct view *view)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, diffused)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
+    const int carried = !diffused && !shared && !(cell->flags >= GR_CELL_WALL && cell->count <= ALONE);
+    view->frame = gr_frame_of(dim, e, cell);
+    view->loose = v_set(carried ? -NO_DENSITY : -e->config.cure.reach);
+    for (int d = 0; d < dim; d++) {
+        view->begin[d] = v_set(view->frame.axis[d]->begin);
+        view->end[d] = v_set(view->frame.axis[d]->end);
+    }
+    view->phi_least = diffused && averages
+                          ? cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode)
+                          : cell_modes(dim, basis, nodal, 0, fields, e, index, &view->frame, scale, view->mode);
+    if (shared) view->c = flow_of_cell(dim, e, index, view->L, view->shift);
+}
+
+/* Move the block of points at place `at`; L dt is for the law. Returned: a bit for each lane still in the cell. */
+GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, const int diffused, const int shared,
+                              int averages, struct gr_engine *e, const struct gr_cell *cell, const struct view *view,
+                              int64_t at, double *gradient)
+{
+    const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, diffused)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
+    const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: nothing of the old velocity survives and w = v */
+    const int64_t stride = e->capacity;
+    const double *const mode = view->mode;
+    const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity), speed = v_set(e->config.dx * e->inv_dt);
+    double *const x = e->field[GR_FIELD_x] + at, *const v = e->field[GR_FIELD_v] + at,
+                  *const log_density = e->field[GR_FIELD_log_density] + at;
+    struct gr_shape s;
+    vd L[9], move[3], v_new[3], slope[3], delta[3], lent[3], trace = v_zero();
+    const double *place[3];
+    for (int d = 0; d < dim; d++) place[d] = x + d * stride;
+    gr_shapes(dim, basis, &view->frame, place, affine == GR_AFFINE_MOMENT, &s);
+    for (int d = 0; d < dim; d++) {
+        move[d] = gr_interpolate(dim, basis, nodal, mode + d, fields, &s, (const vd(*)[3])s.g, L + d * dim);
+        for (int j = 0; j < dim; j++) {
+            if (shared) L[d * dim + j] = view->L[d * dim + j];
+            v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
+        }
+        trace = d ? v_add(trace, L[d * dim + d]) : L[0];
+        const vd w = all_new ? v_mul(speed, move[d])
+                             : gr_interpolate(dim, basis, nodal, mode + dim + d, fields, &s, (const vd(*)[3])s.g, slope);
+        v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
+    }
+    vd c = shared ? view->c : v_sub(v_load(log_density), trace);
+    if (diffused && averages) {
+        c = relax_density(dim, basis, e, cell, &s, mode + 2 * dim, fields, view->phi_least, L, trace, at, delta, lent);
+        for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
+    }
+    if (shared) {
+        for (int d = 0; d < dim; d++) delta[d] = view->shift[d];
+        if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s.xi, delta);
+    }
+    v_store(log_density, c);
+    if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, view->loose), L);
+    vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
+    for (int d = 0; d < dim; d++) {
+        vd y = v_fma(dx, move[d], v_load(place[d]));
+        if (shared || (diffused && averages)) y = y + delta[d];
+        v_store(v + d * stride, v_new[d]);
+        v_store(x + d * stride, y);
+        stays = m_and(stays, m_and(v_ge(y, view->begin[d]), v_gt(view->end[d], y)));
+    }
+    return m_bits(stays);
+}
+
 GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, const int shared,
                               int averages, struct gr_engine *e, int64_t index, struct batch *batch, gr_law_update *law,
                               struct gr_leaver *leaver)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const struct gr_frame frame = gr_frame_of(dim, e, cell);
-    const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, diffused)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
-    const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: nothing of the old velocity survives and w = v */
     const int blocks = GR_BLOCKS(cell->count);
-    const int64_t stride = e->capacity, offset = cell->offset;
-    const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity);
-    const vd loose =
-                 v_set(diffused || shared || (cell->flags >= GR_CELL_WALL && cell->count <= ALONE) ? -e->config.cure.reach
-                                                                                                   : -NO_DENSITY),
-             speed = v_set(e->config.dx * e->inv_dt);
-    double *const x = e->field[GR_FIELD_x], *const v = e->field[GR_FIELD_v],
-                  *const log_density = e->field[GR_FIELD_log_density];
-    double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
-    vd begin[3], end[3];
+    struct view view;
     int64_t found = 0, filled = batch->n;
-    for (int d = 0; d < dim; d++) begin[d] = v_set(frame.axis[d]->begin), end[d] = v_set(frame.axis[d]->end);
-    const double phi_least = diffused && averages
-                                 ? cell_modes(dim, basis, nodal, 1, fields, e, index, &frame, batch->scale, mode)
-                                 : cell_modes(dim, basis, nodal, 0, fields, e, index, &frame, batch->scale, mode);
-    vd L_cell[9], shift_cell[3], c_cell = v_zero();
-    if (shared) c_cell = flow_of_cell(dim, e, index, L_cell, shift_cell);
+    look_at_cell(dim, basis, affine, diffused, shared, averages, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
-        const int64_t at = offset + n * GR_W;
-        struct gr_shape s;
-        vd L[9], move[3], v_new[3], slope[3], delta[3], lent[3];
-        const double *place[3];
+        const int64_t at = cell->offset + n * GR_W;
         if (__builtin_expect(filled == BATCH, 0)) {
             batch->n = filled;
             run_law(e, law, batch);
             filled = 0;
         }
         double *gradient = batch->gradient + filled * dim * dim * GR_W;
-        for (int d = 0; d < dim; d++) place[d] = x + d * stride + at;
-        gr_shapes(dim, basis, &frame, place, affine == GR_AFFINE_MOMENT, &s);
-        vd trace = v_zero();
-        for (int d = 0; d < dim; d++) {
-            move[d] = gr_interpolate(dim, basis, nodal, mode + d, fields, &s, (const vd(*)[3])s.g, L + d * dim);
-            for (int j = 0; j < dim; j++) {
-                if (shared) L[d * dim + j] = L_cell[d * dim + j];
-                v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
-            }
-            trace = d ? v_add(trace, L[d * dim + d]) : L[0];
-            const vd w = all_new ? v_mul(speed, move[d])
-                                 : gr_interpolate(dim, basis, nodal, mode + dim + d, fields, &s, (const vd(*)[3])s.g, slope);
-            v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride + at), w);
-        }
-        vd c = shared ? c_cell : v_sub(v_load(log_density + at), trace);
-        if (diffused && averages) {
-            c = relax_density(dim, basis, e, cell, &s, mode + 2 * dim, fields, phi_least, L, trace, at, delta, lent);
-            for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
-        }
-        if (shared) {
-            for (int d = 0; d < dim; d++) delta[d] = shift_cell[d];
-            if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s.xi, delta);
-        }
-        v_store(log_density + at, c);
-        if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, loose), L);
-        vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
-        for (int d = 0; d < dim; d++) {
-            vd y = v_fma(dx, move[d], v_load(place[d]));
-            if (shared || (diffused && averages)) y = y + delta[d];
-            v_store(v + d * stride + at, v_new[d]);
-            v_store(x + d * stride + at, y);
-            stays = m_and(stays, m_and(v_ge(y, begin[d]), v_gt(end[d], y)));
-        }
+        const unsigned inside = move_block(dim, basis, affine, diffused, shared, averages, e, cell, &view, at, gradient);
         batch->slot[filled++] = at;
-        const unsigned inside = m_bits(stays);
         if (__builtin_expect(inside != GR_ALL_LANES, 0)) found += settle(e, index, n, inside, leaver + found);
     }
     batch->n = filled;

@@ -29,7 +29,7 @@ GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; 
 
 GR_INLINE struct gr_frame gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell)
 {
-    struct gr_frame frame;
+    struct gr_frame frame = {0};
     frame.inv_dx = v_set(e->inv_dx);
     frame.lambda = e->config.lambda;
     for (int d = 0; d < dim; d++) {

@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+from oracle_shapes import Shapes, axis_nodes
 
 import granular as gr
 from granular import _core
@@ -52,12 +53,12 @@ def disturbed(scene, seed=3, step=0, **options):
 
 def nodes_by_number(scene, found):
     """Numbers of the engine's nodes in the whole grid, x fastest."""
-    shapes = oracle.Shapes(scene, np.array([scene.grid.lower]) + 0.5 * scene.grid.cell)
+    shapes = Shapes(scene, np.array([scene.grid.lower]) + 0.5 * scene.grid.cell)
     where = np.zeros((len(found), scene.dim))
     number, stride = np.zeros(len(found), dtype=int), 1
     for d in range(scene.dim):
         where = (found[:, d] - scene.grid.lower[d]) / scene.grid.cell
-        axis = oracle.axis_nodes(scene, d)
+        axis = axis_nodes(scene, d)
         nearest = abs(where[:, None] - axis).argmin(axis=1)
         np.testing.assert_allclose(axis[nearest], where, atol=1e-9)
         number += stride * nearest

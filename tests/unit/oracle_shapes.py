@@ -1,0 +1,144 @@
+"""Shape functions once more, slow and plain: NumPy written from their definitions."""
+
+import math
+
+import numpy as np
+
+from granular.nodes import creases
+
+
+def _hats(x, lines):
+    """Hats of the unit grid at x, and their antiderivatives, shape (n, len(lines))."""
+    r = x[:, None] - lines
+    inner = np.clip(r, -1.0, 1.0)
+    area = np.where(inner < 0, (1 + inner) ** 2 / 2, 1 - (1 - inner) ** 2 / 2)
+    return np.maximum(0.0, 1 - abs(r)), area
+
+
+def _linear(x, lines):
+    side = np.where(x[:, None] < lines, 1.0, -1.0)
+    near = (abs(x[:, None] - lines) < 1) | (x[:, None] == lines - 1)
+    return _hats(x, lines)[0], np.where(near, side, 0.0)
+
+
+def _ugimp(x, lines, half, ends):
+    """Hats averaged over [x - half, x + half], cut off at the nearest of `ends` (walls)."""
+    ends = np.array(sorted({-np.inf, np.inf, *ends}))
+    place = np.searchsorted(ends, x, side="right") - 1
+    low, high = np.maximum(x - half, ends[place]), np.minimum(x + half, ends[place + 1])
+    (at_low, area_low), (at_high, area_high) = _hats(low, lines), _hats(high, lines)
+    width = (high - low)[:, None]
+    return (area_high - area_low) / width, (at_high - at_low) / width
+
+
+def _splines(x, knots, degree=2):
+    """B-splines by the recursion of Cox and de Boor, and their derivatives."""
+    values = ((x[:, None] >= knots[:-1]) & (x[:, None] < knots[1:])).astype(float)
+    for k in range(1, degree + 1):
+        before = values
+        count = len(knots) - 1 - k
+        values = np.zeros((len(x), count))
+        slopes = np.zeros((len(x), count))
+        for i in range(count):
+            if knots[i + k] > knots[i]:
+                width = knots[i + k] - knots[i]
+                values[:, i] += (x - knots[i]) / width * before[:, i]
+                slopes[:, i] += k / width * before[:, i]
+            if knots[i + k + 1] > knots[i + 1]:
+                width = knots[i + k + 1] - knots[i + 1]
+                values[:, i] += (knots[i + k + 1] - x) / width * before[:, i + 1]
+                slopes[:, i] -= k / width * before[:, i + 1]
+    return values, slopes
+
+
+def axis_functions(basis, n, periodic, lines, half, x):
+    """Values and slopes (per cell) at x (cells), node positions (cells), and the true node of each.
+
+    Nodes of periodic axes appear several times, once for each image.
+    """
+    if basis == "quadratic":
+        if periodic:
+            knots = np.arange(-4, n + 5, dtype=float)
+        else:
+            knots = np.sort(np.concatenate([[0, 0], np.arange(n + 1), [n, n], lines])).astype(float)
+        w, g = _splines(x, knots)
+        at = (knots[1:-2] + knots[2:-1]) / 2
+        real = np.round(at - 0.5).astype(int) % n if periodic else np.arange(len(at))
+        return w, g, at, real
+    at = np.arange(-2, n + 3) if periodic else np.arange(n + 1)
+    real = at % n if periodic else at
+    if basis == "linear":
+        w, g = _linear(x, at)
+    else:
+        w, g = _ugimp(x, at, half, [*lines] + ([] if periodic else [0, n]))
+    return w, g, at.astype(float), real
+
+
+def axis_nodes(scene, d):
+    """Positions of the true nodes along axis d, in cells from the lower end."""
+    grid, basis = scene.grid, scene.scheme.basis
+    lines, middle = creases(grid, scene.walls, d), np.array([0.5])
+    *_, at, real = axis_functions(basis, grid.shape[d], grid.periodic[d], lines, 0.25, middle)
+    inside = (at >= 0) & (at < grid.shape[d] if grid.periodic[d] else True)
+    positions = np.empty(inside.sum())
+    positions[real[inside]] = at[inside]
+    return positions
+
+
+class Shapes:
+    """Shape functions of all nodes at all points.
+
+    `w` (points, images), `g` (points, images, dim) [1/m], `r` (points, images, dim) [m] from the
+    point to the node, `node` (images,) the number of the node, x fastest.
+    """
+
+    def __init__(self, scene, x):
+        grid, scheme = scene.grid, scene.scheme
+        half = 0.5 / round(scene.fills[0].points_per_cell ** (1 / grid.dim))
+        parts = []
+        for d in range(grid.dim):
+            lines = creases(grid, scene.walls, d)
+            at = (x[:, d] - grid.lower[d]) / grid.cell
+            w, g, position, node = axis_functions(
+                scheme.basis, grid.shape[d], grid.periodic[d], lines, half, at
+            )
+            parts.append((w, g / grid.cell, (position - at[:, None]) * grid.cell, node))
+        self.counts = [int(p[3].max()) + 1 for p in parts]
+        picks = np.meshgrid(*[np.arange(len(p[3])) for p in parts], indexing="ij")
+        picks = [k.ravel() for k in picks]
+        stride = np.cumprod([1, *self.counts[:-1]])
+        self.node = sum(s * p[3][k] for s, p, k in zip(stride, parts, picks, strict=True))
+        self.w1 = [p[0][:, k] for p, k in zip(parts, picks, strict=True)]
+        self.w = math.prod(self.w1)
+        self.r = np.stack([p[2][:, k] for p, k in zip(parts, picks, strict=True)], axis=-1)
+        slopes = [p[1][:, k] for p, k in zip(parts, picks, strict=True)]
+        self.g = np.stack([self._times(slopes, d) for d in range(grid.dim)], axis=-1)
+
+    def _times(self, factors, d):
+        """Product of the values along all axes but d, and of the factor along d."""
+        return math.prod(factors[j] if j == d else w for j, w in enumerate(self.w1))
+
+    def to_nodes(self, values):
+        """Sum of values (points, images, ...) over points and images, shape (nodes, ...)."""
+        out = np.zeros((math.prod(self.counts), *values.shape[2:]))
+        np.add.at(out, self.node, values.sum(axis=0))
+        return out
+
+
+def node_volumes(scene):
+    """Integral of each shape function over the room of the domain, in cells; Gauss quadrature."""
+    grid = scene.grid
+    at, weight = np.polynomial.legendre.leggauss(3)
+    one = [
+        (np.arange(n)[:, None] + (at + 1) / 2).ravel() * grid.cell + low
+        for n, low in zip(grid.shape, grid.lower, strict=True)
+    ]
+    mesh = np.meshgrid(*one, indexing="ij")
+    x = np.stack([m.ravel() for m in mesh], axis=1)
+    share = [np.tile(weight / 2, n) for n in grid.shape]
+    room = math.prod(np.meshgrid(*share, indexing="ij")).ravel()
+    for wall in scene.walls:
+        if type(wall).__name__ == "Solid":
+            room[np.all((x > wall.lower) & (x < wall.upper), axis=1)] = 0.0
+    shapes = Shapes(scene, x)
+    return shapes.to_nodes(shapes.w * room[:, None])
