@@ -23,12 +23,15 @@ __all__ = [
     "LAWS",
     "StiffnessLaw",
     "friction_shift",
+    "grid_damping",
     "held_rates",
     "incline_error",
     "incline_resolution_error",
     "pressure_strain",
     "ramp_slip",
+    "softening",
     "stiffness_error",
+    "with_numbers_of_default",
 ]
 
 RAMP_SLIP = 0.16
@@ -54,11 +57,17 @@ class StiffnessLaw:
         their own uncertainty.
     largest : float
         Pressure strain of the softest of these runs: nothing is known beyond.
+    held : bool
+        Whether the rates of the default scheme were held (`held_rates`).
+    damping : float
+        Largest damping (`grid_damping`) of a stiff scene that the soft runs agree with.
     """
 
     scatter: float
     prefactor: float
     largest: float
+    held: bool = False
+    damping: float = math.inf
 
     def __call__(self, strain: float) -> float:
         if strain > self.largest * (1 + 1e-6):
@@ -69,45 +78,41 @@ class StiffnessLaw:
 LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
     {
         ("column_collapse", "published"): StiffnessLaw(0.12, 20.0, 3.6e-3),
-        ("column_collapse", "default"): StiffnessLaw(0.022, 8.0, 3.6e-3),
+        ("column_collapse", "default"): StiffnessLaw(0.025, 5.0, 3.6e-3, damping=1.3),
         ("silo", "published"): StiffnessLaw(0.03, 2.8, 0.0177),
-        ("silo", "default"): StiffnessLaw(0.01, 1.3, 0.0177),
+        ("silo", "default"): StiffnessLaw(0.012, 1.4, 0.0177, held=True),
         ("hourglass", "published"): StiffnessLaw(0.01, 1.0, 4.5e-3),
-        ("hourglass", "default"): StiffnessLaw(0.01, 1.0, 4.5e-3),
-        ("slug", "default"): StiffnessLaw(0.012, 1.0, 5.3e-3),
+        ("hourglass", "default"): StiffnessLaw(0.01, 1.0, 4.5e-3, held=True),
+        ("slug", "default"): StiffnessLaw(0.012, 1.0, 5.3e-3, held=True),
     }
 )
-"""By the name of the scene function and of the scheme that is like the one measured; the rates of
-the default scheme held (`held_rates`). What is not here was not measured, or did not settle:
-docs/economy.md."""
+"""By the name of the scene function and of the scheme that is like the one measured. What is not
+here was not measured, or did not settle: docs/economy.md."""
 
 
-_KEPT = (
-    "feedback",
-    "feedback_limit",
-    "shift",
-    "shift_limit",
-    "shift_outlet_cells",
-    "tension_reach",
-    "weighting",
-    "weight_limit",
-    "weight_decay",
-    "mass_cutoff",
-)
-"""Numbers of the default scheme with which its law was measured, whatever the rates."""
+def with_numbers_of_default(scheme: Scheme, rates: float = 1.0) -> bool:
+    """Whether a scheme is the default one, its steps aside, with rates so many times as high."""
+    scaled = {name: rates * getattr(default, name) for name in ("decay", "diffusion")}
+    if not all(math.isclose(getattr(scheme, k), v, rel_tol=1e-6) for k, v in scaled.items()):
+        return False
+    aside = ("cfl", "dt", "averaging_interval", *scaled)
+    return scheme.replace(**{name: getattr(default, name) for name in aside}) == default
 
 
 def kind(scheme: Scheme) -> str:
     """The scheme for which measurements of this one hold: "default", "published" or "" for none.
 
-    The default scheme may have its rates held from another stiffness (`held_rates`): all of them
-    from the same one.
+    The default scheme may have its rates held from another stiffness (`held_rates`), all of them
+    from the same one. It averages its density each so many steps, and another time between two
+    averagings makes another flow: with a fixed step nothing is known.
     """
     if scheme.density == "diffused":
-        ratio = scheme.decay / default.decay
-        held = ratio > 0 and math.isclose(scheme.diffusion, default.diffusion * ratio, rel_tol=1e-6)
-        same = all(getattr(scheme, name) == getattr(default, name) for name in _KEPT)
-        return "default" if held and same else ""
+        rates = scheme.decay / default.decay
+        if scheme.dt is not None or rates <= 0 or not with_numbers_of_default(scheme, rates):
+            return ""
+        between = scheme.cfl * scheme.averaging_interval
+        known = default.cfl * _interval(default, rates)
+        return "default" if math.isclose(between, known, rel_tol=1e-6) else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain and scheme.mass_cutoff == published.mass_cutoff else ""
 
@@ -214,14 +219,34 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
     if name == "incline":
         return incline_error(scene, material)
     law = LAWS.get((name, kind(scene.scheme)))
-    return math.nan if law is None else law(pressure_strain(scene, material))
+    if law is None or grid_damping(scene) > law.damping:
+        return math.nan
+    return law(pressure_strain(scene, material))
+
+
+def grid_damping(scene: Scene) -> float:
+    """decay c_w dx over H sqrt(g H): how fast motions of the size of cells die against the flow."""
+    flow = height(scene) * math.sqrt(gravity(scene) * height(scene))
+    return scene.scheme.decay * scene.material.wave_speed * scene.grid.cell / flow
+
+
+def softening(scene: Scene, name: str, E: float) -> dict[str, float | int]:
+    """What is changed to make the grains of a scene as soft as that, by name: rates are held where
+    the law of its scene was measured so."""
+    law = LAWS.get((name, kind(scene.scheme)))
+    return {"E": E} | (held_rates(scene, E) if law is not None and law.held else {})
+
+
+def _interval(scheme: Scheme, rates: float) -> int:
+    """Steps between two averagings at rates so many times as high, as far as whole steps allow."""
+    return min(max(round(scheme.averaging_interval / rates), 1), 16)
 
 
 def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     """Numbers of the scheme with which its own rates [1/s] stay what they are as E changes.
 
     Decay and diffusion go with c_w/dx: left alone, softer grains would change the scheme as
-    well, which moves a run-out more than their elasticity does.
+    well, which moves the rate of a silo or the way of a slug more than their elasticity does.
     """
     scheme, softer = scene.scheme, scene.material.E / E
     numbers: dict[str, float | int] = {}
@@ -230,7 +255,5 @@ def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     if scheme.density != "tracked":
         numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
     if scheme.density == "diffused":
-        # The time between two averagings, too, as far as whole steps allow.
-        steps = round(scheme.averaging_interval / math.sqrt(softer))
-        numbers["averaging_interval"] = min(max(steps, 1), 16)
+        numbers["averaging_interval"] = _interval(scheme, math.sqrt(softer))
     return numbers

@@ -160,7 +160,7 @@ def _basis(asked: _Asked) -> Advice:
             " dimensions collapse; on the incline of 8 columns the profile is off by .16 in 4 s."
         )
         return asked.advice("basis", reason)
-    if bias.kind(scheme) != "default":
+    if not bias.with_numbers_of_default(scheme):
         reason = "Kept: what linear functions change was measured against the default scheme alone."
         return asked.advice("basis", reason, math.nan)
     if SHARE * asked.tolerance < LINEAR_COLUMN:
@@ -244,8 +244,7 @@ def _stiffness(asked: _Asked) -> Advice:
         f"Grains need only be stiff against their load: p/K = {strain:.2g} at the foot."
         f" Ten times softer still, the error is {beyond}: not advised."
     )
-    # Of the scheme given: the piece holds its rates without that on the basis, too.
-    changes = {"E": E} | bias.held_rates(asked.given, E)
+    changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
         reason += " The rates of the scheme, which go with the stiffness, are held."
     return asked.advice("stiffness", reason, error, changes)
@@ -258,6 +257,9 @@ def _time_step(asked: _Asked) -> Advice:
         return asked.advice("time step", reason)
     if damps_by_step(scheme):
         reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
+        return asked.advice("time step", reason, math.nan)
+    if scheme.density == "diffused":
+        reason = "Kept: the density is averaged each so many steps, less often if they are longer."
         return asked.advice("time step", reason, math.nan)
     limit = courant_limit(scene)
     if scheme.cfl > limit:

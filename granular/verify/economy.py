@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from granular import economy, materials, scenes, schemes
+from granular.economy.advice import changed, scene_function
+from granular.economy.bias import softening
 from granular.scene import Scene
 from granular.schemes import Scheme
 from granular.verify.quantities import Outcome, change, quantities
@@ -17,32 +19,31 @@ from granular.verify.rows import Row, at_least, at_most, beside, check
 TOLERANCE = 0.02
 """Asked of the advice, and of what is measured."""
 
-COLUMN_TOLERANCE = 0.025
+COLUMN_TOLERANCE = 0.03
 """Asked for columns, of which less is not promised."""
 
 SPARED = 10.0
 """Factor by which the cost must fall."""
-
-PUBLISHED_DT = 3e-6
-"""Time step of the paper [s]."""
 
 STIFF = 1e8
 """Young's modulus [Pa] of the reference where 1 GPa takes too long."""
 
 
 def published(name: str, scheme: Scheme, **parameters: Any) -> Scene:
-    """A scene at E = 1 GPa and dt = 3e-6 s, the settings of the paper, in either scheme."""
-    return scenes.registry[name](scheme=scheme.replace(dt=PUBLISHED_DT), **parameters)
+    """A scene at E = 1 GPa, and with the paper's scheme at its dt = 3e-6 s."""
+    return scenes.registry[name](scheme=scheme, **parameters)
 
 
 def reference(scene: Scene, E: float) -> Outcome:
     """A run at a lesser E and its adaptive step, with the processor time of the scene itself.
 
-    The scheme's rates are held. A point and step costs the same at any E, so that the time of the
-    scene is that of the run, times its steps over those of the run.
+    The rates of the default scheme are held where advice holds them. A point and step costs the
+    same at any E, so that the time of the scene is that of the run, times its steps over those of
+    the run.
     """
-    scheme = scene.scheme.replace(dt=None, **economy.held_rates(scene, E))
-    run = quantities(scene.replace(material=scene.material.replace(E=E), scheme=scheme))
+    function = scene_function(scene)
+    assert function is not None
+    run = quantities(changed(scene, {"dt": None} | softening(scene, function.__name__, E)))
     times = run.mean_dt / economy.time_step(scene)
     return replace(run, seconds=run.seconds * times, point_steps=round(run.point_steps * times))
 
@@ -96,21 +97,19 @@ def economy_incline() -> Iterator[Row]:
 
 @check(slow=True)
 def economy_collapse() -> Iterator[Row]:
-    """Columns of aspect 1, coarse, three seedings: advised at 2.5 % against E = 1 GPa, in the mean.
+    """Columns of aspect 1, three seedings: advised at 3 % against E = 1 GPa, in the mean.
 
-    Less is not promised: see docs/economy.md. A single run-out is chance to 1 or 2 %; the bound
-    allows for the standard errors of both means, 1 % together.
+    Less is not promised: single run-outs scatter by 1 to 4 %, see docs/economy.md. The bound
+    allows for the standard errors of both means, 2 % together.
     """
     thrifty, full = [], []
     for seed in (1, 2, 3):
-        scene = published(
-            "column_collapse", schemes.default, aspect=1.0, cell=0.025, jitter=0.5, seed=seed
-        )
+        scene = published("column_collapse", schemes.default, aspect=1.0, jitter=0.5, seed=seed)
         thrifty.append(advised(scene, COLUMN_TOLERANCE))
         full.append(reference(scene, materials.glass_beads.E))
     means = [np.mean([run.numbers["run-out"] for run in runs]) for runs in (thrifty, full)]
     moved = abs(means[0] / means[1] - 1)
-    yield at_most("change of the run-out, mean of 3", moved, COLUMN_TOLERANCE + 0.01)
+    yield at_most("change of the run-out, mean of 3", moved, COLUMN_TOLERANCE + 0.02)
     spared = sum(run.seconds for run in full) / sum(run.seconds for run in thrifty)
     yield at_least("core-seconds spared, collapse", spared, SPARED)
 

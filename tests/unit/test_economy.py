@@ -77,19 +77,20 @@ def test_what_is_advised_stays_within_the_tolerance(scene, tolerance):
 
 @pytest.mark.parametrize("scene", PAPER + PUBLISHED, ids=lambda s: f"{s.name}-{s.scheme.basis}")
 def test_two_per_cent_spare_nine_tenths(scene):
-    """Of the paper's own settings, E = 1 GPa and dt = 3e-6 s."""
-    scene = scene.replace(scheme=scene.scheme.replace(dt=3e-6))
+    """Of E = 1 GPa, and with the paper's scheme its dt = 3e-6 s."""
     advice = gr.economy.advise(scene, 0.02)
     refused = {
         ("slug", "linear"): "not been measured",  # its final place drifts with E, without end
         ("silo", "linear"): "should be the same",  # its rate is, to 3 %
         ("column_collapse", "linear"): "should be the same",  # its run-out is chance,
-        ("column_collapse", "quadratic"): "should be the same",  # and here it moves by 2.2 %
+        ("column_collapse", "quadratic"): "should be the same",  # to 2.5 %
     }.get((scene.name, scene.scheme.basis))
+    if scene == PAPER[3]:
+        refused = "not been measured"  # low and stiff: damped by the cells
     if refused:
         assert refused in advice.about("stiffness").reason
         assert advice.about("stiffness").changes == {}
-        if scene.name in ("column_collapse", "silo"):
+        if scene != PAPER[3] and scene.name in ("column_collapse", "silo"):
             assert gr.economy.advise(scene, 0.15).saving >= 10
     else:
         assert advice.saving >= 10
@@ -229,15 +230,29 @@ def test_half_costs_accuracy_with_other_than_linear_functions():
     assert gr.economy.advise(full_silo(), 0.01).about("dimension").error == 0.0
 
 
-def test_rates_are_held_by_the_piece_on_stiffness_alone():
-    """Without the piece on the basis the scheme is still the default one."""
-    scene = gr.scenes.incline()
-    advice = gr.economy.advise(scene, 0.05)
-    assert advice.about("basis").changes
-    alone = gr.economy.apply(scene, advice.about("stiffness"))
-    assert alone.scheme.decay * alone.material.wave_speed == pytest.approx(
-        scene.scheme.decay * scene.material.wave_speed
-    )
+def test_a_fixed_step_of_the_default_scheme_is_kept():
+    """The time between two averagings of the density goes with it, and the flow with that."""
+    fixed = gr.schemes.default.replace(dt=3e-6)
+    advice = gr.economy.advise(gr.scenes.silo(scheme=fixed), 0.1)
+    for topic in ("stiffness", "time step"):
+        item = advice.about(topic)
+        assert not item.changes and math.isnan(item.error)
+    # One column does not feel it: linear functions in an adaptive step serve as well.
+    thrifty = gr.economy.apply(*_advised(gr.scenes.incline(scheme=fixed), 0.02))
+    assert thrifty.scheme.basis == "linear" and thrifty.scheme.dt is None
+
+
+def _advised(scene, tolerance):
+    return scene, gr.economy.advise(scene, tolerance)
+
+
+def test_a_damping_that_moves_the_run_out_is_not_softened_away():
+    """Cells of .025 m at 1 GPa: the run-out is 7 % less than at 1e7, by the rates of the scheme."""
+    coarse = gr.scenes.column_collapse(aspect=1.0, cell=0.025)
+    item = gr.economy.advise(coarse, 0.1).about("stiffness")
+    assert not item.changes and math.isnan(item.error)
+    # .03 of 947 m/s and a cell of .025 m, against a fall through .2 m.
+    assert bias.grid_damping(coarse) == pytest.approx(0.03 * 947.3 * 0.025 / (0.2 * 1.4), rel=1e-3)
 
 
 def test_a_block_across_the_plane_is_cut():
@@ -304,6 +319,8 @@ def test_rates_of_the_scheme_are_held_where_grains_are_softened():
 
     assert rates(thrifty) == pytest.approx(rates(scene), rel=1e-12)
     assert (scene.scheme.averaging_interval, thrifty.scheme.averaging_interval) == (4, 1)
+    column = gr.economy.advise(gr.scenes.column_collapse(aspect=1.0), 0.1).about("stiffness")
+    assert set(column.changes) == {"E"}  # whose run-out they do not keep
     flip = scene.replace(scheme=gr.schemes.published)
     assert set(gr.economy.advise(flip, 0.1).about("stiffness").changes) == {"E"}
 
@@ -384,8 +401,12 @@ def test_a_default_scheme_with_other_numbers_is_another(changes):
 def test_schemes_of_the_same_kind():
     default, published = gr.schemes.default, gr.schemes.published
     held = default.replace(**bias.held_rates(gr.scenes.silo(), 1e6))
-    for scheme in (default, held, default.replace(cfl=0.3, averaging_interval=2, dt=1e-6)):
+    for scheme in (default, held, default.replace(cfl=0.125, averaging_interval=16)):
         assert bias.kind(scheme) == "default"
+    often = ({"cfl": 0.125}, {"averaging_interval": 1}, {"dt": 1e-6})
+    for changes in often:
+        assert bias.kind(default.replace(**changes)) == ""
+    assert bias.kind(held.replace(averaging_interval=4)) == ""
     assert bias.kind(published) == bias.kind(published.replace(dt=None, cfl=0.3)) == "published"
     assert bias.kind(published.replace(mass_cutoff=0.01)) == ""
 
