@@ -82,7 +82,7 @@ LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
         ("silo", "published"): StiffnessLaw(0.03, 2.8, 0.0177),
         ("silo", "default"): StiffnessLaw(0.012, 1.4, 0.0177, held=True),
         ("hourglass", "published"): StiffnessLaw(0.01, 1.0, 4.5e-3),
-        ("hourglass", "default"): StiffnessLaw(0.01, 1.0, 4.5e-3, held=True),
+        ("hourglass", "default"): StiffnessLaw(0.012, 2.0, 4.5e-3, held=True),
         ("slug", "default"): StiffnessLaw(0.012, 1.0, 5.3e-3, held=True),
     }
 )

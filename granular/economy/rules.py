@@ -258,7 +258,7 @@ def _time_step(asked: _Asked) -> Advice:
     if damps_by_step(scheme):
         reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
         return asked.advice("time step", reason, math.nan)
-    if scheme.density == "diffused":
+    if scheme.density != "tracked":
         reason = "Kept: the density is averaged each so many steps, less often if they are longer."
         return asked.advice("time step", reason, math.nan)
     limit = courant_limit(scene)

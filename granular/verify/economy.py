@@ -37,13 +37,12 @@ def published(name: str, scheme: Scheme, **parameters: Any) -> Scene:
 def reference(scene: Scene, E: float) -> Outcome:
     """A run at a lesser E and its adaptive step, with the processor time of the scene itself.
 
-    The rates of the default scheme are held where advice holds them. A point and step costs the
-    same at any E, so that the time of the scene is that of the run, times its steps over those of
-    the run.
+    The rates of the default scheme are held where advice holds them. The time of the scene is that
+    of the run, times its steps over those of the run: a point and step costs the same at any E,
+    but with held rates up to 1.4 times as much, for it averages in more steps.
     """
-    function = scene_function(scene)
-    assert function is not None
-    run = quantities(changed(scene, {"dt": None} | softening(scene, function.__name__, E)))
+    name = getattr(scene_function(scene), "__name__", "")
+    run = quantities(changed(scene, {"dt": None} | softening(scene, name, E)))
     times = run.mean_dt / economy.time_step(scene)
     return replace(run, seconds=run.seconds * times, point_steps=round(run.point_steps * times))
 
