@@ -141,6 +141,14 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
     }
 
 
+def averaging_interval(scene: Scene) -> int:
+    """Steps between two averagings of the density."""
+    scheme = scene.scheme
+    crossing = scene.grid.cell / scene.material.wave_speed
+    dt = scheme.dt or scheme.cfl * crossing
+    return max(round(scheme.averaging_time * crossing / dt), 1)
+
+
 def _feedback_limit(scene: Scene) -> float:
     """Largest rate of log-density [1/s] by the feedback: eps g/c_w, g the largest gravity."""
     g = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
@@ -172,7 +180,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         basis=CORE_BASES.index(scheme.basis),
         affine=AFFINE[scheme.transfer],
         density=CORE_DENSITIES.index(scheme.density),
-        averaging_interval=scheme.averaging_interval,
+        averaging_interval=averaging_interval(scene),
         xpic_order=scheme.xpic_order if scheme.transfer == "xpic" else 0,
         pressure_from_density=int(scheme.density != "tracked"),
         law=scene.material.law,

@@ -73,10 +73,10 @@ class Scheme:
         Largest shift in a step, in cells.
     shift_outlet_cells : int
         No shift nearer than this to an opening, in cells: it would jam the outlet.
-    averaging_interval : int
-        Steps between two averagings of the density, 1 to 16. Each stands for so many steps: the
-        rates above stay what they are, and the steps between cost no more than plain ones. A
-        shared density is made in every step.
+    averaging_time : float
+        Time between two averagings of a diffused density, in dx/c_w, to whole steps and at least
+        one: the steps between cost no more than plain ones. A time and not a number of steps, so
+        that the result does not depend on the step: what an averaging does is nearly complete.
     tension_reach : float
         Points looser than c_p = -tension_reach take no part in the averaging.
     weighting : float
@@ -112,7 +112,7 @@ class Scheme:
     shift: float = 5.0
     shift_limit: float = 0.05
     shift_outlet_cells: int = 3
-    averaging_interval: int = 4
+    averaging_time: float = 2.0
     tension_reach: float = 0.02
     weighting: float = 0.6
     weight_limit: float = 0.5
@@ -138,7 +138,6 @@ class Scheme:
             "weighting": in_range("weighting", self.weighting, 0.0, 1.0),
             "weight_limit": in_range("weight_limit", self.weight_limit, 0.0, 0.8),
             "weight_decay": in_range("weight_decay", self.weight_decay, 0.0, 1.0),
-            "averaging_interval": integer("averaging_interval", self.averaging_interval, 1, 16),
             "shift_outlet_cells": integer("shift_outlet_cells", self.shift_outlet_cells, 0, 1000),
         }
         for name in (
@@ -148,6 +147,7 @@ class Scheme:
             "feedback_limit",
             "shift",
             "tension_reach",
+            "averaging_time",
             "decay",
         ):
             checked[name] = non_negative(name, getattr(self, name))

@@ -93,9 +93,10 @@ here was not measured, or did not settle: docs/economy.md."""
 def with_numbers_of_default(scheme: Scheme, rates: float = 1.0) -> bool:
     """Whether a scheme is the default one, its steps aside, with rates so many times as high."""
     scaled = {name: rates * getattr(default, name) for name in ("decay", "diffusion")}
+    scaled["averaging_time"] = default.averaging_time / rates
     if not all(math.isclose(getattr(scheme, k), v, rel_tol=1e-6) for k, v in scaled.items()):
         return False
-    aside = ("cfl", "dt", "averaging_interval", *scaled)
+    aside = ("cfl", "dt", *scaled)
     return scheme.replace(**{name: getattr(default, name) for name in aside}) == default
 
 
@@ -103,16 +104,12 @@ def kind(scheme: Scheme) -> str:
     """The scheme for which measurements of this one hold: "default", "published" or "" for none.
 
     The default scheme may have its rates held from another stiffness (`held_rates`), all of them
-    from the same one. It averages its density each so many steps, and another time between two
-    averagings makes another flow: with a fixed step nothing is known.
+    from the same one; with a fixed step it was not measured.
     """
     if scheme.density == "diffused":
         rates = scheme.decay / default.decay
-        if scheme.dt is not None or rates <= 0 or not with_numbers_of_default(scheme, rates):
-            return ""
-        between = scheme.cfl * scheme.averaging_interval
-        known = default.cfl * _interval(default, rates)
-        return "default" if math.isclose(between, known, rel_tol=1e-6) else ""
+        like = scheme.dt is None and rates > 0 and with_numbers_of_default(scheme, rates)
+        return "default" if like else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain and scheme.mass_cutoff == published.mass_cutoff else ""
 
@@ -237,11 +234,6 @@ def softening(scene: Scene, name: str, E: float) -> dict[str, float | int]:
     return {"E": E} | (held_rates(scene, E) if law is not None and law.held else {})
 
 
-def _interval(scheme: Scheme, rates: float) -> int:
-    """Steps between two averagings at rates so many times as high, as far as whole steps allow."""
-    return min(max(round(scheme.averaging_interval / rates), 1), 16)
-
-
 def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     """Numbers of the scheme with which its own rates [1/s] stay what they are as E changes.
 
@@ -255,5 +247,5 @@ def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     if scheme.density != "tracked":
         numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
     if scheme.density == "diffused":
-        numbers["averaging_interval"] = _interval(scheme, math.sqrt(softer))
+        numbers["averaging_time"] = scheme.averaging_time / math.sqrt(softer)
     return numbers

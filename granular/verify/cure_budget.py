@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular import materials, measure, schemes
+from granular.engine import averaging_interval
 from granular.geometry import Box, Fill, Grid
 from granular.measure.energy import plastic_power
 from granular.scene import Scene
@@ -70,7 +71,7 @@ def given(sim: Simulation) -> Given:
     cure for both, takes back what the shift had lent.
     """
     scheme = sim.scene.scheme
-    interval = scheme.averaging_interval if scheme.density == "diffused" else 1
+    interval = averaging_interval(sim.scene) if scheme.density == "diffused" else 1
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
     cured = sim.scene.scheme.replace(dt=sim.dt)  # the same for all four steps

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import materials, measure, scenes, schemes
+from granular.engine import averaging_interval
 from granular.geometry import Box, Fill, Grid
 from granular.scene import Scene
 from granular.schemes import Scheme
@@ -95,7 +96,7 @@ def closed_system(scheme: Scheme) -> Scene:
 
 def momentum(state: State) -> NDArray[np.float64]:
     """Momentum of the points [kg m/s], without what the shift has lent them until the next step."""
-    averaged = (state.step - 1) % state.scene.scheme.averaging_interval == 0
+    averaged = (state.step - 1) % averaging_interval(state.scene) == 0
     lent = state.fields.get("shift_velocity", 0.0) if averaged else 0.0
     return state.mass @ (state.v - lent)
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 from oracle_shapes import Shapes, node_volumes
 
+from granular.engine import averaging_interval
 from granular.nodes import node_codes
 
 STRESS_PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)),
@@ -34,7 +35,7 @@ def components(matrices, dim):
 
 def averages(scene, step):
     """Whether a step averages the density."""
-    return scene.scheme.density == "diffused" and step % scene.scheme.averaging_interval == 0
+    return scene.scheme.density == "diffused" and step % averaging_interval(scene) == 0
 
 
 def scatter(scene, points, step=0, lent_dt=1.0):
@@ -231,7 +232,7 @@ def _moment(scene, s, v):
 def _average(scene, points, new, nodes, L, dt):
     """Averaging of the density, its pull to the geometric density, and the shift: for all the steps
     until the next one."""
-    many = scene.scheme.averaging_interval
+    many = averaging_interval(scene)
     q, dx, s, dim = scene.scheme, scene.grid.cell, nodes.shapes, scene.grid.dim
     trace = np.trace(L, axis1=1, axis2=2)
     rate = many * _kinematic_rate(L)

@@ -318,7 +318,8 @@ def test_rates_of_the_scheme_are_held_where_grains_are_softened():
         return np.array([s.scheme.decay, s.scheme.diffusion]) * s.material.wave_speed
 
     assert rates(thrifty) == pytest.approx(rates(scene), rel=1e-12)
-    assert (scene.scheme.averaging_interval, thrifty.scheme.averaging_interval) == (4, 1)
+    between = [s.scheme.averaging_time / s.material.wave_speed for s in (scene, thrifty)]
+    assert between[0] == pytest.approx(between[1], rel=1e-12)
     column = gr.economy.advise(gr.scenes.column_collapse(aspect=1.0), 0.1).about("stiffness")
     assert set(column.changes) == {"E"}  # whose run-out they do not keep
     flip = scene.replace(scheme=gr.schemes.published)
@@ -401,12 +402,12 @@ def test_a_default_scheme_with_other_numbers_is_another(changes):
 def test_schemes_of_the_same_kind():
     default, published = gr.schemes.default, gr.schemes.published
     held = default.replace(**bias.held_rates(gr.scenes.silo(), 1e6))
-    for scheme in (default, held, default.replace(cfl=0.125, averaging_interval=16)):
+    for scheme in (default, held, default.replace(cfl=0.125)):
         assert bias.kind(scheme) == "default"
-    often = ({"cfl": 0.125}, {"averaging_interval": 1}, {"dt": 1e-6})
+    often = ({"averaging_time": 1.0}, {"dt": 1e-6})
     for changes in often:
         assert bias.kind(default.replace(**changes)) == ""
-    assert bias.kind(held.replace(averaging_interval=4)) == ""
+    assert bias.kind(held.replace(averaging_time=2.0)) == ""
     assert bias.kind(published) == bias.kind(published.replace(dt=None, cfl=0.3)) == "published"
     assert bias.kind(published.replace(mass_cutoff=0.01)) == ""
 

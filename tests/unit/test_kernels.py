@@ -76,7 +76,7 @@ def assert_close(actual, expected, scale, text):
 def test_stages_agree_with_the_oracle(small_scene, combination, dim, kind):
     decay = 40.0 if combination[1] == "flip" else 0.0
     scene = small_scene(
-        kind, dim, combination, flip_decay=decay, shift_limit=1e-3, averaging_interval=1
+        kind, dim, combination, flip_decay=decay, shift_limit=1e-3, averaging_time=0.0
     )
     compare_stages(scene, 0)
 
@@ -85,7 +85,7 @@ def test_stages_agree_with_the_oracle(small_scene, combination, dim, kind):
 def test_steps_between_averagings_agree_with_the_oracle(small_scene, dim, step):
     """Of three steps the first averages and the second takes back what the shift has lent."""
     combination = ("quadratic", "tpic", "diffused")
-    scene = small_scene("walls", dim, combination, shift_limit=3e-3, averaging_interval=3)
+    scene = small_scene("walls", dim, combination, shift_limit=3e-3, averaging_time=1.5)
     compare_stages(scene, step)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.engine import averaging_interval
 from granular.geometry import Box, Fill, Grid
 from granular.materials import Elastic, MuI
 from granular.walls import Gravity
@@ -36,7 +37,7 @@ def momentum(state):
 
 def borrowed(sim):
     """Momentum that the shift has lent to points, to be taken back in the next step."""
-    state, interval = sim.state, sim.scene.scheme.averaging_interval
+    state, interval = sim.state, averaging_interval(sim.scene)
     if "shift_velocity" not in state.fields or (state.step - 1) % interval:
         return 0.0
     return state.mass @ state.shift_velocity
