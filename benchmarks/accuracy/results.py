@@ -17,25 +17,26 @@ ROOT = Path(__file__).parents[2]
 
 
 def head() -> dict[str, Any]:
-    """Machine, build, and the last commit that touched the package (the benchmark may change)."""
+    """Machine and build: times of others do not belong in the same table."""
     build = gr.show_config()
+    return {"machine": cpu_name(), "compiler": build["compiler"], "isa": build["isa"]}
+
+
+def commit() -> str:
+    """Last commit that touched the package (the benchmark may change)."""
     command = ["git", "log", "-1", "--format=%h", "--", "csrc", "granular", "setup.py"]
     try:
-        commit = subprocess.run(
-            command, cwd=ROOT, capture_output=True, text=True, check=True
-        ).stdout.strip()
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
-        commit = "not in a repository"
-    return {
-        "machine": cpu_name(),
-        "compiler": build["compiler"],
-        "isa": build["isa"],
-        "commit": commit,
-    }
+        return "not in a repository"
+    return done.stdout.strip()
 
 
 class Table:
-    """Rows of results that a stopped benchmark goes on from.
+    """Rows of results that a stopped benchmark goes on from, each with its commit.
+
+    A row is run again once it is deleted from the file: those of a scheme that has changed can be
+    renewed, and the others kept.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ class Table:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.head = head()
+        self.head, self.commit = head(), commit()
         self.rows: list[dict[str, Any]] = []
         if path.exists():
             stored = json.loads(path.read_text())
@@ -67,7 +68,7 @@ class Table:
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Append a row and write the file: whole, or not at all."""
-        self.rows.append(dict(row))
+        self.rows.append(dict(row) | {"commit": self.commit})
         lines = ",\n".join(json.dumps(row, allow_nan=False) for row in self.rows)
         text = f'{{"head": {json.dumps(self.head)},\n"rows": [\n{lines}\n]}}\n'
         self.path.parent.mkdir(parents=True, exist_ok=True)

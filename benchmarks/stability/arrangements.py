@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+import granular as gr
 from stability.cells import Map
 
 NU = 0.3
@@ -45,8 +46,18 @@ def averaged_hat(half: float) -> Callable[[np.ndarray], tuple[np.ndarray, np.nda
     return shape
 
 
-def largest_eigenvalue(x: np.ndarray, shape: Callable, cells: int, volume: float) -> float:
-    """Of M^-1 K for points at x (n, dim) in a box of so many cells with two empty ones around."""
+def largest_eigenvalue(
+    x: np.ndarray,
+    shape: Callable,
+    cells: int,
+    volume: float,
+    overweight: np.ndarray | None = None,
+) -> float:
+    """Of M^-1 K for points at x (n, dim) in a box of so many cells with two empty ones around.
+
+    With the part of its volume, at most, by which each point counts more in the force, less the
+    local mean of that, as an averaging leaves it.
+    """
     n, dim = x.shape
     nodes = cells + 5
     where = np.arange(nodes) - 2.0
@@ -64,6 +75,12 @@ def largest_eigenvalue(x: np.ndarray, shape: Callable, cells: int, volume: float
     mass = volume * weight.sum(axis=0)
     used = mass > LIGHTEST * volume
     B = [g[:, used] for g in slope]
+    if overweight is not None:
+        share = weight[:, used]
+        excess = overweight - share @ (overweight @ share / share.sum(axis=0))
+        most = abs(overweight).max()
+        stiffer = np.sqrt(1 + np.clip(excess, -most, most))
+        B = [stiffer[:, None] * g for g in B]
     own = sum(volume * SHEAR * g.T @ g for g in B)
     blocks = [[None] * dim for _ in range(dim)]
     for a, b in product(range(dim), repeat=2):
@@ -75,8 +92,13 @@ def largest_eigenvalue(x: np.ndarray, shape: Callable, cells: int, volume: float
     return float(np.linalg.eigvalsh(K)[-1])
 
 
-def smallest_step(basis: str, dim: int, per_axis: int, tries: int) -> tuple[float, dict]:
-    """Smallest c dt/dx = 2/sqrt(lambda_max) over random, shifted and isolated arrangements."""
+def smallest_step(
+    basis: str, dim: int, per_axis: int, tries: int, limit: float = 0.0
+) -> tuple[float, dict]:
+    """Smallest c dt/dx = 2/sqrt(lambda_max) over random, shifted and isolated arrangements.
+
+    With weights of the points up to 1 + limit and down to 1 - limit, by chance.
+    """
     shape = {"linear": hat, "quadratic": spline, "ugimp": averaged_hat(0.5 / per_axis)}[basis]
     rng = np.random.default_rng(3)
     cells = 4 if dim == 1 else 2
@@ -91,7 +113,9 @@ def smallest_step(basis: str, dim: int, per_axis: int, tries: int) -> tuple[floa
             if i % 3 == 2:
                 x = np.vstack([x, rng.uniform(0, cells + 1, dim)])
         x = np.clip(x, 0.0, cells + 1.0 - 1e-9)
-        steps.append(2 / np.sqrt(largest_eigenvalue(x, shape, cells + 1, per_axis**-dim)))
+        overweight = limit * rng.choice([-1.0, 1.0], len(x)) if limit else None
+        found = largest_eigenvalue(x, shape, cells + 1, per_axis**-dim, overweight)
+        steps.append(2 / np.sqrt(found))
     return float(min(steps)), {"1 %": float(np.quantile(steps, 0.01)), "tries": tries}
 
 
@@ -106,13 +130,17 @@ def arrangements(quick: bool) -> Map:
         0.5,
         least=True,
     )
-    for basis in ("linear", "ugimp", "quadratic"):
+    rows = {basis: (basis, 0.0) for basis in ("linear", "ugimp", "quadratic")}
+    rows["quadratic, weighted"] = "quadratic", gr.schemes.default.weight_limit
+    for row, (basis, limit) in rows.items():
         for dim in (1, 2, 3):
             for per_axis in (1, 2) if quick or dim == 3 else (1, 2, 3):
                 tries = (60, 60, 6)[dim - 1] if quick else (3000, 600, 150)[dim - 1]
                 found.add(
-                    basis,
+                    row,
                     f"{dim}-D, {per_axis**dim}",
-                    lambda b=basis, d=dim, n=per_axis, t=tries: smallest_step(b, d, n, t),
+                    lambda b=basis, d=dim, n=per_axis, t=tries, q=limit: smallest_step(
+                        b, d, n, t, q
+                    ),
                 )
     return found

@@ -236,7 +236,7 @@ def courant_speed(quick: bool) -> Map:
     c = material.wave_speed
     for speed in chosen((0.1, 0.5, 1.0, 2.0), quick):
         flight = (0.8 * speed, 0.6 * speed)
-        for courant in chosen((0.25, 0.5, 0.65, 0.8, 1.0, 1.5), quick):
+        for courant in chosen((0.25, 0.5, 0.64, 0.8, 1.0, 1.5), quick):
             scheme = gr.schemes.default.replace(dt=courant * CELL / (c * (1 + speed)))
             velocity = tuple(c * v for v in flight)
             scenes = [

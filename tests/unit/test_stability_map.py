@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import granular as gr
 from granular.stability import COURANT_LIMIT, LOCKING
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
@@ -56,6 +57,20 @@ def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
         assert COURANT_LIMIT[basis][dim] <= 2 / np.sqrt(worst) < 1.2 * COURANT_LIMIT[basis][dim]
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_points_that_weigh_unlike_are_stable_within_the_limits(script, dim):
+    """The worst that a search found: two in the corner of a cell; alone, their weights are 1."""
+    part, most = script.arrangements, gr.schemes.default.weight_limit
+    x = np.array([np.full(dim, 1.501), np.full(dim, 1.499)])
+
+    def step(x, u):
+        return 2 / np.sqrt(part.largest_eigenvalue(x, part.spline, 2, 1.0, np.array(u)))
+
+    pair, even = step(x, [most, -most]), step(x, [0.0, 0.0])
+    assert COURANT_LIMIT["quadratic"][dim] < pair < 0.97 * even
+    assert step(x[:1], [most]) == pytest.approx(step(x[:1], [0.0]), rel=1e-12)
+
+
 @pytest.mark.slow
 def test_every_quick_map_is_written(script, tmp_path):
     drawn = {name for members, _ in script.draw.FIGURES.values() for name in members}
@@ -91,8 +106,9 @@ def test_no_arrangement_on_the_map_is_beyond_the_limits(script):
     """The analysis bounds the limits in every dimension, save with hats."""
     for cell in script.read(script.RESULTS)["arrangement"].cells:
         dim = max(int(cell.column[0]), 2)
-        if cell.row != "linear":
-            assert cell.value >= COURANT_LIMIT[cell.row][dim]
+        basis = cell.row.partition(",")[0]
+        if basis != "linear":
+            assert cell.value >= COURANT_LIMIT[basis][dim]
 
 
 def test_locking_begins_at_the_limits(script):
@@ -114,4 +130,4 @@ def test_what_the_page_says_of_refinement_is_on_the_map(script):
         one = [values[row, angle] for row in ("1, 10", "1, 20", "1, 40")]
         many = [values[row, angle] for row in ("4, 10", "8, 20", "16, 40")]
         assert max(one) < 2 * min(one)
-        assert many == sorted(many) and many[-1] > 2 * many[0] and many[0] > max(one)
+        assert many == sorted(many) and many[-1] > 1.4 * many[0] and many[0] > max(one)
