@@ -13,23 +13,26 @@ __all__ = ["Cost", "cost", "nanoseconds", "time_step"]
 
 _NANOSECONDS = {
     2: {
-        ("linear", "flip"): 13.4,
-        ("ugimp", "flip"): 35.8,
-        ("quadratic", "flip"): 22.2,
-        ("quadratic", "apic"): 32.3,
-        ("quadratic", "tpic"): 29.1,
+        ("linear", "flip"): 15.3,
+        ("ugimp", "flip"): 31.9,
+        ("quadratic", "flip"): 28.4,
+        ("quadratic", "apic"): 37.0,
+        ("quadratic", "tpic"): 36.3,
     },
     3: {
         ("linear", "flip"): 33.0,
         ("ugimp", "flip"): 110.0,
         ("quadratic", "flip"): 125.0,
         ("quadratic", "apic"): 125.0,
-        ("quadratic", "tpic"): 220.0,
+        ("quadratic", "tpic"): 257.0,
     },
 }
 """Of a point and step on one core, by dimension; 16 points per cell in the plane and 8 in space.
 From benchmarks/results/speed.json, to be renewed with it. Those in space scatter by a third and
 more between runs."""
+
+_SHARED = {2: 21.4, 3: 74.0}
+"""Of a scheme that shares its density in cells, likewise."""
 
 _CARRIED = 1.45
 """Of a transfer that is not in the table over "flip": that of quadratic "apic" in the plane. On one
@@ -70,6 +73,8 @@ def time_step(scene: Scene) -> float:
 
 def nanoseconds(scheme: Scheme, dim: int) -> float:
     """Time of a point and step of a scheme on one core, about [ns]."""
+    if scheme.density == "shared":
+        return _SHARED[dim]
     known = _NANOSECONDS[dim]
     measured = known.get((scheme.basis, scheme.transfer))
     return measured or _CARRIED * known[scheme.basis, "flip"]
