@@ -117,10 +117,12 @@ class Flow:
     pressure: float
 
 
-def measured(sim: Simulation, start: State, steady: bool = False) -> Flow:
+def measured(
+    sim: Simulation, start: State, steady: bool = False, readings: int = READINGS
+) -> Flow:
     """What has become of the layer that was `start`.
 
-    The simulation goes on through `READINGS` of the pressure, which in a flow are uncorrelated.
+    The simulation goes on between readings of the pressure, which in a flow are uncorrelated.
     """
     state = sim.state
     v = reference(sim, steady, state.x[:, -1])
@@ -129,16 +131,16 @@ def measured(sim: Simulation, start: State, steady: bool = False) -> Flow:
         error=float(np.sqrt(miss / np.sum(state.mass * v**2))),
         height=measure.layer_height(state) / measure.layer_height(start),
         loose=measure.disconnected_fraction(state),
-        pressure=float(np.sqrt(np.mean(np.square(_pressures(sim))))),
+        pressure=float(np.sqrt(np.mean(np.square(_pressures(sim, readings))))),
     )
 
 
-def _pressures(sim: Simulation) -> list[float]:
+def _pressures(sim: Simulation, readings: int) -> list[float]:
     """Relative errors of the cell-averaged pressure, one after the other."""
-    found = []
-    for _ in range(READINGS):
-        found.append(measure.mean_pressure_error(sim.state, of="pressure"))
-        sim.run(until=sim.time + APART)
+    found = [measure.mean_pressure_error(sim.state, of="pressure")]
+    while len(found) < readings:
+        state = sim.run(until=sim.time + APART).state
+        found.append(measure.mean_pressure_error(state, of="pressure"))
     return found
 
 

@@ -41,7 +41,7 @@ def often(monkeypatch):
         ("density_drift", [0.3, 0.3, 0.01, -0.02], [0.0, 0.0, 0.1, 0.1]),
         ("density_drift", [0.0, 0.0, 0.04], [0.0, -0.1, -0.1]),
         ("gaps", [0.0, 0.0], [0.01, 0.0]),
-        ("courant", [0.5, 0.68], [0.7, 0.5]),
+        ("courant", [0.5, 0.63], [0.65, 0.5]),
     ],
 )
 def test_verdicts(scene, name, sound, doubtful):
