@@ -117,9 +117,7 @@ class Flow:
     pressure: float
 
 
-def measured(
-    sim: Simulation, start: State, steady: bool = False, readings: int = READINGS
-) -> Flow:
+def measured(sim: Simulation, start: State, steady: bool = False, readings: int = READINGS) -> Flow:
     """What has become of the layer that was `start`.
 
     The simulation goes on between readings of the pressure, which in a flow are uncorrelated.
