@@ -169,7 +169,7 @@ def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
     found = []
     for time in np.linspace(sim.time, until, frames + 1)[1:]:
         state = sim.run(until=float(time)).state
-        power = state.volume * state.tau * state.shear_rate
+        power = state.quadrature_volume * state.tau * state.shear_rate
         scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # free of stress: no power
         bad = (scaled > 0) & (ill_posedness(scaled, state.scene.material) > 0)
         found.append((power.sum(), power[bad].sum()))

@@ -39,7 +39,7 @@ def reference(scene: Scene, E: float) -> Outcome:
 
     The rates of the default scheme are held where advice holds them. The time of the scene is that
     of the run, times its steps over those of the run: a point and step costs the same at any E,
-    but with held rates up to 1.4 times as much, for it averages in more steps.
+    but with held rates up to twice as much, for it averages in more steps.
     """
     name = getattr(scene_function(scene), "__name__", "")
     run = quantities(changed(scene, {"dt": None} | softening(scene, name, E)))
