@@ -129,6 +129,7 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
         "cfl": scheme.cfl,
         "dt": scheme.dt or 0.0,
         "diffusion": scheme.diffusion,
+        "strain_diffusion": scheme.strain_diffusion,
         "feedback": scheme.feedback,
         "feedback_limit": _feedback_limit(scene),
         "shift": scheme.shift,

@@ -54,8 +54,12 @@ class Scheme:
         Nodes lighter than this share of the mean point mass are left out.
     diffusion : float
         dd: c_p relaxes towards the mean of its neighbours (linearly extrapolated, so that a
-        hydrostatic gradient is untouched) at the rate dd c_w/dx; a shared c towards that of the
-        cells on both sides.
+        hydrostatic gradient is untouched) at the rate dd c_w/dx + ds gdot/c_p; a shared c towards
+        that of the cells on both sides.
+    strain_diffusion : float
+        ds, see `diffusion`: strain makes the unevenness that is to be averaged, and a strain of
+        c_p/ds averages it, so that what is left is a share of c_p with grains of any stiffness,
+        and a heap at rest keeps the density it has come to.
     feedback : float
         kappa: c_p is pulled to ln phi_p at the rate kappa gdot (ln phi_p - c_p), in dense points
         whose nodes are all more than half full, or with phi that of a cell that shares its
@@ -106,7 +110,8 @@ class Scheme:
     cfl: float = 0.5
     dt: float | None = None
     mass_cutoff: float = 1e-14
-    diffusion: float = 4.0
+    diffusion: float = 0.0
+    strain_diffusion: float = 10.0
     feedback: float = 0.7
     feedback_limit: float = 0.5
     shift: float = 5.0
@@ -143,6 +148,7 @@ class Scheme:
         for name in (
             "flip_decay",
             "diffusion",
+            "strain_diffusion",
             "feedback",
             "feedback_limit",
             "shift",
@@ -183,6 +189,12 @@ default = Scheme()
 """Quadratic B-splines, affine transfer, diffused density: keeps two-dimensional shear alive."""
 
 cell_averaged = Scheme(
-    basis="linear", transfer="tpic", density="shared", decay=3.0, diffusion=0.5, shift=2.0
+    basis="linear",
+    transfer="tpic",
+    density="shared",
+    decay=3.0,
+    diffusion=0.5,
+    strain_diffusion=0.0,
+    shift=2.0,
 )
 """Hats, affine transfer, and the points of a cell as one unit: does the same, at less cost."""

@@ -173,8 +173,8 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     for (int k = 0; k < dim * dim; k++) L[k] = v_set(e->dt * e->inv_dx * G[k]);
     for (int d = 0; d < dim; d++) trace += L[d * dim + d][0], length += own->crowding[d] * own->crowding[d];
     const double rate = kinematic_rate(dim, L)[0];
-    const double r = e->dt * q->diffusion * e->config.wave_speed * e->inv_dx;
-    double c = own->c - trace + r / (1 + r) * unevenness(dim, e, index);
+    const double eta = averaged_part(e, e->dt, v_set(rate), v_set(own->c))[0];
+    double c = own->c - trace + eta * unevenness(dim, e, index);
     const double gap = own->log_phi - c, most_pull = q->feedback_limit * e->dt;
     const double pull = fmax(fmin(q->feedback * rate * gap, most_pull), -most_pull);
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * pull : pull;

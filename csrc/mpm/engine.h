@@ -26,16 +26,17 @@ enum gr_affine { GR_AFFINE_NONE, GR_AFFINE_GRADIENT, GR_AFFINE_MOMENT, GR_AFFINE
 
 /* Numbers of the density averaging and the shift; formulas at their use in mpm/gather.c. */
 struct gr_cure {
-    double diffusion;      /* 1: rate of averaging in c/dx */
-    double feedback;       /* 1: rate of the pull to the geometric density per shear rate */
-    double feedback_limit; /* 1/s: its largest rate */
-    double shift;          /* 1: strength of the shift */
-    double shift_limit;    /* largest shift in a step, cells */
-    double reach;          /* points looser than -reach take no part in the averaging */
-    double weighting;      /* part of the unevenness of the points that their weights take away in an averaging */
-    double weight_limit;   /* largest overweight of a point, and the least */
-    double weight_decay;   /* part of its overweight that a point loses in an averaging */
-    int interval;          /* steps between two averagings, each of which stands for so many steps */
+    double diffusion;        /* 1: rate of averaging in c/dx */
+    double strain_diffusion; /* 1: rate of averaging in shear rates over c */
+    double feedback;         /* 1: rate of the pull to the geometric density per shear rate */
+    double feedback_limit;   /* 1/s: its largest rate */
+    double shift;            /* 1: strength of the shift */
+    double shift_limit;      /* largest shift in a step, cells */
+    double reach;            /* points looser than -reach take no part in the averaging */
+    double weighting;        /* part of the unevenness of the points that their weights take away in an averaging */
+    double weight_limit;     /* largest overweight of a point, and the least */
+    double weight_decay;     /* part of its overweight that a point loses in an averaging */
+    int interval;            /* steps between two averagings, each of which stands for so many steps */
 };
 
 struct gr_config {
@@ -146,8 +147,8 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
     e->sums_take_back = gr_averages(e, step - 1);
 }
 
-/* Sums of a node over the points of a cell: m, p, f, and where the density is averaged its mass and moment, the
- * overweight, and the unevenness. */
+/* Sums of a node over the points of a cell: m, p, f, and where the density is averaged its mass, the same by weights,
+ * its moment by weights, and the unevenness. */
 #define GR_NODE_SUMS(dim, diffused) (1 + 2 * (dim) + (3 + (dim)) * (diffused))
 
 /* Behind them, where the density is shared, what is the cell's own (mpm/cells.c): all doubles. */
@@ -158,7 +159,7 @@ struct gr_shared {
 };
 
 /* What node_data holds of a node: v^{n+1}, w, and where the density is averaged phi, cbar, max(0, phi - 1),
- * ubar and the unevenness. */
+ * the mean weight in excess of what fills the room, and the unevenness. */
 #define GR_NODE_FIELDS(dim, diffused) (2 * (dim) + (4 + (dim)) * (diffused))
 
 /* The kernels of one instruction set (kernels.c). */

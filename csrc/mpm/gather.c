@@ -68,9 +68,9 @@ GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd
 }
 
 /* Weights of the points in the force, that a uniform pressure makes none inside the material:
- *   u += -weighting sum_i E_i . grad S_i - weight_decay u - sum_i S_i ubar_i,   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
- * in lengths of cells; a descent on the sum of E^2, which forgets where a point has been and leaves
- * the mean about a node at one. Given the modes of ubar and E. */
+ *   u += -weighting sum_i E_i . grad S_i - weight_decay u - sum_i S_i x_i,   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
+ * in lengths of cells; a descent on the sum of E^2, which forgets where a point has been, and takes away x_i, what
+ * the mean weight about a node is in excess of 1/phi_i. Given the modes of x and E. */
 GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s, const double *mode,
                      const int stride, int64_t at)
 {
@@ -81,16 +81,16 @@ GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const 
         (void)gr_interpolate(dim, basis, 0, mode + 1 + d, stride, s, (const vd(*)[3])s->g, slope);
         divergence = divergence + slope[d];
     }
-    const vd mean = gr_interpolate(dim, basis, 0, mode, stride, s, (const vd(*)[3])s->g, slope) * v_set(q->weighting > 0);
-    u = v_fnma(v_set(q->weighting), divergence, v_fnma(v_set(q->weight_decay), u, u) - mean);
+    const vd excess = gr_interpolate(dim, basis, 0, mode, stride, s, (const vd(*)[3])s->g, slope) * v_set(q->weighting > 0);
+    u = v_fnma(v_set(q->weighting), divergence, v_fnma(v_set(q->weight_decay), u, u) - excess);
     v_store(place, v_clamp(u, -q->weight_limit, q->weight_limit));
 }
 
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
- *   c += eta (cbar - c) + clip(kappa gdot dt (ln phi - c)),   eta = r/(1 + r),  r = dt dd c_w/dx,
+ *   c += eta (cbar - c) + clip(kappa gdot dt (ln phi - c)),   eta: averaged_part,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
  * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and
- * the modes of phi, cbar, max(0, phi - 1), ubar and E; returned: the new log-density, delta in m, L delta in m/s. */
+ * the modes of phi, cbar, max(0, phi - 1), x and E; returned: the new log-density, delta in m, L delta in m/s. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
                            const struct gr_shape *s, const double *mode, const int stride, double phi_least, const vd *L,
                            vd trace, int64_t at, vd delta[3], vd lent[3])
@@ -105,8 +105,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const vd near = gr_interpolate(dim, basis, 0, mode + 1, stride, s, g, gradient);
     (void)gr_interpolate(dim, basis, 0, mode + 2, stride, s, g, slope);
     const vm joins = v_ge(old, v_set(-q->reach));
-    const double r = q->diffusion * e->config.wave_speed * inv_dx * e->dt * interval;
-    vd c = v_fma(v_keep(joins, v_set(r / (1.0 + r))), near - old, old - trace);
+    vd c = v_fma(v_keep(joins, averaged_part(e, interval * e->dt, rate, old)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(joins, gradient[d] * v_set(inv_dx)));
     if (phi_least > 0.5) {

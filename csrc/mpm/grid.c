@@ -98,9 +98,9 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
             for (int d = 0; d < dim; d++) out[dim + d] = next[d] - v[d] + e->config.xpic_order * v[d];
         if (diffused) {
             out[2 * dim] = m / (cell_mass * e->mesh.node_volume[n]);
-            out[2 * dim + 1] = sum[1 + 2 * dim] > 0 ? sum[2 + 2 * dim] / sum[1 + 2 * dim] : 0;
+            out[2 * dim + 1] = sum[2 + 2 * dim] > 0 ? sum[3 + 2 * dim] / sum[2 + 2 * dim] : 0;
             out[2 * dim + 2] = fmax(out[2 * dim] - 1, 0);
-            out[2 * dim + 3] = sum[1 + 2 * dim] > 0 ? sum[3 + 2 * dim] / sum[1 + 2 * dim] : 0;
+            out[2 * dim + 3] = sum[1 + 2 * dim] > 0 ? sum[2 + 2 * dim] / sum[1 + 2 * dim] - 1 : 0;
             for (int d = 0; d < dim; d++) out[2 * dim + 4 + d] = sum[4 + 2 * dim + d] / cell_mass;
         }
     }
@@ -145,8 +145,9 @@ void gr_grid_unevenness(struct gr_engine *e, int64_t first, int64_t last)
 {
     const int dim = e->config.dim;
     for (int64_t n = first; n < last; n++) {
-        double *uneven = e->node_data + n * e->node_stride + 2 * dim + 4;
+        double *out = e->node_data + n * e->node_stride + 2 * dim, *uneven = out + 4;
         const int inside = is_inside(e, n), fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
+        if (inside) out[3] += 1 - 1 / out[0]; /* the mean weight that fills the room is 1/phi */
         int64_t rest = e->mesh.node_id[n];
         for (int d = 0; d < dim; d++) {
             const int64_t m = e->axis[d].n_nodes, at = rest % m;

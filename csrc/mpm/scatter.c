@@ -3,8 +3,8 @@
  * Sums of a node (Dunatunga & Kamrin 2015, eq. 3.4):
  *   m_i = sum w m;   p_i = sum w m (v + C (x_i - x));   f_i = -sum V sigma grad w;
  * and, where the density is averaged, the mass and the linearly extrapolated log-density of the points
- * that are not far apart: sum w m, sum w m (c + grad c (x_i - x)), and their unevenness, the force that a uniform
- * pressure would make: sum (1 + u) m grad w. V is m/rho with the weight 1 + u of the point.
+ * that are not far apart: sum w m, sum w q m, sum w q m (c + grad c (x_i - x)), and their unevenness, the force that
+ * a uniform pressure would make: sum q m grad w. V is m/rho with the weight q = 1 + u of the point.
  * Each cell writes a block of its own, the sums of one node side by side, and the nodes gather from the blocks
  * in a fixed order (grid.c), so the sums do not depend on the number of threads.
  *
@@ -167,19 +167,18 @@ GR_INLINE void add_force(const int dim, const int basis, const int diffused, con
     }
 }
 
-/* sum[a][...] += mass, log-density and unevenness of the row. */
+/* sum[a][...] += mass, the same by weights, log-density and unevenness of the row. */
 GR_INLINE void add_density(const int dim, const int basis, const struct gift *p, const struct row row, vd sum[3][7])
 {
     const vd m = p->joined * beside(dim, basis, p, row, 0), level = level_of(dim, p, row, p->c, p->slope);
-    const vd u = p->weight - v_set(1.0);
     vd across[3];
     across[0] = m * p->weight;
     for (int d = 1; d < dim; d++) across[d] = p->joined * p->weight * beside(dim, basis, p, row, d);
     for (int a = 0; a < gr_nodes_1d(basis); a++) {
-        const vd w = m * p->w[0][a];
-        sum[a][0] = sum[a][0] + w;
-        sum[a][1] = v_fma(w, v_fma(p->slope[0], p->r[0][a], level), sum[a][1]);
-        sum[a][2] = v_fma(w, u, sum[a][2]);
+        sum[a][0] = v_fma(m, p->w[0][a], sum[a][0]);
+        const vd weighted = across[0] * p->w[0][a];
+        sum[a][1] = sum[a][1] + weighted;
+        sum[a][2] = v_fma(weighted, v_fma(p->slope[0], p->r[0][a], level), sum[a][2]);
         sum[a][3] = v_fma(across[0], p->g[0][a], sum[a][3]);
         for (int d = 1; d < dim; d++) sum[a][3 + d] = v_fma(across[d], p->w[0][a], sum[a][3 + d]);
     }

@@ -174,4 +174,16 @@ GR_INLINE vd kinematic_rate(const int dim, const vd *L)
     return v_sqrt(v_max(square, v_zero())) + v_abs(trace);
 }
 
+/* What an averaging of the log-density c over steps of the length dt moves it to the mean by:
+ *   eta = r/(1 + r),  r = dt (dd c_w/dx + ds gdot/max(0, c)),
+ * with max(0, c) taken into both for the points that bear nothing. Strain makes the unevenness that is averaged,
+ * ds of it for each c: a heap at rest, where there is none, keeps the density it has come to. */
+GR_INLINE vd averaged_part(const struct gr_engine *e, double dt, vd strain, vd c)
+{
+    const struct gr_cure *q = &e->config.cure;
+    const vd pressed = v_max(c, v_zero()), fast = v_set(dt * q->diffusion * e->config.wave_speed * e->inv_dx);
+    const vd r = v_fma(fast, pressed, v_set(q->strain_diffusion) * strain);
+    return r / (pressed + r + v_set(1e-300));
+}
+
 #endif

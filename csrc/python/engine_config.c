@@ -139,6 +139,7 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("cfl", cfl)
     GR_TAKE("dt", dt)
     GR_TAKE("diffusion", cure.diffusion)
+    GR_TAKE("strain_diffusion", cure.strain_diffusion)
     GR_TAKE("feedback", cure.feedback)
     GR_TAKE("feedback_limit", cure.feedback_limit)
     GR_TAKE("shift", cure.shift)

@@ -28,7 +28,8 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int diffused
     const double parameter[] = {1e6 / 1.2, 1e6 / 2.6, 0.38, 0.64, 1.12};
     memcpy(c->parameter, parameter, sizeof parameter);
     c->wave_speed = sqrt((parameter[0] + 4 * parameter[1] / 3) / c->rho_c);
-    c->cure = (struct gr_cure){.diffusion = 4,
+    c->cure = (struct gr_cure){.diffusion = 0.03,
+                               .strain_diffusion = 10,
                                .feedback = 0.7,
                                .feedback_limit = 0.1,
                                .shift = 5,

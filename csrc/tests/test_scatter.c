@@ -117,10 +117,12 @@ static void affine_field_is_exact(void)
         }
 }
 
-/* A linear log-density with its gradient known is met exactly at the nodes; loose points take no part. */
+/* A linear log-density with its gradient known is met exactly at the nodes, whatever the weights of the points;
+ * loose points take no part. */
 static void log_density_extrapolates(void)
 {
     struct scene s;
+    double near = 0, all = 0, counted = 0, weighted = 0;
     scene_seed(29);
     scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
     CHECK(scene_build(&s, POINTS, 0.001, 0.999) == GR_OK);
@@ -130,15 +132,18 @@ static void log_density_extrapolates(void)
                   : -0.3;
         *scene_at(&s, GR_FIELD_density_gradient, 0, k) = 2e-3;
         *scene_at(&s, GR_FIELD_density_gradient, 1, k) = -1e-3;
+        const double u = scene_random(-0.5, 0.5);
+        *scene_at(&s, GR_FIELD_overweight, 0, k) = u;
+        counted += k % 5 ? (1 + u) * *scene_at(&s, GR_FIELD_mass, 0, k) : 0;
     }
     CHECK(gr_scatter(s.engine, gr_kernels_select("baseline")) == GR_OK);
-    double near = 0, all = 0;
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
-        const double m = scene_sum(&s, n, 5),
+        const double m = scene_sum(&s, n, 6),
                      c = 1e-3 + 2e-3 * (scene_node_x(&s, n, 0) + 1) - 1e-3 * (scene_node_x(&s, n, 1) - 2);
-        CHECK_NEAR(scene_sum(&s, n, 6), m * c, 1e-14 * (1 + m));
-        near += m, all += scene_sum(&s, n, 0);
+        CHECK_NEAR(scene_sum(&s, n, 7), m * c, 1e-14 * (1 + m));
+        near += scene_sum(&s, n, 5), weighted += m, all += scene_sum(&s, n, 0);
     }
+    CHECK_NEAR(weighted, counted, 1e-12 * all);
     CHECK(near > 0.7 * all && near < 0.9 * all);
     scene_free(&s);
 }

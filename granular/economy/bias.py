@@ -92,8 +92,10 @@ here was not measured, or did not settle: docs/economy.md."""
 
 def with_numbers_of_default(scheme: Scheme, rates: float = 1.0) -> bool:
     """Whether a scheme is the default one, its steps aside, with rates so many times as high."""
-    scaled = {name: rates * getattr(default, name) for name in ("decay", "diffusion")}
-    scaled["averaging_time"] = default.averaging_time / rates
+    scaled = {
+        "decay": rates * default.decay,
+        "averaging_time": default.averaging_time / rates,
+    }
     if not all(math.isclose(getattr(scheme, k), v, rel_tol=1e-6) for k, v in scaled.items()):
         return False
     aside = ("cfl", "dt", *scaled)
@@ -237,14 +239,15 @@ def softening(scene: Scene, name: str, E: float) -> dict[str, float | int]:
 def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
     """Numbers of the scheme with which its own rates [1/s] stay what they are as E changes.
 
-    Decay and diffusion go with c_w/dx: left alone, softer grains would change the scheme as
-    well, which moves the rate of a silo or the way of a slug more than their elasticity does.
+    Decay, diffusion and the averagings go with c_w/dx: left alone, softer grains would change the
+    scheme as well, which moves the rate of a silo or the way of a slug more than their elasticity
+    does.
     """
     scheme, softer = scene.scheme, scene.material.E / E
     numbers: dict[str, float | int] = {}
     if scheme.transfer == "tpic":
         numbers["decay"] = scheme.decay * math.sqrt(softer)
-    if scheme.density != "tracked":
+    if scheme.diffusion:
         numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
     if scheme.density == "diffused":
         numbers["averaging_time"] = scheme.averaging_time / math.sqrt(softer)

@@ -21,6 +21,7 @@ from granular.walls import Gravity
 
 IDLE = {
     "diffusion": 0.0,
+    "strain_diffusion": 0.0,
     "feedback": 0.0,
     "shift": 0.0,
     "weighting": 0.0,

@@ -69,16 +69,18 @@ def scatter(scene, points, step=0, lent_dt=1.0):
         joins = np.where(c >= -scene.scheme.tension_reach, m, 0.0)
         seen = c[:, None] + np.einsum("pj,pkj->pk", points["density_gradient"], s.r)
         joined = s.to_nodes(s.w * joins[:, None])
-        out.cbar = _ratio(s.to_nodes(s.w * joins[:, None] * seen), joined)
-        u = points["overweight"]
-        out.ubar = _ratio(s.to_nodes(s.w * (joins * u)[:, None]), joined)
-        push = s.g * scene.grid.cell * (joins * (1 + u) / cell_mass)[:, None, None]
+        weighted = joins * (1 + points["overweight"])
+        counted = s.to_nodes(s.w * weighted[:, None])
+        out.cbar = _ratio(s.to_nodes(s.w * weighted[:, None] * seen), counted)
+        out.excess = np.where(joined > 0, _ratio(counted, joined) - 1, 0.0)
+        push = s.g * scene.grid.cell * (weighted / cell_mass)[:, None, None]
         out.uneven = s.to_nodes(push)
     return out
 
 
 def keep_uneven_inside(scene, nodes, fixed):
-    """Leave it where node and next nodes are full, no wall bears it and the domain goes on."""
+    """Leave it where node and next nodes are full, no wall bears it and the domain goes on; where
+    they are full, the weights are to fill the room."""
     counts = nodes.shapes.counts
     full = (nodes.phi > 0.6).reshape(counts, order="F")
     inside, ends = full.copy(), []
@@ -91,9 +93,11 @@ def keep_uneven_inside(scene, nodes, fixed):
             if not periodic:
                 beside[0 if side == 1 else -1] = True
             kept &= beside
+    inside = inside.ravel(order="F")
+    nodes.excess[inside] += 1 - 1 / nodes.phi[inside]
     for d in range(len(counts)):
         on_end = np.moveaxis(ends[d], 0, d).ravel(order="F")
-        lost = ~inside.ravel(order="F") | on_end | fixed[:, d]
+        lost = ~inside | on_end | fixed[:, d]
         nodes.uneven[lost, d] = 0.0
 
 
@@ -238,9 +242,9 @@ def _average(scene, points, new, nodes, L, dt):
     rate = many * _kinematic_rate(L)
     old = points["log_density"]
     joins = old >= -q.tension_reach
-    r = many * dt * (q.diffusion * scene.material.wave_speed / dx)
     near = s.w @ nodes.cbar[s.node]
-    c = old - dt * trace + np.where(joins, r / (1 + r), 0.0) * (near - old)
+    eta = _averaged_part(scene, many * dt, dt * rate, old)
+    c = old - dt * trace + np.where(joins, eta, 0.0) * (near - old)
     phi = nodes.phi[s.node]
     full = s.w @ phi
     fed = _least_around(scene, points["x"], nodes.phi) > 0.5
@@ -259,12 +263,21 @@ def _average(scene, points, new, nodes, L, dt):
     lent = np.einsum("pdj,pj->pd", L, delta)
     u = points["overweight"]
     divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
-    u = u - q.weighting * divergence - q.weight_decay * u - s.w @ nodes.ubar[s.node]
+    u = u - q.weighting * divergence - q.weight_decay * u - s.w @ nodes.excess[s.node]
     new["overweight"] = np.clip(u, -q.weight_limit, q.weight_limit)
     gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
     new["v"], new["shift_velocity"] = new["v"] + lent, lent
+
+
+def _averaged_part(scene, dt, strain, c):
+    """What an averaging moves log-densities towards their mean by, in a time and a strain."""
+    q = scene.scheme
+    rest = dt * q.diffusion * scene.material.wave_speed / scene.grid.cell
+    pressed = np.maximum(c, 0)
+    r = rest * pressed + q.strain_diffusion * strain
+    return r / np.where(r > 0, pressed + r, 1.0)
 
 
 def _kinematic_rate(L):
@@ -360,8 +373,8 @@ def _flow_of_cells(scene, points, new, nodes, dt):
     q, cells, dx = scene.scheme, nodes.cells, scene.grid.cell
     L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
     rate = dt * _kinematic_rate(L)
-    r = dt * q.diffusion * scene.material.wave_speed / dx
-    c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + r / (1 + r) * _unevenness(scene, cells)
+    eta = _averaged_part(scene, dt, rate, cells.c)
+    c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + eta * _unevenness(scene, cells)
     gap = cells.log_phi - c
     most = _most_pull(scene) * dt
     fed = np.clip(q.feedback * rate * gap, -most, most)

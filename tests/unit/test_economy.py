@@ -309,17 +309,18 @@ def test_rate():
 
 
 def test_rates_of_the_scheme_are_held_where_grains_are_softened():
-    """decay c_w/dx and diffusion c_w/dx of the diffused density, in 1/s."""
+    """decay c_w/dx and the averagings of the diffused density, in 1/s."""
     scene = gr.scenes.silo()
     thrifty = gr.economy.apply(scene, gr.economy.advise(scene, 0.02).about("stiffness"))
     assert thrifty.material.E < scene.material.E
 
     def rates(s):
-        return np.array([s.scheme.decay, s.scheme.diffusion]) * s.material.wave_speed
+        c_w = s.material.wave_speed
+        return s.scheme.decay * c_w, c_w / s.scheme.averaging_time
 
     assert rates(thrifty) == pytest.approx(rates(scene), rel=1e-12)
-    between = [s.scheme.averaging_time / s.material.wave_speed for s in (scene, thrifty)]
-    assert between[0] == pytest.approx(between[1], rel=1e-12)
+    shared = bias.held_rates(scene.replace(scheme=gr.schemes.cell_averaged), 1e6)
+    assert set(shared) == {"decay", "diffusion"}
     column = gr.economy.advise(gr.scenes.column_collapse(aspect=1.0), 0.1).about("stiffness")
     assert set(column.changes) == {"E"}  # whose run-out they do not keep
     flip = scene.replace(scheme=gr.schemes.published)
@@ -504,5 +505,8 @@ def test_work_falls_with_what_is_left():
     assert sim.cell_counts.sum() == points
     while sim.n_points > 0.5 * points:
         sim.run(until=sim.time + 1 / 60)
-    assert sim.cell_counts.sum() == sim.n_points
-    assert 0.4 < len(sim.cell_counts) / cells < 0.6
+    visited = []  # cells that have emptied stay until points are sorted anew
+    for _ in range(20):
+        visited.append(len(sim.run(until=sim.time + 1e-3).cell_counts))
+        assert sim.cell_counts.sum() == sim.n_points
+    assert 0.4 < np.mean(visited) / cells < 0.6
