@@ -87,8 +87,8 @@ class Scheme:
         Part of the unevenness of the points, the force E_i = sum_p q_p V_p grad S_i that a uniform
         pressure would make on a node inside the material, that an averaging takes away by the
         weights q_p of the points in the force: q_p += -weighting sum_i grad S_i . E_i, in lengths
-        of cells, less the local mean of q_p - 1, so that the whole weighs what it does. 0 for no
-        weights, 1 at most.
+        of cells; the local mean of q_p is kept at 1/phi, so that the weighted volumes fill the room
+        they have. 0 for no weights, 1 at most.
     weight_limit : float
         Largest abs(q_p - 1), at most .8: what weighs more is as much stiffer.
     weight_decay : float
@@ -113,15 +113,15 @@ class Scheme:
     diffusion: float = 0.0
     strain_diffusion: float = 10.0
     feedback: float = 0.7
-    feedback_limit: float = 0.5
+    feedback_limit: float = 0.4
     shift: float = 5.0
     shift_limit: float = 0.05
     shift_outlet_cells: int = 3
     averaging_time: float = 2.0
     tension_reach: float = 0.02
-    weighting: float = 0.6
+    weighting: float = 0.7
     weight_limit: float = 0.5
-    weight_decay: float = 0.03
+    weight_decay: float = 0.02
     decay: float = 0.03
 
     def __post_init__(self) -> None:
@@ -193,6 +193,7 @@ cell_averaged = Scheme(
     transfer="tpic",
     density="shared",
     decay=3.0,
+    feedback_limit=0.5,
     diffusion=0.5,
     strain_diffusion=0.0,
     shift=2.0,

@@ -28,16 +28,16 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int diffused
     const double parameter[] = {1e6 / 1.2, 1e6 / 2.6, 0.38, 0.64, 1.12};
     memcpy(c->parameter, parameter, sizeof parameter);
     c->wave_speed = sqrt((parameter[0] + 4 * parameter[1] / 3) / c->rho_c);
-    c->cure = (struct gr_cure){.diffusion = 0.03,
+    c->cure = (struct gr_cure){.diffusion = 0.1,
                                .strain_diffusion = 10,
                                .feedback = 0.7,
                                .feedback_limit = 0.1,
                                .shift = 5,
                                .shift_limit = 0.05,
                                .reach = 0.02,
-                               .weighting = 0.6,
+                               .weighting = 0.7,
                                .weight_limit = 0.5,
-                               .weight_decay = 0.03,
+                               .weight_decay = 0.02,
                                .interval = 1};
     s->walls[0] = (struct gr_wall){.normal = -1, .opens_at = INFINITY};
     c->n_walls = 1;

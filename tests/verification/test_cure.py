@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from granular import schemes, theory, verify
+from granular import scenes, schemes, theory, verify
 from granular.simulation import Simulation
 from granular.verify import cure, cure_budget, layers, silo
 from granular.verify.incline import mean_speed
@@ -57,9 +57,18 @@ def test_the_error_sees_the_profile_and_what_goes_across_it():
 def test_the_worst_seed_counts():
     good = layers.Flow(error=0.01, height=1.0, loose=0.0, pressure=0.01)
     bad = layers.Flow(error=0.03, height=0.98, loose=0.01, pressure=0.06)
-    rows = list(layers.rows("both", [good, bad], 0.02))
+    rows = list(layers.rows("both", [good, bad], 0.02, pressure=0.05))
     assert [row.passed for row in rows] == [False, False, False, False, None]
-    assert all(row.passed for row in layers.rows("one", [good], 0.02))
+    assert all(row.passed for row in layers.rows("one", [good], 0.02, pressure=0.05))
+    assert [row.passed for row in layers.rows("told", [good], 0.02)] == [True, True, True, None]
+
+
+def test_crowding_by_hand():
+    """A column as it is seeded is full everywhere; points of twice the mass make it twice so."""
+    sim = Simulation(scenes.column_collapse(cell=0.025), threads=1)
+    assert [cure.crowding(sim.state, k) for k in (1, 3, 5)] == pytest.approx([1.0] * 3, rel=1e-12)
+    sim.buffers["mass"][..., sim.buffers["x"][1] < 0.2] *= 2.0
+    assert cure.crowding(sim.state) == pytest.approx(2.0, rel=1e-12)
 
 
 @pytest.mark.parametrize(("name", "more"), [("published", 0.0), ("default", 0.01)])
