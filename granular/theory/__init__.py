@@ -30,6 +30,7 @@ from granular.theory.kinetic import (
     shear_temperature,
     temperature_coefficients,
 )
+from granular.theory.layer_waves import LayerWaves, layer_waves
 from granular.theory.runout import RUNOUT_LAWS, Piece, RunoutLaw
 from granular.theory.well_posed import (
     ill_posedness,
@@ -45,6 +46,7 @@ __all__ = [
     "CoupledShear",
     "Event",
     "InclineTransient",
+    "LayerWaves",
     "Piece",
     "RunoutLaw",
     "appendix_b_velocity_gradient",
@@ -58,6 +60,7 @@ __all__ = [
     "gas_pressure",
     "granular_temperature",
     "ill_posedness",
+    "layer_waves",
     "packing_fraction_of_inertial_number",
     "plastic_shear_rate",
     "radial_function",

@@ -1,0 +1,181 @@
+"""Small waves in a layer that flows down an incline: do they grow?
+
+The linearised equations of the elastic-plastic mu(I) material about the steady flow (Dunatunga &
+Kamrin 2015, eqs 2.8-2.15 with eq. 4.6), in the plane, with a free surface and a rough base. Barker
+et al. 2015 ask the same of the incompressible law, locally, where the shortest waves decide; here a
+wave has the length it has, and the layer its depth, its walls and its compressibility.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigvals
+from scipy.optimize import fsolve
+
+from granular.checks import integer, positive
+from granular.theory.constitutive import InertialElasticMaterial, stress_rate
+from granular.theory.incline import InertialMaterial
+
+Array = NDArray[np.float64]
+
+_XX, _YY, _XY = 0, 1, 3
+_STEP = 1e-6
+"""Relative step of the differences that linearise the law."""
+
+
+class LayerMaterial(InertialElasticMaterial, InertialMaterial, Protocol):
+    """What waves in a layer need to know of a material."""
+
+    wave_speed: float
+
+
+@dataclass(frozen=True)
+class LayerWaves:
+    """Waves exp(i k x + s t) of one length in a layer, the slowest to decay first.
+
+    Attributes
+    ----------
+    growth : ndarray
+        Real parts of s [1/s].
+    frequency : ndarray
+        How often a wave passes a fixed place [Hz], negative where it moves up the slope.
+    """
+
+    growth: Array
+    frequency: Array
+
+
+def layer_waves(
+    angle_deg: float,
+    height: float,
+    material: LayerMaterial,
+    wavelength: float,
+    gravity: float = 9.8,
+    cells: int = 60,
+) -> LayerWaves:
+    """Growth of waves along the slope in a steady flow that has one.
+
+    Velocities stand at the faces of `cells` equal pieces of the depth, stresses in their middle:
+    without damping of its own, and of first order, at the surface. Waves shorter than some twelve
+    pieces are not resolved, and may grow where those of the equations do not.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Inclination [degrees], between atan(mu_s) and atan(mu_2).
+    height, wavelength : float
+        Thickness of the layer and length of the wave [m].
+    material
+        Object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)], ``rho_c`` [kg/m3], ``K``, ``G`` [Pa]
+        and ``wave_speed`` [m/s].
+    gravity : float
+        Magnitude of gravity [m/s2].
+    cells : int
+        Pieces of the depth, at least 4.
+
+    Returns
+    -------
+    LayerWaves
+        All 6 `cells` + 1 of them.
+
+    Raises
+    ------
+    ValueError
+        Without a steady flow, and for lengths that are not positive.
+    """
+    height, wavelength = positive("height", height), positive("wavelength", wavelength)
+    cells, slope = integer("cells", cells, 4, 1000), math.tan(math.radians(angle_deg))
+    if not material.mu_s < slope < material.mu_2:
+        low, high = (math.degrees(math.atan(mu)) for mu in (material.mu_s, material.mu_2))
+        raise ValueError(f"angle_deg = {angle_deg} must be between {low:.4g} and {high:.4g}")
+    g = gravity * math.cos(math.radians(angle_deg))
+    system = _system(slope, g, height, material, 2 * math.pi / wavelength, cells)
+    s = eigvals(system)
+    s = s[np.argsort(-s.real)]
+    return LayerWaves(growth=s.real, frequency=-s.imag / (2 * math.pi))
+
+
+def _steady(p: float, slope: float, material: LayerMaterial) -> tuple[Array, float]:
+    """Stress [Pa] and shear rate [1/s] of the steady flow under the normal stress `p`.
+
+    The Jaumann rate makes small differences of normal stresses, so that sigma_yy alone is given.
+    """
+    plain = material.xi * math.sqrt(p) * (slope - material.mu_s) / (material.mu_2 - slope)
+
+    def stress(q: Array) -> Array:
+        return np.array([q[0] * p, -p, q[1] * p, slope * p])
+
+    def unsteady(q: Array) -> Array:
+        rate = stress_rate(stress(q), np.array([[0.0, q[2] * plain], [0.0, 0.0]]), material)
+        return rate[[0, 2, 3]] / (material.G * plain)
+
+    q = fsolve(unsteady, np.array([-1.0, -1.0, 1.0]), xtol=1e-9)
+    return stress(q), float(q[2]) * plain
+
+
+def _linear(stress: Array, shear: float, p: float, material: LayerMaterial) -> tuple[Array, Array]:
+    """Derivatives of the rate of stress by stress, (4, 4), and by velocity gradient, (4, 2, 2)."""
+    L = np.array([[0.0, shear], [0.0, 0.0]])
+    by_stress, by_gradient = np.empty((4, 4)), np.empty((4, 2, 2))
+    for c in range(4):
+        d = np.zeros(4)
+        d[c] = _STEP * p
+        change = stress_rate(stress + d, L, material) - stress_rate(stress - d, L, material)
+        by_stress[:, c] = change / (2 * d[c])
+    for i in range(2):
+        for j in range(2):
+            d = np.zeros((2, 2))
+            d[i, j] = _STEP * shear
+            change = stress_rate(stress, L + d, material) - stress_rate(stress, L - d, material)
+            by_gradient[:, i, j] = change / (2 * d[i, j])
+    return by_stress, by_gradient
+
+
+def _system(
+    slope: float, g: float, height: float, material: LayerMaterial, k: float, n: int
+) -> NDArray[np.complex128]:
+    """The matrix of d/dt of (u, v) at the faces, stresses / (rho c_w) in the middle, and the lift
+    of the surface, in this order."""
+    dy, rho = height / n, material.rho_c
+    impedance = rho * material.wave_speed
+    depth = height - (np.arange(n) + 0.5) * dy
+    base, shear = zip(*(_steady(rho * g * d, slope, material) for d in depth), strict=True)
+    stress, rate = np.array(base), np.array(shear)
+    v_face = np.cumsum(rate) * dy
+    v_middle = v_face - rate * dy / 2
+    lapse = np.gradient(stress, dy, axis=0)
+
+    A = np.zeros((6 * n + 1, 6 * n + 1), dtype=complex)
+    u, v, lift = np.arange(n), n + np.arange(n), 6 * n
+    sigma = 2 * n + np.arange(4 * n).reshape(4, n)
+    for j in range(n):
+        top = j == n - 1
+        for row, along, across in ((u[j], _XX, _XY), (v[j], _XY, _YY)):
+            A[row, row] -= 1j * k * v_face[j]
+            for c in (j,) if top else (j, j + 1):
+                A[row, sigma[along, c]] += 0.5j * k * impedance / rho
+            A[row, sigma[across, j]] -= (2 if top else 1) / dy * impedance / rho
+            if not top:
+                A[row, sigma[across, j + 1]] += impedance / rho / dy
+        A[u[j], v[j]] -= rate[j] if top else (rate[j] + rate[j + 1]) / 2
+        by_stress, by_gradient = _linear(stress[j], rate[j], rho * g * depth[j], material)
+        for a in range(4):
+            row = sigma[a, j]
+            A[row, row] -= 1j * k * v_middle[j]
+            A[row, sigma[:, j]] += by_stress[a]
+            for face, sign in ((j, 1), (j - 1, -1))[: 2 if j else 1]:  # the base is at rest
+                for i, w in enumerate((u, v)):
+                    part = 0.5j * k * by_gradient[a, i, 0] + sign / dy * by_gradient[a, i, 1]
+                    A[row, w[face]] += part / impedance
+                A[row, v[face]] -= lapse[j, a] / 2 / impedance
+    # The surface is free where it has been lifted to: sigma n = 0 there.
+    A[u[-1], lift] += 2 / dy * g * slope
+    A[v[-1], lift] -= 2 / dy * g
+    A[lift, lift] -= 1j * k * v_face[-1]
+    A[lift, v[-1]] += 1
+    return A

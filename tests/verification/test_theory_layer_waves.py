@@ -1,0 +1,58 @@
+"""Waves in a layer that flows: against the transient of its one-dimensional equation, and whether
+they die."""
+
+import numpy as np
+import pytest
+
+from granular.materials import glass_beads
+from granular.theory import bagnold_mean, layer_waves, transient
+
+HEIGHT = 0.2
+
+
+@pytest.mark.parametrize(("angle_deg", "times"), [(22.0, (12.0, 15.0)), (25.0, (24.0, 30.0))])
+def test_long_waves_decay_as_the_transient_does(angle_deg, times):
+    """Without slopes along the layer what is left is the way to the steady velocity, whose last
+    part is exponential: the independent equation is that of rigid grains."""
+    stiff = glass_beads.replace(E=1e9)
+    waves = layer_waves(angle_deg, HEIGHT, stiff, wavelength=1e4)
+    assert abs(waves.growth[0]) < 1e-3  # the surface as a whole lies higher
+    left = 1 - transient(angle_deg, HEIGHT, stiff, times).mean / bagnold_mean(
+        angle_deg, HEIGHT, stiff
+    )
+    rate = np.log(left[1] / left[0]) / (times[1] - times[0])
+    assert waves.growth[1] == pytest.approx(rate, rel=2e-3)
+
+
+@pytest.mark.parametrize(("angle_deg", "E"), [(22.0, 1e6), (25.0, 1e7), (28.0, 1e6)])
+def test_waves_of_some_cells_die(angle_deg, E):
+    """Of those that layers show along the slope none grows: they are not of the law."""
+    for wavelength, cells in ((0.04, 60), (0.08, 30), (0.16, 30)):
+        waves = layer_waves(angle_deg, HEIGHT, glass_beads.replace(E=E), wavelength, cells=cells)
+        assert waves.growth[0] < -1.0
+
+
+def test_order_of_the_pieces():
+    """Of first order, or better."""
+    growth = [
+        layer_waves(25.0, HEIGHT, glass_beads.replace(E=1e6), 0.16, cells=cells).growth[0]
+        for cells in (20, 40, 80)
+    ]
+    first, second = np.abs(np.diff(growth))
+    assert 1.6 < first / second < 5.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"angle_deg": 20.0}, "angle_deg = 20.0"),
+        ({"angle_deg": 33.0}, "angle_deg = 33.0"),
+        ({"wavelength": 0.0}, "wavelength = 0.0"),
+        ({"height": -1.0}, "height = -1.0"),
+        ({"cells": 3}, "cells = 3"),
+    ],
+)
+def test_what_has_no_waves_is_refused(changes, message):
+    given = {"angle_deg": 25.0, "height": HEIGHT, "wavelength": 0.1, "cells": 10} | changes
+    with pytest.raises(ValueError, match=message):
+        layer_waves(material=glass_beads, **given)
