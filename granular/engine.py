@@ -132,6 +132,7 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
         "strain_diffusion": scheme.strain_diffusion,
         "feedback": scheme.feedback,
         "feedback_limit": _feedback_limit(scene),
+        "feedback_noise": scheme.feedback_noise,
         "shift": scheme.shift,
         "shift_limit": scheme.shift_limit,
         "weighting": scheme.weighting,

@@ -69,6 +69,9 @@ class Scheme:
         is any: across a cell such a source of pressure accelerates by about a share eps of g.
         Without it the noise of phi, which is that of the places of the points, drowns the small
         compressions of stiff materials.
+    feedback_noise : float
+        Gap ln phi_p - c_p that may be such noise; what it has more is pulled without a limit, so
+        that material which converges on an outlet does not crowd.
     shift : float
         beta: points move by -beta gdot dt dx^2 sum_i max(0, phi_i - 1) grad S_i, and take the
         velocity of where they come to where the density is diffused. Where it is shared, phi_i - 1
@@ -87,8 +90,8 @@ class Scheme:
         Part of the unevenness of the points, the force E_i = sum_p q_p V_p grad S_i that a uniform
         pressure would make on a node inside the material, that an averaging takes away by the
         weights q_p of the points in the force: q_p += -weighting sum_i grad S_i . E_i, in lengths
-        of cells; the local mean of q_p is kept at 1/phi, so that the weighted volumes fill the room
-        they have. 0 for no weights, 1 at most.
+        of cells; the local mean of q_p is kept at exp(c)/phi, so that the weighted volumes fill
+        the room they have. 0 for no weights, 1 at most.
     weight_limit : float
         Largest abs(q_p - 1), at most .8: what weighs more is as much stiffer.
     weight_decay : float
@@ -111,10 +114,11 @@ class Scheme:
     dt: float | None = None
     mass_cutoff: float = 1e-14
     diffusion: float = 0.0
-    strain_diffusion: float = 10.0
+    strain_diffusion: float = 20.0
     feedback: float = 0.7
-    feedback_limit: float = 0.4
-    shift: float = 5.0
+    feedback_limit: float = 0.3
+    feedback_noise: float = 0.1
+    shift: float = 8.0
     shift_limit: float = 0.05
     shift_outlet_cells: int = 3
     averaging_time: float = 2.0
@@ -151,6 +155,7 @@ class Scheme:
             "strain_diffusion",
             "feedback",
             "feedback_limit",
+            "feedback_noise",
             "shift",
             "tension_reach",
             "averaging_time",

@@ -175,8 +175,7 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     const double rate = kinematic_rate(dim, L)[0];
     const double eta = averaged_part(e, e->dt, v_set(rate), v_set(own->c))[0];
     double c = own->c - trace + eta * unevenness(dim, e, index);
-    const double gap = own->log_phi - c, most_pull = q->feedback_limit * e->dt;
-    const double pull = fmax(fmin(q->feedback * rate * gap, most_pull), -most_pull);
+    const double gap = own->log_phi - c, pull = pull_to_fullness(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * pull : pull;
     const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFT ? 0 : fmin(q->shift_limit, 0.5 * rate);
     double scale = q->shift * rate;

@@ -29,7 +29,8 @@ struct gr_cure {
     double diffusion;        /* 1: rate of averaging in c/dx */
     double strain_diffusion; /* 1: rate of averaging in shear rates over c */
     double feedback;         /* 1: rate of the pull to the geometric density per shear rate */
-    double feedback_limit;   /* 1/s: its largest rate */
+    double feedback_limit;   /* 1/s: its largest rate for what may be noise */
+    double feedback_noise;   /* gap of log-density that may be */
     double shift;            /* 1: strength of the shift */
     double shift_limit;      /* largest shift in a step, cells */
     double reach;            /* points looser than -reach take no part in the averaging */

@@ -70,7 +70,7 @@ GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd
 /* Weights of the points in the force, that a uniform pressure makes none inside the material:
  *   u += -weighting sum_i E_i . grad S_i - weight_decay u - sum_i S_i x_i,   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
  * in lengths of cells; a descent on the sum of E^2, which forgets where a point has been, and takes away x_i, what
- * the mean weight about a node is in excess of 1/phi_i. Given the modes of x and E. */
+ * the mean weight about a node is in excess of exp(cbar_i)/phi_i. Given the modes of x and E. */
 GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s, const double *mode,
                      const int stride, int64_t at)
 {
@@ -87,7 +87,7 @@ GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const 
 }
 
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
- *   c += eta (cbar - c) + clip(kappa gdot dt (ln phi - c)),   eta: averaged_part,
+ *   c += eta (cbar - c) + pull (ln phi - c),   eta: averaged_part, pull: pull_to_fullness,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
  * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and
  * the modes of phi, cbar, max(0, phi - 1), x and E; returned: the new log-density, delta in m, L delta in m/s. */
@@ -110,8 +110,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(joins, gradient[d] * v_set(inv_dx)));
     if (phi_least > 0.5) {
         const vd one = v_set(1.0), log_full = v_set(2.0) * (full - one) / (full + one); /* to 4 % where half full */
-        const double most = q->feedback_limit * e->dt * interval;
-        c = c + v_keep(v_ge(c, v_zero()), v_clamp(v_set(q->feedback) * rate * (log_full - c), -most, most));
+        c = c + v_keep(v_ge(c, v_zero()), pull_to_fullness(q, interval * e->dt, rate, log_full - c));
     }
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {

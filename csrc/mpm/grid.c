@@ -147,7 +147,7 @@ void gr_grid_unevenness(struct gr_engine *e, int64_t first, int64_t last)
     for (int64_t n = first; n < last; n++) {
         double *out = e->node_data + n * e->node_stride + 2 * dim, *uneven = out + 4;
         const int inside = is_inside(e, n), fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
-        if (inside) out[3] += 1 - 1 / out[0]; /* the mean weight that fills the room is 1/phi */
+        if (inside) out[3] += 1 - exp(out[1]) / out[0]; /* the mean weight of volumes m/rho that fill the room */
         int64_t rest = e->mesh.node_id[n];
         for (int d = 0; d < dim; d++) {
             const int64_t m = e->axis[d].n_nodes, at = rest % m;

@@ -186,4 +186,14 @@ GR_INLINE vd averaged_part(const struct gr_engine *e, double dt, vd strain, vd c
     return r / (pressed + r + v_set(1e-300));
 }
 
+/* What a strain over the time dt pulls a log-density to the geometric one by, over a gap:
+ *   clip(kappa strain gap, limit dt) + kappa strain max(0, gap - noise).
+ * A gap may be noise of the places of the points, and is closed no faster than the limit; points more crowded than
+ * noise makes them are kept apart without one. */
+GR_INLINE vd pull_to_fullness(const struct gr_cure *q, double dt, vd strain, vd gap)
+{
+    const vd rate = v_set(q->feedback) * strain, crowd = v_max(gap - v_set(q->feedback_noise), v_zero());
+    return v_fma(rate, crowd, v_clamp(rate * gap, -q->feedback_limit * dt, q->feedback_limit * dt));
+}
+
 #endif

@@ -32,6 +32,7 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int diffused
                                .strain_diffusion = 10,
                                .feedback = 0.7,
                                .feedback_limit = 0.1,
+                               .feedback_noise = 0.05,
                                .shift = 5,
                                .shift_limit = 0.05,
                                .reach = 0.02,

@@ -94,7 +94,7 @@ def keep_uneven_inside(scene, nodes, fixed):
                 beside[0 if side == 1 else -1] = True
             kept &= beside
     inside = inside.ravel(order="F")
-    nodes.excess[inside] += 1 - 1 / nodes.phi[inside]
+    nodes.excess[inside] += 1 - np.exp(nodes.cbar[inside]) / nodes.phi[inside]
     for d in range(len(counts)):
         on_end = np.moveaxis(ends[d], 0, d).ravel(order="F")
         lost = ~inside | on_end | fixed[:, d]
@@ -249,8 +249,7 @@ def _average(scene, points, new, nodes, L, dt):
     full = s.w @ phi
     fed = _least_around(scene, points["x"], nodes.phi) > 0.5
     gap = 2 * (full - 1) / (full + 1) - c  # ln(full) by its first approximant
-    most = _most_pull(scene) * many * dt
-    pull = np.clip(q.feedback * rate * dt * gap, -most, most)
+    pull = _pull(scene, many * dt, rate * dt, gap)
     c = np.where(fed & (c >= 0), c + pull, c)
     slope = np.einsum("k,pkj->pj", np.maximum(phi - 1, 0.0), s.g)
     delta = -q.shift * (rate * dt)[:, None] * dx**2 * slope
@@ -376,8 +375,7 @@ def _flow_of_cells(scene, points, new, nodes, dt):
     eta = _averaged_part(scene, dt, rate, cells.c)
     c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + eta * _unevenness(scene, cells)
     gap = cells.log_phi - c
-    most = _most_pull(scene) * dt
-    fed = np.clip(q.feedback * rate * gap, -most, most)
+    fed = _pull(scene, dt, rate, gap)
     c = np.where((gap > 0) | (c >= 0), c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
     length = np.linalg.norm(cells.crowding, axis=1)
     most = np.minimum(q.shift_limit, 0.5 * rate)
@@ -389,10 +387,12 @@ def _flow_of_cells(scene, points, new, nodes, dt):
     return L[cells.which]
 
 
-def _most_pull(scene):
-    """Largest rate of the pull of the density to the fullness [1/s]."""
-    g = np.linalg.norm(scene.gravity.vectors, axis=1).max()
-    return scene.scheme.feedback_limit * g / scene.material.wave_speed
+def _pull(scene, dt, strain, gap):
+    """What densities are pulled to the fullness by, in a time and a strain."""
+    q, g = scene.scheme, np.linalg.norm(scene.gravity.vectors, axis=1).max()
+    most = q.feedback_limit * g / scene.material.wave_speed * dt
+    pull, crowd = q.feedback * strain, np.maximum(gap - q.feedback_noise, 0)
+    return np.clip(pull * gap, -most, most) + pull * crowd
 
 
 def _least_around(scene, x, phi):
