@@ -38,6 +38,7 @@ SHADES = {
 LINES = {
     "default": {"linestyle": "-", "marker": "D"},
     "linear flip": {"linestyle": "--", "marker": "o"},
+    "cell_averaged": {"linestyle": ":", "marker": "h"},
 }
 SCALES = {"cell": 1e3, "points": 1}
 """Cells are drawn in millimetres."""
