@@ -24,7 +24,7 @@ TRANSFERS = {
     "apic": gr.Scheme(transfer="apic"),
     "tpic": gr.Scheme(transfer="tpic", density="tracked"),
     "tpic, diffused (default)": gr.schemes.default,
-    "linear tpic, shared (cell_averaged)": gr.schemes.cell_averaged,
+    "cell_averaged": gr.schemes.cell_averaged,
 }
 """With the quadratic basis, but for the last."""
 

@@ -117,7 +117,7 @@ def test_locking_begins_at_the_limits(script):
         shape = script.elastic.SCHEMES[cell.row].basis
         if float(cell.column) <= LOCKING[shape]:
             assert cell.verdict == "stable"
-        elif shape != "quadratic":
+        elif shape != "quadratic" and cell.row != "cell_averaged":  # one stress a cell: no locking
             assert cell.verdict == "degraded"
 
 
