@@ -13,6 +13,7 @@ SOFT_STEP = gr.schemes.published.replace(dt=None)
 
 SCHEMES = {
     "default": gr.schemes.default,
+    "cell_averaged": gr.schemes.cell_averaged,
     "published": gr.schemes.published,
     "linear flip": SOFT_STEP,
     "linear xpic": SOFT_STEP.replace(transfer="xpic"),
@@ -91,7 +92,8 @@ def _vary(base: Case, **values: Any) -> Iterator[Case]:
         yield from _vary(replace(base, **{name: value}), **{k: values[k] for k in rest})
 
 
-OTHERS = tuple(s for s in SCHEMES if s not in ("default", "published"))
+CURED = ("default", "cell_averaged")
+OTHERS = tuple(s for s in SCHEMES if s not in (*CURED, "published"))
 BOTH = ("default", "linear flip")
 
 
@@ -134,6 +136,25 @@ def _silo() -> Iterator[Case]:
     yield replace(SILO, points=9)
 
 
+def _cell_averaged() -> Iterator[Case]:
+    """The main cases of the default scheme once more."""
+    line, plane, heap, silo = (
+        replace(base, scheme="cell_averaged") for base in (INCLINE, INCLINE_2D, COLLAPSE, SILO)
+    )
+    yield from _vary(line, E=MODULI[:4])
+    yield from _vary(line, E=(1e8,), cell=(0.04, 0.02, 0.005))
+    yield from _vary(plane, E=MODULI[:3])
+    yield from _vary(plane, E=(1e6,), points=(4, 9), seed=(0, 1))
+    yield from _vary(plane, E=(1e6,), cell=(0.04, 0.02, 0.005))
+    yield from _vary(plane, points=(9,), cell=(0.02, 0.01))
+    yield from _vary(heap, cell=(0.025, 0.0125), E=MODULI[:3])
+    yield from _vary(heap, cell=(0.025, 0.0125), points=(4,))
+    yield replace(heap, cell=0.00625)
+    yield from _vary(silo, cell=(0.02, 0.01), E=MODULI[:3])
+    yield replace(silo, cell=0.02, points=9)
+    yield replace(silo, cell=0.005)
+
+
 def _peers(solver: str) -> Iterator[Case]:
     """The same scenes for a peer."""
     for base in (INCLINE, INCLINE_2D, SILO, replace(COLLAPSE, cell=0.025)):
@@ -161,7 +182,15 @@ def _long() -> Iterator[Case]:
 
 def full() -> list[Case]:
     """All cases, each once, in the order in which they are run."""
-    parts = (_incline(), _incline_2d(), _collapse(), _silo(), _peers("taichi"), _long())
+    parts = (
+        _incline(),
+        _incline_2d(),
+        _collapse(),
+        _silo(),
+        _cell_averaged(),
+        _peers("taichi"),
+        _long(),
+    )
     return list(dict.fromkeys(case for part in parts for case in part))
 
 

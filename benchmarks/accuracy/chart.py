@@ -24,6 +24,7 @@ BASES = {"linear": "o", "ugimp": "^", "quadratic": "s"}
 TRANSFERS = {"flip": "tab:orange", "xpic": "tab:green", "apic": "tab:purple", "tpic": "tab:cyan"}
 OWN = {
     "default": {"marker": "D", "color": "tab:blue"},
+    "cell_averaged": {"marker": "h", "color": "gold"},
     "published": {"marker": "*", "color": "tab:red"},
     "taichi": {"marker": "P", "color": "tab:brown"},
     "newton": {"marker": "X", "color": "tab:pink"},
@@ -37,6 +38,7 @@ SHADES = {
 LINES = {
     "default": {"linestyle": "-", "marker": "D"},
     "linear flip": {"linestyle": "--", "marker": "o"},
+    "cell_averaged": {"linestyle": ":", "marker": "h"},
 }
 SCALES = {"cell": 1e3, "points": 1}
 """Cells are drawn in millimetres."""

@@ -108,6 +108,7 @@ SCHEMES = {
     "quadratic, flip": gr.Scheme(basis="quadratic", transfer="flip"),
     "quadratic, apic": gr.Scheme(basis="quadratic", transfer="apic"),
     "default": gr.schemes.default,
+    "cell_averaged": gr.schemes.cell_averaged,
 }
 """The schemes of most maps."""
 

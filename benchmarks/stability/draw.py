@@ -23,6 +23,7 @@ FIGURES: dict[str, tuple[tuple[str, ...], int]] = {
             "courant_quadratic_flip",
             "courant_quadratic_apic",
             "courant_default_tpic",
+            "courant_cell_averaged_tpic",
             "courant_space",
             "courant_nu",
             "courant_speed",

@@ -15,6 +15,8 @@ from granular.walls import Wall
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 
 HEIGHT = 0.2
+FEW = ("published (linear, flip)", "quadratic, apic", "default", "cell_averaged")
+"""Schemes of the longer runs."""
 
 
 def mean_speed(state: gr.State) -> float:
@@ -60,8 +62,7 @@ def incline_courant(quick: bool) -> Map:
         0.02,
     )
     material, cell = glass_beads.replace(E=1e6), 0.01
-    names = ("published (linear, flip)", "quadratic, flip", "default")
-    for name in names:
+    for name in (FEW[0], "quadratic, flip", *FEW[2:]):
         for courant in chosen((0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2, 1.4), quick):
             scene = gr.scenes.incline(
                 cell=cell,
@@ -91,7 +92,7 @@ def incline_angles(quick: bool) -> Map:
         0.05,
     )
     material = glass_beads.replace(E=1e6)
-    for name in ("published (linear, flip)", "quadratic, flip", "quadratic, apic", "default"):
+    for name in (FEW[0], "quadratic, flip", *FEW[1:]):
         scheme = SCHEMES[name]
         for angle in chosen(ANGLES, quick):
             ratio = gr.theory.scaled_inertial_number_of_slope(angle, material)
@@ -209,8 +210,7 @@ def law_ends(quick: bool) -> Map:
     low, high = (math.degrees(math.atan(mu)) for mu in (material.mu_s, material.mu_2))
     angles = {f"{angle:g}": angle for angle in (0.0, 19.0, 21.5, 32.0, 34.0, 40.0)}
     angles |= {"mu_s": low, "mu_2": high}
-    names = ("published (linear, flip)", "quadratic, apic", "default")
-    for name in names:
+    for name in FEW:
         for label, angle in sorted(angles.items(), key=lambda item: item[1]):
             scene = gr.scenes.incline(
                 angle_deg=angle, cell=0.02, material=material, scheme=SCHEMES[name]
@@ -229,8 +229,7 @@ def incline_columns(quick: bool) -> Map:
         "columns",
         0.05,
     )
-    names = ("published (linear, flip)", "quadratic, apic", "default")
-    for name in names:
+    for name in FEW:
         for columns in chosen((1, 2, 3, 4, 8), quick):
             scene = gr.scenes.incline(
                 cell=0.01,
@@ -295,7 +294,7 @@ def rest(quick: bool) -> list[Map]:
         "slope [deg]",
         0.03,
     )
-    for name in ("published (linear, flip)", "quadratic, apic", "default"):
+    for name in FEW:
         scheme, material = SCHEMES[name], glass_beads.replace(E=1e6)
         scenes = {f"{angle:g}": layer_at_rest(scheme, angle, material) for angle in (0.0, 15.0)}
         scenes["0, between walls"] = column_at_rest(scheme, material)
