@@ -246,7 +246,7 @@ def _stiffness(asked: _Asked) -> Advice:
     )
     changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
-        reason += " The rates of the scheme, which go with the stiffness, are held."
+        reason += " The damping of the scheme, which goes with the stiffness, is held."
     return asked.advice("stiffness", reason, error, changes)
 
 

@@ -37,9 +37,8 @@ def published(name: str, scheme: Scheme, **parameters: Any) -> Scene:
 def reference(scene: Scene, E: float) -> Outcome:
     """A run at a lesser E and its adaptive step, with the processor time of the scene itself.
 
-    The rates of the default scheme are held where advice holds them. The time of the scene is that
-    of the run, times its steps over those of the run: a point and step costs the same at any E,
-    but with held rates up to twice as much, for it averages in more steps.
+    The damping of the default scheme is held where advice holds it. The time of the scene is that
+    of the run, times its steps over those of the run: a point and step costs the same at any E.
     """
     name = getattr(scene_function(scene), "__name__", "")
     run = quantities(changed(scene, {"dt": None} | softening(scene, name, E)))
