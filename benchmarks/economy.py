@@ -152,7 +152,10 @@ def slugs() -> Iterator[Case]:
     for E in (1e6, 1e7):
         for scheme in SCHEMES:
             yield Case("slug", {}, E, scheme)
-    yield Case("slug", {}, 1e8)
+    for E in (3e6, 1e7):
+        yield Case("slug", {}, E, held=1e9)
+    for E in (1e8, 1e9):
+        yield Case("slug", {}, E)
 
 
 GROUPS = {
