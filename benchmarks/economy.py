@@ -61,11 +61,11 @@ class Case:
         grains = gr.materials.glass_beads.replace(E=self.held or self.E)
         scheme = SCHEMES[self.scheme]
         scene = gr.scenes.registry[self.scene](material=grains, scheme=scheme, **self.keywords)
-        rates = gr.economy.held_rates(scene, self.E) if self.held else {}
+        decay = gr.economy.held_decay(scene, self.E) if self.held else {}
         grains = grains.replace(E=self.E)
         if self.law == "drucker_prager":
             grains = gr.materials.DruckerPrager(E=self.E, mu=grains.mu_s)
-        return scene.replace(material=grains, scheme=scheme.replace(**rates, **self.changes))
+        return scene.replace(material=grains, scheme=scheme.replace(**decay, **self.changes))
 
 
 def jittered(keywords: dict[str, Any]) -> list[dict[str, Any]]:
@@ -93,7 +93,7 @@ def columns() -> Iterator[Case]:
             yield Case("column_collapse", keywords, E)
         for E, held in ((1e6, 1e9), (1e7, 1e9), (1e7, 1e8)):
             yield Case("column_collapse", keywords, E, held=held)
-        yield Case("column_collapse", keywords, 1e7, changes={"cfl": 0.65})
+        yield Case("column_collapse", keywords, 1e7, changes={"cfl": 0.6})
     paper = {"aspect": 1.0}
     for E in (1e6, 3e6, 1e7, 1e8, 1e9):
         yield Case("column_collapse", paper, E)
@@ -120,9 +120,7 @@ def silos() -> Iterator[Case]:
             yield Case("silo", keywords, E, held=1e8)
         yield Case("silo", coarse, E, held=1e9)
     yield Case("silo", coarse, 1e9)
-    yield Case("silo", coarse, 1e7, changes={"cfl": 0.65})
-    for E in (1e5, 1e6, 1e7):
-        yield Case("silo", {"orifice": 0.2}, E)
+    yield Case("silo", coarse, 1e7, changes={"cfl": 0.6})
     yield Case("silo", {"orifice": 0.2}, 1e6, "published")
 
 
@@ -134,6 +132,7 @@ def hourglasses() -> Iterator[Case]:
             yield Case("hourglass", keywords, E)
     for E in (1e6, 1e7):
         yield Case("hourglass", COARSE_HOURGLASS, E, held=1e8)
+    yield Case("hourglass", COARSE_HOURGLASS, 1e7, held=1e9)
 
 
 def slugs() -> Iterator[Case]:
@@ -153,7 +152,10 @@ def slugs() -> Iterator[Case]:
     for E in (1e6, 1e7):
         for scheme in SCHEMES:
             yield Case("slug", {}, E, scheme)
-    yield Case("slug", {}, 1e8)
+    for E in (3e6, 1e7):
+        yield Case("slug", {}, E, held=1e9)
+    for E in (1e8, 1e9):
+        yield Case("slug", {}, E)
 
 
 GROUPS = {

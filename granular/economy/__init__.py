@@ -5,7 +5,7 @@ estimates what a run takes. docs/economy.md has the runs behind the figures.
 """
 
 from granular.economy.advice import Advice, AdviceList, apply
-from granular.economy.bias import held_rates
+from granular.economy.bias import held_decay
 from granular.economy.cost import Cost, cost, time_step
 from granular.economy.rules import advise
 from granular.economy.symmetry import half
@@ -18,6 +18,6 @@ __all__ = [
     "apply",
     "cost",
     "half",
-    "held_rates",
+    "held_decay",
     "time_step",
 ]

@@ -24,7 +24,7 @@ __all__ = [
     "StiffnessLaw",
     "friction_shift",
     "grid_damping",
-    "held_rates",
+    "held_decay",
     "incline_error",
     "incline_resolution_error",
     "pressure_strain",
@@ -58,7 +58,7 @@ class StiffnessLaw:
     largest : float
         Pressure strain of the softest of these runs: nothing is known beyond.
     held : bool
-        Whether the rates of the default scheme were held (`held_rates`).
+        Whether the rate of decay of the default scheme was held (`held_decay`).
     damping : float
         Largest damping (`grid_damping`) of a stiff scene that the soft runs agree with.
     """
@@ -80,38 +80,30 @@ LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
         ("column_collapse", "published"): StiffnessLaw(0.12, 20.0, 3.6e-3),
         ("column_collapse", "default"): StiffnessLaw(0.025, 5.0, 3.6e-3, damping=1.3),
         ("silo", "published"): StiffnessLaw(0.03, 2.8, 0.0177),
-        ("silo", "default"): StiffnessLaw(0.012, 1.4, 0.0177, held=True),
+        ("silo", "default"): StiffnessLaw(0.015, 2.05, 0.0177, held=True, damping=0.19),
         ("hourglass", "published"): StiffnessLaw(0.01, 1.0, 4.5e-3),
-        ("hourglass", "default"): StiffnessLaw(0.012, 2.0, 4.5e-3, held=True),
-        ("slug", "default"): StiffnessLaw(0.012, 1.0, 5.3e-3, held=True),
+        ("hourglass", "default"): StiffnessLaw(0.012, 2.3, 4.5e-3, damping=1.6),
+        ("slug", "default"): StiffnessLaw(0.0225, 2.0, 5.3e-3, held=True, damping=0.92),
     }
 )
 """By the name of the scene function and of the scheme that is like the one measured. What is not
 here was not measured, or did not settle: docs/economy.md."""
 
 
-def with_numbers_of_default(scheme: Scheme, rates: float = 1.0) -> bool:
-    """Whether a scheme is the default one, its steps aside, with rates so many times as high."""
-    scaled = {
-        "decay": rates * default.decay,
-        "averaging_time": default.averaging_time / rates,
-    }
-    if not all(math.isclose(getattr(scheme, k), v, rel_tol=1e-6) for k, v in scaled.items()):
-        return False
-    aside = ("cfl", "dt", *scaled)
-    return scheme.replace(**{name: getattr(default, name) for name in aside}) == default
+def with_numbers_of_default(scheme: Scheme) -> bool:
+    """Whether a scheme is the default one, its steps aside."""
+    return scheme.replace(cfl=default.cfl, dt=default.dt) == default
 
 
 def kind(scheme: Scheme) -> str:
     """The scheme for which measurements of this one hold: "default", "published" or "" for none.
 
-    The default scheme may have its rates held from another stiffness (`held_rates`), all of them
-    from the same one; with a fixed step it was not measured.
+    The default scheme may have the rate of its decay held from stiffer grains (`held_decay`); with
+    a fixed step it was not measured.
     """
     if scheme.density == "diffused":
-        rates = scheme.decay / default.decay
-        like = scheme.dt is None and rates > 0 and with_numbers_of_default(scheme, rates)
-        return "default" if like else ""
+        own = scheme.replace(decay=default.decay) if scheme.decay > default.decay else scheme
+        return "default" if scheme.dt is None and with_numbers_of_default(own) else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain and scheme.mass_cutoff == published.mass_cutoff else ""
 
@@ -217,10 +209,18 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
         return math.nan
     if name == "incline":
         return incline_error(scene, material)
-    law = LAWS.get((name, kind(scene.scheme)))
+    law = law_of(scene, name)
+    return math.nan if law is None else law(pressure_strain(scene, material))
+
+
+def law_of(scene: Scene, name: str) -> StiffnessLaw | None:
+    """The law for a scene by the name of its function; None where nothing was measured."""
+    scheme = scene.scheme
+    law = LAWS.get((name, kind(scheme)))
     if law is None or grid_damping(scene) > law.damping:
-        return math.nan
-    return law(pressure_strain(scene, material))
+        return None
+    damped_more = scheme.density == "diffused" and scheme.decay > default.decay
+    return None if damped_more and not law.held else law
 
 
 def grid_damping(scene: Scene) -> float:
@@ -229,26 +229,20 @@ def grid_damping(scene: Scene) -> float:
     return scene.scheme.decay * scene.material.wave_speed * scene.grid.cell / flow
 
 
-def softening(scene: Scene, name: str, E: float) -> dict[str, float | int]:
-    """What is changed to make the grains of a scene as soft as that, by name: rates are held where
-    the law of its scene was measured so."""
-    law = LAWS.get((name, kind(scene.scheme)))
-    return {"E": E} | (held_rates(scene, E) if law is not None and law.held else {})
+def softening(scene: Scene, name: str, E: float) -> dict[str, float]:
+    """What is changed to make the grains of a scene as soft as that, by name: the rate of decay is
+    held where the law of its scene was measured so."""
+    law = law_of(scene, name)
+    return {"E": E} | (held_decay(scene, E) if law is not None and law.held else {})
 
 
-def held_rates(scene: Scene, E: float) -> dict[str, float | int]:
-    """Numbers of the scheme with which its own rates [1/s] stay what they are as E changes.
+def held_decay(scene: Scene, E: float) -> dict[str, float]:
+    """The number of the scheme with which the rate of its own damping [1/s] stays as E changes.
 
-    Decay, diffusion and the averagings go with c_w/dx: left alone, softer grains would change the
-    scheme as well, which moves the rate of a silo or the way of a slug more than their elasticity
-    does.
+    The rate of decay goes with c_w/dx: left alone, softer grains would be damped less, which moves
+    the rate of a silo or the way of a slug more than their elasticity does.
     """
-    scheme, softer = scene.scheme, scene.material.E / E
-    numbers: dict[str, float | int] = {}
-    if scheme.transfer == "tpic":
-        numbers["decay"] = scheme.decay * math.sqrt(softer)
-    if scheme.diffusion:
-        numbers["diffusion"] = scheme.diffusion * math.sqrt(softer)
-    if scheme.density == "diffused":
-        numbers["averaging_time"] = scheme.averaging_time / math.sqrt(softer)
-    return numbers
+    scheme = scene.scheme
+    if scheme.transfer != "tpic":
+        return {}
+    return {"decay": scheme.decay * math.sqrt(scene.material.E / E)}

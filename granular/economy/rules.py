@@ -25,15 +25,15 @@ NONLOCAL_AMPLITUDE = (0.48, 0.9)
 """A of the nonlocal law for glass beads: the size of grains is felt over lengths of A d."""
 
 ONE_COLUMN = 0.005
-"""Change of the flow down an incline when many columns become one, default scheme (.0036 and .0031
-off the one-dimensional equation with 8 columns and with one, docs/kernels.md)."""
+"""Change of the flow down an incline when many columns become one, default scheme (.0019 and .0014
+off the one-dimensional equation with 8 columns and with one, benchmarks/speed.py)."""
 
 LINEAR_COLUMN = 0.002
 """Change of that flow, in one column, from the default scheme to linear functions."""
 
 HALVED = 0.004
 """Change of a rate when a scene is halved, with other than linear functions: they see a wall where
-there was none. A silo of .2 m with the default scheme and cells of .02 m: .0037."""
+there was none. A silo of .2 m with the default scheme and cells of .02 m: .0008 to .0037."""
 
 LEAST_ROWS = 10
 """Cells over the height of a layer, at least: fewer were not tried."""
@@ -246,7 +246,7 @@ def _stiffness(asked: _Asked) -> Advice:
     )
     changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
-        reason += " The rates of the scheme, which go with the stiffness, are held."
+        reason += " The damping of the scheme, which goes with the stiffness, is held."
     return asked.advice("stiffness", reason, error, changes)
 
 

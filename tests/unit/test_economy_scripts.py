@@ -34,7 +34,7 @@ def test_the_table_holds_every_case(script, table):
     assert len(cases) == len(set(cases)) and set(cases) == set(table)
 
 
-def test_cases_hold_rates(script):
+def test_cases_hold_the_damping(script):
     case = script("economy").Case
     soft = case("silo", {"orifice": 0.2}, 1e6, held=1e8).build()
     assert soft.material.E == 1e6
@@ -46,7 +46,7 @@ QUANTITY = {"column_collapse": "run-out", "silo": "rate", "hourglass": "rate", "
 
 
 def reference(case, law, cases):
-    """The run that a softer one is compared with: of the stiffness whose rates it holds, or the
+    """The run that a softer one is compared with: of the stiffness whose decay it holds, or the
     stiffest of its kind, if its damping is not beyond that of the law; None if there is none."""
     same = [
         c

@@ -1,0 +1,27 @@
+"""Scenes made by hand, which no scene function makes."""
+
+import granular as gr
+from granular.geometry import Box, Fill, Grid
+from granular.materials import glass_beads
+from granular.walls import Gravity, Wall
+
+
+def full_silo(**changes):
+    """The silo of the paper with both of its halves, made by hand."""
+    floor = [Wall(1, 0.0, span=(s,)) for s in ((-0.5, -0.06), (0.06, 0.5))]
+    parts = {
+        "name": "full silo",
+        "grid": Grid((-0.5, 0.0), 0.01, (100, 104), open_sides=frozenset({"y-"})),
+        "fills": (Fill(Box((-0.5, 0.0), (0.5, 1.0)), 4),),
+        "material": glass_beads,
+        "scheme": gr.schemes.published,
+        "walls": (
+            *floor,
+            Wall(1, 0.0, span=((-0.06, 0.06),), opens_at=0.1),
+            Wall(0, -0.5, kind="frictionless"),
+            Wall(0, 0.5, kind="frictionless"),
+        ),
+        "gravity": Gravity(),
+        "duration": 40.0,
+    }
+    return gr.Scene(**(parts | changes))
