@@ -2,6 +2,9 @@
 
 #include <math.h>
 
+/* Rooms of nodes, of dx^dim, that are round-off. */
+#define NO_ROOM 1e-12
+
 #include "mpm/migrate.h"
 
 void gr_gravity(const struct gr_config *config, double t, double g[3])
@@ -97,7 +100,8 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
         if (e->config.xpic_order > 0) /* first pass: m v, and the increment */
             for (int d = 0; d < dim; d++) out[dim + d] = next[d] - v[d] + e->config.xpic_order * v[d];
         if (diffused) {
-            out[2 * dim] = m / (cell_mass * e->mesh.node_volume[n]);
+            const double room = e->mesh.node_volume[n]; /* none within a solid, which a point may have entered */
+            out[2 * dim] = room > NO_ROOM ? m / (cell_mass * room) : 0;
             out[2 * dim + 1] = sum[2 + 2 * dim] > 0 ? sum[3 + 2 * dim] / sum[2 + 2 * dim] : 0;
             out[2 * dim + 2] = fmax(out[2 * dim] - 1, 0);
             out[2 * dim + 3] = sum[1 + 2 * dim] > 0 ? sum[2 + 2 * dim] / sum[1 + 2 * dim] - 1 : 0;

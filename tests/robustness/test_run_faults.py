@@ -203,3 +203,15 @@ def test_the_handler_of_the_user_comes_back(small_scene):
     before = signal.getsignal(signal.SIGINT)
     gr.Simulation(small_scene("walls", 2, PLAIN), threads=1).run(until=0.01)
     assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_a_point_within_a_solid_does_no_harm(small_scene):
+    """Nodes there have no room, and no fullness: a point that is pressed in goes on finite."""
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(8)
+    x = sim.buffers["x"]
+    near = np.argmin((x[0] - 0.56) ** 2 + (x[1] - 0.11) ** 2)
+    x[:, near] = (0.56, 0.0999)
+    sim.step(16)
+    assert all(np.isfinite(values).all() for values in sim.buffers.values())
