@@ -2,10 +2,10 @@
 
 #include <math.h>
 
+#include "mpm/migrate.h"
+
 /* Rooms of nodes, of dx^dim, that are round-off. */
 #define NO_ROOM 1e-12
-
-#include "mpm/migrate.h"
 
 void gr_gravity(const struct gr_config *config, double t, double g[3])
 {
