@@ -154,8 +154,8 @@ GR_INLINE double unevenness(const int dim, const struct gr_engine *e, int64_t in
 }
 
 /* What all points of a cell take from the step: L dt, their log-density after it, and a shift in m.
- *   c <- c - dt tr L + r/(1 + r) unevenness,   r = dt dd c_w/dx;  then
- *   c += clip(kappa gdot dt (ln phi - c)), of which w where that loosens, and nothing where the cell is loose already;
+ *   c <- c - dt tr L + eta unevenness,   eta: averaged_part;  then
+ *   c += pull (ln phi - c), see pull_to_fullness; of it w where that loosens, nothing where the cell is loose already;
  *   delta = -beta gdot dt dx crowding,   |delta| <= min(limit dx, gdot dt dx/2). */
 GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3])
 {
