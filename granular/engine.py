@@ -133,6 +133,7 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
         "feedback": scheme.feedback,
         "feedback_limit": _feedback_limit(scene),
         "feedback_noise": scheme.feedback_noise,
+        "feedback_crowd": scheme.feedback_crowd,
         "shift": scheme.shift,
         "shift_limit": scheme.shift_limit,
         "weighting": scheme.weighting,

@@ -21,8 +21,9 @@ class Scheme:
     """A numerical scheme; without arguments it is `default`.
 
     In the formulas c_p = ln(rho_p/rho_c), c_w is the compression wave speed of the material, dx
-    the cell, L the velocity gradient, gdot its rate of shear plus abs(tr L), and phi_i =
-    m_i/(V_i rho_c) the fullness of a node: its mass against the room it stands for.
+    the cell, L the velocity gradient, and phi_i = m_i/(V_i rho_c) the fullness of a node: its
+    mass against the room it stands for. gdot is the plastic shear rate; for points that bear
+    nothing, and where cells share their density, the rate of shear of L plus abs(tr L).
 
     Parameters
     ----------
@@ -61,17 +62,19 @@ class Scheme:
         c_p/ds averages it, so that what is left is a share of c_p with grains of any stiffness,
         and a heap at rest keeps the density it has come to.
     feedback : float
-        kappa: c_p is pulled to ln phi_p at the rate kappa gdot (ln phi_p - c_p), in dense points
-        whose nodes are all more than half full, or with phi that of a cell that shares its
-        density. Bound to the shear rate, it leaves heaps at rest alone.
+        kappa: c_p is pulled to the fullness at the rate kappa gdot d, with d the gap ln phi - c
+        of the nodes inside the material, averaged over those around each, or that of a cell that
+        shares its density. Bound to plastic flow, it leaves heaps at rest and elastic waves alone.
     feedback_limit : float
         eps: that rate is eps g/c_w at most, with the largest gravity g of the scene, where there
         is any: across a cell such a source of pressure accelerates by about a share eps of g.
         Without it the noise of phi, which is that of the places of the points, drowns the small
-        compressions of stiff materials.
+        compressions of very stiff materials.
     feedback_noise : float
-        Gap ln phi_p - c_p that may be such noise; what it has more is pulled without a limit, so
-        that material which converges on an outlet does not crowd.
+        Gap d that may be such noise: material which converges on an outlet would crowd, and is
+        driven apart for what it has more.
+    feedback_crowd : float
+        kappa_c: at the rate kappa_c gdot (d - feedback_noise), without a limit.
     shift : float
         beta: points move by -beta gdot dt dx^2 sum_i max(0, phi_i - 1) grad S_i, and take the
         velocity of where they come to where the density is diffused. Where it is shared, phi_i - 1
@@ -115,9 +118,10 @@ class Scheme:
     mass_cutoff: float = 1e-14
     diffusion: float = 0.0
     strain_diffusion: float = 20.0
-    feedback: float = 0.7
-    feedback_limit: float = 0.3
-    feedback_noise: float = 0.1
+    feedback: float = 0.3
+    feedback_limit: float = 1.0
+    feedback_noise: float = 0.04
+    feedback_crowd: float = 3.0
     shift: float = 8.0
     shift_limit: float = 0.05
     shift_outlet_cells: int = 3
@@ -125,7 +129,7 @@ class Scheme:
     tension_reach: float = 0.02
     weighting: float = 0.7
     weight_limit: float = 0.5
-    weight_decay: float = 0.02
+    weight_decay: float = 0.005
     decay: float = 0.03
 
     def __post_init__(self) -> None:
@@ -156,6 +160,7 @@ class Scheme:
             "feedback",
             "feedback_limit",
             "feedback_noise",
+            "feedback_crowd",
             "shift",
             "tension_reach",
             "averaging_time",
@@ -198,7 +203,10 @@ cell_averaged = Scheme(
     transfer="tpic",
     density="shared",
     decay=3.0,
+    feedback=0.7,
     feedback_limit=0.5,
+    feedback_noise=0.1,
+    feedback_crowd=0.7,
     diffusion=0.5,
     strain_diffusion=0.0,
     shift=2.0,

@@ -100,7 +100,8 @@ static void prepare(struct team *team)
         e->step_anchor = e->step;
     }
     const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
-    e->record_rates = team->left == 0 || next >= team->until; /* only the last step's rates are seen */
+    /* The rates of the last step are seen, and those before an averaging are used by it. */
+    e->record_rates = team->left == 0 || next >= team->until || gr_averages(e, e->step + 1);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
     gr_gravity(config, e->time, team->gravity);
@@ -154,7 +155,7 @@ static void stage_grid(struct team *team, int t)
     gr_grid_nodes(e, first, last, team->gravity);
     barrier(team);
     if (gr_averages(e, e->step)) {
-        gr_grid_unevenness(e, first, last);
+        gr_grid_surroundings(e, first, last);
         barrier(team);
     }
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
@@ -255,7 +256,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (team.again) kernels->scatter(e, 0, e->mesh.n_cells);
     press(e, kernels);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
-    if (gr_averages(e, e->step)) gr_grid_unevenness(e, 0, e->mesh.n_nodes);
+    if (gr_averages(e, e->step)) gr_grid_surroundings(e, 0, e->mesh.n_nodes);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         kernels->smooth(e, 0, e->mesh.n_cells);
         gr_grid_smooth(e, 0, e->mesh.n_nodes, pass);

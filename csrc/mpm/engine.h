@@ -31,6 +31,7 @@ struct gr_cure {
     double feedback;         /* 1: rate of the pull to the geometric density per shear rate */
     double feedback_limit;   /* 1/s: its largest rate for what may be noise */
     double feedback_noise;   /* gap of log-density that may be */
+    double feedback_crowd;   /* 1: rate of the pull per shear rate for what it exceeds that by */
     double shift;            /* 1: strength of the shift */
     double shift_limit;      /* largest shift in a step, cells */
     double reach;            /* points looser than -reach take no part in the averaging */
@@ -159,9 +160,10 @@ struct gr_shared {
     double at[3], crowding[3]; /* local coordinates where it is integrated; what its points shift away from */
 };
 
-/* What node_data holds of a node: v^{n+1}, w, and where the density is averaged phi, cbar, max(0, phi - 1),
- * the mean weight in excess of what fills the room, and the unevenness. */
-#define GR_NODE_FIELDS(dim, diffused) (2 * (dim) + (4 + (dim)) * (diffused))
+/* What node_data holds of a node: v^{n+1}, w, and where the density is averaged the gap ln phi - cbar averaged over the
+ * nodes around (0 at a surface), cbar, max(0, phi - 1), the mean weight in excess of what fills the room, the unevenness,
+ * and the gap of the node itself. */
+#define GR_NODE_FIELDS(dim, diffused) (2 * (dim) + (5 + (dim)) * (diffused))
 
 /* The kernels of one instruction set (kernels.c). */
 struct gr_kernels {

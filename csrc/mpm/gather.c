@@ -87,37 +87,37 @@ GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const 
 }
 
 /* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
- *   c += eta (cbar - c) + pull (ln phi - c),   eta: averaged_part, pull: pull_to_fullness,
+ *   c += eta (cbar - c) + pull (gap),   eta: averaged_part, pull: pull_to_fullness,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
- * dt and gdot dt are those of all the steps that the averaging stands for. Given L dt and dt tr L of this step, and
- * the modes of phi, cbar, max(0, phi - 1), x and E; returned: the new log-density, delta in m, L delta in m/s. */
+ * dt and gdot dt are those of all the steps that the averaging stands for; gdot is the plastic rate of points that bear
+ * stress, that of the flow for those that do not. Given L dt and dt tr L of this step, and the modes of the gap, cbar,
+ * max(0, phi - 1), x and E; returned: the new log-density, delta in m, L delta in m/s. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
-                           const struct gr_shape *s, const double *mode, const int stride, double phi_least, const vd *L,
-                           vd trace, int64_t at, vd delta[3], vd lent[3])
+                           const struct gr_shape *s, const double *mode, const int stride, const vd *L, vd trace, int64_t at,
+                           vd delta[3], vd lent[3])
 {
     const struct gr_cure *q = &e->config.cure;
     const double dx = e->config.dx, inv_dx = e->inv_dx;
     const vd(*g)[3] = (const vd(*)[3])s->g;
     vd slope[3], gradient[3];
     const double interval = q->interval;
-    const vd old = v_load(e->field[GR_FIELD_log_density] + at), rate = v_set(interval) * kinematic_rate(dim, L);
-    const vd full = gr_interpolate(dim, basis, 0, mode, stride, s, g, slope);
+    const vd old = v_load(e->field[GR_FIELD_log_density] + at), flow = v_load(e->field[GR_FIELD_shear_rate] + at);
+    const vm bears = v_ge(old, v_set(q->reach < NO_DENSITY ? 0.0 : -q->reach)); /* what has no reach bears tension, too */
+    const vm joins = v_ge(old, v_set(-q->reach));
+    const vd strain = v_set(interval) * v_select(bears, v_set(e->dt) * flow, kinematic_rate(dim, L));
+    const vd gap = gr_interpolate(dim, basis, 0, mode, stride, s, g, slope);
     const vd near = gr_interpolate(dim, basis, 0, mode + 1, stride, s, g, gradient);
     (void)gr_interpolate(dim, basis, 0, mode + 2, stride, s, g, slope);
-    const vm joins = v_ge(old, v_set(-q->reach));
-    vd c = v_fma(v_keep(joins, averaged_part(e, interval * e->dt, rate, old)), near - old, old - trace);
+    vd c = v_fma(v_keep(joins, averaged_part(e, interval * e->dt, strain, old)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(joins, gradient[d] * v_set(inv_dx)));
-    if (phi_least > 0.5) {
-        const vd one = v_set(1.0), log_full = v_set(2.0) * (full - one) / (full + one); /* to 4 % where half full */
-        c = c + v_keep(v_ge(c, v_zero()), pull_to_fullness(q, interval * e->dt, rate, log_full - c));
-    }
+    c = c + v_keep(v_ge(c, v_zero()), pull_to_fullness(q, interval * e->dt, strain, gap));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
-        delta[d] = v_set(-q->shift * dx) * rate * slope[d];
+        delta[d] = v_set(-q->shift * dx) * strain * slope[d];
         length = v_fma(delta[d], delta[d], length);
     }
-    const vd most = cell->flags & GR_CELL_NO_SHIFT ? v_zero() : v_min(v_set(q->shift_limit * dx), v_set(0.5 * dx) * rate);
+    const vd most = cell->flags & GR_CELL_NO_SHIFT ? v_zero() : v_min(v_set(q->shift_limit * dx), v_set(0.5 * dx) * strain);
     const vm far = v_gt(length, most * most);
     if (m_bits(far)) {
         const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), v_set(1.0));
@@ -162,21 +162,17 @@ GR_INLINE void store_affine(const int dim, const int basis, const int affine, st
         v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(joined, C[c] * v_set(e->inv_dt)));
 }
 
-/* Modes of the nodal fields of a cell: displacement in cells a step, w, and where the step averages the density
- * phi, cbar and max(0, phi - 1). Returned: the least phi of the nodes. */
-GR_INLINE double cell_modes(const int dim, const int basis, const int nodal, const int averages, const int stride,
-                            const struct gr_engine *e, int64_t index, const struct gr_frame *frame, const double *scale,
-                            double *mode)
+/* Modes of the nodal fields of a cell: displacement in cells a step, w, and what an averaging of the density takes. */
+GR_INLINE void cell_modes(const int dim, const int basis, const int nodal, const int averages, const int stride,
+                          const struct gr_engine *e, int64_t index, const struct gr_frame *frame, const double *scale,
+                          double *mode)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim), fields = GR_NODE_FIELDS(dim, averages);
-    double phi_least = 1e300;
     for (int i = 0; i < K; i++) {
         const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
         for (int q = 0; q < fields; q += GR_W) v_store(mode + i * stride + q, v_load(node + q) * v_load(scale + q));
-        if (averages && node[2 * dim] < phi_least) phi_least = node[2 * dim];
     }
     gr_modes(dim, basis, nodal, fields, stride, frame, mode);
-    return phi_least;
 }
 
 /* What the points of a cell have in common. */
@@ -185,7 +181,6 @@ struct view {
     vd begin[3], end[3];  /* the cell ends here */
     vd loose;             /* log-density below which a point carries no affine field */
     vd L[9], shift[3], c; /* of all the points, where they share their density: L dt, m, 1 */
-    double phi_least;     /* of the nodes */
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
 };
 
@@ -201,9 +196,10 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
         view->begin[d] = v_set(view->frame.axis[d]->begin);
         view->end[d] = v_set(view->frame.axis[d]->end);
     }
-    view->phi_least = diffused && averages
-                          ? cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode)
-                          : cell_modes(dim, basis, nodal, 0, fields, e, index, &view->frame, scale, view->mode);
+    if (diffused && averages)
+        cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode);
+    else
+        cell_modes(dim, basis, nodal, 0, fields, e, index, &view->frame, scale, view->mode);
     if (shared) view->c = flow_of_cell(dim, e, index, view->L, view->shift);
 }
 
@@ -237,7 +233,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     }
     vd c = shared ? view->c : v_sub(v_load(log_density), trace);
     if (diffused && averages) {
-        c = relax_density(dim, basis, e, cell, &s, mode + 2 * dim, fields, view->phi_least, L, trace, at, delta, lent);
+        c = relax_density(dim, basis, e, cell, &s, mode + 2 * dim, fields, L, trace, at, delta, lent);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + lent[d];
     }
     if (shared) {

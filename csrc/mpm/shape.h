@@ -187,13 +187,14 @@ GR_INLINE vd averaged_part(const struct gr_engine *e, double dt, vd strain, vd c
 }
 
 /* What a strain over the time dt pulls a log-density to the geometric one by, over a gap:
- *   clip(kappa strain gap, limit dt) + kappa strain max(0, gap - noise).
+ *   clip(kappa strain gap, limit dt) + min(1, kappa_c strain) max(0, gap - noise).
  * A gap may be noise of the places of the points, and is closed no faster than the limit; points more crowded than
- * noise makes them are kept apart without one. */
+ * noise makes them are driven apart faster, and without one. */
 GR_INLINE vd pull_to_fullness(const struct gr_cure *q, double dt, vd strain, vd gap)
 {
-    const vd rate = v_set(q->feedback) * strain, crowd = v_max(gap - v_set(q->feedback_noise), v_zero());
-    return v_fma(rate, crowd, v_clamp(rate * gap, -q->feedback_limit * dt, q->feedback_limit * dt));
+    const vd crowd = v_max(gap - v_set(q->feedback_noise), v_zero()), limit = v_set(q->feedback_limit * dt);
+    const vd apart = v_min(v_set(q->feedback_crowd) * strain, v_set(1.0)), closed = v_set(q->feedback) * strain * gap;
+    return v_fma(apart, crowd, v_max(v_min(closed, limit), -limit));
 }
 
 #endif

@@ -143,6 +143,7 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("feedback", cure.feedback)
     GR_TAKE("feedback_limit", cure.feedback_limit)
     GR_TAKE("feedback_noise", cure.feedback_noise)
+    GR_TAKE("feedback_crowd", cure.feedback_crowd)
     GR_TAKE("shift", cure.shift)
     GR_TAKE("shift_limit", cure.shift_limit)
     GR_TAKE("tension_reach", cure.reach)

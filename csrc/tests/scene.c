@@ -33,6 +33,7 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int diffused
                                .feedback = 0.7,
                                .feedback_limit = 0.1,
                                .feedback_noise = 0.05,
+                               .feedback_crowd = 2.0,
                                .shift = 5,
                                .shift_limit = 0.05,
                                .reach = 0.02,

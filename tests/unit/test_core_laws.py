@@ -6,7 +6,7 @@ import math
 from decimal import Decimal
 
 import numpy as np
-import oracle
+import oracle_law as oracle
 import pytest
 
 from granular import _core

@@ -1,0 +1,73 @@
+"""Constitutive laws once more, slow and plain, and stresses as matrices."""
+
+import math
+
+import numpy as np
+
+STRESS_PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)),
+                 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}  # fmt: skip
+
+
+def tensor(components, dim):
+    """Components (n, 4 or 6) as symmetric matrices (n, 3, 3)."""
+    out = np.zeros((len(components), 3, 3))
+    for c, (i, j) in enumerate(STRESS_PLACES[dim]):
+        out[:, i, j] = out[:, j, i] = components[:, c]
+    return out
+
+
+def components(matrices, dim):
+    """The components of symmetric matrices, shape (n, 4 or 6)."""
+    return np.stack([matrices[:, i, j] for i, j in STRESS_PLACES[dim]], axis=1)
+
+
+def law(name, q, stress, L, log_density, dt, equation_of_state=False):
+    """One update of stresses (n, 3, 3) under velocity gradients L (n, 3, 3) in the time dt.
+
+    Returns the new stresses and the equivalent plastic shear rates (n,).
+    """
+    identity = np.eye(3)
+    D, W = (L + L.transpose(0, 2, 1)) / 2, (L - L.transpose(0, 2, 1)) / 2
+    volumetric = np.trace(D, axis1=1, axis2=2)[:, None, None] * identity
+    elastic = (q["K"] - 2 * q["G"] / 3) * volumetric + 2 * q["G"] * D
+    trial = stress + dt * (elastic + W @ stress - stress @ W)
+    if name == "elastic":
+        return trial, np.zeros(len(stress))
+    p = -np.trace(trial, axis1=1, axis2=2) / 3
+    deviator = trial + p[:, None, None] * identity
+    if equation_of_state:
+        p = q["K"] * log_density
+    dense = (log_density >= 0) & (p > 0)
+    p = np.where(dense, p, 0.0)
+    tau_trial = np.sqrt(np.einsum("pij,pij->p", deviator, deviator) / 2)
+    tau = np.array(
+        [returned(name, q, t, pressure, dt) for t, pressure in zip(tau_trial, p, strict=True)]
+    )
+    scale = np.divide(tau, tau_trial, out=np.ones_like(tau), where=tau_trial > 0)
+    new = scale[:, None, None] * deviator - p[:, None, None] * identity
+    new[~dense] = 0.0
+    rate = np.where(dense, (tau_trial - tau) / (q["G"] * dt), 0.0)
+    return new, rate
+
+
+def returned(name, q, trial, p, dt):
+    """Shear stress after the return: bisection on tau_trial - tau = G dt gamma(tau) (2.13-2.15)."""
+    static = (q["mu_s"] if name == "mu_i" else q["mu"]) * p
+    if trial <= static:
+        return trial
+    if name == "drucker_prager":
+        return static
+    # gamma = xi sqrt(p) (mu - mu_s)/(mu_2 - mu), cleared of its denominator: a quadratic in tau
+    upper = q["mu_2"] * p
+    alpha = q["xi"] * q["G"] * dt * math.sqrt(p)
+
+    def excess(tau):
+        return (trial - tau) * (upper - tau) - alpha * (tau - static)
+
+    low, high = static, min(trial, upper)
+    for _ in range(200):
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return (low + high) / 2

@@ -1,0 +1,69 @@
+"""Where walls and openings are, once more: what the cure and lonely points ask."""
+
+import math
+
+import numpy as np
+
+
+def faces(scene):
+    """Axis, coordinate and extents of the faces of walls and blocks."""
+    for wall in scene.walls:
+        if hasattr(wall, "axis"):
+            others = set(range(scene.grid.dim)) - {wall.axis}
+            yield wall.axis, wall.at, {d: wall.extent(scene.grid, d) for d in others}
+        else:
+            extents = list(zip(wall.lower, wall.upper, strict=True))
+            yield from ((d, at, extents) for d in range(scene.grid.dim) for at in extents[d])
+
+
+def _beside_walls(scene, middle, reach=0.5):
+    """Faces, and which cells have their middle at most so many cells from them."""
+    cell, more = scene.grid.cell, (reach - 0.5 + 1e-6) * scene.grid.cell
+    for axis, at, extents in faces(scene):
+        beside = abs(middle[:, axis] - at) < reach * cell + 1e-6 * cell
+        for d in set(range(scene.grid.dim)) - {axis}:
+            low, high = extents[d]
+            beside &= (middle[:, d] > low - more) & (middle[:, d] < high + more)
+        yield axis, at, beside
+
+
+def alone_at_wall(scene, x):
+    """Points in a cell with one other at most, and with a wall among its nodes."""
+    cell, lower = scene.grid.cell, np.array(scene.grid.lower)
+    if scene.scheme.basis == "ugimp":  # cells about the nodes
+        at, reach = np.floor((x - lower) / cell + 0.5), 1.0
+        middle = lower + at * cell
+    else:
+        at, reach = np.floor((x - lower) / cell), 0.5
+        middle = lower + (at + 0.5) * cell
+    _, which, count = np.unique(at, axis=0, return_inverse=True, return_counts=True)
+    walls = [beside for *_, beside in _beside_walls(scene, middle, reach)]
+    return (count[which.ravel()] <= 2) & np.any(walls, axis=0)
+
+
+def held_at_walls(scene, x, delta):
+    """What is left of the shift in the cell at a wall: towards it as much as the distance to it."""
+    cell, delta = scene.grid.cell, delta.copy()
+    middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
+    for a, at, beside in _beside_walls(scene, middle):
+        distance = (x[:, a] - at) / cell
+        towards = beside & (distance * delta[:, a] < 0)
+        delta[:, a] *= np.where(towards, abs(distance), 1.0)
+    return delta
+
+
+def near_outlet(scene, x):
+    """Points in cells no farther than shift_outlet_cells from an opening."""
+    reach = scene.scheme.shift_outlet_cells * scene.grid.cell
+    cell = scene.grid.cell
+    middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
+    near = np.zeros(len(x), dtype=bool)
+    for wall in scene.walls:
+        if getattr(wall, "opens_at", math.inf) == math.inf:
+            continue
+        inside = np.ones(len(x), dtype=bool)
+        for d in range(scene.grid.dim):
+            low, high = (wall.at, wall.at) if d == wall.axis else wall.extent(scene.grid, d)
+            inside &= (middle[:, d] > low - reach) & (middle[:, d] < high + reach)
+        near |= inside
+    return near
