@@ -120,7 +120,7 @@ class Scheme:
     strain_diffusion: float = 20.0
     feedback: float = 0.3
     feedback_limit: float = 1.0
-    feedback_noise: float = 0.04
+    feedback_noise: float = 0.03
     feedback_crowd: float = 3.0
     shift: float = 8.0
     shift_limit: float = 0.05
