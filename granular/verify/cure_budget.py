@@ -23,6 +23,7 @@ IDLE = {
     "diffusion": 0.0,
     "strain_diffusion": 0.0,
     "feedback": 0.0,
+    "feedback_crowd": 0.0,
     "shift": 0.0,
     "weighting": 0.0,
     "weight_decay": 0.0,
