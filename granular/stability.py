@@ -128,6 +128,8 @@ def doubts(scene: Scene) -> list[str]:
 def _hats(scene: Scene) -> str | None:
     if _granular(scene) or scene.scheme.basis != "linear":
         return None
+    if scene.scheme.density == "shared":
+        return 'density = "shared" is made for grains: an elastic body comes apart at any time step'
     return (
         'basis = "linear" with an elastic body: a node that points hardly reach has next to no '
         "mass, and where the body moves over the cells no time step is stable"

@@ -48,6 +48,10 @@ def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
         ({"scheme": gr.schemes.published.replace(dt=None)}, "density"),
         ({"scheme": gr.Scheme(transfer="apic")}, "density"),
         (
+            {"scheme": gr.schemes.cell_averaged, "material": gr.materials.Elastic(E=1e6)},
+            'density = "shared" is made for grains',
+        ),
+        (
             {"scheme": gr.Scheme(basis="linear"), "material": gr.materials.Elastic(E=1e6)},
             'basis = "linear" with an elastic body',
         ),
