@@ -96,9 +96,10 @@ def silo_reference(rows: Sequence[Row]) -> Reference | None:
     """Rates of the default scheme and of the linear one, each extrapolated to dx = 0.
 
     An opening that acts wider by a share of a cell makes the error linear in dx. Half the
-    difference of the two, or of either from its finest run if that is less, is the uncertainty.
+    difference of the two is the uncertainty, or half the shorter of the extrapolations if that is
+    more: they may agree by chance.
     """
-    limits = []
+    limits, steps = [], []
     for scheme in ("default", "linear flip"):
         runs = select(rows, scene="silo", scheme=scheme, E=1e7, points=4)
         runs = sorted(runs, key=lambda row: row["cell"])[:2]
@@ -106,8 +107,9 @@ def silo_reference(rows: Sequence[Row]) -> Reference | None:
             return None
         (fine, coarse), ratio = runs, runs[1]["cell"] / runs[0]["cell"]
         limits.append((ratio * fine["rate"] - coarse["rate"]) / (ratio - 1))
+        steps.append(abs(limits[-1] - fine["rate"]))
     mean = float(np.mean(limits))
-    doubt = abs(limits[1] - limits[0]) / 2 / mean
+    doubt = max(abs(limits[1] - limits[0]), min(steps)) / 2 / mean
     return Reference(np.array([mean]), doubt, "default and linear FLIP, extrapolated to dx = 0")
 
 
