@@ -68,9 +68,9 @@ class Case:
         return scene.replace(material=grains, scheme=scheme.replace(**decay, **self.changes))
 
 
-def jittered(keywords: dict[str, Any]) -> list[dict[str, Any]]:
-    """Two more seedings of a scene: how far runs differ that should be the same."""
-    return [keywords | {"jitter": 0.5, "seed": k} for k in (1, 2)]
+def jittered(keywords: dict[str, Any], count: int = 2) -> list[dict[str, Any]]:
+    """More seedings of a scene: how far runs differ that should be the same."""
+    return [keywords | {"jitter": 0.5, "seed": k} for k in range(1, count + 1)]
 
 
 def inclines() -> Iterator[Case]:
@@ -97,7 +97,7 @@ def columns() -> Iterator[Case]:
     paper = {"aspect": 1.0}
     for E in (1e6, 3e6, 1e7, 1e8, 1e9):
         yield Case("column_collapse", paper, E)
-    for keywords in jittered(paper):
+    for keywords in jittered(paper, 6):
         for E in (1e6, 1e7, 1e8):
             yield Case("column_collapse", keywords, E)
     for E in (1e6, 1e7):

@@ -128,12 +128,13 @@ def economy_silo() -> Iterator[Row]:
 
 @check(slow=True)
 def economy_hourglass() -> Iterator[Row]:
-    """Flat hourglass, 10 s, both schemes: advised at 2 % against E = 1e8."""
-    for scheme, name in ((schemes.published, "published"), (schemes.default, "default")):
-        scene = published("hourglass", scheme)
-        full = reference(scene, STIFF)
-        kept = ("rate", "slope") if scheme is schemes.default else ("rate",)
-        yield from rows(f"hourglass, {name}", advised(scene), full, kept, timed=True)
+    """Flat hourglass, 10 s, default scheme: advised at 2 % against E = 1e8.
+
+    The slope is told only: seedings of one E differ by as much, see docs/economy.md.
+    """
+    scene = published("hourglass", schemes.default)
+    full = reference(scene, STIFF)
+    yield from rows("hourglass, default", advised(scene), full, ("rate",), timed=True)
 
 
 @check(slow=True)
