@@ -17,6 +17,7 @@ from granular.materials import MuI
 from granular.scene import Scene
 from granular.schemes import Scheme, default
 from granular.stability import check_time_step, courant_limit, damps_by_step, height
+from granular.theory.stopping import stopping_height
 from granular.theory.well_posed import scaled_inertial_number_of_slope
 
 __all__ = ["advise"]
@@ -323,13 +324,14 @@ def _grains(asked: _Asked) -> Advice:
 
 
 def _stopping_height(scene: Scene, d: float) -> str:
-    """H_stop = (pi A d/2) sqrt((mu_2 - tan)/((mu_2 - mu_s)(tan - mu_s))) of the nonlocal law."""
-    grains = scene.material
-    slope = math.tan(math.radians(float(scene.parameters["angle_deg"])))
-    if not grains.mu_s < slope < grains.mu_2:
+    """What the nonlocal law would say of layers on this slope, if anything."""
+    grains, angle_deg = scene.material, float(scene.parameters["angle_deg"])
+    low, high = (
+        stopping_height(angle_deg, amplitude, d, grains.mu_s, grains.mu_2)
+        for amplitude in NONLOCAL_AMPLITUDE
+    )
+    if not 0.0 < low < math.inf:
         return ""
-    root = math.sqrt((grains.mu_2 - slope) / ((grains.mu_2 - grains.mu_s) * (slope - grains.mu_s)))
-    low, high = (math.pi / 2 * amplitude * d * root for amplitude in NONLOCAL_AMPLITUDE)
     return f"; layers thinner than {low:.2g} to {high:.2g} m would not flow"
 
 

@@ -1,6 +1,7 @@
 """Closed forms and reference solutions: what a simulation should give."""
 
 from granular.theory.beverloo import beverloo_rate
+from granular.theory.chute import ChuteFlow, chute_profile, chute_transient
 from granular.theory.constitutive import (
     APPENDIX_B_BREAKPOINTS,
     ConstitutiveReference,
@@ -15,6 +16,7 @@ from granular.theory.incline import (
     InclineTransient,
     bagnold_mean,
     bagnold_profile,
+    bagnold_shape,
     transient,
 )
 from granular.theory.kinetic import (
@@ -32,6 +34,7 @@ from granular.theory.kinetic import (
 )
 from granular.theory.layer_waves import LayerWaves, layer_waves
 from granular.theory.runout import RUNOUT_LAWS, Piece, RunoutLaw
+from granular.theory.stopping import stopping_angle, stopping_height, stopping_shape
 from granular.theory.well_posed import (
     ill_posedness,
     scaled_inertial_number_of_slope,
@@ -42,6 +45,7 @@ from granular.theory.well_posed import (
 __all__ = [
     "APPENDIX_B_BREAKPOINTS",
     "RUNOUT_LAWS",
+    "ChuteFlow",
     "ConstitutiveReference",
     "CoupledShear",
     "Event",
@@ -52,7 +56,10 @@ __all__ = [
     "appendix_b_velocity_gradient",
     "bagnold_mean",
     "bagnold_profile",
+    "bagnold_shape",
     "beverloo_rate",
+    "chute_profile",
+    "chute_transient",
     "compression_pressure",
     "compression_temperature",
     "coupled_shear",
@@ -68,6 +75,9 @@ __all__ = [
     "scaled_inertial_number_of_slope",
     "shear_pressure",
     "shear_temperature",
+    "stopping_angle",
+    "stopping_height",
+    "stopping_shape",
     "stress_rate",
     "temperature_coefficients",
     "transient",

@@ -78,15 +78,34 @@ def bagnold_profile(
     ValueError
         At or above atan(mu_2), where no steady flow exists, and for `y` outside the layer.
     """
+    shape = bagnold_shape(y, height)
+    scale = _steady_scale(angle_deg, material, gravity)
+    return (2 / 3) * scale * height**1.5 * shape
+
+
+def bagnold_shape(y: ArrayLike, height: float) -> Array:
+    """`bagnold_profile` over its value at the surface, ``1 - (1 - y/h)^1.5``: of no material.
+
+    Parameters, shape and errors of `y` and `height` as there.
+    """
+    return 1 - relative_depth(y, height) ** 1.5
+
+
+def relative_depth(y: ArrayLike, height: float) -> Array:
+    """1 - y/height of places within the layer, 1 at the base and 0 at the surface.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a `height` that is not positive, and for `y` outside the layer.
+    """
     y = np.asarray(y, dtype=float)
     positive("height", height)
     # The round-off of mid-points and linspace must not count as outside.
     slack = 1e-12 * height
     if y.size and not (np.min(y) >= -slack and np.max(y) <= height + slack):
         raise ValueError(f"y in [{np.min(y)}, {np.max(y)}] must lie within [0, height = {height}]")
-    depth = np.clip(1 - y / height, 0.0, 1.0)
-    scale = _steady_scale(angle_deg, material, gravity)
-    return (2 / 3) * scale * height**1.5 * (1 - depth**1.5)
+    return np.clip(1 - y / height, 0.0, 1.0)
 
 
 def bagnold_mean(
@@ -202,7 +221,7 @@ def transient(
     RuntimeError
         If the step size falls to round-off.
     """
-    times = _output_times(times)
+    times = output_times(times)
     layer = _Layer(
         _angle(angle_deg),
         positive("height", height),
@@ -230,7 +249,8 @@ def transient(
     )
 
 
-def _output_times(times: ArrayLike) -> Array:
+def output_times(times: ArrayLike) -> Array:
+    """`times` as an array [s]; ValueError unless finite, >= 0 and not decreasing."""
     times = np.atleast_1d(np.asarray(times, dtype=float))
     if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)):
         raise ValueError(f"times = {times} must be a non-empty list of finite seconds")

@@ -1,0 +1,326 @@
+"""Flow of a layer down a rough incline by the nonlocal law: one equation over the depth.
+
+Of nonlocal granular fluidity (Dunatunga & Kamrin, "Modeling silo clogging with nonlocal granular
+rheology", eqs 2.1 and 2.2), with the stress of a slope, mu = tan t and p = rho_c g cos t z:
+
+    t0 dg/dt = A^2 d^2 d2g/dz2 + lambda g - b sqrt(rho_s d^2/p) mu g^2,    dv/dy = g mu,
+
+lambda as in `granular.theory.stopping`, dg/dz = 0 at the free surface z = 0, g = 0 at the base.
+The stress is that of balance at every time, as in a layer whose speed changes slowly, or a
+simulation long after its start. y = height - z is the distance from the base.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.linalg import solve_banded
+from scipy.sparse import csc_array, diags_array
+
+from granular.checks import in_range, integer, non_negative, positive
+from granular.theory.incline import output_times
+from granular.theory.stopping import fluidity_growth, stopping_height
+
+Array = NDArray[np.float64]
+
+
+class NonlocalMaterial(Protocol):
+    """What the chute needs to know of a material with the nonlocal law.
+
+    b is (mu_2 - mu_s)/I0, the slope of mu(I) at rest, which is finite for an infinite mu_2 too;
+    t0 [s] is of no effect on the steady flow.
+    """
+
+    mu_s: float
+    mu_2: float
+    rho_s: float
+    rho_c: float
+    d: float
+    A: float
+    b: float
+    t0: float
+
+
+@dataclass(frozen=True)
+class ChuteFlow:
+    """A layer that flows by the nonlocal law; of many times, these are the first axis.
+
+    Attributes
+    ----------
+    y : ndarray, shape (cells + 1,)
+        Distance of the faces of the cells from the base [m], dense at base and surface.
+    y_mid : ndarray, shape (cells,)
+        Distance of the places of `g` from the base [m], one in each cell.
+    g, shear_rate : ndarray, shape (..., cells)
+        Fluidity and dv/dy = g mu there [1/s].
+    v : ndarray, shape (..., cells + 1)
+        Velocity down the slope at the faces [m/s].
+    mean : ndarray, shape (...)
+        Depth average of `v` [m/s].
+    error : float
+        Greatest change of `v` over its greatest value when solved with half the cells (and a ten
+        times larger `rtol`); the error itself is about a third of that.
+    """
+
+    y: Array
+    y_mid: Array
+    g: Array
+    shear_rate: Array
+    v: Array
+    mean: Array
+    error: float
+
+
+def chute_profile(
+    angle_deg: float,
+    height: float,
+    material: NonlocalMaterial,
+    gravity: float = 9.81,
+    cells: int = 400,
+) -> ChuteFlow:
+    """Steady flow of a layer, the one that is stable.
+
+    Its shape, and its speed over that of `bagnold_profile`, are functions of H/H_stop alone: with
+    g = lambda w sqrt(p/rho_s)/(b d mu sqrt(s)), s = z/H,
+    ``(2 H_stop/(pi H))^2 d2w/ds2 + w - w^2/sqrt(s) = 0``. Of second order in 1/`cells`.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Inclination [degrees], in [0, 90).
+    height : float
+        Thickness of the layer, normal to the base [m].
+    material : NonlocalMaterial
+        ``mu_2`` may be infinite; ``A = 0`` is the local law.
+    gravity : float
+        Magnitude of gravity [m/s2].
+    cells : int
+        Number of cells over the height, even, 8 to 100 000.
+
+    Returns
+    -------
+    ChuteFlow
+        All zero in layers not thicker than `stopping_height`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range; at or above atan(mu_2), where no steady flow exists.
+    RuntimeError
+        If the iteration does not converge.
+    """
+    fine, half = _layers(angle_deg, height, material, gravity, cells)
+    m = material
+    if height <= stopping_height(angle_deg, m.A, m.d, m.mu_s, m.mu_2):
+        return fine.flow(np.zeros(cells), 0.0)
+    u = fine.steady()
+    return fine.flow(u, _change(fine.velocity(u), half.velocity(half.steady())))
+
+
+def chute_transient(
+    angle_deg: float,
+    height: float,
+    material: NonlocalMaterial,
+    times: ArrayLike,
+    g0: float | Callable[[Array], ArrayLike],
+    gravity: float = 9.81,
+    cells: int = 200,
+    rtol: float = 1e-6,
+) -> ChuteFlow:
+    """Growth or decay of the fluidity, and with it of the flow, from a given one.
+
+    Of second order in 1/`cells`; in time by scipy's implicit method of order five with step
+    control (Radau IIA, which damps the fastest modes whatever the step).
+
+    Parameters
+    ----------
+    angle_deg, height, material, gravity, cells
+        As in `chute_profile`; of layers too thin to flow, too.
+    times : array_like, shape (nt,)
+        Output times [s], not decreasing, >= 0.
+    g0 : float or callable
+        Fluidity at t = 0 [1/s], >= 0: the same everywhere, or a function of y [m]. Where it is 0
+        everywhere it remains so.
+    rtol : float
+        Tolerance of a time step, relative to the fluidity there; what has decayed by a factor of
+        1e-9 `rtol` is not followed further.
+
+    Returns
+    -------
+    ChuteFlow
+        Arrays of shape (nt, ...).
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range; at or above atan(mu_2), where the law gives no fluidity.
+    RuntimeError
+        If the integration in time fails.
+    """
+    times = output_times(times)
+    positive("rtol", rtol)
+    fine, half = _layers(angle_deg, height, material, gravity, cells)
+    u = fine.march(fine.start(g0), times, rtol)
+    half_u = half.march(half.start(g0), times, 10 * rtol)
+    return fine.flow(u, _change(fine.velocity(u), half.velocity(half_u)))
+
+
+def _layers(
+    angle_deg: float, height: float, material: NonlocalMaterial, gravity: float, cells: int
+) -> tuple[Layer, Layer]:
+    """The layer, and the one of half as many cells that tells the error."""
+    if integer("cells", cells, 8, 100_000) % 2:
+        raise ValueError(f"cells = {cells} must be even: the error is found with half of them")
+    fine, half = (Layer(angle_deg, height, material, gravity, n) for n in (cells, cells // 2))
+    return fine, half
+
+
+def _change(v: Array, half_v: Array) -> float:
+    """Greatest change at the faces that both grids have, over the greatest value."""
+    top = np.max(v)
+    return float(np.max(np.abs(v[..., ::2] - half_v)) / top) if top > 0 else 0.0
+
+
+class Layer:
+    """The layer in space. The unknown is u = g b d sqrt(rho_s/p) sqrt(s), s = z/H, of which
+
+        t0 du/dt = (A d/H)^2 d2u/ds2 + lambda u - mu u^2/sqrt(s),
+
+    by finite volumes with faces at y/H = sin^2(pi j/(2 cells)). Near the surface u is a series in
+    powers of sqrt(s), hence smooth in j; at the base the cells resolve the layer A d/sqrt(lambda)
+    over which walls are felt in thick ones. 1/sqrt(s) enters by its exact mean over a cell: finite
+    in the uppermost too, though the pressure is zero at its face.
+
+    Attributes
+    ----------
+    y, y_mid : ndarray, shapes (cells + 1,) and (cells,)
+        Distance of faces and unknowns from the base [m].
+    growth : float
+        lambda.
+    """
+
+    def __init__(
+        self,
+        angle_deg: float,
+        height: float,
+        material: NonlocalMaterial,
+        gravity: float,
+        cells: int,
+    ) -> None:
+        angle_deg = in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)
+        self.height, self.cells = positive("height", height), cells
+        angle = math.radians(angle_deg)
+        self.slope, m = math.tan(angle), material
+        self.growth = float(fluidity_growth(self.slope, m.mu_s, m.mu_2))
+        if math.isinf(self.growth):
+            limit = math.degrees(math.atan(m.mu_2))
+            raise ValueError(
+                f"angle_deg = {angle_deg} must be below atan(mu_2) = {limit:.6g}: "
+                "the law has no friction to hold the layer"
+            )
+        self.t0 = positive("t0", m.t0)
+        diffusion = (non_negative("A", m.A) * positive("d", m.d) / self.height) ** 2
+        weight = positive("rho_c", m.rho_c) * positive("gravity", gravity) * math.cos(angle)
+        grain = m.d * math.sqrt(positive("rho_s", m.rho_s))
+        self.per_u = math.sqrt(weight * self.height) / (positive("b", m.b) * grain)
+
+        half_step = math.pi / (4 * cells)
+        face = 2 * half_step * np.arange(cells + 1)
+        middle = face[:-1] + half_step
+        self.y, self.y_mid = self.height * np.sin(face) ** 2, self.height * np.sin(middle) ** 2
+        # sin^2 a - sin^2 b = sin(a + b) sin(a - b): no digits are lost.
+        self.width = np.sin(2 * middle) * math.sin(2 * half_step)
+        self.sink = 2 * self.slope / (np.cos(face[1:]) + np.cos(face[:-1]))
+        across = np.zeros(cells + 1)
+        across[0] = diffusion / math.sin(half_step) ** 2
+        across[1:-1] = diffusion / (np.sin(2 * face[1:-1]) * math.sin(2 * half_step))
+        self.across = across
+
+    def rate(self, u: Array) -> Array:
+        """t0 du/dt, shape (cells,)."""
+        flux = self.across * np.diff(u, prepend=0.0, append=0.0)
+        return np.diff(flux) / self.width + (self.growth - self.sink * u) * u
+
+    def jacobian(self, u: Array) -> Array:
+        """Derivative of `rate`, shape (3, cells), in the banded form of `solve_banded`."""
+        bands = np.zeros((3, self.cells))
+        bands[0, 1:] = self.across[1:-1] / self.width[:-1]
+        bands[2, :-1] = self.across[1:-1] / self.width[1:]
+        bands[1] = -(self.across[1:] + self.across[:-1]) / self.width
+        bands[1] += self.growth - 2 * self.sink * u
+        return bands
+
+    def steady(self) -> Array:
+        """The positive u of rate 0, by Newton's method; of layers that flow.
+
+        `rate` is concave and u = lambda/mu above the solution, so that the iterates fall to it.
+        """
+        u = np.full(self.cells, self.growth / self.slope)
+        for _ in range(100):
+            change = solve_banded((1, 1), self.jacobian(u), self.rate(u))
+            u = u - change
+            if np.max(np.abs(change)) <= 1e-12 * np.max(u):
+                return u
+        raise RuntimeError(f"no steady flow found in 100 iterations, last change {change}")
+
+    def start(self, g0: float | Callable[[Array], ArrayLike]) -> Array:
+        """u of a fluidity given as in `chute_transient`."""
+        if not callable(g0):
+            return np.full(self.cells, non_negative("g0", g0) / self.per_u)
+        g = np.asarray(g0(self.y_mid), dtype=float)
+        if g.shape != self.y_mid.shape or not np.all((g >= 0) & np.isfinite(g)):
+            raise ValueError(f"g0(y) = {g} must be finite and >= 0, one value for each y")
+        return g / self.per_u
+
+    def march(self, u: Array, times: Array, rtol: float) -> Array:
+        """u at `times`, shape (nt, cells)."""
+        stops, where = np.unique(np.append(times, 0.0), return_inverse=True)
+        scale = np.max(u)
+        if stops[-1] == 0.0 or scale == 0.0:
+            return np.tile(u, (times.size, 1))
+
+        def jacobian(_: float, u: Array) -> csc_array:
+            bands = self.jacobian(u) / self.t0
+            return csc_array(
+                diags_array([bands[0, 1:], bands[1], bands[2, :-1]], offsets=[1, 0, -1])
+            )
+
+        found = solve_ivp(
+            lambda _, u: self.rate(u) / self.t0,
+            (0.0, stops[-1]),
+            u,
+            "Radau",
+            stops,
+            jac=jacobian,
+            rtol=rtol,
+            atol=1e-9 * rtol * scale,
+        )
+        if not found.success:
+            raise RuntimeError(f"no solution up to t = {stops[-1]} s: {found.message}")
+        return found.y.T[where[:-1]]
+
+    def velocity(self, u: Array) -> Array:
+        """v at the faces [m/s], shape (..., cells + 1)."""
+        v = np.zeros((*u.shape[:-1], self.cells + 1))
+        each = self.per_u * self.slope * self.height * self.width
+        np.cumsum(u * each, axis=-1, out=v[..., 1:])
+        return v
+
+    def flow(self, u: Array, error: float) -> ChuteFlow:
+        """The flow of a u of shape (..., cells)."""
+        g, v = self.per_u * u, self.velocity(u)
+        return ChuteFlow(
+            y=self.y,
+            y_mid=self.y_mid,
+            g=g,
+            shear_rate=g * self.slope,
+            v=v,
+            mean=np.trapezoid(v, self.y) / self.height,
+            error=error,
+        )
