@@ -46,6 +46,34 @@ def pack(column: np.ndarray) -> tuple[int, bytes]:
     return RAW, column.tobytes()
 
 
+class Packer:
+    """Packs the columns of frame after frame, with no more work than they need.
+
+    One that is as it was is not compressed again, and one that was noise is looked at again after
+    some frames only: to compress even a sample costs as much as to write a quarter of the column.
+    """
+
+    PATIENCE = 8
+    """Frames for which a column that was noise is taken for noise."""
+
+    def __init__(self) -> None:
+        self._shrunk: dict[tuple, tuple[np.ndarray, tuple[int, bytes]]] = {}
+        self._noise: dict[tuple, int] = {}  # frames left
+
+    def pack(self, place: tuple, column: np.ndarray) -> tuple[int, bytes]:
+        """As `pack`, of the column at a place in a frame. It is kept, and must not be changed."""
+        last, packed = self._shrunk.get(place, (None, (RAW, b"")))
+        if last is not None and np.array_equal(last.view(np.int64), column.view(np.int64)):
+            return packed
+        left = self._noise.get(place, 0)
+        packed = (RAW, column.tobytes()) if left else pack(column)
+        if packed[0] == RAW:
+            self._noise[place] = left - 1 if left else self.PATIENCE
+        else:
+            self._shrunk[place] = column, packed
+        return packed
+
+
 def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
     """Column of ``chunk`` rows from what `pack` made of it; ValueError if it is not one."""
     size = 8 * chunk
@@ -77,15 +105,15 @@ class Packed:
         self._chunks = dict(zip(self.corners, chunks, strict=True))
 
     @classmethod
-    def of(cls, array: np.ndarray, chunk: int) -> Self:
-        """Pack an array of shape (n,) or (n, columns)."""
+    def of(cls, array: np.ndarray, chunk: int, packer: Packer, name: str) -> Self:
+        """Pack an array of shape (n,) or (n, columns), the field of this name."""
         n, columns = len(array), array.shape[1] if array.ndim == 2 else 0
         chunks = []
         for row, *rest in corners(n, chunk, columns):
             column = np.zeros(chunk, dtype=array.dtype)
             part = array[(slice(row, row + chunk), *rest)]
             column[: len(part)] = part
-            chunks.append(pack(column))
+            chunks.append(packer.pack((name, row, *rest), column))
         return cls(array.dtype.str, columns, chunk, n, chunks)
 
     @property

@@ -17,7 +17,7 @@ import numpy as np
 
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
-from granular.record.chunks import Packed
+from granular.record.chunks import Packed, Packer
 from granular.record.frame import Frame, Texts
 from granular.record.index import Contents, load, parts_folder
 from granular.record.layout import DTYPES, MAX_COLUMNS, chunk_rows, frame_digest
@@ -206,6 +206,7 @@ class TrajectoryWriter:
         self._frames: list[Frame] = []  # that wait, the last of those recorded
         self._bytes = 0  # of them
         self._checkpoint: Checkpoint | None = None  # that waits
+        self._packer = Packer()
         self._stored = -math.inf  # time.monotonic() when something last went to the disk
         head = self._folder / "head.part"
         old = _lock(head) if head.exists() else None
@@ -289,7 +290,10 @@ class TrajectoryWriter:
             raise ValueError(f"step = {step} must exceed the last recorded step {last}")
         n = len(fields["x"])
         self._chunk = self._chunk or chunk_rows(n)
-        packed = {name: Packed.of(array, self._chunk) for name, array in fields.items()}
+        packed = {
+            name: Packed.of(array, self._chunk, self._packer, name)
+            for name, array in fields.items()
+        }
         source = Memory(self.path, packed)
         self._frames.append(Frame(**scalars, n=n, digest=digest, row=0, source=source, looks=looks))
         self._bytes += sum(field.nbytes for field in packed.values())

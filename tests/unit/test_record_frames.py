@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 
+from granular.record.chunks import Packed, Packer
 from granular.trajectory import (
     Checkpoint,
     RecordError,
@@ -272,6 +273,17 @@ def test_what_waits_is_a_copy(tmp_path):
         state.fields["v"][:] = 7.0
     with open_trajectory(tmp_path / "a.h5") as record:
         assert_same(record[1], make_state(1, 5))
+
+
+def test_columns_that_change_their_nature_come_back_as_they_were():
+    """What was constant becomes noise and is constant again, for frames enough to be looked at."""
+    rng, packer, n = np.random.default_rng(0), Packer(), 300
+    noise = [rng.random(n) for _ in range(Packer.PATIENCE + 2)]
+    same, zero = np.full(n, 0.1), np.where(np.arange(n) == 7, -0.0, 0.0)
+    for column in (same, same, zero, -zero, *noise, *[same] * (Packer.PATIENCE + 1), zero):
+        packed = Packed.of(column, 256, packer, "v")
+        assert packed.read(0, n).tobytes() == column.tobytes()
+    assert packed.nbytes < 100  # compressed again in the end
 
 
 @pytest.mark.parametrize("value", [np.nan, -np.nan, -0.0, np.inf])
