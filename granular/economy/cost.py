@@ -13,30 +13,30 @@ __all__ = ["Cost", "cost", "nanoseconds", "time_step"]
 
 _NANOSECONDS = {
     2: {
-        ("linear", "flip"): 15.3,
-        ("ugimp", "flip"): 31.9,
-        ("quadratic", "flip"): 28.4,
-        ("quadratic", "apic"): 37.0,
-        ("quadratic", "tpic"): 36.3,
+        ("linear", "flip"): 7.3,
+        ("ugimp", "flip"): 13.9,
+        ("quadratic", "flip"): 11.8,
+        ("quadratic", "apic"): 13.4,
+        ("quadratic", "tpic"): 17.5,
     },
     3: {
-        ("linear", "flip"): 33.0,
-        ("ugimp", "flip"): 110.0,
-        ("quadratic", "flip"): 125.0,
-        ("quadratic", "apic"): 125.0,
-        ("quadratic", "tpic"): 257.0,
+        ("linear", "flip"): 17.6,
+        ("ugimp", "flip"): 52.6,
+        ("quadratic", "flip"): 55.9,
+        ("quadratic", "apic"): 51.5,
+        ("quadratic", "tpic"): 93.8,
     },
 }
 """Of a point and step on one core, by dimension; 16 points per cell in the plane and 8 in space.
-From benchmarks/results/speed.json, to be renewed with it. Those in space scatter by a third and
-more between runs."""
+From benchmarks/results/speed.json, to be renewed with it: of a machine with AVX-512; one with AVX2
+alone, two generations older, took twice as long."""
 
-_SHARED = {2: 21.4, 3: 74.0}
+_SHARED = {2: 10.2, 3: 34.3}
 """Of a scheme that shares its density in cells, likewise."""
 
-_CARRIED = 1.45
-"""Of a transfer that is not in the table over "flip": that of quadratic "apic" in the plane. On one
-occasion 1.1 to 2.2."""
+_CARRIED = 1.15
+"""Of a transfer that is not in the table over "flip": that of quadratic "apic" in the plane. On
+other occasions 1.1 to 2.2."""
 
 
 @dataclass(frozen=True)
