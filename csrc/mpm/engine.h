@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include "core/axis.h"
+#include "core/barrier.h"
 #include "core/error.h"
 #include "core/field.h"
 #include "law/law.h"
@@ -176,8 +177,6 @@ struct gr_kernels {
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
 };
-
-#define GR_MAX_THREADS 64
 
 /* engine.c: life. The config is copied, with what it points to. */
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config);
