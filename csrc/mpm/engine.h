@@ -8,6 +8,7 @@
 #include "core/barrier.h"
 #include "core/error.h"
 #include "core/field.h"
+#include "fluidity/fluidity.h"
 #include "law/law.h"
 
 #define GR_MAX_NODES 27
@@ -176,6 +177,8 @@ struct gr_kernels {
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
+    void (*update_fluidity)(const struct gr_fluidity_call *call);
+    gr_diffuse *diffuse;
 };
 
 /* engine.c: life. The config is copied, with what it points to. */
