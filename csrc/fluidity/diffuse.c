@@ -1,12 +1,12 @@
 /* Steps of the diffusion of the fluidity, by a team of threads: explicit, backward Euler, RKL2.
  *
- * With k = dt A^2 d^2/(t0 dx^2) and the outflow (L g)_i = sum over links (g_i - g_j) + 2 (rough faces) g_i, t0 dx^2/(A d)^2
- * times -g' (fluidity.h):
+ * With k = dt A^2 d^2/(t0 dx^2) and the outflow (L g)_i = sum over links (g_i - g_j) + 2 (rough faces) g_i = -dx^2 lap g
+ * (fluidity.h):
  *   explicit   g' = g - k L g
  *   implicit   (1 + k L) g' = g. The matrix is symmetric, its eigenvalues are at least 1, and it is an M-matrix: no
  *              new value is negative. By conjugate gradients from g, until |residual| <= tolerance |g|; the error of
  *              g' in the 2-norm is then at most tolerance |g|, since no eigenvalue is below 1.
- *   rkl2       Runge-Kutta-Legendre of second order (Meyer, Balsara & Aslam 2012, MNRAS 422; 2014, JCP 257, eq. 16-18).
+ *   rkl2       Runge-Kutta-Legendre of second order (Meyer, Balsara & Aslam 2012, MNRAS 422; 2014, J. Comput. Phys. 257).
  * Rounding, a coarse tolerance, or a long explicit or rkl2 step can leave values below zero: these become zero and are
  * counted. Every thread adds up all partial sums in the order of chunks, so that all go the same way. */
 #include "core/simd.h"
@@ -58,26 +58,32 @@ static void connect(const int dim, const struct gr_fluidity *f, int64_t chunk)
         f->wrap[k].weight = (double)(dense[f->wrap[k].to] & dense[f->wrap[k].from]);
 }
 
-/* out[0, ...) = L g of a chunk. Differences before products: a uniform field stays what it is to the last bit, and
- * what a cell loses to another one gains. */
-static inline void outflow(const int dim, const struct gr_fluidity *f, int64_t chunk, const double *g, double *out)
+/* L g of a block of lanes, without the links across periodic ends. Differences before products: a uniform field stays
+ * what it is to the last bit, and what a cell loses to another one gains. */
+static inline vd outflow(const int dim, const struct gr_fluidity *f, int64_t i, const double *g)
 {
-    const int64_t first = chunk * GR_CHUNK;
-    GR_EACH_BLOCK(f, chunk, i)
-    {
-        const vd here = v_load(g + i);
-        vd sum = v_load(f->rough + i) * here;
-        for (int a = 0; a < dim; a++) {
-            const int64_t s = f->stride[a];
-            sum = v_fma(v_load(f->weight[a] + i - s), here - v_load(g + i - s), sum);
-            sum = v_fma(v_load(f->weight[a] + i), here - v_load(g + i + s), sum);
-        }
-        v_store(out + i - first, sum);
+    const vd here = v_load(g + i);
+    vd sum = v_load(f->rough + i) * here;
+    for (int a = 0; a < dim; a++) {
+        const int64_t s = f->stride[a];
+        sum = v_fma(v_load(f->weight[a] + i - s), here - v_load(g + i - s), sum);
+        sum = v_fma(v_load(f->weight[a] + i), here - v_load(g + i + s), sum);
     }
+    return sum;
+}
+
+/* What is left out there: out[i] += scale (L g)_i for the links across periodic ends of a chunk.
+ * Returned: sum of g_i times what has been added. */
+static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale, const double *g, double *out)
+{
+    double product = 0;
     for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
         const struct gr_wrap *wrap = &f->wrap[k];
-        out[wrap->to - first] += wrap->weight * (g[wrap->to] - g[wrap->from]);
+        const double lost = scale * wrap->weight * (g[wrap->to] - g[wrap->from]);
+        out[wrap->to] += lost;
+        product += g[wrap->to] * lost;
     }
+    return product;
 }
 
 /* max(g, 0) of a chunk, with a count of what it changes; NaN stays. */
@@ -101,12 +107,12 @@ static void swap(double **a, double **b)
 
 static inline int explicit_step(const int dim, struct diffusion *w)
 {
-    double lost[GR_CHUNK], *g = w->g, *next = w->work[0];
+    const vd k = v_set(w->k);
+    double *g = w->g, *next = w->work[0];
     GR_EACH_CHUNK(w, c)
     {
-        outflow(dim, w->f, c, g, lost);
-        GR_EACH_BLOCK(w->f, c, i)
-        v_store(next + i, v_fnma(v_set(w->k), v_load(lost + i - c * GR_CHUNK), v_load(g + i)));
+        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(k, outflow(dim, w->f, i, g), v_load(g + i)));
+        add_wraps(w->f, c, -w->k, g, next);
         clamp(w->f, c, next);
     }
     swap(&w->g, &w->work[0]);
@@ -118,17 +124,17 @@ static inline int explicit_step(const int dim, struct diffusion *w)
 static inline void first_residual(const int dim, struct diffusion *w, double *r, double *p)
 {
     const struct gr_fluidity *f = w->f;
-    double lost[GR_CHUNK];
+    const vd k = v_set(-w->k);
     GR_EACH_CHUNK(w, c)
     {
         vd rr = v_zero(), gg = v_zero();
-        outflow(dim, f, c, w->g, lost);
+        GR_EACH_BLOCK(f, c, i) v_store(r + i, k * outflow(dim, f, i, w->g));
+        add_wraps(f, c, -w->k, w->g, r);
         GR_EACH_BLOCK(f, c, i)
         {
-            const vd g = v_load(w->g + i), value = v_set(-w->k) * v_load(lost + i - c * GR_CHUNK);
-            v_store(r + i, value);
-            v_store(p + i, value);
-            rr = v_fma(value, value, rr), gg = v_fma(g, g, gg);
+            const vd rest = v_load(r + i), g = v_load(w->g + i);
+            v_store(p + i, rest);
+            rr = v_fma(rest, rest, rr), gg = v_fma(g, g, gg);
         }
         f->partial[1][c] = lane_sum(rr), f->partial[2][c] = lane_sum(gg);
     }
@@ -137,18 +143,17 @@ static inline void first_residual(const int dim, struct diffusion *w, double *r,
 /* q = (1 + k L) p; p.q to partial 0. */
 static inline void multiply(const int dim, struct diffusion *w, const double *p, double *q)
 {
-    double lost[GR_CHUNK];
+    const vd k = v_set(w->k);
     GR_EACH_CHUNK(w, c)
     {
         vd sum = v_zero();
-        outflow(dim, w->f, c, p, lost);
         GR_EACH_BLOCK(w->f, c, i)
         {
-            const vd here = v_load(p + i), value = v_fma(v_set(w->k), v_load(lost + i - c * GR_CHUNK), here);
+            const vd here = v_load(p + i), value = v_fma(k, outflow(dim, w->f, i, p), here);
             v_store(q + i, value);
             sum = v_fma(here, value, sum);
         }
-        w->f->partial[0][c] = lane_sum(sum);
+        w->f->partial[0][c] = lane_sum(sum) + add_wraps(w->f, c, w->k, p, q);
     }
 }
 
@@ -204,10 +209,12 @@ static double legendre(int j) { return j < 2 ? 1.0 / 3.0 : (j * j + j - 2.0) / (
 /* Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L; L Y_0 to `lost_0`. */
 static inline void first_stage(const int dim, struct diffusion *w, double mu, double *next, double *lost_0)
 {
+    const vd step = v_set(mu * w->k);
     GR_EACH_CHUNK(w, c)
     {
-        outflow(dim, w->f, c, w->g, lost_0 + c * GR_CHUNK);
-        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(v_set(mu * w->k), v_load(lost_0 + i), v_load(w->g + i)));
+        GR_EACH_BLOCK(w->f, c, i) v_store(lost_0 + i, outflow(dim, w->f, i, w->g));
+        add_wraps(w->f, c, 1, w->g, lost_0);
+        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(step, v_load(lost_0 + i), v_load(w->g + i)));
     }
 }
 
@@ -217,18 +224,17 @@ static inline void later_stage(const int dim, struct diffusion *w, int j, double
 {
     const double mu = (2.0 * j - 1) / j * legendre(j) / legendre(j - 1);
     const double nu = -(j - 1.0) / j * legendre(j) / legendre(j - 2);
-    const vd rest = v_set(1 - mu - nu), step = v_set(mu * w1 * w->k), back = v_set((1 - legendre(j - 1)) * mu * w1 * w->k);
-    double lost[GR_CHUNK];
+    const double step = mu * w1 * w->k, back = (1 - legendre(j - 1)) * step;
     GR_EACH_CHUNK(w, c)
     {
-        outflow(dim, w->f, c, last, lost);
         GR_EACH_BLOCK(w->f, c, i)
         {
-            vd sum = v_fma(rest, v_load(w->g + i), v_set(nu) * v_load(before + i));
+            vd sum = v_fma(v_set(1 - mu - nu), v_load(w->g + i), v_set(nu) * v_load(before + i));
             sum = v_fma(v_set(mu), v_load(last + i), sum);
-            sum = v_fnma(step, v_load(lost + i - c * GR_CHUNK), sum);
-            v_store(before + i, v_fma(back, v_load(lost_0 + i), sum));
+            sum = v_fnma(v_set(step), outflow(dim, w->f, i, last), sum);
+            v_store(before + i, v_fma(v_set(back), v_load(lost_0 + i), sum));
         }
+        add_wraps(w->f, c, -step, last, before);
     }
 }
 

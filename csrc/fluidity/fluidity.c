@@ -11,7 +11,7 @@
 #include "core/simd.h"
 
 const char *const gr_diffusion_names[GR_DIFFUSION_COUNT] = {
-#define GR_X(name, order) #name,
+#define GR_X(name) #name,
     GR_DIFFUSIONS(GR_X)
 #undef GR_X
 };

@@ -17,11 +17,11 @@
 /* What stands at a face, as seen from one of its cells. Two cells are linked if both say so. */
 enum gr_face { GR_FACE_LINK, GR_FACE_OPEN, GR_FACE_ROUGH, GR_FACE_COUNT };
 
-/* How a step is made; X(name, order in time). */
-#define GR_DIFFUSIONS(X) X(explicit, 1) X(implicit, 1) X(rkl2, 2)
+/* How a step is made (diffuse.c). */
+#define GR_DIFFUSIONS(X) X(explicit) X(implicit) X(rkl2)
 
 enum gr_diffusion {
-#define GR_X(name, order) GR_DIFFUSION_##name,
+#define GR_X(name) GR_DIFFUSION_##name,
     GR_DIFFUSIONS(GR_X)
 #undef GR_X
         GR_DIFFUSION_COUNT
@@ -86,7 +86,7 @@ struct gr_diffusion_call {
 };
 
 /* A kernel of kernels.c, called by each thread t of a team. Nobody enters before all have arrived and nobody leaves
- * before all is done. Returned: the same for all: GR_OK, GR_ERR_DIVERGED. gr_fluidity_check first. */
+ * before all is done. Returned, the same to all: GR_OK, or GR_ERR_DIVERGED, and g is spoiled. gr_fluidity_check first. */
 typedef int gr_diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_barrier *barrier, int t);
 
 /* A lattice without dense cells. Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
@@ -101,8 +101,8 @@ double gr_fluidity_limit(const struct gr_fluidity *f, int method);
 /* Whether a call may be made. Returned: GR_OK, GR_ERR_CONFIG, or GR_ERR_LIMIT for a dt that is too long. */
 int gr_fluidity_check(const struct gr_fluidity *f, const struct gr_diffusion_call *call);
 
-/* Stages of an rkl2 step of length dt: the least odd s >= 3 with dt < (s^2 + s - 2)/4 of the explicit limit. Odd
- * numbers damp the shortest waves (Meyer, Balsara & Aslam 2014, section 2). */
+/* Stages of an rkl2 step of length dt: the least odd s >= 3 with dt < (s^2 + s - 2)/4 of the explicit limit. At the
+ * limit an odd number leaves 2/(s^2 + s) of the shortest wave, an even one all of it. */
 int gr_fluidity_stages(const struct gr_fluidity *f, double dt);
 
 /* Check, then run the kernel with so many threads at most. Returned: an error of the two. */
