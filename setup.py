@@ -15,10 +15,12 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 ROOT = Path(__file__).parent
-INCLUDED = ("scatter.c", "cells.c", "gather.c", "law_elastic.c", "law_frictional.c")  # by kernels.c
+INCLUDED = (  # by kernels.c
+    *("scatter.c", "cells.c", "gather.c", "law_elastic.c", "law_frictional.c", "diffuse.c"),
+)
 SOURCES = [
     str(path.relative_to(ROOT))
-    for folder in ("core", "law", "mpm", "python")
+    for folder in ("core", "law", "fluidity", "mpm", "python")
     for path in sorted((ROOT / "csrc" / folder).glob("*.c"))
     if path.name not in INCLUDED
 ]

@@ -5,6 +5,8 @@
  * of cells. */
 #include "law/law_elastic.c"
 #include "law/law_frictional.c"
+#include "law/fluidity_update.h"
+#include "fluidity/diffuse.c"
 #include "mpm/migrate.h"
 #include "mpm/scatter.c"
 #include "mpm/cells.c"
@@ -108,6 +110,8 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 
 static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law][dim - 2](call); }
 
+static void update_fluidity(const struct gr_fluidity_call *call) { fluidity_points(call); }
+
 extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
 const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .isa = GR_STRING(GR_ISA),
@@ -118,4 +122,6 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .press = press,
     .smooth = smooth,
     .update_law = update_law,
+    .update_fluidity = update_fluidity,
+    .diffuse = diffuse,
 };

@@ -30,6 +30,11 @@ class Nodes(TypedDict):
     v: NDArray[np.float64]  # (n, dim) m/s, after the forces and walls
     w: NDArray[np.float64]  # (n, dim) m/s, what points add to the old velocity they keep
 
+class Diffusion(TypedDict):
+    iterations: int  # conjugate gradients or stages, over all steps
+    clamped: int  # cells that would have become negative, over all steps
+    limit: float  # s, a step must be shorter
+
 def build_info(isa: str = "", /) -> BuildInfo: ...
 def laws() -> dict[str, tuple[str, list[tuple[str, str, str]]]]: ...
 def law_update(
@@ -45,6 +50,36 @@ def law_update(
     isa: str,
     /,
 ) -> None: ...
+def fluidity_update(
+    parameters: dict[str, float],
+    dt: float,
+    mu_trial: NDArray[np.float64],
+    p: NDArray[np.float64],
+    g_star: NDArray[np.float64],
+    shear_rate: NDArray[np.float64],
+    mu: NDArray[np.float64],
+    g: NDArray[np.float64],
+    isa: str,
+    /,
+) -> None: ...
+def fluidity_diffuse(
+    *,
+    method: str,
+    dx: float,
+    A: float,
+    d: float,
+    t0: float,
+    dt: float,
+    steps: int,
+    tolerance: float,
+    max_iterations: int,
+    periodic: tuple[bool, ...],
+    faces: NDArray[np.uint8],
+    dense: NDArray[np.bool_],
+    g: NDArray[np.float64],
+    threads: int,
+    isa: str,
+) -> Diffusion: ...
 def node_positions(
     basis: int, n_cells: int, periodic: bool, creases: NDArray[np.int32], /
 ) -> NDArray[np.float64]: ...

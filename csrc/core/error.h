@@ -10,7 +10,9 @@
     X(GR_ERR_NOT_FINITE, SIMULATION, "a material point is not finite")                     \
     X(GR_ERR_RUNAWAY, SIMULATION, "a material point crossed more than one cell in a step") \
     X(GR_ERR_OUTSIDE, VALUE, "a material point lies outside the grid")                     \
-    X(GR_ERR_CONFIG, VALUE, "the configuration is not valid")
+    X(GR_ERR_CONFIG, VALUE, "the configuration is not valid")                              \
+    X(GR_ERR_LIMIT, VALUE, "the time step is too long for the diffusion of the fluidity")  \
+    X(GR_ERR_DIVERGED, SIMULATION, "the conjugate gradients of the fluidity did not converge")
 
 enum gr_error {
 #define GR_X(code, exception, message) code,

@@ -20,3 +20,9 @@ const struct gr_law_info gr_law_table[GR_LAW_COUNT] = {
                       {"mu_2", "1", "limiting friction coefficient"},
                       {"xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"}}},
 };
+
+const struct gr_parameter_info gr_fluidity_parameter_table[GR_FLUIDITY_PARAMETER_COUNT] = {
+#define GR_X(name, unit, doc) {#name, unit, doc},
+    GR_FLUIDITY_PARAMETERS(GR_X)
+#undef GR_X
+};

@@ -49,6 +49,37 @@ struct gr_law_call {
     double *shear_rate;
 };
 
+/* Parameters of the update of the fluidity at a point (fluidity_update.h). X(name, unit, description) */
+#define GR_FLUIDITY_PARAMETERS(X)                                               \
+    X(G, "Pa", "shear modulus")                                                 \
+    X(mu_s, "1", "static friction coefficient")                                 \
+    X(mu_2, "1", "limiting friction coefficient")                               \
+    X(I0, "1", "inertial number at which friction is half way between the two") \
+    X(rho_s, "kg/m^3", "density of a grain")                                    \
+    X(d, "m", "diameter of a grain")                                            \
+    X(t0, "s", "time scale of the fluidity")                                    \
+    X(p_floor, "Pa", "a lower pressure counts as this in the term with 1/sqrt(p); 0: as what it is")
+
+enum gr_fluidity_parameter {
+#define GR_X(name, unit, doc) GR_FLUIDITY_##name,
+    GR_FLUIDITY_PARAMETERS(GR_X)
+#undef GR_X
+        GR_FLUIDITY_PARAMETER_COUNT
+};
+
+extern const struct gr_parameter_info gr_fluidity_parameter_table[GR_FLUIDITY_PARAMETER_COUNT];
+
+/* n points, arrays of n numbers.
+ * Given: dt, s; mu_trial = tau_trial/p, 1; p, Pa; g_star, fluidity after diffusion, 1/s; shear_rate of the step
+ *   before, 1/s. Returned: mu, 1; g, 1/s. */
+struct gr_fluidity_call {
+    int64_t n;
+    double dt;
+    double parameter[GR_FLUIDITY_PARAMETER_COUNT];
+    const double *mu_trial, *p, *g_star, *shear_rate;
+    double *mu, *g;
+};
+
 typedef void gr_law_update(const struct gr_law_call *call);
 
 #endif

@@ -3,14 +3,13 @@
  * The work of a stage is cut at cells and nodes; each result is written by one thread and every sum has
  * an order of its own, so the bits do not depend on the number of threads. */
 #include <math.h>
-#include <sched.h>
-#include <stdatomic.h>
 #include <stdlib.h>
 
 #ifdef _OPENMP
 #include <omp.h>
 #endif
 
+#include "core/barrier.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
 
@@ -19,29 +18,13 @@ enum { DT_INTERVAL = 16 }; /* steps between two looks at the fastest point */
 struct team {
     struct gr_engine *e;
     const struct gr_kernels *kernels;
-    int threads, go, again;
-    atomic_int arrived, round; /* of the barrier */
-    int64_t left;              /* steps */
+    struct gr_barrier barrier;
+    int go, again;
+    int64_t left; /* steps */
     double until, gravity[3];
     int64_t cut[GR_MAX_THREADS + 1];
     struct gr_leavers leavers[GR_MAX_THREADS];
 };
-
-/* Wait for the team. The wait of OpenMP spins for milliseconds, which on a busy machine is the time that the
- * thread waited for lacks; this one spins briefly and then gives the processor away. */
-static void barrier(struct team *team)
-{
-    enum { SPINS = 2000 };
-    if (team->threads == 1) return;
-    const int round = atomic_load_explicit(&team->round, memory_order_acquire);
-    if (atomic_fetch_add_explicit(&team->arrived, 1, memory_order_acq_rel) == team->threads - 1) {
-        atomic_store_explicit(&team->arrived, 0, memory_order_relaxed);
-        atomic_store_explicit(&team->round, round + 1, memory_order_release);
-        return;
-    }
-    for (int spins = 0; atomic_load_explicit(&team->round, memory_order_acquire) == round; spins++)
-        if (spins > SPINS) sched_yield();
-}
 
 double gr_stable_dt(const struct gr_engine *e)
 {
@@ -68,14 +51,14 @@ static int share_out(struct team *team)
     team->cut[0] = 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
         points += e->mesh.cell[c].capacity;
-        while (t < team->threads && points * team->threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
+        while (t < team->barrier.threads && points * team->barrier.threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
             first[t] = points;
             team->cut[t++] = c + 1;
         }
     }
-    for (; t <= team->threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
-    if (gr_reserve_pending(e, points + team->threads)) return GR_ERR_MEMORY;
-    for (t = 0; t < team->threads; t++) {
+    for (; t <= team->barrier.threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
+    if (gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
+    for (t = 0; t < team->barrier.threads; t++) {
         const int64_t begin = first[t] + t; /* a record more than points for each */
         team->leavers[t] =
             (struct gr_leavers){e->leaver + begin, e->pending + begin * e->n_components, e->pending_id + begin, 0};
@@ -111,7 +94,7 @@ static void prepare(struct team *team)
 static void finish(struct team *team)
 {
     struct gr_engine *e = team->e;
-    e->error = gr_migrate(e, team->leavers, team->threads);
+    e->error = gr_migrate(e, team->leavers, team->barrier.threads);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
     e->step++;
@@ -119,12 +102,6 @@ static void finish(struct team *team)
     if (!e->n_pending) return;
     e->error = gr_regroup(e);
     if (!e->error) e->error = share_out(team);
-}
-
-static void slice(int64_t n, int t, int threads, int64_t *first, int64_t *last)
-{
-    *first = n * t / threads;
-    *last = n * (t + 1) / threads;
 }
 
 static void note_dt(struct gr_engine *e)
@@ -140,29 +117,29 @@ static void stage_grid(struct team *team, int t)
     int64_t first, last;
     if (t == 0) note_dt(e); /* not before: others may still have been scattering with the last one */
     if (team->again) {
-        barrier(team);
+        gr_wait(&team->barrier);
         team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
-        barrier(team);
+        gr_wait(&team->barrier);
     }
     if (t == 0) gr_plan_sums(e, e->step + 1);
-    slice(e->mesh.n_nodes, t, team->threads, &first, &last);
+    gr_share(e->mesh.n_nodes, t, team->barrier.threads, &first, &last);
     if (e->config.shared) {
         gr_grid_masses(e, first, last);
-        barrier(team);
+        gr_wait(&team->barrier);
         team->kernels->press(e, team->cut[t], team->cut[t + 1]);
-        barrier(team);
+        gr_wait(&team->barrier);
     }
     gr_grid_nodes(e, first, last, team->gravity);
-    barrier(team);
+    gr_wait(&team->barrier);
     if (gr_averages(e, e->step)) {
         gr_grid_surroundings(e, first, last);
-        barrier(team);
+        gr_wait(&team->barrier);
     }
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         team->kernels->smooth(e, team->cut[t], team->cut[t + 1]);
-        barrier(team);
+        gr_wait(&team->barrier);
         gr_grid_smooth(e, first, last, pass);
-        barrier(team);
+        gr_wait(&team->barrier);
     }
 }
 
@@ -173,19 +150,19 @@ static void run(struct team *team, int t)
         int64_t first, last;
         if (!e->sums_valid) {
             team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
-            barrier(team);
+            gr_wait(&team->barrier);
             if (t == 0) e->sums_valid = 1;
         }
         if (t == 0) prepare(team);
-        barrier(team);
+        gr_wait(&team->barrier);
         if (!team->go) return;
         stage_grid(team, t);
         team->kernels->sweep(e, team->cut[t], team->cut[t + 1], &team->leavers[t], 1);
-        barrier(team);
+        gr_wait(&team->barrier);
         if (t == 0) finish(team);
-        barrier(team);
+        gr_wait(&team->barrier);
         if (e->error || !e->sums_valid) continue;
-        slice(e->n_dirty, t, team->threads, &first, &last);
+        gr_share(e->n_dirty, t, team->barrier.threads, &first, &last);
         team->kernels->scatter_list(e, e->dirty, first, last);
     }
 }
@@ -199,7 +176,7 @@ static int ready(struct gr_engine *e)
 
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
 {
-    struct team team = {.e = e, .kernels = kernels, .left = max_steps, .until = until, .threads = 1};
+    struct team team = {.e = e, .kernels = kernels, .left = max_steps, .until = until, .barrier = {.threads = 1}};
     e->error = ready(e);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
@@ -210,7 +187,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
     {
 #pragma omp single
         {
-            team.threads = omp_get_num_threads();
+            team.barrier.threads = omp_get_num_threads();
             e->error = share_out(&team);
         }
         if (!e->error) run(&team, omp_get_thread_num());
@@ -246,7 +223,7 @@ int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels)
 
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    struct team team = {.e = e, .kernels = kernels, .left = 1, .until = INFINITY, .threads = 1};
+    struct team team = {.e = e, .kernels = kernels, .left = 1, .until = INFINITY, .barrier = {.threads = 1}};
     e->error = GR_OK;
     if (!e->sums_valid) gr_scatter(e, kernels);
     if (!e->error) e->error = share_out(&team);
@@ -267,7 +244,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 
 int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    struct team team = {.e = e, .kernels = kernels, .threads = 1};
+    struct team team = {.e = e, .kernels = kernels, .barrier = {.threads = 1}};
     const int known = !e->config.shared || e->sums_valid; /* the density of a cell is in its sums */
     e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&team) : GR_ERR_CONFIG;
     if (e->error) return e->error;

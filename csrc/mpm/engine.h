@@ -5,8 +5,10 @@
 #include <stdint.h>
 
 #include "core/axis.h"
+#include "core/barrier.h"
 #include "core/error.h"
 #include "core/field.h"
+#include "fluidity/fluidity.h"
 #include "law/law.h"
 
 #define GR_MAX_NODES 27
@@ -175,9 +177,9 @@ struct gr_kernels {
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
+    void (*update_fluidity)(const struct gr_fluidity_call *call);
+    gr_diffuse *diffuse;
 };
-
-#define GR_MAX_THREADS 64
 
 /* engine.c: life. The config is copied, with what it points to. */
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config);

@@ -28,6 +28,14 @@ PyObject *gr_raise(int error, const struct gr_engine *engine);
  * an exception set. */
 int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_wall walls[256], const char **isa);
 
+/* Whether the team of OpenMP died in a fork of this process, so that only one thread can run. Returned: 0, or 1 with
+ * RuntimeError set. */
+int gr_team_is_lost(int threads);
+
+/* fluidity.c: functions of the module. */
+PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);
+PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
+
 extern PyObject *gr_SimulationError;
 extern PyTypeObject *gr_engine_type(PyObject *module);
 

@@ -126,7 +126,7 @@ static PyObject *engine_regroup(struct engine_object *self, PyObject *unused)
 
 /* A team of gcc's OpenMP does not live on in a forked child, which would wait for it for ever. The process in
  * which a team first ran is all that is kept beyond an engine. */
-static int team_is_lost(int threads)
+int gr_team_is_lost(int threads)
 {
 #if defined(_OPENMP) && !defined(__clang__)
     static pid_t home;
@@ -156,7 +156,7 @@ static PyObject *engine_advance(struct engine_object *self, PyObject *args)
     if (max_steps < 0 || isnan(until) || threads < 1 || threads > GR_MAX_THREADS)
         return PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d",
                             GR_MAX_THREADS);
-    if (team_is_lost(threads)) return NULL;
+    if (gr_team_is_lost(threads)) return NULL;
     self->busy = 1;
     Py_BEGIN_ALLOW_THREADS
     error = gr_advance(e, self->kernels, max_steps, until, threads);

@@ -123,6 +123,16 @@ static PyMethodDef functions[] = {
     {"law_update", law_update, METH_VARARGS,
      "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa)\n--\n\n"
      "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n)."},
+    {"fluidity_update", gr_python_fluidity_update, METH_VARARGS,
+     "fluidity_update(parameters, dt, mu_trial, p, g_star, shear_rate, mu, g, isa)\n--\n\n"
+     "Friction mu and fluidity g of n points after a step, from arrays (n,) of the trial friction, pressure, fluidity\n"
+     "after diffusion and shear rate before the step."},
+    {"fluidity_diffuse", (PyCFunction)(void (*)(void))gr_python_fluidity_diffuse, METH_VARARGS | METH_KEYWORDS,
+     "fluidity_diffuse(*, method, dx, A, d, t0, dt, steps, tolerance, max_iterations, periodic, faces, dense, g, threads,"
+     " isa)\n--\n\n"
+     "Steps of t0 g' = A^2 d^2 lap g over the dense cells of a lattice, in place: g and dense (ny, nx) or (nz, ny, nx),\n"
+     "faces (2 dim, ...) at the low and high side of x, y, z: 0 linked, 1 open, 2 rough (g = 0 on it).\n"
+     "method: explicit, implicit or rkl2. Returns iterations, clamped (cells), limit (s)."},
     {"laws", laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},

@@ -150,6 +150,113 @@ def test_law_update_survives_any_number_in_its_arrays(data):
     _core.law_update(*chosen)
 
 
+# ---- fluidity ----
+
+
+def update_arguments(n=11):
+    names = ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_floor")
+    values = (3e5, 0.38, 0.64, 0.28, 2450.0, 5e-3, 1e-3, 0.0)
+    arrays = [np.full(n, 0.5) for _ in range(6)]
+    return [dict(zip(names, values, strict=True)), 1e-4, *arrays, ""]
+
+
+def diffuse_arguments(shape=(3, 4)):
+    return {
+        "method": "implicit", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3, "dt": 1e-3, "steps": 2,
+        "tolerance": 1e-8, "max_iterations": 100, "periodic": (True, False, True)[: len(shape)],
+        "faces": np.zeros((2 * len(shape), *shape), np.uint8), "dense": np.ones(shape, bool),
+        "g": np.ones(shape), "threads": 1, "isa": "",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("place", range(2, 8))
+@pytest.mark.parametrize("how", WAYS)
+def test_fluidity_update_refuses_wrong_arrays(place, how):
+    wrong = update_arguments()
+    wrong[place] = spoiled(wrong[place], how)
+    if how == "read-only" and place < 6:
+        _core.fluidity_update(*wrong)  # it only reads them
+        return
+    with pytest.raises((TypeError, ValueError)):
+        _core.fluidity_update(*wrong)
+
+
+def test_fluidity_update_takes_no_points_and_refuses_shared_memory():
+    _core.fluidity_update(*update_arguments(0))
+    shared = update_arguments()
+    shared[7] = shared[3]
+    with pytest.raises(ValueError, match="share memory"):
+        _core.fluidity_update(*shared)
+
+
+@pytest.mark.parametrize("name", ["faces", "dense", "g"])
+@pytest.mark.parametrize("how", WAYS)
+def test_fluidity_diffuse_refuses_wrong_arrays(name, how):
+    wrong = diffuse_arguments()
+    wrong[name] = spoiled(wrong[name], how)
+    if name != "g" and how in ("read-only", "swapped", "unaligned"):
+        _core.fluidity_diffuse(**wrong)  # it only reads them; bytes have no order
+        return
+    with pytest.raises((TypeError, ValueError)):
+        _core.fluidity_diffuse(**wrong)
+
+
+@QUICK
+@given(
+    place=st.sampled_from([0, 1, 8, *("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_floor")]),
+    value=numbers,
+)
+def test_fluidity_update_refuses_wrong_numbers(place, value):
+    chosen = update_arguments()
+    if isinstance(place, str):
+        chosen[0][place] = value
+    else:
+        chosen[place] = value
+    try:
+        _core.fluidity_update(*chosen)
+    except DOCUMENTED:
+        return
+    assert isinstance(value, (int, float, np.floating))
+
+
+@QUICK
+@given(name=st.sampled_from(sorted(diffuse_arguments())), value=numbers)
+def test_fluidity_diffuse_refuses_wrong_numbers(name, value):
+    if name == "steps" and isinstance(value, int) and value > 1000:
+        return  # legal, and long
+    try:
+        report = _core.fluidity_diffuse(**diffuse_arguments() | {name: value})
+    except DOCUMENTED:
+        return
+    assert isinstance(value, (int, float, np.floating))
+    assert report["clamped"] == 0
+
+
+@QUICK
+@given(data=st.data())
+def test_fluidity_diffuse_survives_any_number_in_its_arrays(data):
+    shape = data.draw(st.sampled_from([(1, 1), (2, 3), (1, 2, 3)]))
+    chosen = diffuse_arguments(shape)
+    chosen["method"] = data.draw(st.sampled_from(["explicit", "implicit", "rkl2"]))
+    size = chosen["g"].size
+    chosen["g"].flat = data.draw(st.lists(st.floats(), min_size=size, max_size=size))
+    chosen["dense"].view(np.uint8).flat = data.draw(
+        st.lists(st.integers(0, 255), min_size=size, max_size=size)
+    )
+    chosen["faces"].flat = data.draw(
+        st.lists(st.integers(0, 3), min_size=chosen["faces"].size, max_size=chosen["faces"].size)
+    )
+    legal = (chosen["faces"] < 3).all() and ((chosen["g"] >= 0) & (chosen["g"] <= 1e60)).all()
+    try:
+        _core.fluidity_diffuse(**chosen)
+    except DOCUMENTED:
+        assert not legal
+        return
+    assert legal
+    assert (chosen["g"] >= 0).all()
+    assert np.isfinite(chosen["g"]).all()
+
+
 # ---- construction ----
 
 

@@ -1,0 +1,303 @@
+/* Steps of the diffusion of the fluidity, by a team of threads: explicit, backward Euler, RKL2.
+ *
+ * With k = dt A^2 d^2/(t0 dx^2) and the outflow (L g)_i = sum over links (g_i - g_j) + 2 (rough faces) g_i = -dx^2 lap g
+ * (fluidity.h):
+ *   explicit   g' = g - k L g
+ *   implicit   (1 + k L) g' = g. The matrix is symmetric, its eigenvalues are at least 1, and it is an M-matrix: no
+ *              new value is negative. By conjugate gradients from g, until |residual| <= tolerance |g|; the error of
+ *              g' in the 2-norm is then at most tolerance |g|, since no eigenvalue is below 1.
+ *   rkl2       Runge-Kutta-Legendre of second order (Meyer, Balsara & Aslam 2012, MNRAS 422; 2014, J. Comput. Phys. 257).
+ * Rounding, a coarse tolerance, or a long explicit or rkl2 step can leave values below zero: these become zero and are
+ * counted. Every thread adds up all partial sums in the order of chunks, so that all go the same way. */
+#include "core/simd.h"
+#include "fluidity/fluidity.h"
+
+/* What a thread works on: the chunks [first, last), with the team. */
+struct diffusion {
+    struct gr_fluidity *f;
+    struct gr_barrier *barrier;
+    int64_t first, last;
+    double k, dt;
+    double *g, *work[3]; /* as in f, but each thread turns them over by itself */
+    int64_t iterations;
+};
+
+#define GR_EACH_CHUNK(w, c) for (int64_t c = (w)->first; c < (w)->last; c++)
+#define GR_EACH_BLOCK(f, c, i) for (int64_t i = (c)*GR_CHUNK, end_##i = chunk_end(f, c); i < end_##i; i += GR_W)
+
+static inline int64_t chunk_end(const struct gr_fluidity *f, int64_t c)
+{
+    const int64_t end = (c + 1) * GR_CHUNK;
+    return end < f->n_padded ? end : f->n_padded;
+}
+
+static inline double lane_sum(vd a)
+{
+    double sum = 0;
+    for (int lane = 0; lane < GR_W; lane++) sum += a[lane];
+    return sum;
+}
+
+static double total(const struct gr_fluidity *f, const double *partial)
+{
+    double sum = 0;
+    for (int64_t c = 0; c < f->n_chunks; c++) sum += partial[c];
+    return sum;
+}
+
+/* Which cells exchange, from which are dense; values elsewhere become zero. */
+static void connect(const int dim, const struct gr_fluidity *f, int64_t chunk)
+{
+    const int64_t first = chunk * GR_CHUNK, last = chunk_end(f, chunk);
+    const uint8_t *dense = f->dense;
+    for (int a = 0; a < dim; a++)
+        for (int64_t i = first; i < last; i++)
+            f->weight[a][i] = (double)(f->link[a][i] & dense[i] & dense[i + f->stride[a]]);
+    for (int64_t i = first; i < last; i++) f->g[i] = dense[i] ? f->g[i] : 0;
+    for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++)
+        f->wrap[k].weight = (double)(dense[f->wrap[k].to] & dense[f->wrap[k].from]);
+}
+
+/* L g of a block of lanes, without the links across periodic ends. Differences before products: a uniform field stays
+ * what it is to the last bit, and what a cell loses to another one gains. */
+static inline vd outflow(const int dim, const struct gr_fluidity *f, int64_t i, const double *g)
+{
+    const vd here = v_load(g + i);
+    vd sum = v_load(f->rough + i) * here;
+    for (int a = 0; a < dim; a++) {
+        const int64_t s = f->stride[a];
+        sum = v_fma(v_load(f->weight[a] + i - s), here - v_load(g + i - s), sum);
+        sum = v_fma(v_load(f->weight[a] + i), here - v_load(g + i + s), sum);
+    }
+    return sum;
+}
+
+/* What is left out there: out[i] += scale (L g)_i for the links across periodic ends of a chunk.
+ * Returned: sum of g_i times what has been added. */
+static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale, const double *g, double *out)
+{
+    double product = 0;
+    for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
+        const struct gr_wrap *wrap = &f->wrap[k];
+        const double lost = scale * wrap->weight * (g[wrap->to] - g[wrap->from]);
+        out[wrap->to] += lost;
+        product += g[wrap->to] * lost;
+    }
+    return product;
+}
+
+/* max(g, 0) of a chunk, with a count of what it changes; NaN stays. */
+static void clamp(const struct gr_fluidity *f, int64_t chunk, double *g)
+{
+    int64_t n = 0;
+    GR_EACH_BLOCK(f, chunk, i)
+    {
+        const vd value = v_load(g + i);
+        n += __builtin_popcount(m_bits(v_gt(v_zero(), value)));
+        v_store(g + i, v_max(v_zero(), value));
+    }
+    f->partial_clamped[chunk] += n;
+}
+
+static void swap(double **a, double **b)
+{
+    double *const c = *a;
+    *a = *b, *b = c;
+}
+
+static inline int explicit_step(const int dim, struct diffusion *w)
+{
+    const vd k = v_set(w->k);
+    double *g = w->g, *next = w->work[0];
+    GR_EACH_CHUNK(w, c)
+    {
+        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(k, outflow(dim, w->f, i, g), v_load(g + i)));
+        add_wraps(w->f, c, -w->k, g, next);
+        clamp(w->f, c, next);
+    }
+    swap(&w->g, &w->work[0]);
+    gr_wait(w->barrier);
+    return GR_OK;
+}
+
+/* r = p = -k L g, the residual of g itself; its square to partial 1, that of g to partial 2. */
+static inline void first_residual(const int dim, struct diffusion *w, double *r, double *p)
+{
+    const struct gr_fluidity *f = w->f;
+    const vd k = v_set(-w->k);
+    GR_EACH_CHUNK(w, c)
+    {
+        vd rr = v_zero(), gg = v_zero();
+        GR_EACH_BLOCK(f, c, i) v_store(r + i, k * outflow(dim, f, i, w->g));
+        add_wraps(f, c, -w->k, w->g, r);
+        GR_EACH_BLOCK(f, c, i)
+        {
+            const vd rest = v_load(r + i), g = v_load(w->g + i);
+            v_store(p + i, rest);
+            rr = v_fma(rest, rest, rr), gg = v_fma(g, g, gg);
+        }
+        f->partial[1][c] = lane_sum(rr), f->partial[2][c] = lane_sum(gg);
+    }
+}
+
+/* q = (1 + k L) p; p.q to partial 0. */
+static inline void multiply(const int dim, struct diffusion *w, const double *p, double *q)
+{
+    const vd k = v_set(w->k);
+    GR_EACH_CHUNK(w, c)
+    {
+        vd sum = v_zero();
+        GR_EACH_BLOCK(w->f, c, i)
+        {
+            const vd here = v_load(p + i), value = v_fma(k, outflow(dim, w->f, i, p), here);
+            v_store(q + i, value);
+            sum = v_fma(here, value, sum);
+        }
+        w->f->partial[0][c] = lane_sum(sum) + add_wraps(w->f, c, w->k, p, q);
+    }
+}
+
+/* g += alpha p, r -= alpha q; r.r to partial 1. */
+static void descend(struct diffusion *w, double alpha, const double *p, const double *q, double *r)
+{
+    const vd step = v_set(alpha);
+    GR_EACH_CHUNK(w, c)
+    {
+        vd sum = v_zero();
+        GR_EACH_BLOCK(w->f, c, i)
+        {
+            const vd rest = v_fnma(step, v_load(q + i), v_load(r + i));
+            v_store(w->g + i, v_fma(step, v_load(p + i), v_load(w->g + i)));
+            v_store(r + i, rest);
+            sum = v_fma(rest, rest, sum);
+        }
+        w->f->partial[1][c] = lane_sum(sum);
+    }
+}
+
+static inline int implicit_step(const int dim, struct diffusion *w)
+{
+    const struct gr_fluidity *f = w->f;
+    double *r = w->work[0], *p = w->work[1], *q = w->work[2];
+    first_residual(dim, w, r, p);
+    gr_wait(w->barrier);
+    double rr = total(f, f->partial[1]);
+    const double enough = f->tolerance * f->tolerance * total(f, f->partial[2]);
+    for (int64_t n = 0; !(rr <= enough); n++) {
+        if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
+        multiply(dim, w, p, q);
+        gr_wait(w->barrier);
+        descend(w, rr / total(f, f->partial[0]), p, q, r);
+        gr_wait(w->barrier);
+        const double before = rr;
+        rr = total(f, f->partial[1]);
+        w->iterations++;
+        if (rr <= enough) break;
+        const vd beta = v_set(rr / before);
+        GR_EACH_CHUNK(w, c)
+        GR_EACH_BLOCK(f, c, i) v_store(p + i, v_fma(beta, v_load(p + i), v_load(r + i)));
+        gr_wait(w->barrier);
+    }
+    GR_EACH_CHUNK(w, c) clamp(f, c, w->g);
+    gr_wait(w->barrier);
+    return GR_OK;
+}
+
+/* b_j of the scheme, and the weight of the middle term: b_j = (j^2 + j - 2)/(2 j (j + 1)), 1/3 for j < 2. */
+static double legendre(int j) { return j < 2 ? 1.0 / 3.0 : (j * j + j - 2.0) / (2.0 * j * (j + 1.0)); }
+
+/* Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L; L Y_0 to `lost_0`. */
+static inline void first_stage(const int dim, struct diffusion *w, double mu, double *next, double *lost_0)
+{
+    const vd step = v_set(mu * w->k);
+    GR_EACH_CHUNK(w, c)
+    {
+        GR_EACH_BLOCK(w->f, c, i) v_store(lost_0 + i, outflow(dim, w->f, i, w->g));
+        add_wraps(w->f, c, 1, w->g, lost_0);
+        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(step, v_load(lost_0 + i), v_load(w->g + i)));
+    }
+}
+
+/* Y_j = mu_j Y_j-1 + nu_j Y_j-2 + (1 - mu_j - nu_j) Y_0 + mu~_j dt M Y_j-1 + gamma~_j dt M Y_0, written over Y_j-2. */
+static inline void later_stage(const int dim, struct diffusion *w, int j, double w1, const double *last, double *before,
+                               const double *lost_0)
+{
+    const double mu = (2.0 * j - 1) / j * legendre(j) / legendre(j - 1);
+    const double nu = -(j - 1.0) / j * legendre(j) / legendre(j - 2);
+    const double step = mu * w1 * w->k, back = (1 - legendre(j - 1)) * step;
+    GR_EACH_CHUNK(w, c)
+    {
+        GR_EACH_BLOCK(w->f, c, i)
+        {
+            vd sum = v_fma(v_set(1 - mu - nu), v_load(w->g + i), v_set(nu) * v_load(before + i));
+            sum = v_fma(v_set(mu), v_load(last + i), sum);
+            sum = v_fnma(v_set(step), outflow(dim, w->f, i, last), sum);
+            v_store(before + i, v_fma(v_set(back), v_load(lost_0 + i), sum));
+        }
+        add_wraps(w->f, c, -step, last, before);
+    }
+}
+
+static inline int rkl2_step(const int dim, struct diffusion *w)
+{
+    const int stages = gr_fluidity_stages(w->f, w->dt);
+    const double w1 = 4.0 / ((double)stages * stages + stages - 2.0);
+    double *last = w->work[0], *before = w->work[1], *lost_0 = w->work[2];
+    first_stage(dim, w, legendre(1) * w1, last, lost_0);
+    GR_EACH_CHUNK(w, c) /* Y_0 before Y_1 */
+    GR_EACH_BLOCK(w->f, c, i) v_store(before + i, v_load(w->g + i));
+    gr_wait(w->barrier);
+    for (int j = 2; j <= stages; j++) {
+        later_stage(dim, w, j, w1, last, before, lost_0);
+        swap(&last, &before);
+        gr_wait(w->barrier);
+    }
+    GR_EACH_CHUNK(w, c) clamp(w->f, c, last);
+    w->work[0] = w->g, w->work[1] = before, w->g = last;
+    w->iterations += stages;
+    gr_wait(w->barrier);
+    return GR_OK;
+}
+
+static inline int run_diffusion(const int dim, struct diffusion *w, const struct gr_diffusion_call *call)
+{
+    int error = GR_OK;
+    GR_EACH_CHUNK(w, c)
+    {
+        connect(dim, w->f, c);
+        w->f->partial_clamped[c] = 0;
+    }
+    gr_wait(w->barrier);
+    for (int64_t n = 0; n < call->steps && !error; n++)
+        error = call->method == GR_DIFFUSION_explicit   ? explicit_step(dim, w)
+                : call->method == GR_DIFFUSION_implicit ? implicit_step(dim, w)
+                                                        : rkl2_step(dim, w);
+    return error;
+}
+
+/* The kernel (gr_diffuse). A lattice of few chunks is not worth waiting for others: one thread runs it. */
+static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_barrier *barrier, int t)
+{
+    enum { CHUNKS_WORTH_SHARING = 8 };
+    struct gr_barrier nobody = {.threads = 1};
+    const int alone = f->n_chunks < CHUNKS_WORTH_SHARING;
+    struct diffusion w = {
+        .f = f, .barrier = alone ? &nobody : barrier, .k = call->dt * f->diffusivity / (f->dx * f->dx), .dt = call->dt};
+    gr_wait(barrier);
+    w.g = f->g;
+    for (int k = 0; k < 3; k++) w.work[k] = f->work[k];
+    gr_share(f->n_chunks, alone ? 0 : t, w.barrier->threads, &w.first, &w.last);
+    int error = GR_OK;
+    if (!alone || t == 0) error = f->dim == 2 ? run_diffusion(2, &w, call) : run_diffusion(3, &w, call);
+    gr_wait(barrier);
+    if (t == 0) {
+        f->error = error;
+        f->iterations = w.iterations;
+        f->clamped = 0;
+        for (int64_t c = 0; c < f->n_chunks; c++) f->clamped += f->partial_clamped[c];
+        f->g = w.g;
+        for (int k = 0; k < 3; k++) f->work[k] = w.work[k];
+    }
+    gr_wait(barrier);
+    return f->error;
+}

@@ -1,0 +1,209 @@
+/* The kernels of the fluidity as functions of the module. */
+#include <math.h>
+
+#include "python/arrays.h"
+
+static const double LARGEST = 1e60; /* the products of what is below it stay finite */
+
+/* Whether low < value (low <= value if `closed`) and value is finite. Returned: 0, or -1 with ValueError set. */
+static int refuse_number(const char *name, double value, int closed)
+{
+    char text[160];
+    if (isfinite(value) && (value > 0 || (closed && value == 0))) return 0;
+    snprintf(text, sizeof text, "%s = %.9g must be %s and finite", name, value, closed ? "zero or positive" : "positive");
+    PyErr_SetString(PyExc_ValueError, text);
+    return -1;
+}
+
+/* Whether all numbers of an array are at least `low` and at most 1e60. Returned: 0, or -1 with ValueError set. */
+static int refuse_values(const char *name, PyArrayObject *array, double low)
+{
+    const double *value = PyArray_DATA(array), high = LARGEST;
+    for (npy_intp k = 0; k < PyArray_SIZE(array); k++) {
+        if (value[k] >= low && value[k] <= high) continue;
+        char text[160];
+        snprintf(text, sizeof text, "%s[%lld] = %.9g is outside the range %g to %g", name, (long long)k, value[k], low,
+                 high);
+        PyErr_SetString(PyExc_ValueError, text);
+        return -1;
+    }
+    return 0;
+}
+
+/* ---- fluidity_update ---- */
+
+static int take_parameters(PyObject *dict, double parameter[GR_FLUIDITY_PARAMETER_COUNT])
+{
+    for (int k = 0; k < GR_FLUIDITY_PARAMETER_COUNT; k++) {
+        const char *name = gr_fluidity_parameter_table[k].name;
+        PyObject *value = PyDict_GetItemString(dict, name);
+        if (!value) {
+            PyErr_Format(PyExc_ValueError, "the parameter %s is missing", name);
+            return -1;
+        }
+        parameter[k] = PyFloat_AsDouble(value);
+        if (PyErr_Occurred()) return -1;
+        if (refuse_number(name, parameter[k], k == GR_FLUIDITY_mu_s || k == GR_FLUIDITY_p_floor)) return -1;
+    }
+    const double mu_s = parameter[GR_FLUIDITY_mu_s], mu_2 = parameter[GR_FLUIDITY_mu_2];
+    if (mu_2 > mu_s) return 0;
+    char text[160];
+    snprintf(text, sizeof text, "mu_2 = %.9g must exceed mu_s = %.9g", mu_2, mu_s);
+    PyErr_SetString(PyExc_ValueError, text);
+    return -1;
+}
+
+PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args)
+{
+    (void)module;
+    static const char *const names[] = {"mu_trial", "p", "g_star", "shear_rate", "mu", "g"};
+    const double low[] = {0, 1e-60, -LARGEST, 0};
+    struct gr_fluidity_call call = {0};
+    PyObject *parameters, *objects[6];
+    const char *isa;
+    if (!PyArg_ParseTuple(args, "O!dOOOOOOs:fluidity_update", &PyDict_Type, &parameters, &call.dt, &objects[0], &objects[1],
+                          &objects[2], &objects[3], &objects[4], &objects[5], &isa))
+        return NULL;
+    const struct gr_kernels *kernels = gr_kernels_select(isa);
+    if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
+    if (take_parameters(parameters, call.parameter) || refuse_number("dt", call.dt, 0)) return NULL;
+    npy_intp length[1] = {-1};
+    PyArrayObject *arrays[6];
+    for (int k = 0; k < 6; k++) {
+        arrays[k] = gr_array(objects[k], names[k], NPY_DOUBLE, 1, length, k >= 4);
+        if (!arrays[k] || (k < 4 && refuse_values(names[k], arrays[k], low[k]))) return NULL;
+        length[0] = PyArray_DIM(arrays[0], 0);
+    }
+    if (gr_refuse_overlap(arrays, names, 6)) return NULL;
+    call.n = length[0];
+    call.mu_trial = PyArray_DATA(arrays[0]), call.p = PyArray_DATA(arrays[1]), call.g_star = PyArray_DATA(arrays[2]);
+    call.shear_rate = PyArray_DATA(arrays[3]), call.mu = PyArray_DATA(arrays[4]), call.g = PyArray_DATA(arrays[5]);
+    kernels->update_fluidity(&call);
+    Py_RETURN_NONE;
+}
+
+/* ---- fluidity_diffuse ---- */
+
+static int method_of(const char *name)
+{
+    for (int k = 0; k < GR_DIFFUSION_COUNT; k++)
+        if (!strcmp(gr_diffusion_names[k], name)) return k;
+    PyErr_Format(PyExc_ValueError, "there is no method \"%s\": it must be explicit, implicit or rkl2", name);
+    return -1;
+}
+
+static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_diffusion_call *call, int threads)
+{
+    if (refuse_number("dx", c->dx, 0) || refuse_number("A", c->A, 1) || refuse_number("d", c->d, 0) ||
+        refuse_number("t0", c->t0, 0) || refuse_number("dt", call->dt, 0) || refuse_number("tolerance", c->tolerance, 0))
+        return -1;
+    if (c->tolerance >= 1)
+        PyErr_SetString(PyExc_ValueError, "tolerance must be below 1");
+    else if (c->max_iterations < 1)
+        PyErr_Format(PyExc_ValueError, "max_iterations = %lld must be at least 1", (long long)c->max_iterations);
+    else if (call->steps < 0)
+        PyErr_Format(PyExc_ValueError, "steps = %lld must not be negative", (long long)call->steps);
+    else if (threads < 1 || threads > GR_MAX_THREADS)
+        PyErr_Format(PyExc_ValueError, "threads = %d must be 1 to %d", threads, GR_MAX_THREADS);
+    return PyErr_Occurred() ? -1 : 0;
+}
+
+/* Shape and maps of the lattice; dim is that of `g`. */
+static int take_lattice(struct gr_fluidity_config *c, PyObject *periodic, PyObject *objects[3], PyArrayObject *arrays[3])
+{
+    static const char *const names[] = {"g", "dense", "faces"};
+    c->dim = PyArray_CheckExact(objects[0]) && PyArray_NDIM((PyArrayObject *)objects[0]) == 3 ? 3 : 2;
+    npy_intp shape[4] = {2 * c->dim, -1, -1, -1};
+    if (!(arrays[0] = gr_array(objects[0], names[0], NPY_DOUBLE, c->dim, shape + 1, 1))) return -1;
+    for (int a = 0; a < c->dim; a++) shape[1 + a] = PyArray_DIM(arrays[0], a);
+    if (!(arrays[1] = gr_array(objects[1], names[1], NPY_BOOL, c->dim, shape + 1, 0)) ||
+        !(arrays[2] = gr_array(objects[2], names[2], NPY_UINT8, c->dim + 1, shape, 0)) ||
+        gr_refuse_overlap(arrays, names, 3) || refuse_values("g", arrays[0], 0))
+        return -1;
+    if (!PyArray_SIZE(arrays[0])) {
+        PyErr_SetString(PyExc_ValueError, "g has no cells");
+        return -1;
+    }
+    c->face = PyArray_DATA(arrays[2]);
+    for (npy_intp k = 0; k < PyArray_SIZE(arrays[2]); k++)
+        if (c->face[k] >= GR_FACE_COUNT) {
+            PyErr_Format(PyExc_ValueError, "faces has the value %d, but 0 (linked), 1 (open) or 2 (rough) is needed",
+                         (int)c->face[k]);
+            return -1;
+        }
+    if (!PyTuple_Check(periodic) || PyTuple_GET_SIZE(periodic) != c->dim) {
+        PyErr_Format(PyExc_ValueError, "periodic must be a tuple of %d, one for each axis of g, x first", c->dim);
+        return -1;
+    }
+    for (int a = 0; a < c->dim; a++) {
+        c->shape[a] = PyArray_DIM(arrays[0], c->dim - 1 - a);
+        c->periodic[a] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, a));
+        if (c->periodic[a] < 0) return -1;
+    }
+    return 0;
+}
+
+static PyObject *raise_diffusion(int error, const struct gr_fluidity *f, const struct gr_diffusion_call *call)
+{
+    char text[256];
+    if (error == GR_ERR_LIMIT)
+        snprintf(text, sizeof text,
+                 "dt = %.9g s must be shorter than %.9g s, the limit of the %s diffusion for dx = %.9g m and "
+                 "A^2 d^2/t0 = %.9g m^2/s; \"implicit\" has none",
+                 call->dt, gr_fluidity_limit(f, call->method), gr_diffusion_names[call->method], f->dx, f->diffusivity);
+    else if (error == GR_ERR_DIVERGED)
+        snprintf(text, sizeof text, "%s to tolerance = %.3g in max_iterations = %lld", gr_error_message(error), f->tolerance,
+                 (long long)f->max_iterations);
+    else
+        return gr_raise(error, NULL);
+    PyErr_SetString(error == GR_ERR_LIMIT ? PyExc_ValueError : PyExc_RuntimeError, text);
+    return NULL;
+}
+
+/* The diffusion of a lattice made for it, in place; g is left alone where it fails. */
+static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels, const struct gr_diffusion_call *call,
+                         PyArrayObject *const arrays[3], int threads)
+{
+    const size_t bytes = (size_t)f->n_cells * sizeof(double);
+    const npy_bool *dense = PyArray_DATA(arrays[1]);
+    int error;
+    memcpy(f->g, PyArray_DATA(arrays[0]), bytes);
+    for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = dense[i] != 0;
+    Py_BEGIN_ALLOW_THREADS
+    error = gr_fluidity_run(f, kernels->diffuse, call, threads);
+    Py_END_ALLOW_THREADS
+    if (error) return raise_diffusion(error, f, call);
+    memcpy(PyArray_DATA(arrays[0]), f->g, bytes);
+    return Py_BuildValue("{s:L,s:L,s:d}", "iterations", (long long)f->iterations, "clamped", (long long)f->clamped, "limit",
+                         gr_fluidity_limit(f, call->method));
+}
+
+PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs)
+{
+    (void)module;
+    static char *names[] = {"method",         "dx",       "A",     "d",     "t0", "dt",      "steps", "tolerance",
+                            "max_iterations", "periodic", "faces", "dense", "g",  "threads", "isa",   NULL};
+    struct gr_fluidity_config config = {0};
+    struct gr_diffusion_call call = {0};
+    const char *method, *isa;
+    long long steps, max_iterations;
+    int threads;
+    PyObject *periodic, *objects[3];
+    PyArrayObject *arrays[3];
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$sdddddLdLOOOOis:fluidity_diffuse", names, &method, &config.dx,
+                                     &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance, &max_iterations,
+                                     &periodic, &objects[2], &objects[1], &objects[0], &threads, &isa))
+        return NULL;
+    call.steps = steps, config.max_iterations = max_iterations;
+    const struct gr_kernels *kernels = gr_kernels_select(isa);
+    if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
+    if ((call.method = method_of(method)) < 0 || refuse_numbers(&config, &call, threads) ||
+        take_lattice(&config, periodic, objects, arrays) || gr_team_is_lost(threads))
+        return NULL;
+    struct gr_fluidity *f;
+    const int error = gr_fluidity_new(&f, &config);
+    if (error) return gr_raise(error, NULL);
+    PyObject *out = diffuse(f, kernels, &call, arrays, threads);
+    gr_fluidity_free(f);
+    return out;
+}

@@ -1,0 +1,245 @@
+/* fluidity/fluidity.c, fluidity/diffuse.c, law/fluidity_update.h: by hand, against bad input, and without memory. */
+#include "fluidity/fluidity.h"
+
+#include <string.h>
+
+#include "core/simd.h"
+#include "mpm/engine.h"
+#include "tests/check.h"
+#include "tests/faults.h"
+#include "tests/scene.h"
+
+enum { MOST = 64 * 64 };
+
+static uint8_t faces[6 * MOST];
+
+/* nx x ny (x nz) cells, all faces linked; A^2 d^2/t0 = 1 and dx = 1, so that the explicit limit in the plane is 1/4. */
+static struct gr_fluidity_config plain(int64_t nx, int64_t ny, int64_t nz)
+{
+    memset(faces, GR_FACE_LINK, sizeof faces);
+    return (struct gr_fluidity_config){.dim = nz ? 3 : 2,
+                                       .shape = {nx, ny, nz},
+                                       .dx = 1,
+                                       .A = 2,
+                                       .d = 0.5,
+                                       .t0 = 1,
+                                       .tolerance = 1e-13,
+                                       .max_iterations = 1000,
+                                       .face = faces};
+}
+
+static struct gr_fluidity *built(const struct gr_fluidity_config *config)
+{
+    struct gr_fluidity *f = NULL;
+    CHECK(gr_fluidity_new(&f, config) == GR_OK);
+    for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = 1;
+    return f;
+}
+
+static int run(struct gr_fluidity *f, const char *isa, int method, double dt, int64_t steps, int threads)
+{
+    const struct gr_diffusion_call call = {method, dt, steps};
+    return gr_fluidity_run(f, gr_kernels_select(isa)->diffuse, &call, threads);
+}
+
+/* Three cells in a row between a rough wall (left) and nothing: one explicit step by hand. */
+static void three_cells(void)
+{
+    struct gr_fluidity_config config = plain(3, 1, 0);
+    faces[0] = GR_FACE_ROUGH;
+    struct gr_fluidity *f = built(&config);
+    const double g[] = {1, 3, 2}, k = 0.2;
+    memcpy(f->g, g, sizeof g);
+    CHECK(run(f, "", GR_DIFFUSION_explicit, k, 1, 1) == GR_OK);
+    CHECK_NEAR(f->g[0], 1 + k * (2 - 2), 1e-15);
+    CHECK_NEAR(f->g[1], 3 + k * (-2 - 1), 1e-15);
+    CHECK_NEAR(f->g[2], 2 + k, 1e-15);
+    gr_fluidity_free(f);
+}
+
+/* Two cells of a periodic axis exchange across both of their faces, one cell with itself not at all. */
+static void periodic_ends(void)
+{
+    for (int64_t n = 1; n <= 4; n++) {
+        struct gr_fluidity_config config = plain(n, 1, 0);
+        config.periodic[0] = 1;
+        struct gr_fluidity *f = built(&config);
+        f->g[0] = 1;
+        CHECK(run(f, "", GR_DIFFUSION_explicit, 0.25, 1, 1) == GR_OK);
+        CHECK_NEAR(f->g[0], n == 1 ? 1 : 0.5, 0);
+        if (n > 1) CHECK_NEAR(f->g[n - 1], n == 2 ? 0.5 : 0.25, 0);
+        if (n == 4) CHECK_NEAR(f->g[2], 0, 0);
+        gr_fluidity_free(f);
+    }
+}
+
+/* A link needs the consent of both sides, and both dense. */
+static void links_are_mutual(void)
+{
+    for (int cut = 0; cut < 3; cut++) {
+        struct gr_fluidity_config config = plain(2, 1, 0);
+        if (cut == 1) faces[1 * 2 + 0] = GR_FACE_OPEN; /* high side of the left cell alone */
+        struct gr_fluidity *f = built(&config);
+        f->g[0] = 1;
+        if (cut == 2) f->dense[1] = 0, f->g[1] = 7;
+        CHECK(run(f, "", GR_DIFFUSION_implicit, 10, 1, 1) == GR_OK);
+        CHECK_NEAR(f->g[0], cut ? 1 : 11.0 / 21.0, 1e-12);
+        CHECK_NEAR(f->g[1], cut ? 0 : 10.0 / 21.0, 1e-12);
+        gr_fluidity_free(f);
+    }
+}
+
+static void limits(void)
+{
+    struct gr_fluidity_config config = plain(8, 8, 0);
+    struct gr_fluidity *f = built(&config);
+    CHECK_NEAR(gr_fluidity_limit(f, GR_DIFFUSION_explicit), 0.25, 1e-16);
+    CHECK_NEAR(gr_fluidity_limit(f, GR_DIFFUSION_rkl2), 0.25 * (999.0 * 999 + 997) / 4, 1e-9);
+    CHECK(isinf(gr_fluidity_limit(f, GR_DIFFUSION_implicit)));
+    CHECK(run(f, "", GR_DIFFUSION_explicit, 0.98 * 0.25, 1, 1) == GR_OK);
+    CHECK(run(f, "", GR_DIFFUSION_explicit, 0.25, 1, 1) == GR_ERR_LIMIT);
+    CHECK(run(f, "", GR_DIFFUSION_explicit, 1.02 * 0.25, 1, 1) == GR_ERR_LIMIT);
+    CHECK(run(f, "", GR_DIFFUSION_rkl2, 1e6, 1, 1) == GR_ERR_LIMIT);
+    CHECK(run(f, "", GR_DIFFUSION_implicit, 0, 1, 1) == GR_ERR_CONFIG);
+    CHECK(run(f, "", GR_DIFFUSION_implicit, NAN, 1, 1) == GR_ERR_CONFIG);
+    CHECK(run(f, "", GR_DIFFUSION_implicit, 1, -1, 1) == GR_ERR_CONFIG);
+    CHECK(run(f, "", GR_DIFFUSION_COUNT, 1, 1, 1) == GR_ERR_CONFIG);
+    CHECK(gr_fluidity_stages(f, 0.62) == 3 && gr_fluidity_stages(f, 0.63) == 5);
+    gr_fluidity_free(f);
+}
+
+static void bad_lattices(void)
+{
+    struct gr_fluidity *f;
+    for (int k = 0; k < 10; k++) {
+        struct gr_fluidity_config c = plain(4, 4, 0);
+        if (k == 0) c.dim = 1;
+        if (k == 1) c.shape[1] = 0;
+        if (k == 2) c.dx = 0;
+        if (k == 3) c.A = -1;
+        if (k == 4) c.d = 0;
+        if (k == 5) c.t0 = -1;
+        if (k == 6) c.tolerance = 1;
+        if (k == 7) c.max_iterations = 0;
+        if (k == 8) c.A = 1e300;
+        if (k == 9) c.t0 = NAN;
+        CHECK(gr_fluidity_new(&f, &c) == GR_ERR_CONFIG && !f);
+    }
+    gr_fluidity_free(NULL);
+}
+
+static void random_state(struct gr_fluidity *f)
+{
+    scene_seed(7);
+    for (int64_t i = 0; i < f->n_cells; i++) {
+        f->dense[i] = scene_random(0, 1) < 0.9;
+        f->g[i] = scene_random(0, 5);
+    }
+}
+
+static void random_faces(void)
+{
+    scene_seed(5);
+    for (int64_t i = 0; i < 6 * MOST; i++)
+        if (scene_random(0, 1) < 0.1) faces[i] = scene_random(0, 1) < 0.5 ? GR_FACE_OPEN : GR_FACE_ROUGH;
+}
+
+/* The same bits for any number of threads and every set; between sets to round-off. A step allocates nothing. */
+static void threads_and_sets_agree(void)
+{
+    static const char *const sets[] = {"baseline", "avx2", "avx512"};
+    static double first[MOST], reference[MOST];
+    for (int dim = 2; dim <= 3; dim++)
+        for (int method = 0; method < GR_DIFFUSION_COUNT; method++)
+            for (int set = 0; set < 3; set++) {
+                if (!gr_kernels_select(sets[set])) continue;
+                for (int threads = 1; threads <= 3; threads++) {
+                    struct gr_fluidity_config config = dim == 2 ? plain(64, 64, 0) : plain(16, 16, 16);
+                    config.periodic[0] = 1;
+                    random_faces();
+                    struct gr_fluidity *f = built(&config);
+                    random_state(f);
+                    faults_at(0);
+                    CHECK(run(f, sets[set], method, method ? 2.0 : 0.15, 3, threads) == GR_OK);
+                    CHECK(threads > 1 || faults_calls() == 0);
+                    const size_t bytes = sizeof(double) * (size_t)f->n_cells;
+                    if (threads == 1) memcpy(first, f->g, bytes);
+                    if (threads == 1 && set == 0) memcpy(reference, f->g, bytes);
+                    CHECK(!memcmp(first, f->g, bytes));
+                    for (int64_t i = 0; i < f->n_cells; i++) CHECK_NEAR(f->g[i], reference[i], 1e-11);
+                    gr_fluidity_free(f);
+                }
+            }
+}
+
+static void does_not_converge(void)
+{
+    struct gr_fluidity_config config = plain(64, 64, 0);
+    config.max_iterations = 2;
+    struct gr_fluidity *f = built(&config);
+    random_state(f);
+    for (int threads = 1; threads <= 3; threads++)
+        CHECK(run(f, "", GR_DIFFUSION_implicit, 10, 2, threads) == GR_ERR_DIVERGED);
+    f->g[5] = NAN, f->dense[5] = 1, f->max_iterations = 1 << 30;
+    CHECK(run(f, "", GR_DIFFUSION_implicit, 10, 1, 1) == GR_ERR_DIVERGED);
+    gr_fluidity_free(f);
+}
+
+static void without_memory(void)
+{
+    const struct gr_fluidity_config config = plain(20, 20, 0);
+    for (long n = 1;; n++) {
+        struct gr_fluidity *f;
+        faults_at(n);
+        const int error = gr_fluidity_new(&f, &config);
+        if (!faults_hit()) {
+            CHECK(error == GR_OK && n == 6);
+            gr_fluidity_free(f);
+            break;
+        }
+        CHECK(error == GR_ERR_MEMORY && !f);
+    }
+    faults_at(0);
+}
+
+/* At rest below yield nothing flows; in steady flow at a held rate the friction is that of mu(I). */
+static void points(void)
+{
+    const double G = 3e5, mu_s = 0.38, mu_2 = 0.64, I0 = 0.28, rho_s = 2450, d = 5e-3, t0 = 1e-3, p = 1000, rate = 5;
+    double trial[3], mu[3] = {0.4, 0.4, 0.4}, g[3] = {1, 1, 1}, last[3], pressure[3] = {p, p, p};
+    struct gr_fluidity_call call = {.n = 3,
+                                    .dt = 1e-4,
+                                    .parameter = {G, mu_s, mu_2, I0, rho_s, d, t0, 0},
+                                    .mu_trial = trial,
+                                    .p = pressure,
+                                    .g_star = g,
+                                    .shear_rate = last,
+                                    .mu = mu,
+                                    .g = g};
+    for (int step = 0; step < 4000; step++) {
+        for (int k = 0; k < 3; k++) last[k] = mu[k] * g[k], trial[k] = mu[k] + G * call.dt * rate / p;
+        gr_kernels_select("")->update_fluidity(&call);
+    }
+    const double inertial = rate * d * sqrt(rho_s / p);
+    for (int k = 0; k < 3; k++) {
+        CHECK_NEAR(mu[k], mu_s + (mu_2 - mu_s) * inertial / (inertial + I0), 1e-9);
+        CHECK_NEAR(mu[k] * g[k], rate, 1e-8);
+        trial[k] = 0.3, g[k] = last[k] = 0;
+    }
+    gr_kernels_select("")->update_fluidity(&call);
+    for (int k = 0; k < 3; k++) CHECK(mu[k] == 0.3 && g[k] == 0);
+}
+
+int main(void)
+{
+    RUN(three_cells);
+    RUN(periodic_ends);
+    RUN(links_are_mutual);
+    RUN(limits);
+    RUN(bad_lattices);
+    RUN(threads_and_sets_agree);
+    RUN(does_not_converge);
+    RUN(without_memory);
+    RUN(points);
+    return check_report("fluidity");
+}

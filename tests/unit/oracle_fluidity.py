@@ -1,0 +1,161 @@
+"""The fluidity once more, slow and plain: a matrix for a lattice, 60 digits for a point."""
+
+from decimal import Decimal, localcontext
+
+import numpy as np
+from numpy.polynomial.legendre import legval
+
+from granular import _core
+
+LINKED, OPEN, ROUGH = 0, 1, 2
+
+
+def available():
+    """Instruction sets of this machine."""
+    found = []
+    for name in ("baseline", "avx2", "avx512"):
+        try:
+            _core.build_info(name)
+        except ValueError:
+            continue
+        found.append(name)
+    return found
+
+
+# ---- the lattice ----
+
+
+def faces_of(shape, **sides):
+    """Faces, all linked inside; sides: {"x_low": ROUGH, ...} at the ends of the lattice."""
+    faces = np.full((2 * len(shape), *shape), LINKED, dtype=np.uint8)
+    for name, kind in sides.items():
+        axis, side = "xyz".index(name[0]), name.endswith("high")
+        where = [slice(None)] * len(shape)
+        where[len(shape) - 1 - axis] = -1 if side else 0
+        faces[(2 * axis + side, *where)] = kind
+    return faces
+
+
+def outflow(dense, faces, periodic):
+    """The matrix L of the outflow: lap g = -L g/dx^2, cells in the order of `dense.ravel()`."""
+    shape, dim = dense.shape, dense.ndim
+    number = np.arange(dense.size).reshape(shape)
+    L = np.zeros((dense.size, dense.size))
+    for cell in np.ndindex(shape):
+        if not dense[cell]:
+            continue
+        i = number[cell]
+        for axis in range(dim):
+            for side in (0, 1):
+                kind = faces[(2 * axis + side, *cell)]
+                if kind == ROUGH:
+                    L[i, i] += 2
+                    continue
+                beyond = list(cell)
+                place = dim - 1 - axis
+                beyond[place] += 2 * side - 1
+                if periodic[axis]:
+                    beyond[place] %= shape[place]
+                beyond = tuple(beyond)
+                if not 0 <= beyond[place] < shape[place] or not dense[beyond] or beyond == cell:
+                    continue
+                if kind == LINKED and faces[(2 * axis + 1 - side, *beyond)] == LINKED:
+                    L[i, i] += 1
+                    L[i, number[beyond]] -= 1
+    return L
+
+
+def stages(ratio):
+    """Least odd number of rkl2 stages that is stable for `ratio` explicit limits."""
+    s = 3
+    while not ratio < (s * s + s - 2) / 4:
+        s += 2
+    return s
+
+
+def step(method, L, k, g, ratio=None):
+    """One step of g' = -L g with k = dt A^2 d^2/(t0 dx^2), not clamped."""
+    if method == "explicit":
+        return g - k * (L @ g)
+    if method == "implicit":
+        return np.linalg.solve(np.eye(len(L)) + k * L, g)
+    value, vectors = np.linalg.eigh(L)
+    s = stages(ratio)
+    b, w1 = (s * s + s - 2) / (2 * s * (s + 1)), 4 / (s * s + s - 2)
+    growth = 1 - b + b * legval(1 - w1 * k * value, [0] * s + [1])
+    return vectors @ (growth * (vectors.T @ g))
+
+
+def diffuse(g, *, faces=None, dense=None, periodic=None, threads=1, isa="", **numbers):
+    """`_core.fluidity_diffuse` of a copy of g; returns it and the report."""
+    g = g.copy()
+    given = {
+        "method": "implicit", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3, "dt": 1e-3, "steps": 1,
+        "tolerance": 1e-13, "max_iterations": 10_000,
+    } | numbers  # fmt: skip
+    report = _core.fluidity_diffuse(
+        g=g,
+        faces=faces_of(g.shape) if faces is None else faces,
+        dense=np.ones(g.shape, dtype=bool) if dense is None else dense,
+        periodic=(False,) * g.ndim if periodic is None else periodic,
+        threads=threads,
+        isa=isa,
+        **given,
+    )
+    return g, report
+
+
+def number_k(dt, *, dx=0.01, A=0.5, d=0.005, t0=1e-3):
+    """k of `step` for the numbers of `diffuse`."""
+    return dt * A**2 * d**2 / (t0 * dx**2)
+
+
+# ---- a point ----
+
+
+def point(q, dt, m, p, g_star, rate):
+    """mu, X = G dt g/p and the condition of X at one point, in 60 digits.
+
+    From the quadratic of (5.6), rederived, undivided. The condition is by how much more X changes
+    than the terms of its linear coefficient do, in parts of themselves.
+
+    The larger of its two roots, which is the only one with X >= 0 and mu < mu_2.
+    """
+    with localcontext() as context:
+        context.prec = 60
+        G, mu_s, mu_2, I0, rho_s, d, t0 = (
+            Decimal(q[name]) for name in ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0")
+        )
+        dt, m, p, g_star, rate = (Decimal(float(a)) for a in (dt, m, p, g_star, rate))
+        f = dt * (mu_2 - mu_s) / t0
+        growth = 1 + f * rate * d * (rho_s / p).sqrt() / I0
+        start = G * dt * g_star / p
+        a = growth * mu_2 + f * mu_s
+        b = growth * (mu_2 - m) + f * (mu_s - m) - mu_2 * start
+        c = -(mu_2 - m) * start
+        root = (b * b - 4 * a * c).sqrt()
+        X, other = (-b + root) / (2 * a), (-b - root) / (2 * a)
+        if c:  # else the other one is g = 0, from which the larger one has grown
+            assert other < 0 or m / (1 + other) >= mu_2
+        X = X if c else max(Decimal(0), -b / a)
+        assert X >= 0
+        assert m / (1 + X) < mu_2
+        size = growth * abs(mu_2 - m) + f * abs(mu_s - m) + mu_2 * start
+        return m / (1 + X), X, size / root
+
+
+def residual(q, dt, m, p, g_star, rate, mu, X):
+    """What is left of the equation of the fluidity (5.4), over its largest term."""
+    with localcontext() as context:
+        context.prec = 60
+        G, mu_s, mu_2, I0, rho_s, d, t0 = (
+            Decimal(q[name]) for name in ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0")
+        )
+        dt, p, g_star, rate = (Decimal(float(a)) for a in (dt, p, g_star, rate))
+        g, dmu = X * p / (G * dt), mu_2 - mu_s
+        terms = (
+            (g - g_star) / dt,
+            dmu * (mu_s - mu) / (mu_2 - mu) * g / t0,
+            dmu / I0 * (rho_s * d * d / p).sqrt() * rate * g / t0,
+        )
+        return float(abs(sum(terms)) / max(map(abs, (*terms, Decimal("1e-300")))))

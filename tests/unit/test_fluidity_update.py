@@ -1,0 +1,197 @@
+"""The point update of the nonlocal law: 60 digits, bounds, limits, bad input."""
+
+import math
+
+import numpy as np
+import oracle_fluidity as oracle
+import pytest
+
+from granular import _core
+
+BEADS = {
+    "G": 1e6 / 2.9, "mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.279, "rho_s": 2450.0, "d": 0.005,
+    "t0": 1e-3, "p_floor": 0.0,
+}  # fmt: skip
+ISAS = oracle.available()
+EPS = 2.0**-53
+
+
+def update(q, dt, m, p, g_star, rate, isa=""):
+    """`_core.fluidity_update`: mu and g."""
+    given = [
+        np.ascontiguousarray(np.broadcast_to(a, np.shape(m)), float) for a in (m, p, g_star, rate)
+    ]
+    mu, g = np.full(np.shape(m), math.nan), np.full(np.shape(m), math.nan)
+    _core.fluidity_update(q, dt, *given, mu, g, isa)
+    return mu, g
+
+
+def logarithmic(rng, low, high, n):
+    return 10 ** rng.uniform(math.log10(low), math.log10(high), n)
+
+
+def states(rng, q, dt, n):
+    """m, p, g_star and rate over their ranges, a third of m close to where something happens."""
+    p = logarithmic(rng, 1e-3, 1e5, n)
+    f = dt / q["t0"] * (q["mu_2"] - q["mu_s"])
+    special = np.array([q["mu_s"], q["mu_2"], (q["mu_2"] + f * q["mu_s"]) / (1 + f)])
+    near = rng.choice(special, n) * (1 + rng.choice([-1, 1], n) * logarithmic(rng, 1e-9, 1e-1, n))
+    kind = rng.integers(3, size=n)
+    m = np.choose(kind, [rng.uniform(0, 60, n), logarithmic(rng, 1e-3, 60, n), near])
+    g_star = np.where(rng.random(n) < 0.05, 0.0, logarithmic(rng, 1e-12, 1e3, n))
+    rate = np.where(rng.random(n) < 0.1, 0.0, logarithmic(rng, 1e-9, 1e3, n))
+    return np.minimum(m, 60.0), p, g_star, rate
+
+
+def worst_errors(n_of_each, seed):
+    """Largest relative errors of mu and of X on any instruction set, and the number of states.
+
+    X grows from zero at the critical friction: so close to it that rounding m alone would change X
+    by more than 1e-12, the error of X is taken in units of that.
+    """
+    rng = np.random.default_rng(seed)
+    worst, count, residual, unclear = np.zeros(2), 0, 0.0, 0
+    for mu_2 in (0.6435, 1.5, 50.0):
+        for dt in logarithmic(rng, 1e-7, 1e-4, 8):
+            q = BEADS | {"mu_2": mu_2, "G": 10 ** rng.uniform(5.5, 7)}
+            given = states(rng, q, dt, n_of_each)
+            exact = [oracle.point(q, dt, *state) for state in zip(*given, strict=True)]
+            first = tuple(a[0] for a in given)
+            residual = max(residual, oracle.residual(q, dt, *first, *exact[0][:2]))
+            rounding = 8 * EPS / 1e-12 * np.array([float(e[2]) for e in exact])
+            unclear += (rounding > 1).sum()
+            for isa in ISAS:
+                mu, g = update(q, dt, *given, isa)
+                assert (mu < mu_2).all()
+                assert (mu >= 0).all()
+                assert (g >= 0).all()
+                X = q["G"] * dt * g / given[1]
+                for found, column in ((mu, 0), (X, 1)):
+                    expected = np.array([float(e[column]) for e in exact])
+                    error = abs(found - expected) / np.where(expected > 0, expected, 1.0)
+                    error /= np.maximum(1.0, rounding * column)
+                    worst[column] = max(worst[column], error.max())
+            count += n_of_each
+    assert unclear < 0.02 * count
+    assert residual < 1e-40  # the reference solves the equation, not only its quadratic form
+    return worst, count
+
+
+def test_update_against_sixty_digits():
+    (mu, X), count = worst_errors(420, seed=1)
+    assert count >= 10_000
+    assert mu <= 1e-14
+    assert X <= 1e-12
+
+
+@pytest.mark.slow
+def test_update_of_a_hundred_thousand_states_against_sixty_digits():
+    (mu, X), count = worst_errors(4200, seed=2)
+    assert count >= 100_000
+    assert mu <= 1e-14
+    assert X <= 1e-12
+
+
+@pytest.mark.parametrize("isa", ISAS)
+def test_any_number_of_points_gives_the_same(isa):
+    rng = np.random.default_rng(3)
+    given = states(rng, BEADS, 1e-5, 37)
+    whole = update(BEADS, 1e-5, *given, isa)
+    for n in range(20):
+        part = update(BEADS, 1e-5, *(a[:n].copy() for a in given), isa)
+        assert all((a == b[:n]).all() for a, b in zip(part, whole, strict=True))
+
+
+@pytest.mark.parametrize("isa", ISAS)
+def test_without_fluidity_friction_is_bounded_by_what_the_step_lets_pass(isa):
+    """g* = 0, no rate: mu = min(m, mu_c) with mu_c = (mu_2 + f mu_s)/(1 + f)."""
+    dt = 1e-4
+    f = dt / BEADS["t0"] * (BEADS["mu_2"] - BEADS["mu_s"])
+    critical = (BEADS["mu_2"] + f * BEADS["mu_s"]) / (1 + f)
+    m = np.linspace(0, 5, 1001)
+    mu, g = update(BEADS, dt, m, 100.0, 0.0, 0.0, isa)
+    np.testing.assert_allclose(mu, np.minimum(m, critical), rtol=1e-14)
+    assert not g[m < critical].any()
+    assert (g[m > critical] > 0).all()
+
+
+@pytest.mark.parametrize("isa", ISAS)
+def test_extreme_states_stay_finite_and_below_the_bound(isa):
+    extremes = (0.0, 1e-60, 1e-30, 1.0, 1e30, 1e60)
+    m, p, g_star, rate = (
+        a.ravel().copy() for a in np.meshgrid(extremes, extremes[1:], (-1e60, *extremes), extremes)
+    )
+    for dt in (1e-12, 1e-4, 1e3):
+        mu, g = update(BEADS, dt, m, p, g_star, rate, isa)
+        assert (mu < BEADS["mu_2"]).all()
+        assert (mu >= 0).all()
+        assert np.isfinite(g).all()
+        assert (g >= 0).all()
+
+
+def test_steady_flow_is_the_local_rheology():
+    """Repeated without diffusion a held shear rate ends in mu(I): mu = mu_s + dmu I/(I + I0)."""
+    p, rate, dt = 1000.0, 5.0, 1e-4
+    mu = g = np.array([0.4])
+    for _ in range(4000):
+        last = mu * g
+        mu, g = update(BEADS, dt, mu + BEADS["G"] * dt * rate / p, p, g, last)
+    inertial = rate * BEADS["d"] * math.sqrt(BEADS["rho_s"] / p)
+    dmu = BEADS["mu_2"] - BEADS["mu_s"]
+    expected = BEADS["mu_s"] + dmu * inertial / (inertial + BEADS["I0"])
+    assert mu[0] == pytest.approx(expected, rel=1e-9)
+    assert (mu * g)[0] == pytest.approx(rate, rel=1e-9)
+
+
+def test_a_floor_of_pressure_weakens_the_sink_alone():
+    p, g_star, rate = 0.01, 3.0, 1.0
+    for floor in (0.0, 0.005, 0.01):  # below the pressure: nothing happens
+        assert update(BEADS | {"p_floor": floor}, 1e-5, np.array([0.5]), p, g_star, rate) == update(
+            BEADS, 1e-5, np.array([0.5]), p, g_star, rate
+        )
+    raised = BEADS | {"p_floor": 4.0}
+    weaker = rate * math.sqrt(p / 4.0)
+    found = update(raised, 1e-5, np.array([0.5]), p, g_star, rate)
+    np.testing.assert_allclose(
+        found, update(BEADS, 1e-5, np.array([0.5]), p, g_star, weaker), rtol=1e-14
+    )
+
+
+# ---- bad input ----
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"G": 0.0}, "G = 0 must be positive"),
+        ({"t0": -1.0}, "t0 = -1 must be positive"),
+        ({"d": 0.0}, "d = 0 must be positive"),
+        ({"I0": math.nan}, "I0 = nan must be positive and finite"),
+        ({"rho_s": math.inf}, "rho_s = inf must be positive and finite"),
+        ({"mu_s": -0.1}, "mu_s = -0.1 must be zero or positive"),
+        ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s = 0.3819"),
+        ({"p_floor": -1.0}, "p_floor = -1 must be zero or positive"),
+    ],
+)
+def test_parameters_are_checked(change, text):
+    with pytest.raises(ValueError, match=text):
+        update(BEADS | change, 1e-5, np.array([0.5]), 1.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("dt", [0.0, -1e-5, math.nan, math.inf])
+def test_step_is_checked(dt):
+    with pytest.raises(ValueError, match=r"dt = .* must be positive and finite"):
+        update(BEADS, dt, np.array([0.5]), 1.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e61, -1.0])
+@pytest.mark.parametrize("name", ["mu_trial", "p", "g_star", "shear_rate"])
+def test_values_are_checked(name, bad):
+    given = dict.fromkeys(("mu_trial", "p", "g_star", "shear_rate"), 1.0)
+    arrays = [np.full(3, bad if key == name else value) for key, value in given.items()]
+    arrays[list(given).index(name)][:2] = 1.0
+    if name == "g_star" and bad == -1.0:
+        update(BEADS, 1e-5, *arrays)  # taken for zero
+        return
+    with pytest.raises(ValueError, match=rf"{name}\[2\] = .* is outside the range"):
+        update(BEADS, 1e-5, *arrays)

@@ -1,0 +1,170 @@
+"""Diffusion of the fluidity against exact solutions: orders in space and time, explicit limit."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from oracle_fluidity import ROUGH, diffuse, faces_of, outflow
+
+RATE = 0.25 * 0.005**2 / 1e-3
+"""A^2 d^2/t0 in m^2/s with the numbers of `diffuse`."""
+LENGTH = 0.2
+
+
+# Shapes along one axis of [0, 1]: value at u, and the number by which -(d/du)^2 multiplies it.
+def periodic(u, n):
+    return np.cos(2 * math.pi * n * u + 0.3), (2 * math.pi * n) ** 2
+
+
+def smooth(u, n):
+    return np.cos(math.pi * n * u), (math.pi * n) ** 2
+
+
+def rough(u, n):
+    return np.sin(math.pi * n * u), (math.pi * n) ** 2
+
+
+def rough_below(u, n):
+    return np.sin(math.pi * (n - 0.5) * u), (math.pi * (n - 0.5)) ** 2
+
+
+ENDS = {periodic: (), smooth: (), rough: ("low", "high"), rough_below: ("low",)}
+CASES = [
+    (rough, rough), (periodic, rough_below), (smooth, rough), (rough_below, smooth),
+    (periodic, periodic, rough), (rough, smooth, rough_below), (smooth, periodic, rough),
+]  # fmt: skip
+
+
+def modes(case):
+    """Weights and orders of the products that make the solution; the first keeps it positive."""
+    constant = {periodic: 0, smooth: 0, rough: 1, rough_below: 1}
+    first = tuple(constant[kind] for kind in case)
+    yield 1.0, first
+    for axis in range(len(case)):
+        yield 0.1, tuple(n + (a == axis) for a, n in enumerate(first))
+    yield 0.03, tuple(n + 1 for n in first)
+
+
+def solution(case, n, t):
+    """The exact field at the centres of n cells along each axis."""
+    u = (np.arange(n) + 0.5) / n
+    total = 0.0
+    for weight, orders in modes(case):
+        field, decay = np.ones(()), 0.0
+        for axis, (kind, order) in enumerate(zip(case, orders, strict=True)):
+            value, square = kind(u, order)
+            field = field * value.reshape((-1,) + (1,) * axis)
+            decay += square
+        total = total + weight * math.exp(-decay * RATE * t / LENGTH**2) * field
+    return total
+
+
+def lattice(case, n):
+    """Faces and periodic axes of a case."""
+    sides = {
+        f"{name}_{end}": ROUGH
+        for name, kind in zip("xyz", case, strict=False)
+        for end in ENDS[kind]
+    }
+    return {
+        "faces": faces_of((n,) * len(case), **sides),
+        "periodic": tuple(kind is periodic for kind in case),
+    }
+
+
+def numbers(case, n):
+    return lattice(case, n) | {"dx": LENGTH / n}
+
+
+def limit(case, n):
+    start = solution(case, n, 0.0)
+    return diffuse(start, method="explicit", dt=1e-12, steps=0, **numbers(case, n))[1]["limit"]
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(kind.__name__ for kind in case))
+def test_second_order_in_space(case):
+    """rkl2 with steps so short that only the lattice errs: halving dx leaves a quarter."""
+    time, errors = 0.1 * LENGTH**2 / RATE / math.pi**2, []
+    for n in (8, 16, 32) if len(case) == 2 else (6, 12, 24):
+        steps = 64
+        start = solution(case, n, 0.0)
+        assert (start > 0).all()
+        found, report = diffuse(
+            start, method="rkl2", dt=time / steps, steps=steps, **numbers(case, n)
+        )
+        assert not report["clamped"]
+        errors.append(abs(found - solution(case, n, time)).max())
+    orders = [math.log2(a / b) for a, b in itertools.pairwise(errors)]
+    assert errors[-1] < 1e-3 * start.max()
+    assert orders[-1] == pytest.approx(2.0, abs=0.05)
+
+
+def semidiscrete(case, n, time):
+    """Exact in time on the lattice: exp of the outflow matrix."""
+    parts, start = lattice(case, n), solution(case, n, 0.0)
+    value, vectors = np.linalg.eigh(outflow(np.ones(start.shape, bool), **parts))
+    decay = np.exp(-value * RATE * time * n**2 / LENGTH**2)
+    return start, (vectors @ (decay * (vectors.T @ start.ravel()))).reshape(start.shape)
+
+
+@pytest.mark.parametrize(
+    ("method", "limits", "order"),
+    [("explicit", 0.5, 1), ("implicit", 8.0, 1), ("rkl2", 2.4, 2), ("rkl2", 6.8, 2)],
+)
+@pytest.mark.parametrize(
+    "case", CASES[:2] + CASES[-1:], ids=lambda case: f"{len(case)}d-{case[0].__name__}"
+)
+def test_order_in_time(method, limits, order, case):
+    """Against the exact solution on the same lattice: steps of so many explicit limits, and half.
+
+    The number of rkl2 stages is the same for both (3 or 5): the error of a step depends on it.
+    """
+    n = 16 if len(case) == 2 else 8
+    time = 24 * limits * limit(case, n)
+    start, exact = semidiscrete(case, n, time)
+    errors = []
+    for steps in (24, 48):
+        found, report = diffuse(
+            start, method=method, dt=time / steps, steps=steps, **numbers(case, n)
+        )
+        assert not report["clamped"]
+        assert method != "rkl2" or report["iterations"] == steps * (3 if limits < 2.5 else 5)
+        errors.append(abs(found - exact).max())
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.1)
+    assert errors[-1] < (1e-2 if order == 1 else 1e-4) * start.max()
+
+
+@pytest.mark.parametrize("shape", [(1, 24), (14, 14), (7, 7, 7)], ids=["1d", "2d", "3d"])
+def test_explicit_limit_is_sharp(shape):
+    """.98 of it decays; 1.02 is refused, and would grow: by the eigenvalue, and by doing it."""
+    axes = sum(n > 1 for n in shape)
+    names = [f"{'xyz'[a]}_{end}" for a in range(axes) for end in ("low", "high")]
+    faces = faces_of(shape, **dict.fromkeys(names, ROUGH))
+    g = 1.0 + np.random.default_rng(1).random(shape)
+    bulk = 0.01**2 / (2 * axes * RATE)
+    assert diffuse(g, method="explicit", dt=1e-9, faces=faces)[1]["limit"] == pytest.approx(bulk)
+
+    L = outflow(np.ones(shape, bool), faces, (False,) * len(shape))
+    largest = np.linalg.eigvalsh(L)[-1]
+    assert largest == pytest.approx(4 * axes, rel=1e-12)
+    stable, unstable = (part * bulk * RATE / 0.01**2 for part in (0.98, 1.02))
+    assert abs(1 - stable * largest) < 1 < abs(1 - unstable * largest)
+
+    # a field that the shortest wave lifts nowhere below zero
+    value, vectors = np.linalg.eigh(L)
+    shortest = vectors[:, -1].reshape(shape) / abs(vectors[:, -1]).max()
+    slowest = abs(vectors[:, 0].reshape(shape))
+    start = slowest / slowest.max() + 1e-3 * shortest * slowest.min() / slowest.max()
+    found, report = diffuse(start, method="explicit", dt=0.98 * bulk, steps=40, faces=faces)
+    assert not report["clamped"]
+    decay = vectors @ ((1 - stable * value) ** 40 * (vectors.T @ start.ravel()))
+    np.testing.assert_allclose(found, decay.reshape(shape), atol=1e-12)
+    assert np.linalg.norm(found) < np.linalg.norm(start)
+
+    with pytest.raises(ValueError, match="must be shorter than"):
+        diffuse(g, method="explicit", dt=1.02 * bulk, faces=faces)
+    grown = start.ravel()
+    for _ in range(1500):
+        grown = grown - unstable * (L @ grown)
+    assert abs(grown).max() > 1e6
