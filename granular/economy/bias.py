@@ -83,7 +83,7 @@ LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
         ("silo", "default"): StiffnessLaw(0.015, 0.5, 0.0177, held=True, damping=0.19),
         ("hourglass", "published"): StiffnessLaw(0.03, 1.0, 4.5e-3),
         ("hourglass", "default"): StiffnessLaw(0.012, 2.3, 4.5e-3, damping=1.6),
-        ("slug", "default"): StiffnessLaw(0.004, 8.0, 5.3e-3, held=True, damping=0.92),
+        ("slug", "default"): StiffnessLaw(0.03, 2.0, 5.3e-3, held=True, damping=0.92),
     }
 )
 """By the name of the scene function and of the scheme that is like the one measured. What is not

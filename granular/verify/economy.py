@@ -19,8 +19,8 @@ from granular.verify.rows import Row, at_least, at_most, beside, check
 TOLERANCE = 0.02
 """Asked of the advice, and of what is measured."""
 
-LOOSER = 0.03
-"""Asked for columns, of which less is not promised."""
+LOOSER, LOOSEST = 0.03, 0.04
+"""Asked for columns and for slugs, of which less is not promised."""
 
 SPARED = 10.0
 """Factor by which the cost must fall."""
@@ -53,13 +53,14 @@ def rows(
     bounded: Sequence[str],
     *,
     timed: bool,
+    tolerance: float = TOLERANCE,
 ) -> Iterator[Row]:
     """Rows of the change of each quantity, and of the cost that is spared."""
     for quantity, found in thrifty.numbers.items():
         moved = change(found, full.numbers[quantity])
         text = f"change of the {quantity}, {name}"
         if quantity in bounded:
-            yield at_most(text, moved, TOLERANCE)
+            yield at_most(text, moved, tolerance)
         else:
             yield beside(text, f"{moved:.3g}", "reported")
     if timed:
@@ -138,7 +139,8 @@ def economy_hourglass() -> Iterator[Row]:
 
 @check(slow=True)
 def economy_slug() -> Iterator[Row]:
-    """The slug, default scheme: advised at 2 % against E = 1 GPa; its outline is chance."""
+    """The slug, default scheme: advised at 4 % against E = 1 GPa; its outline is chance."""
     scene = published("slug", schemes.default)
     full = reference(scene, materials.glass_beads.E)
-    yield from rows("slug, default", advised(scene), full, ("impact", "centre"), timed=True)
+    thrifty, kept = advised(scene, LOOSEST), ("impact", "centre")
+    yield from rows("slug, default", thrifty, full, kept, timed=True, tolerance=LOOSEST)
