@@ -10,6 +10,7 @@ from granular.schemes import Scheme
 from granular.simulation import Simulation, SimulationError
 from granular.stability import StabilityWarning
 from granular.state import State
+from granular.sweeping import sweep
 from granular.trajectory import Trajectory, open_trajectory
 from granular.trajectory import open_trajectory as open
 
@@ -39,5 +40,6 @@ __all__ = [
     "scenes",
     "schemes",
     "show_config",
+    "sweep",
     "theory",
 ]

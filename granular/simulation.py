@@ -269,7 +269,7 @@ class Simulation:
                         bar.update(min(self.time, until) - bar.n)
                         if writer:
                             writer.store(may_wait=True)
-                        if interrupted:
+                        if interrupted and self.time < frame:  # a frame that is due is kept
                             break
                     else:
                         self._frame(writer, hooks, monitor)

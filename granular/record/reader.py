@@ -44,6 +44,11 @@ class Trajectory:
         """Whether the record is one closed file (else its writer is alive or was killed)."""
         return self._contents.folder is None
 
+    @property
+    def has_checkpoint(self) -> bool:
+        """Whether a run can go on from this record."""
+        return self._contents.has_checkpoint
+
     @cached_property
     def scene(self) -> "Scene":
         """The scene of the run."""
@@ -130,7 +135,7 @@ class Trajectory:
             except RecordError as error:
                 found.append(str(error))
         try:
-            if self._contents.has_checkpoint:
+            if self.has_checkpoint:
                 self.checkpoint()
         except RecordError as error:
             found.append(str(error))
@@ -163,7 +168,7 @@ class Trajectory:
             "frames": len(self),
             "time [s]": f"{self.times[0]:g} to {self.times[-1]:g}" if len(self) else "",
             "points": f"{n.min()} to {n.max()}" if len(self) else "",
-            "checkpoint": "yes" if self._contents.has_checkpoint else "no",
+            "checkpoint": "yes" if self.has_checkpoint else "no",
             "granular": self.provenance.get("granular"),
         }
         return table(f"Trajectory of {self.scene.name}", rows)

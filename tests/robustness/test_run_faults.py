@@ -139,6 +139,25 @@ def test_a_finished_frame_does_not_wait_for_the_next(small_scene, tmp_path, monk
     assert len(between) > 5
 
 
+def test_an_interrupt_in_the_step_of_a_frame_does_not_cost_the_frame(small_scene, tmp_path):
+    """The run that goes on looks for the next one: it would never be made."""
+    scene, path = small_scene("walls", 2, PLAIN, E=1e5), tmp_path / "run.h5"
+    sim = gr.Simulation(scene, threads=1)
+    advance = sim._advance
+
+    def interrupted(max_steps, until):
+        advance(1, until)
+        if sim.time >= 0.02:
+            signal.raise_signal(signal.SIGINT)
+
+    sim._advance = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        sim.run(until=0.05, save=path, every=0.02)
+    with gr.open(path) as record:
+        assert record.times == pytest.approx([0.0, 0.02], abs=sim.dt)
+        assert record.checkpoint().step == record[-1].step == sim.steps
+
+
 CHILD = textwrap.dedent(
     """
     import os, signal, sys, threading, time

@@ -1,0 +1,421 @@
+"""Many scenes over any executor, each with a record of its own, so that a sweep can go on."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import re
+import shutil
+import signal
+import tempfile
+import threading
+import traceback
+import warnings
+import weakref
+from _thread import interrupt_main
+from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import closing, contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context, parent_process
+from numbers import Real
+from pathlib import Path
+from typing import Any, Protocol
+
+from tqdm.auto import tqdm
+
+from granular.checks import integer, positive
+from granular.scene import Scene
+from granular.simulation import Simulation
+from granular.trajectory import RecordError, Trajectory, open_trajectory
+
+__all__ = ["Executor", "Sweep", "sweep"]
+
+Measure = Callable[[Trajectory], Any]
+
+NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_+=,.-]{0,199}")
+"""Names of records, without their ending, that every file system takes."""
+
+
+class Executor(Protocol):
+    """What runs the cases: anything that submits as `concurrent.futures` does."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future:
+        """Call the function with the arguments, some time, somewhere."""
+
+
+class Sweep(Sequence):
+    """The results of a sweep, in the order of its cases; None for a case that failed.
+
+    Without a `measure` they are the records (`Trajectory`), each opened when it is asked for.
+
+    Attributes
+    ----------
+    keys : tuple
+        Of the cases: those of the mapping, or 0, 1, 2, ...
+    paths : tuple of Path
+        The records.
+    errors : dict
+        What went wrong, by the keys of the cases that failed; empty if all is well.
+    """
+
+    def __init__(self, cases: Sequence[_Case]) -> None:
+        self.keys = tuple(case.key for case in cases)
+        self.paths = tuple(case.path for case in cases)
+        self.errors: dict[Hashable, Exception] = {}
+        self._measured = cases[0].measure is not None
+        self._values: list[Any] = [None] * len(cases)
+
+    def _take(self, index: int, outcome: Any) -> None:
+        if not isinstance(outcome, _Failure):
+            self._values[index] = outcome
+            return
+        key, error = self.keys[index], outcome.error
+        self.errors[key] = error
+        # stacklevel: this method, `sweep`, its caller
+        warnings.warn(
+            f"case {key!r} failed: {type(error).__name__}: {error}", RuntimeWarning, stacklevel=3
+        )
+
+    def __len__(self) -> int:
+        return len(self.keys)
+
+    def __getitem__(self, index: int | slice) -> Any:
+        if isinstance(index, slice):
+            return [self[i] for i in range(len(self))[index]]
+        try:
+            key = self.keys[index]
+        except IndexError:
+            raise IndexError(f"case {index} must be in [{-len(self)}, {len(self) - 1}]") from None
+        if self._measured or key in self.errors:
+            return self._values[index]
+        return open_trajectory(self.paths[index])
+
+    def __repr__(self) -> str:
+        return f"<Sweep of {len(self)} cases, {len(self.errors)} failed>"
+
+
+def sweep(
+    cases: Iterable[Scene] | Mapping[Hashable, Scene],
+    executor: Executor | None = None,
+    *,
+    measure: Measure | None = None,
+    folder: str | os.PathLike[str] | None = None,
+    every: float | None = None,
+    workers: int | None = None,
+    progress: bool = True,
+    strict: bool = False,
+) -> Sweep:
+    """Run many scenes to their durations, with one thread each, and record each in its own file.
+
+    Ctrl-C ends the sweep. With a `folder`, the same call goes on where it was: a case whose record
+    is complete is not run again, one that was begun goes on from its checkpoint, to the same bits.
+    So does one that failed.
+
+    Parameters
+    ----------
+    cases : iterable of Scene, or mapping to Scene
+        The keys of a mapping name the records: strings, numbers, or tuples of them, such as
+        ``(width, A)``. Without a mapping the keys are 0, 1, 2, ...: to go on with another list
+        of scenes later, give a mapping.
+    executor : object with ``submit``, optional
+        Returns `concurrent.futures.Future`, as do ``ProcessPoolExecutor``, ``MPIPoolExecutor`` of
+        mpi4py.futures and what ``Client.get_executor()`` of dask returns. By default processes
+        of this machine, which import the script anew: it must start the sweep under
+        ``if __name__ == "__main__":``.
+    measure : callable, optional
+        Called where the case ran with its finished record, a `Trajectory`; what it returns is the
+        result. It must be picklable: a function of a module, or a `functools.partial` of one.
+    folder : path, optional
+        Where the records are, seen by all workers; made if need be. By default a temporary
+        folder of this machine, which goes with what is returned.
+    every : float, optional
+        Time between frames [s], see `Simulation.run`. It does not touch records that are complete.
+    workers : int, optional
+        Processes, where no executor is given; by default as many as processors.
+    progress : bool
+        Show a progress bar, in cases.
+    strict : bool
+        Raise in the end if cases failed.
+
+    Returns
+    -------
+    Sweep
+        A sequence of records, or of what `measure` returned, in the order of the cases; its
+        ``errors`` tell which failed.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For cases that are no scenes, keys that do not make file names, a `measure` that workers
+        cannot be sent; where the record of a case is of another scene. Nothing has run then.
+    ExceptionGroup
+        With `strict`, of the errors of the cases.
+    KeyboardInterrupt
+        On Ctrl-C; the records stay valid. What already runs in an `executor` that was given
+        may run to its end.
+
+    Warns
+    -----
+    RuntimeWarning
+        For each case that failed, with its key and its error; the others go on.
+    """
+    scenes = _scenes(cases)
+    names = _names(list(scenes))
+    every = None if every is None else positive("every", every)
+    _check_executor(executor, workers)
+    _check_measure(measure, executor)
+    place, made = _folder(folder)
+    jobs = [
+        _Case(key, scene, place / f"{name}.h5", every, measure)
+        for name, (key, scene) in zip(names, scenes.items(), strict=True)
+    ]
+    results = Sweep(jobs)
+    if made:
+        weakref.finalize(results, shutil.rmtree, place, ignore_errors=True)
+    for job in jobs:
+        with suppress(RecordError, OSError):  # a matter of this case, which its run will tell
+            _stage(job)
+    with (
+        tqdm(total=len(jobs), desc="sweep", unit="case", disable=not progress) as bar,
+        _submitter(executor, workers, len(jobs)) as submit,
+        closing(_outcomes(jobs, submit)) as outcomes,
+    ):
+        for index, outcome in outcomes:
+            results._take(index, outcome)
+            bar.update()
+    if strict and results.errors:
+        errors = list(results.errors.values())
+        raise ExceptionGroup(f"{len(errors)} of {len(jobs)} cases failed", errors)
+    return results
+
+
+# ---- what is asked for ----
+
+
+def _scenes(cases: object) -> dict[Hashable, Scene]:
+    wanted = "an iterable of Scene or a mapping to Scene"
+    if isinstance(cases, (str, bytes)) or not isinstance(cases, Iterable):
+        raise TypeError(f"cases = {cases!r} must be {wanted}")
+    scenes = dict(cases if isinstance(cases, Mapping) else enumerate(cases))
+    if not scenes:
+        raise ValueError(f"cases = {cases!r} must hold at least one Scene")
+    for key, scene in scenes.items():
+        if not isinstance(scene, Scene):
+            raise TypeError(f"cases[{key!r}] = {scene!r} must be a Scene")
+    return scenes
+
+
+def _names(keys: Sequence[Hashable]) -> list[str]:
+    """Names of records by the keys of the cases, no two of them equal on any file system."""
+    seen: dict[str, Hashable] = {}
+    names = []
+    for key in keys:
+        parts = key if isinstance(key, tuple) else (key,)
+        if not parts or not all(isinstance(part, (str, Real)) for part in parts):
+            raise TypeError(f"key {key!r} of cases must be a string, a number or a tuple of them")
+        name = "_".join(map(str, parts))
+        if not NAME.fullmatch(name):
+            raise ValueError(
+                f"key {key!r} of cases must make a file name: 1 to 200 letters, digits or "
+                f"any of _+-=,. with none of =,. in front, and not {name!r}"
+            )
+        other = seen.setdefault(name.casefold(), key)
+        if other is not key:
+            raise ValueError(f"key {key!r} of cases makes the file name of {other!r}, {name!r}")
+        names.append(name)
+    return names
+
+
+def _check_executor(executor: object, workers: object) -> None:
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise TypeError(f"executor = {executor!r} must have a method submit")
+    if workers is not None:
+        integer("workers", workers, 1)
+        if executor is not None:
+            raise ValueError(f"workers = {workers} must be None where an executor is given")
+
+
+def _check_measure(measure: object, executor: object) -> None:
+    if measure is None:
+        return
+    if not callable(measure):
+        raise TypeError(f"measure = {measure!r} must be callable")
+    try:
+        data = pickle.dumps(measure)
+    except Exception as error:
+        raise TypeError(
+            f"measure = {measure!r} must be picklable, as a function of a module is: {error}"
+        ) from error
+    import __main__
+
+    # Our processes import the script again; what was typed into a session they cannot find.
+    script = Path(getattr(__main__, "__file__", "")).is_file()
+    if executor is None and b"__main__" in data and not script:
+        raise TypeError(f"measure = {measure!r} must be in a module that the workers can import")
+
+
+def _folder(folder: object) -> tuple[Path, bool]:
+    """Where the records go, and whether it is temporary."""
+    if folder is None:
+        return Path(tempfile.mkdtemp(prefix="granular-sweep-")), True
+    if not isinstance(folder, (str, os.PathLike)):
+        raise TypeError(f"folder = {folder!r} must be a path, not {type(folder).__name__}")
+    place = Path(folder)
+    if place.exists() and not place.is_dir():
+        raise NotADirectoryError(f"folder = {folder} must be a folder")
+    place.mkdir(parents=True, exist_ok=True)
+    return place.resolve(), False  # workers may be in another working folder
+
+
+# ---- one case, in a worker ----
+
+
+@dataclass(frozen=True)
+class _Case:
+    key: Hashable
+    scene: Scene
+    path: Path
+    every: float | None
+    measure: Measure | None
+
+
+@dataclass(frozen=True)
+class _Failure:
+    error: Exception
+
+
+def _stage(case: _Case) -> str:
+    """How far the record of a case is: "new", "begun" or "done"."""
+    try:
+        record = open_trajectory(case.path)
+    except FileNotFoundError:
+        return "new"
+    with record:
+        if not record.finished and not record.has_checkpoint:
+            return "new"  # killed in its first moments
+        if record.scene.to_json() != case.scene.to_json():
+            raise ValueError(
+                f"case {case.key!r}: the record {case.path} is of another scene; "
+                "the folder must be of this sweep"
+            )
+        reached = len(record) > 0 and record.times[-1] >= case.scene.duration
+        return "done" if record.finished and reached else "begun"
+
+
+def _run(case: _Case) -> Any:
+    """What the measure makes of a case, run as far as need be, or a `_Failure`.
+
+    Errors are values here: one that cannot be unpickled would break the pool of the others.
+    """
+    try:
+        stage = _stage(case)
+        if stage == "new":
+            sim = Simulation(case.scene, threads=1)
+            sim.run(save=case.path, every=case.every, overwrite=True)
+        elif stage == "begun":
+            Simulation.resume(case.path, threads=1).run(every=case.every)
+        if case.measure is None:
+            return None
+        with open_trajectory(case.path) as record:
+            return case.measure(record)
+    except Exception as error:
+        return _Failure(_portable(error, case.key))
+
+
+def _portable(error: Exception, key: Hashable) -> Exception:
+    """An error as it reads after a journey, with its traceback as text."""
+    error.add_note(f"in case {key!r}:\n{''.join(traceback.format_tb(error.__traceback__))}")
+    try:
+        return pickle.loads(pickle.dumps(error))
+    except Exception:
+        plain = RuntimeError(f"{type(error).__name__}: {error}")
+        plain.__notes__ = error.__notes__
+        return plain
+
+
+# ---- all cases ----
+
+
+def _outcomes(
+    cases: Sequence[_Case], submit: Callable[[_Case], Future]
+) -> Generator[tuple[int, Any], None, None]:
+    """Index and outcome of each case as they come."""
+    futures: dict[Future, int] = {}
+    try:
+        for index, case in enumerate(cases):
+            future = submit(case)
+            if not isinstance(future, Future):
+                raise TypeError(
+                    f"executor.submit returned {future!r}, must be a concurrent.futures.Future"
+                )
+            if future.done():  # an executor may work at once: show it
+                yield index, _outcome(future)
+            else:
+                futures[future] = index
+        for future in as_completed(futures):
+            yield futures[future], _outcome(future)
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _outcome(future: Future) -> Any:
+    try:
+        return future.result()
+    except Exception as error:  # of the executor: a worker that died, a result not to be pickled
+        return _Failure(error)
+
+
+@contextmanager
+def _submitter(
+    executor: Executor | None, workers: int | None, most: int
+) -> Iterator[Callable[[_Case], Future]]:
+    """What submits a case, to the executor given or to processes of our own."""
+    if executor is not None:
+        yield partial(executor.submit, _run)
+        return
+    own = getattr(os, "sched_getaffinity", None)  # Linux: what this process may use
+    count = workers or (len(own(0)) if own else os.cpu_count() or 1)
+    context = get_context("spawn")  # a fork would inherit the threads of the core
+    receiver, sender = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(min(count, most), context, _enlist, (receiver,))
+    try:
+        yield partial(pool.submit, _run_in_pool)
+    except BaseException:
+        sender.close()
+        raise
+    finally:
+        pool.shutdown(cancel_futures=True)
+        sender.close()
+        receiver.close()
+
+
+_stop: Any = None
+"""In a process of the pool: a pipe that ends when the sweep does, or its process is no more."""
+
+
+def _enlist(stop: Any) -> None:
+    """Prepare a process of the pool: Ctrl-C and `stop` end a case, never what is between cases."""
+    global _stop
+    _stop = stop
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_watch, daemon=True).start()
+
+
+def _watch() -> None:
+    _stop.poll(None)
+    interrupt_main()  # as Ctrl-C, which `Simulation.run` turns into a valid record
+    parent_process().join()
+    os._exit(1)  # else it would go on for nobody, and hold the record
+
+
+def _run_in_pool(case: _Case) -> Any:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        if _stop.poll(0):
+            raise KeyboardInterrupt
+        return _run(case)
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
