@@ -19,7 +19,7 @@ from granular.scenes._build import gravity_down
 from granular.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
-from granular.theory import beverloo_rate, ill_posedness, transient
+from granular.theory import RUNOUT_LAWS, beverloo_rate, ill_posedness, transient
 from granular.verify import layers, silo
 from granular.verify.collapse import collapse, three
 from granular.verify.incline import MOVING, mean_speed
@@ -202,7 +202,8 @@ def runouts(aspect: float, cells: tuple[float, ...], scheme: Scheme) -> Iterator
         run = measure.runout(sim.state)
         found.append(run.quantile)
         name = f"a = {aspect:g}, cells of {cell:g} m"
-        yield beside(f"run-outs, {name}", three(run), f"paper {2.28 * aspect:.2f}")
+        paper = float(RUNOUT_LAWS["dunatunga"](aspect))
+        yield beside(f"run-outs, {name}", three(run), f"paper {paper:.2f}")
         yield beside(f"plastic work in the ill-posed range, {name}", f"{bad:.2f}", "reported")
     steps = np.abs(np.diff(found))
     yield holds(
