@@ -5,7 +5,7 @@
  * of cells. */
 #include "law/law_elastic.c"
 #include "law/law_frictional.c"
-#include "law/fluidity_update.h"
+#include "law/law_ngf.c"
 #include "fluidity/diffuse.c"
 #include "mpm/migrate.h"
 #include "mpm/scatter.c"
@@ -108,6 +108,20 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SMOOTH
 }
 
+static void relax(struct gr_engine *e, int64_t first, int64_t last, int made)
+{
+#define GR_RELAX(d, b, u)                                                    \
+    if (e->config.dim == d && e->config.basis == b && e->config.shared == u) \
+        relax_cells(d, b, u, e, first, last, made, laws[e->config.law][d - 2]);
+    GR_RELAX(2, GR_LINEAR, 0)
+    GR_RELAX(2, GR_LINEAR, 1)
+    GR_RELAX(2, GR_QUADRATIC, 0)
+    GR_RELAX(3, GR_LINEAR, 0)
+    GR_RELAX(3, GR_LINEAR, 1)
+    GR_RELAX(3, GR_QUADRATIC, 0)
+#undef GR_RELAX
+}
+
 static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law][dim - 2](call); }
 
 static void update_fluidity(const struct gr_fluidity_call *call) { fluidity_points(call); }
@@ -121,6 +135,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .sweep = sweep,
     .press = press,
     .smooth = smooth,
+    .relax = relax,
     .update_law = update_law,
     .update_fluidity = update_fluidity,
     .diffuse = diffuse,

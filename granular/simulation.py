@@ -142,6 +142,13 @@ class Simulation:
         return self._engine.isa
 
     @property
+    def fluidity(self) -> _core.Fluidity | None:
+        """How the fluidity is diffused: method, substeps, the limit of a substep [s], and the
+        iterations and the cells kept from being negative since this object was made. None for a
+        local law."""
+        return self._engine.fluidity()
+
+    @property
     def buffers(self) -> dict[str, NDArray]:
         """What the core works on, without copying: {field: (component, capacity)} and "id".
 

@@ -7,7 +7,7 @@
 #define GR_CORE_FIELD_H
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED };
+enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL };
 
 /* X(name, kind, needed by, unit, description) */
 #define GR_FIELDS(X)                                                                                 \
@@ -20,7 +20,8 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED };
     X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")              \
     X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")  \
     X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")      \
-    X(overweight, GR_SCALAR, GR_DIFFUSED, "1", "part by which a point counts more than its volume")
+    X(overweight, GR_SCALAR, GR_DIFFUSED, "1", "part by which a point counts more than its volume")  \
+    X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu where it flows; 0 where it bears nothing")
 
 enum gr_field {
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

@@ -13,6 +13,10 @@
  * discriminant is a sum of terms that are not negative, and no sum of unlike signs decides the result (a text-book
  * root loses eight digits in every tenth state).
  *
+ * A point stands for a part of the depth, through which p varies by h to either side: 1/sqrt(p) in k is its mean
+ * 2/(sqrt(p + h) + sqrt(p - h)), with no second root where p < h. At a free surface, where p = h in the uppermost layer
+ * of points, that is sqrt(2) times the value at its middle.
+ *
  * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0). */
 #ifndef GR_LAW_FLUIDITY_UPDATE_H
 #define GR_LAW_FLUIDITY_UPDATE_H
@@ -27,7 +31,7 @@ struct gr_fluidity_numbers {
     vd mu_s, mu_2, below_mu_2, dmu_over_mu_2, inv_mu_2; /* friction */
     vd phi, a_phi;                                      /* f/mu_2, phi mu_s */
     vd G_dt, inv_G_dt;                                  /* Pa s */
-    vd sink, largest_inv_root;                          /* f d sqrt(rho_s)/I0; 1/sqrt(p) in the sink is at most this */
+    vd sink, p_spread;                                  /* f d sqrt(rho_s)/I0; Pa */
 };
 
 struct gr_fluidity_point {
@@ -52,7 +56,7 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
         .G_dt = v_set(G * dt),
         .inv_G_dt = v_set(1 / (G * dt)),
         .sink = v_set(dt / t0 * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
-        .largest_inv_root = v_set(1 / sqrt(p_floor > GR_LEAST_PRESSURE ? p_floor : GR_LEAST_PRESSURE)),
+        .p_spread = v_set(p_spread),
     };
 }
 
@@ -64,7 +68,8 @@ static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidi
     const vd zero = v_zero(), one = v_set(1.0), two = v_set(2.0);
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
     const vd inv_root = one / v_sqrt_fast(p);
-    const vd q = v_fma(n->sink * rate, v_min(inv_root, n->largest_inv_root), one), a = q + n->a_phi;
+    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt_fast(v_max(p - n->p_spread, zero));
+    const vd q = v_fma(n->sink * rate, two / roots, one), a = q + n->a_phi;
     const vd start = n->G_dt * v_max(zero, g_star) * (inv_root * inv_root); /* X* */
 
     const vm beyond = v_ge(m, n->mu_2);

@@ -252,6 +252,28 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
     }
 }
 
+/* The fluidity of a cell: the mean over its points that bear pressure, by mass. */
+GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const int blocks = GR_BLOCKS(cell->count);
+    const int64_t place = gr_cell_id(e, cell->at);
+    double sum[GR_SUMS];
+    vd acc[GR_SUMS];
+    for (int i = 0; i < GR_SUMS; i++) acc[i] = v_zero();
+    for (int n = 0; n < blocks; n++) {
+        const int64_t at = cell->offset + n * GR_W;
+        vd tension = component(e, GR_FIELD_stress, 0, at);
+        for (int c = 1; c < 3; c++) tension = tension + component(e, GR_FIELD_stress, c, at);
+        const vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
+        acc[0] = acc[0] + m;
+        acc[1] = v_fma(m, component(e, GR_FIELD_g, 0, at), acc[1]);
+    }
+    v_sums(sum, acc);
+    e->fluidity->dense[place] = sum[0] > 0;
+    e->fluidity->g[place] = sum[0] > 0 ? sum[1] / sum[0] : 0;
+}
+
 /* One more pass of XPIC: the momentum of the nodal velocity field seen by the points. */
 GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, int64_t index)
 {

@@ -43,7 +43,7 @@ static int take_parameters(PyObject *dict, double parameter[GR_FLUIDITY_PARAMETE
         }
         parameter[k] = PyFloat_AsDouble(value);
         if (PyErr_Occurred()) return -1;
-        if (refuse_number(name, parameter[k], k == GR_FLUIDITY_mu_s || k == GR_FLUIDITY_p_floor)) return -1;
+        if (refuse_number(name, parameter[k], k == GR_FLUIDITY_mu_s || k == GR_FLUIDITY_p_spread)) return -1;
     }
     const double mu_s = parameter[GR_FLUIDITY_mu_s], mu_2 = parameter[GR_FLUIDITY_mu_2];
     if (mu_2 > mu_s) return 0;
