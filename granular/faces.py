@@ -1,4 +1,4 @@
-"""What walls mean to the cells of the grid: which are solid or near outlets, what is at their faces.
+"""What walls mean to the cells of the grid: which are solid, near outlets, or at walls.
 
 The arrays are those of the core: cells as (..., y, x), one byte each.
 """

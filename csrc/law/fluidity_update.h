@@ -35,7 +35,7 @@ struct gr_fluidity_numbers {
 };
 
 struct gr_fluidity_point {
-    vd mu, g; /* friction, 1; fluidity, 1/s */
+    vd scale, mu, g; /* 1/(1 + X), friction, 1; fluidity, 1/s */
 };
 
 static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double parameter[GR_FLUIDITY_PARAMETER_COUNT],
@@ -60,17 +60,28 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
     };
 }
 
-/* Given: trial friction m in [0, 1e60], pressure p > 0, fluidity g_star after diffusion (negative: taken for zero),
- * plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
-static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star,
-                                                          vd rate)
+/* 1/p, and the mean of 1/sqrt(p), with one division. p > 0 is taken for GR_LEAST_PRESSURE at least. */
+struct gr_inverse_pressure {
+    vd p, root;
+};
+
+static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_fluidity_numbers *n, vd p)
 {
-    const vd zero = v_zero(), one = v_set(1.0), two = v_set(2.0);
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    const vd inv_root = one / v_sqrt_fast(p);
-    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt_fast(v_max(p - n->p_spread, zero));
-    const vd q = v_fma(n->sink * rate, two / roots, one), a = q + n->a_phi;
-    const vd start = n->G_dt * v_max(zero, g_star) * (inv_root * inv_root); /* X* */
+    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt_fast(v_max(v_zero(), p - n->p_spread));
+    const vd inverse = v_set(1.0) / (p * roots);
+    return (struct gr_inverse_pressure){inverse * roots, v_set(2.0) * (p * inverse)};
+}
+
+/* Given: trial friction m in [0, 1e60], the inverse of the pressure p, fluidity g_star after diffusion (negative: taken
+ * for zero), plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it.
+ * Both quotients, Y and 1/(1 + X), come from one division. */
+static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p,
+                                                          struct gr_inverse_pressure inverse, vd g_star, vd rate)
+{
+    const vd zero = v_zero(), one = v_set(1.0);
+    const vd q = v_fma(n->sink * rate, inverse.root, one), a = q + n->a_phi;
+    const vd start = n->G_dt * v_max(zero, g_star) * inverse.p; /* X* */
 
     const vm beyond = v_ge(m, n->mu_2);
     const vd e = v_abs(m - n->mu_2) * n->inv_mu_2, pull = n->phi * (n->dmu_over_mu_2 * m);
@@ -78,10 +89,19 @@ static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidi
     const vd b = v_fma(e, q, reaction) - start, c = e * v_select(beyond, pull, start); /* the last term is -c */
     const vd root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
     const vm rises = v_gt(b, zero);
-    const vd Y = v_select(rises, c + c, root - b) / v_select(rises, b + root, two * a);
-    const vd X = Y + v_keep(beyond, e);
+    const vd above = v_select(rises, c + c, root - b), below = v_select(rises, b + root, a + a); /* Y */
+    const vd offset = v_keep(beyond, e), whole = v_fma(below, one + offset, above);              /* below (1 + X) */
+    const vd part = one / (below * whole), scale = below * (below * part);
+    const vd X = v_fma(above * whole, part, offset);
     /* rounding alone could make it mu_2 */
-    return (struct gr_fluidity_point){.mu = v_min(n->below_mu_2, m / (one + X)), .g = X * p * n->inv_G_dt};
+    return (struct gr_fluidity_point){scale, v_min(n->below_mu_2, m * scale),
+                                      X * v_max(v_set(GR_LEAST_PRESSURE), p) * n->inv_G_dt};
+}
+
+/* The same for numbers that come from arrays. */
+static inline struct gr_fluidity_point gr_fluidity_at(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star, vd rate)
+{
+    return gr_fluidity_update(n, m, p, gr_invert_pressure(n, p), g_star, rate);
 }
 
 /* Arrays of points. The last ones of a number that is no multiple of the lanes go through a buffer. */
@@ -91,8 +111,8 @@ static inline void fluidity_points(const struct gr_fluidity_call *call)
     double in[4][GR_W], mu[GR_W], g[GR_W];
     int64_t k = 0;
     for (; k + GR_W <= call->n; k += GR_W) {
-        const struct gr_fluidity_point point = gr_fluidity_update(&n, v_load(call->mu_trial + k), v_load(call->p + k),
-                                                                  v_load(call->g_star + k), v_load(call->shear_rate + k));
+        const struct gr_fluidity_point point = gr_fluidity_at(&n, v_load(call->mu_trial + k), v_load(call->p + k),
+                                                              v_load(call->g_star + k), v_load(call->shear_rate + k));
         v_store(call->mu + k, point.mu);
         v_store(call->g + k, point.g);
     }
@@ -102,8 +122,7 @@ static inline void fluidity_points(const struct gr_fluidity_call *call)
         in[0][lane] = call->mu_trial[i], in[1][lane] = call->p[i];
         in[2][lane] = call->g_star[i], in[3][lane] = call->shear_rate[i];
     }
-    const struct gr_fluidity_point point =
-        gr_fluidity_update(&n, v_load(in[0]), v_load(in[1]), v_load(in[2]), v_load(in[3]));
+    const struct gr_fluidity_point point = gr_fluidity_at(&n, v_load(in[0]), v_load(in[1]), v_load(in[2]), v_load(in[3]));
     v_store(mu, point.mu);
     v_store(g, point.g);
     for (int64_t i = k; i < call->n; i++) call->mu[i] = mu[i - k], call->g[i] = g[i - k];

@@ -39,7 +39,7 @@ extern const struct gr_law_info gr_law_table[GR_LAW_COUNT];
  *   step, dt long; the log-density is behind it by `behind` of the trace of the increment.
  *   g_star[k], the fluidity of block k after its diffusion, 1/s; NULL in the local phase of a nonlocal law.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL.
- * Returned: the fluidity g, 1/s, where the pointer is not NULL. Nonlocal laws need both. */
+ * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL. Nonlocal laws need shear_rate and g. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
@@ -50,7 +50,7 @@ struct gr_law_call {
     const double *log_density;
     const double *g_star;
     double *stress[6];
-    double *shear_rate, *g;
+    double *shear_rate, *g, *gain;
 };
 
 /* Where the parameters of the nonlocal law are; those of its update at a point come last, all together. */

@@ -13,6 +13,8 @@ int gr_engine_uses(const struct gr_config *config, int field)
         return config->diffused;
     case GR_NONLOCAL:
         return config->law == GR_LAW_ngf;
+    case GR_BALANCED:
+        return config->law == GR_LAW_ngf && config->nonlocal.method == GR_DIFFUSION_implicit;
     case GR_ALWAYS:
     default:
         return 1;
@@ -121,7 +123,9 @@ static int build_fluidity(struct gr_engine *e)
         nonlocal->method = gr_longest_dt(&e->config) / substeps < limit ? GR_DIFFUSION_explicit : GR_DIFFUSION_implicit;
     }
     if (!nonlocal->substeps) nonlocal->substeps = nonlocal->method == GR_DIFFUSION_explicit ? 1 : SUBSTEPS;
-    return GR_OK;
+    if (nonlocal->method != GR_DIFFUSION_implicit) return GR_OK;
+    e->balance = calloc((size_t)e->fluidity->n_cells, sizeof(double));
+    return e->balance ? GR_OK : GR_ERR_MEMORY;
 }
 
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
@@ -140,6 +144,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
         n_cells *= e->axis[d].n_cells;
         n_nodes *= e->axis[d].n_nodes;
     }
+    if (config->law == GR_LAW_ngf) error = build_fluidity(e);
+    if (error) goto shallow;
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     /* whole lines, and room for the whole groups that lane sums are written in */
@@ -148,9 +154,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->sum_stride = (e->sum_stride + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
     e->node_stride = (GR_NODE_FIELDS(config->dim, config->diffused) + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
-        if (gr_engine_uses(config, f)) e->n_components += gr_field_components(f, config->dim);
-    if (config->law == GR_LAW_ngf) error = build_fluidity(e);
-    if (error) goto shallow;
+        if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
     error = copy_config(e, n_nodes, n_cells);
     if (error) goto out;
     error = GR_ERR_MEMORY;
@@ -202,6 +206,7 @@ void gr_engine_free(struct gr_engine *e)
                      e->node_mass,
                      e->node_v,
                      e->solid,
+                     e->balance,
                      e->leaver,
                      e->pending,
                      e->pending_id,

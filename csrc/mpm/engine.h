@@ -143,7 +143,8 @@ struct gr_engine {
     int sums_average, sums_take_back; /* what the sums of the next step hold, see gr_plan_sums */
     /* nonlocal law: the means of the cells' dense points, which are diffused in place; NULL without one */
     struct gr_fluidity *fluidity;
-    int diffuses; /* the law of this step is past its local phase */
+    double *balance; /* per cell of the lattice: what the law has added to its fluidity; NULL unless implicit */
+    int diffuses;    /* the law of this step is past its local phase */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;

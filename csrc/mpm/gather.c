@@ -38,7 +38,8 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
                                .log_density = e->field[GR_FIELD_log_density],
                                .g_star = e->diffuses ? batch->g_star : 0,
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
-                               .g = e->field[GR_FIELD_g]};
+                               .g = e->field[GR_FIELD_g],
+                               .gain = e->field[GR_FIELD_g_gain]};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
     update(&call);
     batch->n = 0;
@@ -260,10 +261,14 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     return m_bits(stays);
 }
 
-/* What the diffusion has left of the fluidity of a cell. */
+/* What the diffusion has left of the fluidity of a cell, see mean_fluidity. */
 GR_INLINE double fluidity_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    return e->diffuses ? e->fluidity->g[gr_cell_id(e, cell->at)] : 0;
+    if (!e->diffuses) return 0;
+    const int64_t place = gr_cell_id(e, cell->at);
+    if (!e->balance) return e->fluidity->g[place];
+    const double g = e->fluidity->g[place] - e->balance[place];
+    return g < 0 ? 0 : g; /* NaN stays */
 }
 
 GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, const int shared,
