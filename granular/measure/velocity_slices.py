@@ -116,7 +116,7 @@ def velocity_slices(
     up = up * where.width
     mean = frame_average(states, lambda state: state.v[:, 1], at="nodes")
     x, y = mean.axes[0] - where.axis, mean.axes[1] - where.floor
-    if not up[-1] <= y[-1]:
+    if not up[-1] <= y[-1] + 1e-9 * (y[1] - y[0]):
         raise ValueError(f"heights = {heights!r} reach {up[-1]:.6g} m, the grid {y[-1]:.6g} m")
     velocity = np.stack([_row(mean.value, y, height) for height in up])
     for height, row in zip(up, velocity, strict=True):

@@ -62,6 +62,14 @@ def test_points_that_fall_do_not_count_even_if_they_bear_a_little():
     assert points.x[points.p == 10, 1].max() < with_strays.y.max() - 2 * CELL
 
 
+def test_a_thin_arch_is_found_in_the_void():
+    points = jammed()
+    gap = parabola(points.x[:, 0])
+    shell = (points.x[:, 1] < gap + 2 * CELL) & (points.x[:, 0] < WIDTH / 2) & (points.p > 10)
+    thin = state(points.scene, points.x[shell], stress=points.stress[shell], per_cell=16)
+    assert np.allclose(arch_outline(thin).y, arch_outline(points).y)
+
+
 def test_both_halves_and_either_side_give_the_same():
     def lopsided(x):
         return 0.06 * (1 - 2 * np.abs(x) / WIDTH) + 0.0213

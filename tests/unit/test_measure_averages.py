@@ -106,10 +106,10 @@ def test_lithostatic_pressure_on_the_centre_line(half):
 def test_an_axis_through_cells_and_points_free_of_stress():
     s = scene((5, 2), 1.0, parameters={"orifice": 1.0})
     x = lattice(s, 2)
-    p = np.where(x[:, 1] > 1, 10.0 * np.floor(x[:, 0]), 0.0)
+    p = np.where(x[:, 1] > 1, 10.0 * np.floor(x[:, 0]) ** 2, 0.0)
     line = centre_line_pressure(state(s, x, stress=isotropic(p)))
     # the middle of five cells is the middle of the third
-    assert np.allclose(line.value, [0.0, 20.0])
+    assert np.allclose(line.value, [0.0, 40.0])
     with pytest.raises(ValueError, match="no column of cells beside"):
         centre_line_pressure(state(s, x), opening=Opening(1.0, axis=-9.0))
     with pytest.raises(ValueError, match="columns = 0"):

@@ -90,6 +90,9 @@ def test_half_a_judgement_is_none():
     begun = TIMES > 1.0
     assert flow_verdict(history(-1e-5, FLOW)).verdict == "unsure"
     assert flow_verdict(history(-0.1, 0.0)).verdict == "unsure"
+    halfway = np.where(TIMES < 1.425, FLOW, 0.0)
+    assert flow_verdict(history(-1e-5, halfway)).verdict == "unsure"
+    assert flow_verdict(history(-0.1, halfway)).verdict == "unsure"
     assert flow_verdict(history(0.1, FLOW)).verdict == "unsure"
     assert flow_verdict(history(-0.1, 0.05 * FREE_FALL)).verdict == "unsure"
     assert flow_verdict(history(-0.1, 0.05 * FREE_FALL), steady=0.04).verdict == "flowing"

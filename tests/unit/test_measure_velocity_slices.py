@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 from synthetic import lattice, material, silo, state
 
 from granular.measure import Opening, VelocitySlices, gaussian_fit, velocity_slices
@@ -90,6 +91,25 @@ def test_the_standard_error_is_that_of_many_tries():
     assert np.mean([fit.rms**2 for fit in fits]) == pytest.approx(0.005**2 * 98 / 105, rel=0.05)
 
 
+def test_the_fit_is_that_of_scipy():
+    """All seven parameters at once, by another method."""
+    slices = exact(noise=0.01)
+    which = np.repeat(np.arange(3), len(slices.x))
+    q = np.tile(slices.x, 3) ** 2 / (4 * HEIGHTS[which])
+
+    def model(q, B, *parts):
+        C, offset = np.array(parts).reshape(2, 3)
+        return C[which] * np.exp(-q / B) + offset[which]
+
+    found, covariance = curve_fit(
+        model, q, slices.velocity.ravel(), p0=(0.02, *[-0.3] * 3, 0, 0, 0)
+    )
+    fit = gaussian_fit(slices)
+    assert pytest.approx(found[0], rel=1e-5) == fit.B
+    assert fit.B_error == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
+    assert np.allclose(np.concatenate([fit.amplitude, fit.offset]), found[1:], rtol=1e-4)
+
+
 def test_r_squared_is_about_the_mean_of_each_height():
     fit = gaussian_fit(exact(noise=0.02))
     v = exact(noise=0.02).velocity
@@ -114,9 +134,18 @@ def test_an_axis_at_the_right_and_a_width_that_is_not_as_the_height():
     found = velocity_slices(left, opening=Opening(WIDTH, half=True))
     assert found.x[-1] == pytest.approx(0.0, abs=1e-12)
     assert gaussian_fit(found).B == pytest.approx(B, rel=0.02)
+    shifted = frames(gaussian, half=False, left=1.0, axis=1.2975)
+    assert gaussian_fit(velocity_slices(shifted)).B == pytest.approx(B, rel=0.02)
     straight = frames(lambda x, y: -np.exp(-(x**2) / (4 * 0.004)))
     each = gaussian_fit(velocity_slices(straight)).B_each
     assert each * HEIGHTS == pytest.approx(0.004, rel=0.02)
+
+
+def test_the_highest_row_with_material_needs_none_above():
+    """.56 m is the 32nd row of nodes and 4 W; .595 m is the last one."""
+    assert np.isfinite(velocity_slices(frames(gaussian), [4.0]).velocity).all()
+    full = velocity_slices(frames(gaussian, top=1.0), [4.25])
+    assert np.isfinite(full.velocity).all()
 
 
 def test_places_without_material_are_left_out():
