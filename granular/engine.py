@@ -178,7 +178,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
         parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
-        fluidity_substeps=scheme.fluidity.substeps or 0,
+        fluidity_substeps=scheme.fluidity.substeps,
         fluidity_faces=fluidity_faces(scene) if scene.material.law == "ngf" else None,
     )
 

@@ -26,41 +26,68 @@ static inline vd expansion_of(const int dim, const double *gradient)
     return trace;
 }
 
+/* What the stages of a few blocks hand on. Stages, because each is a chain of operations that wait for one another:
+ * a processor looks far enough ahead to begin the next block only if a chain is short. */
+struct gr_ngf_block {
+    vd p, m, scale; /* pressure, 0 where not dense; trial friction; what is left of the trial stress */
+    struct gr_inverse_pressure inverse;
+};
+
+/* Trial deviator, written in place of the stress, and its friction. */
+static inline void try_block(const int dim, const struct gr_law_call *call, int64_t k, vd K, vd G,
+                             const struct gr_fluidity_numbers *n, struct gr_ngf_block *block)
+{
+    const int64_t at = call->slot[k];
+    const double *gradient = call->gradient + k * dim * dim * GR_W;
+    struct gr_stress t = gr_trial(dim, gradient, call, at, K, G, v_set(call->part));
+    const vd c = v_fnma(v_set(call->behind), expansion_of(dim, gradient), v_load(call->log_density + at));
+    vd p = gr_split(&t);
+    if (call->pressure_from_density) p = K * c;
+    block->p = v_keep(m_and(v_ge(c, v_zero()), v_gt(p, v_zero())), p);
+    block->inverse = gr_invert_pressure(n, block->p);
+    const vd m = v_sqrt_fast(gr_tau_squared(dim, &t)) * block->inverse.p;
+    block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN stays */
+    for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, t.s[i]);
+}
+
+static inline void update_block(const struct gr_law_call *call, int64_t k, const struct gr_fluidity_numbers *n,
+                                struct gr_ngf_block *block)
+{
+    const int64_t at = call->slot[k];
+    const vm dense = v_gt(block->p, v_zero());
+    const vd g_star = v_set(call->g_star[k]), rate = v_load(call->shear_rate + at);
+    const struct gr_fluidity_point point = gr_fluidity_update(n, block->m, block->p, block->inverse, g_star, rate);
+    block->scale = point.scale;
+    v_store(call->shear_rate + at, v_keep(dense, point.g * point.mu));
+    v_store(call->g + at, v_keep(dense, point.g));
+    if (call->gain) v_store(call->gain + at, v_keep(dense, point.g - g_star));
+}
+
+static inline void return_block(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_block *block)
+{
+    const int64_t at = call->slot[k];
+    const vm dense = v_gt(block->p, v_zero());
+    for (int i = 0; i < GR_STRESSES(dim); i++) {
+        const vd s = block->scale * v_load(call->stress[i] + at);
+        v_store(call->stress[i] + at, v_keep(dense, i < 3 ? v_sub(s, block->p) : v_add(s, v_zero())));
+    }
+}
+
 static inline void law_ngf(const int dim, const struct gr_law_call *call)
 {
+    enum { TOGETHER = 8 };
     if (!call->g_star) {
         local_phase(dim, call);
         return;
     }
     const double *q = call->parameter + GR_NGF_POINT;
     const struct gr_fluidity_numbers n = gr_fluidity_numbers_of(q, call->dt);
-    const vd K = v_set(call->parameter[GR_NGF_K]), G = v_set(q[GR_FLUIDITY_G]), zero = v_zero();
-    const vd part = v_set(call->part), behind = v_set(call->behind);
-    for (int64_t k = 0; k < call->n_blocks; k++) {
-        const int64_t at = call->slot[k];
-        const double *gradient = call->gradient + k * dim * dim * GR_W;
-        const vd g_star = v_set(call->g_star[k]);
-        struct gr_stress t = gr_trial(dim, gradient, call, at, K, G, part);
-        const vd c = v_fnma(behind, expansion_of(dim, gradient), v_load(call->log_density + at));
-        vd p = gr_split(&t);
-        if (call->pressure_from_density) p = K * c;
-        const vm dense = m_and(v_ge(c, zero), v_gt(p, zero));
-        struct gr_fluidity_point point = {zero, zero, zero};
-        if (m_bits(dense)) {
-            const struct gr_inverse_pressure inverse = gr_invert_pressure(&n, p);
-            const vd trial = v_sqrt_fast(gr_tau_squared(dim, &t)) * inverse.p;
-            const vd m = v_min(v_set(GR_LARGEST_FRICTION), trial); /* NaN stays */
-            point = gr_fluidity_update(&n, m, p, inverse, g_star, v_load(call->shear_rate + at));
-            const vd scale = v_keep(dense, point.scale);
-            p = v_keep(dense, p);
-            for (int i = 0; i < 3; i++) t.s[i] = v_fma(scale, v_keep(dense, t.s[i]), -p);
-            for (int i = 3; i < GR_STRESSES(dim); i++) t.s[i] = scale * v_keep(dense, t.s[i]);
-        } else {
-            for (int i = 0; i < GR_STRESSES(dim); i++) t.s[i] = zero;
-        }
-        for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, t.s[i]);
-        v_store(call->shear_rate + at, v_keep(dense, point.g * point.mu));
-        v_store(call->g + at, v_keep(dense, point.g));
-        if (call->gain) v_store(call->gain + at, v_keep(dense, point.g - g_star));
+    const vd K = v_set(call->parameter[GR_NGF_K]), G = v_set(q[GR_FLUIDITY_G]);
+    struct gr_ngf_block block[TOGETHER];
+    for (int64_t first = 0; first < call->n_blocks; first += TOGETHER) {
+        const int64_t left = call->n_blocks - first, count = left < TOGETHER ? left : TOGETHER;
+        for (int64_t k = 0; k < count; k++) try_block(dim, call, first + k, K, G, &n, &block[k]);
+        for (int64_t k = 0; k < count; k++) update_block(call, first + k, &n, &block[k]);
+        for (int64_t k = 0; k < count; k++) return_block(dim, call, first + k, &block[k]);
     }
 }

@@ -88,7 +88,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->shared && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
-    if (c->law == GR_LAW_ngf && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 0)) return 0;
+    if (c->law == GR_LAW_ngf && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
@@ -103,7 +103,7 @@ static int config_is_valid(const struct gr_config *c)
 /* The lattice of the fluidity is that of the cells. */
 static int build_fluidity(struct gr_engine *e)
 {
-    enum { MAX_ITERATIONS = 10000, SUBSTEPS = 5 };
+    enum { MAX_ITERATIONS = 10000 };
     struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     const double *q = e->config.parameter;
     struct gr_fluidity_config config = {.dim = e->config.dim,
@@ -117,12 +117,11 @@ static int build_fluidity(struct gr_engine *e)
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
     if (error) return error;
-    const int automatic = nonlocal->method == GR_DIFFUSION_COUNT, substeps = nonlocal->substeps ? nonlocal->substeps : 1;
-    if (automatic) {
+    if (nonlocal->method == GR_DIFFUSION_COUNT) {
         const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
-        nonlocal->method = gr_longest_dt(&e->config) / substeps < limit ? GR_DIFFUSION_explicit : GR_DIFFUSION_implicit;
+        nonlocal->method =
+            gr_longest_dt(&e->config) / nonlocal->substeps < limit ? GR_DIFFUSION_explicit : GR_DIFFUSION_implicit;
     }
-    if (!nonlocal->substeps) nonlocal->substeps = nonlocal->method == GR_DIFFUSION_explicit ? 1 : SUBSTEPS;
     if (nonlocal->method != GR_DIFFUSION_implicit) return GR_OK;
     e->balance = calloc((size_t)e->fluidity->n_cells, sizeof(double));
     return e->balance ? GR_OK : GR_ERR_MEMORY;

@@ -46,7 +46,7 @@ struct gr_cure {
 /* How the fluidity of a nonlocal law is diffused. */
 struct gr_nonlocal {
     int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit where one substep is short enough for it */
-    int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held; 0: 1 explicit, else 5 */
+    int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held */
     double begins_at;    /* s; until then the law is local */
     double tolerance;    /* of the conjugate gradients */
     const uint8_t *face; /* (2 dim, cells): enum gr_face */

@@ -104,8 +104,8 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
         return -1;
     }
     if (c->law != GR_LAW_ngf) return 0;
-    if (c->basis == GR_UGIMP || c->nonlocal.substeps < 0 || c->nonlocal.substeps > 100000) {
-        PyErr_SetString(PyExc_ValueError, "law \"ngf\" needs basis 0 or 2 and 0 to 100000 substeps");
+    if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000) {
+        PyErr_SetString(PyExc_ValueError, "law \"ngf\" needs basis 0 or 2 and 1 to 100000 substeps");
         return -1;
     }
     PyArrayObject *array = gr_array(faces, "fluidity_faces", NPY_UINT8, c->dim + 1, shape, 0);

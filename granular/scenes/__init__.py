@@ -10,6 +10,8 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
 from granular.scene import Scene
+from granular.scenes.chute_ngf import chute_ngf
+from granular.scenes.clogging_silo import clogging_silo
 from granular.scenes.column_collapse import column_collapse
 from granular.scenes.cylinder_collapse import cylinder_collapse
 from granular.scenes.hourglass import hourglass
@@ -18,6 +20,8 @@ from granular.scenes.silo import silo
 from granular.scenes.slug import slug
 
 __all__ = [
+    "chute_ngf",
+    "clogging_silo",
     "column_collapse",
     "cylinder_collapse",
     "hourglass",
@@ -28,7 +32,10 @@ __all__ = [
     "slug",
 ]
 
-_FUNCTIONS = (column_collapse, silo, hourglass, incline, slug, cylinder_collapse)
+_FUNCTIONS = (
+    *(column_collapse, silo, hourglass, incline, slug, cylinder_collapse),
+    *(chute_ngf, clogging_silo),
+)
 
 registry: Mapping[str, Callable[..., Scene]] = MappingProxyType(
     {function.__name__: function for function in _FUNCTIONS}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 
-from granular.checks import integer, non_negative, positive
+from granular.checks import non_negative, positive
 from granular.geometry import Box, Fill, Grid
 from granular.materials import NGF, silo_grains
 from granular.scene import Scene
@@ -24,26 +24,28 @@ def clogging_silo(
     opening_over_d: float = 1.0,
     A: float = 1.0,
     cell: float = 0.0175,
-    opening: float = 0.14,
+    orifice: float = 0.14,
     width: float = 0.595,
     height: float = 0.595,
     half: bool = True,
     points_per_cell: int = 16,
+    jitter: float = 0.0,
     absorber: float | None = 0.49,
     gravity: float = 9.81,
     duration: float = 1.5,
     material: NGF = silo_grains,
     scheme: Scheme = hats,
+    seed: int = 0,
 ) -> Scene:
     """Silo of grains that are nearly as large as its opening (Dunatunga & Kamrin, "Modeling silo
     clogging with nonlocal granular rheology", section 7).
 
-    From the paper: opening 0.14 m between the fixed nodes, 0.595 m wide and filled as high, cells of
-    0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
+    From the paper: opening 0.14 m between the fixed nodes, 0.595 m wide and filled as high, cells
+    of 0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
     nu = .45, mu_s = .3819, mu_2 = 50, b = 1, t0 = 1 ms; the grains fill the opening
     `opening_over_d` times. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic
     start with the orifice open, and no upward motion above 0.49 m, which swallows elastic waves.
-    Some lengths are printed a tenth or a fifth of these; only these fit one another and the figures.
+    Some lengths are printed a tenth or a fifth of these; only these fit one another.
 
     Chosen here: squares in place of pairs of triangles, the right half for the whole, points leave
     for good as they cross the bottom, y = 0, and waves are held by nodes, not points.
@@ -56,11 +58,11 @@ def clogging_silo(
         Nonlocal amplitude: gives `material` its `A`.
     cell : float
         Cell [m].
-    opening, width, height : float
+    orifice, width, height : float
         Opening and silo (full widths) and height of the fill [m], whole cells (half-widths too).
     half : bool
         Whether only the right half is modelled, with a symmetry plane at x = 0.
-    points_per_cell
+    points_per_cell, jitter
         See `granular.geometry.Fill`.
     absorber : float or None
         Height [m] above which nothing moves up; None for none.
@@ -68,7 +70,7 @@ def clogging_silo(
         m/s2, from the start.
     duration : float
         Seconds.
-    material, scheme
+    material, scheme, seed
         See `Scene`.
 
     Raises
@@ -83,24 +85,28 @@ def clogging_silo(
     """
     cell = positive("cell", cell)
     if not isinstance(material, NGF):
-        raise TypeError(f"material = {material!r} must be of class NGF")
-    opening = positive("opening", opening)
-    d = opening / positive("opening_over_d", opening_over_d)
+        raise TypeError(f"material = {material!r} must be an NGF")
+    orifice = positive("orifice", orifice)
+    d = orifice / positive("opening_over_d", opening_over_d)
     material = material.replace(A=non_negative("A", A), d=d)
     if material.mu_2 < JAM_FRICTION:
         warnings.warn(
-            f"mu_2 = {material.mu_2} is below 1: the face of an arch in the plane bears friction 1, "
-            "so that this silo cannot jam",
+            f"mu_2 = {material.mu_2} is below 1: the face of an arch in the plane bears friction 1,"
+            " so that this silo cannot jam",
             StabilityWarning,
             stacklevel=2,
         )
     n_x = whole_cells("width/2", positive("width", width) / 2, cell)
     n_y = whole_cells("height", height, cell)
-    n_open = whole_cells("opening/2", opening / 2, cell)
+    n_open = whole_cells("orifice/2", orifice / 2, cell)
     if n_open >= n_x:
-        raise ValueError(f"opening = {opening} must be less than width = {width}")
-    low, edge, side = -n_x * cell * (not half), n_open * cell, n_x * cell
-    bottoms = [Wall(1, 0.0, kind="rough", span=((edge, side),))]
+        raise ValueError(f"orifice = {orifice} must be less than width = {width}")
+    low, edge, side = 0.0 if half else -n_x * cell, n_open * cell, n_x * cell
+    bottoms = [
+        Wall(1, 0.0, kind="rough", span=((edge, side),)),
+        # Open from the start: what is done near outlets is done near it.
+        Wall(1, 0.0, kind="rough", span=((max(low, -edge), edge),), opens_at=0.0),
+    ]
     if not half:
         bottoms.append(Wall(1, 0.0, kind="rough", span=((low, -edge),)))
     top = n_y * cell
@@ -112,7 +118,9 @@ def clogging_silo(
             (n_x if half else 2 * n_x, n_y + HEADROOM),
             open_sides=frozenset({"y-"}),
         ),
-        fills=(Fill(Box((low, 0.0), (side, top)), points_per_cell, lithostatic=True),),
+        fills=(
+            Fill(Box((low, 0.0), (side, top)), points_per_cell, jitter=jitter, lithostatic=True),
+        ),
         material=material,
         scheme=scheme,
         walls=(
@@ -123,15 +131,17 @@ def clogging_silo(
         absorbers=() if absorber is None else (Absorber(1, absorber),),
         gravity=Gravity((0.0,), ((0.0, -positive("gravity", gravity)),)),
         duration=duration,
+        seed=seed,
         parameters={
             "opening_over_d": opening_over_d,
             "A": A,
             "cell": cell,
-            "opening": opening,
+            "orifice": orifice,
             "width": width,
             "height": height,
             "half": half,
             "points_per_cell": points_per_cell,
+            "jitter": jitter,
             "absorber": absorber,
             "gravity": gravity,
         },

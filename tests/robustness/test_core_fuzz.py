@@ -154,7 +154,7 @@ def test_law_update_survives_any_number_in_its_arrays(data):
 
 
 def update_arguments(n=11):
-    names = ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_floor")
+    names = ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_spread")
     values = (3e5, 0.38, 0.64, 0.28, 2450.0, 5e-3, 1e-3, 0.0)
     arrays = [np.full(n, 0.5) for _ in range(6)]
     return [dict(zip(names, values, strict=True)), 1e-4, *arrays, ""]
@@ -203,7 +203,7 @@ def test_fluidity_diffuse_refuses_wrong_arrays(name, how):
 
 @QUICK
 @given(
-    place=st.sampled_from([0, 1, 8, *("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_floor")]),
+    place=st.sampled_from([0, 1, 8, *("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_spread")]),
     value=numbers,
 )
 def test_fluidity_update_refuses_wrong_numbers(place, value):

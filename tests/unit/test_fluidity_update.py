@@ -10,7 +10,7 @@ from granular import _core
 
 BEADS = {
     "G": 1e6 / 2.9, "mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.279, "rho_s": 2450.0, "d": 0.005,
-    "t0": 1e-3, "p_floor": 0.0,
+    "t0": 1e-3, "p_spread": 0.0,
 }  # fmt: skip
 ISAS = oracle.available()
 EPS = 2.0**-53
@@ -143,18 +143,17 @@ def test_steady_flow_is_the_local_rheology():
     assert (mu * g)[0] == pytest.approx(rate, rel=1e-9)
 
 
-def test_a_floor_of_pressure_weakens_the_sink_alone():
-    p, g_star, rate = 0.01, 3.0, 1.0
-    for floor in (0.0, 0.005, 0.01):  # below the pressure: nothing happens
-        assert update(BEADS | {"p_floor": floor}, 1e-5, np.array([0.5]), p, g_star, rate) == update(
-            BEADS, 1e-5, np.array([0.5]), p, g_star, rate
-        )
-    raised = BEADS | {"p_floor": 4.0}
-    weaker = rate * math.sqrt(p / 4.0)
-    found = update(raised, 1e-5, np.array([0.5]), p, g_star, rate)
-    np.testing.assert_allclose(
-        found, update(BEADS, 1e-5, np.array([0.5]), p, g_star, weaker), rtol=1e-14
-    )
+def test_the_sink_takes_the_mean_of_the_root_over_the_depth_that_a_point_stands_for():
+    p, g_star, rate, m = 8.0, 3.0, 1.0, np.array([0.5])
+    for spread in (0.5, 8.0, 20.0):
+        low = max(p - spread, 0.0)
+        mean = 2.0 / (math.sqrt(p + spread) + math.sqrt(low))  # integral of p^-1/2 over 2 spread
+        if spread <= p:
+            x = np.linspace(0.0, 1.0, 100_001)[1:] - 0.5e-5
+            assert mean == pytest.approx(np.mean((low + 2 * spread * x) ** -0.5), rel=2e-3)
+        found = update(BEADS | {"p_spread": spread}, 1e-5, m, p, g_star, rate)
+        expected = update(BEADS, 1e-5, m, p, g_star, rate * mean * math.sqrt(p))
+        np.testing.assert_allclose(found, expected, rtol=1e-14)
 
 
 # ---- bad input ----
@@ -170,7 +169,7 @@ def test_a_floor_of_pressure_weakens_the_sink_alone():
         ({"rho_s": math.inf}, "rho_s = inf must be positive and finite"),
         ({"mu_s": -0.1}, "mu_s = -0.1 must be zero or positive"),
         ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s = 0.3819"),
-        ({"p_floor": -1.0}, "p_floor = -1 must be zero or positive"),
+        ({"p_spread": -1.0}, "p_spread = -1 must be zero or positive"),
     ],
 )
 def test_parameters_are_checked(change, text):

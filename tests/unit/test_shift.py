@@ -5,7 +5,7 @@ import pytest
 from test_kernels import disturbed, living
 
 import granular as gr
-from granular.engine import FLAG_WALL, _cell_flags
+from granular.faces import FLAG_WALL, cell_flags
 
 CELL = 0.1
 WALL = 3 * CELL
@@ -42,7 +42,7 @@ def test_faces_of_blocks_hold_the_shift_as_walls_do(small_scene):
     base = small_scene("periodic", 2, ("quadratic", "tpic", "diffused"))
     low, cell = np.array(base.grid.lower), base.grid.cell
     block = gr.walls.Solid(tuple(low + 2 * cell), tuple(low + 3 * cell))
-    flags = _cell_flags(base.replace(walls=(*base.walls, block))) ^ _cell_flags(base)
+    flags = cell_flags(base.replace(walls=(*base.walls, block))) ^ cell_flags(base)
     sides = {(2, 3): 1 << 0, (2, 1): 1 << 1, (3, 2): 1 << 2, (1, 2): 1 << 3}  # y, x of cells
     for place, side in sides.items():
         assert flags[place] // FLAG_WALL == side
