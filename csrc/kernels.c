@@ -6,6 +6,7 @@
 #include "law/law_elastic.c"
 #include "law/law_frictional.c"
 #include "law/fluidity_update.h"
+#include "law/hencky.h"
 #include "fluidity/diffuse.c"
 #include "mpm/migrate.h"
 #include "mpm/scatter.c"
@@ -112,6 +113,22 @@ static void update_law(int law, int dim, const struct gr_law_call *call) { laws[
 
 static void update_fluidity(const struct gr_fluidity_call *call) { fluidity_points(call); }
 
+#define GR_X(name, doc)                                                                                             \
+    static void hencky_##name##_2d(const struct gr_hencky_call *call) { hencky_points(2, GR_HENCKY_##name, call); } \
+    static void hencky_##name##_3d(const struct gr_hencky_call *call) { hencky_points(3, GR_HENCKY_##name, call); }
+GR_HENCKY_FLOWS(GR_X)
+#undef GR_X
+
+static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
+{
+    static void (*const updates[GR_HENCKY_FLOW_COUNT][2])(const struct gr_hencky_call *) = {
+#define GR_X(name, doc) {hencky_##name##_2d, hencky_##name##_3d},
+        GR_HENCKY_FLOWS(GR_X)
+#undef GR_X
+    };
+    updates[flow][dim - 2](call);
+}
+
 extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
 const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .isa = GR_STRING(GR_ISA),
@@ -123,5 +140,6 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .smooth = smooth,
     .update_law = update_law,
     .update_fluidity = update_fluidity,
+    .update_hencky = update_hencky,
     .diffuse = diffuse,
 };

@@ -13,7 +13,12 @@
  * discriminant is a sum of terms that are not negative, and no sum of unlike signs decides the result (a text-book
  * root loses eight digits in every tenth state).
  *
- * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0). */
+ * The same with an unbounded friction, mu_2 = infinity in lambda but b = dmu/I0 as it is (Haeri & Skonieczny 2021, eq. 6):
+ *     g = g* - theta [(mu_s - mu) + dmu k] g,  theta = dt/t0,
+ *     c X^2 + [q + theta (mu_s - m) - X*] X - X* = 0,  c = q + theta mu_s.
+ *
+ * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0); of the
+ * unbounded friction m = mu_s + 1/theta. */
 #ifndef GR_LAW_FLUIDITY_UPDATE_H
 #define GR_LAW_FLUIDITY_UPDATE_H
 
@@ -26,6 +31,7 @@
 struct gr_fluidity_numbers {
     vd mu_s, mu_2, below_mu_2, dmu_over_mu_2, inv_mu_2; /* friction */
     vd phi, a_phi;                                      /* f/mu_2, phi mu_s */
+    vd theta, theta_mu_s;                               /* dt/t0 */
     vd G_dt, inv_G_dt;                                  /* Pa s */
     vd sink, largest_inv_root;                          /* f d sqrt(rho_s)/I0; 1/sqrt(p) in the sink is at most this */
 };
@@ -49,6 +55,8 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
         .inv_mu_2 = v_set(1 / mu_2),
         .phi = v_set(phi),
         .a_phi = v_set(phi * mu_s),
+        .theta = v_set(dt / t0),
+        .theta_mu_s = v_set(dt / t0 * mu_s),
         .G_dt = v_set(G * dt),
         .inv_G_dt = v_set(1 / (G * dt)),
         .sink = v_set(dt / t0 * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
@@ -56,27 +64,53 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
     };
 }
 
+/* What the two quadratic equations share: q, X*, and the one root of a X^2 + b X - c = 0, a > 0, c >= 0, that is not
+ * negative, without cancellation. */
+struct gr_fluidity_start {
+    vd q, X;
+};
+
+static inline struct gr_fluidity_start gr_fluidity_start_of(const struct gr_fluidity_numbers *n, vd p, vd g_star, vd rate)
+{
+    const vd inv_root = v_set(1.0) / v_sqrt_fast(p);
+    return (struct gr_fluidity_start){
+        .q = v_fma(n->sink * rate, v_min(inv_root, n->largest_inv_root), v_set(1.0)),
+        .X = n->G_dt * v_max(v_zero(), g_star) * (inv_root * inv_root),
+    };
+}
+
+static inline vd gr_fluidity_root(vd a, vd b, vd c)
+{
+    const vd root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
+    const vm rises = v_gt(b, v_zero());
+    return v_select(rises, c + c, root - b) / v_select(rises, b + root, v_set(2.0) * a);
+}
+
 /* Given: trial friction m in [0, 1e60], pressure p > 0, fluidity g_star after diffusion (negative: taken for zero),
  * plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
 static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star,
                                                           vd rate)
 {
-    const vd zero = v_zero(), one = v_set(1.0), two = v_set(2.0);
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    const vd inv_root = one / v_sqrt_fast(p);
-    const vd q = v_fma(n->sink * rate, v_min(inv_root, n->largest_inv_root), one), a = q + n->a_phi;
-    const vd start = n->G_dt * v_max(zero, g_star) * (inv_root * inv_root); /* X* */
-
+    const struct gr_fluidity_start start = gr_fluidity_start_of(n, p, g_star, rate);
     const vm beyond = v_ge(m, n->mu_2);
     const vd e = v_abs(m - n->mu_2) * n->inv_mu_2, pull = n->phi * (n->dmu_over_mu_2 * m);
     const vd reaction = v_select(beyond, v_fma(n->a_phi, e, -pull), n->phi * (n->mu_s - m));
-    const vd b = v_fma(e, q, reaction) - start, c = e * v_select(beyond, pull, start); /* the last term is -c */
-    const vd root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
-    const vm rises = v_gt(b, zero);
-    const vd Y = v_select(rises, c + c, root - b) / v_select(rises, b + root, two * a);
-    const vd X = Y + v_keep(beyond, e);
+    const vd b = v_fma(e, start.q, reaction) - start.X, c = e * v_select(beyond, pull, start.X); /* the last term is -c */
+    const vd X = gr_fluidity_root(start.q + n->a_phi, b, c) + v_keep(beyond, e);
     /* rounding alone could make it mu_2 */
-    return (struct gr_fluidity_point){.mu = v_min(n->below_mu_2, m / (one + X)), .g = X * p * n->inv_G_dt};
+    return (struct gr_fluidity_point){.mu = v_min(n->below_mu_2, m / (v_set(1.0) + X)), .g = X * p * n->inv_G_dt};
+}
+
+/* The same with an unbounded friction. */
+static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star,
+                                                                 vd rate)
+{
+    p = v_max(v_set(GR_LEAST_PRESSURE), p);
+    const struct gr_fluidity_start start = gr_fluidity_start_of(n, p, g_star, rate);
+    const vd b = v_fma(n->theta, n->mu_s - m, start.q) - start.X;
+    const vd X = gr_fluidity_root(start.q + n->theta_mu_s, b, start.X);
+    return (struct gr_fluidity_point){.mu = m / (v_set(1.0) + X), .g = X * p * n->inv_G_dt};
 }
 
 /* Arrays of points. The last ones of a number that is no multiple of the lanes go through a buffer. */
