@@ -13,8 +13,9 @@
  *     tau_trial = 2G sqrt(h_trial:h_trial/2),  tau after the flow of the step,  h = h_trial tau/tau_trial.
  * Where c <= 0 the material is disconnected: stress, fluidity and plastic rate are zero. (Not of the elastic one.)
  *
- * Digits: relative to the larger of h and L dt, few units of the last place while both are below 1/8; above, that times
- * the condition of exp(2 h_trial), e^4 for norms of 1. Norms above GR_STRAIN_REACH count as that. */
+ * Digits: relative to the larger of h and L dt, a few units of the last place while both are small; of large ones the
+ * condition of exp(2 h_trial) counts: 1e-13 at norms of 1/2. Norms of 2h and of dev L dt above GR_STRAIN_REACH count as
+ * that. */
 #ifndef GR_LAW_HENCKY_H
 #define GR_LAW_HENCKY_H
 
@@ -54,7 +55,7 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
 }
 
 /* Norm of the symmetric part of L dt. */
-static inline vd gr_stretch_norm(const int dim, const vd *L)
+GR_INLINE vd gr_stretch_norm(const int dim, const vd *L)
 {
     vd sum = v_zero();
     for (int i = 0; i < dim; i++) {
@@ -68,15 +69,15 @@ static inline vd gr_stretch_norm(const int dim, const vd *L)
 }
 
 /* Deviator of the trial stress. */
-static inline struct gr_stress gr_hencky_trial(const int dim, const struct gr_hencky_numbers *n, const vd *L,
-                                               const struct gr_stress *stress)
+GR_INLINE struct gr_stress gr_hencky_trial(const int dim, const struct gr_hencky_numbers *n, const vd *L,
+                                           const struct gr_stress *stress)
 {
     struct gr_matrix full, strain;
     GR_EACH(dim, i, j) { strain.m[i][j] = stress->s[gr_place[i][j]] * n->inv_twoG; }
     GR_EACH(dim, i, j) { full.m[i][j] = i < dim && j < dim ? L[i * dim + j] : v_zero(); }
     const struct gr_matrix h = gr_deviator(dim, &strain), gradient = gr_deviator(dim, &full);
     const struct gr_matrix trial = gr_trial_strain(dim, &h, &gradient);
-    struct gr_stress out;
+    struct gr_stress out = {{v_zero()}};
     GR_EACH(dim, i, j)
     {
         if (j >= i) out.s[gr_place[i][j]] = trial.m[i][j] * n->twoG;
@@ -89,7 +90,7 @@ struct gr_hencky_return {
     vd share, g, rate;
 };
 
-static inline struct gr_hencky_return gr_hencky_local(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p)
+GR_INLINE struct gr_hencky_return gr_hencky_local(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p)
 {
     const vd one = v_set(1.0), S0 = n->mu_s * p;
     const vm flows = v_gt(trial, S0);
@@ -102,8 +103,8 @@ static inline struct gr_hencky_return gr_hencky_local(const int flow, const stru
 }
 
 /* Where `before`, the material was connected already; `kindled` is the fluidity elsewhere. */
-static inline struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p,
-                                                         vm before, vd kindled, vd g_star, vd rate)
+GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p,
+                                                     vm before, vd kindled, vd g_star, vd rate)
 {
     const vd one = v_set(1.0), m = trial / p, start = v_max(n->g_min, g_star);
     struct gr_fluidity_point point = flow == GR_HENCKY_nonlocal_linear
@@ -117,8 +118,8 @@ static inline struct gr_hencky_return gr_hencky_nonlocal(const int flow, const s
 
 /* Given: L dt (row-major), c at the end of the step, the stress and plastic shear rate before it, and the fluidity after
  * diffusion. A point whose stress is zero was disconnected. */
-static inline struct gr_hencky_point gr_hencky_update(const int dim, const int flow, const struct gr_hencky_numbers *n,
-                                                      const vd *L, vd c, const struct gr_stress *stress, vd g_star, vd rate)
+GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                                  const vd *L, vd c, const struct gr_stress *stress, vd g_star, vd rate)
 {
     const vd zero = v_zero(), one = v_set(1.0);
     const int solid = flow == GR_HENCKY_elastic;
@@ -151,7 +152,7 @@ static inline struct gr_hencky_point gr_hencky_update(const int dim, const int f
 /* ---- arrays of points ---- */
 
 /* The rows of a call in one list: gradient and log-density, then what is updated. */
-static inline void hencky_rows(const int dim, const struct gr_hencky_call *call, const double *given[10], double *updated[8])
+GR_INLINE void hencky_rows(const int dim, const struct gr_hencky_call *call, const double *given[10], double *updated[8])
 {
     for (int i = 0; i < dim * dim; i++) given[i] = call->gradient[i];
     given[dim * dim] = call->log_density;
@@ -160,8 +161,8 @@ static inline void hencky_rows(const int dim, const struct gr_hencky_call *call,
     updated[GR_STRESSES(dim) + 1] = call->shear_rate;
 }
 
-static inline void hencky_block(const int dim, const int flow, const struct gr_hencky_numbers *n,
-                                const double *const given[10], double *const updated[8], int64_t at)
+GR_INLINE void hencky_block(const int dim, const int flow, const struct gr_hencky_numbers *n, const double *const given[10],
+                            double *const updated[8], int64_t at)
 {
     const int stresses = GR_STRESSES(dim);
     struct gr_stress stress;
@@ -177,27 +178,28 @@ static inline void hencky_block(const int dim, const int flow, const struct gr_h
 }
 
 /* The last points of a number that is no multiple of the lanes go through a buffer. */
-static inline void hencky_points(const int dim, const int flow, const struct gr_hencky_call *call)
+GR_INLINE void hencky_points(const int dim, const int flow, const struct gr_hencky_call *call)
 {
     const struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter, call->dt);
     const int rows = dim * dim + 1, results = GR_STRESSES(dim) + 2;
     const double *given[10], *last_given[10];
-    double *updated[8], *last_updated[8], buffer[18][GR_W] = {0};
+    double *updated[8], *last_updated[8], buffer[18][GR_W];
     hencky_rows(dim, call, given, updated);
     int64_t k = 0;
     for (; k + GR_W <= call->n; k += GR_W) hencky_block(dim, flow, &n, given, updated, k);
     if (k == call->n) return;
+    const int last = (int)(call->n - k);
     for (int i = 0; i < rows; i++) {
-        for (int64_t j = k; j < call->n; j++) buffer[i][j - k] = given[i][j];
+        for (int lane = 0; lane < GR_W; lane++) buffer[i][lane] = lane < last ? given[i][k + lane] : 0.0;
         last_given[i] = buffer[i];
     }
     for (int i = 0; i < results; i++) {
-        for (int64_t j = k; j < call->n; j++) buffer[10 + i][j - k] = updated[i][j];
+        for (int lane = 0; lane < GR_W; lane++) buffer[10 + i][lane] = lane < last ? updated[i][k + lane] : 0.0;
         last_updated[i] = buffer[10 + i];
     }
     hencky_block(dim, flow, &n, last_given, last_updated, 0);
     for (int i = 0; i < results; i++)
-        for (int64_t j = k; j < call->n; j++) updated[i][j] = buffer[10 + i][j - k];
+        for (int lane = 0; lane < GR_W && lane < last; lane++) updated[i][k + lane] = buffer[10 + i][lane];
 }
 
 #endif

@@ -21,19 +21,21 @@ struct gr_matrix {
 
 /* Whether the component (i, j) is there. */
 #define GR_COUPLED(dim, i, j) ((dim) == 3 || ((i) == 2) == ((j) == 2))
-#define GR_EACH(dim, i, j)          \
-    for (int i = 0; i < 3; i++)     \
-        for (int j = 0; j < 3; j++) \
-            if (GR_COUPLED(dim, i, j))
+
+/* Loops over components: unrolled, so that components are registers. */
+#define GR_UNROLLED _Pragma("GCC unroll 16")
+#define GR_EACH(dim, i, j) \
+    GR_UNROLLED            \
+    for (int i = 0; i < 3; i++) GR_UNROLLED for (int j = 0; j < 3; j++) if (GR_COUPLED(dim, i, j))
 
 /* Place of a component among the six of a symmetric matrix. */
 static const int gr_place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
 
-static inline vd gr_trace(const struct gr_matrix *a) { return a->m[0][0] + a->m[1][1] + a->m[2][2]; }
+GR_INLINE vd gr_trace(const struct gr_matrix *a) { return a->m[0][0] + a->m[1][1] + a->m[2][2]; }
 
 /* a b; where the product is known to be symmetric, half of it is made. */
-static inline struct gr_matrix gr_product(const int dim, const int symmetric, const struct gr_matrix *a,
-                                          const struct gr_matrix *b)
+GR_INLINE struct gr_matrix gr_product(const int dim, const int symmetric, const struct gr_matrix *a,
+                                      const struct gr_matrix *b)
 {
     struct gr_matrix c;
     GR_EACH(dim, i, j)
@@ -43,6 +45,7 @@ static inline struct gr_matrix gr_product(const int dim, const int symmetric, co
             continue;
         }
         vd sum = a->m[i][i] * b->m[i][j]; /* (i, i) is always there */
+        GR_UNROLLED
         for (int k = 0; k < 3; k++)
             if (k != i && GR_COUPLED(dim, i, k)) sum = v_fma(a->m[i][k], b->m[k][j], sum);
         c.m[i][j] = sum;
@@ -50,17 +53,22 @@ static inline struct gr_matrix gr_product(const int dim, const int symmetric, co
     return c;
 }
 
-/* tr(a b), and with the transpose of b the sum of a_ij b_ij. */
-static inline vd gr_trace_of_product(const int dim, const struct gr_matrix *a, const struct gr_matrix *b,
-                                     const int transposed)
+/* tr(a b), and with the transpose of b the sum of a_ij b_ij; by rows, which do not wait for each other. */
+GR_INLINE vd gr_trace_of_product(const int dim, const struct gr_matrix *a, const struct gr_matrix *b, const int transposed)
 {
-    vd sum = v_zero();
-    GR_EACH(dim, i, j) { sum = v_fma(a->m[i][j], transposed ? b->m[i][j] : b->m[j][i], sum); }
-    return sum;
+    vd row[3];
+    GR_UNROLLED
+    for (int i = 0; i < 3; i++) {
+        row[i] = a->m[i][i] * b->m[i][i];
+        GR_UNROLLED
+        for (int j = 0; j < 3; j++)
+            if (j != i && GR_COUPLED(dim, i, j)) row[i] = v_fma(a->m[i][j], transposed ? b->m[i][j] : b->m[j][i], row[i]);
+    }
+    return row[0] + row[1] + row[2];
 }
 
 /* The deviator. */
-static inline struct gr_matrix gr_deviator(const int dim, const struct gr_matrix *a)
+GR_INLINE struct gr_matrix gr_deviator(const int dim, const struct gr_matrix *a)
 {
     struct gr_matrix b;
     const vd mean = gr_trace(a) * v_set(1.0 / 3.0);
@@ -69,8 +77,8 @@ static inline struct gr_matrix gr_deviator(const int dim, const struct gr_matrix
 }
 
 /* a1 M + a2 M2, and a0 on the diagonal. */
-static inline struct gr_matrix gr_quadratic(const int dim, vd a0, vd a1, const struct gr_matrix *M, vd a2,
-                                            const struct gr_matrix *M2)
+GR_INLINE struct gr_matrix gr_quadratic(const int dim, vd a0, vd a1, const struct gr_matrix *M, vd a2,
+                                        const struct gr_matrix *M2)
 {
     struct gr_matrix b;
     GR_EACH(dim, i, j)
@@ -92,19 +100,20 @@ static inline void gr_square_exponential(vd a[3], vd e2, vd e3)
 }
 
 enum {
-    GR_EXPONENTIAL_TERMS = 13,  /* (1/4)^13/14! = 2e-19 of it is left out */
-    GR_EXPONENTIAL_HALVINGS = 3 /* from GR_STRAIN_REACH to 1/4 */
+    GR_EXPONENTIAL_TERMS = 10,  /* (1/8)^10/11! = 2e-17 of it is left out */
+    GR_EXPONENTIAL_HALVINGS = 4 /* from GR_STRAIN_REACH to 1/8 */
 };
 
 static const double gr_inverse_factorial[GR_EXPONENTIAL_TERMS + 1] = {
-    1.0,          1.0,           1.0 / 2.0,      1.0 / 6.0,       1.0 / 24.0,       1.0 / 120.0,       1.0 / 720.0,
-    1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0, 1.0 / 39916800.0, 1.0 / 479001600.0, 1.0 / 6227020800.0};
+    1.0,         1.0,          1.0 / 2.0,     1.0 / 6.0,      1.0 / 24.0,      1.0 / 120.0,
+    1.0 / 720.0, 1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0,
+};
 
-/* exp(M) - 1 of a matrix without trace. Norms above 1/4 are halved, and the exponential squared as often; lanes that do
+/* exp(M) - 1 of a matrix without trace. Norms above 1/8 are halved, and the exponential squared as often; lanes that do
  * not need it are left alone by it, to the last bit. */
-static inline struct gr_matrix gr_exponential(const int dim, const int symmetric, const struct gr_matrix *M)
+GR_INLINE struct gr_matrix gr_exponential(const int dim, const int symmetric, const struct gr_matrix *M)
 {
-    const vd one = v_set(1.0), most = v_set(1.0 / 16.0);
+    const vd one = v_set(1.0), most = v_set(1.0 / 64.0);
     const struct gr_matrix M2 = gr_product(dim, symmetric, M, M);
     const vd norm2 = symmetric ? gr_trace(&M2) : gr_trace_of_product(dim, M, M, 1);
     vd e2 = v_set(0.5) * gr_trace(&M2), e3 = gr_trace_of_product(dim, M, &M2, 0) * v_set(1.0 / 3.0);
@@ -121,6 +130,7 @@ static inline struct gr_matrix gr_exponential(const int dim, const int symmetric
         e2 = e2 * scale * scale, e3 = e3 * scale * scale * scale;
     }
     vd a[3] = {v_set(gr_inverse_factorial[GR_EXPONENTIAL_TERMS]), v_zero(), v_zero()};
+    GR_UNROLLED
     for (int k = GR_EXPONENTIAL_TERMS - 1; k >= 0; k--) { /* times M */
         const vd a0 = v_fma(a[2], e3, v_set(k ? gr_inverse_factorial[k] : 0.0)), a1 = v_fma(a[2], e2, a[0]);
         a[2] = a[1], a[1] = a1, a[0] = a0;
@@ -189,12 +199,12 @@ static inline void gr_atanh_interpolated(vd trace, vd e2, vd e3, vd a[3])
     a[0] = zero; /* of no effect on the deviator */
 }
 
-enum { GR_ATANH_TERMS = 8 }; /* (1/64)^9/19 = 3e-18 of it is left out */
+enum { GR_ATANH_TERMS = 7 }; /* no eigenvalue of Z is above (2/3)^1/2 norms: (1/96)^8/17 = 8e-18 is left out */
 
 /* Deviator of log(1 + c)/2 of a symmetric c, 1 + c being positive definite: the logarithmic strain of the left
  * Cauchy-Green tensor 1 + c, scaled to determinant 1. It is atanh(Z), Z = c (2 + c)^-1: a series for norms of Z up to
  * 1/8, above by the eigenvalues. */
-static inline struct gr_matrix gr_logarithmic_strain(const int dim, const struct gr_matrix *c)
+GR_INLINE struct gr_matrix gr_logarithmic_strain(const int dim, const struct gr_matrix *c)
 {
     const vd two = v_set(2.0), zero = v_zero(), one = v_set(1.0), half = v_set(0.5);
     struct gr_matrix q, P, Z, Z2;
@@ -224,6 +234,7 @@ static inline struct gr_matrix gr_logarithmic_strain(const int dim, const struct
     const vd t3 = v_fma(t2, t1, (cube - t1 * norm2)) * v_set(1.0 / 3.0);
     const vd f0 = t1 * t3, f1 = v_fnma(t1, t2, t3), f2 = v_fma(t1, t1, -t2);
     vd a[3] = {v_set(gr_inverse_odd[GR_ATANH_TERMS]), zero, zero};
+    GR_UNROLLED
     for (int k = GR_ATANH_TERMS - 1; k >= 0; k--) {
         const vd a0 = v_fma(a[1], t3, v_fma(a[2], f0, v_set(gr_inverse_odd[k])));
         const vd a1 = v_fnma(a[1], t2, a[2] * f1), a2 = v_fma(a[1], t1, v_fma(a[2], f2, a[0]));
@@ -244,7 +255,7 @@ static inline struct gr_matrix gr_logarithmic_strain(const int dim, const struct
 
 /* Logarithmic strain after a step, from that before (both symmetric deviators) and the deviator of L dt:
  * exp(2 h) -> F exp(2 h) F^T with F = exp(L dt), which is exact for a velocity gradient that stays. */
-static inline struct gr_matrix gr_trial_strain(const int dim, const struct gr_matrix *h, const struct gr_matrix *L)
+GR_INLINE struct gr_matrix gr_trial_strain(const int dim, const struct gr_matrix *h, const struct gr_matrix *L)
 {
     struct gr_matrix twice, T, c;
     GR_EACH(dim, i, j) { twice.m[i][j] = h->m[i][j] + h->m[i][j]; }
@@ -258,6 +269,7 @@ static inline struct gr_matrix gr_trial_strain(const int dim, const struct gr_ma
             continue;
         }
         vd sum = T.m[i][j] + f.m[j][i];
+        GR_UNROLLED
         for (int k = 0; k < 3; k++)
             if (GR_COUPLED(dim, i, k) && GR_COUPLED(dim, k, j)) sum = v_fma(T.m[i][k], f.m[j][k], sum);
         c.m[i][j] = sum;

@@ -65,15 +65,16 @@ int gr_refuse_number(const char *name, double value, int may_be_zero)
 int gr_refuse_values(const char *name, PyArrayObject *array, double low)
 {
     const double *value = PyArray_DATA(array), high = GR_LARGEST;
-    for (npy_intp k = 0; k < PyArray_SIZE(array); k++) {
-        if (value[k] >= low && value[k] <= high) continue;
-        char text[160];
-        snprintf(text, sizeof text, "%s[%lld] = %.9g is outside the range %g to %g", name, (long long)k, value[k], low,
-                 high);
-        PyErr_SetString(PyExc_ValueError, text);
-        return -1;
-    }
-    return 0;
+    const npy_intp n = PyArray_SIZE(array);
+    int64_t right = 0; /* counted without a branch: a compiler takes several numbers at once */
+    for (npy_intp k = 0; k < n; k++) right += (value[k] >= low) & (value[k] <= high);
+    if (right == n) return 0;
+    npy_intp k = 0;
+    while (value[k] >= low && value[k] <= high) k++;
+    char text[160];
+    snprintf(text, sizeof text, "%s[%lld] = %.9g is outside the range %g to %g", name, (long long)k, value[k], low, high);
+    PyErr_SetString(PyExc_ValueError, text);
+    return -1;
 }
 
 int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, int n, unsigned may_be_zero, double *parameter)

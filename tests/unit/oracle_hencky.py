@@ -1,9 +1,10 @@
-"""The finite-strain law once more, slow and plain: matrix functions of scipy, ODEs, the published form.
+"""The finite-strain law once more, slow and plain: matrix functions, ODEs, the published form.
 
-Full matrices (..., 3, 3) throughout; `granular._core` is not used but for `update`, which calls it.
+Full matrices (..., 3, 3) throughout; only `update` calls `granular._core`.
 """
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -73,7 +74,7 @@ def shear(stress):
 
 
 def trial_strain(h, step):
-    """Deviator of the logarithmic strain after F = exp(dev L dt); scipy's expm and LAPACK's eigh."""
+    """Deviator of the logarithmic strain after F = exp(dev L dt); of scipy and LAPACK."""
     F = expm(deviator(step))
     b = F @ function_of(2 * h, np.exp) @ np.swapaxes(F, -1, -2)
     return deviator(function_of(b, lambda value: np.log(value) / 2))
@@ -95,7 +96,9 @@ def friction(flow, q, dt, m, p, g_star, rate):
 
         def excess(mu):  # growing
             inertial = slip(mu) * grain
-            steady = inertial / (inertial + q["I0"]) if flow.endswith("ating") else inertial / q["I0"]
+            steady = (
+                inertial / (inertial + q["I0"]) if flow.endswith("ating") else inertial / q["I0"]
+            )
             return mu - q["mu_s"] - dmu * steady
 
         mu = bisected(excess, q["mu_s"], m)
@@ -133,7 +136,7 @@ def stepped(flow, q, gradient, times, *, p0, g0=1.0, substeps=1):
     c, stress = np.array([p0 / q["K"]]), -p0 * np.eye(3)[None]
     g, rate = np.array([g0]), np.array([0.0])
     found = [(stress[0], g[0], rate[0])]
-    for a, b in zip(times[:-1], times[1:], strict=True):
+    for a, b in pairwise(times):
         dt = (b - a) / substeps
         for k in range(substeps):
             step = np.asarray(gradient(a + (k + 0.5) * dt))[None] * dt
@@ -169,8 +172,8 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
         b, p, s, tau, g = parts(y)
         L = np.asarray(gradient(t))
         slip = plastic_rate(flow, q, p, tau, g)
-        l = deviator(L)
-        db = l @ b + b @ l.T - (slip / max(tau, 1e-12 * p)) * s @ b
+        D = deviator(L)
+        db = D @ b + b @ D.T - (slip / max(tau, 1e-12 * p)) * s @ b
         grow = 0.0
         if flow.startswith("nonlocal"):
             mu = tau / p
