@@ -14,14 +14,14 @@ last term: any multiple of g will do, and mu_w is the number for which there is 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid, solve_ivp
+from scipy.linalg import solve_banded
 from scipy.optimize import brentq
-from scipy.sparse import bmat, diags_array
-from scipy.sparse.linalg import spsolve
 
 from granular.checks import integer, one_of, positive
 from granular.theory.chute import NonlocalMaterial
@@ -133,7 +133,7 @@ def couette_quasi_static(
     TypeError, ValueError
         For arguments out of range.
     RuntimeError
-        If there is no mu_w below mu_2.
+        If no mu_w below mu_2 will do: in a gap of a few A d.
     """
     gap = _Gap(inner, outer, material, walls, points)
     mu_wall = gap.slowest_friction()
@@ -155,7 +155,8 @@ def couette_flow(
 ) -> CouetteFlow:
     """Flow at any rate, by differences of second order in 1/`points`.
 
-    Newton's method for g and mu_w together, from the quasi-static flow on through growing rates.
+    For each mu_w Newton's method falls onto the one positive g; the angular velocity grows with
+    mu_w, by which the latter is found.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ def couette_flow(
     TypeError, ValueError
         For arguments out of range.
     RuntimeError
-        If no mu_w is found.
+        If no mu_w below mu_2 will do.
     """
     half = (integer("points", points, 101, 100_001) + 1) // 2
     pressure, rate = positive("pressure", pressure), positive("rate", rate)
@@ -212,50 +213,63 @@ class _Gap:
 
     # ---- slow ----
 
-    def angle(self, mu_wall: float, rtol: float = 1e-11) -> tuple[Array, Array, Array]:
-        """Pruefer's angle, ln q and omega/q, on the grid from the inner cylinder outwards."""
+    def angle(
+        self, mu_wall: float, rtol: float = 1e-11, *, everywhere: bool = False
+    ) -> tuple[Array, Array, Array]:
+        """Pruefer's angle, ln q and omega/q, at the cylinders or on the grid, from the inner one
+        outwards."""
         m, end, scale = self.material, self.x[-1], (self.r[-1] / self.reach) ** 2
+        span = m.mu_2 - m.mu_s
 
         def rates(z: float, y: Array) -> Array:
             a, _, turn = y
             share = math.exp(2 * (z - end))
             mu = mu_wall * share
-            Q = float(fluidity_growth(mu, m.mu_s, m.mu_2)) * scale * math.exp(-2 * z)
+            over = mu - m.mu_s  # lambda as in fluidity_growth, which takes ten times longer here
+            Q = over / (1 - over / span) * scale * math.exp(-2 * z)
             sine, cosine = math.sin(a), math.cos(a)
             grow = (1 - Q) * sine * cosine
             return np.array([cosine**2 + Q * sine**2, grow, mu * sine - grow * turn])
 
         start = [0.0 if self.rough else math.pi / 2, 0.0, 0.0]
-        stops = end - self.x[::-1]
-        found = solve_ivp(rates, (0.0, end), start, "DOP853", stops, rtol=rtol, atol=1e-14)
+        stops = end - self.x[::-1] if everywhere else [0.0, end]
+        # the interpolation between steps is of lower order than the steps are
+        longest = end / 400 if everywhere else math.inf
+        found = solve_ivp(
+            rates, (0.0, end), start, "DOP853", stops, rtol=rtol, atol=1e-14, max_step=longest
+        )
         if not found.success:
             raise RuntimeError(f"no fluidity found for mu_wall = {mu_wall}: {found.message}")
         return tuple(found.y[:, ::-1])
 
-    def slowest_friction(self) -> float:
-        """mu_w of flow without end in slowness."""
-        m, target = self.material, math.pi if self.rough else math.pi / 2
+    def friction(self, u: float) -> float:
+        """mu_s at u = 0 to mu_2 at infinity."""
+        m = self.material
         span = m.mu_2 - m.mu_s
+        return m.mu_s + (u * m.mu_s if math.isinf(span) else span * u / (1 + u))
 
-        def friction(u: float) -> float:  # from mu_s at 0 to mu_2 at infinity
-            return m.mu_s + (u * m.mu_s if math.isinf(span) else span * u / (1 + u))
-
-        def excess(u: float) -> float:
-            return self.angle(friction(u))[0][0] - target
-
+    def least_excess(self, excess: Callable[[float], float]) -> float:
+        """u > 0 where a growing function is zero."""
         high = 0.1
         while excess(high) < 0:
             high *= 2
             if high > 1e4:
                 raise RuntimeError(
-                    f"no slow flow: the gap of {self.r[-1] - self.r[0]:.6g} m is too narrow for "
-                    f"A d = {self.reach:.6g} m and mu below {friction(high):.6g}"
+                    f"no friction up to mu_wall = {self.friction(high):.6g} makes this flow "
+                    f"in a gap of {self.r[-1] - self.r[0]:.6g} m with A d = {self.reach:.6g} m"
                 )
-        return friction(brentq(excess, 0.0, high, xtol=1e-14, rtol=1e-13))
+        return brentq(excess, 0.0, high, xtol=1e-15, rtol=1e-13)
+
+    def slowest_friction(self) -> float:
+        """mu_w of flow without end in slowness."""
+        target = math.pi if self.rough else math.pi / 2
+        return self.friction(
+            self.least_excess(lambda u: self.angle(self.friction(u))[0][0] - target)
+        )
 
     def slowest(self, mu_wall: float, rtol: float = 1e-11) -> tuple[Array, Array]:
         """g and omega, to a common factor."""
-        angle, log_q, turn = self.angle(mu_wall, rtol)
+        angle, log_q, turn = self.angle(mu_wall, rtol, everywhere=True)
         q = np.exp(log_q - np.max(log_q))
         g = q * np.sin(angle)
         if self.rough:
@@ -268,60 +282,48 @@ class _Gap:
         """The flow at this angular velocity; `error` is left open."""
         m = self.material
         grain = m.d * math.sqrt(positive("rho_s", m.rho_s) / pressure)
-        sink = positive("b", m.b) * grain * (self.r / self.reach) ** 2
-        mu_wall = self.slowest_friction()
-        g, omega = self.slowest(mu_wall)
-        # where the quadratic term is a hundredth of the others
-        slow = 0.01 * omega[0] * m.mu_s / (mu_wall * m.b * grain * np.max(g))
-        now = min(rate, slow)
-        g = g * now / omega[0]
-        while True:
-            g, mu_wall = self.newton(g, mu_wall, sink, now)
-            if now == rate:
-                break
-            following = min(rate, 2 * now)
-            g, now = g * following / now, following
-        turn = cumulative_trapezoid((g * mu_wall * self.share)[::-1], dx=self.step, initial=0.0)
-        return self.flow(g, turn[::-1], mu_wall, math.nan)
+        sink = positive("b", m.b) * grain * self.share * (self.r / self.reach) ** 2
 
-    def newton(self, g: Array, mu_wall: float, sink: Array, rate: float) -> tuple[Array, float]:
-        """g and mu_w of rate, from a guess."""
-        n, m = self.x.size, self.material
-        across = np.full(n, 1 / self.step**2)
-        up, down = across[:-1].copy(), across[:-1].copy()
-        if not self.rough:
-            up[0] *= 2
-            down[-1] *= 2
+        def excess(u: float) -> float:
+            return self.turn(self.steady(self.friction(u), sink, rate), self.friction(u))[0] - rate
+
+        mu_wall = self.friction(self.least_excess(excess))
+        g = self.steady(mu_wall, sink, rate)
+        omega = self.turn(g, mu_wall)
+        return self.flow(g, omega, mu_wall, math.nan)
+
+    def turn(self, g: Array, mu_wall: float) -> Array:
+        """omega [rad/s]: the integral of g mu from the outer cylinder inwards."""
+        rate = (g * mu_wall * self.share)[::-1]
+        return cumulative_trapezoid(rate, dx=self.step, initial=0.0)[::-1]
+
+    def steady(self, mu_wall: float, sink: Array, rate: float) -> Array:
+        """The positive g of this friction; what turns slower than a thousandth of `rate` is not
+        followed further.
+
+        The equation is concave and g = max(lambda/(b d sqrt(rho_s/p) mu)) above its solution, so
+        that Newton's iterates fall to it.
+        """
+        growth, sink, across = self.growth(mu_wall * self.share), mu_wall * sink, 1 / self.step**2
         inside = slice(1, -1) if self.rough else slice(None)
-        weight = np.full(n, self.step)
-        weight[[0, -1]] /= 2
-        for _ in range(60):
-            mu = mu_wall * self.share
-            growth = self.growth(mu)
-            tiny = 1e-7 * mu_wall
-            slope = (self.growth(mu + tiny * self.share) - growth) / tiny
-            matrix = diags_array([down, growth - 2 * across, up], offsets=[-1, 0, 1]).tocsr()
-            residual = matrix @ g - sink * mu * g**2
-            matrix = matrix - diags_array(2 * sink * mu * g)
-            border = slope * g - sink * self.share * g**2
-            moment = weight * mu
-            whole = bmat(
-                [
-                    [matrix[inside, inside], border[inside, None]],
-                    [moment[None, inside], [[weight @ (g * self.share)]]],
-                ],
-                format="csc",
-            )
-            right = np.append(residual[inside], moment @ g - rate)
-            change = spsolve(whole, right)
-            # friction stays below mu_2, the fluidity at or above zero
-            room = min(1.0, 0.5 * (m.mu_2 - mu_wall) / max(-change[-1], 1e-300))
+        g = np.full(self.x.size, np.max(growth / sink))
+        if self.rough:
+            g[[0, -1]] = 0.0
+        bands = np.full((3, self.x.size), across)
+        if not self.rough:
+            bands[0, 1] *= 2
+            bands[2, -2] *= 2
+        for _ in range(200):
+            bent = np.diff(g, prepend=g[1], append=g[-2])
+            residual = np.diff(bent) * across + (growth - sink * g) * g
+            bands[1] = growth - 2 * sink * g - 2 * across
             g = g.copy()
-            g[inside] = np.maximum(g[inside] - room * change[:-1], 0.0)
-            mu_wall -= room * change[-1]
-            if np.max(np.abs(change[:-1])) <= 1e-11 * np.max(g) and room == 1.0:
-                return g, float(mu_wall)
-        raise RuntimeError(f"no flow found at rate = {rate} in 60 iterations, mu_w = {mu_wall}")
+            change = solve_banded((1, 1), bands[:, inside], residual[inside])
+            g[inside] -= change
+            done = np.max(np.abs(change)) <= 1e-11 * np.max(g)
+            if done or self.turn(g, mu_wall)[0] < 1e-3 * rate:
+                return g
+        raise RuntimeError(f"no flow found in 200 iterations for mu_wall = {mu_wall}")
 
     def flow(self, g: Array, omega: Array, mu_wall: float, error: float) -> CouetteFlow:
         mu = mu_wall * self.share

@@ -166,7 +166,8 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
     def parts(y):
         b, c = y[:9].reshape(3, 3), y[9]
         s = 2 * q["G"] * deviator(function_of((b + b.T) / 2, lambda value: np.log(value) / 2))
-        return b, q["K"] * c, s, shear(s), math.exp(y[10])
+        # differences for a Jacobian try any number where nothing depends on it
+        return b, q["K"] * c, s, shear(s), math.exp(min(y[10], 700.0))
 
     def rates(t, y):
         b, p, s, tau, g = parts(y)

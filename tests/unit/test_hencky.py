@@ -82,17 +82,16 @@ def exact_strain(h, step):
         return np.array([[float(out[i, j]) for j in range(3)] for i in range(3)])
 
 
-@pytest.mark.parametrize("isa", ISAS)
-def test_strain_has_all_digits_however_small(isa):
+def test_strain_has_all_digits_however_small():
     """Relative to the strain, in 40 digits: LAPACK's logarithm keeps 1e-16 of 1 + strain only."""
     rng = np.random.default_rng(6)
     for size in (1e-12, 1e-8, 1e-4, 1e-2, 0.06, 0.12):
         for dim in (2, 3):
-            h, L = random_states(rng, 20, dim, size, size)
-            found = trial(h, L, dim, isa)
-            for k in range(len(h)):
-                scale = max(norm(h[k]), norm(oracle.deviator(L[k])))
-                assert norm(found[k] - exact_strain(h[k], L[k])) <= 4e-15 * scale
+            h, L = random_states(rng, 12, dim, size, size)
+            scale = np.maximum(norm(h), norm(oracle.deviator(L)))
+            exact = np.array([exact_strain(a, b) for a, b in zip(h, L, strict=True)])
+            for isa in ISAS:
+                assert (norm(trial(h, L, dim, isa) - exact) / scale).max() <= 2e-15
 
 
 def test_plane_is_space_without_the_third_axis():
@@ -125,7 +124,8 @@ def states(rng, n):
     """p, g*, rate and the gradient of points that load, unload and flow."""
     p = 10 ** rng.uniform(0, 4, n)
     tau = p * rng.uniform(0, 1.5, n)
-    s = oracle.deviator(np.einsum("nij,nkj->nik", *(rng.normal(size=(2, n, 3, 3)),) * 2))
+    s = rng.normal(size=(n, 3, 3))
+    s = oracle.deviator(s + np.swapaxes(s, 1, 2))
     s *= (tau / oracle.shear(s))[:, None, None]
     step = rng.normal(size=(n, 3, 3)) * (10 ** rng.uniform(-7, -2, n))[:, None, None]
     g_star, rate = 10 ** rng.uniform(-6, 3, n), 10 ** rng.uniform(-6, 3, n)
@@ -140,12 +140,13 @@ def test_flow_against_bisection(flow, isa):
     found, g, shear_rate = oracle.update(
         flow, SAND, dt, step, p / SAND["K"], stress, g_star, rate, isa=isa
     )
-    strain = oracle.trial_strain(oracle.deviator(stress) / (2 * SAND["G"]), step)
-    tau = oracle.shear(2 * SAND["G"] * strain)
+    # the trial state of the core, which the tests above look at; LAPACK's has not digits enough
+    trial, _, _ = oracle.update("elastic", SAND, dt, step, p / SAND["K"], stress, 0.0, 0.0, isa=isa)
+    tau = oracle.shear(trial)
     for k in range(n):
         mu, fluidity = oracle.friction(flow, SAND, dt, tau[k] / p[k], p[k], g_star[k], rate[k])
         share = mu * p[k] / tau[k]
-        expected = 2 * SAND["G"] * strain[k] * share - p[k] * np.eye(3)
+        expected = oracle.deviator(trial[k]) * share - p[k] * np.eye(3)
         np.testing.assert_allclose(found[k], expected, atol=1e-12 * p[k])
         # of slow flow g is the small difference of tau and its trial value in the local laws
         lost = 1e-15 * tau[k] / (SAND["G"] * dt * mu * p[k]) * p[k] / mu
@@ -182,7 +183,7 @@ def test_fluidity_below_the_floor_grows_again():
     for g_min, grows in ((0.0, False), (1e-6, True)):
         q = SAND | {"g_min": g_min, "t0": 1e-3}
         s, g, rate = stress, 0.0, 0.0
-        for _ in range(200):
+        for _ in range(1500):
             s, g, rate = oracle.update("nonlocal_linear", q, 1e-4, step, 1e-3, s, g, rate)
         assert (g[0] > 0) == grows
         assert (s[0, 0, 1] < 599) == grows
