@@ -206,7 +206,7 @@ def test_start_up_and_return_converge_to_the_continuous_law(flow):
     """First order, as the flow of a step is implicit; extrapolated, the steps come to scipy's Radau
     in b_e."""
     q = SAND | {"t0": 0.02}
-    times = np.linspace(0.0, 0.5, 11)
+    times = np.linspace(0.0, 0.5, 10)
     expected, g_expected = oracle.continuous(flow, q, path, times, p0=2000.0, g0=2.0, rtol=1e-8)
     errors, fluidities = [], []
     for substeps in (40, 80, 160):
@@ -217,7 +217,8 @@ def test_start_up_and_return_converge_to_the_continuous_law(flow):
     orders = np.log2(np.array(sizes[:-1]) / sizes[1:])
     np.testing.assert_allclose(orders, 1.0, atol=0.1)
     extrapolated = 2 * errors[-1] - errors[-2]
-    assert np.sqrt((extrapolated**2).sum(axis=(1, 2)).mean()) < 0.05 * sizes[-1]
+    # the median of the times: about the turn yield is met within a step, not at a multiple of it
+    assert np.median(np.abs(extrapolated).max(axis=(1, 2))) < 0.02 * sizes[-1]
     if flow.startswith("nonlocal"):
         g = 2 * fluidities[-1] - fluidities[-2]
         np.testing.assert_allclose(g, g_expected, rtol=0.01)
