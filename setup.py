@@ -16,7 +16,15 @@ from setuptools.command.build_ext import build_ext
 
 ROOT = Path(__file__).parent
 INCLUDED = (  # by kernels.c
-    *("scatter.c", "cells.c", "gather.c", "law_elastic.c", "law_frictional.c", "diffuse.c"),
+    *(
+        "scatter.c",
+        "cells.c",
+        "gather.c",
+        "law_elastic.c",
+        "law_frictional.c",
+        "law_ngf.c",
+        "diffuse.c",
+    ),
 )
 SOURCES = [
     str(path.relative_to(ROOT))

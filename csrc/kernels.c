@@ -5,7 +5,7 @@
  * of cells. */
 #include "law/law_elastic.c"
 #include "law/law_frictional.c"
-#include "law/fluidity_update.h"
+#include "law/law_ngf.c"
 #include "law/hencky.h"
 #include "fluidity/diffuse.c"
 #include "mpm/migrate.h"
@@ -109,24 +109,30 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SMOOTH
 }
 
+static void relax(struct gr_engine *e, int64_t first, int64_t last, int made)
+{
+#define GR_RELAX(d, b, u)                                                    \
+    if (e->config.dim == d && e->config.basis == b && e->config.shared == u) \
+        relax_cells(d, b, u, e, first, last, made, laws[e->config.law][d - 2]);
+    GR_RELAX(2, GR_LINEAR, 0)
+    GR_RELAX(2, GR_LINEAR, 1)
+    GR_RELAX(2, GR_QUADRATIC, 0)
+    GR_RELAX(3, GR_LINEAR, 0)
+    GR_RELAX(3, GR_LINEAR, 1)
+    GR_RELAX(3, GR_QUADRATIC, 0)
+#undef GR_RELAX
+}
+
 static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law][dim - 2](call); }
 
 static void update_fluidity(const struct gr_fluidity_call *call) { fluidity_points(call); }
 
-#define GR_X(name, doc)                                                                                             \
-    static void hencky_##name##_2d(const struct gr_hencky_call *call) { hencky_points(2, GR_HENCKY_##name, call); } \
-    static void hencky_##name##_3d(const struct gr_hencky_call *call) { hencky_points(3, GR_HENCKY_##name, call); }
-GR_HENCKY_FLOWS(GR_X)
-#undef GR_X
-
 static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
 {
-    static void (*const updates[GR_HENCKY_FLOW_COUNT][2])(const struct gr_hencky_call *) = {
-#define GR_X(name, doc) {hencky_##name##_2d, hencky_##name##_3d},
-        GR_HENCKY_FLOWS(GR_X)
-#undef GR_X
-    };
-    updates[flow][dim - 2](call);
+    if (dim == 2)
+        hencky_points(2, flow, call);
+    else
+        hencky_points(3, flow, call);
 }
 
 extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
@@ -138,6 +144,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .sweep = sweep,
     .press = press,
     .smooth = smooth,
+    .relax = relax,
     .update_law = update_law,
     .update_fluidity = update_fluidity,
     .update_hencky = update_hencky,

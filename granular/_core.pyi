@@ -30,6 +30,13 @@ class Nodes(TypedDict):
     v: NDArray[np.float64]  # (n, dim) m/s, after the forces and walls
     w: NDArray[np.float64]  # (n, dim) m/s, what points add to the old velocity they keep
 
+class Fluidity(TypedDict):
+    method: str
+    substeps: int
+    limit: float  # s, a substep must be shorter
+    iterations: int  # conjugate gradients or stages, since the engine was built
+    clamped: int  # cells that would have become negative, since the engine was built
+
 class Diffusion(TypedDict):
     iterations: int  # conjugate gradients or stages, over all steps
     clamped: int  # cells that would have become negative, over all steps
@@ -48,6 +55,8 @@ def law_update(
     stress: NDArray[np.float64],
     shear_rate: NDArray[np.float64],
     isa: str,
+    g_star: NDArray[np.float64] | None = None,
+    g: NDArray[np.float64] | None = None,
     /,
 ) -> None: ...
 def fluidity_update(
@@ -123,6 +132,9 @@ class Engine:
         gravity_vectors: NDArray[np.float64],
         numbers: dict[str, float],
         parameters: dict[str, float],
+        fluidity_method: str,
+        fluidity_substeps: int,
+        fluidity_faces: NDArray[np.uint8] | None,
     ) -> None: ...
     @property
     def isa(self) -> str: ...
@@ -144,4 +156,5 @@ class Engine:
     def scalars(self) -> dict[str, float | int]: ...
     def restore(self, scalars: dict[str, float | int], /) -> None: ...
     def stable_dt(self) -> float: ...
+    def fluidity(self) -> Fluidity | None: ...
     def fields(self) -> list[tuple[str, int, str, str]]: ...

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.boundaries import Solid, Wall, WallRow, creases, node_codes
-from granular.geometry import Grid, seed_points
+from granular.boundaries import WallRow, creases, node_codes
+from granular.faces import cell_flags, fluidity_faces
+from granular.geometry import seed_points
+from granular.materials import NGF
 from granular.nodes import CORE_BASES
 from granular.scene import Scene
 from granular.stability import check_time_step
@@ -27,9 +29,10 @@ __all__ = [
 
 CORE_DENSITIES = ("tracked", "diffused", "shared")
 AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
-FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
 PAGE, LINE = 4096, 64  # bytes
 UNBOUNDED = 1e300
+LOCAL_PHASE = 10.0
+"""Length of the local phase of a nonlocal law without a seed, in its t0."""
 
 
 def default_isa() -> str:
@@ -58,65 +61,6 @@ def _velocity_rate(scene: Scene) -> float:
     return scheme.flip_decay
 
 
-_Vector = NDArray[np.float64]
-ABOVE, BELOW = 1, 2
-"""Sides of a face where material may be."""
-
-
-def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int]]:
-    """Faces of walls and blocks: lower and upper corner [m], axis, and sides."""
-    for wall in scene.walls:
-        if isinstance(wall, Wall):
-            yield *_ends(wall, scene.grid), wall.axis, ABOVE | BELOW
-            continue
-        low, high = np.array(wall.lower), np.array(wall.upper)
-        for axis, at in enumerate(np.eye(scene.grid.dim, dtype=bool)):
-            yield np.where(at, high, low), high, axis, ABOVE
-            yield low, np.where(at, low, high), axis, BELOW
-
-
-def _cell_flags(scene: Scene) -> NDArray[np.uint8]:
-    """Which cells are solid, are so near an outlet that points must not be shifted, or have walls
-    at their faces."""
-    grid = scene.grid
-    on_nodes = scene.scheme.basis == "ugimp"  # its points are grouped by the nearest node
-    shape = [n + (on_nodes and not p) for n, p in zip(grid.shape, grid.periodic, strict=True)]
-    flags = np.zeros(shape[::-1], dtype=np.uint8)
-    centre = [
-        grid.lower[d] + (np.arange(n) + (0.0 if on_nodes else 0.5)) * grid.cell
-        for d, n in enumerate(shape)
-    ]
-
-    def mark(lower: _Vector, upper: _Vector, flag: int) -> None:
-        where = [
-            np.flatnonzero((x > low) & (x < high))
-            for x, low, high in zip(centre, lower, upper, strict=True)
-        ]
-        flags[np.ix_(*where[::-1])] |= flag
-
-    for low, high, axis, sides in _faces(scene):
-        half = 0.5 * grid.cell * on_nodes
-        across = grid.cell * (np.arange(grid.dim) == axis)
-        if sides & ABOVE:  # the face is at the low end of these cells
-            mark(low - half, high + across + half, FLAG_WALL << 2 * axis)
-        if sides & BELOW:
-            mark(low - across - half, high + half, FLAG_WALL << 2 * axis + 1)
-    reach = scene.scheme.shift_outlet_cells * grid.cell
-    for wall in scene.walls:
-        if isinstance(wall, Solid):
-            mark(np.array(wall.lower), np.array(wall.upper), FLAG_SOLID)
-        elif wall.opens_at < math.inf:
-            low, high = _ends(wall, grid)
-            mark(low - reach, high + reach, FLAG_NO_SHIFT)
-    return flags
-
-
-def _ends(wall: Wall, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lower and upper corner of a wall [m]."""
-    ends = [(wall.at, wall.at) if d == wall.axis else wall.extent(grid, d) for d in range(grid.dim)]
-    return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
-
-
 def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, float]:
     scheme, material = scene.scheme, scene.material
     return {
@@ -140,8 +84,38 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
         "weight_limit": scheme.weight_limit,
         "weight_decay": scheme.weight_decay,
         # What bears tension is never loose.
+        "fluidity_begins_at": _local_phase(scene),
+        "fluidity_tolerance": scheme.fluidity.tolerance,
         "tension_reach": scheme.tension_reach if material.law != "elastic" else UNBOUNDED,
     }
+
+
+def _local_phase(scene: Scene) -> float:
+    """Time [s] from which a nonlocal law diffuses its fluidity."""
+    seeded = scene.scheme.fluidity.seed is not None
+    return 0.0 if seeded or not isinstance(scene.material, NGF) else LOCAL_PHASE * scene.material.t0
+
+
+def _parameters(scene: Scene) -> dict[str, float]:
+    """The numbers of the law by their names in the core, and others of the material."""
+    material = scene.material
+    numbers = material.arguments() | {"K": material.K, "G": material.G}
+    if hasattr(material, "xi"):
+        numbers["xi"] = material.xi
+    if isinstance(material, NGF):
+        spread = scene.scheme.fluidity.spread
+        if spread is None:
+            layers = 1 if scene.scheme.basis == "linear" else scene.fills[0].points_per_axis
+            spread = 0.5 / layers
+        numbers |= material.core_friction()
+        layer = material.rho_c * largest_gravity(scene) * scene.grid.cell
+        numbers["p_spread"] = spread * layer
+    return numbers
+
+
+def largest_gravity(scene: Scene) -> float:
+    """Largest gravity of a scene [m/s2]."""
+    return float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
 
 
 def averaging_interval(scene: Scene) -> int:
@@ -154,7 +128,7 @@ def averaging_interval(scene: Scene) -> int:
 
 def _feedback_limit(scene: Scene) -> float:
     """Largest rate of log-density [1/s] by the feedback: eps g/c_w, g the largest gravity."""
-    g = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    g = largest_gravity(scene)
     return scene.scheme.feedback_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
@@ -196,15 +170,16 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         creases=lines,
         walls=[(0, 0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
         node_codes=codes,
-        cell_flags=_cell_flags(scene)
+        cell_flags=cell_flags(scene)
         if scheme.density != "tracked" or AFFINE[scheme.transfer]
         else None,
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
-        parameters=scene.material.arguments()
-        | {"K": scene.material.K, "G": scene.material.G}
-        | ({"xi": scene.material.xi} if hasattr(scene.material, "xi") else {}),
+        parameters=_parameters(scene),
+        fluidity_method=scheme.fluidity.method,
+        fluidity_substeps=scheme.fluidity.substeps or 0,
+        fluidity_faces=fluidity_faces(scene) if scene.material.law == "ngf" else None,
     )
 
 
@@ -234,14 +209,28 @@ def allocate(engine: _core.Engine, capacity: int) -> dict[str, NDArray]:
 
 
 def initial_points(scene: Scene) -> dict[str, NDArray]:
-    """The fields of the points at the start, in the order of their ids; stress-free."""
-    points = seed_points(scene.grid, scene.fills, scene.seed, scene.material.rho_c)
-    return {
+    """The fields of the points at the start, in the order of their ids.
+
+    Stress-free; lithostatic fills are in balance, dp/dz = rho g with rho = rho_c exp(p/K).
+    """
+    material = scene.material
+    points = seed_points(scene.grid, scene.fills, scene.seed, material.rho_c)
+    weight = -material.rho_c * scene.gravity.at(0.0)[-1] * points.depth
+    if weight.max() >= material.K:
+        raise ValueError(f"K = {material.K} must exceed rho_c g depth = {weight.max()}")
+    log_density = np.log(points.density / material.rho_c) - np.log1p(-weight / material.K)
+    fields = {
         "x": points.x,
         "v": points.v,
-        "log_density": np.log(points.density / scene.material.rho_c),
-        "mass": points.density * points.volume,
+        "log_density": log_density,
+        "mass": points.density * points.volume / (1.0 - weight / material.K),
     }
+    if weight.any():
+        fields["stress"] = np.zeros((len(weight), 4 if scene.dim == 2 else 6))
+        fields["stress"][:, :3] = -material.K * np.where(points.depth > 0, log_density, 0)[:, None]
+    if scene.scheme.fluidity.seed is not None and material.law == "ngf":
+        fields["g"] = np.full(len(weight), scene.scheme.fluidity.seed)
+    return fields
 
 
 def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:

@@ -333,6 +333,9 @@ class Fill:
         Initial velocity [m/s]; None for rest.
     jitter : float
         Random displacement, uniform within +- jitter/2 point spacings along each axis, 0 to 1.
+    lithostatic : bool
+        Whether the material is in balance with gravity from the start, under the pressure of what
+        lies above it up to the top of the region, and as much denser; else it bears no stress.
 
     Raises
     ------
@@ -345,6 +348,7 @@ class Fill:
     density: float | None = None
     velocity: Vector | None = None
     jitter: float = 0.0
+    lithostatic: bool = False
 
     def __post_init__(self) -> None:
         if not isinstance(self.region, Region):
@@ -359,6 +363,10 @@ class Fill:
         }
         if self.density is not None:
             checked["density"] = positive("density", self.density)
+        if not isinstance(self.lithostatic, bool):
+            raise TypeError(f"lithostatic = {self.lithostatic!r} must be True or False")
+        if self.lithostatic and self.density is not None:
+            raise ValueError(f"density = {self.density} must be None in a lithostatic fill")
         if self.velocity is not None:
             checked["velocity"] = vector("velocity", self.velocity, self.region.dim)
         for name, value in checked.items():
@@ -380,15 +388,18 @@ class Points:
         Position [m], velocity [m/s]. Points follow the fills, within a fill the first axis fastest.
     volume, density : ndarray, shape (n,)
         Room of the point [m^dim], density [kg/m3]; their product is its mass.
+    depth : ndarray, shape (n,)
+        Depth below the top of a lithostatic fill [m], which makes it denser; 0 in others.
     """
 
     x: NDArray[np.float64]
     v: NDArray[np.float64]
     volume: NDArray[np.float64]
     density: NDArray[np.float64]
+    depth: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        for array in (self.x, self.v, self.volume, self.density):
+        for array in (self.x, self.v, self.volume, self.density, self.depth):
             array.setflags(write=False)
 
 
@@ -466,7 +477,7 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
     """
     rng = np.random.default_rng(integer("seed", seed, 0))
     rho_c = positive("rho_c", rho_c)
-    x, v, volume, density = [], [], [], []
+    x, v, volume, density, depth = [], [], [], [], []
     # A site may be rounded onto the upper end of the grid, which is no longer in a cell.
     last = np.nextafter(grid.upper, grid.lower)
     for fill, sites in zip(fills, _checked_lattices(grid, fills), strict=True):
@@ -478,9 +489,12 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
         v.append(np.broadcast_to(fill.velocity or (0.0,) * grid.dim, sites.shape))
         volume.append(np.full(len(sites), spacing**grid.dim))
         density.append(np.full(len(sites), rho_c if fill.density is None else fill.density))
+        top = fill.region.bounds[1][-1]
+        depth.append((top - sites[:, -1]) * fill.lithostatic)
     return Points(
         x=np.concatenate(x),
         v=np.concatenate(v),
         volume=np.concatenate(volume),
         density=np.concatenate(density),
+        depth=np.concatenate(depth),
     )

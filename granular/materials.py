@@ -10,10 +10,19 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
-from granular.checks import in_range, positive
+from granular.checks import in_range, non_negative, positive
 from granular.notebook import table
 
-__all__ = ["DruckerPrager", "Elastic", "Material", "MuI", "glass_beads", "glass_beads_5mm"]
+__all__ = [
+    "NGF",
+    "DruckerPrager",
+    "Elastic",
+    "Material",
+    "MuI",
+    "glass_beads",
+    "glass_beads_5mm",
+    "silo_grains",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +48,7 @@ class Material:
 
     def __post_init__(self) -> None:
         if type(self) is Material:
-            raise TypeError("Material is abstract: use MuI, DruckerPrager or Elastic")
+            raise TypeError("Material is abstract: use MuI, NGF, DruckerPrager or Elastic")
         self._set("E", positive("E", self.E))
         self._set("nu", in_range("nu", self.nu, 0.0, 0.5, open_high=True))
         self._set("rho_c", positive("rho_c", self.rho_c))
@@ -76,7 +85,7 @@ class Material:
         return table(f"{type(self).__name__} ({self.law})", rows)
 
 
-def _check_grain_density(material: MuI | DruckerPrager) -> float:
+def _check_grain_density(material: MuI | NGF | DruckerPrager) -> float:
     rho_s = positive("rho_s", material.rho_s)
     if rho_s < material.rho_c:
         raise ValueError(f"rho_c = {material.rho_c} must not exceed rho_s = {rho_s}")
@@ -159,6 +168,112 @@ class MuI(Material):
 
 
 @dataclass(frozen=True, kw_only=True)
+class NGF(Material):
+    """Grains whose size is felt: nonlocal granular fluidity.
+
+    The shear rate is g mu, and the fluidity g obeys (Dunatunga & Kamrin, "Modeling silo clogging
+    with nonlocal granular rheology", eqs 2.1 and 2.2)
+
+    ``t0 dg/dt = A^2 d^2 lap g - dmu (mu_s - mu)/(mu_2 - mu) g - b sqrt(rho_s d^2/p) mu g^2``
+
+    with dmu = mu_2 - mu_s and b = dmu/I0; without the first term, in steady flow, this is the law
+    of `MuI`. How g is diffused: `granular.schemes.Fluidity`.
+
+    Parameters
+    ----------
+    E, nu, rho_c : float
+        See `Material`.
+    A : float
+        Nonlocal amplitude, >= 0; 0 is the law of `MuI` itself, without a fluidity.
+    d : float
+        Grain diameter [m], > 0.
+    t0 : float
+        Time scale of the fluidity [s], > 0.
+    mu_s : float
+        Static friction coefficient, > 0.
+    mu_2 : float
+        Limiting friction coefficient, > mu_s; may be ``math.inf``, with `b`.
+    rho_s : float
+        Density of the grains themselves [kg/m3], >= rho_c.
+    I0 : float, optional
+        Reference inertial number, > 0; .279 if neither it nor `b` is given.
+    b : float, optional
+        Slope of mu(I) at rest, (mu_2 - mu_s)/I0, > 0, in place of `I0`.
+
+    Raises
+    ------
+    ValueError
+        For values out of range, `I0` together with `b`, or an infinite `mu_2` without `b`.
+    TypeError
+        For anything that is not a number.
+    """
+
+    A: float = 0.48
+    d: float = 0.005
+    t0: float = 1e-3
+    mu_s: float = 0.3819
+    mu_2: float = 0.6435
+    rho_s: float = 2450.0
+    I0: float = None  # type: ignore[assignment]  # a float once made
+    b: float = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set("A", non_negative("A", self.A))
+        self._set("d", positive("d", self.d))
+        self._set("t0", positive("t0", self.t0))
+        self._set("mu_s", positive("mu_s", self.mu_s))
+        self._set("mu_2", positive("mu_2", self.mu_2, allow_inf=True))
+        if self.mu_2 <= self.mu_s:
+            raise ValueError(f"mu_2 = {self.mu_2} must exceed mu_s = {self.mu_s}")
+        self._set("rho_s", _check_grain_density(self))
+        if self.I0 is not None and self.b is not None:
+            raise ValueError(f"I0 = {self.I0} must not be given together with b = {self.b}")
+        self._set("_by_b", self.b is not None)
+        if self._by_b:
+            self._set("b", positive("b", self.b))
+            self._set("I0", (self.mu_2 - self.mu_s) / self.b)
+            return
+        if math.isinf(self.mu_2):
+            raise ValueError("mu_2 = inf must go with b, the slope of mu(I) at rest")
+        self._set("I0", 0.279 if self.I0 is None else positive("I0", self.I0))
+        self._set("b", (self.mu_2 - self.mu_s) / self.I0)
+
+    @property
+    def law(self) -> str:  # type: ignore[override]
+        """Law of the core: without a nonlocal amplitude that of `MuI`."""
+        return "ngf" if self.A else "mu_i"
+
+    @property
+    def xi(self) -> float:
+        """I0/(d sqrt(rho_s)) [sqrt(m/kg)] of the local law, see `MuI`."""
+        return self.I0 / (self.d * math.sqrt(self.rho_s))
+
+    def core_friction(self) -> dict[str, float]:
+        """mu_2, I0 and xi as the core takes them: all finite, as if mu_2 were 1e6 at most."""
+        mu_2 = min(self.mu_2, LARGEST_MU_2)
+        I0 = self.I0 if mu_2 == self.mu_2 else (mu_2 - self.mu_s) / self.b
+        return {"mu_2": mu_2, "I0": I0, "xi": I0 / (self.d * math.sqrt(self.rho_s))}
+
+    def arguments(self) -> dict[str, float]:
+        """The arguments that make this material anew: `b`, or `I0`."""
+        derived = "I0" if self._by_b else "b"
+        return {name: v for name, v in super().arguments().items() if name != derived}
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some arguments changed; `b` takes the place of `I0`, and `I0` of `b`."""
+        kept = self.arguments()
+        for name, other in (("I0", "b"), ("b", "I0")):
+            if changes.get(name) is not None:
+                kept.pop(other, None)
+        return type(self)(**(kept | changes))
+
+
+LARGEST_MU_2 = 1e6
+"""Stands for an infinite mu_2: of a friction below 10, mu(I) is off by less than 1e-5."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class DruckerPrager(Material):
     """Rate-independent friction: tau <= mu p, stress-free when disconnected.
 
@@ -203,3 +318,10 @@ glass_beads_5mm = MuI(
     E=1e9, nu=0.3, mu_s=0.3819, mu_2=0.6435, rho_s=2450.0, rho_c=1500.0, I0=0.278, d=5e-3
 )
 """The same beads with a size: I0 = 0.278 and d = 5 mm give xi = 1.1233 to all its digits."""
+
+silo_grains = NGF(
+    E=1e6, nu=0.45, mu_s=0.3819, mu_2=50.0, rho_s=2450.0, rho_c=1500.0, b=1.0, A=1.0, t0=1e-3,
+    d=0.14,
+)  # fmt: skip
+"""Grains of the clogging silos of Dunatunga & Kamrin, "Modeling silo clogging", section 4; d is as
+wide as their opening."""

@@ -19,7 +19,7 @@ from granular.geometry import Fill, Grid
 from granular.materials import Material
 from granular.nodes import check_creases, creases
 from granular.notebook import table
-from granular.schemes import Scheme
+from granular.schemes import Fluidity, Scheme
 
 __all__ = ["Parameters", "Scene"]
 
@@ -172,10 +172,19 @@ class Scene:
         for name in ("walls", "absorbers"):
             for i, part in enumerate(getattr(self, name)):
                 part.check(f"{name}[{i}]", self.grid)
+        if self.material.law == "ngf" and self.scheme.basis == "ugimp":
+            raise ValueError('basis = "ugimp" must be "linear" or "quadratic" for a nonlocal law')
         if self.gravity.dim != self.grid.dim:
             raise ValueError(
                 f"gravity of dimension {self.gravity.dim} must have {self.grid.dim} as the grid"
             )
+        if any(fill.lithostatic for fill in self.fills):
+            *level, down = self.gravity.at(0.0)
+            if any(level) or down > 0:
+                raise ValueError(
+                    f"gravity = {self.gravity} must point down the last axis at t = 0 for "
+                    "lithostatic fills"
+                )
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = creases(self.grid, self.walls, axis)
             check_creases(self.scheme.basis, n, periodic, lines)
@@ -261,8 +270,10 @@ _PARTS: dict[str, type] = {
         geometry.Intersection,
         geometry.Difference,
         materials.MuI,
+        materials.NGF,
         materials.DruckerPrager,
         materials.Elastic,
+        Fluidity,
         Scheme,
         Wall,
         Solid,

@@ -9,11 +9,84 @@ from typing import Any, Self
 from granular.checks import in_range, integer, non_negative, one_of, positive
 from granular.notebook import table
 
-__all__ = ["BASES", "DENSITIES", "TRANSFERS", "Scheme", "cell_averaged", "default", "published"]
+__all__ = [
+    "BASES",
+    "DENSITIES",
+    "TRANSFERS",
+    "Fluidity",
+    "Scheme",
+    "cell_averaged",
+    "default",
+    "published",
+]
 
 BASES = ("linear", "ugimp", "quadratic")
 TRANSFERS = ("flip", "apic", "tpic", "xpic")
 DENSITIES = ("tracked", "diffused", "shared")
+
+
+DIFFUSIONS = ("auto", "explicit", "implicit", "rkl2")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fluidity:
+    """How the fluidity of a nonlocal law (`granular.materials.NGF`) is diffused; without one, idle.
+
+    Parameters
+    ----------
+    method : {"auto", "explicit", "implicit", "rkl2"}
+        "explicit" is refused beyond dt = dx^2 t0/(2 dim A^2 d^2), "implicit" is backward Euler,
+        which makes no fluidity negative, "rkl2" a Runge-Kutta-Legendre scheme of second order,
+        several times cheaper, that may undershoot; "auto" explicit where one substep is within
+        that limit, else implicit.
+    substeps : int or None
+        Substeps of the law in a time step, each with its diffusion, at a velocity gradient that is
+        held; None for 1 with an explicit method, else 5. With one of them a silo flows 17 % faster
+        than with 20, with 5 by 2 %.
+    tolerance : float
+        Of the conjugate gradients, residual over right-hand side, 0 < tolerance < 1.
+    seed : float or None
+        Fluidity of all points at the start [1/s], >= 0. None for a local phase: the law of `MuI`
+        for 10 t0, then g = shear_rate/mu. Where g is 0 everywhere it stays 0 up to a friction
+        close to mu_2.
+    spread : float or None
+        Depth that the pressure of a point stands for, to either side of it, in cells: the term with
+        1/sqrt(p), of which surface cells feel most, has its mean over that depth, as under gravity
+        alone. None for what it is: half a cell with hats, under which a cell has one pressure, and
+        half the spacing of the points with splines. 0 for the value at p: thin layers flow too fast
+        then, by 9 % at twice the height at which they stop and 10 cells high.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    method: str = "auto"
+    substeps: int | None = None
+    tolerance: float = 1e-8
+    seed: float | None = None
+    spread: float | None = None
+
+    def __post_init__(self) -> None:
+        checked: dict[str, Any] = {
+            "method": one_of("method", self.method, DIFFUSIONS),
+            "tolerance": in_range(
+                "tolerance", self.tolerance, 0.0, 1.0, open_low=True, open_high=True
+            ),
+        }
+        if self.substeps is not None:
+            checked["substeps"] = integer("substeps", self.substeps, 1, 100000)
+        if self.spread is not None:
+            checked["spread"] = in_range("spread", self.spread, 0.0, 1.0)
+        if self.seed is not None:
+            checked["seed"] = non_negative("seed", self.seed)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some arguments changed, checked as a new one."""
+        return _replace(self, **changes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +174,8 @@ class Scheme:
         Part of q_p - 1 that a point loses in an averaging: it forgets where it has been. 0 to 1.
     decay : float
         Under "tpic" v_p = v_pic + f (v_p + dv - v_pic) with f = exp(-decay dt c_w/dx).
+    fluidity : Fluidity
+        Of a nonlocal law.
 
     Raises
     ------
@@ -131,6 +206,7 @@ class Scheme:
     weight_limit: float = 0.5
     weight_decay: float = 0.005
     decay: float = 0.03
+    fluidity: Fluidity = Fluidity()
 
     def __post_init__(self) -> None:
         basis = one_of("basis", self.basis, BASES)
@@ -169,6 +245,8 @@ class Scheme:
             checked[name] = non_negative(name, getattr(self, name))
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+        if not isinstance(self.fluidity, Fluidity):
+            raise TypeError(f"fluidity = {self.fluidity!r} must be a Fluidity")
         if self.density == "diffused" and not cured:
             raise ValueError(
                 f'density = "diffused" needs basis = "quadratic" and transfer = "tpic", '

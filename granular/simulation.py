@@ -35,7 +35,7 @@ CHUNK_SECONDS = 0.05
 MAX_CHUNK = 1 << 20
 EVERY = 1 / 60
 """Time between frames [s], unless another is asked for: a film in real time."""
-CARRIED = frozenset({"affine", "density_gradient", "shift_velocity"})
+CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "g_gain"})
 """Fields that a scheme carries from step to step: in every checkpoint, but not in the frames, which
 they would swell by two thirds and where no measure asks for them."""
 SMALL = 4000
@@ -140,6 +140,13 @@ class Simulation:
     def isa(self) -> str:
         """Instruction set of the kernels."""
         return self._engine.isa
+
+    @property
+    def fluidity(self) -> _core.Fluidity | None:
+        """How the fluidity is diffused: method, substeps, the limit of a substep [s], and the
+        iterations and the cells kept from being negative since this object was made. None for a
+        local law."""
+        return self._engine.fluidity()
 
     @property
     def buffers(self) -> dict[str, NDArray]:

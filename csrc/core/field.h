@@ -7,20 +7,22 @@
 #define GR_CORE_FIELD_H
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED };
+enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED };
 
 /* X(name, kind, needed by, unit, description) */
-#define GR_FIELDS(X)                                                                                 \
-    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                      \
-    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                    \
-    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                         \
-    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")     \
-    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                    \
-    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run") \
-    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")              \
-    X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")  \
-    X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")      \
-    X(overweight, GR_SCALAR, GR_DIFFUSED, "1", "part by which a point counts more than its volume")
+#define GR_FIELDS(X)                                                                                                 \
+    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                                      \
+    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                                    \
+    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                                         \
+    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")                     \
+    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                                    \
+    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run")                 \
+    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")                              \
+    X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")                  \
+    X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")                      \
+    X(overweight, GR_SCALAR, GR_DIFFUSED, "1", "part by which a point counts more than its volume")                  \
+    X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu where it flows; 0 where it bears nothing") \
+    X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "what the law has added to the diffused fluidity in its last substep")
 
 enum gr_field {
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

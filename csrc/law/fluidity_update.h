@@ -17,8 +17,12 @@
  *     g = g* - theta [(mu_s - mu) + dmu k] g,  theta = dt/t0,
  *     c X^2 + [q + theta (mu_s - m) - X*] X - X* = 0,  c = q + theta mu_s.
  *
- * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0); of the
- * unbounded friction m = mu_s + 1/theta. */
+ * A point stands for a part of the depth, through which p varies by h to either side: 1/sqrt(p) in k is its mean
+ * 2/(sqrt(p + h) + sqrt(p - h)), with no second root where p < h. At a free surface, where p = h in the uppermost layer
+ * of points, that is sqrt(2) times the value at its middle.
+ *
+ * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0); with the unbounded
+ * friction up to m = mu_s + 1/theta. */
 #ifndef GR_LAW_FLUIDITY_UPDATE_H
 #define GR_LAW_FLUIDITY_UPDATE_H
 
@@ -33,11 +37,11 @@ struct gr_fluidity_numbers {
     vd phi, a_phi;                                      /* f/mu_2, phi mu_s */
     vd theta, theta_mu_s;                               /* dt/t0 */
     vd G_dt, inv_G_dt;                                  /* Pa s */
-    vd sink, largest_inv_root;                          /* f d sqrt(rho_s)/I0; 1/sqrt(p) in the sink is at most this */
+    vd sink, p_spread;                                  /* f d sqrt(rho_s)/I0; Pa */
 };
 
 struct gr_fluidity_point {
-    vd mu, g; /* friction, 1; fluidity, 1/s */
+    vd scale, mu, g; /* 1/(1 + X), friction, 1; fluidity, 1/s */
 };
 
 static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double parameter[GR_FLUIDITY_PARAMETER_COUNT],
@@ -60,57 +64,67 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
         .G_dt = v_set(G * dt),
         .inv_G_dt = v_set(1 / (G * dt)),
         .sink = v_set(dt / t0 * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
-        .largest_inv_root = v_set(1 / sqrt(p_floor > GR_LEAST_PRESSURE ? p_floor : GR_LEAST_PRESSURE)),
+        .p_spread = v_set(p_spread),
     };
 }
 
-/* What the two quadratic equations share: q, X*, and the one root of a X^2 + b X - c = 0, a > 0, c >= 0, that is not
- * negative, without cancellation. */
-struct gr_fluidity_start {
-    vd q, X;
+/* 1/p, and the mean of 1/sqrt(p), with one division. p > 0 is taken for GR_LEAST_PRESSURE at least. */
+struct gr_inverse_pressure {
+    vd p, root;
 };
 
-static inline struct gr_fluidity_start gr_fluidity_start_of(const struct gr_fluidity_numbers *n, vd p, vd g_star, vd rate)
-{
-    const vd inv_root = v_set(1.0) / v_sqrt_fast(p);
-    return (struct gr_fluidity_start){
-        .q = v_fma(n->sink * rate, v_min(inv_root, n->largest_inv_root), v_set(1.0)),
-        .X = n->G_dt * v_max(v_zero(), g_star) * (inv_root * inv_root),
-    };
-}
-
-static inline vd gr_fluidity_root(vd a, vd b, vd c)
-{
-    const vd root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
-    const vm rises = v_gt(b, v_zero());
-    return v_select(rises, c + c, root - b) / v_select(rises, b + root, v_set(2.0) * a);
-}
-
-/* Given: trial friction m in [0, 1e60], pressure p > 0, fluidity g_star after diffusion (negative: taken for zero),
- * plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
-static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star,
-                                                          vd rate)
+static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_fluidity_numbers *n, vd p)
 {
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    const struct gr_fluidity_start start = gr_fluidity_start_of(n, p, g_star, rate);
+    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt_fast(v_max(v_zero(), p - n->p_spread));
+    const vd inverse = v_set(1.0) / (p * roots);
+    return (struct gr_inverse_pressure){inverse * roots, v_set(2.0) * (p * inverse)};
+}
+
+/* The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0: both quotients, Y and 1/(1 + X), come from one
+ * division. */
+static inline struct gr_fluidity_point gr_fluidity_of_root(const struct gr_fluidity_numbers *n, vd a, vd b, vd c, vd offset,
+                                                           vd m, vd p)
+{
+    const vd one = v_set(1.0), root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
+    const vm rises = v_gt(b, v_zero());
+    const vd above = v_select(rises, c + c, root - b), below = v_select(rises, b + root, a + a); /* Y */
+    const vd whole = v_fma(below, one + offset, above);                                          /* below (1 + X) */
+    const vd part = one / (below * whole), scale = below * (below * part);
+    const vd X = v_fma(above * whole, part, offset);
+    return (struct gr_fluidity_point){scale, m * scale, X * v_max(v_set(GR_LEAST_PRESSURE), p) * n->inv_G_dt};
+}
+
+/* Given: trial friction m in [0, 1e60], the inverse of the pressure p, fluidity g_star after diffusion (negative: taken
+ * for zero), plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
+static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p,
+                                                          struct gr_inverse_pressure inverse, vd g_star, vd rate)
+{
+    const vd q = v_fma(n->sink * rate, inverse.root, v_set(1.0));
+    const vd start = n->G_dt * v_max(v_zero(), g_star) * inverse.p; /* X* */
+
     const vm beyond = v_ge(m, n->mu_2);
     const vd e = v_abs(m - n->mu_2) * n->inv_mu_2, pull = n->phi * (n->dmu_over_mu_2 * m);
     const vd reaction = v_select(beyond, v_fma(n->a_phi, e, -pull), n->phi * (n->mu_s - m));
-    const vd b = v_fma(e, start.q, reaction) - start.X, c = e * v_select(beyond, pull, start.X); /* the last term is -c */
-    const vd X = gr_fluidity_root(start.q + n->a_phi, b, c) + v_keep(beyond, e);
-    /* rounding alone could make it mu_2 */
-    return (struct gr_fluidity_point){.mu = v_min(n->below_mu_2, m / (v_set(1.0) + X)), .g = X * p * n->inv_G_dt};
+    const vd b = v_fma(e, q, reaction) - start, c = e * v_select(beyond, pull, start); /* the last term is -c */
+    struct gr_fluidity_point point = gr_fluidity_of_root(n, q + n->a_phi, b, c, v_keep(beyond, e), m, p);
+    point.mu = v_min(n->below_mu_2, point.mu); /* rounding alone could make it mu_2 */
+    return point;
 }
 
-/* The same with an unbounded friction. */
-static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star,
-                                                                 vd rate)
+/* The same with the unbounded friction: mu >= 0. */
+static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m, vd p,
+                                                                 struct gr_inverse_pressure inverse, vd g_star, vd rate)
 {
-    p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    const struct gr_fluidity_start start = gr_fluidity_start_of(n, p, g_star, rate);
-    const vd b = v_fma(n->theta, n->mu_s - m, start.q) - start.X;
-    const vd X = gr_fluidity_root(start.q + n->theta_mu_s, b, start.X);
-    return (struct gr_fluidity_point){.mu = m / (v_set(1.0) + X), .g = X * p * n->inv_G_dt};
+    const vd q = v_fma(n->sink * rate, inverse.root, v_set(1.0));
+    const vd start = n->G_dt * v_max(v_zero(), g_star) * inverse.p, b = v_fma(n->theta, n->mu_s - m, q) - start;
+    return gr_fluidity_of_root(n, q + n->theta_mu_s, b, start, v_zero(), m, p);
+}
+
+/* The same for numbers that come from arrays. */
+static inline struct gr_fluidity_point gr_fluidity_at(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star, vd rate)
+{
+    return gr_fluidity_update(n, m, p, gr_invert_pressure(n, p), g_star, rate);
 }
 
 /* Arrays of points. The last ones of a number that is no multiple of the lanes go through a buffer. */
@@ -120,8 +134,8 @@ static inline void fluidity_points(const struct gr_fluidity_call *call)
     double in[4][GR_W], mu[GR_W], g[GR_W];
     int64_t k = 0;
     for (; k + GR_W <= call->n; k += GR_W) {
-        const struct gr_fluidity_point point = gr_fluidity_update(&n, v_load(call->mu_trial + k), v_load(call->p + k),
-                                                                  v_load(call->g_star + k), v_load(call->shear_rate + k));
+        const struct gr_fluidity_point point = gr_fluidity_at(&n, v_load(call->mu_trial + k), v_load(call->p + k),
+                                                              v_load(call->g_star + k), v_load(call->shear_rate + k));
         v_store(call->mu + k, point.mu);
         v_store(call->g + k, point.g);
     }
@@ -131,8 +145,7 @@ static inline void fluidity_points(const struct gr_fluidity_call *call)
         in[0][lane] = call->mu_trial[i], in[1][lane] = call->p[i];
         in[2][lane] = call->g_star[i], in[3][lane] = call->shear_rate[i];
     }
-    const struct gr_fluidity_point point =
-        gr_fluidity_update(&n, v_load(in[0]), v_load(in[1]), v_load(in[2]), v_load(in[3]));
+    const struct gr_fluidity_point point = gr_fluidity_at(&n, v_load(in[0]), v_load(in[1]), v_load(in[2]), v_load(in[3]));
     v_store(mu, point.mu);
     v_store(g, point.g);
     for (int64_t i = k; i < call->n; i++) call->mu[i] = mu[i - k], call->g[i] = g[i - k];

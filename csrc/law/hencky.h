@@ -40,7 +40,7 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
 #define GR_X(name, unit, doc) const double name = parameter[GR_HENCKY_P_##name];
     GR_HENCKY_PARAMETERS(GR_X)
 #undef GR_X
-    (void)t0, (void)p_floor; /* gr_fluidity_numbers_of looks at them */
+    (void)t0, (void)p_spread; /* gr_fluidity_numbers_of looks at them */
     return (struct gr_hencky_numbers){
         .fluidity = gr_fluidity_numbers_of(parameter + GR_HENCKY_P_G, dt),
         .flow = gr_flow_numbers_of(mu_s, mu_2, I0 / (d * sqrt(rho_s)) * G * dt),
@@ -106,14 +106,16 @@ GR_INLINE struct gr_hencky_return gr_hencky_local(const int flow, const struct g
 GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p,
                                                      vm before, vd kindled, vd g_star, vd rate)
 {
-    const vd one = v_set(1.0), m = trial / p, start = v_max(n->g_min, g_star);
-    struct gr_fluidity_point point = flow == GR_HENCKY_nonlocal_linear
-                                         ? gr_fluidity_update_linear(&n->fluidity, m, p, start, rate)
-                                         : gr_fluidity_update(&n->fluidity, m, p, start, rate);
-    point.g = v_select(before, point.g, kindled);
-    point.mu = v_select(before, point.mu, m / v_fma(n->fluidity.G_dt, kindled / p, one));
-    const vd share = v_select(v_gt(m, v_zero()), point.mu / m, one);
-    return (struct gr_hencky_return){.share = share, .g = point.g, .rate = point.mu * point.g};
+    const struct gr_inverse_pressure inverse = gr_invert_pressure(&n->fluidity, p);
+    const vd one = v_set(1.0), m = trial * inverse.p, start = v_max(n->g_min, g_star);
+    struct gr_fluidity_point point;
+    if (flow == GR_HENCKY_nonlocal_linear)
+        point = gr_fluidity_update_linear(&n->fluidity, m, p, inverse, start, rate);
+    else
+        point = gr_fluidity_update(&n->fluidity, m, p, inverse, start, rate);
+    const vd scale = one / v_fma(n->fluidity.G_dt * kindled, inverse.p, one);
+    const vd share = v_select(before, point.scale, scale), g = v_select(before, point.g, kindled);
+    return (struct gr_hencky_return){.share = share, .g = g, .rate = v_select(before, point.mu, m * scale) * g};
 }
 
 /* Given: L dt (row-major), c at the end of the step, the stress and plastic shear rate before it, and the fluidity after
@@ -149,7 +151,7 @@ GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow,
     return out;
 }
 
-/* ---- arrays of points ---- */
+/* ---- arrays of points: `flow` is no literal here, for one body of the trial in place of six ---- */
 
 /* The rows of a call in one list: gradient and log-density, then what is updated. */
 GR_INLINE void hencky_rows(const int dim, const struct gr_hencky_call *call, const double *given[10], double *updated[8])

@@ -19,6 +19,16 @@ const struct gr_law_info gr_law_table[GR_LAW_COUNT] = {
                       {"mu_s", "1", "static friction coefficient"},
                       {"mu_2", "1", "limiting friction coefficient"},
                       {"xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"}}},
+    [GR_LAW_ngf] = {"ngf",
+                    "nonlocal granular fluidity, stress-free when disconnected (Dunatunga & Kamrin, Modelling silo "
+                    "clogging with nonlocal granular rheology, eq. 2.1, 2.2)",
+                    GR_NGF_POINT + GR_FLUIDITY_PARAMETER_COUNT,
+                    {{"K", "Pa", "bulk modulus"},
+                     {"A", "1", "nonlocal amplitude"},
+#define GR_X(name, unit, doc) {#name, unit, doc},
+                     GR_FLUIDITY_PARAMETERS(GR_X)
+#undef GR_X
+                    }},
 };
 
 const struct gr_parameter_info gr_fluidity_parameter_table[GR_FLUIDITY_PARAMETER_COUNT] = {

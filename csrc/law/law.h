@@ -9,7 +9,7 @@
 
 #include "core/simd.h"
 
-#define GR_LAWS(X) X(elastic) X(drucker_prager) X(mu_i)
+#define GR_LAWS(X) X(elastic) X(drucker_prager) X(mu_i) X(ngf)
 
 enum gr_law_id {
 #define GR_X(name) GR_LAW_##name,
@@ -18,7 +18,7 @@ enum gr_law_id {
         GR_LAW_COUNT
 };
 
-#define GR_LAW_MAX_PARAMETERS 8
+#define GR_LAW_MAX_PARAMETERS 10
 
 struct gr_parameter_info {
     const char *name, *unit, *doc;
@@ -34,20 +34,27 @@ extern const struct gr_law_info gr_law_table[GR_LAW_COUNT];
 
 /* One call: `n_blocks` blocks of GR_W lanes.
  * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the
- *   increment L dt of the velocity gradient, row-major components of GR_W lanes each; dt in s;
- *   log_density at the end of the step; parameter values in the law's own order.
- * Updated: stress[c], component arrays, Pa. Returned: shear_rate, 1/s, where the pointer is not NULL. */
+ *   increment of the velocity gradient over a step, row-major components of GR_W lanes each; dt in s;
+ *   log_density at the end of the step; parameter values in the law's own order. A nonlocal law makes `part` of the
+ *   step, dt long; the log-density is behind it by `behind` of the trace of the increment.
+ *   g_star[k], the fluidity of block k after its diffusion, 1/s; NULL in the local phase of a nonlocal law.
+ * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL.
+ * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL. Nonlocal laws need shear_rate and g. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
     const double *gradient;
-    double dt;
+    double dt, part, behind;
     int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (3.10) */
     const double *parameter;
     const double *log_density;
+    const double *g_star;
     double *stress[6];
-    double *shear_rate;
+    double *shear_rate, *g, *gain;
 };
+
+/* Where the parameters of the nonlocal law are; those of its update at a point come last, all together. */
+enum { GR_NGF_K, GR_NGF_A, GR_NGF_POINT };
 
 /* Parameters of the update of the fluidity at a point (fluidity_update.h). X(name, unit, description) */
 #define GR_FLUIDITY_PARAMETERS(X)                                               \
@@ -58,7 +65,7 @@ struct gr_law_call {
     X(rho_s, "kg/m^3", "density of a grain")                                    \
     X(d, "m", "diameter of a grain")                                            \
     X(t0, "s", "time scale of the fluidity")                                    \
-    X(p_floor, "Pa", "a lower pressure counts as this in the term with 1/sqrt(p); 0: as what it is")
+    X(p_spread, "Pa", "1/sqrt(p) in the law is its mean from p less this to p more this; 0: its value at p")
 
 enum gr_fluidity_parameter {
 #define GR_X(name, unit, doc) GR_FLUIDITY_##name,

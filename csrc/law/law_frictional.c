@@ -13,9 +13,9 @@ static inline void law_frictional(const int dim, const int rate, const struct gr
     const vd to_rate = v_set(1.0 / (q[1] * call->dt));
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
-        struct gr_stress t = gr_trial(dim, call->gradient + k * dim * dim * GR_W, call, at, K, G);
+        struct gr_stress t = gr_trial(dim, call->gradient + k * dim * dim * GR_W, call, at, K, G, one);
         const vd c = v_load(call->log_density + at);
-        vd p = gr_split(&t), gamma = zero;
+        vd p = gr_split(&t), gamma = zero, fluidity = zero;
         if (call->pressure_from_density) p = K * c;
         const vm dense = m_and(v_ge(c, zero), v_gt(p, zero));
         if (!m_bits(dense)) {
@@ -31,11 +31,13 @@ static inline void law_frictional(const int dim, const int rate, const struct gr
                 if (rate) share = gr_flow_saturating(&flow, trial, p, S0);
                 scale = v_select(flows, share, scale);
                 gamma = v_keep(flows, v_fnma(scale, trial, trial) * to_rate);
+                if (call->g) fluidity = v_keep(flows, gamma * p / (scale * trial)); /* gdot/mu */
             }
             for (int i = 0; i < 3; i++) v_store(call->stress[i] + at, v_keep(dense, v_fma(scale, t.s[i], -p)));
             for (int i = 3; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, v_keep(dense, scale * t.s[i]));
         }
         if (call->shear_rate) v_store(call->shear_rate + at, gamma);
+        if (call->g) v_store(call->g + at, fluidity);
     }
 }
 

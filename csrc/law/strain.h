@@ -180,7 +180,7 @@ static inline vd gr_atanh_slope(vd x, vd y)
  *
  * Given: the trace of Z, e2 and e3 of its deviator, X^3 = e2 X + e3. With X = sqrt(e2/3) y it is y^3 - 3 y = 2 r,
  * |r| <= 1, whose largest root for r >= 0, in [sqrt 3, 2], Newton's method finds from 2 on. */
-static inline void gr_atanh_interpolated(vd trace, vd e2, vd e3, vd a[3])
+static __attribute__((noinline)) void gr_atanh_interpolated(vd trace, vd e2, vd e3, vd a[3])
 {
     const vd zero = v_zero(), one = v_set(1.0), three = v_set(3.0), half = v_set(0.5);
     const vd size2 = v_max(e2 * v_set(1.0 / 3.0), v_set(1e-30)), size = v_sqrt(size2), r2 = e3 / (size2 * size);

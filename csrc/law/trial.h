@@ -10,15 +10,15 @@ struct gr_stress {
     vd s[6]; /* xx, yy, zz, xy, yz, xz */
 };
 
-/* Trial stress s + dt (C:D + W s - s W), Dunatunga & Kamrin 2015, eq. 3.10, with L dt given (row-major).
- * The explicit Jaumann form is first order in the rotation of a step. */
+/* Trial stress s + dt (C:D + W s - s W), Dunatunga & Kamrin 2015, eq. 3.10, with L dt given (row-major), or that of
+ * which it is a `part`. The explicit Jaumann form is first order in the rotation of a step. */
 static inline struct gr_stress gr_trial(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at,
-                                        vd K, vd G)
+                                        vd K, vd G, vd part)
 {
     struct gr_stress t;
     const vd half = v_set(0.5), two = v_set(2.0), lambda = K - two / v_set(3.0) * G, twoG = two * G;
     vd L[9];
-    for (int c = 0; c < dim * dim; c++) L[c] = v_load(gradient + c * GR_W);
+    for (int c = 0; c < dim * dim; c++) L[c] = part * v_load(gradient + c * GR_W);
     for (int c = 0; c < GR_STRESSES(dim); c++) t.s[c] = v_load(call->stress[c] + at);
     const vd xx = t.s[0], yy = t.s[1], zz = t.s[2], xy = t.s[3];
     if (dim == 2) {

@@ -84,7 +84,8 @@ static void prepare(struct team *team)
     }
     const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
     /* The rates of the last step are seen, and those before an averaging are used by it. */
-    e->record_rates = team->left == 0 || next >= team->until || gr_averages(e, e->step + 1);
+    e->record_rates = team->left == 0 || next >= team->until || gr_averages(e, e->step + 1) || e->fluidity;
+    e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
     gr_gravity(config, e->time, team->gravity);
@@ -143,6 +144,44 @@ static void stage_grid(struct team *team, int t)
     }
 }
 
+/* The fluidity has not converged: which of the points is not finite, if one is. */
+static void blame(struct gr_engine *e)
+{
+    const double *g = e->field[GR_FIELD_g];
+    e->error_id = -1;
+    e->error_step = e->step;
+    for (int64_t s = 0; s < e->used; s++) {
+        if (e->id[s] < 0 || isfinite(g[s])) continue;
+        e->error = GR_ERR_NOT_FINITE;
+        e->error_id = e->id[s];
+        for (int d = 0; d < e->config.dim; d++) e->error_x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+        return;
+    }
+}
+
+/* Diffusion of the fluidity, and all substeps of the nonlocal law but the last, which goes with the gather.
+ * Returned: 0, or the error of the step, the same to all threads. */
+static int stage_fluidity(struct team *team, int t)
+{
+    struct gr_engine *e = team->e;
+    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
+    if (!e->diffuses) return GR_OK;
+    const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
+    for (int made = 0; made < nonlocal->substeps; made++) {
+        if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made - 1);
+        const int error = team->kernels->diffuse(e->fluidity, &call, &team->barrier, t);
+        if (error) {
+            if (t == 0) e->error = error, e->sums_valid = 0, blame(e);
+            gr_wait(&team->barrier);
+            return error;
+        }
+        if (t) continue;
+        e->cg_iterations += e->fluidity->iterations;
+        e->clamped_cells += e->fluidity->clamped;
+    }
+    return GR_OK;
+}
+
 static void run(struct team *team, int t)
 {
     struct gr_engine *e = team->e;
@@ -157,6 +196,7 @@ static void run(struct team *team, int t)
         gr_wait(&team->barrier);
         if (!team->go) return;
         stage_grid(team, t);
+        if (stage_fluidity(team, t)) return;
         team->kernels->sweep(e, team->cut[t], team->cut[t + 1], &team->leavers[t], 1);
         gr_wait(&team->barrier);
         if (t == 0) finish(team);
@@ -239,7 +279,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
         gr_grid_smooth(e, 0, e->mesh.n_nodes, pass);
         e->sums_valid = 0; /* smooth works in their place */
     }
-    return GR_OK;
+    return stage_fluidity(&team, 0);
 }
 
 int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels)

@@ -192,4 +192,5 @@ GR_INLINE void scatter_points(const int dim, const int basis, const int affine, 
         scatter_shared_cell(dim, affine, e, index);
     else
         scatter_cell(dim, basis, affine, diffused, e, index);
+    if (e->fluidity) mean_fluidity(e, index);
 }

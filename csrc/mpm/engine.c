@@ -11,6 +11,10 @@ int gr_engine_uses(const struct gr_config *config, int field)
         return config->affine != GR_AFFINE_NONE;
     case GR_DIFFUSED:
         return config->diffused;
+    case GR_NONLOCAL:
+        return config->law == GR_LAW_ngf;
+    case GR_BALANCED:
+        return config->law == GR_LAW_ngf && config->nonlocal.method == GR_DIFFUSION_implicit;
     case GR_ALWAYS:
     default:
         return 1;
@@ -43,6 +47,7 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     error |= own((const void **)&c->node_codes, (size_t)n_nodes);
     error |= own((const void **)&c->cell_flags, (size_t)n_cells);
     for (int d = 0; d < 3; d++) c->creases[d] = 0;
+    c->nonlocal.face = 0;
     return error ? GR_ERR_MEMORY : GR_OK;
 }
 
@@ -83,6 +88,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->shared && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
+    if (c->law == GR_LAW_ngf && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 0)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
@@ -92,6 +98,34 @@ static int config_is_valid(const struct gr_config *c)
         if (!isfinite(w->opens_at) && !(w->opens_at > 0)) return 0;
     }
     return 1;
+}
+
+/* The lattice of the fluidity is that of the cells. */
+static int build_fluidity(struct gr_engine *e)
+{
+    enum { MAX_ITERATIONS = 10000, SUBSTEPS = 5 };
+    struct gr_nonlocal *nonlocal = &e->config.nonlocal;
+    const double *q = e->config.parameter;
+    struct gr_fluidity_config config = {.dim = e->config.dim,
+                                        .dx = e->config.dx,
+                                        .A = q[GR_NGF_A],
+                                        .d = q[GR_NGF_POINT + GR_FLUIDITY_d],
+                                        .t0 = q[GR_NGF_POINT + GR_FLUIDITY_t0],
+                                        .tolerance = nonlocal->tolerance,
+                                        .max_iterations = MAX_ITERATIONS,
+                                        .face = nonlocal->face};
+    for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
+    const int error = gr_fluidity_new(&e->fluidity, &config);
+    if (error) return error;
+    const int automatic = nonlocal->method == GR_DIFFUSION_COUNT, substeps = nonlocal->substeps ? nonlocal->substeps : 1;
+    if (automatic) {
+        const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
+        nonlocal->method = gr_longest_dt(&e->config) / substeps < limit ? GR_DIFFUSION_explicit : GR_DIFFUSION_implicit;
+    }
+    if (!nonlocal->substeps) nonlocal->substeps = nonlocal->method == GR_DIFFUSION_explicit ? 1 : SUBSTEPS;
+    if (nonlocal->method != GR_DIFFUSION_implicit) return GR_OK;
+    e->balance = calloc((size_t)e->fluidity->n_cells, sizeof(double));
+    return e->balance ? GR_OK : GR_ERR_MEMORY;
 }
 
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
@@ -110,6 +144,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
         n_cells *= e->axis[d].n_cells;
         n_nodes *= e->axis[d].n_nodes;
     }
+    if (config->law == GR_LAW_ngf) error = build_fluidity(e);
+    if (error) goto shallow;
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     /* whole lines, and room for the whole groups that lane sums are written in */
@@ -118,7 +154,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->sum_stride = (e->sum_stride + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
     e->node_stride = (GR_NODE_FIELDS(config->dim, config->diffused) + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
-        if (gr_engine_uses(config, f)) e->n_components += gr_field_components(f, config->dim);
+        if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
     error = copy_config(e, n_nodes, n_cells);
     if (error) goto out;
     error = GR_ERR_MEMORY;
@@ -151,6 +187,7 @@ void gr_engine_free(struct gr_engine *e)
 {
     if (!e) return;
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
+    gr_fluidity_free(e->fluidity);
     void *owned[] = {(void *)e->config.gravity_times,
                      (void *)e->config.gravity_vectors,
                      (void *)e->config.walls,
@@ -169,6 +206,7 @@ void gr_engine_free(struct gr_engine *e)
                      e->node_mass,
                      e->node_v,
                      e->solid,
+                     e->balance,
                      e->leaver,
                      e->pending,
                      e->pending_id,

@@ -43,6 +43,15 @@ struct gr_cure {
     int interval;            /* steps between two averagings, each of which stands for so many steps */
 };
 
+/* How the fluidity of a nonlocal law is diffused. */
+struct gr_nonlocal {
+    int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit where one substep is short enough for it */
+    int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held; 0: 1 explicit, else 5 */
+    double begins_at;    /* s; until then the law is local */
+    double tolerance;    /* of the conjugate gradients */
+    const uint8_t *face; /* (2 dim, cells): enum gr_face */
+};
+
 struct gr_config {
     int dim, basis, affine, diffused, shared, xpic_order, law;
     int shape[3], periodic[3], open_low[3], open_high[3];
@@ -53,6 +62,7 @@ struct gr_config {
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* dt > 0: fixed */
     double parameter[GR_LAW_MAX_PARAMETERS];
     struct gr_cure cure;
+    struct gr_nonlocal nonlocal;
     int pressure_from_density;
     int n_gravity;
     const double *gravity_times;   /* s */
@@ -131,6 +141,11 @@ struct gr_engine {
     double dropped_mass;
     int sums_valid, record_rates, disconnected;
     int sums_average, sums_take_back; /* what the sums of the next step hold, see gr_plan_sums */
+    /* nonlocal law: the means of the cells' dense points, which are diffused in place; NULL without one */
+    struct gr_fluidity *fluidity;
+    double *balance; /* per cell of the lattice: what the law has added to its fluidity; NULL unless implicit */
+    int diffuses;    /* the law of this step is past its local phase */
+    int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;
     int64_t error_id, error_step;
@@ -176,6 +191,7 @@ struct gr_kernels {
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leavers *out, int fused);
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
+    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int made);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
@@ -199,6 +215,9 @@ int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels);
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels);
 int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels);
 double gr_stable_dt(const struct gr_engine *e);
+
+/* The longest time step that the engine will make, s. */
+static inline double gr_longest_dt(const struct gr_config *c) { return c->dt > 0 ? c->dt : c->cfl * c->dx / c->wave_speed; }
 
 const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the best this machine has */
 

@@ -18,20 +18,28 @@ enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the firs
 struct batch {
     int64_t n;
     int64_t slot[BATCH];
+    double g_star[BATCH];
     double scale[MODE_STRIDE(GR_NODE_FIELDS(3, 1))]; /* of the nodal fields: velocity to displacement in cells a step */
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
-static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch)
+/* The law, over a part of the step if there are substeps; the log-density is behind it by some more of the step. */
+static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch, double behind)
 {
+    const double part = e->diffuses ? 1.0 / e->config.nonlocal.substeps : 1;
     struct gr_law_call call = {.n_blocks = batch->n,
                                .slot = batch->slot,
                                .gradient = batch->gradient,
-                               .dt = e->dt,
+                               .dt = part * e->dt,
+                               .part = part,
+                               .behind = behind,
                                .pressure_from_density = e->config.pressure_from_density,
                                .parameter = e->config.parameter,
                                .log_density = e->field[GR_FIELD_log_density],
-                               .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0};
+                               .g_star = e->diffuses ? batch->g_star : 0,
+                               .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
+                               .g = e->field[GR_FIELD_g],
+                               .gain = e->field[GR_FIELD_g_gain]};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
     update(&call);
     batch->n = 0;
@@ -253,6 +261,16 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     return m_bits(stays);
 }
 
+/* What the diffusion has left of the fluidity of a cell, see mean_fluidity. */
+GR_INLINE double fluidity_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    if (!e->diffuses) return 0;
+    const int64_t place = gr_cell_id(e, cell->at);
+    if (!e->balance) return e->fluidity->g[place];
+    const double g = e->fluidity->g[place] - e->balance[place];
+    return g < 0 ? 0 : g; /* NaN stays */
+}
+
 GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, const int shared,
                               int averages, struct gr_engine *e, int64_t index, struct batch *batch, gr_law_update *law,
                               struct gr_leaver *leaver)
@@ -261,16 +279,18 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const int blocks = GR_BLOCKS(cell->count);
     struct view view;
     int64_t found = 0, filled = batch->n;
+    const double g_star = fluidity_of_cell(e, cell);
     look_at_cell(dim, basis, affine, diffused, shared, averages, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
         const int64_t at = cell->offset + n * GR_W;
         if (__builtin_expect(filled == BATCH, 0)) {
             batch->n = filled;
-            run_law(e, law, batch);
+            run_law(e, law, batch, 0);
             filled = 0;
         }
         double *gradient = batch->gradient + filled * dim * dim * GR_W;
         const unsigned inside = move_block(dim, basis, affine, diffused, shared, averages, e, cell, &view, at, gradient);
+        batch->g_star[filled] = g_star;
         batch->slot[filled++] = at;
         if (__builtin_expect(inside != GR_ALL_LANES, 0)) found += settle(e, index, n, inside, leaver + found);
     }
@@ -299,10 +319,54 @@ GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, con
             queue[queued++] = index;
         }
         if (queued < QUEUE && index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
-        if (batch.n) run_law(e, law, &batch);
+        if (batch.n) run_law(e, law, &batch, 0);
         if (out->count > lifted) gr_lift_leavers(e, out, lifted);
         lifted = out->count;
         for (int64_t k = 0; fused && k < queued; k++) scatter_points(dim, basis, affine > 0, diffused, shared, e, queue[k]);
         queued = 0;
+    }
+}
+
+/* L dt of the points of a cell, where they are now; the law is run for what the batch cannot hold. */
+GR_INLINE void strain_cell(const int dim, const int basis, const int shared, const struct gr_engine *e, int64_t index,
+                           struct batch *batch, gr_law_update *law, double behind)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const int stride = MODE_STRIDE(GR_NODE_FIELDS(dim, 0)), blocks = GR_BLOCKS(cell->count);
+    const double g_star = fluidity_of_cell(e, cell);
+    struct view view;
+    look_at_cell(dim, basis, GR_AFFINE_NONE, 0, shared, 0, e, index, batch->scale, &view);
+    for (int n = 0; n < blocks; n++) {
+        struct gr_shape s;
+        const double *place[3];
+        const int64_t at = cell->offset + n * GR_W;
+        vd L[9];
+        if (batch->n == BATCH) run_law(e, law, batch, behind);
+        double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+        for (int d = 0; d < dim; d++) place[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
+        gr_shapes(dim, basis, &view.frame, place, 0, &s);
+        for (int d = 0; d < dim; d++)
+            (void)gr_interpolate(dim, basis, 0, view.mode + d, stride, &s, (const vd(*)[3])s.g, L + d * dim);
+        for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, shared ? view.L[c] : L[c]);
+        batch->g_star[batch->n] = g_star;
+        batch->slot[batch->n++] = at;
+    }
+}
+
+/* A substep of the nonlocal law before the points move, with so many `made`; then the fluidity of the cells anew. */
+GR_INLINE void relax_cells(const int dim, const int basis, const int shared, struct gr_engine *e, int64_t first,
+                           int64_t last, int made, gr_law_update *law)
+{
+    const double behind = (made + 1.0) / e->config.nonlocal.substeps;
+    int64_t begin = first;
+    struct batch batch;
+    batch.n = 0;
+    for (int q = 0; q < MODE_STRIDE(GR_NODE_FIELDS(3, 1)); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
+    for (int64_t index = first; index < last; index++) {
+        if (e->mesh.cell[index].count) strain_cell(dim, basis, shared, e, index, &batch, law, behind);
+        if (index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
+        if (batch.n) run_law(e, law, &batch, behind);
+        for (; begin <= index; begin++)
+            if (e->mesh.cell[begin].count) mean_fluidity(e, begin);
     }
 }

@@ -316,6 +316,7 @@ int gr_regroup(struct gr_engine *e)
     error = connect_nodes(e);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
     memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
+    if (e->fluidity) memset(e->fluidity->dense, 0, (size_t)e->fluidity->n_cells);
 out:
     free(r.source);
     free(r.cell_id);

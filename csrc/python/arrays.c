@@ -120,9 +120,12 @@ PyObject *gr_raise(int error, const struct gr_engine *engine)
         return NULL;
     }
     char text[256];
-    snprintf(text, sizeof text, "%s: point %lld at (%.9g, %.9g%s%.9g) in step %lld (t = %.9g s)", message,
-             (long long)engine->error_id, engine->error_x[0], engine->error_x[1],
-             engine->config.dim == 3 ? ", " : "; z = ", engine->error_x[2], (long long)engine->error_step, engine->time);
+    if (error == GR_ERR_DIVERGED)
+        snprintf(text, sizeof text, "%s in step %lld (t = %.9g s)", message, (long long)engine->error_step, engine->time);
+    else
+        snprintf(text, sizeof text, "%s: point %lld at (%.9g, %.9g%s%.9g) in step %lld (t = %.9g s)", message,
+                 (long long)engine->error_id, engine->error_x[0], engine->error_x[1],
+                 engine->config.dim == 3 ? ", " : "; z = ", engine->error_x[2], (long long)engine->error_step, engine->time);
     if (kind == VALUE) {
         PyErr_SetString(PyExc_ValueError, text);
         return NULL;

@@ -91,6 +91,34 @@ static int take_map(const struct gr_config *c, PyObject *object, const char *nam
     return 0;
 }
 
+/* What stands at the faces of the cells, (2 dim, ..., cells along y, along x), and how the fluidity is diffused. */
+static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *method)
+{
+    npy_intp shape[4] = {2 * c->dim};
+    for (int d = 0; d < c->dim; d++) shape[c->dim - d] = c->shape[d];
+    c->nonlocal.method = GR_DIFFUSION_COUNT; /* automatic */
+    for (int k = 0; k < GR_DIFFUSION_COUNT; k++)
+        if (!strcmp(gr_diffusion_names[k], method)) c->nonlocal.method = k;
+    if (c->nonlocal.method == GR_DIFFUSION_COUNT && strcmp(method, "auto")) {
+        PyErr_Format(PyExc_ValueError, "fluidity_method = \"%s\" must be auto, explicit, implicit or rkl2", method);
+        return -1;
+    }
+    if (c->law != GR_LAW_ngf) return 0;
+    if (c->basis == GR_UGIMP || c->nonlocal.substeps < 0 || c->nonlocal.substeps > 100000) {
+        PyErr_SetString(PyExc_ValueError, "law \"ngf\" needs basis 0 or 2 and 0 to 100000 substeps");
+        return -1;
+    }
+    PyArrayObject *array = gr_array(faces, "fluidity_faces", NPY_UINT8, c->dim + 1, shape, 0);
+    if (!array) return -1;
+    const uint8_t *face = c->nonlocal.face = PyArray_DATA(array);
+    for (npy_intp k = 0; k < PyArray_SIZE(array); k++)
+        if (face[k] >= GR_FACE_COUNT) {
+            PyErr_Format(PyExc_ValueError, "fluidity_faces[%zd] = %d must be 0, 1 or 2", k, (int)face[k]);
+            return -1;
+        }
+    return 0;
+}
+
 static int take_gravity(struct gr_config *c, PyObject *times, PyObject *vectors)
 {
     const npy_intp any[1] = {-1};
@@ -150,6 +178,8 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("weighting", cure.weighting)
     GR_TAKE("weight_limit", cure.weight_limit)
     GR_TAKE("weight_decay", cure.weight_decay)
+    GR_TAKE("fluidity_begins_at", nonlocal.begins_at)
+    GR_TAKE("fluidity_tolerance", nonlocal.tolerance)
 #undef GR_TAKE
     const struct gr_law_info *law = &gr_law_table[c->law];
     for (int k = 0; k < law->n_parameters; k++)
@@ -167,20 +197,42 @@ static int law_index(const char *name)
 
 int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_wall table[256], const char **isa)
 {
-    static char *names[] = {
-        "dim",        "basis", "affine",     "density",    "averaging_interval", "xpic_order",      "pressure_from_density",
-        "law",        "isa",   "shape",      "lower",      "periodic",           "open_low",        "open_high",
-        "creases",    "walls", "node_codes", "cell_flags", "gravity_times",      "gravity_vectors", "numbers",
-        "parameters", NULL};
+    static char *names[] = {"dim",
+                            "basis",
+                            "affine",
+                            "density",
+                            "averaging_interval",
+                            "xpic_order",
+                            "pressure_from_density",
+                            "law",
+                            "isa",
+                            "shape",
+                            "lower",
+                            "periodic",
+                            "open_low",
+                            "open_high",
+                            "creases",
+                            "walls",
+                            "node_codes",
+                            "cell_flags",
+                            "gravity_times",
+                            "gravity_vectors",
+                            "numbers",
+                            "parameters",
+                            "fluidity_method",
+                            "fluidity_substeps",
+                            "fluidity_faces",
+                            NULL};
     struct gr_config c = {0};
     int density;
-    const char *law;
+    const char *law, *method;
     PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *walls, *codes, *flags, *times, *vectors;
-    PyObject *numbers, *parameters;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!", names, &c.dim, &c.basis, &c.affine, &density,
-                                     &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape, &lower,
-                                     &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags, &times, &vectors,
-                                     &PyDict_Type, &numbers, &PyDict_Type, &parameters))
+    PyObject *numbers, *parameters, *faces;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!siO", names, &c.dim, &c.basis, &c.affine,
+                                     &density, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape,
+                                     &lower, &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags, &times,
+                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method,
+                                     &c.nonlocal.substeps, &faces))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
         PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2");
@@ -191,7 +243,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     if (c.law < 0) return -1;
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases) || take_walls(&c, walls, table) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters))
+        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method))
         return -1;
     *out = c;
     return 0;

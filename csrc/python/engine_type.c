@@ -28,6 +28,27 @@ static struct gr_engine *ready(struct engine_object *self, int bound)
 
 /* ---- construction ---- */
 
+/* A substep of the diffusion that is too long. Returned: 0, or -1 with ValueError set. */
+static int refuse_diffusion(const struct gr_engine *e)
+{
+    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
+    if (!e->fluidity) return 0;
+    const double dt = gr_longest_dt(&e->config), limit = gr_fluidity_limit(e->fluidity, nonlocal->method);
+    const struct gr_diffusion_call call = {nonlocal->method, dt / nonlocal->substeps, 1};
+    const int error = gr_fluidity_check(e->fluidity, &call);
+    if (error == GR_ERR_LIMIT) {
+        char text[320];
+        snprintf(text, sizeof text,
+                 "dt = %.4g s in %d substeps of the fluidity must be below %.4g s each, the limit of method \"%s\": "
+                 "take %.0f substeps or more, or method \"implicit\"",
+                 dt, nonlocal->substeps, limit, gr_diffusion_names[nonlocal->method], floor(dt / limit) + 1);
+        PyErr_SetString(PyExc_ValueError, text);
+    } else if (error) {
+        gr_raise(error, NULL);
+    }
+    return error ? -1 : 0;
+}
+
 static int engine_init(struct engine_object *self, PyObject *args, PyObject *kwargs)
 {
     struct gr_config config;
@@ -45,7 +66,7 @@ static int engine_init(struct engine_object *self, PyObject *args, PyObject *kwa
     }
     const int error = gr_engine_new(&self->engine, &config);
     if (error) gr_raise(error, NULL);
-    return error ? -1 : 0;
+    return error || refuse_diffusion(self->engine) ? -1 : 0;
 }
 
 static void engine_dealloc(struct engine_object *self)
@@ -332,6 +353,19 @@ static PyObject *engine_stable_dt(struct engine_object *self, PyObject *unused)
     return e ? PyFloat_FromDouble(gr_stable_dt(e)) : NULL;
 }
 
+/* fluidity() -> how the fluidity is diffused, and what that has taken since the engine was built; None without one. */
+static PyObject *engine_fluidity(struct engine_object *self, PyObject *unused)
+{
+    (void)unused;
+    struct gr_engine *e = ready(self, 0);
+    if (!e) return NULL;
+    if (!e->fluidity) Py_RETURN_NONE;
+    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
+    return Py_BuildValue("{s:s,s:i,s:d,s:L,s:L}", "method", gr_diffusion_names[nonlocal->method], "substeps",
+                         nonlocal->substeps, "limit", gr_fluidity_limit(e->fluidity, nonlocal->method), "iterations",
+                         (long long)e->cg_iterations, "clamped", (long long)e->clamped_cells);
+}
+
 /* fields() -> [(name, components, unit, doc)] that this engine carries. */
 static PyObject *engine_fields(struct engine_object *self, PyObject *unused)
 {
@@ -372,6 +406,8 @@ static PyMethodDef methods[] = {
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},
+    {"fluidity", (PyCFunction)engine_fluidity, METH_NOARGS,
+     "fluidity()\n--\n\nmethod, substeps, limit (s), iterations, clamped (cells) of a nonlocal law; None without one."},
     {"fields", (PyCFunction)engine_fields, METH_NOARGS, "fields()\n--\n\n[(name, components, unit, doc)] of the buffers."},
     {NULL, NULL, 0, NULL}};
 

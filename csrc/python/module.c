@@ -13,16 +13,17 @@
 #define GR_FLAGS ""
 #endif
 
-/* law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa) */
+/* law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa,
+ *            g_star=None, g=None) */
 static PyObject *law_update(PyObject *module, PyObject *args)
 {
     (void)module;
     const char *name, *isa;
     int dim, eos, law = -1;
     double dt, parameter[GR_LAW_MAX_PARAMETERS] = {0};
-    PyObject *parameters, *objects[4];
-    if (!PyArg_ParseTuple(args, "siO!diOOOOs", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0], &objects[1],
-                          &objects[2], &objects[3], &isa))
+    PyObject *parameters, *objects[6] = {0, 0, 0, 0, Py_None, Py_None};
+    if (!PyArg_ParseTuple(args, "siO!diOOOOs|OO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
+                          &objects[1], &objects[2], &objects[3], &isa, &objects[4], &objects[5]))
         return NULL;
     for (int k = 0; k < GR_LAW_COUNT; k++)
         if (!strcmp(gr_law_table[k].name, name)) law = k;
@@ -41,13 +42,19 @@ static PyObject *law_update(PyObject *module, PyObject *args)
     PyArrayObject *gradient = gr_array(objects[0], "gradient", NPY_DOUBLE, 3, blocks, 0);
     if (!gradient) return NULL;
     const npy_intp n = PyArray_DIM(gradient, 0), places = n * kernels->lanes;
-    const npy_intp one[1] = {places}, many[2] = {dim == 2 ? 4 : 6, places};
-    PyArrayObject *arrays[4] = {gradient, gr_array(objects[1], "log_density", NPY_DOUBLE, 1, one, 0), NULL, NULL};
+    const npy_intp per_block[1] = {n}, one[1] = {places}, many[2] = {dim == 2 ? 4 : 6, places};
+    PyArrayObject *arrays[6] = {gradient, gr_array(objects[1], "log_density", NPY_DOUBLE, 1, one, 0)};
+    int n_arrays = 4;
     if (!arrays[1]) return NULL;
     if (!(arrays[2] = gr_array(objects[2], "stress", NPY_DOUBLE, 2, many, 1))) return NULL;
     if (!(arrays[3] = gr_array(objects[3], "shear_rate", NPY_DOUBLE, 1, one, 1))) return NULL;
-    static const char *const names[] = {"gradient", "log_density", "stress", "shear_rate"};
-    if (gr_refuse_overlap(arrays, names, 4)) return NULL;
+    static const char *const names[] = {"gradient", "log_density", "stress", "shear_rate", "g", "g_star"};
+    if (objects[5] != Py_None && !(arrays[n_arrays++] = gr_array(objects[5], "g", NPY_DOUBLE, 1, one, 1))) return NULL;
+    if (objects[4] != Py_None && n_arrays == 4)
+        return PyErr_Format(PyExc_ValueError, "g_star is given without g, that it makes");
+    if (objects[4] != Py_None && !(arrays[n_arrays++] = gr_array(objects[4], "g_star", NPY_DOUBLE, 1, per_block, 0)))
+        return NULL;
+    if (gr_refuse_overlap(arrays, names, n_arrays)) return NULL;
     int64_t *slot = PyMem_Malloc(sizeof(int64_t) * (size_t)(n + 1));
     if (!slot) return PyErr_NoMemory();
     for (npy_intp k = 0; k < n; k++) slot[k] = k * kernels->lanes;
@@ -55,10 +62,13 @@ static PyObject *law_update(PyObject *module, PyObject *args)
                                .slot = slot,
                                .gradient = PyArray_DATA(gradient),
                                .dt = dt,
+                               .part = 1,
                                .pressure_from_density = eos,
                                .parameter = parameter,
                                .log_density = PyArray_DATA(arrays[1]),
-                               .shear_rate = PyArray_DATA(arrays[3])};
+                               .shear_rate = PyArray_DATA(arrays[3]),
+                               .g = n_arrays > 4 ? PyArray_DATA(arrays[4]) : NULL,
+                               .g_star = n_arrays > 5 ? PyArray_DATA(arrays[5]) : NULL};
     for (int c = 0; c < (dim == 2 ? 4 : 6); c++) call.stress[c] = (double *)PyArray_DATA(arrays[2]) + c * places;
     kernels->update_law(law, dim, &call);
     PyMem_Free(slot);
@@ -121,8 +131,11 @@ static PyObject *node_positions(PyObject *module, PyObject *args)
 
 static PyMethodDef functions[] = {
     {"law_update", law_update, METH_VARARGS,
-     "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa)\n--\n\n"
-     "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n)."},
+     "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa,"
+     " g_star=None, g=None)\n--\n\n"
+     "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n).\n"
+     "g_star (blocks,): fluidity after its diffusion, for a nonlocal law; without it the law is in its local phase.\n"
+     "g (n,): fluidity after the step."},
     {"fluidity_update", gr_python_fluidity_update, METH_VARARGS,
      "fluidity_update(parameters, dt, mu_trial, p, g_star, shear_rate, mu, g, isa)\n--\n\n"
      "Friction mu and fluidity g of n points after a step, from arrays (n,) of the trial friction, pressure, fluidity\n"

@@ -4,6 +4,15 @@ Every function takes a `State` (or an iterable of them) and returns plain number
 small frozen result; none changes what it is given.
 """
 
+from granular.measure.arch import Arch, arch_outline
+from granular.measure.averages import (
+    Contour,
+    LatticeField,
+    centre_line_pressure,
+    contours,
+    frame_average,
+    speed_contours,
+)
 from granular.measure.budget import StepBudget, step_budget
 from granular.measure.bulk import (
     density_drift,
@@ -29,6 +38,7 @@ from granular.measure.fields import (
     phase,
     smooth,
 )
+from granular.measure.flow_threshold import FlowThreshold, flow_threshold
 from granular.measure.health import (
     layer_height,
     mean_pressure_error,
@@ -43,6 +53,7 @@ from granular.measure.kinetic import (
     packing_fraction,
     stress_free_error,
 )
+from granular.measure.opening import Opening
 from granular.measure.profiles import (
     Profile,
     depth_average,
@@ -52,35 +63,58 @@ from granular.measure.profiles import (
     scaled_inertial_number,
     velocity_profile,
 )
+from granular.measure.silo_flow import FlowVerdict, SiloHistory, flow_verdict, silo_history
 from granular.measure.stress import friction
+from granular.measure.velocity_slices import (
+    GaussianFit,
+    VelocitySlices,
+    gaussian_fit,
+    velocity_slices,
+)
 
 __all__ = [
+    "Arch",
     "BeverlooFit",
     "CellField",
+    "Contour",
     "Discharge",
     "Energy",
     "EnergyBudget",
+    "FlowThreshold",
+    "FlowVerdict",
+    "GaussianFit",
+    "LatticeField",
     "MassBalance",
     "MassHistory",
+    "Opening",
     "Profile",
     "Repose",
     "Runout",
+    "SiloHistory",
     "StepBudget",
     "StressFreeError",
     "Surface",
+    "VelocitySlices",
+    "arch_outline",
     "beverloo",
     "cell_average",
     "cell_density",
     "cell_density_percentile",
+    "centre_line_pressure",
+    "contours",
     "density_drift",
     "depth_average",
     "discharge",
     "disconnected_fraction",
     "energy",
     "energy_budget",
+    "flow_threshold",
+    "flow_verdict",
+    "frame_average",
     "friction",
     "friction_profile",
     "gap_fraction",
+    "gaussian_fit",
     "ill_posed_fraction",
     "inertial_number",
     "layer_height",
@@ -95,10 +129,13 @@ __all__ = [
     "repose_angle",
     "runout",
     "scaled_inertial_number",
+    "silo_history",
     "smooth",
+    "speed_contours",
     "speed_percentile",
     "step_budget",
     "stress_free_error",
     "surface",
     "velocity_profile",
+    "velocity_slices",
 ]

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from granular.checks import non_negative, positive
 from granular.measure.lattice import Array
+from granular.measure.opening import modelled_share
 
 WINDOW = (1200.0, 900.0)
 """Mass left in the full silo [kg per metre of depth] in the steady part of the flow."""
@@ -120,7 +121,7 @@ def mass_history(trajectory: Any) -> MassHistory:
             raise ValueError("trajectory has 0 frames, at least 1 is needed")
         *rows, scenes = zip(*frames, strict=True)
         scene = scenes[0]
-    share = 0.5 if scene.parameters.get("half", False) else 1.0
+    share = modelled_share(scene)
     times, mass = (np.array(row, dtype=float) for row in rows)
     return MassHistory(times, mass / share, share)
 

@@ -13,6 +13,7 @@ from granular.measure.lattice import (
     cell_mass,
     cells_of,
     filled_neighbours,
+    point_weights,
     stencil,
     values,
 )
@@ -174,9 +175,8 @@ def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
     ValueError
         If the state is empty, the field is not one value a point, or a point is off the grid.
     """
-    one_of("weight", weight, ("mass", "volume"))
     field = values(state, field)
-    w = np.asarray(state.mass if weight == "mass" else state.quadrature_volume, dtype=float)
+    w = point_weights(state, weight)
     cells, row = np.unique(cells_of(state), axis=0, return_inverse=True)
     total = np.bincount(row, weights=w)
     columns = field.reshape(len(field), -1).T

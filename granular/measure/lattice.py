@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.checks import one_of
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
@@ -60,6 +62,18 @@ def values(state: Any, field: Any) -> Array:
             f"for each of the {len(state.mass)} points"
         )
     return array
+
+
+def point_weights(state: Any, weight: str) -> Array:
+    """What each point counts in an average: mass [kg], or volume [m3] with the scheme's weights.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `weight` is neither "mass" nor "volume".
+    """
+    one_of("weight", weight, ("mass", "volume"))
+    return np.asarray(state.mass if weight == "mass" else state.quadrature_volume, dtype=float)
 
 
 def _positions(state: Any) -> Array:

@@ -13,6 +13,7 @@ from granular.plot.curves import (
 from granular.plot.fields import QUANTITIES, Quantity
 from granular.plot.frame import frame
 from granular.plot.movie import check_movie, movie
+from granular.plot.phase_diagram import phase_diagram
 from granular.plot.snapshots import figure_2, figure_4, figure_6, figure_7, figure_11
 
 __all__ = [
@@ -34,4 +35,5 @@ __all__ = [
     "figure_13",
     "frame",
     "movie",
+    "phase_diagram",
 ]

@@ -39,6 +39,14 @@ def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=No
     )
 
 
+def silo(*, half, cell=0.0175, rows=36, width=0.14, left=None, **changes):
+    """A silo .595 m wide, half of it or all, whose opening's middle is at x = 0 unless told."""
+    columns = round((0.2975 if half else 0.595) / cell)
+    left = (0.0 if half else -columns * cell / 2) if left is None else left
+    parameters = {"orifice": width, "half": half}
+    return scene((columns, rows), cell, lower=(left, 0.0), parameters=parameters, **changes)
+
+
 def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **fields):
     """A state; the mass defaults to that of `per_cell` points in a cell at rho_c."""
     x = np.asarray(x, dtype=float).reshape(-1, len(scene.grid.shape))

@@ -1,0 +1,241 @@
+"""Averages over frames on the grid, and what is read off them: the centre line, contours."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import contourpy
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular.checks import integer, one_of
+from granular.measure.lattice import (
+    Array,
+    cells_of,
+    node_shape,
+    point_weights,
+    stencil,
+    values,
+)
+from granular.measure.opening import Opening, each_state, opening_of
+from granular.measure.profiles import Profile
+
+Field = str | Callable[[Any], ArrayLike]
+"""The name of a point field, or what makes one value or row a point of a state."""
+
+
+@dataclass(frozen=True)
+class LatticeField:
+    """A field on all cells or nodes of the grid, averaged over frames.
+
+    Attributes
+    ----------
+    axes : tuple of ndarray
+        Coordinates of the cell centres, or of the nodes, along each axis [m].
+    value : ndarray, shape of the lattice (or that and components)
+        nan where no frame has material.
+    weight : ndarray, shape of the lattice
+        Mass [kg] or volume [m3] averaged over, mean of the frames.
+    frames : int
+    """
+
+    axes: tuple[Array, ...]
+    value: Array
+    weight: Array
+    frames: int
+
+
+@dataclass(frozen=True)
+class Contour:
+    """Where a field has one value.
+
+    Attributes
+    ----------
+    level : float
+    lines : tuple of ndarray, each of shape (k, 2)
+        Points x, y along each piece [m]; none if the field does not reach the level.
+    """
+
+    level: float
+    lines: tuple[Array, ...]
+
+
+def frame_average(
+    states: Any, field: Field, *, weight: str = "mass", points: str = "all", at: str = "cells"
+) -> LatticeField:
+    """A point field averaged over frames and over cells, or about nodes.
+
+    ``sum w_p f_p / sum w_p`` over all points that a cell holds in any of the frames; about nodes
+    ``sum S_ip w_p f_p / sum S_ip w_p`` with multilinear S. A frame in which a cell is empty does
+    not count there. Fluidity is averaged over dense points, for example (Dunatunga & Kamrin,
+    Modelling silo clogging, figure 8, which has 0 where this has nan), stress by volume.
+
+    Parameters
+    ----------
+    states : State or iterable of State
+        Of one grid.
+    field : str or callable
+        Name of a point field, or a function of a state that gives one value or row a point.
+    weight : {"mass", "volume"}
+        Volume is the weight of stresses, mass that of velocities.
+    points : {"all", "dense"}
+        Average over all points, or over those that bear pressure.
+    at : {"cells", "nodes"}
+
+    Returns
+    -------
+    LatticeField
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an option is none of those named, there are no states, one has no points or points off
+        the grid, the grids differ, the field is not one value a point, or no point is dense.
+    """
+    one_of("points", points, ("all", "dense"))
+    one_of("at", at, ("cells", "nodes"))
+    frames, moment, total = 0, 0.0, 0.0
+    for state in each_state(states):
+        grid, frames = state.scene.grid, frames + 1
+        f = values(state, field(state) if callable(field) else field)
+        w = point_weights(state, weight)
+        if points == "dense":
+            # what is not dense may have no value: nan times a weight of 0 would stay nan
+            dense = np.asarray(state.dense, dtype=bool)
+            w, f = np.where(dense, w, 0.0), np.where(dense if f.ndim == 1 else dense[:, None], f, 0)
+        spread = _cell_sums(state) if at == "cells" else stencil(state).scatter
+        total = total + spread(w)
+        moment = moment + spread((f.T * w).T)
+    if not np.any(total > 0):
+        raise ValueError(f"points = {points!r}: no such point in any of the {frames} frames")
+    shape = tuple(grid.shape) if at == "cells" else node_shape(grid)
+    share = total.reshape(total.shape + (1,) * (moment.ndim - 1))
+    mean = np.divide(moment, share, out=np.full_like(moment, np.nan), where=share > 0)
+    first = 0.5 if at == "cells" else 0.0
+    axes = tuple(
+        low + grid.cell * (np.arange(count) + first)
+        for low, count in zip(grid.lower, shape, strict=True)
+    )
+    weights = total.reshape(shape) / frames
+    return LatticeField(axes, mean.reshape(shape + mean.shape[1:]), weights, frames)
+
+
+def _cell_sums(state: Any) -> Callable[[Array], Array]:
+    shape = tuple(state.scene.grid.shape)
+    flat, size = np.ravel_multi_index(tuple(cells_of(state).T), shape), int(np.prod(shape))
+
+    def spread(field: Array) -> Array:
+        if field.ndim == 2:
+            return np.stack([spread(column) for column in field.T], axis=1)
+        return np.bincount(flat, weights=field, minlength=size)
+
+    return spread
+
+
+def centre_line_pressure(
+    states: Any, *, columns: int = 1, opening: Opening | None = None
+) -> Profile:
+    """Pressure above the middle of a silo's opening by height, averaged over frames.
+
+    The mean by volume of all points in the columns of cells next to the axis, row by row; those
+    that bear no stress count as 0 (Dunatunga & Kamrin, Modelling silo clogging, figure 5b).
+
+    Parameters
+    ----------
+    states : State or iterable of State
+    columns : int
+        How many columns of cells on each modelled side of the axis; of a grid whose cells the
+        axis halves, those whose centres are less than so many cells away.
+    opening : Opening, optional
+        By default that of the scene.
+
+    Returns
+    -------
+    Profile
+        Heights above the bottom [m], pressures [Pa] (nan in rows without points), centroids of
+        the rows' points [m], volumes [m3].
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `frame_average`; also if there is no column of cells there.
+    """
+    integer("columns", columns, 1)
+    states = list(each_state(states))
+    where = opening_of(states[0], opening)
+
+    def both(state: Any) -> Array:
+        return np.stack([state.p, where.places(state)[:, 1]], axis=1)
+
+    field = frame_average(states, both, weight="volume")
+    cell = states[0].scene.grid.cell
+    x, y = field.axes[0] - where.axis, field.axes[1] - where.floor
+    near, above = np.abs(x) < (columns - 1e-6) * cell, y > 0
+    if not near.any():
+        raise ValueError(f"opening.axis = {where.axis} has no column of cells beside it")
+    w = field.weight[near][:, above]
+    moment = np.nansum(field.value[near][:, above] * w[..., None], axis=0)
+    total = w.sum(axis=0)
+    mean = np.divide(
+        moment, total[:, None], out=np.full_like(moment, np.nan), where=total[:, None] > 0
+    )
+    return Profile(y[above], mean[:, 0], mean[:, 1], total)
+
+
+def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
+    """Lines of equal value of a field on a plane lattice, linear between its places.
+
+    Parameters
+    ----------
+    field : LatticeField
+        One value a place.
+    levels : array_like, shape (k,)
+        Ascending.
+
+    Returns
+    -------
+    tuple of k Contours
+        No line enters where the field is nan.
+
+    Raises
+    ------
+    ValueError
+        If the field is not one of the plane with one value a place, or the levels are not finite
+        and ascending.
+    """
+    if field.value.ndim != 2 or len(field.axes) != 2:
+        raise ValueError(
+            f"field has values of shape {field.value.shape}, must have one a place in the plane"
+        )
+    at = np.atleast_1d(np.asarray(levels, dtype=float))
+    if at.ndim != 1 or not len(at) or not np.all(np.isfinite(at)) or not np.all(np.diff(at) > 0):
+        raise ValueError(f"levels = {levels!r} must be finite, ascending, and at least one")
+    lines = contourpy.contour_generator(
+        *field.axes, np.ma.masked_invalid(field.value.T), line_type=contourpy.LineType.Separate
+    )
+    return tuple(Contour(float(level), tuple(lines.lines(level))) for level in at)
+
+
+def speed_contours(states: Any, levels: ArrayLike) -> tuple[Contour, ...]:
+    """Lines of equal speed, of the mean velocity over frames at the nodes.
+
+    Dunatunga & Kamrin, Modelling silo clogging, figure 6, have them at 0.05, 0.10 ... 0.35 m/s.
+
+    Parameters
+    ----------
+    states : State or iterable of State
+    levels : array_like, shape (k,)
+        Speeds [m/s], ascending.
+
+    Returns
+    -------
+    tuple of k Contours
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `frame_average` and `contours`.
+    """
+    v = frame_average(states, "v", at="nodes")
+    speed = np.linalg.norm(v.value, axis=-1)
+    return contours(LatticeField(v.axes, speed, v.weight, v.frames), levels)

@@ -1,0 +1,111 @@
+"""The lines through the origin of a phase diagram that part what stands from what flows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular.checks import one_of
+from granular.measure.lattice import Array
+from granular.measure.silo_flow import VERDICTS
+
+
+@dataclass(frozen=True)
+class FlowThreshold:
+    """Slopes ``c = (W/d)/A`` of the lines that bound the static and the flowing cases.
+
+    Attributes
+    ----------
+    static_below : float
+        c1: below ``W/d = c1 A`` all are static. nan if all are static, or none that is has a
+        smaller slope than those that are not.
+    flowing_above : float
+        c2: above ``W/d = c2 A`` all flow. nan if all flow, or none that does has a larger slope
+        than those that do not.
+    static_bracket, flowing_bracket : (float, float)
+        The slopes of the two cases that each line passes half-way between; the cases can say no
+        more. (0, least) and (largest, inf) if there is no case on one side.
+    overlap : bool
+        Whether a static case has a slope that is not less than that of a flowing one: then the
+        slope alone does not decide.
+    """
+
+    static_below: float
+    flowing_above: float
+    static_bracket: tuple[float, float]
+    flowing_bracket: tuple[float, float]
+    overlap: bool
+
+
+def flow_threshold(A: ArrayLike, ratio: ArrayLike, verdicts: Sequence[str]) -> FlowThreshold:
+    """The slopes of the lines ``W/d = c A`` below which all is static and above which all flows.
+
+    Dunatunga & Kamrin, Modelling silo clogging, figure 4a: A d/W nearly alone decides, because A
+    and d come together except in the term of g**2.
+
+    Parameters
+    ----------
+    A : array_like, shape (k,)
+        Nonlocal amplitudes, > 0.
+    ratio : array_like, shape (k,)
+        Openings in grain diameters W/d, > 0.
+    verdicts : sequence of k str
+        "static", "flowing" or "unsure".
+
+    Returns
+    -------
+    FlowThreshold
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the three are not of one length of at least one, a number is not finite and positive,
+        or a verdict is none of the three.
+    """
+    across, up = phase_points(A, ratio, verdicts, names=("A", "ratio"))
+    for name, array in (("A", across), ("ratio", up)):
+        if not np.all(array > 0):
+            raise ValueError(f"{name} = {array} must all be > 0")
+    slope, verdict = up / across, np.array(verdicts)
+    static, flowing = slope[verdict == "static"], slope[verdict == "flowing"]
+    least = slope[verdict != "static"].min(initial=np.inf)
+    largest = slope[verdict != "flowing"].max(initial=0.0)
+    # rounding of W/d over A must not part cases of one slope
+    below = static[static < least * (1 - 1e-9)].max(initial=0.0)
+    above = flowing[flowing > largest * (1 + 1e-9)].min(initial=np.inf)
+    return FlowThreshold(
+        static_below=_half_way(below, least),
+        flowing_above=_half_way(largest, above),
+        static_bracket=(float(below), float(least)),
+        flowing_bracket=(float(largest), float(above)),
+        overlap=bool(len(static) and len(flowing) and static.max() >= flowing.min() * (1 - 1e-9)),
+    )
+
+
+def _half_way(low: float, high: float) -> float:
+    return float((low + high) / 2) if 0 < low and np.isfinite(high) else float("nan")
+
+
+def phase_points(
+    x: ArrayLike, y: ArrayLike, verdicts: Sequence[str], *, names: tuple[str, str]
+) -> tuple[Array, Array]:
+    """The coordinates of a phase diagram as arrays, checked against its verdicts.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `flow_threshold`, numbers that are not positive apart.
+    """
+    for i, verdict in enumerate(verdicts):
+        one_of(f"verdicts[{i}]", str(verdict), VERDICTS)
+    arrays = [np.asarray(a, dtype=float) for a in (x, y)]
+    for name, array in zip(names, arrays, strict=True):
+        if array.shape != (len(verdicts),) or not len(verdicts):
+            raise ValueError(
+                f"{name} has shape {array.shape}, must have one number for each of the "
+                f"{len(verdicts)} verdicts, and at least one"
+            )
+        if not np.all(np.isfinite(array)):
+            raise ValueError(f"{name} = {array} must all be finite")
+    return arrays[0], arrays[1]

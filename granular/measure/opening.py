@@ -1,0 +1,121 @@
+"""The opening of a plane silo: what heights, distances and rates of its flow are counted from."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from granular.checks import finite, positive
+from granular.measure.lattice import Array
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Where the opening of a plane silo is.
+
+    Parameters
+    ----------
+    width : float
+        Full width W [m], also where half a silo is modelled.
+    axis : float
+        Where its middle is along x [m]: a plane of symmetry of half a silo.
+    floor : float
+        Elevation of the bottom it is in [m].
+    half : bool
+        Whether only one side of the axis is modelled.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    width: float
+    axis: float = 0.0
+    floor: float = 0.0
+    half: bool = False
+
+    def __post_init__(self) -> None:
+        positive("width", self.width)
+        finite("axis", self.axis)
+        finite("floor", self.floor)
+        if not isinstance(self.half, (bool, np.bool_)):
+            raise TypeError(f"half = {self.half!r} must be True or False")
+
+    @classmethod
+    def of(cls, scene: Any) -> Self:
+        """The opening of a scene, by its parameters ``orifice`` and ``half``.
+
+        The bottom is at elevation 0. The axis of half a silo is the left side of its grid, that
+        of a whole one the middle.
+
+        Raises
+        ------
+        ValueError
+            If the scene is not in the plane or has no parameter ``orifice``.
+        """
+        grid, half = scene.grid, modelled_share(scene) < 1.0
+        if len(grid.shape) != 2:
+            raise ValueError(f"scene {scene.name!r} has {len(grid.shape)} dimensions, must have 2")
+        if "orifice" not in scene.parameters:
+            raise ValueError(
+                f"scene {scene.name!r} has no parameter orifice: give opening = Opening(width=...)"
+            )
+        middle = grid.lower[0] + (0.0 if half else grid.cell * grid.shape[0] / 2)
+        return cls(float(scene.parameters["orifice"]), float(middle), half=half)
+
+    @property
+    def share(self) -> float:
+        """The part of the full silo that is modelled, 1 or 1/2."""
+        return 0.5 if self.half else 1.0
+
+    def places(self, state: Any) -> Array:
+        """Positions from the middle of the opening [m], shape (n, 2)."""
+        return np.asarray(state.x, dtype=float) - (self.axis, self.floor)
+
+
+def modelled_share(scene: Any) -> float:
+    """The part of the full silo that a scene models: 1, or 1/2 if its parameter half is true."""
+    return 0.5 if scene.parameters.get("half", False) else 1.0
+
+
+def opening_of(state: Any, given: Opening | None) -> Opening:
+    """What was given, or else the opening of the state's scene.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If what was given is no `Opening`, or the scene is not a plane one with an orifice.
+    """
+    if given is None:
+        return Opening.of(state.scene)
+    if not isinstance(given, Opening):
+        raise TypeError(f"opening = {given!r} must be an Opening, not {type(given).__name__}")
+    if len(state.scene.grid.shape) != 2:
+        raise ValueError(f"state has {len(state.scene.grid.shape)} dimensions, must have 2")
+    return given
+
+
+def each_state(states: Any) -> Iterator[Any]:
+    """The states of an iterable, or the one that was given; of one grid, and at least one.
+
+    Raises
+    ------
+    TypeError
+        If what was given is neither a state nor an iterable.
+    ValueError
+        If there is none, or they do not lie on one grid.
+    """
+    if not hasattr(states, "mass") and not isinstance(states, Iterable):
+        raise TypeError(f"states = {states!r} must be a State or an iterable of them")
+    first = None
+    for state in (states,) if hasattr(states, "mass") else states:
+        grid = state.scene.grid
+        place = (tuple(grid.lower), grid.cell, tuple(grid.shape), tuple(grid.periodic))
+        first = place if first is None else first
+        if place != first:
+            raise ValueError(f"states lie on different grids: {first} and {place}")
+        yield state
+    if first is None:
+        raise ValueError("states has 0 frames, at least 1 is needed")

@@ -1,0 +1,303 @@
+"""Does a silo flow, or has it clogged? Outflow and dense velocity over time, and two verdicts."""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.checks import in_range, positive
+from granular.measure.lattice import Array
+from granular.measure.opening import Opening, each_state, opening_of
+
+VERDICTS = ("static", "flowing", "unsure")
+
+LATE = 0.1
+"""Share of the time, at its end, by which the state is judged."""
+
+_BEFORE = (0.45, 0.55)
+"""Share of the time with whose speed the late one is compared."""
+
+_CROSSED = (0.5, 0.9)
+_LEFT = (1.0, 10.0)
+"""Limits of the published rule: times of the last zero crossing, points a frame."""
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class SiloHistory:
+    """What a silo's flow is judged by, at every frame.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        Ascending [s].
+    mass : ndarray, shape (k,)
+        [kg/m] of the full silo, also where half is modelled.
+    points : ndarray, shape (k,)
+        Their number, of the full silo.
+    velocity : ndarray, shape (k,)
+        Mean vertical velocity of the dense points above the bottom, by mass, upwards positive
+        [m/s]; nan where there are none.
+    head : ndarray, shape (k,)
+        Height that the mass above the opening would fill at rho_c, over the opening's width [m].
+    width : float
+        Of the opening [m].
+    rho_c : float
+        [kg/m3]
+    gravity : float
+        Its magnitude at the end [m/s2].
+    """
+
+    times: Array
+    mass: Array
+    points: Array
+    velocity: Array
+    head: Array
+    width: float
+    rho_c: float
+    gravity: float
+
+    def __post_init__(self) -> None:
+        columns = ("times", "mass", "points", "velocity", "head")
+        shapes = {name: np.shape(getattr(self, name)) for name in columns}
+        if len(set(shapes.values())) != 1 or len(shapes["times"]) != 1:
+            raise ValueError(f"shapes {shapes} must be equal and one-dimensional")
+        if not np.all(np.diff(self.times) > 0):
+            raise ValueError(f"times = {self.times} must ascend")
+        for name in ("width", "rho_c", "gravity"):
+            positive(name, getattr(self, name))
+
+    @property
+    def free_fall(self) -> float:
+        """The scale of outflow ``rho_c sqrt(g) W**(3/2)`` [kg/s per metre of depth]."""
+        return self.rho_c * math.sqrt(self.gravity) * self.width**1.5
+
+
+@dataclass(frozen=True)
+class FlowVerdict:
+    """Whether a silo flows, by two rules.
+
+    Attributes
+    ----------
+    verdict : {"static", "flowing", "unsure"}
+        By outflow and decay.
+    outflow : float
+        Late, of the full silo [kg/s per metre of depth].
+    relative_outflow : float
+        Over `SiloHistory.free_fall`.
+    speed : float
+        Late, of the dense material, downwards [m/s]; nan if there is none.
+    decay : float
+        The speed in the slower half of the late time over that half-way, neither taken as less
+        than the floor.
+    speed_floor : float
+        The speed below which material counts as at rest [m/s].
+    drained_at : float or None
+        Time from which less than the opening's width lay above it [s]; what came then was not
+        judged.
+    published : {"static", "flowing", "unsure"}
+        By the rule of the paper.
+    last_crossing : float
+        When the vertical velocity last crossed zero, over the whole time; 0 if never.
+    points_per_frame : float
+        Late, of the full silo.
+    """
+
+    verdict: str
+    outflow: float
+    relative_outflow: float
+    speed: float
+    decay: float
+    speed_floor: float
+    drained_at: float | None
+    published: str
+    last_crossing: float
+    points_per_frame: float
+
+
+def silo_history(trajectory: Any, *, opening: Opening | None = None) -> SiloHistory:
+    """Mass, dense velocity and fill above the opening of a plane silo, frame by frame.
+
+    Parameters
+    ----------
+    trajectory : iterable of State
+        Every frame is read once.
+    opening : Opening, optional
+        By default that of the scene.
+
+    Returns
+    -------
+    SiloHistory
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are no frames, their times do not ascend or their grids differ, or the scene is
+        not a plane silo.
+    """
+    rows = []
+    for state in each_state(trajectory):
+        where = opening_of(state, opening)
+        material, scene = state.scene.material, state.scene
+        x, y = where.places(state).T
+        mass = np.asarray(state.mass, dtype=float)
+        dense = np.asarray(state.dense, dtype=bool) & (y > 0)
+        v = np.average(state.v[dense, 1], weights=mass[dense]) if dense.any() else math.nan
+        above = mass[(y > 0) & (np.abs(x) <= where.width / 2)].sum()
+        head = above / (material.rho_c * where.share * where.width)
+        rows.append((state.time, mass.sum() / where.share, len(mass) / where.share, v, head))
+    gravity = float(np.linalg.norm(scene.gravity.at(scene.duration)))
+    return SiloHistory(*np.array(rows, dtype=float).T, where.width, material.rho_c, gravity)
+
+
+def flow_verdict(
+    trajectory: Any,
+    *,
+    opening: Opening | None = None,
+    quiet: float = 0.01,
+    steady: float = 0.1,
+    persistence: float = 0.5,
+    speed_floor: float | None = None,
+    frame: float = 1 / 240,
+) -> FlowVerdict:
+    """Whether a silo flows, has come to rest, or neither can be said.
+
+    Judged is the time until less than the opening's width of material is left above it, and of
+    this time the last tenth, in two halves. The speed is that at which the dense material sinks:
+    minus its mean vertical velocity, averaged over the frames.
+
+    - *static*: in both halves the outflow is at most `quiet` of free fall; and in both the speed
+      is at most the floor, up or down, or the velocity crosses zero within the last tenth, as in
+      elastic waves.
+    - *flowing*: in both halves the outflow is at least `steady` of free fall and the speed above
+      the floor; half-way (.45 to .55 of the time) it was above the floor as well, and in both
+      halves `persistence` of that is left.
+    - *unsure*: anything else. That a flow has stopped shows if it did so before the last
+      ``LATE persistence/2`` of the time, a fortieth.
+
+    Beside it stands the published rule (Dunatunga & Kamrin, Modelling silo clogging, section
+    7.2), of two votes that must agree. The mean vertical velocity of the dense material crosses
+    zero at a frame where it is zero or has not the sign of the frame before, the first frame
+    excepted. A last crossing within the last tenth of the whole time is a vote for static, one
+    before half of it, or none, for flowing. At most 1 point lost a frame in the last tenth is a
+    vote for static, more than 10 for flowing. It has no floor: what creeps at 1e-5 m/s does not
+    cross zero. Its count of points depends on their mass.
+
+    Parameters
+    ----------
+    trajectory : iterable of State, or SiloHistory
+    opening : Opening, optional
+        By default that of the scene.
+    quiet, steady : float
+        Over the outflow ``rho_c sqrt(g) W**(3/2)``; `quiet` is the smaller one.
+    persistence : float
+        Least decay of a flow, 0 to 1.
+    speed_floor : float, optional
+        > 0 [m/s], by default ``1e-3 sqrt(g W)``.
+    frame : float
+        Between two frames of the published rule [s]; its count is converted to these.
+
+    Returns
+    -------
+    FlowVerdict
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `silo_history`; also if less than the opening's width lies above it from the start,
+        one of the two halves holds fewer than two frames, or a limit is out of range.
+    """
+    in_range("steady", steady, 0.0, 1.0, open_low=True)
+    in_range("quiet", quiet, 0.0, steady)
+    in_range("persistence", persistence, 0.0, 1.0)
+    positive("frame", frame)
+    is_history = isinstance(trajectory, SiloHistory)
+    history = trajectory if is_history else silo_history(trajectory, opening=opening)
+    floor = 1e-3 * math.sqrt(history.gravity * history.width)
+    floor = floor if speed_floor is None else positive("speed_floor", speed_floor)
+    end = _drained(history)
+    middle = 1 - LATE / 2
+    halves = np.array([_window(history, end, *ends) for ends in ((1 - LATE, middle), (middle, 1))])
+    flows, speeds = halves[:, 0] / history.free_fall, halves[:, 1]
+    outflow, late = _window(history, end, 1 - LATE, 1)
+    before = _window(history, end, *_BEFORE)[1]
+    decay = float(np.maximum(speeds.min(), floor) / np.maximum(before, floor))
+    verdict = "unsure"  # comparisons with nan, the speed of nothing, are false
+    swings = _last_crossing(history, end) >= 1 - LATE
+    if flows.max() <= quiet and (np.abs(speeds).max() <= floor or swings):
+        verdict = "static"
+    elif flows.min() >= steady and np.min([*speeds, before]) > floor and decay >= persistence:
+        verdict = "flowing"
+    crossing, lost = _last_crossing(history, len(history.times)), _points_lost(history, frame)
+    return FlowVerdict(
+        verdict=verdict,
+        outflow=outflow,
+        relative_outflow=outflow / history.free_fall,
+        speed=late,
+        decay=decay,
+        speed_floor=floor,
+        drained_at=None if end == len(history.times) else float(history.times[end]),
+        published=_published(crossing, lost),
+        last_crossing=crossing,
+        points_per_frame=lost,
+    )
+
+
+def _drained(history: SiloHistory) -> int:
+    """One past the last frame with at least the opening's width of material above it."""
+    full = np.flatnonzero(history.head >= history.width)
+    if not len(full):
+        raise ValueError(
+            f"head is at most {history.head.max():.6g} m, a silo is judged while it is at least "
+            f"the width {history.width:.6g} m of the opening"
+        )
+    return int(full[-1]) + 1
+
+
+def _window(history: SiloHistory, end: int, start: float, stop: float) -> tuple[float, float]:
+    """Outflow [kg/s] and mean downward speed [m/s] between two shares of the judged time."""
+    times = history.times[:end]
+    a, b = times[0] + np.array((start, stop)) * (times[-1] - times[0])
+    slack = _ROUNDING * (times[-1] - times[0])
+    inside = (times >= a - slack) & (times <= b + slack)
+    if inside.sum() < 2 or not b > a:
+        raise ValueError(
+            f"{len(times)} frames until {times[-1]:.6g} s leave {inside.sum()} between "
+            f"{start:g} and {stop:g} of that time, at least 2 are needed"
+        )
+    high, low = np.interp((a, b), times, history.mass[:end])
+    speed = -history.velocity[:end][inside]
+    known = np.isfinite(speed)
+    return float((high - low) / (b - a)), float(speed[known].mean()) if known.any() else math.nan
+
+
+def _last_crossing(history: SiloHistory, end: int) -> float:
+    """When the velocity last crossed zero, over the time until a frame; 0 if never."""
+    times, velocity = history.times[:end], history.velocity[:end]
+    known = np.isfinite(velocity)
+    sign = np.sign(velocity[known])
+    crossed: NDArray[np.bool_] = (sign[1:] == 0) | (sign[1:] * sign[:-1] < 0)
+    if not crossed.any():
+        return 0.0
+    return float((times[known][1:][crossed][-1] - times[0]) / (times[-1] - times[0]))
+
+
+def _points_lost(history: SiloHistory, frame: float) -> float:
+    times = history.times
+    first = int(np.searchsorted(times, times[-1] - (LATE + _ROUNDING) * (times[-1] - times[0])))
+    lost = history.points[first] - history.points[-1]
+    return float(lost / (times[-1] - times[first]) * frame)
+
+
+def _published(crossing: float, lost: float) -> str:
+    def vote(static: bool, flowing: bool) -> str:
+        return "static" if static else "flowing" if flowing else "unsure"
+
+    votes = {
+        vote(crossing >= _CROSSED[1], crossing < _CROSSED[0]),
+        vote(lost <= _LEFT[0] * (1 + _ROUNDING), lost > _LEFT[1] * (1 + _ROUNDING)),
+    }
+    return votes.pop() if len(votes) == 1 else "unsure"

@@ -1,0 +1,100 @@
+"""Phase diagrams: which cases stand and which flow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import ArrayLike, NDArray
+
+from granular.measure.flow_threshold import FlowThreshold, phase_points
+from granular.plot.canvas import Picture
+
+__all__ = ["phase_diagram"]
+
+STYLES = {
+    "flowing": {"marker": "o", "color": "#2d5d8f"},
+    "static": {"marker": "s", "color": "#8a8a8a"},
+    "unsure": {"marker": "^", "color": "#e08214"},
+}
+
+
+def phase_diagram(
+    x: ArrayLike,
+    y: ArrayLike,
+    verdicts: Sequence[str],
+    *,
+    labels: tuple[str, str] = ("nonlocal amplitude A", "W/d"),
+    threshold: FlowThreshold | None = None,
+    boundary: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    ax: Axes | None = None,
+) -> Figure:
+    """Cases over two numbers: flowing (circles), static (squares), unsure (triangles).
+
+    Silos over A and W/d (Dunatunga & Kamrin, Modelling silo clogging, figure 4a), layers over the
+    angle and H/d (figure 2b).
+
+    Parameters
+    ----------
+    x, y : array_like, shape (k,)
+    verdicts : sequence of k str
+        "static", "flowing" or "unsure".
+    labels : (str, str)
+        Of the two axes.
+    threshold : FlowThreshold, optional
+        Its lines through the origin are drawn, the one below which all is static dashed and the
+        one above which all flows solid; of those that are nan, none.
+    boundary : callable, optional
+        A curve y(x) that theory gives, such as ``theory.stopping_height`` over d; called with an
+        array of x, it may give nan or infinity where it has no value.
+    ax : Axes, optional
+        To draw into; by default those of a new picture.
+
+    Returns
+    -------
+    Figure
+
+    Raises
+    ------
+    TypeError, ValueError
+        If x, y and verdicts are not of one length of at least one, a number is not finite, a
+        verdict is none of the three, or the boundary is not one number for each x.
+    """
+    x, y = phase_points(x, y, verdicts, names=("x", "y"))
+    ax = Picture(figsize=(5.5, 4.4), layout="tight").add_subplot() if ax is None else ax
+    found = np.array(verdicts)
+    for verdict, style in STYLES.items():
+        here = found == verdict
+        if here.any():
+            ax.plot(x[here], y[here], linestyle="", markersize=7, label=verdict, **style)
+    low_x, right = _ends(x, origin=threshold is not None)
+    low_y, top = _ends(y, origin=threshold is not None)
+    along = np.linspace(low_x, right, 400)
+    if threshold is not None:
+        lines = (
+            ("static below", "--", threshold.static_below),
+            ("flowing above", "-", threshold.flowing_above),
+        )
+        for what, dashes, slope in lines:
+            if not math.isnan(slope):
+                label = f"{what} {slope:.3g}"
+                ax.plot((0.0, right), (0.0, slope * right), dashes, color="black", label=label)
+    if boundary is not None:
+        curve = np.asarray(boundary(along), dtype=float)
+        if curve.shape != along.shape:
+            raise ValueError(f"boundary gives shape {curve.shape}, must give {along.shape}")
+        shown = np.where(np.isfinite(curve), curve, np.nan)
+        ax.plot(along, shown, color="black", linewidth=1.2, label="theory")
+    ax.set(xlim=(low_x, right), ylim=(low_y, top), xlabel=labels[0], ylabel=labels[1])
+    ax.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    return ax.figure
+
+
+def _ends(values: NDArray[np.float64], *, origin: bool) -> tuple[float, float]:
+    """Ends of an axis with a margin, or from zero."""
+    low, high = float(values.min()), float(values.max())
+    margin = 0.08 * (high - low) or 0.1 * abs(high) or 1.0
+    return (min(0.0, low) if origin else low - margin), high + margin

@@ -1,0 +1,138 @@
+"""A silo whose opening is a few grains wide: it flows, or clogs under an arch."""
+
+from __future__ import annotations
+
+import warnings
+
+from granular.checks import integer, non_negative, positive
+from granular.geometry import Box, Fill, Grid
+from granular.materials import NGF, silo_grains
+from granular.scene import Scene
+from granular.scenes._build import HEADROOM, whole_cells
+from granular.schemes import Scheme
+from granular.stability import StabilityWarning
+from granular.walls import Absorber, Gravity, Wall
+
+JAM_FRICTION = 1.0
+"""Friction at the face of an arch in the plane: compressed along it, free across."""
+
+hats = Scheme(basis="linear", transfer="flip", density="tracked", dt=1e-4)
+
+
+def clogging_silo(
+    *,
+    opening_over_d: float = 1.0,
+    A: float = 1.0,
+    cell: float = 0.0175,
+    opening: float = 0.14,
+    width: float = 0.595,
+    height: float = 0.595,
+    half: bool = True,
+    points_per_cell: int = 16,
+    absorber: float | None = 0.49,
+    gravity: float = 9.81,
+    duration: float = 1.5,
+    material: NGF = silo_grains,
+    scheme: Scheme = hats,
+) -> Scene:
+    """Silo of grains that are nearly as large as its opening (Dunatunga & Kamrin, "Modeling silo
+    clogging with nonlocal granular rheology", section 7).
+
+    From the paper: opening 0.14 m between the fixed nodes, 0.595 m wide and filled as high, cells of
+    0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
+    nu = .45, mu_s = .3819, mu_2 = 50, b = 1, t0 = 1 ms; the grains fill the opening
+    `opening_over_d` times. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic
+    start with the orifice open, and no upward motion above 0.49 m, which swallows elastic waves.
+    Some lengths are printed a tenth or a fifth of these; only these fit one another and the figures.
+
+    Chosen here: squares in place of pairs of triangles, the right half for the whole, points leave
+    for good as they cross the bottom, y = 0, and waves are held by nodes, not points.
+
+    Parameters
+    ----------
+    opening_over_d : float
+        Width of the opening over the diameter of a grain: gives `material` its `d`.
+    A : float
+        Nonlocal amplitude: gives `material` its `A`.
+    cell : float
+        Cell [m].
+    opening, width, height : float
+        Opening and silo (full widths) and height of the fill [m], whole cells (half-widths too).
+    half : bool
+        Whether only the right half is modelled, with a symmetry plane at x = 0.
+    points_per_cell
+        See `granular.geometry.Fill`.
+    absorber : float or None
+        Height [m] above which nothing moves up; None for none.
+    gravity : float
+        m/s2, from the start.
+    duration : float
+        Seconds.
+    material, scheme
+        See `Scene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+
+    Warns
+    -----
+    StabilityWarning
+        If the friction cannot reach 1, that of an arch: such a silo cannot jam.
+    """
+    cell = positive("cell", cell)
+    if not isinstance(material, NGF):
+        raise TypeError(f"material = {material!r} must be of class NGF")
+    opening = positive("opening", opening)
+    d = opening / positive("opening_over_d", opening_over_d)
+    material = material.replace(A=non_negative("A", A), d=d)
+    if material.mu_2 < JAM_FRICTION:
+        warnings.warn(
+            f"mu_2 = {material.mu_2} is below 1: the face of an arch in the plane bears friction 1, "
+            "so that this silo cannot jam",
+            StabilityWarning,
+            stacklevel=2,
+        )
+    n_x = whole_cells("width/2", positive("width", width) / 2, cell)
+    n_y = whole_cells("height", height, cell)
+    n_open = whole_cells("opening/2", opening / 2, cell)
+    if n_open >= n_x:
+        raise ValueError(f"opening = {opening} must be less than width = {width}")
+    low, edge, side = -n_x * cell * (not half), n_open * cell, n_x * cell
+    bottoms = [Wall(1, 0.0, kind="rough", span=((edge, side),))]
+    if not half:
+        bottoms.append(Wall(1, 0.0, kind="rough", span=((low, -edge),)))
+    top = n_y * cell
+    return Scene(
+        name="clogging_silo",
+        grid=Grid(
+            (low, 0.0),
+            cell,
+            (n_x if half else 2 * n_x, n_y + HEADROOM),
+            open_sides=frozenset({"y-"}),
+        ),
+        fills=(Fill(Box((low, 0.0), (side, top)), points_per_cell, lithostatic=True),),
+        material=material,
+        scheme=scheme,
+        walls=(
+            *bottoms,
+            Wall(0, low, kind="frictionless"),
+            Wall(0, side, kind="frictionless"),
+        ),
+        absorbers=() if absorber is None else (Absorber(1, absorber),),
+        gravity=Gravity((0.0,), ((0.0, -positive("gravity", gravity)),)),
+        duration=duration,
+        parameters={
+            "opening_over_d": opening_over_d,
+            "A": A,
+            "cell": cell,
+            "opening": opening,
+            "width": width,
+            "height": height,
+            "half": half,
+            "points_per_cell": points_per_cell,
+            "absorber": absorber,
+            "gravity": gravity,
+        },
+    )
