@@ -6,6 +6,7 @@
 #include "law/law_elastic.c"
 #include "law/law_frictional.c"
 #include "law/law_ngf.c"
+#include "law/hencky.h"
 #include "fluidity/diffuse.c"
 #include "mpm/migrate.h"
 #include "mpm/scatter.c"
@@ -126,6 +127,14 @@ static void update_law(int law, int dim, const struct gr_law_call *call) { laws[
 
 static void update_fluidity(const struct gr_fluidity_call *call) { fluidity_points(call); }
 
+static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
+{
+    if (dim == 2)
+        hencky_points(2, flow, call);
+    else
+        hencky_points(3, flow, call);
+}
+
 extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
 const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .isa = GR_STRING(GR_ISA),
@@ -138,5 +147,6 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .relax = relax,
     .update_law = update_law,
     .update_fluidity = update_fluidity,
+    .update_hencky = update_hencky,
     .diffuse = diffuse,
 };

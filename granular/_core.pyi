@@ -71,6 +71,18 @@ def fluidity_update(
     isa: str,
     /,
 ) -> None: ...
+def hencky_update(
+    flow: str,
+    parameters: dict[str, float],
+    dt: float,
+    gradient: NDArray[np.float64],
+    log_density: NDArray[np.float64],
+    stress: NDArray[np.float64],
+    g: NDArray[np.float64],
+    shear_rate: NDArray[np.float64],
+    isa: str,
+    /,
+) -> None: ...
 def fluidity_diffuse(
     *,
     method: str,

@@ -9,6 +9,8 @@
 #include <math.h>
 #include <stdint.h>
 
+#define GR_INLINE static inline __attribute__((always_inline))
+
 #define GR_LANES 8 /* every cell owns a multiple of this many places in the point arrays */
 
 #if defined(__AVX512F__)

@@ -13,11 +13,16 @@
  * discriminant is a sum of terms that are not negative, and no sum of unlike signs decides the result (a text-book
  * root loses eight digits in every tenth state).
  *
+ * The same with an unbounded friction, mu_2 = infinity in lambda but b = dmu/I0 as it is (Haeri & Skonieczny 2021, eq. 6):
+ *     g = g* - theta [(mu_s - mu) + dmu k] g,  theta = dt/t0,
+ *     c X^2 + [q + theta (mu_s - m) - X*] X - X* = 0,  c = q + theta mu_s.
+ *
  * A point stands for a part of the depth, through which p varies by h to either side: 1/sqrt(p) in k is its mean
  * 2/(sqrt(p + h) + sqrt(p - h)), with no second root where p < h. At a free surface, where p = h in the uppermost layer
  * of points, that is sqrt(2) times the value at its middle.
  *
- * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0). */
+ * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0); with the unbounded
+ * friction up to m = mu_s + 1/theta. */
 #ifndef GR_LAW_FLUIDITY_UPDATE_H
 #define GR_LAW_FLUIDITY_UPDATE_H
 
@@ -30,6 +35,7 @@
 struct gr_fluidity_numbers {
     vd mu_s, mu_2, below_mu_2, dmu_over_mu_2, inv_mu_2; /* friction */
     vd phi, a_phi;                                      /* f/mu_2, phi mu_s */
+    vd theta, theta_mu_s;                               /* dt/t0 */
     vd G_dt, inv_G_dt;                                  /* Pa s */
     vd sink, p_spread;                                  /* f d sqrt(rho_s)/I0; Pa */
 };
@@ -53,6 +59,8 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
         .inv_mu_2 = v_set(1 / mu_2),
         .phi = v_set(phi),
         .a_phi = v_set(phi * mu_s),
+        .theta = v_set(dt / t0),
+        .theta_mu_s = v_set(dt / t0 * mu_s),
         .G_dt = v_set(G * dt),
         .inv_G_dt = v_set(1 / (G * dt)),
         .sink = v_set(dt / t0 * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
@@ -73,29 +81,44 @@ static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_flui
     return (struct gr_inverse_pressure){inverse * roots, v_set(2.0) * (p * inverse)};
 }
 
+/* The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0: both quotients, Y and 1/(1 + X), come from one
+ * division. */
+static inline struct gr_fluidity_point gr_fluidity_of_root(const struct gr_fluidity_numbers *n, vd a, vd b, vd c, vd offset,
+                                                           vd m, vd p)
+{
+    const vd one = v_set(1.0), root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
+    const vm rises = v_gt(b, v_zero());
+    const vd above = v_select(rises, c + c, root - b), below = v_select(rises, b + root, a + a); /* Y */
+    const vd whole = v_fma(below, one + offset, above);                                          /* below (1 + X) */
+    const vd part = one / (below * whole), scale = below * (below * part);
+    const vd X = v_fma(above * whole, part, offset);
+    return (struct gr_fluidity_point){scale, m * scale, X * v_max(v_set(GR_LEAST_PRESSURE), p) * n->inv_G_dt};
+}
+
 /* Given: trial friction m in [0, 1e60], the inverse of the pressure p, fluidity g_star after diffusion (negative: taken
- * for zero), plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it.
- * Both quotients, Y and 1/(1 + X), come from one division. */
+ * for zero), plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
 static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p,
                                                           struct gr_inverse_pressure inverse, vd g_star, vd rate)
 {
-    const vd zero = v_zero(), one = v_set(1.0);
-    const vd q = v_fma(n->sink * rate, inverse.root, one), a = q + n->a_phi;
-    const vd start = n->G_dt * v_max(zero, g_star) * inverse.p; /* X* */
+    const vd q = v_fma(n->sink * rate, inverse.root, v_set(1.0));
+    const vd start = n->G_dt * v_max(v_zero(), g_star) * inverse.p; /* X* */
 
     const vm beyond = v_ge(m, n->mu_2);
     const vd e = v_abs(m - n->mu_2) * n->inv_mu_2, pull = n->phi * (n->dmu_over_mu_2 * m);
     const vd reaction = v_select(beyond, v_fma(n->a_phi, e, -pull), n->phi * (n->mu_s - m));
     const vd b = v_fma(e, q, reaction) - start, c = e * v_select(beyond, pull, start); /* the last term is -c */
-    const vd root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
-    const vm rises = v_gt(b, zero);
-    const vd above = v_select(rises, c + c, root - b), below = v_select(rises, b + root, a + a); /* Y */
-    const vd offset = v_keep(beyond, e), whole = v_fma(below, one + offset, above);              /* below (1 + X) */
-    const vd part = one / (below * whole), scale = below * (below * part);
-    const vd X = v_fma(above * whole, part, offset);
-    /* rounding alone could make it mu_2 */
-    return (struct gr_fluidity_point){scale, v_min(n->below_mu_2, m * scale),
-                                      X * v_max(v_set(GR_LEAST_PRESSURE), p) * n->inv_G_dt};
+    struct gr_fluidity_point point = gr_fluidity_of_root(n, q + n->a_phi, b, c, v_keep(beyond, e), m, p);
+    point.mu = v_min(n->below_mu_2, point.mu); /* rounding alone could make it mu_2 */
+    return point;
+}
+
+/* The same with the unbounded friction: mu >= 0. */
+static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m, vd p,
+                                                                 struct gr_inverse_pressure inverse, vd g_star, vd rate)
+{
+    const vd q = v_fma(n->sink * rate, inverse.root, v_set(1.0));
+    const vd start = n->G_dt * v_max(v_zero(), g_star) * inverse.p, b = v_fma(n->theta, n->mu_s - m, q) - start;
+    return gr_fluidity_of_root(n, q + n->theta_mu_s, b, start, v_zero(), m, p);
 }
 
 /* The same for numbers that come from arrays. */

@@ -87,6 +87,52 @@ struct gr_fluidity_call {
     double *mu, *g;
 };
 
+/* How the finite-strain law (hencky.h) flows. X(name, description) */
+#define GR_HENCKY_FLOWS(X)                                                                 \
+    X(elastic, "not at all; bears tension")                                                \
+    X(drucker_prager, "tau = mu_s p at most")                                              \
+    X(local_linear, "mu = mu_s + (mu_2 - mu_s) I/I0")                                      \
+    X(local_saturating, "mu(I)")                                                           \
+    X(nonlocal_linear, "by the fluidity; mu = mu_s + (mu_2 - mu_s) I/I0 where it is even") \
+    X(nonlocal_saturating, "by the fluidity; mu(I) where it is even")
+
+enum gr_hencky_flow {
+#define GR_X(name, doc) GR_HENCKY_##name,
+    GR_HENCKY_FLOWS(GR_X)
+#undef GR_X
+        GR_HENCKY_FLOW_COUNT
+};
+
+extern const char *const gr_hencky_flow_names[GR_HENCKY_FLOW_COUNT];
+
+/* Its parameters; those of the fluidity come last, in their order. */
+#define GR_HENCKY_PARAMETERS(X)                                                                              \
+    X(K, "Pa", "bulk modulus")                                                                               \
+    X(g_min, "1/s", "fluidity below which none falls by decay, so that it can grow again; 0: none")          \
+    X(kindling, "1", "fluidity of what reconnects: this times the shear rate |2 D:D|^1/2 over mu_2; 0 or 1") \
+    GR_FLUIDITY_PARAMETERS(X)
+
+enum gr_hencky_parameter {
+#define GR_X(name, unit, doc) GR_HENCKY_P_##name,
+    GR_HENCKY_PARAMETERS(GR_X)
+#undef GR_X
+        GR_HENCKY_PARAMETER_COUNT
+};
+
+extern const struct gr_parameter_info gr_hencky_parameter_table[GR_HENCKY_PARAMETER_COUNT];
+
+/* n points; arrays of n numbers, components in the order of the stress or row-major.
+ * Given: dt, s; gradient[dim*dim], L dt; log_density at the end of the step.
+ * Updated: stress[4|6], Kirchhoff, Pa; g, the fluidity after diffusion, becomes that after the step, 1/s; shear_rate, the
+ *   plastic one, of the step before and of this one, 1/s. */
+struct gr_hencky_call {
+    int64_t n;
+    double dt;
+    double parameter[GR_HENCKY_PARAMETER_COUNT];
+    const double *gradient[9], *log_density;
+    double *stress[6], *g, *shear_rate;
+};
+
 typedef void gr_law_update(const struct gr_law_call *call);
 
 #endif

@@ -194,6 +194,7 @@ struct gr_kernels {
     void (*relax)(struct gr_engine *, int64_t first, int64_t last, int made);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
+    void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
     gr_diffuse *diffuse;
 };
 

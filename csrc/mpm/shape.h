@@ -5,8 +5,6 @@
 #include "core/simd.h"
 #include "mpm/engine.h"
 
-#define GR_INLINE static inline __attribute__((always_inline))
-
 /* Before a loop over blocks: unrolled, all that it reads would first be copied to the stack. */
 #define GR_ROLLED _Pragma("GCC unroll 1")
 

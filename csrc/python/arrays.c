@@ -1,5 +1,7 @@
 #include "python/arrays.h"
 
+#include <math.h>
+
 PyObject *gr_SimulationError;
 
 PyArrayObject *gr_array(PyObject *object, const char *name, int type, int ndim, const npy_intp *shape, int writeable)
@@ -48,6 +50,54 @@ int gr_refuse_overlap(PyArrayObject *const *arrays, const char *const *names, in
             }
         }
     return 0;
+}
+
+int gr_refuse_number(const char *name, double value, int may_be_zero)
+{
+    char text[160];
+    if (isfinite(value) && (value > 0 || (may_be_zero && value == 0))) return 0;
+    snprintf(text, sizeof text, "%s = %.9g must be %s and finite", name, value,
+             may_be_zero ? "zero or positive" : "positive");
+    PyErr_SetString(PyExc_ValueError, text);
+    return -1;
+}
+
+int gr_refuse_values(const char *name, PyArrayObject *array, double low)
+{
+    const double *value = PyArray_DATA(array), high = GR_LARGEST;
+    const npy_intp n = PyArray_SIZE(array);
+    int64_t right = 0; /* counted without a branch: a compiler takes several numbers at once */
+    for (npy_intp k = 0; k < n; k++) right += (value[k] >= low) & (value[k] <= high);
+    if (right == n) return 0;
+    npy_intp k = 0;
+    while (value[k] >= low && value[k] <= high) k++;
+    char text[160];
+    snprintf(text, sizeof text, "%s[%lld] = %.9g is outside the range %g to %g", name, (long long)k, value[k], low, high);
+    PyErr_SetString(PyExc_ValueError, text);
+    return -1;
+}
+
+int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, int n, unsigned may_be_zero, double *parameter)
+{
+    for (int k = 0; k < n; k++) {
+        PyObject *value = PyDict_GetItemString(dict, table[k].name);
+        if (!value) {
+            PyErr_Format(PyExc_ValueError, "the parameter %s is missing", table[k].name);
+            return -1;
+        }
+        parameter[k] = PyFloat_AsDouble(value);
+        if (PyErr_Occurred() || gr_refuse_number(table[k].name, parameter[k], may_be_zero >> k & 1u)) return -1;
+    }
+    return 0;
+}
+
+int gr_refuse_frictions(double mu_s, double mu_2)
+{
+    if (mu_2 > mu_s) return 0;
+    char text[160];
+    snprintf(text, sizeof text, "mu_2 = %.9g must exceed mu_s = %.9g", mu_2, mu_s);
+    PyErr_SetString(PyExc_ValueError, text);
+    return -1;
 }
 
 PyObject *gr_raise(int error, const struct gr_engine *engine)

@@ -21,6 +21,23 @@ PyArrayObject *gr_array(PyObject *object, const char *name, int type, int ndim, 
 /* Refuse arrays that share memory. Returned: 0, or -1 with ValueError set. */
 int gr_refuse_overlap(PyArrayObject *const *arrays, const char *const *names, int n);
 
+#define GR_LARGEST 1e60 /* of numbers in arrays: the products of what is below it stay finite */
+
+/* What follows returns 0, or -1 with an exception set. */
+
+/* A number that is not finite, or not positive (nor zero where that may be). */
+int gr_refuse_number(const char *name, double value, int may_be_zero);
+
+/* Any number of an array of doubles outside of low to GR_LARGEST. */
+int gr_refuse_values(const char *name, PyArrayObject *array, double low);
+
+/* The n parameters of a table from a dict of numbers, those checked by gr_refuse_number; may_be_zero: one bit each. */
+int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, int n, unsigned may_be_zero,
+                       double *parameter);
+
+/* mu_2 that does not exceed mu_s. */
+int gr_refuse_frictions(double mu_s, double mu_2);
+
 /* Raise the exception of a core error. Always returns NULL. */
 PyObject *gr_raise(int error, const struct gr_engine *engine);
 
@@ -35,6 +52,9 @@ int gr_team_is_lost(int threads);
 /* fluidity.c: functions of the module. */
 PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
+
+/* hencky.c: function of the module. */
+PyObject *gr_python_hencky_update(PyObject *module, PyObject *args);
 
 extern PyObject *gr_SimulationError;
 extern PyTypeObject *gr_engine_type(PyObject *module);

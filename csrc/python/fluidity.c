@@ -1,63 +1,21 @@
 /* The kernels of the fluidity as functions of the module. */
-#include <math.h>
-
 #include "python/arrays.h"
-
-static const double LARGEST = 1e60; /* the products of what is below it stay finite */
-
-/* Whether low < value (low <= value if `closed`) and value is finite. Returned: 0, or -1 with ValueError set. */
-static int refuse_number(const char *name, double value, int closed)
-{
-    char text[160];
-    if (isfinite(value) && (value > 0 || (closed && value == 0))) return 0;
-    snprintf(text, sizeof text, "%s = %.9g must be %s and finite", name, value, closed ? "zero or positive" : "positive");
-    PyErr_SetString(PyExc_ValueError, text);
-    return -1;
-}
-
-/* Whether all numbers of an array are at least `low` and at most 1e60. Returned: 0, or -1 with ValueError set. */
-static int refuse_values(const char *name, PyArrayObject *array, double low)
-{
-    const double *value = PyArray_DATA(array), high = LARGEST;
-    for (npy_intp k = 0; k < PyArray_SIZE(array); k++) {
-        if (value[k] >= low && value[k] <= high) continue;
-        char text[160];
-        snprintf(text, sizeof text, "%s[%lld] = %.9g is outside the range %g to %g", name, (long long)k, value[k], low,
-                 high);
-        PyErr_SetString(PyExc_ValueError, text);
-        return -1;
-    }
-    return 0;
-}
 
 /* ---- fluidity_update ---- */
 
 static int take_parameters(PyObject *dict, double parameter[GR_FLUIDITY_PARAMETER_COUNT])
 {
-    for (int k = 0; k < GR_FLUIDITY_PARAMETER_COUNT; k++) {
-        const char *name = gr_fluidity_parameter_table[k].name;
-        PyObject *value = PyDict_GetItemString(dict, name);
-        if (!value) {
-            PyErr_Format(PyExc_ValueError, "the parameter %s is missing", name);
-            return -1;
-        }
-        parameter[k] = PyFloat_AsDouble(value);
-        if (PyErr_Occurred()) return -1;
-        if (refuse_number(name, parameter[k], k == GR_FLUIDITY_mu_s || k == GR_FLUIDITY_p_spread)) return -1;
-    }
-    const double mu_s = parameter[GR_FLUIDITY_mu_s], mu_2 = parameter[GR_FLUIDITY_mu_2];
-    if (mu_2 > mu_s) return 0;
-    char text[160];
-    snprintf(text, sizeof text, "mu_2 = %.9g must exceed mu_s = %.9g", mu_2, mu_s);
-    PyErr_SetString(PyExc_ValueError, text);
-    return -1;
+    const unsigned may_be_zero = 1u << GR_FLUIDITY_mu_s | 1u << GR_FLUIDITY_p_spread;
+    if (gr_take_parameters(dict, gr_fluidity_parameter_table, GR_FLUIDITY_PARAMETER_COUNT, may_be_zero, parameter))
+        return -1;
+    return gr_refuse_frictions(parameter[GR_FLUIDITY_mu_s], parameter[GR_FLUIDITY_mu_2]);
 }
 
 PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args)
 {
     (void)module;
     static const char *const names[] = {"mu_trial", "p", "g_star", "shear_rate", "mu", "g"};
-    const double low[] = {0, 1e-60, -LARGEST, 0};
+    const double low[] = {0, 1e-60, -GR_LARGEST, 0};
     struct gr_fluidity_call call = {0};
     PyObject *parameters, *objects[6];
     const char *isa;
@@ -66,12 +24,12 @@ PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args)
         return NULL;
     const struct gr_kernels *kernels = gr_kernels_select(isa);
     if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
-    if (take_parameters(parameters, call.parameter) || refuse_number("dt", call.dt, 0)) return NULL;
+    if (take_parameters(parameters, call.parameter) || gr_refuse_number("dt", call.dt, 0)) return NULL;
     npy_intp length[1] = {-1};
     PyArrayObject *arrays[6];
     for (int k = 0; k < 6; k++) {
         arrays[k] = gr_array(objects[k], names[k], NPY_DOUBLE, 1, length, k >= 4);
-        if (!arrays[k] || (k < 4 && refuse_values(names[k], arrays[k], low[k]))) return NULL;
+        if (!arrays[k] || (k < 4 && gr_refuse_values(names[k], arrays[k], low[k]))) return NULL;
         length[0] = PyArray_DIM(arrays[0], 0);
     }
     if (gr_refuse_overlap(arrays, names, 6)) return NULL;
@@ -94,8 +52,9 @@ static int method_of(const char *name)
 
 static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_diffusion_call *call, int threads)
 {
-    if (refuse_number("dx", c->dx, 0) || refuse_number("A", c->A, 1) || refuse_number("d", c->d, 0) ||
-        refuse_number("t0", c->t0, 0) || refuse_number("dt", call->dt, 0) || refuse_number("tolerance", c->tolerance, 0))
+    if (gr_refuse_number("dx", c->dx, 0) || gr_refuse_number("A", c->A, 1) || gr_refuse_number("d", c->d, 0) ||
+        gr_refuse_number("t0", c->t0, 0) || gr_refuse_number("dt", call->dt, 0) ||
+        gr_refuse_number("tolerance", c->tolerance, 0))
         return -1;
     if (c->tolerance >= 1)
         PyErr_SetString(PyExc_ValueError, "tolerance must be below 1");
@@ -118,7 +77,7 @@ static int take_lattice(struct gr_fluidity_config *c, PyObject *periodic, PyObje
     for (int a = 0; a < c->dim; a++) shape[1 + a] = PyArray_DIM(arrays[0], a);
     if (!(arrays[1] = gr_array(objects[1], names[1], NPY_BOOL, c->dim, shape + 1, 0)) ||
         !(arrays[2] = gr_array(objects[2], names[2], NPY_UINT8, c->dim + 1, shape, 0)) ||
-        gr_refuse_overlap(arrays, names, 3) || refuse_values("g", arrays[0], 0))
+        gr_refuse_overlap(arrays, names, 3) || gr_refuse_values("g", arrays[0], 0))
         return -1;
     if (!PyArray_SIZE(arrays[0])) {
         PyErr_SetString(PyExc_ValueError, "g has no cells");

@@ -146,6 +146,10 @@ static PyMethodDef functions[] = {
      "Steps of t0 g' = A^2 d^2 lap g over the dense cells of a lattice, in place: g and dense (ny, nx) or (nz, ny, nx),\n"
      "faces (2 dim, ...) at the low and high side of x, y, z: 0 linked, 1 open, 2 rough (g = 0 on it).\n"
      "method: explicit, implicit or rkl2. Returns iterations, clamped (cells), limit (s)."},
+    {"hencky_update", gr_python_hencky_update, METH_VARARGS,
+     "hencky_update(flow, parameters, dt, gradient, log_density, stress, g, shear_rate, isa)\n--\n\n"
+     "One step of the finite-strain law of n points, in place: gradient (dim*dim, n) is L dt, log_density (n,) at its end;\n"
+     "the Kirchhoff stress (4|6, n), g (n,), given after diffusion, and the plastic shear_rate (n,) are updated."},
     {"laws", laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},

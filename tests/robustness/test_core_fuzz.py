@@ -257,6 +257,76 @@ def test_fluidity_diffuse_survives_any_number_in_its_arrays(data):
     assert np.isfinite(chosen["g"]).all()
 
 
+# ---- hencky ----
+
+HENCKY = {
+    "K": 1e6, "G": 5e5, "g_min": 1e-6, "kindling": 1.0, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28,
+    "rho_s": 2550.0, "d": 4e-3, "t0": 1e-4, "p_spread": 0.0,
+}  # fmt: skip
+
+
+def hencky_arguments(n=11, dim=2):
+    arrays = [np.full(n, 1e-3), np.full((4 if dim == 2 else 6, n), -1.0), np.ones(n), np.ones(n)]
+    return ["nonlocal_linear", dict(HENCKY), 1e-4, np.zeros((dim * dim, n)), *arrays, ""]
+
+
+@pytest.mark.parametrize("place", range(3, 8))
+@pytest.mark.parametrize("how", WAYS)
+def test_hencky_update_refuses_wrong_arrays(place, how):
+    wrong = hencky_arguments()
+    wrong[place] = spoiled(wrong[place], how)
+    if how == "read-only" and place in (3, 4):
+        _core.hencky_update(*wrong)  # it only reads them
+        return
+    with pytest.raises((TypeError, ValueError)):
+        _core.hencky_update(*wrong)
+
+
+def test_hencky_update_takes_no_points_and_refuses_shared_memory():
+    for dim in (2, 3):
+        _core.hencky_update(*hencky_arguments(0, dim))
+        for place, other in ((7, 6), (6, 4)):
+            shared = hencky_arguments(dim=dim)
+            shared[place] = shared[other]
+            with pytest.raises(ValueError, match="share memory"):
+                _core.hencky_update(*shared)
+
+
+@QUICK
+@given(place=st.sampled_from([0, 1, 2, 8, *HENCKY]), value=numbers)
+def test_hencky_update_refuses_wrong_numbers(place, value):
+    chosen = hencky_arguments()
+    if isinstance(place, str):
+        chosen[1][place] = value
+    else:
+        chosen[place] = value
+    try:
+        _core.hencky_update(*chosen)
+    except DOCUMENTED:
+        return
+    assert isinstance(value, (int, float, np.floating))
+
+
+@QUICK
+@given(data=st.data())
+def test_hencky_update_survives_any_number_in_its_arrays(data):
+    dim = data.draw(st.sampled_from([2, 3]))
+    chosen = hencky_arguments(data.draw(st.integers(1, 3)), dim)
+    chosen[0] = data.draw(st.sampled_from(["elastic", "local_saturating", "nonlocal_saturating"]))
+    for place in range(3, 8):
+        size = chosen[place].size
+        chosen[place].flat = data.draw(st.lists(st.floats(), min_size=size, max_size=size))
+    given_arrays = [np.copy(a) for a in chosen[3:8]]
+    legal = all((np.abs(a) <= 1e60).all() for a in given_arrays) and (given_arrays[4] >= 0).all()
+    try:
+        _core.hencky_update(*chosen)
+    except DOCUMENTED:
+        assert not legal
+        return
+    assert legal
+    assert all(np.isfinite(a).all() for a in chosen[5:8])
+
+
 # ---- construction ----
 
 

@@ -175,3 +175,12 @@ def test_what_the_committed_table_says_follows_from_its_rows(module):
     assert {tuple(case.row().values()) for case in cases} <= found
     stored = json.loads((RESULTS / "speed_accuracy_summary.json").read_text())
     assert script.rounded(script.summary(table["rows"])) == stored
+
+
+def test_the_laws_are_timed(module, tmp_path, capsys):
+    out = tmp_path / "laws.json"
+    module("laws").main(["--quick", "--out", str(out)])
+    rows = json.loads(out.read_text())["rows"]
+    assert {row["law"] for row in rows} >= {"mu_i", "loose", "nonlocal_linear"}
+    assert all(len(row["ns"]) == 2 and min(row["ns"]) > 0 for row in rows)
+    assert len(capsys.readouterr().out.splitlines()) == len(rows) + 2

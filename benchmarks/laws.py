@@ -1,0 +1,113 @@
+"""Time per point of the constitutive laws alone, for each instruction set.
+
+    python benchmarks/laws.py [--quick] [--out benchmarks/results/laws.json]
+
+Points as in a flow: elastic strains of about 1e-3, strains of a step of about 1e-4; or of 0.1,
+beyond the short series of the finite-strain law. 4,096 points, all in the second-level cache.
+Processor time, best of several batches. mu_i is the hypoelastic law, for comparison; "loose" are
+points that bear no stress: the time of the call and of its checks, which is in the others too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import granular as gr
+from granular import _core
+
+PARAMETERS = {
+    "K": 1e6, "G": 5e5, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28, "rho_s": 2500.0, "d": 4e-3,
+    "t0": 1e-3, "p_spread": 0.0, "g_min": 1e-6, "kindling": 1.0, "xi": 0.28 / (4e-3 * 50.0),
+}  # fmt: skip
+FLOWS = ("drucker_prager", "local_saturating", "nonlocal_linear", "nonlocal_saturating")
+ISAS = ("baseline", "avx2", "avx512")
+POINTS, DT = 4096, 1e-4
+
+
+def state(dim: int, strain: float, p: float = 1000.0) -> dict[str, np.ndarray]:
+    """Gradients of this size times dt, and stresses at p = 1 kPa or where the density tells p."""
+    rng = np.random.default_rng(1)
+    stress = rng.uniform(-300.0, 300.0, (4 if dim == 2 else 6, POINTS))
+    stress[:3] -= 1000.0
+    return {
+        "gradient": strain * rng.uniform(-1.0, 1.0, (dim * dim, POINTS)),
+        "log_density": np.full(POINTS, p / PARAMETERS["K"]),
+        "stress": stress,
+        "g": rng.uniform(0.1, 10.0, POINTS),
+        "shear_rate": rng.uniform(0.0, 1.0, POINTS),
+    }
+
+
+def finite_strain(flow: str, dim: int, strain: float, isa: str) -> Callable[[], None]:
+    """One call of the finite-strain law."""
+    loose = flow == "loose"
+    arrays = state(dim, strain, -1.0 if loose else 1000.0)
+    flow = FLOWS[-1] if loose else flow
+    return lambda: _core.hencky_update(flow, PARAMETERS, DT, *arrays.values(), isa)
+
+
+def hypoelastic(dim: int, strain: float, isa: str) -> Callable[[], None]:
+    """One call of the hypoelastic mu(I) law."""
+    arrays, lanes = state(dim, strain), _core.build_info(isa)["lanes"]
+    blocks = arrays["gradient"].reshape(dim * dim, -1, lanes).transpose(1, 0, 2).copy()
+    rest = arrays["log_density"], arrays["stress"], arrays["shear_rate"]
+    return lambda: _core.law_update("mu_i", dim, PARAMETERS, DT, 1, blocks, *rest, isa)
+
+
+def best_time(call: Callable[[], None], batches: int) -> float:
+    """Nanoseconds per point."""
+    best = np.inf
+    for _ in range(batches):
+        begin = time.process_time()
+        for _ in range(20):
+            call()
+        best = min(best, time.process_time() - begin)
+    return best / (20 * POINTS) * 1e9
+
+
+def available() -> list[str]:
+    """Instruction sets of this machine."""
+    found = []
+    for isa in ISAS:
+        try:
+            _core.build_info(isa)
+        except ValueError:
+            continue
+        found.append(isa)
+    return found
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="few batches, to see that it runs")
+    parser.add_argument("--out", type=Path, help="write the table as JSON")
+    arguments = parser.parse_args(argv)
+    batches, build, rows = 2 if arguments.quick else 40, gr.show_config(), []
+    print(f"{platform.machine()}, compiler {build['compiler']}; ns/point")
+    print(f"{'law':24s}{'strain':>8s}{'isa':>10s}{'plane':>8s}{'space':>8s}")
+    for law, strain in [*((name, 1e-4) for name in ("mu_i", "loose", *FLOWS)), (FLOWS[-1], 0.1)]:
+        for isa in available():
+            times = []
+            for dim in (2, 3):
+                call = (
+                    hypoelastic(dim, strain, isa)
+                    if law == "mu_i"
+                    else finite_strain(law, dim, strain, isa)
+                )
+                times.append(best_time(call, batches))
+            print(f"{law:24s}{strain:8.0e}{isa:>10s}{times[0]:8.2f}{times[1]:8.2f}", flush=True)
+            rows.append({"law": law, "strain": strain, "isa": isa, "ns": times})
+    if arguments.out:
+        head = {"machine": platform.machine(), "build": build, "rows": rows}
+        arguments.out.write_text(json.dumps(head, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+/* The finite-strain law: Hencky's elasticity, in which granular material flows (Haeri & Skonieczny 2021, Three-dimensional
+ * granular flow continuum modeling via MPM with hyperelastic nonlocal granular fluidity, section 3.2, in another form).
+ *
+ * Stored energy G h:h + K c^2/2 per reference volume, h the deviator of the logarithmic elastic strain, c = ln(rho/rho_c):
+ *     Kirchhoff stress = 2 G h - p,  p = K c;  Cauchy stress = e^c times that.
+ * Plastic flow keeps the volume and the axes of h. So the stress tells the whole state, h = dev(stress)/2G: the elastic
+ * left Cauchy-Green tensor exp(2h) is not stored, and its determinant is 1 because the trace of h is taken out of it in
+ * every step. The published form keeps F and F^p instead, of which F^p, stepped explicitly, changes its volume in shear,
+ * and with it the pressure.
+ *
+ * A step:
+ *     h_trial = dev ln(F exp(2h) F^T)/2,  F = exp(dev L dt)      (strain.h; exact for a constant L)
+ *     tau_trial = 2G sqrt(h_trial:h_trial/2),  tau after the flow of the step,  h = h_trial tau/tau_trial.
+ * Where c <= 0 the material is disconnected: stress, fluidity and plastic rate are zero. (Not of the elastic one.)
+ *
+ * Digits: relative to the larger of h and L dt, a few units of the last place while both are small; of large ones the
+ * condition of exp(2 h_trial) counts: 1e-13 at norms of 1/2. Norms of 2h and of dev L dt above GR_STRAIN_REACH count as
+ * that. */
+#ifndef GR_LAW_HENCKY_H
+#define GR_LAW_HENCKY_H
+
+#include "law/flow_rules.h"
+#include "law/fluidity_update.h"
+#include "law/strain.h"
+
+struct gr_hencky_numbers {
+    struct gr_fluidity_numbers fluidity;
+    struct gr_flow_numbers flow;
+    vd K, twoG, inv_twoG, mu_s, g_min, to_rate; /* to_rate = 1/(G dt) */
+    vd kindling;                                /* sqrt(2) kindling/(mu_2 dt) */
+};
+
+struct gr_hencky_point {
+    struct gr_stress stress; /* Kirchhoff, Pa */
+    vd g, rate;              /* fluidity, plastic shear rate, 1/s */
+};
+
+static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double parameter[GR_HENCKY_PARAMETER_COUNT], double dt)
+{
+#define GR_X(name, unit, doc) const double name = parameter[GR_HENCKY_P_##name];
+    GR_HENCKY_PARAMETERS(GR_X)
+#undef GR_X
+    (void)t0, (void)p_spread; /* gr_fluidity_numbers_of looks at them */
+    return (struct gr_hencky_numbers){
+        .fluidity = gr_fluidity_numbers_of(parameter + GR_HENCKY_P_G, dt),
+        .flow = gr_flow_numbers_of(mu_s, mu_2, I0 / (d * sqrt(rho_s)) * G * dt),
+        .K = v_set(K),
+        .twoG = v_set(2 * G),
+        .inv_twoG = v_set(1 / (2 * G)),
+        .mu_s = v_set(mu_s),
+        .g_min = v_set(g_min),
+        .to_rate = v_set(1 / (G * dt)),
+        .kindling = v_set(1.4142135623730951 * kindling / (mu_2 * dt)),
+    };
+}
+
+/* Norm of the symmetric part of L dt. */
+GR_INLINE vd gr_stretch_norm(const int dim, const vd *L)
+{
+    vd sum = v_zero();
+    for (int i = 0; i < dim; i++) {
+        sum = v_fma(L[i * dim + i], L[i * dim + i], sum);
+        for (int j = 0; j < i; j++) {
+            const vd shear = L[i * dim + j] + L[j * dim + i];
+            sum = v_fma(v_set(0.5) * shear, shear, sum);
+        }
+    }
+    return v_sqrt_fast(sum);
+}
+
+/* Deviator of the trial stress. */
+GR_INLINE struct gr_stress gr_hencky_trial(const int dim, const struct gr_hencky_numbers *n, const vd *L,
+                                           const struct gr_stress *stress)
+{
+    struct gr_matrix full, strain;
+    GR_EACH(dim, i, j) { strain.m[i][j] = stress->s[gr_place[i][j]] * n->inv_twoG; }
+    GR_EACH(dim, i, j) { full.m[i][j] = i < dim && j < dim ? L[i * dim + j] : v_zero(); }
+    const struct gr_matrix h = gr_deviator(dim, &strain), gradient = gr_deviator(dim, &full);
+    const struct gr_matrix trial = gr_trial_strain(dim, &h, &gradient);
+    struct gr_stress out = {{v_zero()}};
+    GR_EACH(dim, i, j)
+    {
+        if (j >= i) out.s[gr_place[i][j]] = trial.m[i][j] * n->twoG;
+    }
+    return out;
+}
+
+/* tau/tau_trial of the flow, and what goes with it; p > 0. */
+struct gr_hencky_return {
+    vd share, g, rate;
+};
+
+GR_INLINE struct gr_hencky_return gr_hencky_local(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p)
+{
+    const vd one = v_set(1.0), S0 = n->mu_s * p;
+    const vm flows = v_gt(trial, S0);
+    vd share = S0 / trial;
+    if (flow == GR_HENCKY_local_linear) share = gr_flow_linear(&n->flow, trial, p, S0);
+    if (flow == GR_HENCKY_local_saturating) share = gr_flow_saturating(&n->flow, trial, p, S0);
+    share = v_select(flows, share, one);
+    const vd rate = v_keep(flows, v_fnma(share, trial, trial) * n->to_rate);
+    return (struct gr_hencky_return){.share = share, .rate = rate, .g = v_keep(flows, rate * p / (share * trial))};
+}
+
+/* Where `before`, the material was connected already; `kindled` is the fluidity elsewhere. */
+GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p,
+                                                     vm before, vd kindled, vd g_star, vd rate)
+{
+    const struct gr_inverse_pressure inverse = gr_invert_pressure(&n->fluidity, p);
+    const vd one = v_set(1.0), m = trial * inverse.p, start = v_max(n->g_min, g_star);
+    struct gr_fluidity_point point;
+    if (flow == GR_HENCKY_nonlocal_linear)
+        point = gr_fluidity_update_linear(&n->fluidity, m, p, inverse, start, rate);
+    else
+        point = gr_fluidity_update(&n->fluidity, m, p, inverse, start, rate);
+    const vd scale = one / v_fma(n->fluidity.G_dt * kindled, inverse.p, one);
+    const vd share = v_select(before, point.scale, scale), g = v_select(before, point.g, kindled);
+    return (struct gr_hencky_return){.share = share, .g = g, .rate = v_select(before, point.mu, m * scale) * g};
+}
+
+/* Given: L dt (row-major), c at the end of the step, the stress and plastic shear rate before it, and the fluidity after
+ * diffusion. A point whose stress is zero was disconnected. */
+GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                                  const vd *L, vd c, const struct gr_stress *stress, vd g_star, vd rate)
+{
+    const vd zero = v_zero(), one = v_set(1.0);
+    const int solid = flow == GR_HENCKY_elastic;
+    struct gr_hencky_point out = {.g = zero, .rate = zero};
+    for (int i = 0; i < GR_STRESSES(dim); i++) out.stress.s[i] = zero;
+    const vd p = n->K * c;
+    const vm loose = v_ge(zero, p); /* NaN is not: it goes into the stress */
+    if (!solid && m_bits(loose) == GR_ALL_LANES) return out;
+
+    out.stress = gr_hencky_trial(dim, n, L, stress);
+    struct gr_hencky_return r = {.share = one, .g = zero, .rate = zero};
+    if (!solid) {
+        const vd trial = v_sqrt_fast(gr_tau_squared(dim, &out.stress)), pressed = v_max(v_set(GR_LEAST_PRESSURE), p);
+        if (flow == GR_HENCKY_nonlocal_linear || flow == GR_HENCKY_nonlocal_saturating) {
+            const vm before = v_gt(zero, stress->s[0] + stress->s[1] + stress->s[2]);
+            const vd kindled = n->kindling * gr_stretch_norm(dim, L);
+            r = gr_hencky_nonlocal(flow, n, trial, pressed, before, kindled, g_star, rate);
+        } else {
+            r = gr_hencky_local(flow, n, trial, pressed);
+        }
+        out.g = v_select(loose, zero, r.g), out.rate = v_select(loose, zero, r.rate);
+    }
+    for (int i = 0; i < GR_STRESSES(dim); i++) {
+        const vd s = i < 3 ? v_fma(r.share, out.stress.s[i], -p) : v_mul(r.share, out.stress.s[i]);
+        out.stress.s[i] = solid ? s : v_select(loose, zero, s);
+    }
+    return out;
+}
+
+/* ---- arrays of points: `flow` is no literal here, for one body of the trial in place of six ---- */
+
+/* The rows of a call in one list: gradient and log-density, then what is updated. */
+GR_INLINE void hencky_rows(const int dim, const struct gr_hencky_call *call, const double *given[10], double *updated[8])
+{
+    for (int i = 0; i < dim * dim; i++) given[i] = call->gradient[i];
+    given[dim * dim] = call->log_density;
+    for (int i = 0; i < GR_STRESSES(dim); i++) updated[i] = call->stress[i];
+    updated[GR_STRESSES(dim)] = call->g;
+    updated[GR_STRESSES(dim) + 1] = call->shear_rate;
+}
+
+GR_INLINE void hencky_block(const int dim, const int flow, const struct gr_hencky_numbers *n, const double *const given[10],
+                            double *const updated[8], int64_t at)
+{
+    const int stresses = GR_STRESSES(dim);
+    struct gr_stress stress;
+    vd L[9];
+    for (int i = 0; i < dim * dim; i++) L[i] = v_load(given[i] + at);
+    for (int i = 0; i < stresses; i++) stress.s[i] = v_load(updated[i] + at);
+    const struct gr_hencky_point point =
+        gr_hencky_update(dim, flow, n, L, v_load(given[dim * dim] + at), &stress, v_load(updated[stresses] + at),
+                         v_load(updated[stresses + 1] + at));
+    for (int i = 0; i < stresses; i++) v_store(updated[i] + at, point.stress.s[i]);
+    v_store(updated[stresses] + at, point.g);
+    v_store(updated[stresses + 1] + at, point.rate);
+}
+
+/* The last points of a number that is no multiple of the lanes go through a buffer. */
+GR_INLINE void hencky_points(const int dim, const int flow, const struct gr_hencky_call *call)
+{
+    const struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter, call->dt);
+    const int rows = dim * dim + 1, results = GR_STRESSES(dim) + 2;
+    const double *given[10], *last_given[10];
+    double *updated[8], *last_updated[8], buffer[18][GR_W];
+    hencky_rows(dim, call, given, updated);
+    int64_t k = 0;
+    for (; k + GR_W <= call->n; k += GR_W) hencky_block(dim, flow, &n, given, updated, k);
+    if (k == call->n) return;
+    const int last = (int)(call->n - k);
+    for (int i = 0; i < rows; i++) {
+        for (int lane = 0; lane < GR_W; lane++) buffer[i][lane] = lane < last ? given[i][k + lane] : 0.0;
+        last_given[i] = buffer[i];
+    }
+    for (int i = 0; i < results; i++) {
+        for (int lane = 0; lane < GR_W; lane++) buffer[10 + i][lane] = lane < last ? updated[i][k + lane] : 0.0;
+        last_updated[i] = buffer[10 + i];
+    }
+    hencky_block(dim, flow, &n, last_given, last_updated, 0);
+    for (int i = 0; i < results; i++)
+        for (int lane = 0; lane < GR_W && lane < last; lane++) updated[i][k + lane] = buffer[10 + i][lane];
+}
+
+#endif

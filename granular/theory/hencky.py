@@ -1,0 +1,200 @@
+"""Closed forms of Hencky's elasticity in one dimension: what finite strains are tested by.
+
+Strained along one axis only, by lambda = exp(e), the Kirchhoff stress along it is M e with the
+modulus M = K + 4G/3, and the force on a unit of the undeformed section is P = M e exp(-e).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import lambertw
+
+from granular.checks import finite, integer, one_of, positive
+
+Array = NDArray[np.float64]
+
+_MOST_STRAIN = 1.0
+"""ln(lambda) below which P grows with lambda, so that waves run."""
+
+
+class ElasticMaterial(Protocol):
+    """What the closed forms need to know of a material; rho_c [kg/m3] is the density at rest."""
+
+    K: float
+    G: float
+    rho_c: float
+
+
+@dataclass(frozen=True)
+class HenckyColumn:
+    """A column compressed by its own weight.
+
+    Attributes
+    ----------
+    y : ndarray
+        Height above the base that each reference height has come to [m].
+    log_stretch : ndarray
+        ln(lambda), <= 0; with the sign changed it is ln(rho/rho_c).
+    stress : ndarray, shape (..., 4)
+        Cauchy stress, xx, yy, zz, xy [Pa], y upwards; yy carries the weight above.
+    height : float
+        Height of the column [m].
+    friction : float
+        tau/p, the same everywhere: 2G/(sqrt(3) K). Materials whose mu_s is less yield.
+    """
+
+    y: Array
+    log_stretch: Array
+    stress: Array
+    height: float
+    friction: float
+
+
+@dataclass(frozen=True)
+class StandingWave:
+    """A small standing wave in a bar.
+
+    Attributes
+    ----------
+    displacement, velocity : ndarray
+        Along the bar [m], [m/s].
+    strain : ndarray
+        Gradient of the displacement.
+    frequency : float
+        Hz.
+    wave_speed : float
+        Of waves along the bar as it is [m/s].
+    """
+
+    displacement: Array
+    velocity: Array
+    strain: Array
+    frequency: float
+    wave_speed: float
+
+
+def hencky_column(
+    reference_height: ArrayLike, height0: float, material: ElasticMaterial, gravity: float = 9.81
+) -> HenckyColumn:
+    """Column between smooth walls under its own weight, exactly.
+
+    The weight above the reference height Y is rho_c g (H0 - Y) = M w, and M e exp(-e) = -M w has
+    the solution e = -q, q exp(q) = w: q is Lambert's function of w. The integral of lambda =
+    exp(-q) gives the height y = M/(rho_c g) [Q(q(0)) - Q(q(Y))] with Q(q) = q + q^2/2.
+
+    Parameters
+    ----------
+    reference_height : array_like
+        Y, height without gravity [m], any shape, within [0, height0].
+    height0 : float
+        Height of the column without gravity [m].
+    material : ElasticMaterial
+        Object with ``K``, ``G``, ``rho_c``.
+    gravity : float
+        Magnitude of gravity [m/s2].
+
+    Returns
+    -------
+    HenckyColumn
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+    """
+    Y = np.asarray(reference_height, dtype=float)
+    height0, K, G = (
+        positive("height0", height0),
+        positive("K", material.K),
+        positive("G", material.G),
+    )
+    if not np.all((height0 >= Y) & (Y >= 0)):
+        raise ValueError(f"reference_height = {Y} must be in [0, {height0}]")
+    M = K + 4 * G / 3
+    weight = positive("rho_c", material.rho_c) * positive("gravity", gravity)
+    load = weight * (height0 - Y) / M
+    q, q0 = lambertw(load).real, float(lambertw(weight * height0 / M).real)
+
+    def integral(q: ArrayLike) -> ArrayLike:
+        return q + np.square(q) / 2
+
+    side = -(K - 2 * G / 3) * load
+    stress = np.stack([side, -M * load, side, np.zeros_like(load)], axis=-1)
+    return HenckyColumn(
+        y=M / weight * (integral(q0) - integral(q)),
+        log_stretch=-q,
+        stress=stress,
+        height=float(M / weight * integral(q0)),
+        friction=2 * G / (math.sqrt(3) * K),
+    )
+
+
+def standing_wave(
+    x: ArrayLike,
+    t: ArrayLike,
+    length: float,
+    amplitude: float,
+    material: ElasticMaterial,
+    *,
+    ends: str = "fixed-free",
+    mode: int = 1,
+    log_stretch: float = 0.0,
+) -> StandingWave:
+    """Small standing wave along a bar between smooth walls, compressed evenly before.
+
+    Waves run through the bar as it is at ``sqrt(M (1 - e)/rho_c)``: of P = M e exp(-e), e being
+    ln(lambda), the slope dP/dlambda = M (1 - e)/lambda^2 moves rho_c for each undeformed length.
+
+    Parameters
+    ----------
+    x, t : array_like
+        Distance from the first end [m] and time [s], broadcast together.
+    length : float
+        Of the bar as it is [m].
+    amplitude : float
+        Greatest displacement [m], at t = 0.
+    material : ElasticMaterial
+        Object with ``K``, ``G``, ``rho_c``.
+    ends : {"fixed-free", "fixed-fixed"}
+        The first end and the other one.
+    mode : int
+        1 for the longest wave.
+    log_stretch : float
+        e, below 1; compression is negative.
+
+    Returns
+    -------
+    StandingWave
+        Arrays of the broadcast shape.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For arguments out of range.
+    """
+    x, t = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(t, dtype=float))
+    length, amplitude = positive("length", length), finite("amplitude", amplitude)
+    if not np.all((x >= 0) & (x <= length)):
+        raise ValueError(f"x = {x} must be in [0, {length}]")
+    if finite("log_stretch", log_stretch) >= _MOST_STRAIN:
+        raise ValueError(f"log_stretch = {log_stretch} must be below {_MOST_STRAIN}: no waves run")
+    waves = integer("mode", mode, 1) / 2
+    if one_of("ends", ends, ("fixed-free", "fixed-fixed")) == "fixed-free":
+        waves -= 0.25
+    M = positive("K", material.K) + 4 * positive("G", material.G) / 3
+    speed = math.sqrt(M * (1 - log_stretch) / positive("rho_c", material.rho_c))
+    k = 2 * math.pi * waves / length
+    frequency = speed * waves / length
+    phase = 2 * math.pi * frequency * t
+    return StandingWave(
+        displacement=amplitude * np.sin(k * x) * np.cos(phase),
+        velocity=-2 * math.pi * frequency * amplitude * np.sin(k * x) * np.sin(phase),
+        strain=amplitude * k * np.cos(k * x) * np.cos(phase),
+        frequency=frequency,
+        wave_speed=speed,
+    )

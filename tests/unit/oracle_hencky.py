@@ -1,0 +1,231 @@
+"""The finite-strain law once more, slow and plain: matrix functions, ODEs, the published form.
+
+Full matrices (..., 3, 3) throughout; only `update` calls `granular._core`.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from granular import _core
+
+SAND = {
+    "K": 1e6, "G": 5e5, "mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "rho_s": 2550.0, "d": 0.004,
+    "t0": 1e-4, "p_spread": 0.0, "g_min": 0.0, "kindling": 1.0,
+}  # fmt: skip
+FLOWS = (
+    "elastic", "drucker_prager", "local_linear", "local_saturating", "nonlocal_linear",
+    "nonlocal_saturating",
+)  # fmt: skip
+PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
+
+
+# ---- between the arrays of the core and matrices ----
+
+
+def components(stress, dim):
+    """(4|6, n) of matrices (n, 3, 3)."""
+    return np.ascontiguousarray([stress[:, i, j] for i, j in PLACES[dim]])
+
+
+def matrices(stress):
+    """(n, 3, 3) of components (4|6, n)."""
+    full = np.zeros((stress.shape[1], 3, 3))
+    for row, (i, j) in zip(stress, PLACES[2 if len(stress) == 4 else 3], strict=True):
+        full[:, i, j] = full[:, j, i] = row
+    return full
+
+
+def gradients(step, dim):
+    """(dim*dim, n) of L dt (n, 3, 3)."""
+    return np.ascontiguousarray(step[:, :dim, :dim].reshape(len(step), dim * dim).T)
+
+
+def update(flow, q, dt, step, c, stress, g, rate, *, dim=3, isa=""):
+    """`_core.hencky_update` of matrices: stress, g and shear rate after the step."""
+    n = len(step)
+    rows = components(stress, dim)
+    g, rate = (np.array(np.broadcast_to(a, n), dtype=float) for a in (g, rate))
+    c = np.array(np.broadcast_to(c, n), dtype=float)
+    _core.hencky_update(flow, q, dt, gradients(step, dim), c, rows, g, rate, isa)
+    return matrices(rows), g, rate
+
+
+# ---- one step ----
+
+
+def deviator(a):
+    return a - np.trace(a, axis1=-2, axis2=-1)[..., None, None] / 3 * np.eye(3)
+
+
+def function_of(a, f):
+    """A function of symmetric matrices, by their eigenvalues."""
+    value, vector = np.linalg.eigh(a)
+    return np.einsum("...ik,...k,...jk->...ij", vector, f(value), vector)
+
+
+def shear(stress):
+    """Equivalent shear stress."""
+    s = deviator(stress)
+    return np.sqrt((s * s).sum(axis=(-2, -1)) / 2)
+
+
+def trial_strain(h, step):
+    """Deviator of the logarithmic strain after F = exp(dev L dt); of scipy and LAPACK."""
+    F = expm(deviator(step))
+    b = F @ function_of(2 * h, np.exp) @ np.swapaxes(F, -1, -2)
+    return deviator(function_of(b, lambda value: np.log(value) / 2))
+
+
+def friction(flow, q, dt, m, p, g_star, rate):
+    """Friction and fluidity after a step, from the trial friction, one point, by bisection."""
+    dmu, grain = q["mu_2"] - q["mu_s"], q["d"] * math.sqrt(q["rho_s"] / p)
+
+    def slip(mu):  # shear rate that would lead from m to mu
+        return (m - mu) * p / (q["G"] * dt)
+
+    if flow == "drucker_prager":
+        mu = min(m, q["mu_s"])
+        return mu, slip(mu) / mu if mu else 0.0
+    if flow.startswith("local"):
+        if m <= q["mu_s"]:
+            return m, 0.0
+
+        def excess(mu):  # growing
+            inertial = slip(mu) * grain
+            steady = (
+                inertial / (inertial + q["I0"]) if flow.endswith("ating") else inertial / q["I0"]
+            )
+            return mu - q["mu_s"] - dmu * steady
+
+        mu = bisected(excess, q["mu_s"], m)
+        return mu, slip(mu) / mu
+    theta, g_star = dt / q["t0"], max(g_star, q["g_min"])
+
+    def left(g):  # of the equation of the fluidity, over g: growing in g
+        mu = m / (1 + q["G"] * dt * g / p)
+        pull = (q["mu_s"] - mu) * (dmu / (q["mu_2"] - mu) if flow.endswith("ating") else 1.0)
+        return 1 + theta * (pull + dmu / q["I0"] * grain * rate) - g_star / g
+
+    low, high = 1e-300, 1.0
+    if flow.endswith("ating") and m >= q["mu_2"]:
+        low = (m / q["mu_2"] - 1) * p / (q["G"] * dt) * (1 + 1e-15)
+    while high <= low or left(high) < 0:
+        high *= 4
+    g = math.exp(bisected(lambda x: left(math.exp(x)), math.log(low), math.log(high)))
+    return m / (1 + q["G"] * dt * g / p), g
+
+
+def bisected(f, low, high):
+    """Where f, growing, becomes positive."""
+    for _ in range(200):
+        middle = (low + high) / 2
+        low, high = (low, middle) if f(middle) > 0 else (middle, high)
+    return (low + high) / 2
+
+
+# ---- in time ----
+
+
+def stepped(flow, q, gradient, times, *, p0, g0=1.0, substeps=1):
+    """Stress, g and shear rate at `times` by steps of the core, with L in the middle of each; one
+    point from an isotropic pressure, no diffusion."""
+    c, stress = np.array([p0 / q["K"]]), -p0 * np.eye(3)[None]
+    g, rate = np.array([g0]), np.array([0.0])
+    found = [(stress[0], g[0], rate[0])]
+    for a, b in pairwise(times):
+        dt = (b - a) / substeps
+        for k in range(substeps):
+            step = np.asarray(gradient(a + (k + 0.5) * dt))[None] * dt
+            c = c - np.trace(step, axis1=1, axis2=2)
+            stress, g, rate = update(flow, q, dt, step, c, stress, g, rate)
+        found.append((stress[0], g[0], rate[0]))
+    return tuple(np.array(part) for part in zip(*found, strict=True))
+
+
+def plastic_rate(flow, q, p, tau, g):
+    """Plastic shear rate of the continuous law."""
+    mu, grain = tau / p, q["d"] * math.sqrt(q["rho_s"] / p)
+    if flow.startswith("nonlocal"):
+        return mu * g
+    over = max(mu - q["mu_s"], 0.0)
+    span = q["mu_2"] - (mu if flow.endswith("saturating") else q["mu_s"])
+    return q["I0"] / grain * over / max(span, 1e-12)
+
+
+def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
+    """The same by scipy's Radau, in b_e, c and ln g: stress and g at `times`.
+
+    db/dt = L b + b L^T - (gdot/tau) s b, less what changes its determinant.
+    """
+    dmu = q["mu_2"] - q["mu_s"]
+
+    def parts(y):
+        b, c = y[:9].reshape(3, 3), y[9]
+        s = 2 * q["G"] * deviator(function_of((b + b.T) / 2, lambda value: np.log(value) / 2))
+        # differences for a Jacobian try any number where nothing depends on it
+        return b, q["K"] * c, s, shear(s), math.exp(min(y[10], 700.0))
+
+    def rates(t, y):
+        b, p, s, tau, g = parts(y)
+        L = np.asarray(gradient(t))
+        slip = plastic_rate(flow, q, p, tau, g)
+        D = deviator(L)
+        db = D @ b + b @ D.T - (slip / max(tau, 1e-12 * p)) * s @ b
+        grow = 0.0
+        if flow.startswith("nonlocal"):
+            mu = tau / p
+            pull = (mu - q["mu_s"]) * (dmu / (q["mu_2"] - mu) if flow.endswith("ating") else 1.0)
+            sink = dmu / q["I0"] * q["d"] * math.sqrt(q["rho_s"] / p) * mu * g
+            grow = (pull - sink) / q["t0"]
+        return np.concatenate([db.ravel(), [-np.trace(L), grow]])
+
+    start = np.concatenate([np.eye(3).ravel(), [p0 / q["K"], math.log(g0)]])
+    found = solve_ivp(
+        rates, (times[0], times[-1]), start, "Radau", times, rtol=rtol, atol=1e-13, max_step=0.02
+    )
+    assert found.success, found.message
+    stress, g = [], []
+    for y in found.y.T:
+        _, p, s, _, fluidity = parts(y)
+        stress.append(s - p * np.eye(3))
+        g.append(fluidity)
+    return np.array(stress), np.array(g)
+
+
+# ---- the published form ----
+
+
+class Published:
+    """One point as Haeri & Skonieczny (2021) step it: F and F^p, eqs 18-31, pressure from F^e."""
+
+    def __init__(self, q, p0):
+        self.q, self.p = q, p0
+        self.F = np.eye(3) * math.exp(-p0 / q["K"] / 3)
+        self.Fp = np.eye(3)
+        self.g, self.mu = 1.0, 0.0
+
+    def step(self, L, dt):
+        """The local limit A = 0. Returned: pressure and shear stress."""
+        q = self.q
+        self.F = (np.eye(3) + dt * L) @ self.F
+        Fe = self.F @ np.linalg.inv(self.Fp)
+        E = function_of(Fe.T @ Fe, lambda value: np.log(value) / 2)
+        p = -q["K"] * np.trace(E)
+        if p <= 0 or np.linalg.det(self.F) >= 1:
+            self.p = 0.0
+            return 0.0, 0.0
+        b = (q["mu_2"] - q["mu_s"]) / q["I0"]
+        grain = q["d"] * math.sqrt(q["rho_s"] / self.p) if self.p else 0.0
+        change = (self.mu - q["mu_s"]) * self.g - b * grain * self.mu * self.g**2
+        self.g = max(self.g + dt / q["t0"] * change, 0.0)
+        trial = 2 * q["G"] * deviator(E)
+        tau = shear(trial)
+        after = tau * p / (p + q["G"] * dt * self.g)
+        self.mu, self.p = after / p, p
+        direction = trial / (math.sqrt(2) * tau) if tau else np.zeros((3, 3))
+        self.Fp = (np.eye(3) + dt * self.mu * self.g / math.sqrt(2) * direction) @ self.Fp
+        return p, after

@@ -1,0 +1,296 @@
+"""One step of the finite-strain law: matrix functions, digits, flow rules, bounds, bad input."""
+
+import math
+
+import mpmath
+import numpy as np
+import oracle_hencky as oracle
+import pytest
+from oracle_fluidity import available
+
+from granular import _core
+
+ISAS = available()
+SAND = oracle.SAND
+
+
+def norm(a):
+    return np.sqrt((a * a).sum(axis=(-2, -1)))
+
+
+def random_states(rng, n, dim, strain, step):
+    """Deviatoric strains h and L dt, of norms (the latter of its deviator) up to these; a tenth of
+    the strains has two eigenvalues that are equal or nearly so."""
+    L, h = rng.normal(size=(2, n, 3, 3))
+    h = h + np.swapaxes(h, 1, 2)
+    axis = rng.normal(size=(n // 10, 3))
+    h[: n // 10] = axis[:, :, None] * axis[:, None, :] + 1e-9 * h[: n // 10]
+    if dim == 2:
+        h[:, 2, :2] = h[:, :2, 2] = L[:, 2, :] = L[:, :2, 2] = 0
+    h = oracle.deviator(h)
+    h *= (strain * rng.random(n) / norm(h))[:, None, None]
+    L *= (step * rng.random(n) / norm(oracle.deviator(L)))[:, None, None]
+    return h, L
+
+
+def trial(h, step, dim, isa):
+    """Strain after an elastic step; G = 1/2 makes the deviator of the stress the strain."""
+    q = SAND | {"G": 0.5}
+    return oracle.update("elastic", q, 1.0, step, 0.0, h, 0.0, 0.0, dim=dim, isa=isa)[0]
+
+
+# ---- the strain ----
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_trial_strain_of_a_hundred_thousand_states_against_scipy(dim):
+    rng = np.random.default_rng(dim)
+    count = 0
+    for strain, step in ((1e-3, 1e-3), (1e-2, 0.2), (0.1, 0.1), (0.3, 0.6), (0.5, 0.5)):
+        h, L = random_states(rng, 10_000, dim, strain, step)
+        expected = oracle.trial_strain(h, L)
+        for isa in ISAS:
+            found = trial(h, L, dim, isa)
+            assert np.abs(found - expected).max() <= 1e-12
+            assert np.abs(np.trace(found, axis1=1, axis2=2)).max() <= 4e-16
+        count += len(h)
+    assert count == 50_000  # of each dimension
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("strain", "step"), [(1.0, 1.0), (1.0, 2.0)])
+def test_large_strains_lose_no_more_than_the_condition(dim, strain, step):
+    h, L = random_states(np.random.default_rng(5), 2000, dim, strain, step)
+    condition = np.exp(4 * (norm(h) + norm(oracle.deviator(L))))
+    error = np.abs(trial(h, L, dim, ISAS[-1]) - oracle.trial_strain(h, L)).max(axis=(1, 2))
+    assert (error <= 1e-15 * condition + 1e-14).all()
+
+
+def exact_strain(h, step):
+    """`oracle.trial_strain` of one point, in 40 digits."""
+    with mpmath.workdps(40):
+        half = mpmath.matrix(h.tolist())
+        gradient = mpmath.matrix(step.tolist())
+        mean = (gradient[0, 0] + gradient[1, 1] + gradient[2, 2]) / 3
+        F = mpmath.expm(gradient - mean * mpmath.eye(3))
+        trace = (half[0, 0] + half[1, 1] + half[2, 2]) / 3
+        b = F * mpmath.expm(2 * (half - trace * mpmath.eye(3))) * F.T
+        value, vector = mpmath.eigsy((b + b.T) / 2)
+        logs = [mpmath.log(v) / 2 for v in value]
+        middle = sum(logs) / 3
+        out = vector * mpmath.diag([v - middle for v in logs]) * vector.T
+        return np.array([[float(out[i, j]) for j in range(3)] for i in range(3)])
+
+
+def test_strain_has_all_digits_however_small():
+    """Relative to the strain, in 40 digits: LAPACK's logarithm keeps 1e-16 of 1 + strain only."""
+    rng = np.random.default_rng(6)
+    for size in (1e-12, 1e-8, 1e-4, 1e-2, 0.06, 0.12):
+        for dim in (2, 3):
+            h, L = random_states(rng, 12, dim, size, size)
+            scale = np.maximum(norm(h), norm(oracle.deviator(L)))
+            exact = np.array([exact_strain(a, b) for a, b in zip(h, L, strict=True)])
+            for isa in ISAS:
+                assert (norm(trial(h, L, dim, isa) - exact) / scale).max() <= 2e-15
+
+
+def test_plane_is_space_without_the_third_axis():
+    h, L = random_states(np.random.default_rng(7), 500, 2, 0.2, 0.4)
+    for isa in ISAS:
+        np.testing.assert_allclose(trial(h, L, 2, isa), trial(h, L, 3, isa), atol=2e-15)
+
+
+def test_determinant_stays_one_over_a_hundred_thousand_steps():
+    """Loads of random direction, also beyond the short series, with flow that keeps them finite."""
+    rng = np.random.default_rng(8)
+    q, stress, g, rate = SAND | {"K": 1e4}, np.tile(-800.0 * np.eye(3), (8, 1, 1)), 1.0, 0.0
+    steps = rng.normal(size=(64, 8, 3, 3)) * np.geomspace(1e-4, 0.1, 8)[:, None, None]
+    rows = oracle.components(stress, 3)
+    g, rate = np.ones(8), np.zeros(8)
+    c, all_steps = np.full(8, 0.08), [oracle.gradients(step, 3) for step in steps]
+    for k in range(100_000):
+        _core.hencky_update("nonlocal_linear", q, 1e-4, all_steps[k % 64], c, rows, g, rate, "")
+    strain = (oracle.matrices(rows) + 800.0 * np.eye(3)) / (2 * q["G"])
+    assert norm(strain).max() > 1e-4
+    determinant = np.linalg.det(oracle.function_of(2 * strain, np.exp))
+    assert np.abs(determinant - 1).max() <= 1e-14
+    assert np.abs(-rows[:3].sum(axis=0) / 3 / 800.0 - 1).max() <= 1e-14
+
+
+# ---- the flow ----
+
+
+def states(rng, n):
+    """p, g*, rate and the gradient of points that load, unload and flow."""
+    p = 10 ** rng.uniform(0, 4, n)
+    tau = p * rng.uniform(0, 1.5, n)
+    s = rng.normal(size=(n, 3, 3))
+    s = oracle.deviator(s + np.swapaxes(s, 1, 2))
+    s *= (tau / oracle.shear(s))[:, None, None]
+    step = rng.normal(size=(n, 3, 3)) * (10 ** rng.uniform(-7, -2, n))[:, None, None]
+    g_star, rate = 10 ** rng.uniform(-6, 3, n), 10 ** rng.uniform(-6, 3, n)
+    return p, s - p[:, None, None] * np.eye(3), step, g_star, rate
+
+
+@pytest.mark.parametrize("flow", oracle.FLOWS[1:])
+@pytest.mark.parametrize("isa", ISAS)
+def test_flow_against_bisection(flow, isa):
+    n, dt = 150, 1e-4
+    p, stress, step, g_star, rate = states(np.random.default_rng(9), n)
+    found, g, shear_rate = oracle.update(
+        flow, SAND, dt, step, p / SAND["K"], stress, g_star, rate, isa=isa
+    )
+    # the trial state of the core, which the tests above look at; LAPACK's has not digits enough
+    trial, _, _ = oracle.update("elastic", SAND, dt, step, p / SAND["K"], stress, 0.0, 0.0, isa=isa)
+    tau = oracle.shear(trial)
+    for k in range(n):
+        mu, fluidity = oracle.friction(flow, SAND, dt, tau[k] / p[k], p[k], g_star[k], rate[k])
+        share = mu * p[k] / tau[k]
+        expected = oracle.deviator(trial[k]) * share - p[k] * np.eye(3)
+        np.testing.assert_allclose(found[k], expected, atol=1e-12 * p[k])
+        # of slow flow g is the small difference of tau and its trial value in the local laws
+        lost = 1e-15 * tau[k] / (SAND["G"] * dt * mu * p[k]) * p[k] / mu
+        assert g[k] == pytest.approx(fluidity, rel=1e-11, abs=20 * lost)
+        assert shear_rate[k] == pytest.approx(mu * g[k], rel=1e-12)
+
+
+@pytest.mark.parametrize("flow", oracle.FLOWS)
+@pytest.mark.parametrize("isa", ISAS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_any_number_of_points_gives_the_same(flow, isa, dim):
+    """To the last bit, whoever the neighbours are: small and large strains, dense and loose."""
+    rng = np.random.default_rng(10)
+    h, L = random_states(rng, 37, dim, 0.2, 0.5)
+    stress = 2 * SAND["G"] * h - np.eye(3)
+    c, g, rate = rng.uniform(-0.3, 1, 37), rng.random(37), rng.random(37)
+    stress[::5] = 0
+    L[::3] *= 1e-3
+    h[::2] *= 1e-3
+    whole = oracle.update(flow, SAND, 1e-4, L, c, stress, g, rate, dim=dim, isa=isa)
+    for n in range(20):
+        order = rng.permutation(37)[:n]
+        part = oracle.update(
+            flow, SAND, 1e-4, L[order], c[order], stress[order], g[order], rate[order], dim=dim,
+            isa=isa,
+        )  # fmt: skip
+        assert all((a == b[order]).all() for a, b in zip(part, whole, strict=True))
+
+
+def test_fluidity_below_the_floor_grows_again():
+    """Without a floor g = 0 stays, above yield too; from the floor it grows."""
+    step, stress = np.zeros((1, 3, 3)), -1000.0 * np.eye(3)[None].copy()
+    stress[0, 0, 1] = stress[0, 1, 0] = 600.0
+    for g_min, grows in ((0.0, False), (1e-6, True)):
+        q = SAND | {"g_min": g_min, "t0": 1e-3}
+        s, g, rate = stress, 0.0, 0.0
+        for _ in range(1500):
+            s, g, rate = oracle.update("nonlocal_linear", q, 1e-4, step, 1e-3, s, g, rate)
+        assert (g[0] > 0) == grows
+        assert (s[0, 0, 1] < 599) == grows
+
+
+def test_loose_points_bear_nothing_and_reconnect_by_their_shear_rate():
+    L = np.array([[[2.0, 5.0, 0.0], [1.0, -3.0, 0.0], [0.0, 0.0, 0.5]]])
+    dt, p = 1e-3, 50.0
+    step, D = L * dt, (L[0] + L[0].T) / 2
+    stress = -10.0 * np.eye(3)[None]
+    loose = oracle.update("nonlocal_linear", SAND, dt, step, -1e-6, stress, 3.0, 4.0)
+    assert not any(part.any() for part in loose)
+    for kindling in (0.0, 1.0):
+        q = SAND | {"kindling": kindling}
+        found, g, rate = oracle.update("nonlocal_linear", q, dt, step, p / q["K"], *loose)
+        expected = kindling * math.sqrt(2 * (D * D).sum()) / q["mu_2"]
+        assert g[0] == pytest.approx(expected, rel=1e-14)
+        h = oracle.trial_strain(np.zeros((1, 3, 3)), step)[0]
+        s = 2 * q["G"] * h / (1 + q["G"] * dt / p * expected)
+        np.testing.assert_allclose(found[0], s - p * np.eye(3), rtol=1e-11, atol=1e-12)
+        assert rate[0] == pytest.approx(oracle.shear(s) / p * expected, rel=1e-11)
+
+
+def test_elastic_material_bears_tension():
+    found, _, _ = oracle.update(
+        "elastic", SAND, 1e-3, np.zeros((1, 3, 3)), -1e-3, np.zeros((1, 3, 3)), 0.0, 0.0
+    )
+    np.testing.assert_allclose(found[0], 1e-3 * SAND["K"] * np.eye(3), rtol=1e-15)
+
+
+@pytest.mark.parametrize("flow", oracle.FLOWS)
+@pytest.mark.parametrize("isa", ISAS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_extreme_numbers_stay_finite(flow, isa, dim):
+    rng = np.random.default_rng(11)
+    n = 4000
+    sizes = np.array([0.0, 1e-300, 1e-60, 1e-9, 0.1, 0.126, 1.0, 2.0, 2.1, 10.0, 1e3, 1e30, 1e60])
+    step = rng.uniform(-1, 1, (n, 3, 3)) * rng.choice(sizes, (n, 1, 1))
+    stress = rng.uniform(-1, 1, (n, 3, 3)) * rng.choice(sizes, (n, 1, 1))
+    stress = np.tril(stress) + np.swapaxes(np.tril(stress, -1), 1, 2)
+    c = rng.choice([-1.0, 1.0, 1.0], n) * rng.choice(sizes, n)
+    g, rate = rng.choice(sizes, n), rng.choice(sizes, n)
+    if dim == 2:
+        stress[:, 2, :2] = stress[:, :2, 2] = 0
+    for dt in (1e-12, 1e-4):
+        found, fluidity, shear_rate = oracle.update(
+            flow, SAND, dt, step, c, stress, g, rate, dim=dim, isa=isa
+        )
+        assert np.isfinite(found).all()
+        assert np.isfinite(fluidity).all()
+        assert (fluidity >= 0).all()
+        assert (shear_rate >= 0).all()
+        assert np.isfinite(shear_rate).all()
+
+
+# ---- bad input ----
+
+
+def arguments(n=5, dim=3):
+    return [
+        "nonlocal_linear", SAND, 1e-4, np.zeros((dim * dim, n)), np.full(n, 1e-3),
+        np.full((4 if dim == 2 else 6, n), -1.0), np.ones(n), np.ones(n), "",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        ({"K": 0.0}, "K = 0 must be positive"),
+        ({"G": -1.0}, "G = -1 must be positive"),
+        ({"g_min": -1e-6}, "g_min = -1e-06 must be zero or positive"),
+        ({"kindling": math.nan}, "kindling = nan must be zero or positive and finite"),
+        ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s = 0.3819"),
+        ({"rho_s": math.inf}, "rho_s = inf must be positive and finite"),
+    ],
+)
+def test_parameters_are_checked(change, text):
+    given = arguments()
+    given[1] = SAND | change
+    with pytest.raises(ValueError, match=text):
+        _core.hencky_update(*given)
+
+
+def test_missing_parameters_flows_and_steps_are_named():
+    for place, value, text in (
+        (1, {k: v for k, v in SAND.items() if k != "t0"}, "the parameter t0 is missing"),
+        (0, "plastic", 'no flow "plastic": it must be one of elastic drucker_prager local_linear'),
+        (2, math.nan, "dt = nan must be positive and finite"),
+        (2, 0.0, "dt = 0 must be positive"),
+        (8, "sse9", 'instruction set "sse9" is not available'),
+        (3, np.zeros((5, 5)), "axis 0 of gradient has length 5, but 4 or 9 is needed"),
+        (5, np.zeros((4, 5)), "axis 0 of stress has length 4, but 6 is needed"),
+    ):
+        given = arguments()
+        given[place] = value
+        with pytest.raises(ValueError, match=text):
+            _core.hencky_update(*given)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1e61])
+@pytest.mark.parametrize("place", range(3, 8))
+def test_values_are_checked(place, bad):
+    given = arguments()
+    given[place][..., -1] = bad
+    before = [np.copy(a) for a in given[3:8]]
+    with pytest.raises(ValueError, match=r"\] = .* is outside the range"):
+        _core.hencky_update(*given)
+    assert all(
+        np.array_equal(a, b, equal_nan=True) for a, b in zip(given[3:8], before, strict=True)
+    )
