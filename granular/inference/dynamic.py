@@ -37,7 +37,7 @@ class ParetoFront:
     forces : tuple of k tuples of ndarray
         For each weight those of each frame, shape (c, d).
     knee : int
-        The point farthest below the chord, on axes that both run from 0 to 1.
+        The point farthest from the chord, on axes that both run from 0 to 1.
     inferences : tuple of Inference
         At the knee, frame by frame.
     """
@@ -165,7 +165,7 @@ def _lengths(problems: Sequence[Problem], solutions: Sequence[Array]) -> Array:
 
 
 def knee_of(first: Array, second: Array, *, weights: Array) -> int:
-    """Index of the point farthest below the chord of a front, both axes from 0 to 1.
+    """Index of the point farthest from the chord of a front, both axes from 0 to 1.
 
     Where a residual does not vary, as for exact data, there is no knee: the weight nearest to one.
     """

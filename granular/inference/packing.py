@@ -219,9 +219,8 @@ class Packing:
         for side, sign in enumerate((1.0, -1.0)):
             contacts = np.flatnonzero(self.bodies[:, side] >= 0)
             grains = self.bodies[contacts, side]
-            found.append(
-                (contacts, grains, sign, self.positions[contacts] - self.centroids[grains])
-            )
+            arms = self.positions[contacts] - self.centroids[grains]
+            found.append((contacts, grains, sign, arms))
         return found
 
     def clusters(self) -> Index:
@@ -340,12 +339,7 @@ def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
 
 
 def _written(shape: tuple[int | None, ...]) -> str:
-    return (
-        "("
-        + ", ".join("any" if s is None else str(s) for s in shape)
-        + ("," * (len(shape) == 1))
-        + ")"
-    )
+    return str(tuple("any" if s is None else s for s in shape)).replace("'", "")
 
 
 def _all_positive(name: str, values: Array) -> None:

@@ -197,7 +197,7 @@ def _regularization(problem: Problem, row: Array, value: float, solver: str) -> 
         high *= 4
         if high > LARGEST:
             raise InferenceError(f"no lambda/R up to {LARGEST:g} brings the force down to {value}")
-    return float(brentq(off, 0.0, high, xtol=1e-7, rtol=1e-6))
+    return float(brentq(off, 0.0, high, xtol=1e-6, rtol=1e-5))
 
 
 def _at_wall(packing: Packing, known: BoundaryForce) -> Array:

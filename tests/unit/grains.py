@@ -6,10 +6,15 @@ boxes beside one another in the same arrays. All is in three components; in the 
 stays zero.
 """
 
+from dataclasses import dataclass
+from functools import cache
+
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import lsqr
 from scipy.spatial import cKDTree
+
+from granular.inference import OUTSIDE, Packing
 
 
 def cross(a, b):
@@ -195,7 +200,7 @@ def sums(table, centroids):
 
 
 def balanced(table, centroids, scale):
-    """The nearest forces in exact equilibrium: what is left of the relaxation's motion is taken out."""
+    """The nearest forces in exact equilibrium, without what is left of the motion."""
     balance, _ = sums(table, centroids)
     dim = centroids.shape[1]
     size = balance.shape[0] // len(centroids)
@@ -231,7 +236,7 @@ def lattice(n, across, spacing, dim, rng):
     return spacing * (places + rng.uniform(-0.08, 0.08, places.shape))
 
 
-def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, steps=8000, mu=0.5):
+def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, free=5000, damped=5000, mu=0.5):
     """Grains of 2.5 to 4 mm pressed in boxes by frictionless pistons, one box for each seed."""
     places, radii, boxes = [], [], []
     across = (int(width / 7.8e-3),) * (dim - 1)
@@ -256,7 +261,178 @@ def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, steps=8000, mu
     rng = np.random.default_rng(len(seeds))
     grains.v[:, :dim] = rng.normal(0, 0.3, x.shape)
     beat = np.sqrt(np.median(m) / kn)
-    for drag, share in ((0.001, 0.5), (0.03, 0.5)):
+    for drag, steps in ((0.001, free), (0.03, damped)):
         grains.drag = drag / beat
-        grains.step(int(share * steps))
+        grains.step(steps)
     return grains
+
+
+@dataclass(frozen=True)
+class Case:
+    """A packing and the forces in it."""
+
+    packing: Packing
+    forces: np.ndarray
+
+
+def case_of(grains, box=None):
+    """At rest: the forces of a relaxation, put into balance, and the stresses that follow."""
+    table, dim = grains.contacts(box), grains.dim
+    mine = slice(None) if box is None else grains.box == box
+    return case_from(table, grains.x[mine, :dim], grains.R[mine])
+
+
+def case_from(table, centroids, R, mu=0.5):
+    """Of contacts with roughly balanced forces.
+
+    Grains that hardly touch bear less than what is left of the motion: contacts that the balance
+    makes inadmissible are taken for open, and the others balanced anew.
+    """
+    volume = volumes(R, centroids.shape[1])
+    for _ in range(10):
+        forces = balanced(table, centroids, R.mean())
+        push = -(forces * table["normals"]).sum(axis=1)
+        slip = np.linalg.norm(forces + push[:, None] * table["normals"], axis=1)
+        wrong = (push <= 0) | (slip > mu * push)
+        if not wrong.any():
+            break
+        table = {name: array[~wrong] for name, array in table.items()}
+    table = table | {"forces": forces}
+    packing = Packing(
+        bodies=table["bodies"],
+        positions=table["positions"],
+        normals=table["normals"],
+        centroids=centroids,
+        volumes=volume,
+        stresses=average_stresses(table, centroids, volume),
+    )
+    return Case(packing, table["forces"])
+
+
+def shaken_lattice(shape, *, shake=0.05, seed=0):
+    """Grains on a square or cubic lattice, shaken, that push about evenly; any number at once.
+
+    The outermost layers are walls. Contacts lie halfway between centroids.
+    """
+    rng, dim = np.random.default_rng(seed), len(shape)
+    places = np.stack(np.meshgrid(*[np.arange(k) for k in shape], indexing="ij"), axis=-1)
+    index = np.arange(np.prod(shape)).reshape(shape)
+    border = np.any(
+        [(places[..., a] == 0) | (places[..., a] == shape[a] - 1) for a in range(dim)], 0
+    )
+    number = np.where(border.ravel(), -1, np.cumsum(~border.ravel()) - 1)
+    x = places.reshape(-1, dim) + rng.uniform(-shake, shake, (index.size, dim))
+    pairs = np.concatenate(
+        [
+            np.stack([np.delete(index, -1, a).ravel(), np.delete(index, 0, a).ravel()], axis=1)
+            for a in range(dim)
+        ]
+    )
+    pairs = pairs[(number[pairs] >= 0).any(axis=1)]
+    away = x[pairs[:, 1]] - x[pairs[:, 0]]
+    normals = away / np.linalg.norm(away, axis=1)[:, None]
+    push = rng.uniform(0.7, 1.3, len(pairs))
+    table = {
+        "bodies": number[pairs],
+        "positions": x[pairs].mean(axis=1),
+        "normals": normals,
+        "forces": -push[:, None] * normals,
+    }
+    centroids = x[number >= 0]
+    return case_from(table, centroids, np.full(len(centroids), 0.5))
+
+
+@cache
+def pressed_discs(count=10):
+    """The oedometric tests of section 2.4: 58 discs, other ones in each."""
+    grains = oedometers(range(count))
+    return [case_of(grains, box) for box in range(count)]
+
+
+@cache
+def pressed_spheres(n=80):
+    """Spheres pressed in a box."""
+    return case_of(oedometers([0], dim=3, n=n, width=0.026, free=10500, damped=3500))
+
+
+DISC = 22.225e-3
+"""Radius of the discs of section 3.3 [m]."""
+FRAME = 2e-4
+"""Between two frames [s]: 5 kHz."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """Frames of six discs that are hit; positions and velocities of them in every frame.
+
+    `frames` holds the cases of frames `touching`, in which there are contacts at all.
+    """
+
+    times: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+    masses: np.ndarray
+    touching: np.ndarray
+    frames: list[Case]
+
+
+@cache
+def impact():
+    """Six discs in a corner, hit by a heavy body at 27 degrees off the last one's centre."""
+    gap, R = 2e-5, np.array([DISC] * 6 + [0.06])
+    rise = DISC * (1 + np.sqrt(3)) + gap
+    x = np.array(
+        [[DISC * (2 * k + 1) + gap * k, DISC] for k in range(3)]
+        + [[DISC * (2 * k + 2) + gap * k, rise] for k in range(3)]
+        + [[0.0, 0.0]]
+    )
+    angle = np.radians(27.0)
+    x[6] = x[5] + (R[5] + R[6] + 1e-4) * np.array([np.cos(angle), np.sin(angle)])
+    m = 1100 * np.pi * R**2
+    m[6] = 8.0
+    grains = Grains(
+        x, R, m, 0.0, np.inf, dim=2, kn=3e6, kt=2e6, mu=0.6, dt=4e-6, damping=0.15
+    )  # fmt: skip
+    grains.v[6, :2] = -1.141, -0.66
+    return film(grains, 6, 140, FRAME)
+
+
+def film(grains, seen, count, interval):
+    """Frames of the first grains; the others are bodies from outside."""
+    steps = round(interval / grains.dt)
+    d = grains.dim
+    x, v, frames, touching = [], [], [], []
+    for k in range(count):
+        x.append(grains.x[:seen, :d].copy())
+        v.append(grains.v[:seen, :d].copy())
+        table = grains.contacts()
+        bodies = np.where(table["bodies"] >= seen, OUTSIDE, table["bodies"])
+        kept = bodies.max(axis=1) >= 0
+        if kept.any():
+            table = {name: array[kept] for name, array in (table | {"bodies": bodies}).items()}
+            frames.append(moving_case(grains, table, seen))
+            touching.append(k)
+        grains.step(steps)
+    times = interval * np.arange(count)
+    return Record(times, np.array(x), np.array(v), grains.m[:seen], np.array(touching), frames)
+
+
+def moving_case(grains, table, seen):
+    """With exact accelerations, of the centroids and about them, in the plane."""
+    force, torque, _ = grains.total(0.0)
+    x, volume = grains.x[:seen, :2], volumes(grains.R[:seen], 2)
+    gravity = {"gravity": grains.gravity[:2]} if grains.gravity.any() else {}
+    packing = Packing(
+        bodies=table["bodies"],
+        positions=table["positions"],
+        normals=table["normals"],
+        centroids=x,
+        volumes=volume,
+        stresses=average_stresses(table, x, volume),
+        masses=grains.m[:seen],
+        accelerations=(force / grains.m[:, None])[:seen, :2],
+        inertias=grains.inertia[:seen],
+        angular_accelerations=(torque[:, 2] / grains.inertia)[:seen],
+        **gravity,
+    )
+    return Case(packing, table["forces"])
