@@ -160,9 +160,10 @@ def infer_with_boundary(
     """
     one_of("by", by, ("regularization", "force", "virial"))
     friction = friction_of_contacts(packing, mu, mu_wall)
+    at_wall = _at_wall(packing, known)
     _check_joined(packing, known)
     problem = static_problem(packing, friction, 0.0)
-    row = problem.force * (_at_wall(packing, known).ravel() @ problem.frame)
+    row = problem.force * (at_wall.ravel() @ problem.frame)
     x, used = solve(problem, solver)
     force = float(row @ x)
     if force <= 1e-6 * problem.force:
