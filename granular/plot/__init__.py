@@ -11,6 +11,13 @@ from granular.plot.curves import (
     figure_13,
 )
 from granular.plot.fields import QUANTITIES, Quantity
+from granular.plot.forces import (
+    force_distances,
+    force_distribution,
+    force_histories,
+    force_networks,
+    pareto_front,
+)
 from granular.plot.frame import frame
 from granular.plot.movie import check_movie, movie
 from granular.plot.snapshots import figure_2, figure_4, figure_6, figure_7, figure_11
@@ -32,6 +39,11 @@ __all__ = [
     "figure_10",
     "figure_11",
     "figure_13",
+    "force_distances",
+    "force_distribution",
+    "force_histories",
+    "force_networks",
     "frame",
     "movie",
+    "pareto_front",
 ]
