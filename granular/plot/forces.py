@@ -74,7 +74,7 @@ def force_networks(
     columns = min(columns, len(panels))
     extents = [_extent(packing, axes) for packing, _ in panels.values()]
     shape = np.median([high - low for low, high in extents], axis=0)
-    tall = float(np.clip(3.4 * shape[1] / shape[0], 2.0, 6.0))
+    tall = float(np.clip(2.8 * shape[1] / shape[0] + 0.4, 2.0, 6.0))  # beside the labels
     fig = Picture(figsize=(3.4 * columns, rows * (tall + 0.35)), layout="tight")
     grid = fig.subplots(rows, columns, squeeze=False).ravel()
     for ax, (title, (packing, forces)) in zip(grid, panels.items(), strict=False):

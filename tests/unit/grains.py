@@ -370,7 +370,7 @@ FRAME = 2e-4
 
 @dataclass(frozen=True)
 class Record:
-    """Frames of six discs that are hit; positions and velocities of them in every frame.
+    """Frames of grains that are hit: places and velocities of them, places of the others.
 
     `frames` holds the cases of frames `touching`, in which there are contacts at all.
     """
@@ -378,6 +378,7 @@ class Record:
     times: np.ndarray
     x: np.ndarray
     v: np.ndarray
+    others: np.ndarray
     masses: np.ndarray
     touching: np.ndarray
     frames: list[Case]
@@ -408,10 +409,11 @@ def film(grains, seen, count, interval):
     """Frames of the first grains; the others are bodies from outside."""
     steps = round(interval / grains.dt)
     d = grains.dim
-    x, v, frames, touching = [], [], [], []
+    x, v, others, frames, touching = [], [], [], [], []
     for k in range(count):
         x.append(grains.x[:seen, :d].copy())
         v.append(grains.v[:seen, :d].copy())
+        others.append(grains.x[seen:, :d].copy())
         table = grains.contacts()
         bodies = np.where(table["bodies"] >= seen, OUTSIDE, table["bodies"])
         kept = bodies.max(axis=1) >= 0
@@ -421,7 +423,8 @@ def film(grains, seen, count, interval):
             touching.append(k)
         grains.step(steps)
     times = interval * np.arange(count)
-    return Record(times, np.array(x), np.array(v), grains.m[:seen], np.array(touching), frames)
+    series = (np.array(found) for found in (x, v, others))
+    return Record(times, *series, grains.m[:seen], np.array(touching), frames)
 
 
 def moving_case(grains, table, seen):
