@@ -23,8 +23,8 @@ EXACT = 1e4
 """Weight of rows that must hold exactly where a solver knows only least squares."""
 MULTIPLIERS = 6
 """Rounds to bring such rows to hold."""
-DENSE = 4_000_000_000
-"""Bytes of the dense matrix that non-negative least squares may take."""
+DENSE = 400_000_000
+"""Bytes of the dense matrices of non-negative least squares, at most: about a minute."""
 
 
 class InferenceError(RuntimeError):
@@ -145,7 +145,7 @@ def non_negative(problem: Problem) -> Array:
         raise ValueError("solver = 'nnls' must be 'auto' or 'clarabel' in space: cones are round")
     if _dense_bytes(problem) > DENSE:
         raise ValueError(
-            f"solver = 'nnls' would need {_dense_bytes(problem) / 1e9:.0f} GB for "
+            f"solver = 'nnls' would take {_dense_bytes(problem) / 1e9:.1f} GB and minutes for "
             f"{len(problem.mu)} contacts: pip install 'granular[inference]'"
         )
     edges = _edges(problem)

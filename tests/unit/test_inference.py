@@ -77,13 +77,17 @@ def test_a_disc_between_four_walls(mu, solver):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", InferenceWarning)
         found = inference.infer_static(square(), mu=mu, solver=solver)
-    assert found.forces == pytest.approx(np.array([[-3, 0], [3, 0], [0, -5], [0, 5]]), abs=1e-6)
-    assert found.pushes == pytest.approx([3, 3, 5, 5])
-    assert found.slips == pytest.approx(np.zeros(4), abs=1e-6)
-    # 4 pushes; with friction 8 components in 6 rows, which the cones do not make up for.
-    assert found.unknowns == (4 if mu == 0 else 8)
-    assert found.rank == (4 if mu == 0 else 6)
+    assert found.stress_residual < 1e-7
+    assert found.balance_residual < 1e-7
+    # 4 pushes; with friction 8 components in 6 rows: pushes may differ from left to right, and
+    # friction make up for it. Cones do not count in a rank.
+    assert (found.rank, found.unknowns) == ((4, 4) if mu == 0 else (6, 8))
     assert found.trusted == (mu == 0)
+    if mu == 0:
+        expected = np.array([[-3, 0], [3, 0], [0, -5], [0, 5]])
+        assert found.forces == pytest.approx(expected, abs=1e-6)
+        assert found.pushes == pytest.approx([3, 3, 5, 5])
+        assert not found.slips.any()
 
 
 def test_strains_and_stiffness_give_the_stresses():
