@@ -3,7 +3,7 @@
 from importlib import import_module
 from types import ModuleType
 
-from granular import economy, materials, measure, scenes, schemes, theory
+from granular import economy, inference, materials, measure, scenes, schemes, theory
 from granular.engine import show_config
 from granular.scene import Scene
 from granular.schemes import Scheme
@@ -32,6 +32,7 @@ __all__ = [
     "State",
     "Trajectory",
     "economy",
+    "inference",
     "materials",
     "measure",
     "open",

@@ -11,6 +11,13 @@ from granular.plot.curves import (
     figure_13,
 )
 from granular.plot.fields import QUANTITIES, Quantity
+from granular.plot.forces import (
+    force_distances,
+    force_distribution,
+    force_histories,
+    force_networks,
+    pareto_front,
+)
 from granular.plot.frame import frame
 from granular.plot.movie import check_movie, movie
 from granular.plot.phase_diagram import phase_diagram
@@ -33,7 +40,12 @@ __all__ = [
     "figure_10",
     "figure_11",
     "figure_13",
+    "force_distances",
+    "force_distribution",
+    "force_histories",
+    "force_networks",
     "frame",
     "movie",
+    "pareto_front",
     "phase_diagram",
 ]

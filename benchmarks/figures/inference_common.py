@@ -1,0 +1,55 @@
+"""What the figures of the inference share: synthetic packings of the tests, noise, errors."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from common import OUT
+from numpy.typing import NDArray
+
+from granular.inference import InferenceWarning, Packing
+
+# The discrete element method is no part of the package: the tests have a small one.
+sys.path.append(str(Path(__file__).parents[2] / "tests" / "unit"))
+import grains
+
+__all__ = ["chosen_options", "grains", "quietly", "relative_error", "with_noise"]
+
+Array = NDArray[np.float64]
+
+
+def chosen_options(doc: str | None, argv: Sequence[str] | None) -> argparse.Namespace:
+    """--quick and --out, as the other figures have them."""
+    parser = argparse.ArgumentParser(description=doc)
+    parser.add_argument("--quick", action="store_true", help="fewer frames, to look at")
+    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of the PNG ({OUT})")
+    chosen = parser.parse_args(argv)
+    chosen.note = "synthetic data"
+    return chosen
+
+
+def with_noise(
+    packing: Packing, rng: np.random.Generator, *, bias: float = 0.15, spread: float = 0.1
+) -> Packing:
+    """Stresses as eq. 2.16 has them, each component off by itself."""
+    noise = np.triu(1 + bias + rng.normal(0, spread, packing.stresses.shape))
+    return replace(packing, stresses=packing.stresses * (noise + np.triu(noise, 1).swapaxes(1, 2)))
+
+
+def relative_error(found: Array, true: Array) -> float:
+    """Eq. 2.15."""
+    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+
+
+def quietly(infer: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+    """The result of an inference whose flags the picture tells of."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", InferenceWarning)
+        return infer(*arguments, **options)

@@ -1,0 +1,85 @@
+"""Figures 3.2 and 3.5 of Hurley's thesis: six discs that are hit, from noisy synthetic records."""
+
+import sys
+
+import numpy as np
+from inference_common import chosen_options, grains, quietly, relative_error
+
+from common import save  # isort: skip
+from dataclasses import replace
+
+from scipy.signal import filtfilt, firwin
+
+from granular import inference, plot
+
+MU = 0.6
+RATE = 5000.0
+"""Frames per second."""
+
+
+def noisy(record: grains.Record, seed: int = 0) -> list[inference.Packing]:
+    """Centroids off by .02 mm, differentiated after a low pass of 600 Hz; stresses by 10 %."""
+    rng, taps = np.random.default_rng(seed), firwin(31, 600, fs=RATE, window="hamming")
+
+    def smooth(series: np.ndarray) -> np.ndarray:
+        return filtfilt(taps, [1.0], series, axis=0, padtype="odd", padlen=100)
+
+    x = smooth(record.x + rng.normal(0, 2e-5, record.x.shape))
+    a = smooth(np.gradient(np.gradient(x, 1 / RATE, axis=0), 1 / RATE, axis=0))
+    found = []
+    for k, case in zip(record.touching, record.frames, strict=True):
+        noise = np.triu(1 + rng.normal(0, 0.1, case.packing.stresses.shape))
+        noise += np.triu(noise, 1).swapaxes(1, 2)
+        found.append(
+            replace(
+                case.packing,
+                stresses=case.packing.stresses * noise,
+                accelerations=a[k],
+                inertias=None,
+                angular_accelerations=None,
+            )
+        )
+    return found
+
+
+def history(record: grains.Record, forces: list[np.ndarray], pair: tuple[int, int]) -> np.ndarray:
+    """Magnitude of the force at one contact over all frames; zero while it is open."""
+    series = np.zeros(len(record.times))
+    for k, case, f in zip(record.touching, record.frames, forces, strict=True):
+        here = (case.packing.bodies == pair).all(axis=1)
+        series[k] = np.linalg.norm(f[here], axis=1).sum()
+    return series
+
+
+def main(argv: list[str] | None = None) -> None:
+    chosen = chosen_options(__doc__, argv)
+    record = grains.impact()
+    packings = noisy(record)
+    weights = np.logspace(-3, 3, 7 if chosen.quick else 25)
+    front = quietly(inference.pareto_front, packings, mu=MU, mu_wall=0.0, weights=weights)
+    true = [case.forces for case in record.frames]
+    whole = np.concatenate(true)
+    errors = [relative_error(np.concatenate(forces), whole) for forces in front.forces]
+    save(plot.pareto_front(front, errors=errors), chosen, "inference_pareto")
+    found = front.forces[front.knee]
+    panels = {}
+    for share in (0.2, 0.5, 0.8):
+        k = int(share * len(found))
+        title = f"{1e3 * record.times[record.touching[k]]:.1f} ms"
+        panels[f"inferred, {title}"] = (packings[k], found[k])
+        panels[f"true, {title}"] = (packings[k], true[k])
+    save(plot.force_networks(panels, columns=2), chosen, "inference_impact")
+    pairs = {tuple(pair) for case in record.frames for pair in case.packing.bodies.tolist()}
+    largest = sorted(pairs, key=lambda pair: -history(record, true, pair).max())[:8]
+    series = {
+        f"contact {pair}".replace(str(inference.OUTSIDE), "impactor"): (
+            record.times,
+            {"true": history(record, true, pair), "inferred": history(record, found, pair)},
+        )
+        for pair in largest
+    }
+    save(plot.force_histories(series, ylabel="force [N/m]"), chosen, "inference_histories")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,143 @@
+"""Error against time of the solvers of `granular.inference`.
+
+    python benchmarks/inference.py [--quick] [--out FILE] [--figure FILE]
+
+Packings with known forces (58 discs of the oedometric test, shaken lattices from 100 to 5000 grains
+in the plane and to 1000 in space) are inferred from exact stresses and from stresses off by 10 %,
+by each solver that can. Time is processor time of one thread, the best of some repeats; the error
+is that of all forces (eq. 2.15). Friction is .3 on the lattices, so that under noise cones bind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from granular import inference
+from granular.inference import InferenceWarning
+from granular.plot import Picture
+
+sys.path.append(str(Path(__file__).parents[1] / "tests" / "unit"))
+import grains
+
+RESULTS = Path(__file__).parent / "results" / "inference.json"
+FIGURE = Path(__file__).parents[1] / "docs" / "inference_speed.png"
+LATTICES = ((12, 12), (24, 24), (46, 46), (73, 73), (7, 7, 7), (9, 9, 9), (12, 12, 12))
+QUICK = ((8, 8), (5, 5, 5))
+LARGEST_DENSE = 500
+"""Grains up to which nnls is timed."""
+REPEAT = 0.3
+"""Seconds to go on for; the first call counts whatever it takes."""
+MARKERS = {"auto": "o", "clarabel": "s", "nnls": "^"}
+
+
+def noisy(packing: inference.Packing, seed: int) -> inference.Packing:
+    """Each component of the stresses off by 10 %."""
+    noise = np.triu(np.random.default_rng(seed).normal(1, 0.1, packing.stresses.shape))
+    return replace(packing, stresses=packing.stresses * (noise + np.triu(noise, 1).swapaxes(1, 2)))
+
+
+def timed(packing: inference.Packing, mu: float, solver: str, repeat: float) -> tuple[float, Any]:
+    """Seconds, and the inference."""
+    best, spent = np.inf, 0.0
+    while spent <= repeat:
+        begin = time.process_time()
+        found = inference.infer_static(packing, mu=mu, solver=solver)
+        best = min(best, time.process_time() - begin)
+        spent += time.process_time() - begin
+    return best, found
+
+
+def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[str, Any]]:
+    """One for each solver and kind of stresses."""
+    found = []
+    for stresses in ("exact", "noisy"):
+        packing = case.packing if stresses == "exact" else noisy(case.packing, 0)
+        for solver in MARKERS:
+            if solver == "nnls" and (packing.dim == 3 or packing.n > LARGEST_DENSE):
+                continue
+            seconds, inferred = timed(packing, mu, solver, repeat)
+            error = np.linalg.norm(inferred.forces - case.forces) / np.linalg.norm(case.forces)
+            found.append(
+                {
+                    "packing": name,
+                    "dim": packing.dim,
+                    "grains": packing.n,
+                    "contacts": len(packing.bodies),
+                    "stresses": stresses,
+                    "solver": solver,
+                    "used": inferred.solver,
+                    "seconds": float(f"{seconds:.4g}"),
+                    "error": float(f"{error:.4g}"),
+                    "balance": float(f"{inferred.balance_residual:.3g}"),
+                }
+            )
+            print(
+                "{packing:14s}{stresses:6s}{solver:9s}{seconds:8.3f} s {error:.2e}".format(
+                    **found[-1]
+                )
+            )
+    return found
+
+
+def chart(table: list[dict[str, Any]]) -> Picture:
+    """Error against time, exact stresses to the left; time against grains to the right."""
+    fig = Picture(figsize=(10, 4.2), layout="tight")
+    left, right = fig.subplots(1, 2)
+    for solver, marker in MARKERS.items():
+        for dim, shade in ((2, "#1b4f8a"), (3, "#c8502d")):
+            mine = [row for row in table if (row["solver"], row["dim"]) == (solver, dim)]
+            _points(left, mine, "seconds", "error", marker, shade, "")
+            rough = [row for row in mine if row["stresses"] == "noisy"]
+            _points(right, rough, "grains", "seconds", marker, shade, f"{solver}, {dim}D")
+    left.set(xlabel="processor time [s]", ylabel="error of the forces", xscale="log", yscale="log")
+    left.set_title("exact stresses below, noisy ones (10 %) above", fontsize="small")
+    right.set(xlabel="grains", ylabel="processor time [s]", xscale="log", yscale="log")
+    right.set_title("noisy stresses", fontsize="small")
+    right.legend(fontsize="small")
+    return fig
+
+
+def _points(
+    ax: Axes,
+    table: list[dict[str, Any]],
+    x: str,
+    y: str,
+    marker: str,
+    shade: str,
+    label: str,
+) -> None:
+    if table:
+        values = [[row[name] for row in table] for name in (x, y)]
+        ax.plot(*values, marker, color=shade, fillstyle="none", label=label)
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="small packings, to see it runs")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--figure", type=Path, default=FIGURE)
+    chosen = parser.parse_args(argv)
+    warnings.simplefilter("ignore", InferenceWarning)
+    repeat = 0.0 if chosen.quick else REPEAT
+    table = [] if chosen.quick else rows("58 discs", grains.pressed_discs()[0], 0.5, repeat)
+    for shape in QUICK if chosen.quick else LATTICES:
+        table += rows("x".join(map(str, shape)), grains.shaken_lattice(shape), 0.3, repeat)
+    chosen.out.write_text(json.dumps(table, indent=1) + "\n")
+    chart(table).savefig(chosen.figure, dpi=110)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,264 @@
+"""Forces at contacts: networks with lines as wide as the force, fronts, histories, statistics.
+
+Each takes results and infers nothing; `benchmarks/figures` has the runs. The figures meant are
+those of chapters 2 and 3 of Hurley's thesis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import EllipseCollection, LineCollection
+from numpy.typing import ArrayLike, NDArray
+
+from granular.checks import integer, positive
+from granular.inference import ForceStatistics, Packing, ParetoFront
+from granular.plot.canvas import Picture
+
+__all__ = [
+    "force_distances",
+    "force_distribution",
+    "force_histories",
+    "force_networks",
+    "pareto_front",
+]
+
+Array = NDArray[np.float64]
+
+WIDEST = 7.0
+"""Line of the largest force [points]."""
+SHADES = ("#1b4f8a", "#c8502d", "#3c8d53", "#7a4b94", "#8a6d1b", "#555555")
+FACE, EDGE = "#ece7dc", "#a49d8f"
+
+
+def force_networks(
+    panels: Mapping[str, tuple[Packing, ArrayLike]],
+    *,
+    columns: int = 3,
+    axes: tuple[int, int] | None = None,
+    largest: float | None = None,
+) -> Picture:
+    """Packings with a line for each force, as wide as it is large (figures 2.9 to 2.11, 3.5, 3.7).
+
+    Parameters
+    ----------
+    panels : mapping of str to (Packing, array_like of shape (c, d))
+        Titles, and what to draw below them. Discs are drawn with the areas, spheres with the
+        volumes of the grains.
+    columns : int
+        Panels in a row, >= 1.
+    axes : (int, int), optional
+        Axes to the right and up; by default the first and the last.
+    largest : float, optional
+        Force with the widest line [N], > 0; that of all panels by default, which share the scale.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range; for no panels, or forces of a wrong shape.
+    """
+    integer("columns", columns, 1)
+    if not panels:
+        raise ValueError("panels is empty, must hold at least one packing")
+    for title, (packing, forces) in panels.items():
+        if np.shape(forces) != packing.positions.shape:
+            wanted = packing.positions.shape
+            raise ValueError(f"panels[{title!r}]: forces {np.shape(forces)} must be {wanted}")
+    if largest is None:
+        sizes = [np.linalg.norm(forces, axis=1).max() for _, forces in panels.values()]
+        largest = float(max(sizes)) or 1.0
+    positive("largest", largest)
+    rows = -(-len(panels) // columns)
+    columns = min(columns, len(panels))
+    extents = [_extent(packing, axes) for packing, _ in panels.values()]
+    shape = np.median([high - low for low, high in extents], axis=0)
+    tall = float(np.clip(2.8 * shape[1] / shape[0] + 0.4, 2.0, 6.0))  # beside the labels
+    fig = Picture(figsize=(3.4 * columns, rows * (tall + 0.35)), layout="tight")
+    grid = fig.subplots(rows, columns, squeeze=False).ravel()
+    for ax, (title, (packing, forces)) in zip(grid, panels.items(), strict=False):
+        _network(ax, packing, np.asarray(forces, dtype=float), largest, axes)
+        ax.set_title(title, fontsize="small")
+    for ax in grid[len(panels) :]:
+        ax.set_axis_off()
+    return fig
+
+
+def _seen(packing: Packing, axes: tuple[int, int] | None) -> list[int]:
+    if axes is None:
+        return [0, packing.dim - 1]
+    for k, axis in enumerate(axes):
+        integer(f"axes[{k}]", axis, 0, packing.dim - 1)
+    return list(axes)
+
+
+def _radii(packing: Packing) -> Array:
+    if packing.dim == 2:
+        return np.sqrt(packing.volumes / np.pi)
+    return np.cbrt(3 * packing.volumes / (4 * np.pi))
+
+
+def _extent(packing: Packing, axes: tuple[int, int] | None) -> tuple[Array, Array]:
+    x, R = packing.centroids[:, _seen(packing, axes)], _radii(packing)[:, None]
+    return (x - R).min(axis=0), (x + R).max(axis=0)
+
+
+def _network(
+    ax: Axes, packing: Packing, forces: Array, largest: float, axes: tuple[int, int] | None
+) -> None:
+    seen, size = _seen(packing, axes), 2 * _radii(packing)
+    x = packing.centroids[:, seen]
+    ax.add_collection(
+        EllipseCollection(
+            size,
+            size,
+            np.zeros(len(size)),
+            units="x",
+            offsets=x,
+            offset_transform=ax.transData,
+            facecolors=FACE,
+            edgecolors=EDGE,
+            linewidths=0.6,
+        )
+    )
+    at = packing.positions[:, seen]
+    # Between centroids; to a wall, or a grain that is not there, as far as the contact.
+    ends = [np.where((b >= 0)[:, None], x[np.maximum(b, 0)], at) for b in packing.bodies.T]
+    share = np.linalg.norm(forces, axis=1) / largest
+    order = np.argsort(share)
+    paths = np.stack([ends[0], at, ends[1]], axis=1)[order]
+    lines = LineCollection(
+        paths, linewidths=WIDEST * share[order], colors=SHADES[0], capstyle="round", zorder=2
+    )
+    ax.add_collection(lines)
+    low, high = _extent(packing, axes)
+    margin = 0.03 * (high - low).max()
+    ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(low[1] - margin, high[1] + margin))
+    ax.set_aspect("equal")
+    ax.tick_params(labelsize="x-small")
+    ax.spines[:].set_color("0.8")
+    names = "xyz"
+    ax.set_xlabel(f"{names[seen[0]]} [m]", fontsize="x-small")
+    ax.set_ylabel(f"{names[seen[1]]} [m]", fontsize="x-small")
+
+
+def pareto_front(front: ParetoFront, *, errors: ArrayLike | None = None) -> Picture:
+    """Residual of the balance against that of the stresses, both from 0 to 1 (figure 3.2).
+
+    Parameters
+    ----------
+    front : ParetoFront
+    errors : array_like, shape (k,), optional
+        Error of the forces for each weight, where they are known; drawn against the weights.
+
+    Raises
+    ------
+    ValueError
+        If there is not one error for each weight.
+    """
+    if errors is not None and np.shape(errors) != front.weights.shape:
+        raise ValueError(f"errors has shape {np.shape(errors)}, must be {front.weights.shape}")
+    fig = Picture(figsize=(9.0 if errors is not None else 4.8, 4.2), layout="tight")
+    ax, *others = fig.subplots(1, 1 if errors is None else 2, squeeze=False)[0]
+    scaled = []
+    for values in (front.stress_residuals, front.balance_residuals):
+        span = np.ptp(values)
+        scaled.append((values - values.min()) / span if span else 0 * values)
+    ax.plot(*scaled, "o-", color=SHADES[0], markersize=4)
+    ax.plot(*[[s[0], s[-1]] for s in scaled], ":", color="0.5", label="chord")
+    ax.plot(*[[s[front.knee]] for s in scaled], "o", color=SHADES[1], markersize=9, label="knee")
+    ax.set(xlabel="stress residual, scaled", ylabel="balance residual, scaled")
+    ax.legend(fontsize="small")
+    for right in others:
+        right.semilogx(front.weights, errors, "o-", color=SHADES[0], markersize=4)
+        knee = front.knee
+        right.plot(front.weights[knee], np.asarray(errors)[knee], "o", color=SHADES[1], ms=9)
+        right.set(xlabel="weight of the balance", ylabel="error of the forces", ylim=(0, None))
+    return fig
+
+
+def force_histories(
+    series: Mapping[str, tuple[ArrayLike, Mapping[str, ArrayLike]]],
+    *,
+    columns: int = 2,
+    ylabel: str = "force [N]",
+) -> Picture:
+    """Forces over time, a panel each, with a line for every way they were found (3.5d, 3.9).
+
+    Parameters
+    ----------
+    series : mapping of str to (times, mapping of str to forces)
+        Titles, times [s], and the lines by their names.
+    columns : int
+        Panels in a row, >= 1.
+    ylabel : str
+        Of all panels.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For no panels, or a wrong number of columns.
+    """
+    integer("columns", columns, 1)
+    if not series:
+        raise ValueError("series is empty, must hold at least one panel")
+    columns = min(columns, len(series))
+    rows = -(-len(series) // columns)
+    fig = Picture(figsize=(4.2 * columns, 2.5 * rows), layout="tight")
+    grid = fig.subplots(rows, columns, squeeze=False)
+    for ax, (title, (times, lines)) in zip(grid.ravel(), series.items(), strict=False):
+        for (name, values), shade in zip(lines.items(), SHADES, strict=False):
+            ax.plot(1e3 * np.asarray(times), values, color=shade, linewidth=1.3, label=name)
+        ax.set_title(title, fontsize="small")
+        ax.tick_params(labelsize="x-small")
+        ax.set_xlabel("time [ms]", fontsize="small")
+    for ax in grid.ravel()[len(series) :]:
+        ax.set_axis_off()
+    for ax in grid[:, 0]:
+        ax.set_ylabel(ylabel, fontsize="small")
+    grid[0, 0].legend(fontsize="x-small")
+    return fig
+
+
+def force_distances(curves: Mapping[str, ArrayLike], bin_width: float) -> Picture:
+    """Largest force against distance from an intruder, in bins (figure 3.10).
+
+    Parameters
+    ----------
+    curves : mapping of str to array_like
+        What `granular.inference.largest_by_distance` found, by name of the experiment.
+    bin_width : float
+        [m], > 0.
+    """
+    positive("bin_width", bin_width)
+    fig = Picture(figsize=(5.2, 3.8), layout="tight")
+    ax = fig.subplots()
+    for (name, values), shade in zip(curves.items(), SHADES, strict=False):
+        middle = bin_width * (np.arange(len(np.asarray(values))) + 0.5)
+        ax.plot(middle, values, "o-", color=shade, markersize=4, label=name)
+    ax.set(xlabel="distance from the intruder [m]", ylabel="largest force [N]", ylim=(0, None))
+    ax.legend(fontsize="small")
+    return fig
+
+
+def force_distribution(statistics: Mapping[str, ForceStatistics]) -> Picture:
+    """Share of contacts that bear more than a multiple of the mean, beside exponential decay."""
+    fig = Picture(figsize=(5.2, 3.8), layout="tight")
+    ax = fig.subplots()
+    end = 1.0
+    for (name, found), shade in zip(statistics.items(), SHADES, strict=False):
+        count = len(found.scaled)
+        ax.semilogy(
+            found.scaled,
+            1 - np.arange(count) / count,
+            drawstyle="steps-pre",
+            color=shade,
+            label=f"{name}: b = {found.decay:.2f} ± {found.decay_error:.2f}",
+        )
+        end = max(end, found.scaled[-1])
+    along = np.array([1.0, end])
+    ax.semilogy(along, 0.4 * np.exp(1 - along), "--", color="0.5", label="0.4 exp(1 - F/mean)")
+    ax.set(xlabel="force / mean", ylabel="share of contacts beyond")
+    ax.legend(fontsize="small")
+    return fig

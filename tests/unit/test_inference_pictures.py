@@ -1,0 +1,137 @@
+"""Pictures of forces: what is drawn is what was given. The scripts run and write their files."""
+
+import importlib
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from grains import shaken_lattice
+from matplotlib.collections import LineCollection
+from PIL import Image
+
+from granular import inference, plot
+
+FOLDER = Path(__file__).parents[2] / "benchmarks"
+SCRIPTS = {
+    "inference_static": ["inference_static", "inference_statistics"],
+    "inference_dynamic": ["inference_histories", "inference_impact", "inference_pareto"],
+    "inference_bed": ["inference_bed_1", "inference_distances", "inference_intruder"],
+}
+
+
+def lines(ax):
+    return next(c for c in ax.collections if isinstance(c, LineCollection))
+
+
+@pytest.mark.parametrize("shape", [(5, 5), (4, 4, 4)])
+def test_widths_go_with_forces_on_one_scale(shape):
+    case = shaken_lattice(shape)
+    figure = plot.force_networks(
+        {"all": (case.packing, case.forces), "half": (case.packing, case.forces / 2)}
+    )
+    whole, half = (np.array(lines(ax).get_linewidths()) for ax in figure.axes[:2])
+    size = np.sort(np.linalg.norm(case.forces, axis=1))
+    assert whole == pytest.approx(7.0 * size / size[-1])
+    assert half == pytest.approx(whole / 2)
+    assert [ax.get_title() for ax in figure.axes[:2]] == ["all", "half"]
+
+
+def test_lines_lead_from_centroid_to_centroid_and_to_walls():
+    packing = shaken_lattice((4, 3)).packing
+    paths = lines(plot.force_networks({"": (packing, -packing.normals)}).axes[0]).get_segments()
+    pairs = [tuple(pair) for pair in packing.bodies.tolist()]
+    ends = np.array(paths)[:, [0, -1]]
+    for k, (p, q) in enumerate(pairs):
+        places = [packing.centroids[body] if body >= 0 else packing.positions[k] for body in (p, q)]
+        assert abs(ends - np.array(places)).max(axis=(1, 2)).min() < 1e-12
+    assert len(ends) == len(pairs)
+
+
+def test_front_and_curves():
+    case = shaken_lattice((5, 5))
+    noise = np.random.default_rng(0).normal(1, 0.1, case.packing.stresses.shape)
+    rough = inference.Packing(
+        **{
+            name: getattr(case.packing, name)
+            for name in ("bodies", "positions", "normals", "centroids", "volumes")
+        },
+        stresses=case.packing.stresses * (noise + noise.transpose(0, 2, 1)) / 2,
+    )
+    front = inference.pareto_front(rough, mu=0.5, weights=[0.1, 1.0, 10.0], solver="nnls")
+    figure = plot.pareto_front(front, errors=[0.3, 0.1, 0.2])
+    curve = figure.axes[0].lines[0].get_xydata()
+    assert curve.min(axis=0).tolist() == [0.0, 0.0]
+    assert curve.max(axis=0).tolist() == [1.0, 1.0]
+    figure = plot.force_histories({"a": ([0.0, 1e-3], {"true": [1.0, 2.0]})})
+    assert figure.axes[0].lines[0].get_xydata().tolist() == [[0.0, 1.0], [1.0, 2.0]]
+    figure = plot.force_distances({"bed": [3.0, 2.0]}, 0.1)
+    assert figure.axes[0].lines[0].get_xdata() == pytest.approx([0.05, 0.15])
+    found = inference.force_statistics(case.forces)
+    assert plot.force_distribution({"discs": found}).axes[0].lines
+
+
+@pytest.mark.parametrize(
+    "call, words",
+    [
+        (lambda: plot.force_networks({}), "panels is empty"),
+        (lambda: plot.force_histories({}), "series is empty"),
+        (lambda: plot.force_distances({}, 0.0), "bin_width"),
+    ],
+)
+def test_nothing_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
+def test_forces_of_another_packing_are_refused():
+    packing = shaken_lattice((5, 5)).packing
+    with pytest.raises(ValueError, match=r"panels\['a'\]"):
+        plot.force_networks({"a": (packing, np.zeros((3, 2)))})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCRIPTS)
+@pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
+def test_a_quick_figure_is_written(monkeypatch, name, tmp_path):
+    pytest.importorskip("clarabel")
+    monkeypatch.syspath_prepend(FOLDER / "figures")
+    importlib.import_module(name).main(["--quick", "--out", str(tmp_path)])
+    assert sorted(path.stem for path in tmp_path.iterdir()) == SCRIPTS[name]
+    for stem in SCRIPTS[name]:
+        with Image.open(tmp_path / f"{stem}.png") as picture:
+            assert min(picture.size) > 500
+
+
+def test_every_script_is_known():
+    found = {path.stem for path in (FOLDER / "figures").glob("inference_*.py")}
+    assert found == set(SCRIPTS) | {"inference_common"}
+
+
+@pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
+def test_the_benchmark_writes_a_table_and_a_chart(monkeypatch, tmp_path):
+    pytest.importorskip("clarabel")
+    # By its path: the name is also that of a module of the package.
+    spec = importlib.util.spec_from_file_location("bench_inference", FOLDER / "inference.py")
+    module = importlib.util.module_from_spec(spec)
+    monkeypatch.syspath_prepend(FOLDER)
+    spec.loader.exec_module(module)
+    out, figure = tmp_path / "table.json", tmp_path / "chart.png"
+    module.main(["--quick", "--out", str(out), "--figure", str(figure)])
+    table = json.loads(out.read_text())
+    assert {row["solver"] for row in table} == {"auto", "clarabel", "nnls"}
+    assert all(row["error"] < 1e-7 for row in table if row["stresses"] == "exact")
+    with Image.open(figure) as picture:
+        assert min(picture.size) > 300
+
+
+def test_the_speeds_on_record_are_within_what_is_promised():
+    """.1 s for 58 discs, 10 s for 5000 grains in the plane, 60 s for 1000 in space."""
+    table = json.loads((FOLDER / "results" / "inference.json").read_text())
+    mine = [row for row in table if row["solver"] == "auto"]
+    for row in mine:
+        limit = 0.1 if row["grains"] == 58 else 10.0 if row["dim"] == 2 else 60.0
+        assert row["seconds"] < limit
+    assert max(row["grains"] for row in mine if row["dim"] == 2) >= 5000
+    assert max(row["grains"] for row in mine if row["dim"] == 3) >= 1000
