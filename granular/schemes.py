@@ -64,7 +64,7 @@ class Fluidity:
 
     method: str = "auto"
     substeps: int = 1
-    tolerance: float = 1e-8
+    tolerance: float = 1e-6
     seed: float | None = None
     spread: float | None = None
 

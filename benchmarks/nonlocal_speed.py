@@ -1,0 +1,70 @@
+"""What the nonlocal law adds to a step: ns per particle-step over the local law of the same run.
+
+    python benchmarks/nonlocal_speed.py [--quick] [--out benchmarks/results/nonlocal_speed.json]
+
+The clogging silo (hats, 16 points per cell, half, W/d = 5) after 0.1 s: the local law (A = 0), and
+the nonlocal one by explicit, implicit (A = 1) and Runge-Kutta-Legendre steps with one substep and
+five. One thread, processor time; the batches of all cases take turns, and of each the best counts.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import warnings
+from pathlib import Path
+
+import numpy as np
+from speed import best_time
+
+import granular as gr
+from granular.schemes import Fluidity
+
+CASES = {
+    "local": (0.0, Fluidity()),
+    "explicit, 1": (0.1, Fluidity(method="explicit")),
+    "implicit, 1": (1.0, Fluidity(method="implicit")),
+    "rkl2, 1": (1.0, Fluidity(method="rkl2")),
+    "explicit, 5": (0.1, Fluidity(method="explicit", substeps=5)),
+    "implicit, 5": (1.0, Fluidity(method="implicit", substeps=5)),
+    "rkl2, 5": (1.0, Fluidity(method="rkl2", substeps=5)),
+}
+
+
+def simulation(A: float, fluidity: Fluidity, cell: float, until: float) -> gr.Simulation:
+    """A silo that flows."""
+    scene = gr.scenes.clogging_silo(opening_over_d=5.0, A=A, cell=cell)
+    scheme = scene.scheme.replace(fluidity=fluidity, dt=1e-4 * cell / 0.0175)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gr.StabilityWarning)
+        sim = gr.Simulation(scene.replace(scheme=scheme), threads=1)
+    return sim.run(until, monitor=False)
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
+    parser.add_argument("--out", type=Path, help="write the table as JSON")
+    arguments = parser.parse_args(argv)
+    rounds, until = (1, 0.002) if arguments.quick else (15, 0.1)
+    build, table = gr.show_config(), []
+    print(f"{platform.machine()}, {build['isa']}; ns/particle-step, over the local law")
+    for cell in (0.0175,) if arguments.quick else (0.0175, 0.00875):
+        sims = {name: simulation(*case, cell, until) for name, case in CASES.items()}
+        ns = dict.fromkeys(sims, np.inf)
+        for _ in range(rounds):
+            for name, sim in sims.items():
+                ns[name] = min(ns[name], best_time(sim, 1, 2) * 1e9)
+        for name, sim in sims.items():
+            row = {"case": name, "points": sim.n_points, "ns": ns[name]}
+            print(f"{name:12s}{sim.n_points:8d}{ns[name]:8.1f}{ns[name] - ns['local']:+8.1f}")
+            table.append(row | {"over_local": ns[name] - ns["local"]})
+    if arguments.out:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        body = {"machine": platform.machine(), "build": build, "rows": table}
+        arguments.out.write_text(json.dumps(body, indent=1, default=str) + "\n")
+
+
+if __name__ == "__main__":
+    main()
