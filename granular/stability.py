@@ -217,7 +217,7 @@ def height(scene: Scene) -> float:
 
 
 def _granular(scene: Scene) -> bool:
-    return scene.material.law != "elastic"
+    return scene.material.granular
 
 
 def _many_columns(scene: Scene) -> bool:

@@ -18,14 +18,6 @@ static inline void local_phase(const int dim, const struct gr_law_call *call)
     law_frictional(dim, 1, &mu_i);
 }
 
-/* Trace of the increment of a block. */
-static inline vd expansion_of(const int dim, const double *gradient)
-{
-    vd trace = v_load(gradient);
-    for (int d = 1; d < dim; d++) trace = trace + v_load(gradient + d * (dim + 1) * GR_W);
-    return trace;
-}
-
 /* What the stages of a few blocks hand on. Stages, because each is a chain of operations that wait for one another:
  * a processor looks far enough ahead to begin the next block only if a chain is short. */
 struct gr_ngf_block {
@@ -40,7 +32,7 @@ static inline void try_block(const int dim, const struct gr_law_call *call, int6
     const int64_t at = call->slot[k];
     const double *gradient = call->gradient + k * dim * dim * GR_W;
     struct gr_stress t = gr_trial(dim, gradient, call, at, K, G, v_set(call->part));
-    const vd c = v_fnma(v_set(call->behind), expansion_of(dim, gradient), v_load(call->log_density + at));
+    const vd c = v_fnma(v_set(call->behind), gr_expansion(dim, gradient), v_load(call->log_density + at));
     vd p = gr_split(&t);
     if (call->pressure_from_density) p = K * c;
     block->p = v_keep(m_and(v_ge(c, v_zero()), v_gt(p, v_zero())), p);
