@@ -108,8 +108,9 @@ def _parameters(scene: Scene) -> dict[str, float]:
             layers = 1 if scene.scheme.basis == "linear" else scene.fills[0].points_per_axis
             spread = 0.5 / layers
         numbers |= material.core_friction()
-        layer = material.rho_c * largest_gravity(scene) * scene.grid.cell
-        numbers["p_spread"] = spread * layer
+        # Along an axis: a layer on a slope is held by what gravity has across it.
+        across = float(np.abs(scene.gravity.vectors).max())
+        numbers["p_spread"] = spread * material.rho_c * across * scene.grid.cell
     return numbers
 
 
