@@ -78,7 +78,7 @@ def still(simulation: Simulation, fluidity: float) -> Simulation:
     """Bring a layer that has slipped for a while to rest, with an even fluidity [1/s].
 
     What slipped has the stress of the steady flow, which stays as it is: nothing rings. (Stopped
-    by the fluidity alone, it rings, and so grows at a rate that belongs to H_stop .4 % lower.)
+    by the fluidity alone it rings, which moves the height of `stopping_ratio` by .3 %.)
     """
     simulation.buffers["v"][:] = 0.0
     simulation.buffers["g"][:] = fluidity
@@ -102,7 +102,9 @@ def growth_rate(ratio: float, **parameters: Any) -> float:
 def stopping_ratio(**parameters: Any) -> float:
     """Height at which a small fluidity neither grows nor decays, over H_stop of eq. 3.1.
 
-    From the rates 2 % below and above: they are a straight line over (H_stop/H)^2.
+    From the rates 2 % below and above: they are a straight line over (H_stop/H)^2. It comes out .1
+    to .2 % low: as much for the cells, tenths of the height, as for the lowest one, which slips
+    least and so keeps of the start a part of its sigma_yy - sigma_xx, and with it a larger mu.
     """
     low, high = (growth_rate(ratio, **parameters) for ratio in (0.98, 1.02))
     return float((0.98**-2 + (1.02**-2 - 0.98**-2) * low / (low - high)) ** -0.5)
