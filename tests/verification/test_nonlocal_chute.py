@@ -219,8 +219,8 @@ def test_steady_flow_of_rkl2_depends_on_the_substeps(reference):
 
 
 def test_steady_flow_of_any_start(reference):
-    """Even fluidities and the local phase, with gravity from the start, and it growing: a seed needs
-    points that bear pressure."""
+    """From the local phase and from even fluidities, which need points that bear pressure, and so
+    gravity from the start."""
     for seed in (None, 1e-6, 100.0):
         found = top_speed(ramp=0.0, scheme=diffused(seed=seed))
         assert found == pytest.approx(reference, rel=1e-5)
