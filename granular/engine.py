@@ -109,7 +109,9 @@ def _parameters(scene: Scene) -> dict[str, float]:
             layers = 1 if scene.scheme.basis == "linear" else scene.fills[0].points_per_axis
             spread = 0.5 / layers
         numbers |= material.core_friction()
-        layer = material.rho_c * largest_gravity(scene) * scene.grid.cell
+        # Along an axis: a layer on a slope is held by what gravity has across it.
+        across = float(np.abs(scene.gravity.vectors).max())
+        layer = material.rho_c * across * scene.grid.cell
         numbers |= {"p_spread": spread * layer, "g_min": 0.0}
         numbers["kindling"] = float(scene.scheme.fluidity.kindling)
     return numbers

@@ -56,10 +56,11 @@ class Fluidity:
         sqrt(2) abs(D)/mu_2 (Haeri & Skonieczny 2021, eq. 23), and not with none.
     spread : float or None
         Depth that the pressure of a point stands for, to either side of it, in cells: the term with
-        1/sqrt(p), of which surface cells feel most, has its mean over that depth, as under gravity
-        alone. None for what it is: half a cell with hats, under which a cell has one pressure, and
-        half the spacing of the points with splines. 0 for the value at p: thin layers flow too fast
-        then, by 9 % at twice the height at which they stop and 10 cells high.
+        1/sqrt(p), of which surface cells feel most, has its mean over that depth, as under the
+        largest component of gravity alone. None for what it is: half a cell with hats, under which
+        a cell has one pressure, and half the spacing of the points with splines. 0 for the value at
+        p: thin layers flow too fast then, by 9 % at twice the height at which they stop and 10
+        cells high.
 
     Raises
     ------

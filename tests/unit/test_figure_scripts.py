@@ -9,6 +9,7 @@ from PIL import Image
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "figures"
 PICTURES = {
     "figure_2": ["figure_2"],
+    "figure_2_ngf": ["figure_2_ngf"],
     "figure_3": ["figure_3"],
     "figure_4": ["figure_4"],
     "figure_5": ["figure_5"],
@@ -17,7 +18,7 @@ PICTURES = {
     "figure_11": ["figure_11"],
     "figure_13": ["figure_13"],
 }
-FAST = ("figure_2", "figure_11", "figure_13")
+FAST = ("figure_2", "figure_2_ngf", "figure_11", "figure_13")
 """Some seconds each."""
 
 
