@@ -44,7 +44,8 @@ class Fluidity:
         held. The implicit method is balanced with the law, so that a steady flow does
         not depend on them; more resolve what changes within t0.
     tolerance : float
-        Of the conjugate gradients, residual over right-hand side, 0 < tolerance < 1.
+        Of the conjugate gradients, residual over the first one, 0 < tolerance < 1: so much of what
+        the diffusion changes in a step may be wrong.
     seed : float or None
         Fluidity of all points at the start [1/s], >= 0. None for a local phase: the law of `MuI`
         for 10 t0, then g = shear_rate/mu. Where g is 0 everywhere it stays 0 up to a friction
@@ -70,7 +71,7 @@ class Fluidity:
 
     method: str = "auto"
     substeps: int = 1
-    tolerance: float = 1e-6
+    tolerance: float = 1e-4
     seed: float | None = None
     least: float = 0.0
     kindling: bool = False
