@@ -34,7 +34,7 @@ def energy_at_end(record: gr.Trajectory) -> float:
 
 def diagram(quick: bool) -> list[dict]:
     """Every layer of figure 2(b): where it is, its energy at the end and what that makes of it."""
-    angles, heights = (ANGLES[::3], CELLS_HIGH[1::4]) if quick else (ANGLES, CELLS_HIGH)
+    angles, heights = (ANGLES[1::4], CELLS_HIGH[2::5]) if quick else (ANGLES, CELLS_HIGH)
     cases = {
         (angle, n): gr.scenes.chute_ngf(
             angle_deg=angle, height=n * CELL, duration=1.0 if quick else 5.0
@@ -78,7 +78,7 @@ def draw_diagram(ax: Axes, rows: list[dict]) -> None:
         boundary=stopping,
         ax=ax,
     )
-    ax.legend(fontsize="small", frameon=False)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=3, frameon=False)
     ax.set_title("(b) flowing and static")
 
 

@@ -1,6 +1,7 @@
 """The scripts of the figures: each runs to its end and writes its pictures where it is told."""
 
 import importlib
+import json
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,17 @@ def test_a_quick_figure_is_written(script, name, tmp_path):
     for stem in written:
         with Image.open(tmp_path / "new" / f"{stem}.png") as picture:
             assert min(picture.size) > 500
+
+
+def test_every_layer_of_the_nonlocal_figure_was_on_its_side(script):
+    """As saved; and that a layer on the wrong side is told."""
+    figure = script("figure_2_ngf")
+    rows = json.loads(figure.RESULTS.read_text())["rows"]
+    assert len(rows) >= 40
+    assert figure.wrong(rows) == []
+    near = min(rows, key=lambda row: abs(row["over_stopping"] - 1.06))
+    turned = {"flowing": "static", "static": "flowing"}[near["verdict"]]
+    assert len(figure.wrong([near | {"verdict": turned}])) == 1
 
 
 def test_pictures_go_where_git_does_not_look(script):
