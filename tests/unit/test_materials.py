@@ -94,3 +94,15 @@ def test_refusals(kind, arguments, error, message):
 def test_html_shows_the_numbers():
     html = materials.glass_beads_5mm._repr_html_()
     assert "mu_2" in html and "0.6435" in html and "947.3" in html
+
+
+def test_finite_strain_and_friction_that_does_not_saturate():
+    grains = materials.NGF(elasticity="hencky", rheology="linear", A=0.3)
+    assert grains.law == "hencky_ngf_linear"
+    assert grains.replace(A=0.0).law == "hencky_linear"
+    assert grains.replace(rheology="saturating").law == "hencky_ngf"
+    assert type(grains)(**grains.arguments()) == grains
+    with pytest.raises(ValueError, match='"linear" must go with elasticity = "hencky"'):
+        materials.NGF(rheology="linear")
+    with pytest.raises(ValueError, match="elasticity = 'soft' must be one of"):
+        materials.MuI(elasticity="soft")
