@@ -15,7 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import platform
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -314,6 +314,13 @@ def plain(value: Any) -> Any:
     return value if not isinstance(value, float) or np.isfinite(value) else None
 
 
+def seconds(tables: dict[str, Any]) -> float:
+    """Of all runs, one after another."""
+    return round(
+        sum(r["seconds"] for part in ("diagram", "refined", "substeps") for r in tables[part])
+    )
+
+
 def show(tables: dict[str, Any]) -> None:
     """The diagrams, one line an opening and one letter a case, and the lines through the origin."""
     rows = tables["diagram"]
@@ -336,17 +343,20 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=OUT, help=f"the tables as JSON ({OUT})")
     chosen = parser.parse_args(argv)
     plan = QUICK if chosen.quick else Plan()
+    parts: dict[str, Callable[[], Any]] = {
+        "diagram": lambda: rows_of(plan.diagram(), plan, chosen),
+        "thresholds": lambda: thresholds(tables["diagram"]),
+        "refined": lambda: rows_of(plan.refined(), plan, chosen),
+        "refinement": lambda: refinement(chosen.folder),
+        "substeps": lambda: rows_of(plan.subdivided(), plan, chosen),
+        "seconds": lambda: seconds(tables),
+    }
     tables: dict[str, Any] = {"machine": platform.machine(), "build": gr.show_config()}
     tables["paper"] = PAPER
-    tables["diagram"] = rows_of(plan.diagram(), plan, chosen)
-    tables["thresholds"] = thresholds(tables["diagram"])
-    tables["refined"] = rows_of(plan.refined(), plan, chosen)
-    tables["refinement"] = refinement(chosen.folder)
-    tables["substeps"] = rows_of(plan.subdivided(), plan, chosen)
-    cases = (row for name in ("diagram", "refined", "substeps") for row in tables[name])
-    tables["seconds"] = round(sum(row["seconds"] for row in cases), 1)
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
-    chosen.out.write_text(json.dumps(plain(tables), indent=1, default=str) + "\n")
+    for name, part in parts.items():
+        tables[name] = part()
+        chosen.out.write_text(json.dumps(plain(tables), indent=1, default=str) + "\n")
     show(tables)
 
 
