@@ -246,7 +246,6 @@ def main(argv: list[str] | None = None) -> None:
         __doc__, argv, E=grains.E, schemes=SCHEMES, grains=grains, without=("tolerance",)
     )
     silos = Silos(chosen)
-    figure_4a(chosen)
     jammed = silos.run(1.0, 1, {*FORMATION, *LATE, *CENTRED})
     near = silos.run(1.0, 2, LATE)
     flowing = silos.run(1.0, 5, {SAME_MASS[1.0], 105, *FLUIDITY, *LATE, *CENTRED})
@@ -263,6 +262,7 @@ def main(argv: list[str] | None = None) -> None:
         5: silos.run(1.0, 5, (105, *CENTRED), refined=True),
     }
     figures_9_10({"coarse": {1: jammed, 5: flowing}, "refined": fine}, chosen)
+    figure_4a(chosen)
 
 
 if __name__ == "__main__":
