@@ -217,8 +217,8 @@ def _seed(scene: Scene) -> str | None:
     if not seed or pressed or not scene.material.has_fluidity:
         return None
     return (
-        f"seed = {seed}: points that bear no pressure at the start lose their fluidity in the first "
-        "step; take lithostatic fills, or no seed"
+        f"seed = {seed}: points that bear no pressure at the start lose their fluidity in the "
+        "first step; take lithostatic fills, or no seed"
     )
 
 
