@@ -24,7 +24,7 @@ CELLS_HIGH = (2, 3, 4, 5, 6, 7, 8, 10, 12, 14)
 """Heights of figure 2(b), in cells of 1 mm."""
 DOUBTFUL = 0.02
 """Distance from H_stop, relative, within which a verdict is not judged."""
-RESULTS = Path(__file__).parents[1] / "results" / "figure_2_ngf.json"
+RESULTS = Path(__file__).parents[1] / "results" / "ngf_figure_2.json"
 
 
 def energy_at_end(record: gr.Trajectory) -> float:
@@ -131,7 +131,7 @@ def main(argv: list[str] | None = None) -> None:
     few = dict(list(PROFILES.items())[:2])
     draw_profiles(middle, few if chosen.quick else PROFILES)
     draw_glass(right)
-    save(picture, chosen, "figure_2_ngf")
+    save(picture, chosen, "ngf_figure_2")
 
 
 if __name__ == "__main__":
