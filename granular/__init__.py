@@ -3,7 +3,7 @@
 from importlib import import_module
 from types import ModuleType
 
-from granular import economy, materials, measure, scenes, schemes, theory
+from granular import dem, economy, friction_law, materials, measure, scenes, schemes, theory
 from granular.engine import show_config
 from granular.scene import Scene
 from granular.schemes import Scheme
@@ -31,7 +31,9 @@ __all__ = [
     "StabilityWarning",
     "State",
     "Trajectory",
+    "dem",
     "economy",
+    "friction_law",
     "materials",
     "measure",
     "open",
