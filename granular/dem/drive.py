@@ -88,8 +88,7 @@ def _run(
         (folder / "start").write_text(start(settings))
         (folder / "in.lammps").write_text(script)
         execute(folder, command=command, timeout=timeout)
-        rate = settings.shear_rate if isinstance(settings, Shear) else np.nan
-        return [read(f) for f in read_frames(folder, settings.units, frames, rate)]
+        return [read(frame) for frame in read_frames(folder, settings, frames)]
 
 
 @dataclass(frozen=True)

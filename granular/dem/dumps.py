@@ -12,14 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.dem.process import DemError
-from granular.dem.settings import Units
+from granular.dem.settings import Packing, Shear
 
 __all__ = ["ATOM_COLUMNS", "CONTACT_COLUMNS", "Contacts", "Frame", "read_frames"]
 
 Array = NDArray[np.float64]
 
-ATOM_COLUMNS = ("id", "type", "diameter", "mass", *"xyz", "vx", "vy", "vz")
-CONTACT_COLUMNS = ("dx", "dy", "dz", "force", "p1", "p2", "p3", "p5", "p6", "p7", "p8", "p9", "p10")
+ATOM_COLUMNS = (
+    *("id", "type", "diameter", "mass", "x", "y", "z"),
+    *("vx", "vy", "vz", "fx", "fy", "fz", "tqx", "tqy", "tqz"),
+)
+CONTACT_COLUMNS = (
+    *("dx", "dy", "dz", "force", "p1", "p2", "p3"),
+    *("p5", "p6", "p7", "p8", "p9", "p10"),
+)
 """Of `compute pair/local`: branch, normal force, tangential force, and the relative velocity of the
 surfaces, normal and tangential."""
 
@@ -42,6 +48,8 @@ class Contacts:
         On grain i [N].
     normal_velocity, tangential_velocity : ndarray, shape (k, 3)
         Of the surface of i against that of j [m/s].
+    damped_velocity : ndarray, shape (k, 3)
+        The normal velocity half a time step before, which the viscous force was made with.
     """
 
     i: NDArray[np.int64]
@@ -52,6 +60,7 @@ class Contacts:
     tangential_force: Array
     normal_velocity: Array
     tangential_velocity: Array
+    damped_velocity: Array
 
     @property
     def force(self) -> Array:
@@ -82,6 +91,8 @@ class Frame:
         [m], [kg]
     x, v : ndarray, shape (n, 3)
         Centroids [m], inside the periodic box, and velocities [m/s].
+    force : ndarray, shape (n, 3)
+        Resultant on each grain [N], as LAMMPS had it: the sum of those of its contacts.
     shear_rate : float
         Of the box [1/s]; nan with walls and in packings.
     contacts : Contacts
@@ -95,6 +106,7 @@ class Frame:
     mass: Array
     x: Array
     v: Array
+    force: Array
     shear_rate: float
     contacts: Contacts
 
@@ -115,27 +127,26 @@ class _Table:
     rows: Array
 
 
-def read_frames(folder: Path, units: Units, expected: int, rate: float) -> Iterator[Frame]:
+def read_frames(folder: Path, settings: Shear | Packing, expected: int) -> Iterator[Frame]:
     """The frames of a run in the order of time, one at a time, in SI units.
 
     Parameters
     ----------
     folder : Path
         Where LAMMPS has run.
-    units : Units
-        What it computed with.
+    settings : Shear or Packing
+        What it was given.
     expected : int
         Frames.
-    rate : float
-        Shear rate at the height that the script has written down, if it has [1/s].
 
     Raises
     ------
     DemError
         If a file is missing, cut off or garbled, or there are not as many frames as expected.
     """
-    height = folder / "height"
-    tilting = rate * float(height.read_text()) if height.exists() else np.nan
+    height, tilting = folder / "height", np.nan
+    if isinstance(settings, Shear) and height.exists():
+        tilting = settings.shear_rate * float(height.read_text())
     try:
         with open(folder / "atoms") as atoms, open(folder / "contacts") as contacts:
             for number in range(expected):
@@ -145,7 +156,7 @@ def read_frames(folder: Path, units: Units, expected: int, rate: float) -> Itera
                     raise DemError(
                         f"frame {number}: grains at {one.time:g} s, contacts at {other.time:g} s"
                     )
-                yield _frame(one, other, units, tilting)
+                yield _frame(one, other, settings, tilting)
     except FileNotFoundError as error:
         raise DemError(f"LAMMPS has not written its file {Path(error.filename).name!r}") from error
 
@@ -163,25 +174,13 @@ def _table(file: TextIO, columns: int, number: int) -> _Table:
         raise DemError(f"frame {number} of what LAMMPS wrote is cut off or garbled") from error
 
 
-def _frame(atoms: _Table, pairs: _Table, units: Units, tilting: float) -> Frame:
+def _frame(atoms: _Table, pairs: _Table, settings: Shear | Packing, tilting: float) -> Frame:
     rows = atoms.rows[np.argsort(atoms.rows[:, 0])]
+    units, ids, box = settings.units, rows[:, 0].astype(np.int64), _lengths(atoms.bounds)
+    if len(rows) == 0:
+        raise DemError(f"no grains are left at {atoms.time * units.time:g} s")
     if not (np.isfinite(rows).all() and np.isfinite(pairs.rows).all()):
         raise DemError(f"the grains are not at finite places at {atoms.time * units.time:g} s")
-    ids = rows[:, 0].astype(np.int64)
-    i, j = np.searchsorted(ids, pairs.rows[:, :2].astype(np.int64)).T
-    branch, rest = pairs.rows[:, 2:5], pairs.rows[:, 5:]
-    distance = np.linalg.norm(branch, axis=1)
-    contacts = Contacts(
-        i=i,
-        j=j,
-        normal=-branch / distance[:, None],
-        distance=distance * units.length,
-        normal_force=rest[:, 0] * units.force,
-        tangential_force=rest[:, 1:4] * units.force,
-        normal_velocity=rest[:, 4:7] * units.speed,
-        tangential_velocity=rest[:, 7:10] * units.speed,
-    )
-    box = _lengths(atoms.bounds)
     return Frame(
         time=atoms.time * units.time,
         box=box * units.length,
@@ -191,9 +190,58 @@ def _frame(atoms: _Table, pairs: _Table, units: Units, tilting: float) -> Frame:
         mass=rows[:, 3] * units.mass,
         x=rows[:, 4:7] * units.length,
         v=rows[:, 7:10] * units.speed,
+        force=rows[:, 10:13] * units.force,
         shear_rate=tilting / box[1],
-        contacts=contacts,
+        contacts=_contacts(rows, pairs.rows, settings),
     )
+
+
+def _contacts(atoms: Array, pairs: Array, settings: Shear | Packing) -> Contacts:
+    """Contacts with the forces that LAMMPS applied, and velocities of one time.
+
+    Forces are made with velocities of half a step before. What LAMMPS writes is made anew at the
+    end of the step, but with images of grains as they were at its half: where grains collide hard
+    that changes forces by some per cent.
+    """
+    units, grains = settings.units, settings.grains
+    i, j = np.searchsorted(atoms[:, 0], pairs[:, :2]).T
+    radius, mass = 0.5 * atoms[:, 2], atoms[:, 3]
+    distance = np.linalg.norm(pairs[:, 2:5], axis=1)
+    normal = -pairs[:, 2:5] / distance[:, None]
+    free = 0.5 * settings.dt / units.time * (atoms[:, 1:2] <= 2)  # walls move as a whole
+    gain = free * atoms[:, 10:13] / mass[:, None]  # of velocity, in the last half step
+    spin = free * atoms[:, 13:16] / (0.4 * mass * radius**2)[:, None]
+    image = np.abs(atoms[i, 4:7] - atoms[j, 4:7] - pairs[:, 2:5]).max(axis=1) > radius.min()
+    late = image[:, None] * (gain[j] - radius[j, None] * np.cross(spin[j], normal))
+    normal_late = _along(late, normal)
+    normal_velocity = pairs[:, 9:12] - normal_late
+    damped = normal_velocity - _along(gain[i] - gain[j], normal)
+    curvature = np.sqrt(radius[i] * radius[j] / (radius[i] + radius[j]))
+    overlap = np.maximum(radius[i] + radius[j] - distance, 0.0)
+    damping = grains.gamma_n * units.length * units.time * curvature * np.sqrt(overlap)
+    damping *= mass[i] * mass[j] / (mass[i] + mass[j])
+    written, tangential = pairs[:, 5], pairs[:, 6:9]
+    missing = damping * np.einsum("ka,ka->k", damped - pairs[:, 9:12], normal)
+    applied = written + missing
+    limit = (1.0 - 1e-6) * grains.mu_p * np.abs(written)
+    limited = np.linalg.norm(tangential, axis=1) >= limit
+    factor = np.divide(np.abs(applied), np.abs(written), where=written != 0, out=np.ones(len(i)))
+    return Contacts(
+        i=i,
+        j=j,
+        normal=normal,
+        distance=distance * units.length,
+        normal_force=applied * units.force,
+        tangential_force=np.where(limited, factor, 1.0)[:, None] * tangential * units.force,
+        normal_velocity=normal_velocity * units.speed,
+        tangential_velocity=(pairs[:, 12:15] - late + normal_late) * units.speed,
+        damped_velocity=damped * units.speed,
+    )
+
+
+def _along(vectors: Array, normal: Array) -> Array:
+    """Their parts along the normals."""
+    return np.einsum("ka,ka->k", vectors, normal)[:, None] * normal
 
 
 def _lengths(bounds: Array) -> Array:
