@@ -12,6 +12,13 @@ from granular.plot.curves import (
 )
 from granular.plot.fields import QUANTITIES, Quantity
 from granular.plot.frame import frame
+from granular.plot.friction import (
+    friction_and_packing,
+    friction_by_law,
+    friction_shares,
+    scaling_of_dilation,
+    scaling_of_dissipation,
+)
 from granular.plot.movie import check_movie, movie
 from granular.plot.snapshots import figure_2, figure_4, figure_6, figure_7, figure_11
 
@@ -33,5 +40,10 @@ __all__ = [
     "figure_11",
     "figure_13",
     "frame",
+    "friction_and_packing",
+    "friction_by_law",
+    "friction_shares",
     "movie",
+    "scaling_of_dilation",
+    "scaling_of_dissipation",
 ]
