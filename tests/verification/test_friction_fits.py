@@ -26,11 +26,12 @@ def test_exact_data_give_their_constants():
 
 @pytest.mark.parametrize("confidence", [0.95, 0.6])
 def test_intervals_hold_the_constants_as_often_as_they_say(confidence):
-    rng = np.random.default_rng(11)
+    # Fast flows: mu_2 is known much better than the rise to it from mu_s.
+    rng, inertial = np.random.default_rng(11), np.geomspace(0.1, 30.0, 12)
     hits, runs = dict.fromkeys(TRUE, 0), 300
     for _ in range(runs):
-        noisy = law(INERTIAL) + rng.normal(0.0, 0.004, len(INERTIAL))
-        found = friction_law.fit_mu_i(INERTIAL, noisy, confidence=confidence).intervals
+        noisy = law(inertial) + rng.normal(0.0, 0.002, len(inertial))
+        found = friction_law.fit_mu_i(inertial, noisy, confidence=confidence).intervals
         for name, value in TRUE.items():
             hits[name] += found[name][0] <= value <= found[name][1]
     # Four standard deviations of a binomial count, and .015 for what is not linear.
