@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeWarning, curve_fit
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from granular.checks import in_range, positive
 from granular.friction_law.steady import SteadyShear
@@ -329,7 +329,7 @@ def _least_squares(
 ) -> tuple[Array, Array, float]:
     """Parameters, their covariance, and the factor from standard error to interval."""
     confidence = in_range("confidence", confidence, 0.0, 1.0, open_low=True, open_high=True)
-    factor = float(student.ppf(0.5 + 0.5 * confidence, max(len(x) - len(guess), 1)))
+    factor = float(stdtrit(max(len(x) - len(guess), 1), 0.5 + 0.5 * confidence))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", OptimizeWarning)
