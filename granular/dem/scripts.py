@@ -159,7 +159,7 @@ def _homogeneous(settings: Shear) -> list[str]:
     mixing = _MIXING * rate / settings.inertial_number
     # Mass of the wall: W d(rate)/dt = V (stress - 1), W = (n + 1) T Pdamp^2 by the temperature now.
     inertia = f"$({_INERTIA}*sqrt(vol/((atoms+1)*c_relative)):%.17g)"
-    lines = [
+    return [
         *_head(settings, "p p p"),
         f"variable flow atom {mixing:.17g}*y",
         "velocity all set v_flow NULL NULL",
@@ -181,7 +181,6 @@ def _homogeneous(settings: Shear) -> list[str]:
         'print "$(ly:%.17g)" file height',  # what the rate of `fix deform` refers to
         f"fix cell all deform 1 xy erate {rate:.17g} remap v",
     ]
-    return lines
 
 
 def _servo(rate: float, gain: float) -> str:
