@@ -45,13 +45,13 @@ class Case:
 
 SERIES = {
     "low": (
+        Case(0.003, 0.2, 0.8, 2500, 500),
+        Case(0.001, 0.15, 0.4, 2500, 500),
         Case(0.1, 2.0, 6.0, 1000),
         Case(0.4, 4.0, 14.0, 1000),
         Case(1.1, 8.0, 25.0, 1500),
         Case(0.01, 0.4, 1.2, 1000),
         Case(0.03, 1.0, 2.5, 800),
-        Case(0.003, 0.2, 0.6, 1000, 500),
-        Case(0.001, 0.15, 0.35, 1000, 500),
         Case(0.2, 2.0, 8.0, 800),
         Case(0.7, 6.0, 18.0, 1200),
     ),
@@ -130,8 +130,8 @@ def line(row: dict) -> str:
     ratio = p.friction_by_law / p.friction
     return (
         f"{row['set']:6s} I {p.inertial_number:.4f}  mu {p.friction:.4f} +- {p.friction_error:.4f}"
-        f"  law/measured {ratio:.4f} +- {p.law_error:.4f}  phi {p.packing_fraction:.4f}"
-        f"  Z {p.coordination:.3f}  mu_n {p.friction_viscoelastic:.4f}  {row['seconds']:.0f} s"
+        f"  law/measured {ratio:.4f}  balance {p.balance:.4f} +- {p.law_error:.4f}"
+        f"  phi {p.packing_fraction:.4f}  Z {p.coordination:.3f}  mu_n {p.friction_viscoelastic:.4f}  {row['seconds']:.0f} s"
     )
 
 

@@ -24,8 +24,8 @@ class Sample:
 
     Attributes
     ----------
-    shear_rate : float
-        [1/s]
+    time, shear_rate : float
+        [s], [1/s]
     volume, solid : float
         Of the cell and of the grains in it [m3].
     grains, contacts, slipping : float
@@ -39,6 +39,7 @@ class Sample:
         Dissipated power in all contacts [W]; the latter is the power of all tangential forces.
     """
 
+    time: float
     shear_rate: float
     volume: float
     solid: float
@@ -129,6 +130,7 @@ def sample(frame: Frame, grains: Grains, layer: tuple[float, float] | None = Non
     pull = np.linalg.norm(c.tangential_force, axis=1)
     slipping = pull >= _AT_LIMIT * grains.mu_p * np.abs(c.normal_force)
     return Sample(
+        time=frame.time,
         shear_rate=float(slope),
         volume=volume,
         solid=float(np.sum(share * 4.0 / 3.0 * np.pi * frame.radius**3)),

@@ -18,8 +18,8 @@ from granular.measure.stress import friction_of, pressure
 
 __all__ = ["SteadyShear", "average", "steady_shear"]
 
-MIDDLE = (0.25, 0.75)
-"""Layer that is looked at between walls, as shares of the height."""
+WHOLE = (0.0, 1.0)
+"""Layer that is looked at between walls unless another is given, as shares of the height."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,12 +40,15 @@ class SteadyShear:
         Mean dissipation per contact [W]: <Gamma_n> and <Gamma_s> of eq. 4.8.
     dissipation_unit : float
         ``Gamma~ = pi d^2 normal_stress^1.5/(3 sqrt(rho_s))`` [W].
+    dilation : float
+        Growth of ln V per strain while it was averaged: nothing in a steady flow. What expands does
+        work on its load, and `friction` less this is what contacts must dissipate.
     slipping, kinetic : float
         Share of the contacts at the limit of friction; of the normal stress that is carried by
         motion.
     friction_error, coordination_error, packing_error, law_error : float
         Standard errors of the means of `friction`, `coordination`, `packing_fraction` and of
-        `friction_by_law` over `friction`, from blocks of frames; nan with too few.
+        `balance`, from blocks of frames; nan with too few.
     friction_spread, packing_spread : float
         Standard deviations in time.
     frames : int
@@ -61,6 +64,7 @@ class SteadyShear:
     viscoelastic: float
     sliding: float
     dissipation_unit: float
+    dilation: float
     slipping: float
     kinetic: float
     friction_error: float = math.nan
@@ -94,6 +98,11 @@ class SteadyShear:
     def friction_by_law(self) -> float:
         """Effective friction by the law (eq. 4.6): ``(Z phi/I) <Gamma>/Gamma~``."""
         return self.friction_viscoelastic + self.friction_sliding
+
+    @property
+    def balance(self) -> float:
+        """Dissipated over given power: `friction_by_law` over `friction` less `dilation`; 1."""
+        return self.friction_by_law / (self.friction - self.dilation)
 
     @property
     def invariants(self) -> tuple[float, float]:
@@ -144,7 +153,7 @@ def average(samples: Sequence[Sample], grains: Grains, *, blocks: int = 10) -> S
         friction_error=error([p.friction for p in pieces]),
         coordination_error=error([p.coordination for p in pieces]),
         packing_error=error([p.packing_fraction for p in pieces]),
-        law_error=error([p.friction_by_law / p.friction for p in pieces]),
+        law_error=error([p.balance for p in pieces]),
         friction_spread=float(np.std(stress[:, 1, 0] / whole["normal_stress"])),
         packing_spread=float(np.std([s.solid / s.volume for s in samples])),
         frames=len(samples),
@@ -164,6 +173,9 @@ def _averaged(samples: Sequence[Sample], grains: Grains) -> dict:
         if not value > 0:
             raise ValueError(f"the mean {name} = {value:.6g} of the samples must be > 0")
     d = grains.d_volume
+    first, last = samples[0], samples[-1]
+    strain = rate * (last.time - first.time)
+    growth = math.log(first.solid / first.volume) - math.log(last.solid / last.volume)
     return {
         "inertial_number": rate * d * math.sqrt(grains.rho_s / normal),
         "shear_rate": rate,
@@ -174,6 +186,7 @@ def _averaged(samples: Sequence[Sample], grains: Grains) -> dict:
         "viscoelastic": mean("viscoelastic") / contacts,
         "sliding": mean("sliding") / contacts,
         "dissipation_unit": math.pi * d**2 * normal**1.5 / (3.0 * math.sqrt(grains.rho_s)),
+        "dilation": growth / strain if strain > 0 else 0.0,
         "slipping": mean("slipping") / contacts,
         "kinetic": -kinetic / normal,
     }
@@ -182,18 +195,24 @@ def _averaged(samples: Sequence[Sample], grains: Grains) -> dict:
 def steady_shear(
     settings: dem.Shear,
     *,
+    layer: tuple[float, float] | None = None,
     timeout: float = 3600.0,
     command: Sequence[str] | None = None,
 ) -> SteadyShear:
-    """Shear grains with LAMMPS and average; between walls, over the middle half of the height.
+    """Shear grains with LAMMPS and average.
 
     Parameters
     ----------
     settings : granular.dem.Shear
+    layer : (float, float), optional
+        Between walls, the layer to look at as shares of the height; all of it unless given. Away
+        from the walls the flow is that of the bulk, but energy comes from the walls, so that more
+        is dissipated there than stress and shear rate account for.
     timeout, command
         See `granular.dem.shear`, also for what is raised.
     """
-    layer = MIDDLE if getattr(settings, "drive", None) == "walls" else None
+    if layer is None and getattr(settings, "drive", None) == "walls":
+        layer = WHOLE
     samples = dem.shear(
         settings,
         lambda frame: sample(frame, settings.grains, layer),

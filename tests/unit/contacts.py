@@ -26,12 +26,14 @@ def contacts(frame_x, pairs, force, *, tangential=None, normal_velocity=None, sl
     )
 
 
-def frame(x, v, *, radius=0.5, mass=1.0, box=(2.0, 2.0, 2.0), shear_rate=1.0, wall=None, **made):
+def frame(
+    x, v, *, radius=0.5, mass=1.0, time=0.0, box=(2.0, 2.0, 2.0), shear_rate=1.0, wall=None, **made
+):
     """A frame of grains at x with velocities v, and contacts from `contacts`."""
     x, v = np.array(x, dtype=float), np.array(v, dtype=float)
     n = len(x)
     return Frame(
-        time=0.0,
+        time=time,
         box=np.array(box),
         id=np.arange(1, n + 1),
         wall=np.zeros(n, dtype=bool) if wall is None else np.array(wall),

@@ -73,6 +73,17 @@ def test_law_is_the_balance_of_energy():
     assert share == pytest.approx(point.viscoelastic / (point.viscoelastic + point.sliding))
 
 
+def test_what_expands_does_work_on_its_load():
+    """The height grows by a tenth in a strain of 4."""
+    samples = [
+        friction_law.sample(two(time=t, box=(2.0, h, 2.0)), GRAINS)
+        for t, h in ((1.0, 2.0), (3.0, 2.1), (5.0, 2.2))
+    ]
+    point = friction_law.average(samples, GRAINS)
+    assert point.dilation == pytest.approx(math.log(1.1) / 4.0)
+    assert point.balance * (point.friction - point.dilation) == point.friction_by_law
+
+
 def test_invariants_of_a_stress_by_hand():
     point = replace(
         friction_law.average([friction_law.sample(two(), GRAINS)], GRAINS),

@@ -23,6 +23,7 @@ def flows(sliding=1.0):
         viscoelastic=1.0,
         sliding=sliding,
         dissipation_unit=10.0,
+        dilation=0.0,
         slipping=0.1,
         kinetic=0.0,
         friction_spread=0.02,

@@ -73,6 +73,7 @@ def flow(inertial, friction, packing):
         viscoelastic=1.0,
         sliding=1.0,
         dissipation_unit=1.0,
+        dilation=0.0,
         slipping=0.1,
         kinetic=0.0,
     )
