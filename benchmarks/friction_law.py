@@ -131,7 +131,8 @@ def line(row: dict) -> str:
     return (
         f"{row['set']:6s} I {p.inertial_number:.4f}  mu {p.friction:.4f} +- {p.friction_error:.4f}"
         f"  law/measured {ratio:.4f}  balance {p.balance:.4f} +- {p.law_error:.4f}"
-        f"  phi {p.packing_fraction:.4f}  Z {p.coordination:.3f}  mu_n {p.friction_viscoelastic:.4f}  {row['seconds']:.0f} s"
+        f"  phi {p.packing_fraction:.4f}  Z {p.coordination:.3f}"
+        f"  mu_n {p.friction_viscoelastic:.4f}  {row['seconds']:.0f} s"
     )
 
 

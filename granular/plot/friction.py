@@ -95,7 +95,10 @@ def friction_and_packing(
 
 
 def friction_by_law(flows: Flows) -> Picture:
-    """Figure 4.5: friction by the stress and by the law, and their ratio with its error.
+    """Figure 4.5: friction by the stress and by the law, and their ratio.
+
+    Beside the ratio the balance of energy with its error (`SteadyShear.balance`): a flow that has
+    not been sheared far may still expand or contract, and the law knows of no work of that.
 
     Parameters
     ----------
@@ -111,9 +114,11 @@ def friction_by_law(flows: Flows) -> Picture:
     left.legend(fontsize="small")
     right.axhspan(0.98, 1.02, color="0.9", label="2 %")
     right.axhline(1.0, color="0.6", linewidth=0.9)
-    error = _column(flows, "law_error")
-    right.errorbar(inertial, by_law / by_stress, error, fmt="o", color="C3", capsize=2)
-    right.set_ylabel("law / stress")
+    right.plot(inertial, by_law / by_stress, "x", color="C3", label="law / stress")
+    balance, error = _column(flows, "balance"), _column(flows, "law_error")
+    style = {"fmt": "o", "fillstyle": "none", "capsize": 2}
+    right.errorbar(inertial, balance, error, color="black", label="with dilation", **style)
+    right.set_ylabel("ratio")
     right.legend(fontsize="small")
     return fig
 

@@ -74,8 +74,9 @@ def test_law_beside_stress_and_their_ratio():
     by_stress, by_law = markers(figure.axes[0])
     assert by_stress == pytest.approx([f.friction for f in given])
     assert by_law == pytest.approx([f.friction_by_law for f in given])
-    ratio = next(y for y in markers(figure.axes[1]) if len(y) == len(given))
+    ratio, balance, *_caps = (y for y in markers(figure.axes[1]) if len(y) == len(given))
     assert ratio == pytest.approx(by_law / by_stress)
+    assert balance == pytest.approx([f.balance for f in given])
 
 
 def test_shares_add_up():

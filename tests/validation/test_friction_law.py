@@ -75,6 +75,7 @@ def test_the_law_gives_the_measured_friction(frames):
     ratio = point.friction_by_law / point.friction
     assert point.law_error < 0.06
     assert ratio == pytest.approx(1.0, abs=max(0.02, 3 * point.law_error))
+    assert point.balance == pytest.approx(1.0, abs=max(0.02, 3 * point.law_error))
     assert point.normal_stress == pytest.approx(1e3, rel=0.15)
     assert 0.45 < point.friction < 0.75
     assert point.friction_viscoelastic > 0.2 * point.friction
@@ -121,15 +122,17 @@ def test_law_within_two_per_cent(inertial):
 
 @pytest.mark.slow
 def test_between_walls_as_in_the_homogeneous_cell():
-    """The same friction at the same inertial number, measured in the middle."""
+    """The same friction at the same inertial number; the power of the walls is dissipated."""
     shared = {"grains": SOFT, "count": 400, "approach": 5.0, "strain": 10.0, "frames": 500}
     walls = friction_law.steady_shear(
         dem.Shear(inertial_number=0.3, drive="walls", aspect=2.0, **shared)
     )
+    assert walls.balance == pytest.approx(1.0, abs=max(0.03, 3 * walls.law_error))
     cell = friction_law.steady_shear(dem.Shear(inertial_number=walls.inertial_number, **shared))
     assert walls.normal_stress == pytest.approx(1e3, rel=0.1)
     assert walls.friction == pytest.approx(cell.friction, rel=0.1)
-    assert walls.packing_fraction == pytest.approx(cell.packing_fraction, abs=0.02)
+    # Beside the walls grains are looser.
+    assert cell.packing_fraction - 0.05 < walls.packing_fraction < cell.packing_fraction
 
 
 @pytest.mark.slow
