@@ -45,8 +45,6 @@ class Case:
 
 SERIES = {
     "low": (
-        Case(0.003, 0.2, 0.8, 2500, 500),
-        Case(0.001, 0.15, 0.4, 2500, 500),
         Case(0.1, 2.0, 6.0, 1000),
         Case(0.4, 4.0, 14.0, 1000),
         Case(1.1, 8.0, 25.0, 1500),
@@ -54,12 +52,13 @@ SERIES = {
         Case(0.03, 1.0, 2.5, 800),
         Case(0.2, 2.0, 8.0, 800),
         Case(0.7, 6.0, 18.0, 1200),
+        Case(0.003, 0.5, 2.0, 1000, 500),
+        Case(0.001, 0.3, 1.2, 1000, 500),
     ),
     "high": (
         Case(0.1, 2.0, 6.0, 800),
         Case(0.4, 4.0, 14.0, 800),
         Case(1.1, 8.0, 25.0, 1000),
-        Case(0.02, 0.5, 1.5, 800),
     ),
     "walls": (Case(0.3, 6.0, 12.0, 800),),
 }
@@ -102,8 +101,8 @@ def fits(found: list[SteadyShear], d: float) -> dict:
         "rheology": rheology,
         "packing": friction_law.fit_packing(inertial, [p.packing_fraction for p in found]),
         "coordination": friction_law.fit_coordination(inertial, [p.coordination for p in found]),
-        "viscoelastic": _power(inertial, found, "viscoelastic"),
-        "sliding": _power(inertial, found, "sliding"),
+        "viscoelastic": friction_law.fit_dissipation(found, "viscoelastic"),
+        "sliding": friction_law.fit_dissipation(found, "sliding"),
     }
     dilation = np.array([p.coordination * p.packing_fraction / p.inertial_number for p in found])
     for key, part in (("dilation_slow", slow), ("dilation_fast", ~slow)):
@@ -112,10 +111,6 @@ def fits(found: list[SteadyShear], d: float) -> dict:
     rows = {name: _plain(fit) for name, fit in table.items()}
     material = rheology.material(d=d, rho_s=DENSITY)
     return rows | {"material": material.arguments()}
-
-
-def _power(inertial: np.ndarray, found: list[SteadyShear], name: str) -> friction_law.PowerFit:
-    return friction_law.fit_power(inertial, [getattr(p, name) / p.dissipation_unit for p in found])
 
 
 def _plain(fit: object) -> dict:

@@ -43,9 +43,9 @@ def main(argv: list[str] | None = None) -> None:
         "sheared grains": fit.material(d=d, rho_s=grains["rho_s"], E=chosen.E),
         "glass beads": gr.materials.glass_beads_5mm.replace(E=chosen.E),
     }
-    fig = plot.Picture(figsize=(9.0, 3.6), layout="tight")
-    left, right = fig.subplots(1, 2)
-    inertial = np.geomspace(1e-3, 1.0, 200)
+    fig = plot.Picture(figsize=(11.0, 3.6), layout="tight")
+    left, right = fig.subplots(1, 2, width_ratios=(2, 3))
+    inertial, end = np.geomspace(1e-3, 1.0, 200), 0.0
     for name, material in materials.items():
         mu_i = friction_law.MuIFit(material.mu_s, material.mu_2, material.I0, {}, np.zeros(0))
         left.plot(inertial, mu_i(inertial), label=name)
@@ -53,8 +53,9 @@ def main(argv: list[str] | None = None) -> None:
         runout, surface = gr.measure.runout(state), gr.measure.surface(state)
         right.plot(surface.x, surface.height, label=f"{name}: run-out {runout.quantile:.2f}")
         print(f"{name}: {material}, run-out {runout.quantile:.3f} half-widths")
+        end = max(end, float(surface.x[surface.height > 0].max()))
     left.set(xscale="log", xlabel="inertial number I", ylabel=r"friction $\mu$")
-    right.set(xlabel="x [m]", ylabel="height [m]", aspect="equal")
+    right.set(xlabel="x [m]", ylabel="height [m]", aspect="equal", xlim=(0.0, 1.05 * end))
     for ax in (left, right):
         ax.legend(fontsize="small")
     save(fig, chosen, "friction_collapse")

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeWarning, curve_fit
 from scipy.special import stdtrit
 
-from granular.checks import in_range, positive
+from granular.checks import in_range, non_negative, one_of, positive
 from granular.friction_law.steady import SteadyShear
 from granular.materials import MuI
 
@@ -22,6 +22,7 @@ __all__ = [
     "PackingFit",
     "PowerFit",
     "fit_coordination",
+    "fit_dissipation",
     "fit_mu_i",
     "fit_packing",
     "fit_power",
@@ -223,6 +224,38 @@ def fit_power(
         ("coefficient", "exponent"), found, covariance, factor, logarithmic="coefficient"
     )
     return PowerFit(float(np.exp(found[0])), float(found[1]), intervals)
+
+
+def fit_dissipation(
+    points: Sequence[SteadyShear], kind: str, *, slowest: float = 0.05, confidence: float = 0.95
+) -> PowerFit:
+    """Fit a power of I to the mean dissipation of a contact over its unit Gamma~.
+
+    Parameters
+    ----------
+    points : sequence of SteadyShear
+        At least 3 that count, of different inertial numbers.
+    kind : {"viscoelastic", "sliding"}
+        Gamma_n or Gamma_s of eq. 4.8.
+    slowest : float
+        Inertial number from which on flows count, >= 0: towards rest both powers come down to 1
+        (figure 4.8 of the thesis).
+    confidence : float
+        Of the intervals, in (0, 1).
+
+    Raises
+    ------
+    ValueError
+        For another kind, or too few flows.
+    """
+    kind = one_of("kind", kind, ("viscoelastic", "sliding"))
+    slowest = non_negative("slowest", slowest)
+    fast = [point for point in points if point.inertial_number >= slowest]
+    return fit_power(
+        [point.inertial_number for point in fast],
+        [getattr(point, kind) / point.dissipation_unit for point in fast],
+        confidence=confidence,
+    )
 
 
 def fit_mu_i(

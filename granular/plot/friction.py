@@ -164,7 +164,7 @@ def _dissipation(ax: Axes, flows: Flows) -> None:
     unit = _column(flows, "dissipation_unit")
     for name, marker, symbol in (("viscoelastic", "s", "n"), ("sliding", "o", "s")):
         rate = _column(flows, name) / unit
-        fit = friction_law.fit_power(inertial, rate)
+        fit = friction_law.fit_dissipation(flows, name)
         label = rf"$\Gamma_{symbol}$, exponent {fit.exponent:.2f}"
         (line,) = ax.plot(inertial, rate, marker, fillstyle="none", label=label)
         ax.plot(along, fit(along), color=line.get_color(), linewidth=0.9)

@@ -8,7 +8,7 @@ import pytest
 from granular import plot
 from granular.friction_law import SteadyShear
 
-INERTIAL = (0.01, 0.05, 0.2, 0.5, 1.0)
+INERTIAL = (0.01, 0.1, 0.2, 0.5, 1.0)
 
 
 def flows(sliding=1.0):

@@ -1,6 +1,7 @@
 """Fits of the friction law and the mu(I) rheology, on data whose constants are known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,6 +60,11 @@ def test_laws_of_the_thesis_give_their_constants():
     power = friction_law.fit_power(INERTIAL, 1.7 * INERTIAL**2.4)
     assert (power.coefficient, power.exponent) == pytest.approx((1.7, 2.4))
     assert power(0.1) == pytest.approx(1.7 * 0.1**2.4)
+    points = [replace(flow(i, 0.4, 0.5), sliding=3.0 * max(i, 0.06) ** 1.8) for i in INERTIAL]
+    fit = friction_law.fit_dissipation(points, "sliding", slowest=0.06)
+    assert (fit.coefficient, fit.exponent) == pytest.approx((3.0, 1.8))
+    with pytest.raises(ValueError, match="kind = 'rolling'"):
+        friction_law.fit_dissipation(points, "rolling")
 
 
 def flow(inertial, friction, packing):
