@@ -157,8 +157,9 @@ def _homogeneous(settings: Shear) -> list[str]:
     """
     rate = _rate(settings)
     mixing = _MIXING * rate / settings.inertial_number
-    # Mass of the wall: W d(rate)/dt = V (stress - 1), W = (n + 1) T Pdamp^2 by the temperature now.
-    inertia = f"$({_INERTIA}*sqrt(vol/((atoms+1)*c_relative)):%.17g)"
+    # W d(rate)/dt = V (stress - 1) with W = (n + 1) ptemp Pdamp^2; unless it is given, ptemp is the
+    # temperature at the start of a run, and fast flows then have a sluggish wall.
+    inertia = f"$({_INERTIA}*sqrt(vol/(atoms+1)):%.17g) ptemp 1.0"
     return [
         *_head(settings, "p p p"),
         f"variable flow atom {mixing:.17g}*y",

@@ -95,33 +95,22 @@ def sample(frame: Frame, grains: Grains, layer: tuple[float, float] | None = Non
     frame : Frame
     grains : Grains
     layer : (float, float), optional
-        Lower and upper end of the layer to look at, as shares of the height between the walls. It
-        is needed with walls, where the shear rate is the slope of the velocity in the layer, and
-        refused without.
+        Between walls, the layer to look at: its ends as shares of the height, its shear rate the
+        slope of the velocity in it. Otherwise all of the flow, between walls with the shear rate
+        that their speeds and distance make.
 
     Raises
     ------
     ValueError
-        If the layer is missing, not wanted, empty or outside of [0, 1].
+        If the layer is empty or outside of [0, 1], or given for a flow without walls; without it,
+        if there is one wall only.
     """
-    if not np.isfinite(frame.shear_rate) and layer is None:
-        raise ValueError("layer = None: between walls a layer (low, high) must be given")
-    if np.isfinite(frame.shear_rate) and layer is not None:
-        raise ValueError(f"layer = {layer} must be None in a homogeneous cell")
-    if layer is None:
-        low, high = -np.inf, np.inf
-        share, inside = np.ones(len(frame.id)), np.ones(len(frame.contacts.i), dtype=bool)
-        volume, slope = float(frame.box.prod()), frame.shear_rate
-    else:
-        low, high = _heights(frame, layer)
-        share = _share_between(frame.x[:, 1], frame.radius, low, high)
-        share[frame.wall] = 0.0
-        points = frame.contact_points[:, 1]
-        inside = (points >= low) & (points < high)
-        volume = float(frame.box[0] * frame.box[2] * (high - low))
-        slope = np.nan
-    moving = (frame.x[:, 1] >= low) & (frame.x[:, 1] < high) & ~frame.wall
-    slope, relative = _relative_motion(frame, moving, slope)
+    if layer is not None and not frame.wall.any():
+        raise ValueError(f"layer = {layer} must be None in a flow without walls")
+    part = _whole(frame) if layer is None else _layer(frame, layer)
+    inside, volume = part.contacts, part.volume
+    moving = (frame.x[:, 1] >= part.low) & (frame.x[:, 1] < part.high) & ~frame.wall
+    slope, relative = _relative_motion(frame, moving, part.shear_rate)
     c = frame.contacts
     m = frame.mass[moving]
     kinetic = -np.einsum("n,na,nb->ab", m, relative, relative) / volume
@@ -133,8 +122,8 @@ def sample(frame: Frame, grains: Grains, layer: tuple[float, float] | None = Non
         time=frame.time,
         shear_rate=float(slope),
         volume=volume,
-        solid=float(np.sum(share * 4.0 / 3.0 * np.pi * frame.radius**3)),
-        grains=float(share.sum()),
+        solid=float(np.sum(part.share * 4.0 / 3.0 * np.pi * frame.radius**3)),
+        grains=float(part.share.sum()),
         contacts=float(np.count_nonzero(inside)),
         slipping=float(np.count_nonzero(slipping & inside)),
         stress=static + kinetic,
@@ -144,16 +133,54 @@ def sample(frame: Frame, grains: Grains, layer: tuple[float, float] | None = Non
     )
 
 
-def _heights(frame: Frame, layer: tuple[float, float]) -> tuple[float, float]:
-    """Ends of a layer [m]."""
-    low = in_range("layer[0]", layer[0], 0.0, 1.0)
-    high = in_range("layer[1]", layer[1], 0.0, 1.0)
-    if not high > low:
+@dataclass(frozen=True)
+class _Part:
+    """What of a frame is looked at: heights, grains, contacts; its shear rate if that is known."""
+
+    low: float
+    high: float
+    volume: float
+    share: Array
+    contacts: NDArray[np.bool_]
+    shear_rate: float
+
+
+def _whole(frame: Frame) -> _Part:
+    """The cell, or all that flows between the walls."""
+    free, every = ~frame.wall, np.ones(len(frame.contacts.i), dtype=bool)
+    if free.all():
+        volume, rate = float(frame.box.prod()), frame.shear_rate
+        return _Part(-np.inf, np.inf, volume, free.astype(float), every, rate)
+    low, high = _gap(frame)
+    upper = frame.wall & (frame.x[:, 1] > 0.5 * (low + high))
+    lower = frame.wall & ~upper
+    if not (upper.any() and lower.any()):
+        raise ValueError("the frame has a wall on one side only: give the layer to look at")
+    speed = float(frame.v[upper, 0].mean() - frame.v[lower, 0].mean())
+    volume = float(frame.box[0] * frame.box[2] * (high - low))
+    return _Part(-np.inf, np.inf, volume, free.astype(float), every, speed / (high - low))
+
+
+def _layer(frame: Frame, layer: tuple[float, float]) -> _Part:
+    """A layer between walls."""
+    first = in_range("layer[0]", layer[0], 0.0, 1.0)
+    last = in_range("layer[1]", layer[1], 0.0, 1.0)
+    if not last > first:
         raise ValueError(f"layer = {layer} must have its low end first")
+    bottom, top = _gap(frame)
+    low, high = bottom + first * (top - bottom), bottom + last * (top - bottom)
+    share = _share_between(frame.x[:, 1], frame.radius, low, high)
+    share[frame.wall] = 0.0
+    y = frame.contact_points[:, 1]
+    volume = float(frame.box[0] * frame.box[2] * (high - low))
+    return _Part(low, high, volume, share, (y >= low) & (y < high), np.nan)
+
+
+def _gap(frame: Frame) -> tuple[float, float]:
+    """Ends of the material between walls [m]."""
     free = ~frame.wall
     bottom = float(np.min(frame.x[free, 1] - frame.radius[free]))
-    top = float(np.max(frame.x[free, 1] + frame.radius[free]))
-    return bottom + low * (top - bottom), bottom + high * (top - bottom)
+    return bottom, float(np.max(frame.x[free, 1] + frame.radius[free]))
 
 
 def _share_between(y: Array, radius: Array, low: float, high: float) -> Array:

@@ -18,9 +18,6 @@ from granular.measure.stress import friction_of, pressure
 
 __all__ = ["SteadyShear", "average", "steady_shear"]
 
-WHOLE = (0.0, 1.0)
-"""Layer that is looked at between walls unless another is given, as shares of the height."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyShear:
@@ -205,14 +202,12 @@ def steady_shear(
     ----------
     settings : granular.dem.Shear
     layer : (float, float), optional
-        Between walls, the layer to look at as shares of the height; all of it unless given. Away
-        from the walls the flow is that of the bulk, but energy comes from the walls, so that more
-        is dissipated there than stress and shear rate account for.
+        Between walls, the layer to look at as shares of the height: see `sample`. Away from the
+        walls the flow is that of the bulk, but energy comes from the walls, so that more is
+        dissipated there than stress and shear rate account for.
     timeout, command
         See `granular.dem.shear`, also for what is raised.
     """
-    if layer is None and getattr(settings, "drive", None) == "walls":
-        layer = WHOLE
     samples = dem.shear(
         settings,
         lambda frame: sample(frame, settings.grains, layer),

@@ -135,14 +135,27 @@ def test_a_layer_between_walls_has_the_slope_of_its_own_velocity():
     # Nearly uniform: the share of grains in the layer is that of its height, wall grains apart.
     assert lower.grains == pytest.approx(400 * 0.45 * 9.1 / 10.0, rel=0.1)
     for layer, said in (
-        (None, "between walls"),
+        (None, "one side only"),
         ((0.5, 0.2), "low end"),
         ((0.0, 1.5), r"layer\[1\]"),
     ):
         with pytest.raises(ValueError, match=said):
             friction_law.sample(given, GRAINS, layer)
-    with pytest.raises(ValueError, match="homogeneous"):
+    with pytest.raises(ValueError, match="without walls"):
         friction_law.sample(two(), GRAINS, (0.0, 1.0))
+
+
+def test_all_of_a_flow_between_walls_by_hand():
+    """Two grains between single ones as walls, at 3 and -2 m/s; touching diameters of 1."""
+    x = [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 3.0, 1.0]]
+    v = [[-2.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]
+    given = {"wall": [True, False, False, True], "shear_rate": np.nan}
+    pairs = {"pairs": [(0, 1), (1, 2), (2, 3)], "force": [4.0, 4.0, 4.0]}
+    found = friction_law.sample(frame(x, v, **given, **pairs), GRAINS)
+    assert found.shear_rate == pytest.approx(5.0 / 2.0)
+    assert (found.grains, found.contacts) == (2, 3)
+    assert found.volume == pytest.approx(2.0 * 2.0 * 2.0)
+    assert found.stress[1, 1] == pytest.approx(-3 * 4.0 / 8.0)
 
 
 def test_nothing_to_average_is_refused():

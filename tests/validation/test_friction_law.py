@@ -94,11 +94,9 @@ def test_a_packing_is_in_equilibrium_with_the_stress_asked_for():
     pack = dem.pack(dem.Packing(grains=SOFT, count=80, stress=(1e3, 1.5e3, 0.8e3)))
     assert pack.imbalance < 1e-6
     total = (pack.stress * pack.volume[:, None, None]).sum(axis=0) / pack.box.prod()
-    # The mean stress by the branches, which knows nothing of the arms.
-    branch = pack.arm_j - pack.arm_i
-    assert -np.einsum("ka,kb->ab", branch, pack.force) / pack.box.prod() == pytest.approx(
-        total, abs=1e-3
-    )
+    # The mean stress by the branches, which knows nothing of the arms, nor is it made symmetric.
+    by_branch = -np.einsum("ka,kb->ab", pack.arm_j - pack.arm_i, pack.force) / pack.box.prod()
+    assert by_branch == pytest.approx(total, abs=1e-4 * 1e3)
     assert np.diag(total) == pytest.approx([-1e3, -1.5e3, -0.8e3], rel=1e-4)
     moment = np.zeros((80, 3))
     np.add.at(moment, pack.i, np.cross(pack.arm_i, pack.force))
@@ -131,8 +129,8 @@ def test_between_walls_as_in_the_homogeneous_cell():
     cell = friction_law.steady_shear(dem.Shear(inertial_number=walls.inertial_number, **shared))
     assert walls.normal_stress == pytest.approx(1e3, rel=0.1)
     assert walls.friction == pytest.approx(cell.friction, rel=0.1)
-    # Beside the walls grains are looser.
-    assert cell.packing_fraction - 0.05 < walls.packing_fraction < cell.packing_fraction
+    # Between the walls are 13 diameters, and one of them is lost beside walls of spheres.
+    assert 0.88 * cell.packing_fraction < walls.packing_fraction < cell.packing_fraction
 
 
 @pytest.mark.slow

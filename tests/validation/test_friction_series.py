@@ -26,10 +26,10 @@ def test_law_within_two_per_cent_from_one_thousandth_to_one():
     assert len(flows) >= 6
     assert min(inertial) < 1.1e-3
     assert max(inertial) > 0.95
-    for flow in flows + series("high"):
+    for flow in flows + series("high") + series("walls"):
         assert flow.friction_by_law == pytest.approx(flow.friction, rel=0.02)
-        # Steady but for the work of dilation, the energy is balanced better than that.
-        assert flow.balance == pytest.approx(1.0, abs=0.007)
+        # With the work of dilation energy is balanced, as well as the samples tell.
+        assert flow.balance == pytest.approx(1.0, abs=max(0.01, 3 * flow.law_error))
         assert flow.normal_stress == pytest.approx(1e3, rel=0.06)
 
 
