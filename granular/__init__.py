@@ -3,7 +3,17 @@
 from importlib import import_module
 from types import ModuleType
 
-from granular import economy, inference, materials, measure, scenes, schemes, theory
+from granular import (
+    dem,
+    economy,
+    friction_law,
+    inference,
+    materials,
+    measure,
+    scenes,
+    schemes,
+    theory,
+)
 from granular.engine import show_config
 from granular.scene import Scene
 from granular.schemes import Scheme
@@ -31,7 +41,9 @@ __all__ = [
     "StabilityWarning",
     "State",
     "Trajectory",
+    "dem",
     "economy",
+    "friction_law",
     "inference",
     "materials",
     "measure",

@@ -19,6 +19,13 @@ from granular.plot.forces import (
     pareto_front,
 )
 from granular.plot.frame import frame
+from granular.plot.friction import (
+    friction_and_packing,
+    friction_by_law,
+    friction_shares,
+    scaling_of_dilation,
+    scaling_of_dissipation,
+)
 from granular.plot.movie import check_movie, movie
 from granular.plot.phase_diagram import phase_diagram
 from granular.plot.snapshots import figure_2, figure_4, figure_6, figure_7, figure_11
@@ -45,7 +52,12 @@ __all__ = [
     "force_histories",
     "force_networks",
     "frame",
+    "friction_and_packing",
+    "friction_by_law",
+    "friction_shares",
     "movie",
     "pareto_front",
     "phase_diagram",
+    "scaling_of_dilation",
+    "scaling_of_dissipation",
 ]

@@ -1,0 +1,65 @@
+"""From grains to a heap: mu(I) of sheared spheres, then a column of them that collapses.
+
+The flows are those of benchmarks/friction_law.py. Their rheology becomes a material of the
+continuum, in the column collapse of figure 2; beside it the glass beads of the paper.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+from common import options, save
+
+import granular as gr
+from granular import friction_law, plot
+from granular.friction_law import SteadyShear
+
+TABLE = Path(__file__).parents[1] / "results" / "friction_law.json"
+
+
+def rheology() -> tuple[friction_law.MuIFit, dict]:
+    """The fit to the flows of the table, and the grains they were made of."""
+    table = json.loads(TABLE.read_text())
+    flows = [SteadyShear(**row["flow"]) for row in table["rows"] if row["set"] == "low"]
+    return friction_law.fit_rheology(flows), table["grains"]["low"]
+
+
+def heap(material: gr.materials.MuI, quick: bool) -> gr.State:
+    """The column at its end."""
+    size = {"cell": 0.05, "duration": 0.5} if quick else {}
+    scene = gr.scenes.column_collapse(aspect=1.0, material=material, **size)
+    simulation = gr.Simulation(scene)
+    simulation.run(until=scene.duration)
+    return simulation.state
+
+
+def main(argv: list[str] | None = None) -> None:
+    chosen = options(__doc__, argv, without=("scheme", "threads", "tolerance"))
+    fit, grains = rheology()
+    # The diameter of a sphere of the mean volume, as in the inertial numbers of the table.
+    d = gr.dem.Grains(**grains).d_volume
+    materials = {
+        "sheared grains": fit.material(d=d, rho_s=grains["rho_s"], E=chosen.E),
+        "glass beads": gr.materials.glass_beads_5mm.replace(E=chosen.E),
+    }
+    fig = plot.Picture(figsize=(11.0, 3.6), layout="tight")
+    left, right = fig.subplots(1, 2, width_ratios=(2, 3))
+    inertial, end = np.geomspace(1e-3, 1.0, 200), 0.0
+    for name, material in materials.items():
+        mu_i = friction_law.MuIFit(material.mu_s, material.mu_2, material.I0, {}, np.zeros(0))
+        left.plot(inertial, mu_i(inertial), label=name)
+        state = heap(material, chosen.quick)
+        runout, surface = gr.measure.runout(state), gr.measure.surface(state)
+        right.plot(surface.x, surface.height, label=f"{name}: run-out {runout.quantile:.2f}")
+        print(f"{name}: {material}, run-out {runout.quantile:.3f} half-widths")
+        end = max(end, float(surface.x[surface.height > 0].max()))
+    left.set(xscale="log", xlabel="inertial number I", ylabel=r"friction $\mu$")
+    right.set(xlabel="x [m]", ylabel="height [m]", aspect="equal", xlim=(0.0, 1.05 * end))
+    for ax in (left, right):
+        ax.legend(fontsize="small")
+    save(fig, chosen, "friction_collapse")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

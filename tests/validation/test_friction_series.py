@@ -1,0 +1,76 @@
+"""The series of shear flows that is kept: the law, the scalings of the thesis, the figures."""
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from granular import dem, friction_law
+from granular.friction_law import SteadyShear
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+TABLE = json.loads((BENCHMARKS / "results" / "friction_law.json").read_text())
+
+
+def series(name):
+    found = [SteadyShear(**row["flow"]) for row in TABLE["rows"] if row["set"] == name]
+    return sorted(found, key=lambda flow: flow.inertial_number)
+
+
+def test_law_within_two_per_cent_from_one_thousandth_to_one():
+    flows = series("low")
+    inertial = [flow.inertial_number for flow in flows]
+    assert len(flows) >= 6
+    assert min(inertial) < 1.1e-3
+    assert max(inertial) > 0.95
+    for flow in flows + series("high") + series("walls"):
+        assert flow.friction_by_law == pytest.approx(flow.friction, rel=0.02)
+        # With the work of dilation energy is balanced, as well as the samples tell.
+        assert flow.balance == pytest.approx(1.0, abs=max(0.01, 3 * flow.law_error))
+        assert flow.normal_stress == pytest.approx(1e3, rel=0.06)
+
+
+def test_scalings_are_those_of_the_thesis():
+    """Gamma_n ~ I^2.4, Gamma_s ~ I^1.87, phi = .59 - .135 I, Z = 4 at rest, other grains there."""
+    flows = series("low")
+    inertial = np.array([flow.inertial_number for flow in flows])
+    for kind, exponent in (("viscoelastic", 2.4), ("sliding", 1.87)):
+        fit = friction_law.fit_dissipation(flows, kind)
+        assert fit.exponent == pytest.approx(exponent, abs=0.2)
+        slow = [flow for flow in flows if flow.inertial_number < 0.02]
+        assert friction_law.fit_dissipation(slow, kind, slowest=0.0).exponent < fit.exponent - 0.5
+    packing = friction_law.fit_packing(inertial, [flow.packing_fraction for flow in flows])
+    assert packing.phi_max == pytest.approx(0.595, abs=0.015)
+    assert packing.m == pytest.approx(0.135, abs=0.015)
+    number = friction_law.fit_coordination(inertial, [flow.coordination for flow in flows])
+    assert number.quasi_static == pytest.approx(4.0, abs=0.3)
+
+
+def test_the_constants_that_are_kept_are_those_of_the_flows():
+    fit = friction_law.fit_rheology(series("low"))
+    kept = TABLE["fits"]["low"]["rheology"]
+    assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx((kept["mu_s"], kept["mu_2"], kept["I0"]))
+    grains = dem.Grains(**TABLE["grains"]["low"])
+    material = fit.material(d=grains.d_volume, rho_s=grains.rho_s)
+    assert material.arguments() == pytest.approx(TABLE["fits"]["low"]["material"])
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "expected"),
+    [
+        ("friction_4_4_to_4_8", (), [f"friction_4_{k}" for k in range(4, 9)]),
+        pytest.param(
+            *("friction_collapse", ("--quick",), ["friction_collapse"]), marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_figures_are_written(monkeypatch, tmp_path, name, options, expected):
+    monkeypatch.syspath_prepend(BENCHMARKS / "figures")
+    importlib.import_module(name).main([*options, "--out", str(tmp_path)])
+    assert sorted(path.stem for path in tmp_path.iterdir()) == expected
+    for path in tmp_path.iterdir():
+        with Image.open(path) as picture:
+            assert min(picture.size) > 500
