@@ -3,7 +3,7 @@
 from importlib import import_module
 from types import ModuleType
 
-from granular import economy, inference, materials, measure, scenes, schemes, theory
+from granular import bodies, economy, inference, materials, measure, scenes, schemes, theory
 from granular.engine import show_config
 from granular.scene import Scene
 from granular.schemes import Scheme
@@ -31,6 +31,7 @@ __all__ = [
     "StabilityWarning",
     "State",
     "Trajectory",
+    "bodies",
     "economy",
     "inference",
     "materials",

@@ -180,6 +180,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         fluidity_method=scheme.fluidity.method,
         fluidity_substeps=scheme.fluidity.substeps,
         fluidity_faces=fluidity_faces(scene) if scene.material.law == "ngf" else None,
+        bodies=[body.row() for body in scene.bodies],
     )
 
 
