@@ -23,6 +23,7 @@ INCLUDED = (  # by kernels.c
         "law_elastic.c",
         "law_frictional.c",
         "law_ngf.c",
+        "law_hencky.c",
         "diffuse.c",
     ),
 )

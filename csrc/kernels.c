@@ -6,7 +6,7 @@
 #include "law/law_elastic.c"
 #include "law/law_frictional.c"
 #include "law/law_ngf.c"
-#include "law/hencky.h"
+#include "law/law_hencky.c"
 #include "fluidity/diffuse.c"
 #include "mpm/migrate.h"
 #include "mpm/scatter.c"

@@ -114,8 +114,15 @@ def _add_run(commands: Any) -> None:
             keywords.add_argument(
                 *spelled, dest=f"scene_{keyword}", type=kind, metavar=METAVARS[kind], help=shown
             )
-        scene.add_argument("--E", type=_number, help="Young's modulus [Pa]; default 1e9")
-        scene.add_argument("--scheme", choices=("default", "published"), default="default")
+        scene.add_argument(
+            "--E", type=_number, help="Young's modulus [Pa]; default that of the scene"
+        )
+        scene.add_argument(
+            "--scheme",
+            choices=("default", "published"),
+            default="default",
+            help="default that of the scene",
+        )
         _add_run_options(scene)
         scene.add_argument("--every", type=_number, help="time between frames [s]; default 1/60")
         scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
@@ -173,13 +180,20 @@ def _numbers(text: str) -> tuple[float, ...]:
     return tuple(_number(part) for part in text.split(","))
 
 
-METAVARS = {_number: "X", _whole: "N", _numbers: "X,Y", str: "NAME"}
+def _truth(text: str) -> bool:
+    try:
+        return {"yes": True, "no": False}[text]
+    except KeyError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not yes or no") from None
+
+
+METAVARS = {_number: "X", _whole: "N", _numbers: "X,Y", str: "NAME", _truth: "yes|no"}
 
 
 def _keywords(function: Callable[..., Any]) -> list[tuple[str, Callable[[str], Any], Any]]:
     """Name, converter and default of the keywords of a scene function, from its signature."""
     hints = get_type_hints(function)
-    kinds = {"float": _number, "int": _whole, "str": str, "tuple": _numbers}
+    kinds = {"float": _number, "int": _whole, "str": str, "tuple": _numbers, "bool": _truth}
     found = []
     for name, parameter in inspect.signature(function).parameters.items():
         if name in OWN_OPTIONS:
@@ -199,6 +213,8 @@ def _first_line(function: Callable[..., Any]) -> str:
 def _shown(value: Any) -> str:
     if isinstance(value, tuple):
         return ",".join(f"{part:g}" for part in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return "chosen by the scene" if value is None else f"{value}"
 
 
@@ -206,7 +222,7 @@ def _shown(value: Any) -> str:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from granular import Simulation, StabilityWarning, materials, schemes
+    from granular import Simulation, StabilityWarning, schemes
     from granular.stability import doubts
 
     given = {
@@ -215,8 +231,11 @@ def _run(arguments: argparse.Namespace) -> int:
         if name.startswith("scene_") and value is not None
     }
     if arguments.E is not None:
-        given["material"] = materials.glass_beads.replace(E=arguments.E)
-    scene = arguments.scene(**given, scheme=getattr(schemes, arguments.scheme))
+        grains = inspect.signature(arguments.scene).parameters["material"].default
+        given["material"] = grains.replace(E=arguments.E)
+    if arguments.scheme != "default":
+        given["scheme"] = getattr(schemes, arguments.scheme)
+    scene = arguments.scene(**given)
     _check_output(arguments.output, arguments.overwrite)
     _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
     with warnings.catch_warnings():

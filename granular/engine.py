@@ -86,7 +86,8 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
         # What bears tension is never loose.
         "fluidity_begins_at": _local_phase(scene),
         "fluidity_tolerance": scheme.fluidity.tolerance,
-        "tension_reach": scheme.tension_reach if material.law != "elastic" else UNBOUNDED,
+        "fluidity_least": scheme.fluidity.least,
+        "tension_reach": scheme.tension_reach if material.granular else UNBOUNDED,
     }
 
 
@@ -108,8 +109,11 @@ def _parameters(scene: Scene) -> dict[str, float]:
             layers = 1 if scene.scheme.basis == "linear" else scene.fills[0].points_per_axis
             spread = 0.5 / layers
         numbers |= material.core_friction()
-        layer = material.rho_c * largest_gravity(scene) * scene.grid.cell
-        numbers["p_spread"] = spread * layer
+        # Along an axis: a layer on a slope is held by what gravity has across it.
+        across = float(np.abs(scene.gravity.vectors).max())
+        layer = material.rho_c * across * scene.grid.cell
+        numbers |= {"p_spread": spread * layer, "g_min": 0.0}
+        numbers["kindling"] = float(scene.scheme.fluidity.kindling)
     return numbers
 
 
@@ -179,7 +183,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
         fluidity_substeps=scheme.fluidity.substeps,
-        fluidity_faces=fluidity_faces(scene) if scene.material.law == "ngf" else None,
+        fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
         bodies=[body.row() for body in scene.bodies],
     )
 
@@ -229,7 +233,7 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     if weight.any():
         fields["stress"] = np.zeros((len(weight), 4 if scene.dim == 2 else 6))
         fields["stress"][:, :3] = -material.K * np.where(points.depth > 0, log_density, 0)[:, None]
-    if scene.scheme.fluidity.seed is not None and material.law == "ngf":
+    if scene.scheme.fluidity.seed is not None and material.has_fluidity:
         fields["g"] = np.full(len(weight), scene.scheme.fluidity.seed)
     return fields
 

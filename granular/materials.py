@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
-from granular.checks import in_range, non_negative, positive
+from granular.checks import in_range, non_negative, one_of, positive
 from granular.notebook import table
 
 __all__ = [
@@ -38,13 +38,21 @@ class Material:
     rho_c : float
         Density [kg/m3] of the densest stress-free state: looser material bears no stress
         (Dunatunga & Kamrin 2015, eq. 2.7), > 0.
+    elasticity : {"hypoelastic", "hencky"}
+        "hypoelastic" steps the stress by the Jaumann rate (Dunatunga & Kamrin 2015, eq. 2.9);
+        "hencky" has an energy of the logarithmic strain, exact in any rotation and shear, and
+        always the pressure K ln(rho/rho_c) (Haeri & Skonieczny 2021). It takes longer.
     """
 
     E: float = 1e9
     nu: float = 0.3
     rho_c: float = 1500.0
+    elasticity: str = "hypoelastic"
 
-    law: ClassVar[str]
+    granular: ClassVar[bool] = True
+    """Whether it bears pressure only."""
+    has_fluidity: ClassVar[bool] = False
+    """Whether its law is nonlocal, with a fluidity `g` at every point."""
 
     def __post_init__(self) -> None:
         if type(self) is Material:
@@ -52,6 +60,17 @@ class Material:
         self._set("E", positive("E", self.E))
         self._set("nu", in_range("nu", self.nu, 0.0, 0.5, open_high=True))
         self._set("rho_c", positive("rho_c", self.rho_c))
+        one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
+
+    @property
+    def flow(self) -> str:
+        """How it flows, in the core's words."""
+        raise NotImplementedError
+
+    @property
+    def law(self) -> str:
+        """Law of the core, one of those of `granular._core.laws`."""
+        return self.flow if self.elasticity == "hypoelastic" else f"hencky_{self.flow}"
 
     def _set(self, name: str, value: float) -> None:
         object.__setattr__(self, name, value)
@@ -71,7 +90,7 @@ class Material:
         """Speed of compression waves sqrt((K + 4G/3)/rho_c) [m/s]."""
         return math.sqrt((self.K + 4.0 * self.G / 3.0) / self.rho_c)
 
-    def arguments(self) -> dict[str, float]:
+    def arguments(self) -> dict[str, Any]:
         """The arguments that make this material anew, to the last bit."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
@@ -132,7 +151,7 @@ class MuI(Material):
     I0: float | None = None
     d: float | None = None
 
-    law: ClassVar[str] = "mu_i"
+    flow = "mu_i"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,7 +171,7 @@ class MuI(Material):
         self._set("d", positive("d", self.d))
         self._set("xi", positive("I0/(d sqrt(rho_s))", self.I0 / (self.d * math.sqrt(self.rho_s))))
 
-    def arguments(self) -> dict[str, float]:
+    def arguments(self) -> dict[str, Any]:
         """The arguments that make this material anew: `xi`, or `I0` and `d`."""
         derived = ("I0", "d") if self.I0 is None else ("xi",)
         return {name: v for name, v in super().arguments().items() if name not in derived}
@@ -199,6 +218,10 @@ class NGF(Material):
         Reference inertial number, > 0; .279 if neither it nor `b` is given.
     b : float, optional
         Slope of mu(I) at rest, (mu_2 - mu_s)/I0, > 0, in place of `I0`.
+    rheology : {"saturating", "linear"}
+        "linear" is mu = mu_s + b I without an end, with ``-(mu_s - mu) g - b sqrt(rho_s d^2/p) mu
+        g^2`` as the local terms of the fluidity (Haeri & Skonieczny 2021, eqs 5 and 6); for Hencky
+        elasticity alone.
 
     Raises
     ------
@@ -216,9 +239,14 @@ class NGF(Material):
     rho_s: float = 2450.0
     I0: float = None  # type: ignore[assignment]  # a float once made
     b: float = None  # type: ignore[assignment]
+    rheology: str = "saturating"
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if one_of("rheology", self.rheology, ("saturating", "linear")) == "linear" and (
+            self.elasticity != "hencky"
+        ):
+            raise ValueError('rheology = "linear" must go with elasticity = "hencky"')
         self._set("A", non_negative("A", self.A))
         self._set("d", positive("d", self.d))
         self._set("t0", positive("t0", self.t0))
@@ -240,8 +268,15 @@ class NGF(Material):
         self._set("b", (self.mu_2 - self.mu_s) / self.I0)
 
     @property
-    def law(self) -> str:  # type: ignore[override]
-        """Law of the core: without a nonlocal amplitude that of `MuI`."""
+    def has_fluidity(self) -> bool:  # type: ignore[override]
+        """Whether there is a nonlocal amplitude."""
+        return self.A > 0
+
+    @property
+    def flow(self) -> str:
+        """How it flows, in the core's words: without a nonlocal amplitude as `MuI`."""
+        if self.rheology == "linear":
+            return "ngf_linear" if self.A else "linear"
         return "ngf" if self.A else "mu_i"
 
     @property
@@ -255,7 +290,7 @@ class NGF(Material):
         I0 = self.I0 if mu_2 == self.mu_2 else (mu_2 - self.mu_s) / self.b
         return {"mu_2": mu_2, "I0": I0, "xi": I0 / (self.d * math.sqrt(self.rho_s))}
 
-    def arguments(self) -> dict[str, float]:
+    def arguments(self) -> dict[str, Any]:
         """The arguments that make this material anew: `b`, or `I0`."""
         derived = "I0" if self._by_b else "b"
         return {name: v for name, v in super().arguments().items() if name != derived}
@@ -290,7 +325,7 @@ class DruckerPrager(Material):
     mu: float = 0.3819
     rho_s: float = 2450.0
 
-    law: ClassVar[str] = "drucker_prager"
+    flow = "drucker_prager"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -308,7 +343,8 @@ class Elastic(Material):
         See `Material`; `rho_c` is the density of the unstressed solid.
     """
 
-    law: ClassVar[str] = "elastic"
+    flow = "elastic"
+    granular = False
 
 
 glass_beads = MuI(E=1e9, nu=0.3, mu_s=0.3819, mu_2=0.6435, rho_s=2450.0, rho_c=1500.0, xi=1.1233)

@@ -85,11 +85,11 @@ class Monitor:
         if self._before is not None:
             before, work, created = _account(self._before, state)
         row = {
-            "disconnected": np.nan if material.law == "elastic" else bulk.disconnected(),
-            "density_drift": np.nan if material.law == "elastic" else bulk.drift(),
+            "disconnected": bulk.disconnected() if material.granular else np.nan,
+            "density_drift": bulk.drift() if material.granular else np.nan,
             "ill_posed": ill_posed_fraction(state) if hasattr(material, "xi") else np.nan,
             "courant": _courant(state),
-            "gaps": gaps(bulk) if material.law == "elastic" else np.nan,
+            "gaps": np.nan if material.granular else gaps(bulk),
             "held_before": before,
             "work": work,
             "created": created,

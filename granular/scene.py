@@ -179,7 +179,7 @@ class Scene:
         for name in ("walls", "absorbers", "bodies"):
             for i, part in enumerate(getattr(self, name)):
                 part.check(f"{name}[{i}]", self.grid)
-        if self.material.law == "ngf" and self.scheme.basis == "ugimp":
+        if self.material.has_fluidity and self.scheme.basis == "ugimp":
             raise ValueError('basis = "ugimp" must be "linear" or "quadratic" for a nonlocal law')
         if self.gravity.dim != self.grid.dim:
             raise ValueError(

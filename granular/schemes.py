@@ -44,17 +44,24 @@ class Fluidity:
         held. The implicit method is balanced with the law, so that a steady flow does
         not depend on them; more resolve what changes within t0.
     tolerance : float
-        Of the conjugate gradients, residual over right-hand side, 0 < tolerance < 1.
+        Of the conjugate gradients, residual over the first one, 0 < tolerance < 1: so much of what
+        the diffusion changes in a step may be wrong.
     seed : float or None
         Fluidity of all points at the start [1/s], >= 0. None for a local phase: the law of `MuI`
         for 10 t0, then g = shear_rate/mu. Where g is 0 everywhere it stays 0 up to a friction
         close to mu_2.
+    least : float
+        Fluidity [1/s] below which none falls by decay, so that what came to rest can flow again.
+    kindling : bool
+        With Hencky elasticity: whether points that become dense again begin with the fluidity
+        sqrt(2) abs(D)/mu_2 (Haeri & Skonieczny 2021, eq. 23), and not with none.
     spread : float or None
         Depth that the pressure of a point stands for, to either side of it, in cells: the term with
-        1/sqrt(p), of which surface cells feel most, has its mean over that depth, as under gravity
-        alone. None for what it is: half a cell with hats, under which a cell has one pressure, and
-        half the spacing of the points with splines. 0 for the value at p: thin layers flow too fast
-        then, by 9 % at twice the height at which they stop and 10 cells high.
+        1/sqrt(p), of which surface cells feel most, has its mean over that depth, as under the
+        largest component of gravity alone. None for what it is: half a cell with hats, under which
+        a cell has one pressure, and half the spacing of the points with splines. 0 for the value at
+        p: thin layers flow too fast then, by 9 % at twice the height at which they stop and 10
+        cells high.
 
     Raises
     ------
@@ -64,18 +71,23 @@ class Fluidity:
 
     method: str = "auto"
     substeps: int = 1
-    tolerance: float = 1e-6
+    tolerance: float = 1e-4
     seed: float | None = None
+    least: float = 0.0
+    kindling: bool = False
     spread: float | None = None
 
     def __post_init__(self) -> None:
         checked: dict[str, Any] = {
             "method": one_of("method", self.method, DIFFUSIONS),
             "substeps": integer("substeps", self.substeps, 1, 100000),
+            "least": non_negative("least", self.least),
             "tolerance": in_range(
                 "tolerance", self.tolerance, 0.0, 1.0, open_low=True, open_high=True
             ),
         }
+        if not isinstance(self.kindling, bool):
+            raise TypeError(f"kindling = {self.kindling!r} must be True or False")
         if self.spread is not None:
             checked["spread"] = in_range("spread", self.spread, 0.0, 1.0)
         if self.seed is not None:

@@ -121,7 +121,7 @@ def doubts(scene: Scene) -> list[str]:
     Each is a failure on the map of failure (`benchmarks/stability_map.py`, the page "Limits and
     failures").
     """
-    checks = (_hats, _density, _damping, _seeding, _layer, _locking, _slope, _grains)
+    checks = (_hats, _density, _damping, _seeding, _layer, _locking, _slope, _grains, _seed)
     return [doubt for check in checks if (doubt := check(scene))]
 
 
@@ -204,10 +204,22 @@ def _slope(scene: Scene) -> str | None:
 
 
 def _grains(scene: Scene) -> str | None:
+    """Of a local law: a nonlocal one has the size of the grains in it."""
     d = getattr(scene.material, "d", None)
-    if d is None or scene.grid.cell >= d:
+    if d is None or scene.grid.cell >= d or scene.material.law == "ngf":
         return None
     return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: no continuum is there"
+
+
+def _seed(scene: Scene) -> str | None:
+    seed = scene.scheme.fluidity.seed
+    pressed = all(fill.lithostatic for fill in scene.fills)
+    if not seed or pressed or not scene.material.has_fluidity:
+        return None
+    return (
+        f"seed = {seed}: points that bear no pressure at the start lose their fluidity in the "
+        "first step; take lithostatic fills, or no seed"
+    )
 
 
 def height(scene: Scene) -> float:
@@ -217,7 +229,7 @@ def height(scene: Scene) -> float:
 
 
 def _granular(scene: Scene) -> bool:
-    return scene.material.law != "elastic"
+    return scene.material.granular
 
 
 def _many_columns(scene: Scene) -> bool:

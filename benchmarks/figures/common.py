@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,8 @@ def options(
     E: float = 1e7,
     quick_E: float = 1e6,
     without: Collection[str] = (),
+    schemes: Mapping[str, gr.Scheme] = SCHEMES,
+    grains: gr.materials.Material = gr.materials.glass_beads,
 ) -> argparse.Namespace:
     """The command line, and the material and scheme it asks for.
 
@@ -45,13 +47,17 @@ def options(
         Young's modulus [Pa] unless --E says another, without and with --quick.
     without : collection of str
         Options that mean nothing to the script, to be refused: "scheme", "threads", "tolerance".
+    schemes : mapping of str to Scheme
+        By the names of --scheme; the first is the default.
+    grains : Material
+        What E is changed of.
     """
     parser = argparse.ArgumentParser(description=doc)
     parser.add_argument("--quick", action="store_true", help="coarse and short, to look at")
     parser.add_argument("--out", type=Path, default=OUT, help=f"folder of the PNG ({OUT})")
     parser.add_argument("--E", type=float, help=f"Young's modulus [Pa] ({E:g}, quick {quick_E:g})")
     if "scheme" not in without:
-        parser.add_argument("--scheme", choices=tuple(SCHEMES), default="default")
+        parser.add_argument("--scheme", choices=tuple(schemes), default=next(iter(schemes)))
     if "threads" not in without:
         parser.add_argument("--threads", type=int, help="of the core; no result depends on it")
     if "tolerance" not in without:
@@ -65,19 +71,19 @@ def options(
     if chosen.E is None:
         softer = quick_E if chosen.quick else E
         chosen.E = softer if tolerance is None else PUBLISHED_E
-    chosen.material = gr.materials.glass_beads.replace(E=chosen.E)
+    chosen.material = grains.replace(E=chosen.E)
     chosen.note = f"E = {chosen.E:g} Pa"
     if tolerance is not None:
         chosen.note = f"as advised at {tolerance:g} for {chosen.note}"
     if "scheme" not in without:
         chosen.note = f"{chosen.scheme} scheme, {chosen.note}"
-        chosen.scheme = SCHEMES[chosen.scheme]
+        chosen.scheme = schemes[chosen.scheme]
     return chosen
 
 
 def simulation_of(scene: gr.Scene, chosen: argparse.Namespace) -> gr.Simulation:
     """A simulation of the scene, or with --tolerance of the thriftier one that is advised."""
-    if chosen.tolerance is not None:
+    if getattr(chosen, "tolerance", None) is not None:
         advice = gr.economy.advise(scene, chosen.tolerance)
         scene = gr.economy.apply(scene, advice)
     return gr.Simulation(scene, threads=chosen.threads)

@@ -4,8 +4,9 @@
  * (fluidity.h):
  *   explicit   g' = g - k L g
  *   implicit   (1 + k L) g' = g. The matrix is symmetric, its eigenvalues are at least 1, and it is an M-matrix: no
- *              new value is negative. By conjugate gradients from g, until |residual| <= tolerance |g|; the error of
- *              g' in the 2-norm is then at most tolerance |g|, since no eigenvalue is below 1.
+ *              new value is negative. By conjugate gradients from g, until |residual| <= tolerance |k L g|, that of g
+ *              itself, or round-off; what g' - g errs by is then at most that in the 2-norm, since no eigenvalue is below
+ *              1: a share of the change, however short the step.
  *   rkl2       Runge-Kutta-Legendre of second order (Meyer, Balsara & Aslam 2012, MNRAS 422; 2014, J. Comput. Phys. 257).
  * Rounding, a coarse tolerance, or a long explicit or rkl2 step can leave values below zero: these become zero and are
  * counted. Every thread adds up all partial sums in the order of chunks, so that all go the same way. */
@@ -177,12 +178,13 @@ static void descend(struct diffusion *w, double alpha, const double *p, const do
 
 static inline int implicit_step(const int dim, struct diffusion *w)
 {
+    static const double ROUND_OFF = 2e-16;
     const struct gr_fluidity *f = w->f;
     double *r = w->work[0], *p = w->work[1], *q = w->work[2];
     first_residual(dim, w, r, p);
     gr_wait(w->barrier);
     double rr = total(f, f->partial[1]);
-    const double enough = f->tolerance * f->tolerance * total(f, f->partial[2]);
+    const double enough = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->partial[2]));
     for (int64_t n = 0; !(rr <= enough); n++) {
         if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
         multiply(dim, w, p, q);

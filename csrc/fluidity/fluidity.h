@@ -37,7 +37,7 @@ struct gr_fluidity_config {
     int periodic[3];
     double dx;              /* m */
     double A, d, t0;        /* nonlocal amplitude, 1; grain diameter, m; time scale, s */
-    double tolerance;       /* implicit: residual over right-hand side, in the 2-norm */
+    double tolerance;       /* implicit: residual over the first one, in the 2-norm */
     int64_t max_iterations; /* implicit: of conjugate gradients, in a step */
     const uint8_t *face;    /* (2 dim, cells): enum gr_face at the low (2a) and high (2a + 1) side along axis a */
 };

@@ -31,13 +31,19 @@
 /* Pressures below this, Pa, are taken for it: squares of G dt g/p stay finite. */
 #define GR_LEAST_PRESSURE 1e-30
 
+/* The coefficients of the quadratic equation are made in this unit, a power of two, which changes no bit of its root:
+ * products of two of them, and the one division for two quotients, stay finite up to m = g_star = rate = 1e60. */
+#define GR_FLUIDITY_UNIT 0x1p-160
+
 /* The numbers of a step. */
 struct gr_fluidity_numbers {
     vd mu_s, mu_2, below_mu_2, dmu_over_mu_2, inv_mu_2; /* friction */
-    vd phi, a_phi;                                      /* f/mu_2, phi mu_s */
-    vd theta, theta_mu_s;                               /* dt/t0 */
-    vd G_dt, inv_G_dt;                                  /* Pa s */
-    vd sink, p_spread;                                  /* f d sqrt(rho_s)/I0; Pa */
+    vd G_dt, inv_G_dt, p_spread;                        /* Pa s; Pa */
+    /* times GR_FLUIDITY_UNIT */
+    vd one, start;        /* 1; G dt */
+    vd phi, a_phi;        /* f/mu_2, phi mu_s */
+    vd theta, theta_mu_s; /* dt/t0 */
+    vd sink;              /* f d sqrt(rho_s)/I0 */
 };
 
 struct gr_fluidity_point {
@@ -50,21 +56,23 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
 #define GR_X(name, unit, doc) const double name = parameter[GR_FLUIDITY_##name];
     GR_FLUIDITY_PARAMETERS(GR_X)
 #undef GR_X
-    const double phi = dt / t0 * (mu_2 - mu_s) / mu_2;
+    const double unit = GR_FLUIDITY_UNIT, theta = unit * (dt / t0), phi = theta * (mu_2 - mu_s) / mu_2;
     return (struct gr_fluidity_numbers){
         .mu_s = v_set(mu_s),
         .mu_2 = v_set(mu_2),
         .below_mu_2 = v_set(nextafter(mu_2, 0)),
         .dmu_over_mu_2 = v_set((mu_2 - mu_s) / mu_2),
         .inv_mu_2 = v_set(1 / mu_2),
-        .phi = v_set(phi),
-        .a_phi = v_set(phi * mu_s),
-        .theta = v_set(dt / t0),
-        .theta_mu_s = v_set(dt / t0 * mu_s),
         .G_dt = v_set(G * dt),
         .inv_G_dt = v_set(1 / (G * dt)),
-        .sink = v_set(dt / t0 * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
         .p_spread = v_set(p_spread),
+        .one = v_set(unit),
+        .start = v_set(unit * (G * dt)),
+        .phi = v_set(phi),
+        .a_phi = v_set(phi * mu_s),
+        .theta = v_set(theta),
+        .theta_mu_s = v_set(theta * mu_s),
+        .sink = v_set(theta * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
     };
 }
 
@@ -81,8 +89,8 @@ static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_flui
     return (struct gr_inverse_pressure){inverse * roots, v_set(2.0) * (p * inverse)};
 }
 
-/* The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0: both quotients, Y and 1/(1 + X), come from one
- * division. */
+/* The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0 in one unit: both quotients, Y and 1/(1 + X), come from
+ * one division. */
 static inline struct gr_fluidity_point gr_fluidity_of_root(const struct gr_fluidity_numbers *n, vd a, vd b, vd c, vd offset,
                                                            vd m, vd p)
 {
@@ -100,8 +108,8 @@ static inline struct gr_fluidity_point gr_fluidity_of_root(const struct gr_fluid
 static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p,
                                                           struct gr_inverse_pressure inverse, vd g_star, vd rate)
 {
-    const vd q = v_fma(n->sink * rate, inverse.root, v_set(1.0));
-    const vd start = n->G_dt * v_max(v_zero(), g_star) * inverse.p; /* X* */
+    const vd q = v_fma(n->sink * rate, inverse.root, n->one);
+    const vd start = n->start * v_max(v_zero(), g_star) * inverse.p; /* X* */
 
     const vm beyond = v_ge(m, n->mu_2);
     const vd e = v_abs(m - n->mu_2) * n->inv_mu_2, pull = n->phi * (n->dmu_over_mu_2 * m);
@@ -116,8 +124,8 @@ static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidi
 static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m, vd p,
                                                                  struct gr_inverse_pressure inverse, vd g_star, vd rate)
 {
-    const vd q = v_fma(n->sink * rate, inverse.root, v_set(1.0));
-    const vd start = n->G_dt * v_max(v_zero(), g_star) * inverse.p, b = v_fma(n->theta, n->mu_s - m, q) - start;
+    const vd q = v_fma(n->sink * rate, inverse.root, n->one);
+    const vd start = n->start * v_max(v_zero(), g_star) * inverse.p, b = v_fma(n->theta, n->mu_s - m, q) - start;
     return gr_fluidity_of_root(n, q + n->theta_mu_s, b, start, v_zero(), m, p);
 }
 

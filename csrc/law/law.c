@@ -1,18 +1,35 @@
 #include "law/law.h"
 
+#define GR_LOCAL_PARAMETERS                                                                                      \
+    {                                                                                                            \
+        {"K", "Pa", "bulk modulus"}, {"G", "Pa", "shear modulus"}, {"mu_s", "1", "static friction coefficient"}, \
+            {"mu_2", "1", "limiting friction coefficient"},                                                      \
+        {                                                                                                        \
+            "xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"                                               \
+        }                                                                                                        \
+    }
+#define GR_X(name, unit, doc) {#name, unit, doc},
+#define GR_HENCKY_NGF_PARAMETERS                                     \
+    {                                                                \
+        {"A", "1", "nonlocal amplitude"}, GR_HENCKY_PARAMETERS(GR_X) \
+    }
+
 const struct gr_law_info gr_law_table[GR_LAW_COUNT] = {
     [GR_LAW_elastic] = {"elastic",
                         "linear hypoelasticity with the Jaumann rate",
+                        0,
                         2,
                         {{"K", "Pa", "bulk modulus"}, {"G", "Pa", "shear modulus"}}},
     [GR_LAW_drucker_prager] = {"drucker_prager",
                                "rate-independent friction, stress-free when disconnected",
+                               0,
                                3,
                                {{"K", "Pa", "bulk modulus"},
                                 {"G", "Pa", "shear modulus"},
                                 {"mu", "1", "friction coefficient"}}},
     [GR_LAW_mu_i] = {"mu_i",
                      "mu(I) rheology, stress-free when disconnected (Dunatunga & Kamrin 2015, eq. 2.13-2.15)",
+                     0,
                      5,
                      {{"K", "Pa", "bulk modulus"},
                       {"G", "Pa", "shear modulus"},
@@ -22,14 +39,30 @@ const struct gr_law_info gr_law_table[GR_LAW_COUNT] = {
     [GR_LAW_ngf] = {"ngf",
                     "nonlocal granular fluidity, stress-free when disconnected (Dunatunga & Kamrin, Modelling silo "
                     "clogging with nonlocal granular rheology, eq. 2.1, 2.2)",
+                    1,
                     GR_NGF_POINT + GR_FLUIDITY_PARAMETER_COUNT,
-                    {{"K", "Pa", "bulk modulus"},
-                     {"A", "1", "nonlocal amplitude"},
-#define GR_X(name, unit, doc) {#name, unit, doc},
-                     GR_FLUIDITY_PARAMETERS(GR_X)
-#undef GR_X
-                    }},
+                    {{"K", "Pa", "bulk modulus"}, {"A", "1", "nonlocal amplitude"}, GR_FLUIDITY_PARAMETERS(GR_X)}},
+    [GR_LAW_hencky_elastic] =
+        {"hencky_elastic", "Hencky's elasticity", 0, 2, {{"K", "Pa", "bulk modulus"}, {"G", "Pa", "shear modulus"}}},
+    [GR_LAW_hencky_drucker_prager] = {"hencky_drucker_prager",
+                                      "Hencky's elasticity, rate-independent friction, stress-free when disconnected",
+                                      0,
+                                      3,
+                                      {{"K", "Pa", "bulk modulus"},
+                                       {"G", "Pa", "shear modulus"},
+                                       {"mu", "1", "friction coefficient"}}},
+    [GR_LAW_hencky_mu_i] = {"hencky_mu_i", "Hencky's elasticity, mu(I) rheology, stress-free when disconnected", 0, 5,
+                            GR_LOCAL_PARAMETERS},
+    [GR_LAW_hencky_linear] = {"hencky_linear",
+                              "Hencky's elasticity, mu = mu_s + (mu_2 - mu_s) I/I0, stress-free when disconnected", 0, 5,
+                              GR_LOCAL_PARAMETERS},
+    [GR_LAW_hencky_ngf] = {"hencky_ngf", "Hencky's elasticity, nonlocal granular fluidity that saturates (hencky.h)", 1,
+                           GR_HENCKY_NGF_POINT + GR_HENCKY_PARAMETER_COUNT, GR_HENCKY_NGF_PARAMETERS},
+    [GR_LAW_hencky_ngf_linear] = {"hencky_ngf_linear",
+                                  "Hencky's elasticity, nonlocal granular fluidity, linear (Haeri & Skonieczny 2021)", 1,
+                                  GR_HENCKY_NGF_POINT + GR_HENCKY_PARAMETER_COUNT, GR_HENCKY_NGF_PARAMETERS},
 };
+#undef GR_X
 
 const struct gr_parameter_info gr_fluidity_parameter_table[GR_FLUIDITY_PARAMETER_COUNT] = {
 #define GR_X(name, unit, doc) {#name, unit, doc},

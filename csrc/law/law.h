@@ -9,7 +9,17 @@
 
 #include "core/simd.h"
 
-#define GR_LAWS(X) X(elastic) X(drucker_prager) X(mu_i) X(ngf)
+#define GR_LAWS(X)           \
+    X(elastic)               \
+    X(drucker_prager)        \
+    X(mu_i)                  \
+    X(ngf)                   \
+    X(hencky_elastic)        \
+    X(hencky_drucker_prager) \
+    X(hencky_mu_i)           \
+    X(hencky_linear)         \
+    X(hencky_ngf)            \
+    X(hencky_ngf_linear)
 
 enum gr_law_id {
 #define GR_X(name) GR_LAW_##name,
@@ -18,7 +28,7 @@ enum gr_law_id {
         GR_LAW_COUNT
 };
 
-#define GR_LAW_MAX_PARAMETERS 10
+#define GR_LAW_MAX_PARAMETERS 12
 
 struct gr_parameter_info {
     const char *name, *unit, *doc;
@@ -26,6 +36,7 @@ struct gr_parameter_info {
 
 struct gr_law_info {
     const char *name, *doc;
+    int nonlocal; /* it has a fluidity, and the parameters A, d and t0 */
     int n_parameters;
     struct gr_parameter_info parameter[GR_LAW_MAX_PARAMETERS];
 };
@@ -55,6 +66,7 @@ struct gr_law_call {
 
 /* Where the parameters of the nonlocal law are; those of its update at a point come last, all together. */
 enum { GR_NGF_K, GR_NGF_A, GR_NGF_POINT };
+enum { GR_HENCKY_NGF_A, GR_HENCKY_NGF_POINT };
 
 /* Parameters of the update of the fluidity at a point (fluidity_update.h). X(name, unit, description) */
 #define GR_FLUIDITY_PARAMETERS(X)                                               \

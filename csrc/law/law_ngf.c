@@ -18,18 +18,10 @@ static inline void local_phase(const int dim, const struct gr_law_call *call)
     law_frictional(dim, 1, &mu_i);
 }
 
-/* Trace of the increment of a block. */
-static inline vd expansion_of(const int dim, const double *gradient)
-{
-    vd trace = v_load(gradient);
-    for (int d = 1; d < dim; d++) trace = trace + v_load(gradient + d * (dim + 1) * GR_W);
-    return trace;
-}
-
 /* What the stages of a few blocks hand on. Stages, because each is a chain of operations that wait for one another:
  * a processor looks far enough ahead to begin the next block only if a chain is short. */
 struct gr_ngf_block {
-    vd p, m, scale; /* pressure, 0 where not dense; trial friction; what is left of the trial stress */
+    vd p, m, scale; /* pressure, 0 where loose; trial friction; what is left of the trial stress */
     struct gr_inverse_pressure inverse;
 };
 
@@ -40,10 +32,10 @@ static inline void try_block(const int dim, const struct gr_law_call *call, int6
     const int64_t at = call->slot[k];
     const double *gradient = call->gradient + k * dim * dim * GR_W;
     struct gr_stress t = gr_trial(dim, gradient, call, at, K, G, v_set(call->part));
-    const vd c = v_fnma(v_set(call->behind), expansion_of(dim, gradient), v_load(call->log_density + at));
+    const vd c = v_fnma(v_set(call->behind), gr_expansion(dim, gradient), v_load(call->log_density + at));
     vd p = gr_split(&t);
     if (call->pressure_from_density) p = K * c;
-    block->p = v_keep(m_and(v_ge(c, v_zero()), v_gt(p, v_zero())), p);
+    block->p = v_keep(v_ge(c, v_zero()), v_max(v_zero(), p)); /* NaN stays: another substep must not take it for loose */
     block->inverse = gr_invert_pressure(n, block->p);
     const vd m = v_sqrt_fast(gr_tau_squared(dim, &t)) * block->inverse.p;
     block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN stays */
@@ -54,22 +46,23 @@ static inline void update_block(const struct gr_law_call *call, int64_t k, const
                                 struct gr_ngf_block *block)
 {
     const int64_t at = call->slot[k];
-    const vm dense = v_gt(block->p, v_zero());
+    const vd zero = v_zero();
+    const vm loose = v_ge(zero, block->p);
     const vd g_star = v_set(call->g_star[k]), rate = v_load(call->shear_rate + at);
     const struct gr_fluidity_point point = gr_fluidity_update(n, block->m, block->p, block->inverse, g_star, rate);
     block->scale = point.scale;
-    v_store(call->shear_rate + at, v_keep(dense, point.g * point.mu));
-    v_store(call->g + at, v_keep(dense, point.g));
-    if (call->gain) v_store(call->gain + at, v_keep(dense, point.g - g_star));
+    v_store(call->shear_rate + at, v_select(loose, zero, point.g * point.mu));
+    v_store(call->g + at, v_select(loose, zero, point.g));
+    if (call->gain) v_store(call->gain + at, v_select(loose, zero, point.g - g_star));
 }
 
 static inline void return_block(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_block *block)
 {
     const int64_t at = call->slot[k];
-    const vm dense = v_gt(block->p, v_zero());
+    const vm loose = v_ge(v_zero(), block->p);
     for (int i = 0; i < GR_STRESSES(dim); i++) {
         const vd s = block->scale * v_load(call->stress[i] + at);
-        v_store(call->stress[i] + at, v_keep(dense, i < 3 ? v_sub(s, block->p) : v_add(s, v_zero())));
+        v_store(call->stress[i] + at, v_select(loose, v_zero(), i < 3 ? v_sub(s, block->p) : v_add(s, v_zero())));
     }
 }
 

@@ -40,6 +40,14 @@ static inline struct gr_stress gr_trial(const int dim, const double *gradient, c
     return t;
 }
 
+/* Trace of the increment of a block. */
+static inline vd gr_expansion(const int dim, const double *gradient)
+{
+    vd trace = v_load(gradient);
+    for (int d = 1; d < dim; d++) trace = trace + v_load(gradient + d * (dim + 1) * GR_W);
+    return trace;
+}
+
 /* Pressure -tr(s)/3; `s` is left as its deviator. */
 static inline vd gr_split(struct gr_stress *t)
 {

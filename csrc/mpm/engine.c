@@ -14,9 +14,9 @@ int gr_engine_uses(const struct gr_config *config, int field)
     case GR_DIFFUSED:
         return config->diffused;
     case GR_NONLOCAL:
-        return config->law == GR_LAW_ngf;
+        return gr_law_table[config->law].nonlocal;
     case GR_BALANCED:
-        return config->law == GR_LAW_ngf && config->nonlocal.method == GR_DIFFUSION_implicit;
+        return gr_law_table[config->law].nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit;
     case GR_ALWAYS:
     default:
         return 1;
@@ -114,7 +114,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->shared && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
-    if (c->law == GR_LAW_ngf && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
+    if (gr_law_table[c->law].nonlocal && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
@@ -126,17 +126,24 @@ static int config_is_valid(const struct gr_config *c)
     return bodies_are_valid(c);
 }
 
+static double parameter_of(const struct gr_config *config, const char *name)
+{
+    const struct gr_law_info *law = &gr_law_table[config->law];
+    for (int k = 0; k < law->n_parameters; k++)
+        if (!strcmp(law->parameter[k].name, name)) return config->parameter[k];
+    return 0;
+}
+
 /* The lattice of the fluidity is that of the cells. */
 static int build_fluidity(struct gr_engine *e)
 {
     enum { MAX_ITERATIONS = 10000 };
     struct gr_nonlocal *nonlocal = &e->config.nonlocal;
-    const double *q = e->config.parameter;
     struct gr_fluidity_config config = {.dim = e->config.dim,
                                         .dx = e->config.dx,
-                                        .A = q[GR_NGF_A],
-                                        .d = q[GR_NGF_POINT + GR_FLUIDITY_d],
-                                        .t0 = q[GR_NGF_POINT + GR_FLUIDITY_t0],
+                                        .A = parameter_of(&e->config, "A"),
+                                        .d = parameter_of(&e->config, "d"),
+                                        .t0 = parameter_of(&e->config, "t0"),
                                         .tolerance = nonlocal->tolerance,
                                         .max_iterations = MAX_ITERATIONS,
                                         .face = nonlocal->face};
@@ -178,7 +185,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
         n_cells *= e->axis[d].n_cells;
         n_nodes *= e->axis[d].n_nodes;
     }
-    if (config->law == GR_LAW_ngf) error = build_fluidity(e);
+    if (gr_law_table[config->law].nonlocal) error = build_fluidity(e);
     if (error) goto shallow;
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;

@@ -49,6 +49,7 @@ struct gr_nonlocal {
     int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit where one substep is short enough for it */
     int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held */
     double begins_at;    /* s; until then the law is local */
+    double least;        /* 1/s; no cell has less fluidity after the diffusion */
     double tolerance;    /* of the conjugate gradients */
     const uint8_t *face; /* (2 dim, cells): enum gr_face */
 };

@@ -266,9 +266,9 @@ GR_INLINE double fluidity_of_cell(const struct gr_engine *e, const struct gr_cel
 {
     if (!e->diffuses) return 0;
     const int64_t place = gr_cell_id(e, cell->at);
-    if (!e->balance) return e->fluidity->g[place];
-    const double g = e->fluidity->g[place] - e->balance[place];
-    return g < 0 ? 0 : g; /* NaN stays */
+    double g = e->fluidity->g[place];
+    if (e->balance) g -= e->balance[place];
+    return g < e->config.nonlocal.least ? e->config.nonlocal.least : g; /* NaN stays */
 }
 
 GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, const int diffused, const int shared,

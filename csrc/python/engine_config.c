@@ -103,9 +103,9 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
         PyErr_Format(PyExc_ValueError, "fluidity_method = \"%s\" must be auto, explicit, implicit or rkl2", method);
         return -1;
     }
-    if (c->law != GR_LAW_ngf) return 0;
+    if (!gr_law_table[c->law].nonlocal) return 0;
     if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000) {
-        PyErr_SetString(PyExc_ValueError, "law \"ngf\" needs basis 0 or 2 and 1 to 100000 substeps");
+        PyErr_SetString(PyExc_ValueError, "a nonlocal law needs basis 0 or 2 and 1 to 100000 substeps");
         return -1;
     }
     PyArrayObject *array = gr_array(faces, "fluidity_faces", NPY_UINT8, c->dim + 1, shape, 0);
@@ -180,6 +180,7 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("weight_decay", cure.weight_decay)
     GR_TAKE("fluidity_begins_at", nonlocal.begins_at)
     GR_TAKE("fluidity_tolerance", nonlocal.tolerance)
+    GR_TAKE("fluidity_least", nonlocal.least)
 #undef GR_TAKE
     const struct gr_law_info *law = &gr_law_table[c->law];
     for (int k = 0; k < law->n_parameters; k++)

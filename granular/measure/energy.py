@@ -103,7 +103,7 @@ def elastic_of(state: Any) -> Array:
 
 def plastic_power(state: Any) -> float:
     """sum V tau gdot [W] over the points (eq. 2.15); 0 for a law without a yield."""
-    if state.scene.material.law == "elastic":
+    if not state.scene.material.granular:
         return 0.0
     return float(np.sum(state.quadrature_volume * state.tau * state.shear_rate))
 

@@ -86,6 +86,8 @@ def clogging_silo(
     cell = positive("cell", cell)
     if not isinstance(material, NGF):
         raise TypeError(f"material = {material!r} must be an NGF")
+    if not isinstance(half, bool):
+        raise TypeError(f"half = {half!r} must be True or False")
     orifice = positive("orifice", orifice)
     d = orifice / positive("opening_over_d", opening_over_d)
     material = material.replace(A=non_negative("A", A), d=d)

@@ -8,6 +8,7 @@ registered by `check`, printed by `main` (``granular verify``) and asserted by t
 from granular.verify import (  # isort: skip
     constitutive,
     incline,
+    chute,
     silo,
     collapse,
     slug,
@@ -26,6 +27,7 @@ __all__ = [
     "Row",
     "check",
     "checks",
+    "chute",
     "collapse",
     "constitutive",
     "constitutive_path",

@@ -29,6 +29,8 @@ QUICK = ["--cell", "0.05", "--E", "1e5", "--until", "0.02", "--quiet"]
         (["run", "silo", "--points_per_cell", "2.5", "-o", "a.h5"], "2.5"),
         (["run", "silo", "--edge", "sharp", "-o", "a.h5"], "sharp"),
         (["run", "slug", "--center", "1", "-o", "a.h5"], "center"),
+        (["run", "clogging_silo", "--half", "maybe", "-o", "a.h5"], "'maybe' is not yes or no"),
+        (["run", "clogging_silo", "--opening_over_d", "0", "-o", "a.h5"], "opening_over_d = 0"),
         (["run", "silo", "--E", "-1", "-o", "a.h5"], "E = -1"),
         (["run", "silo", "--until", "-1", "-o", "a.h5"], "until = -1"),
         (["run", "silo", "--every", "0", "-o", "a.h5"], "every = 0"),

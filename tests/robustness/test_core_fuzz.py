@@ -111,6 +111,61 @@ def test_law_update_refuses_wrong_arrays(place, how):
         _core.law_update(*wrong)
 
 
+def nonlocal_arguments(n=3, dim=2):
+    """`law_arguments` of the nonlocal law, with g_star and g."""
+    given = law_arguments(n, dim)
+    given[0] = "ngf"
+    given[2] = dict(
+        K=1e6, A=0.5, G=1e6, mu_s=0.38, mu_2=0.64, I0=0.28, rho_s=2450.0, d=0.005, t0=1e-3,
+        p_spread=0.0,
+    )  # fmt: skip
+    given[6][:] = 1e-3
+    given[7][:3] = -1000.0
+    return [*given, np.ones(n), np.zeros(n * _core.build_info()["lanes"])]
+
+
+@pytest.mark.parametrize("place", [10, 11])
+@pytest.mark.parametrize("how", WAYS)
+def test_law_update_refuses_wrong_fluidities(place, how):
+    wrong = nonlocal_arguments()
+    wrong[place] = spoiled(wrong[place], how)
+    if (how, place) == ("read-only", 10) or (how, place) == ("none", 10):
+        _core.law_update(*wrong)  # it only reads it; without one it is in its local phase
+        return
+    with pytest.raises((TypeError, ValueError)):
+        _core.law_update(*wrong)
+
+
+def test_law_update_with_fluidities_that_overlap_or_lack():
+    given = nonlocal_arguments()
+    _core.law_update(*given)
+    assert (given[11] > 0).all()
+    for place, other in ((11, 8), (11, 6), (10, 11)):
+        shared = nonlocal_arguments()
+        shared[place] = shared[other][: len(shared[place])]
+        with pytest.raises(ValueError, match="share memory"):
+            _core.law_update(*shared)
+    with pytest.raises(ValueError, match="g_star is given without g"):
+        _core.law_update(*nonlocal_arguments()[:-1])
+    with pytest.raises(ValueError, match="parameter t0 is missing"):
+        given[2] = {k: v for k, v in given[2].items() if k != "t0"}
+        _core.law_update(*given)
+    _core.law_update(*nonlocal_arguments(0))
+    _core.law_update(*nonlocal_arguments()[:-2])
+
+
+@QUICK
+@given(data=st.data())
+def test_nonlocal_update_survives_any_number_in_its_arrays(data):
+    chosen = nonlocal_arguments(2)
+    for place in (5, 6, 7, 8, 10, 11):
+        flat = chosen[place].reshape(-1)
+        flat[:] = data.draw(
+            st.lists(st.floats(), min_size=flat.size, max_size=flat.size), label=str(place)
+        )
+    _core.law_update(*chosen)
+
+
 def test_law_update_takes_no_points_and_refuses_shared_memory():
     _core.law_update(*law_arguments(0))
     shared = law_arguments()

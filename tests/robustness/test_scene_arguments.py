@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from granular import scenes
+from granular.materials import MuI
 from granular.scene import Scene
 
 NUMBERS = {
@@ -15,6 +16,16 @@ NUMBERS = {
     "incline": ["height", "cell", "gravity", "duration"],
     "slug": ["radius", "density", "wall_at", "cell", "gravity", "duration"],
     "cylinder_collapse": ["aspect", "radius", "cell", "lip", "gravity", "duration"],
+    "chute_ngf": ["height", "cell", "gravity", "duration"],
+    "clogging_silo": [
+        "opening_over_d",
+        "cell",
+        "orifice",
+        "width",
+        "height",
+        "gravity",
+        "duration",
+    ],
 }
 CASES = [(name, argument) for name, arguments in NUMBERS.items() for argument in arguments]
 
@@ -42,7 +53,7 @@ def test_numbers_of_a_wrong_type(name, argument, value):
         ({"points_per_cell": 4.0}, TypeError, "points_per_cell = 4.0"),
         ({"jitter": 1.01}, ValueError, "jitter = 1.01"),
         ({"jitter": math.nan}, ValueError, "jitter = nan"),
-        ({"material": None}, TypeError, "material = None must be a Material"),
+        ({"material": None}, TypeError, "material = None must be an? (Material|NGF)"),
         ({"scheme": "quadratic"}, TypeError, "scheme = 'quadratic' must be a Scheme"),
         ({"seed": -1}, ValueError, "seed = -1"),
         ({"seed": None}, TypeError, "seed = None"),
@@ -92,6 +103,15 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("slug", {"velocity": (0.0, 1e200)}, ValueError, "must"),
         ("slug", {"headroom": -1}, ValueError, "headroom = -1.0"),
         ("cylinder_collapse", {"points_per_cell": 4}, ValueError, "cube of an integer"),
+        ("chute_ngf", {"angle_deg": 90.0}, ValueError, "angle_deg = 90.0"),
+        ("chute_ngf", {"material": MuI()}, TypeError, "must be an NGF"),
+        ("clogging_silo", {"material": MuI()}, TypeError, "must be an NGF"),
+        ("clogging_silo", {"A": -1.0}, ValueError, "A = -1.0 must be"),
+        ("clogging_silo", {"A": math.nan}, ValueError, "A = nan"),
+        ("clogging_silo", {"half": 1}, TypeError, "half = 1 must be True or False"),
+        ("clogging_silo", {"orifice": 0.595}, ValueError, "orifice"),
+        ("clogging_silo", {"orifice": 0.63}, ValueError, "orifice = 0.63 must be less than width"),
+        ("clogging_silo", {"absorber": math.nan}, ValueError, "nan"),
         ("cylinder_collapse", {"lip": 0.1}, ValueError, "lip = 0.1 must not be less than radius"),
     ],
 )

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 from oracle_diffused import average, averages, look_around
 from oracle_law import components, law, tensor
+from oracle_nonlocal import all_but_the_last, substep
 from oracle_shapes import Shapes, node_volumes
 from oracle_shared import flow_of_cells, share
 from oracle_walls import alone_at_wall
@@ -149,6 +150,10 @@ def gather(scene, points, nodes, dt, step=0):
         L = flow_of_cells(scene, points, new, nodes, dt)
     else:
         new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
+    gradient = np.zeros((len(L), 3, 3))
+    gradient[:, :dim, :dim] = L
+    if scene.material.law == "ngf":
+        points = all_but_the_last(scene, points, gradient, dt)
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
@@ -160,9 +165,12 @@ def gather(scene, points, nodes, dt, step=0):
         if scene.scheme.density == "tracked":
             loose &= alone_at_wall(scene, points["x"])
         new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
-    gradient = np.zeros((len(L), 3, 3))
-    gradient[:, :dim, :dim] = L
     material = scene.material
+    if material.law == "ngf":
+        part = dt / scene.scheme.fluidity.substeps
+        made = substep(scene, points, new["log_density"], gradient, part)
+        names = {"stress", "shear_rate", "g", "g_gain"} & set(points)
+        return new | {name: made[name] for name in names}
     stress, rate = law(
         material.law,
         vars(material) | {"K": material.K, "G": material.G},

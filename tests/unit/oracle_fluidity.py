@@ -113,6 +113,11 @@ def number_k(dt, *, dx=0.01, A=0.5, d=0.005, t0=1e-3):
 # ---- a point ----
 
 
+def exactly(a):
+    """A number without rounding."""
+    return a if isinstance(a, Decimal) else Decimal(float(a))
+
+
 def point(q, dt, m, p, g_star, rate):
     """mu, X = G dt g/p and the condition of X at one point, in 60 digits.
 
@@ -126,9 +131,11 @@ def point(q, dt, m, p, g_star, rate):
         G, mu_s, mu_2, I0, rho_s, d, t0 = (
             Decimal(q[name]) for name in ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0")
         )
-        dt, m, p, g_star, rate = (Decimal(float(a)) for a in (dt, m, p, g_star, rate))
+        dt, m, p, g_star, rate = map(exactly, (dt, m, p, g_star, rate))
+        spread = Decimal(q["p_spread"])
+        roots = (p + spread).sqrt() + max(p - spread, Decimal(0)).sqrt()
         f = dt * (mu_2 - mu_s) / t0
-        growth = 1 + f * rate * d * (rho_s / p).sqrt() / I0
+        growth = 1 + f * rate * d * rho_s.sqrt() * 2 / roots / I0
         start = G * dt * g_star / p
         a = growth * mu_2 + f * mu_s
         b = growth * (mu_2 - m) + f * (mu_s - m) - mu_2 * start

@@ -26,15 +26,10 @@ def law(name, q, stress, L, log_density, dt, equation_of_state=False):
 
     Returns the new stresses and the equivalent plastic shear rates (n,).
     """
+    p, deviator = split_trial(q, stress, L, dt)
     identity = np.eye(3)
-    D, W = (L + L.transpose(0, 2, 1)) / 2, (L - L.transpose(0, 2, 1)) / 2
-    volumetric = np.trace(D, axis1=1, axis2=2)[:, None, None] * identity
-    elastic = (q["K"] - 2 * q["G"] / 3) * volumetric + 2 * q["G"] * D
-    trial = stress + dt * (elastic + W @ stress - stress @ W)
     if name == "elastic":
-        return trial, np.zeros(len(stress))
-    p = -np.trace(trial, axis1=1, axis2=2) / 3
-    deviator = trial + p[:, None, None] * identity
+        return deviator - p[:, None, None] * identity, np.zeros(len(stress))
     if equation_of_state:
         p = q["K"] * log_density
     dense = (log_density >= 0) & (p > 0)
@@ -48,6 +43,17 @@ def law(name, q, stress, L, log_density, dt, equation_of_state=False):
     new[~dense] = 0.0
     rate = np.where(dense, (tau_trial - tau) / (q["G"] * dt), 0.0)
     return new, rate
+
+
+def split_trial(q, stress, L, dt):
+    """Pressure (n,) and deviator (n, 3, 3) of the elastic trial stress."""
+    identity = np.eye(3)
+    D, W = (L + L.transpose(0, 2, 1)) / 2, (L - L.transpose(0, 2, 1)) / 2
+    volumetric = np.trace(D, axis1=1, axis2=2)[:, None, None] * identity
+    elastic = (q["K"] - 2 * q["G"] / 3) * volumetric + 2 * q["G"] * D
+    trial = stress + dt * (elastic + W @ stress - stress @ W)
+    p = -np.trace(trial, axis1=1, axis2=2) / 3
+    return p, trial + p[:, None, None] * identity
 
 
 def returned(name, q, trial, p, dt):

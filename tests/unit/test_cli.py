@@ -103,6 +103,7 @@ def test_list_names_all_scenes_and_keywords(capsys):
         assert f"{name}: " in said
     assert "--orifice X  (0.1)" in said
     assert "--center X,Y  (0.2,0.25)" in said
+    assert "--half" in said and "(yes)" in said
     assert "--material" not in said
 
 
@@ -113,6 +114,23 @@ def test_tuples_and_words_reach_the_scene(tmp_path):
     with gr.open(out) as states:
         assert states.scene.parameters["velocity"] == (2.0, 1.0)
         assert states[0].v[0].tolist() == [2.0, 1.0]
+
+
+def test_what_is_not_said_is_that_of_the_scene(tmp_path):
+    """Its grains but for E, its scheme, and keywords that are yes or no."""
+    out = tmp_path / "silo.h5"
+    words = ["run", "clogging_silo", "--half", "no", "--cell", "0.07", "--width", "0.7"]
+    words += ["--height", "0.7", "--E", "2e6", "--quiet", "--until", "2e-4", "-o", str(out)]
+    assert cli.main(words) == 0
+    with gr.open(out) as states:
+        expected = gr.scenes.clogging_silo(
+            half=False,
+            cell=0.07,
+            width=0.7,
+            height=0.7,
+            material=gr.materials.silo_grains.replace(E=2e6),
+        )
+        assert states.scene == expected
 
 
 def test_verify_passes_its_exit_code_on(monkeypatch):

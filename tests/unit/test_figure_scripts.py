@@ -1,6 +1,7 @@
 """The scripts of the figures: each runs to its end and writes its pictures where it is told."""
 
 import importlib
+import json
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ from PIL import Image
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "figures"
 PICTURES = {
     "figure_2": ["figure_2"],
+    "figure_2_ngf": ["figure_2_ngf"],
     "figure_3": ["figure_3"],
     "figure_4": ["figure_4"],
     "figure_5": ["figure_5"],
@@ -16,8 +18,12 @@ PICTURES = {
     "figures_9_10": ["figure_10", "figure_9"],
     "figure_11": ["figure_11"],
     "figure_13": ["figure_13"],
+    "ngf_figures_4_10": [
+        "ngf_figure_10",
+        *(f"ngf_figure_{name}" for name in ("4a", "4b", "5", "6", "7", "8", "9")),
+    ],
 }
-FAST = ("figure_2", "figure_11", "figure_13")
+FAST = ("figure_2", "figure_2_ngf", "figure_11", "figure_13")
 """Some seconds each."""
 
 
@@ -29,7 +35,7 @@ def script(monkeypatch):
 
 
 def test_every_script_is_known():
-    assert sorted(PICTURES) == sorted(path.stem for path in FOLDER.glob("figure*.py"))
+    assert sorted(PICTURES) == sorted(path.stem for path in FOLDER.glob("*figure*.py"))
 
 
 @pytest.mark.parametrize(
@@ -43,6 +49,17 @@ def test_a_quick_figure_is_written(script, name, tmp_path):
     for stem in written:
         with Image.open(tmp_path / "new" / f"{stem}.png") as picture:
             assert min(picture.size) > 500
+
+
+def test_every_layer_of_the_nonlocal_figure_was_on_its_side(script):
+    """As saved; and that a layer on the wrong side is told."""
+    figure = script("figure_2_ngf")
+    rows = json.loads(figure.RESULTS.read_text())["rows"]
+    assert len(rows) >= 40
+    assert figure.wrong(rows) == []
+    near = min(rows, key=lambda row: abs(row["over_stopping"] - 1.06))
+    turned = {"flowing": "static", "static": "flowing"}[near["verdict"]]
+    assert len(figure.wrong([near | {"verdict": turned}])) == 1
 
 
 def test_pictures_go_where_git_does_not_look(script):

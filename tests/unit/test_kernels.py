@@ -44,6 +44,8 @@ def disturbed(scene, seed=3, step=0, **options):
     stress = rng.normal(0.0, 0.3, (4 if scene.dim == 2 else 6, n)) * p
     stress[:3] -= stress[:3].mean(axis=0) + p
     values["stress"] = stress
+    values["g"] = rng.choice([0.0, 1.0], (1, n)) * 10 ** rng.uniform(-3.0, 1.5, (1, n))
+    values["g_gain"] = rng.normal(0.0, 1.0, (1, n)) * values["g"].mean()
     for name, value in values.items():
         if name in sim.buffers:
             sim.buffers[name][:, at] = value
@@ -90,6 +92,30 @@ def test_steps_between_averagings_agree_with_the_oracle(small_scene, dim, step):
     compare_stages(scene, step)
 
 
+NONLOCAL = [
+    ("linear", "flip", "tracked"),
+    ("quadratic", "flip", "tracked"),
+    ("quadratic", "tpic", "diffused"),
+    ("linear", "tpic", "shared"),
+]
+METHODS = [("explicit", 1), ("explicit", 3), ("implicit", 1), ("implicit", 3), ("rkl2", 1)]
+
+
+@pytest.mark.parametrize(("method", "substeps"), METHODS)
+@pytest.mark.parametrize("nonlocal_combination", NONLOCAL, ids="-".join)
+@pytest.mark.parametrize(("kind", "dim"), [("walls", 2), ("periodic", 3)])
+def test_a_step_with_fluidity_agrees_with_the_oracle(
+    small_scene, nonlocal_combination, dim, kind, method, substeps
+):
+    """Means of the cells, their diffusion, the balance with the law, and the law, in substeps."""
+    scene = small_scene(kind, dim, nonlocal_combination, shift_limit=1e-3, averaging_time=0.0)
+    fluidity = gr.schemes.Fluidity(method=method, substeps=substeps, seed=0.0, tolerance=1e-13)
+    grains = gr.materials.NGF(E=1e6, A=0.25 if method == "explicit" else 1.0, d=0.1, t0=1e-3)
+    compare_stages(
+        scene.replace(material=grains, scheme=scene.scheme.replace(fluidity=fluidity)), 0
+    )
+
+
 def compare_stages(scene, step):
     """Scatter, grid and gather of one step from a disturbed state, all fields."""
     sim = disturbed(scene, step=step)
@@ -128,6 +154,7 @@ def compare_stages(scene, step):
     K = scene.material.K
     strain = abs(expected["log_density"] - before["log_density"]).max()
     floor = {"stress": K * strain, "shear_rate": strain / dt, "log_density": 1e-3}
+    assert ("g" in after) == (scene.material.law == "ngf")
     for name in set(after) - {"x", "id", "mass"}:
         scale = max(floor.get(name, 0.0), abs(expected[name]).max())
         assert scale > 0, name

@@ -6,7 +6,7 @@ import pickle
 import pytest
 
 from granular import materials
-from granular.materials import DruckerPrager, Elastic, Material, MuI
+from granular.materials import NGF, DruckerPrager, Elastic, Material, MuI
 
 
 def test_moduli_of_isotropic_elasticity():
@@ -42,10 +42,37 @@ def test_replace_keeps_the_form_of_the_rate_constant():
 
 
 def test_arguments_make_an_equal_material():
-    for m in (materials.glass_beads, materials.glass_beads_5mm, DruckerPrager(), Elastic(E=1.0)):
+    nonlocal_ones = (NGF(), NGF(I0=0.3, A=0.0), NGF(b=1.0, mu_2=math.inf), materials.silo_grains)
+    local_ones = (materials.glass_beads, materials.glass_beads_5mm, DruckerPrager(), Elastic(E=1.0))
+    for m in (*local_ones, *nonlocal_ones):
         assert type(m)(**m.arguments()) == m
         assert pickle.loads(pickle.dumps(m)) == m
         assert hash(m) == hash(m.replace())
+
+
+def test_the_two_forms_of_the_nonlocal_rate_constant():
+    """b = (mu_2 - mu_s)/I0: the one that was given is kept."""
+    by_I0, by_b = NGF(I0=0.279), NGF(b=1.0)
+    assert NGF() == by_I0 and by_I0.b == pytest.approx((0.6435 - 0.3819) / 0.279)
+    assert by_b.I0 == pytest.approx(0.6435 - 0.3819)
+    assert "b" not in by_I0.arguments() and "I0" not in by_b.arguments()
+    # another limiting friction leaves what was given
+    assert by_I0.replace(mu_2=1.5).I0 == 0.279 and by_b.replace(mu_2=1.5).b == 1.0
+    assert by_b.replace(I0=0.279) == by_I0 and by_I0.replace(b=1.0) == by_b
+    assert by_I0.xi == pytest.approx(0.279 / (0.005 * math.sqrt(2450.0)))
+    assert (NGF(A=0.1).law, NGF(A=0.0).law) == ("ngf", "mu_i")
+
+
+def test_an_unbounded_friction_keeps_its_slope():
+    m = NGF(mu_2=math.inf, b=1.5)
+    assert m.I0 == math.inf
+    core = m.core_friction()
+    assert all(map(math.isfinite, core.values()))
+    # mu = mu_s + dmu I/(I + I0) is mu_s + b I to 1e-5 where it is below 10
+    for inertial in (1e-3, 0.1, 6.0):
+        mu = m.mu_s + (core["mu_2"] - m.mu_s) * inertial / (inertial + core["I0"])
+        assert mu - m.mu_s == pytest.approx(1.5 * inertial, rel=2e-5)
+    assert NGF(mu_2=0.7, I0=0.3).core_friction()["I0"] == 0.3
 
 
 def test_names_of_laws_and_of_their_parameters():
@@ -80,6 +107,18 @@ def test_names_of_laws_and_of_their_parameters():
         (MuI, {"d": 0.3}, ValueError, "I0 = None and d = 0.3 must be given together"),
         (MuI, {"I0": 0.3, "d": 0.0}, ValueError, "d = 0.0"),
         (MuI, {"I0": math.inf, "d": 1.0}, ValueError, "I0 = inf"),
+        (NGF, {"A": -0.1}, ValueError, "A = -0.1"),
+        (NGF, {"A": math.inf}, ValueError, "A = inf"),
+        (NGF, {"d": 0.0}, ValueError, "d = 0.0"),
+        (NGF, {"t0": 0.0}, ValueError, "t0 = 0.0"),
+        (NGF, {"t0": "1"}, TypeError, "t0 = '1'"),
+        (NGF, {"mu_2": 0.3819}, ValueError, "mu_2 = 0.3819 must exceed mu_s = 0.3819"),
+        (NGF, {"mu_2": math.nan}, ValueError, "mu_2 = nan"),
+        (NGF, {"mu_2": math.inf}, ValueError, "mu_2 = inf must go with b"),
+        (NGF, {"I0": 0.3, "b": 1.0}, ValueError, "I0 = 0.3 must not be given together with b"),
+        (NGF, {"I0": 0.0}, ValueError, "I0 = 0.0"),
+        (NGF, {"b": -1.0}, ValueError, "b = -1.0"),
+        (NGF, {"rho_c": 2500.0}, ValueError, "rho_c = 2500.0 must not exceed"),
         (DruckerPrager, {"mu": -0.1}, ValueError, "mu = -0.1"),
         (DruckerPrager, {"rho_s": 1000.0}, ValueError, "rho_c = 1500.0 must not exceed"),
         (Elastic, {"rho_c": 0.0}, ValueError, "rho_c = 0.0"),
@@ -94,3 +133,15 @@ def test_refusals(kind, arguments, error, message):
 def test_html_shows_the_numbers():
     html = materials.glass_beads_5mm._repr_html_()
     assert "mu_2" in html and "0.6435" in html and "947.3" in html
+
+
+def test_finite_strain_and_friction_that_does_not_saturate():
+    grains = materials.NGF(elasticity="hencky", rheology="linear", A=0.3)
+    assert grains.law == "hencky_ngf_linear"
+    assert grains.replace(A=0.0).law == "hencky_linear"
+    assert grains.replace(rheology="saturating").law == "hencky_ngf"
+    assert type(grains)(**grains.arguments()) == grains
+    with pytest.raises(ValueError, match='"linear" must go with elasticity = "hencky"'):
+        materials.NGF(rheology="linear")
+    with pytest.raises(ValueError, match="elasticity = 'soft' must be one of"):
+        materials.MuI(elasticity="soft")

@@ -2,13 +2,16 @@
 
 import inspect
 import math
+import warnings
 
 import numpy as np
 import pytest
 
-from granular import materials, scenes, schemes
+from granular import materials, scenes, schemes, stability
 from granular.boundaries import Solid, creases, node_codes, node_positions
+from granular.engine import initial_points
 from granular.scene import Scene
+from granular.walls import Absorber
 
 
 def mass(scene):
@@ -40,6 +43,8 @@ def test_registry_holds_keyword_only_functions():
         "incline",
         "slug",
         "cylinder_collapse",
+        "chute_ngf",
+        "clogging_silo",
     )
     for name, function in scenes.registry.items():
         assert getattr(scenes, name) is function
@@ -48,12 +53,24 @@ def test_registry_holds_keyword_only_functions():
         assert {"material", "scheme", "seed", "jitter"} <= {p.name for p in parameters}
 
 
+NONLOCAL = ("chute_ngf", "clogging_silo")
+
+
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
 @pytest.mark.parametrize("name", scenes.names())
 def test_every_scene_is_whole(name, basis):
-    scene = scenes.registry[name](scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7)
+    make = scenes.registry[name]
+    if name in NONLOCAL and basis == "ugimp":
+        with pytest.raises(ValueError, match='"ugimp" must be "linear" or "quadratic"'):
+            make(scheme=schemes.Scheme(basis=basis))
+        return
+    scene = make(scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7)
     assert Scene.from_json(scene.to_json()) == scene
-    assert scene.material is materials.glass_beads and scene.seed == 7
+    grains = inspect.signature(make).parameters["material"].default
+    assert (grains is materials.glass_beads) == (name not in NONLOCAL)
+    if name == "clogging_silo":
+        grains = grains.replace(A=1.0, d=0.14)
+    assert scene.material == grains and scene.seed == 7
     assert len(scene.points().x) == scene.n_points
     codes, rows = node_codes(scene)
     assert codes.max() == len(rows) or any(row.after for row in rows)
@@ -174,6 +191,50 @@ def test_incline_in_space():
     assert scene.walls[0].axis == 2
     with pytest.raises(ValueError, match="columns_across"):
         scenes.incline(columns_across=-1)
+
+
+def test_chute_of_the_paper():
+    """Section 6: cells of 1 mm, 16 points, 2 grains of 5 mm high, one column, at rest."""
+    scene = scenes.chute_ngf()
+    grains = scene.material
+    assert (grains.A, grains.d, grains.t0) == (0.25, 0.005, 1e-3)
+    assert (grains.mu_s, grains.mu_2, grains.rho_s) == (0.3819, 1.5, 2450.0)
+    assert scene.grid.shape == (1, 14) and scene.grid.cell == 0.001
+    assert scene.grid.periodic == (True, False) and scene.fills[0].points_per_cell == 16
+    assert mass(scene) == pytest.approx(1500 * 0.001 * 0.01)
+    g = scene.gravity.at(1.0)
+    assert g[0] / -g[1] == pytest.approx(math.tan(math.radians(27)))
+    assert math.hypot(*g) == pytest.approx(9.81)
+    assert scenes.chute_ngf(columns=3).grid.shape[0] == 3
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_clogging_silo_of_the_paper(half):
+    """Section 7: an opening between fixed nodes, closed rough floor beside it, lithostatic."""
+    scene = scenes.clogging_silo(half=half, opening_over_d=2.0)
+    assert scene.material.d == 0.07 and scene.material.A == 1.0
+    assert (scene.material.mu_2, scene.material.b) == (50.0, 1.0)
+    assert scene.scheme.dt == 1e-4 and scene.duration == 1.5
+    x, held = fixed_along_y(scene, 0.0)
+    x = x + scene.grid.lower[0]
+    assert held[abs(x) > 0.07 - 1e-9].all() and not held[abs(x) < 0.07 - 1e-9].any()
+    assert x.min() == pytest.approx(0.0 if half else -0.2975) and x.max() == pytest.approx(0.2975)
+    K, H = scene.material.K, 0.595
+    column = -K * np.log1p(-1500 * 9.81 * H / K) / 9.81  # of the mass a square metre
+    start = initial_points(scene)
+    assert start["mass"].sum() == pytest.approx((0.2975 if half else 0.595) * column, rel=1e-7)
+    assert scene.absorbers == (Absorber(1, 0.49),) and scene.grid.open_sides == {"y-"}
+    assert scenes.clogging_silo(absorber=None).absorbers == ()
+
+
+def test_a_silo_that_cannot_jam_is_warned_of():
+    beads = materials.silo_grains.replace(mu_2=0.9)
+    with pytest.warns(stability.StabilityWarning, match=r"mu_2 = 0.9 is below 1: .* cannot jam"):
+        scenes.clogging_silo(material=beads)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scenes.clogging_silo()
+        scenes.clogging_silo(material=beads.replace(mu_2=1.0))
 
 
 def test_slug_flies_freely_from_the_start():

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from granular import schemes
-from granular.schemes import Scheme
+from granular.schemes import Fluidity, Scheme
 
 
 def test_presets():
@@ -48,6 +48,34 @@ def test_presets():
 def test_refusals(arguments, error, message):
     with pytest.raises(error, match=message):
         Scheme(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"method": "euler"}, ValueError, "method = 'euler' must be one of 'auto'"),
+        ({"method": None}, TypeError, "method = None"),
+        ({"substeps": 0}, ValueError, "substeps = 0"),
+        ({"substeps": 1.0}, TypeError, "substeps = 1.0"),
+        ({"tolerance": 0.0}, ValueError, "tolerance = 0.0"),
+        ({"tolerance": 1.0}, ValueError, "tolerance = 1.0"),
+        ({"seed": -1.0}, ValueError, "seed = -1.0"),
+        ({"seed": math.nan}, ValueError, "seed = nan"),
+        ({"spread": 1.5}, ValueError, "spread = 1.5"),
+        ({"spread": -0.5}, ValueError, "spread = -0.5"),
+    ],
+)
+def test_refusals_of_the_fluidity(arguments, error, message):
+    with pytest.raises(error, match=message):
+        Fluidity(**arguments)
+    with pytest.raises(error, match=message):
+        Fluidity().replace(**arguments)
+
+
+def test_a_scheme_holds_a_fluidity():
+    assert Scheme().fluidity == Fluidity()
+    with pytest.raises(TypeError, match="fluidity = 'implicit' must be a Fluidity"):
+        Scheme(fluidity="implicit")
 
 
 def test_html_shows_the_choices():

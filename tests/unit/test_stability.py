@@ -21,6 +21,10 @@ def layer(**options):
 @pytest.mark.parametrize("name", gr.scenes.names())
 def test_scenes_as_they_are_raise_no_doubts(name):
     scene = gr.scenes.registry[name]()
+    if name == "clogging_silo":  # as published, and half of its points are stress-free in flow
+        (doubt,) = doubts(scene)
+        assert doubt.startswith('density = "tracked"')
+        scene = scene.replace(scheme=gr.Scheme())
     assert doubts(scene) == []
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -73,6 +77,14 @@ def test_one_doubtful_setting_is_one_warning(options, names):
     with pytest.warns(gr.StabilityWarning, match=names) as caught:
         gr.Simulation(scene, threads=1)
     assert caught[0].filename == __file__
+
+
+def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
+    scene = gr.scenes.chute_ngf()
+    assert scene.grid.cell < scene.material.d and doubts(scene) == []
+    local = scene.replace(material=scene.material.replace(A=0.0))
+    (doubt,) = doubts(local)
+    assert "cell = 0.001 is smaller than the grains, d = 0.005" in doubt
 
 
 def test_at_rest_a_slope_is_never_ill_posed():

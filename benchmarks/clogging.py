@@ -1,0 +1,364 @@
+"""Which silos clog: the phase diagram of the nonlocal law, and what it depends on.
+
+    python benchmarks/clogging.py [--quick] [--workers N] [--folder build/clogging]
+                                  [--out benchmarks/results/clogging.json]
+
+Half silos of `scenes.clogging_silo` (Dunatunga & Kamrin, Modelling silo clogging, section 7) over
+the amplitude A and the opening W/d of figure 4a, with the scheme of the scene ("hats") and with
+splines; the outflow against the substeps of the fluidity; cells of half the size (figures 9 and
+10). Each case has a record in the folder: a script that was stopped goes on when it is called
+again. A case's seconds are of the wall clock, from the start of its run to the end of its record.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+from granular.measure import LatticeField
+from granular.measure.velocity_slices import HEIGHTS
+
+OUT = Path("benchmarks/results/clogging.json")
+FOLDER = Path("build/clogging")
+COMPARED = (1, 5)
+"""Openings W/d that are run with cells of half the size, at A = 1."""
+
+SCHEMES = {
+    "hats": gr.scenes.clogging_silo().scheme,
+    "splines": gr.Scheme(basis="quadratic", transfer="tpic", density="tracked", dt=1e-4),
+}
+SUBSTEPS = (
+    *(("implicit", n) for n in (1, 2, 5, 20)),
+    # one explicit substep is refused at A = 1, W/d = 5
+    *(("explicit", n) for n in (2, 5, 20)),
+)
+
+PAPER = {
+    "static": [[1.0, 1], [1.0, 2]],
+    "flowing": [[0.1, 5], [0.5, 5], [1.0, 5]],
+    "boundary": {"A": 0.5, "opening_over_d": [1.0, 1.5]},
+}
+"""What the text of the paper says of cases (A, W/d); figure 4a has the others as symbols alone. Its
+boundary at A = 0.5 is that of lines W/d = 2 A to 3 A."""
+
+Key = tuple[str | float, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is run: the amplitudes and openings, sizes, duration [s], time between frames [s]."""
+
+    amplitudes: Sequence[float] = (0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
+    openings: Sequence[int] = (1, 2, 3, 4, 5)
+    substeps: Sequence[tuple[str, int]] = SUBSTEPS
+    size: dict[str, float] = field(default_factory=lambda: {"cell": 0.0175})
+    duration: float = 1.5
+    every: float = 1 / 120
+
+    def silo(self, scheme: gr.Scheme, **keywords: Any) -> gr.Scene:
+        return gr.scenes.clogging_silo(
+            scheme=scheme, duration=self.duration, **(self.size | keywords)
+        )
+
+    def diagram(self) -> dict[Key, gr.Scene]:
+        """The cases of figure 4a, by the name of the scheme, A and W/d."""
+        return {
+            (name, A, ratio): self.silo(scheme, opening_over_d=ratio, A=A)
+            for name, scheme in SCHEMES.items()
+            for A in self.amplitudes
+            for ratio in self.openings
+        }
+
+    def subdivided(self) -> dict[Key, gr.Scene]:
+        """A = 1, W/d = 5, by the name of the scheme, the method and the number of substeps."""
+        return {
+            (name, method, n): self.silo(
+                scheme.replace(fluidity=gr.schemes.Fluidity(method=method, substeps=n)),
+                opening_over_d=5,
+                A=1.0,
+            )
+            for name, scheme in SCHEMES.items()
+            for method, n in self.substeps
+        }
+
+    def refined(self) -> dict[Key, gr.Scene]:
+        """Half the cells, a quarter of the time step (table 2), by the name of the scheme, W/d."""
+        return {
+            (name, "refined", ratio): self.silo(
+                scheme.replace(dt=2.5e-5),
+                opening_over_d=ratio,
+                A=1.0,
+                cell=self.size["cell"] / 2,
+            )
+            for name, scheme in SCHEMES.items()
+            for ratio in COMPARED
+        }
+
+
+QUICK = Plan(
+    amplitudes=(1.0,),
+    openings=COMPARED,
+    substeps=(("implicit", 2), ("explicit", 2)),
+    size={"cell": 0.035, "width": 0.56, "height": 0.56},
+    duration=0.2,
+    every=0.002,
+)
+
+
+# ---- what a record says ----
+
+
+def late(record: gr.Trajectory, duration: float) -> list[gr.State]:
+    """The frames of the last tenth."""
+    first = int(np.searchsorted(record.times, 0.9 * duration - 1e-9))
+    return [record[i] for i in range(first, len(record))]
+
+
+def stress_free(states: Sequence[gr.State]) -> float:
+    """Share of the points above the bottom that bear nothing."""
+    found = [np.mean(~np.asarray(s.dense, dtype=bool)[s.x[:, 1] > 0]) for s in states]
+    return float(np.mean(found))
+
+
+def pressure_noise(states: Sequence[gr.State]) -> float:
+    """How far the pressures of the points of a cell are apart, over their mean.
+
+    Standard deviation, median over cells with 4 dense points or more, mean over the states.
+    """
+    found = []
+    for state in states:
+        dense = np.asarray(state.dense, dtype=bool)
+        cell = np.floor(state.x[dense] / state.scene.grid.cell).astype(int)
+        _, which = np.unique(cell, axis=0, return_inverse=True)
+        which = which.ravel()
+        p = state.p[dense]
+        n = np.bincount(which)
+        mean = np.bincount(which, p) / n
+        deviation = np.sqrt(np.bincount(which, (p - mean[which]) ** 2) / n)
+        found.append(np.median((deviation / mean)[n >= 4]))
+    return float(np.mean(found))
+
+
+def numbers(record: gr.Trajectory) -> dict[str, Any]:
+    """Verdicts, outflow, the arch, and how quiet the material is."""
+    history = gr.measure.silo_history(record)
+    verdict = gr.measure.flow_verdict(history)
+    duration = record.scene.duration
+    middle = np.interp((duration / 3, 2 * duration / 3), history.times, history.mass)
+    states = late(record, duration)
+    begin = datetime.fromisoformat(record.provenance["start"]).timestamp()
+    row = {
+        "verdict": verdict.verdict,
+        "published_rule": verdict.published,
+        "outflow": verdict.outflow,
+        "middle_outflow": float(middle[0] - middle[1]) / (duration / 3),
+        "speed": verdict.speed,
+        "decay": verdict.decay,
+        "mass_left": float(history.mass[-1] / history.mass[0]),
+        "stress_free": stress_free(states),
+        "pressure_noise": pressure_noise(states),
+        "crown": None,
+        "seconds": record.path.stat().st_mtime - begin,
+    }
+    if verdict.verdict == "static":
+        row["crown"] = gr.measure.arch_outline(states).relative_crown
+    return {name: round(v, 6) if isinstance(v, float) else v for name, v in row.items()}
+
+
+# ---- coarse against refined ----
+
+
+def window(record: gr.Trajectory, at: float, half: float) -> list[gr.State]:
+    """Frames around a time."""
+    near = np.flatnonzero(np.abs(record.times - at) <= half + 1e-4)
+    return [record[int(i)] for i in near]
+
+
+def coarsened(field: LatticeField) -> LatticeField:
+    """Means of two by two cells."""
+    nx, ny = (n // 2 for n in field.value.shape)
+
+    def blocks(values: np.ndarray) -> np.ndarray:
+        return values[: 2 * nx, : 2 * ny].reshape(nx, 2, ny, 2).sum(axis=(1, 3))
+
+    w = blocks(field.weight)
+    total = blocks(np.nan_to_num(field.value) * field.weight)
+    mean = np.divide(total, w, out=np.full_like(total, np.nan), where=w > 0)
+    axes = tuple(
+        a[: 2 * n].reshape(n, 2).mean(axis=1) for a, n in zip(field.axes, (nx, ny), strict=True)
+    )
+    return LatticeField(axes, mean, w, field.frames)
+
+
+def compare(coarse: gr.Trajectory, fine: gr.Trajectory, ratio: float) -> dict[str, Any]:
+    """Pressure, vertical velocity and arch of two records of one silo, as differences.
+
+    Pressures are compared in cells that are full in both, above the opening's width and two cells
+    below the highest full ones, so away from the surface, the rough bottom and the free fall;
+    times and frames are those of figures 9 and 10 (a static silo 350, a flowing one 105 frames of
+    1/240 s), averaged over .05 s. Differences are shares of the largest pressure of the region and
+    of the largest speed of the slice.
+    """
+    at = min(350 / 240 if ratio < 3 else 105 / 240, 0.9 * coarse.scene.duration)
+    states = {name: window(r, at, 0.025) for name, r in (("coarse", coarse), ("fine", fine))}
+    p = {n: gr.measure.frame_average(s, "p", weight="volume") for n, s in states.items()}
+    p["fine"] = coarsened(p["fine"])
+    found = pressure_difference(p["coarse"], p["fine"], coarse.scene.parameters["orifice"])
+    for name, record in (("coarse", coarse), ("fine", fine)):
+        if gr.measure.flow_verdict(record).verdict == "static":
+            arch = gr.measure.arch_outline(states[name])
+            found[f"arch_{name}"] = {
+                "x": arch.x.round(5).tolist(),
+                "y": arch.y.round(5).tolist(),
+                "relative_crown": round(arch.relative_crown, 4),
+            }
+    return found if ratio < 3 else found | slice_difference(states)
+
+
+def pressure_difference(coarse: LatticeField, fine: LatticeField, W: float) -> dict[str, Any]:
+    rows = min(coarse.value.shape[1], fine.value.shape[1])
+    pc, pf = coarse.value[:, :rows], fine.value[:, :rows]
+    full = (coarse.weight[:, :rows] > 0) & (fine.weight[:, :rows] > 0)
+    top = np.array([np.flatnonzero(column).max(initial=0) for column in full])
+    j = np.arange(rows)
+    inside = full & (j[None, :] <= top[:, None] - 2) & (coarse.axes[1][:rows][None, :] > W)
+    scale = np.nanmax(pc[inside])
+    apart = np.abs(pf - pc)[inside] / scale
+    local = np.abs(pf - pc)[inside] / np.maximum(pc, 0.1 * scale)[inside]
+    return {
+        "cells": int(inside.sum()),
+        "pressure_mean": round(float((pf[inside].mean() / pc[inside].mean()) - 1), 4),
+        "pressure_median": round(float(np.median(apart)), 4),
+        "pressure_90": round(float(np.quantile(apart, 0.9)), 4),
+        "pressure_local_median": round(float(np.median(local)), 4),
+        "pressure_within_10": round(float(np.mean(local <= 0.1)), 4),
+    }
+
+
+def slice_difference(states: dict[str, list[gr.State]]) -> dict[str, Any]:
+    slices = {name: gr.measure.velocity_slices(frames) for name, frames in states.items()}
+    coarse, fine = slices["coarse"], slices["fine"]
+    found: dict[str, Any] = {}
+    for i, height in enumerate(HEIGHTS):
+        v = np.interp(coarse.x, fine.x, fine.velocity[i])
+        peak = np.nanmax(np.abs(coarse.velocity[i]))
+        found[f"slice_{height}W"] = {
+            "peak": round(float(peak), 4),
+            "peak_ratio": round(float(np.nanmax(np.abs(v)) / peak), 4),
+            "mean_ratio": round(float(np.nanmean(v) / np.nanmean(coarse.velocity[i])), 4),
+            "largest": round(float(np.nanmax(np.abs(v - coarse.velocity[i])) / peak), 4),
+        }
+    return found
+
+
+# ---- the table ----
+
+
+def rows_of(
+    scenes: dict[Key, gr.Scene], plan: Plan, chosen: argparse.Namespace
+) -> list[dict[str, Any]]:
+    """Numbers of each case, run as far as need be."""
+    results = gr.sweep(
+        scenes,
+        measure=numbers,
+        folder=chosen.folder,
+        every=plan.every,
+        workers=chosen.workers,
+        strict=True,
+    )
+    return [
+        {"scheme": key[0], "case": list(key[1:])} | row
+        for key, row in zip(results.keys, results, strict=True)
+    ]
+
+
+def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Lines through the origin by scheme, by our verdict and by the paper's rule."""
+    found: dict[str, Any] = {}
+    for scheme in SCHEMES:
+        mine = [row for row in rows if row["scheme"] == scheme]
+        A, ratio = np.array([row["case"] for row in mine]).T
+        found[scheme] = {
+            rule: asdict(gr.measure.flow_threshold(A, ratio, [row[rule] for row in mine]))
+            for rule in ("verdict", "published_rule")
+        }
+    return found
+
+
+def refinement(folder: Path) -> list[dict[str, Any]]:
+    """Coarse against refined, by the records of both."""
+    rows = []
+    for scheme in SCHEMES:
+        for ratio in COMPARED:
+            paths = (folder / f"{scheme}_1.0_{ratio}.h5", folder / f"{scheme}_refined_{ratio}.h5")
+            with gr.open(paths[0]) as a, gr.open(paths[1]) as b:
+                rows.append({"scheme": scheme, "opening_over_d": ratio} | compare(a, b, ratio))
+    return rows
+
+
+def plain(value: Any) -> Any:
+    """JSON knows neither nan nor infinity."""
+    if isinstance(value, dict):
+        return {name: plain(v) for name, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    return value if not isinstance(value, float) or np.isfinite(value) else None
+
+
+def seconds(tables: dict[str, Any]) -> float:
+    """Of all runs, one after another."""
+    return round(
+        sum(r["seconds"] for part in ("diagram", "refined", "substeps") for r in tables[part])
+    )
+
+
+def show(tables: dict[str, Any]) -> None:
+    """The diagrams, one line an opening and one letter a case, and the lines through the origin."""
+    rows = tables["diagram"]
+    for scheme in SCHEMES:
+        cases = {tuple(row["case"]): row for row in rows if row["scheme"] == scheme}
+        amplitudes, openings = (sorted(set(values)) for values in zip(*cases, strict=True))
+        print(f"{scheme}: verdict (and by the paper's rule); A = {amplitudes}")
+        for ratio in reversed(openings):
+            found = (cases[A, ratio] for A in amplitudes)
+            print(f"  W/d = {ratio}  ", *(f"{r['verdict']}/{r['published_rule']}" for r in found))
+        lines = tables["thresholds"][scheme]["verdict"]
+        print(f"  static below {lines['static_below']} A, flowing above {lines['flowing_above']} A")
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="coarse and short, to see it runs")
+    parser.add_argument("--workers", type=int, help="processes, by default all processors")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help=f"of the records ({FOLDER})")
+    parser.add_argument("--out", type=Path, default=OUT, help=f"the tables as JSON ({OUT})")
+    chosen = parser.parse_args(argv)
+    plan = QUICK if chosen.quick else Plan()
+    parts: dict[str, Callable[[], Any]] = {
+        "diagram": lambda: rows_of(plan.diagram(), plan, chosen),
+        "thresholds": lambda: thresholds(tables["diagram"]),
+        "refined": lambda: rows_of(plan.refined(), plan, chosen),
+        "refinement": lambda: refinement(chosen.folder),
+        "substeps": lambda: rows_of(plan.subdivided(), plan, chosen),
+        "seconds": lambda: seconds(tables),
+    }
+    tables: dict[str, Any] = {"machine": platform.machine(), "build": gr.show_config()}
+    tables["paper"] = PAPER
+    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    for name, part in parts.items():
+        tables[name] = part()
+        chosen.out.write_text(json.dumps(plain(tables), indent=1, default=str) + "\n")
+    show(tables)
+
+
+if __name__ == "__main__":
+    main()

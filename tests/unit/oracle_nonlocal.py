@@ -1,0 +1,124 @@
+"""The nonlocal law once more, slow and plain: at points, and coupled through cells."""
+
+import numpy as np
+from oracle_fluidity import outflow
+from oracle_fluidity import step as diffuse
+from oracle_law import components, split_trial, tensor
+from scipy.sparse import csc_matrix, eye
+from scipy.sparse.linalg import spsolve
+
+from granular.engine import largest_gravity
+from granular.faces import fluidity_faces
+
+
+def numbers(scene):
+    """Parameters of the law in a scene."""
+    material, grid = scene.material, scene.grid
+    spread = scene.scheme.fluidity.spread
+    if spread is None:
+        spread = 0.5
+        if scene.scheme.basis == "quadratic":
+            spread /= scene.fills[0].points_per_axis
+    weight = material.rho_c * largest_gravity(scene) * grid.cell  # of a layer of cells
+    return vars(material) | {"K": material.K, "G": material.G, "p_spread": spread * weight}
+
+
+def root(q, dt, m, p, g_star, rate):
+    """X = G dt g/p after a step: bisection on g - g* + f [(mu_s - mu)/(mu_2 - mu) + k] g = 0.
+
+    In Y = X - e, e = max(0, m/mu_2 - 1), on a logarithmic scale: mu_2 (1 + X) - m is then a sum of
+    terms of one sign.
+    """
+    mu_s, mu_2 = q["mu_s"], q["mu_2"]
+    f = dt / q["t0"] * (mu_2 - mu_s)
+    roots = np.sqrt(p + q["p_spread"]) + np.sqrt(np.maximum(p - q["p_spread"], 0.0))
+    k = rate * q["d"] * np.sqrt(q["rho_s"]) / q["I0"] * 2 / roots
+    start = q["G"] * dt * np.maximum(g_star, 0.0) / p
+    e, below = np.maximum(m / mu_2 - 1, 0.0), np.maximum(mu_2 - m, 0.0)
+    low, high = np.full(np.shape(m), -690.0), np.full(np.shape(m), 230.0)
+    for _ in range(75):
+        middle = (low + high) / 2
+        Y = np.exp(middle)
+        X = e + Y
+        excess = X * (1 + f * ((mu_s * (1 + X) - m) / (mu_2 * Y + below) + k)) - start
+        low, high = np.where(excess > 0, low, middle), np.where(excess > 0, middle, high)
+    Y = np.exp((low + high) / 2)
+    return e + np.where(Y < 1e-290, 0.0, Y)
+
+
+def ngf(q, stress, L, log_density, dt, g_star, rate, equation_of_state=False):
+    """One update of stresses (n, 3, 3) in the time dt by the fluidity g_star left by diffusion.
+
+    Returns the new stresses, plastic shear rates, fluidities and what the law added to g_star.
+    """
+    p, deviator = split_trial(q, stress, L, dt)
+    if equation_of_state:
+        p = q["K"] * log_density
+    dense = (log_density >= 0) & (p > 0)
+    safe = np.where(dense, p, 1.0)
+    m = np.sqrt(np.einsum("pij,pij->p", deviator, deviator) / 2) / safe
+    X = root(q, dt, m, safe, g_star, rate)
+    new = deviator / (1 + X)[:, None, None] - safe[:, None, None] * np.eye(3)
+    new[~dense] = 0.0
+    g = np.where(dense, X * safe / (q["G"] * dt), 0.0)
+    return new, g * m / (1 + X), g, np.where(dense, g - g_star, 0.0)
+
+
+def cell_of(scene, x):
+    """Index of the cells of points in (..., y, x)."""
+    grid = scene.grid
+    at = np.floor((x - grid.lower) / grid.cell).astype(int)
+    return tuple(np.mod(at, grid.shape)[:, ::-1].T)
+
+
+def means(scene, points, name):
+    """Means by mass over the points of cells that bear pressure, and where there are any."""
+    shape = scene.grid.shape[::-1]
+    mass, total = np.zeros(shape), np.zeros(shape)
+    bears = np.where(points["stress"][:, :3].sum(axis=1) < 0, points["mass"], 0.0)
+    where = cell_of(scene, points["x"])
+    np.add.at(mass, where, bears)
+    np.add.at(total, where, bears * points[name])
+    return np.divide(total, mass, out=np.zeros(shape), where=mass > 0), mass > 0
+
+
+def diffused(scene, points, dt):
+    """The fluidity g_star from which the law begins, of the cells, after a substep of diffusion."""
+    q, fluidity, grid = scene.material, scene.scheme.fluidity, scene.grid
+    g, dense = means(scene, points, "g")
+    L = outflow(dense, fluidity_faces(scene), grid.periodic)
+    k = dt * q.A**2 * q.d**2 / (q.t0 * grid.cell**2)
+    if fluidity.method != "implicit":
+        most = outflow(np.ones_like(dense), fluidity_faces(scene), grid.periodic)
+        faces = np.count_nonzero(most, axis=1) - 1 + np.maximum(most.sum(axis=1), 0) / 2
+        found = diffuse(fluidity.method, L, k, g.ravel(), k * faces.max())
+        return np.maximum(found, 0.0).reshape(g.shape)
+    gain = np.clip(means(scene, points, "g_gain")[0], -g, g / 2)
+    balanced = spsolve(csc_matrix(eye(g.size) + k * L), (g + gain).ravel()).reshape(g.shape)
+    return np.maximum(balanced - gain, 0.0)
+
+
+def substep(scene, points, log_density, L, dt):
+    """Points after a substep of velocity gradients L (n, 3, 3) that ends at a log-density."""
+    g_star = diffused(scene, points, dt)[cell_of(scene, points["x"])]
+    stress, rate, g, gain = ngf(
+        numbers(scene),
+        tensor(points["stress"], scene.dim),
+        L,
+        log_density,
+        dt,
+        g_star,
+        points["shear_rate"],
+        equation_of_state=scene.scheme.density != "tracked",
+    )
+    found = {"stress": components(stress, scene.dim), "shear_rate": rate, "g": g, "g_gain": gain}
+    return points | {name: value for name, value in found.items() if name in points}
+
+
+def all_but_the_last(scene, points, L, dt):
+    """Points where they were, after all substeps of a step but the last."""
+    n, now = scene.scheme.fluidity.substeps, points
+    for made in range(1, n):
+        c = points["log_density"] - made / n * dt * np.trace(L, axis1=1, axis2=2)
+        now = substep(scene, now, c, L, dt / n)
+    return now
