@@ -29,7 +29,7 @@ INCLUDED = (  # by kernels.c
 )
 SOURCES = [
     str(path.relative_to(ROOT))
-    for folder in ("core", "law", "fluidity", "mpm", "python")
+    for folder in ("core", "law", "fluidity", "body", "mpm", "python")
     for path in sorted((ROOT / "csrc" / folder).glob("*.c"))
     if path.name not in INCLUDED
 ]

@@ -4,6 +4,7 @@ from importlib import import_module
 from types import ModuleType
 
 from granular import (
+    bodies,
     dem,
     economy,
     friction_law,
@@ -41,6 +42,7 @@ __all__ = [
     "StabilityWarning",
     "State",
     "Trajectory",
+    "bodies",
     "dem",
     "economy",
     "friction_law",

@@ -184,6 +184,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         fluidity_method=scheme.fluidity.method,
         fluidity_substeps=scheme.fluidity.substeps,
         fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
+        bodies=[body.row() for body in scene.bodies],
     )
 
 

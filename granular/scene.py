@@ -12,7 +12,9 @@ from typing import Any, Self
 
 import numpy as np
 
+from granular import bodies as rigid
 from granular import geometry, materials
+from granular.bodies import Body
 from granular.boundaries import Absorber, Gravity, Solid, Wall
 from granular.checks import integer, one_of, positive
 from granular.geometry import Fill, Grid
@@ -115,6 +117,8 @@ class Scene:
     duration : float
         Time to simulate [s], > 0.
     absorbers : sequence of Absorber
+    bodies : sequence of Body
+        Rigid bodies; what fills them at the start is theirs to push out, so leave them room.
     seed : int
         Of the jitter of the points, >= 0.
     parameters : mapping
@@ -135,6 +139,7 @@ class Scene:
     gravity: Gravity
     duration: float
     absorbers: tuple[Absorber, ...] = ()
+    bodies: tuple[Body, ...] = ()
     seed: int = 0
     parameters: Parameters = field(default_factory=Parameters)
 
@@ -154,6 +159,7 @@ class Scene:
             "fills": _tuple_of("fills", self.fills, (Fill,)),
             "walls": _tuple_of("walls", self.walls, (Wall, Solid)),
             "absorbers": _tuple_of("absorbers", self.absorbers, (Absorber,)),
+            "bodies": _tuple_of("bodies", self.bodies, (Body,)),
             "duration": positive("duration", self.duration),
             "seed": integer("seed", self.seed, 0, 2**63 - 1),
             "parameters": Parameters(self.parameters),
@@ -169,7 +175,8 @@ class Scene:
             raise ValueError("fills = () must hold at least one Fill")
         for i, fill in enumerate(self.fills):
             geometry.check_inside(f"fills[{i}]", self.grid, fill.region)
-        for name in ("walls", "absorbers"):
+        rigid.check_count(self.bodies)
+        for name in ("walls", "absorbers", "bodies"):
             for i, part in enumerate(getattr(self, name)):
                 part.check(f"{name}[{i}]", self.grid)
         if self.material.has_fluidity and self.scheme.basis == "ugimp":
@@ -280,9 +287,16 @@ _PARTS: dict[str, type] = {
         Absorber,
         Gravity,
         Parameters,
+        Body,
+        rigid.Motion,
     )
 }
 """The classes a scene is written with, by the tag that stands for them."""
+_PARTS |= {
+    f"bodies.{kind.__name__}": kind
+    for kind in (rigid.Box, rigid.Cylinder, rigid.HalfSpace, rigid.Union)
+}
+_TAGS = {kind: tag for tag, kind in _PARTS.items()}
 
 
 def _encode(value: Any) -> Any:
@@ -299,13 +313,13 @@ def _encode(value: Any) -> Any:
         items = [[key, _encode(entry)] for key, entry in value.items()]
         return {"type": "Parameters", "items": items}
     kind = type(value)
-    if _PARTS.get(kind.__name__) is not kind:
+    if kind not in _TAGS:
         raise TypeError(f"{value!r} cannot be written: the class must be one of {list(_PARTS)}")
     if isinstance(value, Material):
         arguments = value.arguments()
     else:
         arguments = {f.name: getattr(value, f.name) for f in fields(value)}
-    return {"type": kind.__name__, **{name: _encode(entry) for name, entry in arguments.items()}}
+    return {"type": _TAGS[kind], **{name: _encode(entry) for name, entry in arguments.items()}}
 
 
 def _decode(value: Any) -> Any:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from granular import _core, stability
+from granular import bodies as rigid
 from granular import engine as core
 from granular.checks import integer, positive
 from granular.monitor import Health, Monitor, health
@@ -147,6 +148,11 @@ class Simulation:
         iterations and the cells kept from being negative since this object was made. None for a
         local law."""
         return self._engine.fluidity()
+
+    @property
+    def bodies(self) -> tuple[rigid.BodyState, ...]:
+        """Where the bodies of the scene are and what they have felt, in their order."""
+        return tuple(rigid.state_of(row, self.scene.dim) for row in self._engine.bodies())
 
     @property
     def buffers(self) -> dict[str, NDArray]:
@@ -294,7 +300,13 @@ class Simulation:
             state = self._snapshot(CARRIED)
             looks = self._monitor.look(state) if due else {}
         if writer:
-            writer.append(state, self.checkpoint(), looks=looks, may_wait=True)
+            writer.append(
+                state,
+                self.checkpoint(),
+                looks=looks,
+                bodies=self._engine.bodies(),
+                may_wait=True,
+            )
         for hook in hooks:
             hook(self)
 
@@ -350,7 +362,8 @@ class Simulation:
             step=scalars["step"],
             dt=scalars["dt"],
             scalars=scalars | {"mean_mass": self._mean_mass},
-            arrays={name: array.take(places, axis=-1) for name, array in self._buffers.items()},
+            arrays={name: array.take(places, axis=-1) for name, array in self._buffers.items()}
+            | ({"bodies": self._engine.bodies()} if self.scene.bodies else {}),
         )
 
     @classmethod
@@ -383,7 +396,15 @@ class Simulation:
             array[..., :n] = stored
         self._bind(n)
         self._engine.restore(scalars)
+        if scene.bodies:
+            self._restore_bodies(checkpoint)
         return self
+
+    def _restore_bodies(self, checkpoint: Checkpoint) -> None:
+        stored = checkpoint.arrays.get("bodies")
+        if stored is None:
+            raise ValueError("the checkpoint does not hold the bodies of the scene")
+        self._engine.restore_bodies(stored)
 
     @classmethod
     def resume(

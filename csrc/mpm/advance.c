@@ -9,6 +9,7 @@
 #include <omp.h>
 #endif
 
+#include "body/contact.h"
 #include "core/barrier.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
@@ -98,6 +99,7 @@ static void finish(struct team *team)
     e->error = gr_migrate(e, team->leavers, team->barrier.threads);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
+    gr_bodies_move(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
     if (!e->n_pending) return;
@@ -131,7 +133,12 @@ static void stage_grid(struct team *team, int t)
         gr_wait(&team->barrier);
     }
     gr_grid_nodes(e, first, last, team->gravity);
+    if (e->config.n_bodies) gr_bodies_find(e, first, last);
     gr_wait(&team->barrier);
+    if (e->config.n_bodies) {
+        if (t == 0) gr_bodies_touch(e, team->gravity);
+        gr_wait(&team->barrier);
+    }
     if (gr_averages(e, e->step)) {
         gr_grid_surroundings(e, first, last);
         gr_wait(&team->barrier);
@@ -273,6 +280,10 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (team.again) kernels->scatter(e, 0, e->mesh.n_cells);
     press(e, kernels);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
+    if (e->config.n_bodies) {
+        gr_bodies_find(e, 0, e->mesh.n_nodes);
+        gr_bodies_touch(e, team.gravity);
+    }
     if (gr_averages(e, e->step)) gr_grid_surroundings(e, 0, e->mesh.n_nodes);
     for (int pass = 2; pass <= e->config.xpic_order; pass++) {
         kernels->smooth(e, 0, e->mesh.n_cells);

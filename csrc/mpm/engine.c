@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "body/contact.h"
+
 int gr_engine_uses(const struct gr_config *config, int field)
 {
     switch (gr_field_table[field].need) {
@@ -38,6 +40,16 @@ static int own(const void **pointer, size_t bytes)
     return GR_OK;
 }
 
+static int copy_bodies(struct gr_config *c)
+{
+    struct gr_body *bodies = 0;
+    int error = own((const void **)&c->bodies, sizeof *bodies * (size_t)c->n_bodies);
+    bodies = (struct gr_body *)c->bodies;
+    for (int b = 0; bodies && b < c->n_bodies; b++)
+        error |= own((const void **)&bodies[b].motion, 7 * sizeof(double) * (size_t)bodies[b].n_motion);
+    return error;
+}
+
 static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
 {
     struct gr_config *c = &e->config;
@@ -46,6 +58,8 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     error |= own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
     error |= own((const void **)&c->node_codes, (size_t)n_nodes);
     error |= own((const void **)&c->cell_flags, (size_t)n_cells);
+    error |= own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
+    error |= copy_bodies(c);
     for (int d = 0; d < 3; d++) c->creases[d] = 0;
     c->nonlocal.face = 0;
     return error ? GR_ERR_MEMORY : GR_OK;
@@ -79,6 +93,18 @@ static int count_solids(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     return GR_OK;
 }
 
+static int bodies_are_valid(const struct gr_config *c)
+{
+    if (c->n_bodies < 0 || c->n_bodies > GR_MAX_BODIES || c->n_parts < 0 || c->n_parts > GR_MAX_PARTS) return 0;
+    for (int b = 0; b < c->n_bodies; b++) {
+        const struct gr_body *body = &c->bodies[b];
+        if (body->first_part < 0 || body->n_parts < 1 || body->first_part > c->n_parts - body->n_parts) return 0;
+        if (body->contact < 0 || body->contact >= GR_CONTACT_COUNT || body->free < 0 || body->free >> c->dim) return 0;
+        if (!(body->friction >= 0) || body->n_motion < 1 || (body->free && !(body->mass > 0))) return 0;
+    }
+    return 1;
+}
+
 static int config_is_valid(const struct gr_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
@@ -97,7 +123,7 @@ static int config_is_valid(const struct gr_config *c)
         if (isfinite(w->opens_at) && !(c->walls[w->after].opens_at > w->opens_at)) return 0;
         if (!isfinite(w->opens_at) && !(w->opens_at > 0)) return 0;
     }
-    return 1;
+    return bodies_are_valid(c);
 }
 
 static double parameter_of(const struct gr_config *config, const char *name)
@@ -134,6 +160,15 @@ static int build_fluidity(struct gr_engine *e)
     return e->balance ? GR_OK : GR_ERR_MEMORY;
 }
 
+static int build_bodies(struct gr_engine *e)
+{
+    e->body = calloc((size_t)e->config.n_bodies, sizeof *e->body);
+    e->body_next = calloc((size_t)e->config.n_bodies, sizeof *e->body_next);
+    if (!e->body || !e->body_next) return GR_ERR_MEMORY;
+    gr_bodies_start(e);
+    return GR_OK;
+}
+
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
 {
     int error = GR_ERR_CONFIG;
@@ -168,6 +203,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->mesh.node_of = calloc((size_t)n_nodes, sizeof(int32_t));
     if (!e->mesh.cell_of || !e->mesh.node_of) goto out;
     error = count_solids(e, n_nodes, n_cells);
+    if (!error && config->n_bodies) error = build_bodies(e);
     e->dt = config->dt;
     e->lent_dt = 1; /* until a shift has been made */
     e->lent_scale = -1;
@@ -194,11 +230,14 @@ void gr_engine_free(struct gr_engine *e)
     if (!e) return;
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->fluidity);
+    for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
     void *owned[] = {(void *)e->config.gravity_times,
                      (void *)e->config.gravity_vectors,
                      (void *)e->config.walls,
                      (void *)e->config.node_codes,
                      (void *)e->config.cell_flags,
+                     (void *)e->config.bodies,
+                     (void *)e->config.parts,
                      e->mesh.cell,
                      e->mesh.cell_node,
                      e->mesh.node_source,
@@ -213,6 +252,9 @@ void gr_engine_free(struct gr_engine *e)
                      e->node_v,
                      e->solid,
                      e->balance,
+                     e->body,
+                     e->body_next,
+                     e->touched,
                      e->leaver,
                      e->pending,
                      e->pending_id,

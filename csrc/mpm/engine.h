@@ -4,6 +4,7 @@
 
 #include <stdint.h>
 
+#include "body/body.h"
 #include "core/axis.h"
 #include "core/barrier.h"
 #include "core/error.h"
@@ -72,6 +73,9 @@ struct gr_config {
     const struct gr_wall *walls; /* row 0 is the free node */
     const uint8_t *node_codes;   /* per node of the grid, x fastest */
     const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
+    int n_bodies, n_parts;
+    const struct gr_body *bodies;
+    const struct gr_part *parts; /* of all bodies */
 };
 
 /* GR_CELL_WALL << (2 d + side): a wall stands at the low (side 0) or high (1) face of the cell along axis d. */
@@ -126,6 +130,9 @@ struct gr_engine {
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, smoothed by XPIC */
     double *solid;     /* per node of the grid: part of its volume that is no room; NULL without solids */
     int sum_stride, node_stride;
+    /* bodies; NULL without any */
+    struct gr_body_state *body, *body_next; /* now, and after the step that is being made */
+    uint8_t *touched;                       /* per node: whether it lies within one */
     /* leavers of a step, by thread; their records become those of the points that wait for a place */
     struct gr_leaver *leaver;
     int64_t n_pending, pending_room, needed_capacity;

@@ -159,6 +159,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(e->node_data, room * e->node_stride + 2 * GR_LANES);
     GR_RESIZE(e->node_mass, room);
     GR_RESIZE(e->node_v, room * e->config.dim);
+    if (e->config.n_bodies) GR_RESIZE(e->touched, room);
     mesh->node_room = room;
     return GR_OK;
 }

@@ -41,9 +41,16 @@ int gr_refuse_frictions(double mu_s, double mu_2);
 /* Raise the exception of a core error. Always returns NULL. */
 PyObject *gr_raise(int error, const struct gr_engine *engine);
 
-/* The configuration that keyword arguments describe; it points into them and into `walls`. Returned: 0, or -1 with
+/* Room for what the configuration of an engine is made of. */
+struct gr_tables {
+    struct gr_wall wall[256];
+    struct gr_body body[GR_MAX_BODIES];
+    struct gr_part part[GR_MAX_PARTS];
+};
+
+/* The configuration that keyword arguments describe; it points into them and into `tables`. Returned: 0, or -1 with
  * an exception set. */
-int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_wall walls[256], const char **isa);
+int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa);
 
 /* Whether the team of OpenMP died in a fork of this process, so that only one thread can run. Returned: 0, or 1 with
  * RuntimeError set. */
@@ -52,6 +59,13 @@ int gr_team_is_lost(int threads);
 /* fluidity.c: functions of the module. */
 PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
+
+/* bodies.c: those of a configuration, from rows (parts, pose, motion, contact, free, friction, mass); their state as an
+ * array (bodies, 19), and from one; function of the module. */
+int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
+PyObject *gr_python_bodies(const struct gr_engine *e);
+int gr_restore_bodies(struct gr_engine *e, PyObject *object);
+PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
 /* hencky.c: function of the module. */
 PyObject *gr_python_hencky_update(PyObject *module, PyObject *args);

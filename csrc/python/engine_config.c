@@ -196,7 +196,7 @@ static int law_index(const char *name)
     return -1;
 }
 
-int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_wall table[256], const char **isa)
+int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa)
 {
     static char *names[] = {"dim",
                             "basis",
@@ -223,17 +223,18 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "fluidity_method",
                             "fluidity_substeps",
                             "fluidity_faces",
+                            "bodies",
                             NULL};
     struct gr_config c = {0};
     int density;
     const char *law, *method;
     PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *walls, *codes, *flags, *times, *vectors;
-    PyObject *numbers, *parameters, *faces;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!siO", names, &c.dim, &c.basis, &c.affine,
+    PyObject *numbers, *parameters, *faces, *bodies;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!siOO", names, &c.dim, &c.basis, &c.affine,
                                      &density, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape,
                                      &lower, &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags, &times,
                                      &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method,
-                                     &c.nonlocal.substeps, &faces))
+                                     &c.nonlocal.substeps, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
         PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2");
@@ -242,9 +243,10 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     c.diffused = density == 1, c.shared = density == 2; /* 0: tracked */
     c.law = law_index(law);
     if (c.law < 0) return -1;
-    if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases) || take_walls(&c, walls, table) ||
+    if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method))
+        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method) ||
+        gr_take_bodies(&c, bodies, tables))
         return -1;
     *out = c;
     return 0;

@@ -52,13 +52,13 @@ static int refuse_diffusion(const struct gr_engine *e)
 static int engine_init(struct engine_object *self, PyObject *args, PyObject *kwargs)
 {
     struct gr_config config;
-    struct gr_wall walls[256];
+    struct gr_tables tables;
     const char *isa;
     if (self->engine) {
         PyErr_SetString(PyExc_RuntimeError, "the engine is already built");
         return -1;
     }
-    if (gr_parse_config(args, kwargs, &config, walls, &isa)) return -1;
+    if (gr_parse_config(args, kwargs, &config, &tables, &isa)) return -1;
     self->kernels = gr_kernels_select(isa);
     if (!self->kernels) {
         PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
@@ -337,6 +337,20 @@ static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
     Py_RETURN_NONE;
 }
 
+static PyObject *engine_bodies(struct engine_object *self, PyObject *unused)
+{
+    (void)unused;
+    struct gr_engine *e = ready(self, 0);
+    return e ? gr_python_bodies(e) : NULL;
+}
+
+static PyObject *engine_restore_bodies(struct engine_object *self, PyObject *array)
+{
+    struct gr_engine *e = ready(self, 0);
+    if (!e || gr_restore_bodies(e, array)) return NULL;
+    Py_RETURN_NONE;
+}
+
 static PyObject *engine_refresh(struct engine_object *self, PyObject *unused)
 {
     (void)unused;
@@ -403,6 +417,11 @@ static PyMethodDef methods[] = {
     {"cells", (PyCFunction)engine_cells, METH_NOARGS, "cells()\n--\n\n(offset, count) of the cells in the point arrays."},
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
+    {"bodies", (PyCFunction)engine_bodies, METH_NOARGS,
+     "bodies()\n--\n\nState of the bodies, (n, 19): position, orientation (quaternion), velocity, angular velocity, impulse,\n"
+     "angular impulse."},
+    {"restore_bodies", (PyCFunction)engine_restore_bodies, METH_O,
+     "restore_bodies(state)\n--\n\nSet the state of the bodies, as bodies() gave it."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},

@@ -150,6 +150,9 @@ static PyMethodDef functions[] = {
      "hencky_update(flow, parameters, dt, gradient, log_density, stress, g, shear_rate, isa)\n--\n\n"
      "One step of the finite-strain law of n points, in place: gradient (dim*dim, n) is L dt, log_density (n,) at its end;\n"
      "the Kirchhoff stress (4|6, n), g (n,), given after diffusion, and the plastic shear_rate (n,) are updated."},
+    {"body_distance", gr_python_body_distance, METH_VARARGS,
+     "body_distance(parts, x)\n--\n\n(distance (n,), outward normal (n, 3)) of places x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
+     "rotation[9], size[3])."},
     {"laws", laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},

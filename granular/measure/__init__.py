@@ -13,6 +13,7 @@ from granular.measure.averages import (
     frame_average,
     speed_contours,
 )
+from granular.measure.body import BodyForce, BodyMotion, body_force, body_motion
 from granular.measure.budget import StepBudget, step_budget
 from granular.measure.bulk import (
     density_drift,
@@ -75,6 +76,8 @@ from granular.measure.velocity_slices import (
 __all__ = [
     "Arch",
     "BeverlooFit",
+    "BodyForce",
+    "BodyMotion",
     "CellField",
     "Contour",
     "Discharge",
@@ -97,6 +100,8 @@ __all__ = [
     "VelocitySlices",
     "arch_outline",
     "beverloo",
+    "body_force",
+    "body_motion",
     "cell_average",
     "cell_density",
     "cell_density_percentile",

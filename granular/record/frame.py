@@ -27,7 +27,8 @@ class Source(Protocol):
 class Frame:
     """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``.
 
-    ``looks`` is what monitors told of it, if they looked.
+    ``looks`` is what monitors told of it, if they looked, and the numbers of its bodies by the
+    names of `body_names`.
     """
 
     time: float
@@ -95,6 +96,15 @@ class Table:
         texts_of = (texts.record, texts.scene, texts.provenance)
         looks = [part for name in sorted(self.looks) for part in (name, self.looks[name])]
         return seal(str(version), *texts_of, checkpoint, *columns, *looks)
+
+
+BODY = "body"
+"""What the names of the numbers of bodies begin with."""
+
+
+def body_names(count: int, numbers: int) -> list[str]:
+    """Names under which the numbers of bodies are stored, those of one body after another."""
+    return [f"{BODY}{b}_{k:02d}" for b in range(count) for k in range(numbers)]
 
 
 def looks_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:

@@ -10,7 +10,8 @@ The finished file::
         scene, provenance   JSON
         step, dt, mass      one value a frame
         digest              (frames, 32) of each frame's content
-        looks/<name>        what monitors told of each frame, nan where they did not look
+        looks/<name>        what monitors told of each frame, nan where they did not look, and the
+                            numbers of rigid bodies (body<index>_<number>)
         checkpoint          the newest restart state (optional)
 
 Every frame begins on a chunk boundary, so that merging copies compressed chunks as they are;

@@ -12,7 +12,7 @@ import numpy as np
 
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.frame import Frame, looks_of
+from granular.record.frame import BODY, Frame, body_names, looks_of
 from granular.record.index import Contents, load
 from granular.record.layout import FORMAT, RecordError
 
@@ -75,7 +75,21 @@ class Trajectory:
 
         Each of shape (frames,); nan for frames they did not look at, empty if there are none.
         """
-        return looks_of(self._frames)
+        told = looks_of(self._frames)
+        return {name: column for name, column in told.items() if not name.startswith(BODY)}
+
+    @cached_property
+    def bodies(self) -> np.ndarray:
+        """The numbers of the rigid bodies in every frame, shape (frames, bodies, 19).
+
+        See `granular.measure.body_motion` and `granular.measure.body_force`.
+        """
+        told = looks_of(self._frames)
+        names = [name for name in told if name.startswith(BODY)]
+        numbers = len([name for name in names if name.startswith(f"{BODY}0_")])
+        count = len(names) // max(numbers, 1)
+        columns = [told[name] for name in body_names(count, numbers)]
+        return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
     def health(self) -> "Health":
         """What the looks at these frames say of the run."""

@@ -18,7 +18,7 @@ import numpy as np
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
 from granular.record.chunks import Packed, Packer
-from granular.record.frame import Frame, Texts
+from granular.record.frame import Frame, Texts, body_names
 from granular.record.index import Contents, load, parts_folder
 from granular.record.layout import DTYPES, MAX_COLUMNS, chunk_rows, frame_digest
 from granular.record.merge import clear_parts, merge, remove_parts
@@ -243,11 +243,13 @@ class TrajectoryWriter:
         checkpoint: Checkpoint | None = None,
         *,
         looks: Mapping[str, float] | None = None,
+        bodies: np.ndarray | None = None,
         may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time; they are on the disk when this returns.
 
-        `looks` is what monitors told of the frame. A frame equal to the recorded one of the same
+        `looks` is what monitors told of the frame, `bodies` (count, numbers) the state of its rigid
+        bodies. A frame equal to the recorded one of the same
         step is taken for it. What `may_wait` is stored by and by, see `store`.
 
         Raises
@@ -265,7 +267,10 @@ class TrajectoryWriter:
         spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
         if self._spec is not None and spec != self._spec:
             raise ValueError(f"fields = {spec} must be those of frame 0: {self._spec}")
-        self._add(state, fields, looks or {})
+        told = dict(looks or {})
+        if bodies is not None:
+            told |= zip(body_names(*bodies.shape), bodies.ravel().tolist(), strict=True)
+        self._add(state, fields, told)
         self._spec = spec
         self._checkpoint = checkpoint or self._checkpoint
         self.store(may_wait=may_wait)

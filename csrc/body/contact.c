@@ -1,0 +1,223 @@
+#include "body/contact.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "mpm/migrate.h"
+
+enum { MAX_SWEEPS = 50 };
+
+/* Change of a velocity over the velocities that is round-off. */
+#define NO_CHANGE 1e-14
+
+/* A body in a step: its velocities are those of the step. */
+struct moving {
+    const struct gr_body *body;
+    const struct gr_part *parts;
+    double x[3], rotation[9], v[3], omega[3];
+};
+
+/* What the nodes do to a body: impulse, angular impulse, and minus the derivative of the impulse by the velocity. */
+struct sums {
+    double impulse[3], angular[3], slope[3][3];
+};
+
+void gr_bodies_start(struct gr_engine *e)
+{
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        const struct gr_body *body = &e->config.bodies[b];
+        struct gr_body_state *state = &e->body[b];
+        double rates[6];
+        memset(state, 0, sizeof *state);
+        memcpy(state->x, body->position, sizeof state->x);
+        memcpy(state->orientation, body->orientation, sizeof state->orientation);
+        gr_motion_at(body, 0, rates);
+        memcpy(state->v, rates, sizeof state->v);
+        memcpy(state->omega, rates + 3, sizeof state->omega);
+        e->body_next[b] = *state;
+    }
+}
+
+static void place(const struct gr_engine *e, int b, struct moving *m)
+{
+    m->body = &e->config.bodies[b];
+    m->parts = e->config.parts + m->body->first_part;
+    memcpy(m->x, e->body[b].x, sizeof m->x);
+    gr_rotation_matrix(e->body[b].orientation, m->rotation);
+}
+
+/* r = x_i - X, 0 along the axes that there are not. */
+static void arm(const struct gr_engine *e, int64_t node, const struct moving *m, double r[3])
+{
+    int64_t id = e->mesh.node_id[node];
+    for (int d = 0; d < 3; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        r[d] = 0;
+        if (d >= e->config.dim) continue;
+        r[d] = axis->origin + axis->node_position[id % axis->n_nodes] * e->config.dx - m->x[d];
+        id /= axis->n_nodes;
+    }
+}
+
+/* Distance of a node to the surface of a body, and the normal in axes of space. */
+static double distance(const struct moving *m, const double r[3], double normal[3])
+{
+    const double *q = m->rotation;
+    double local[3], at[3];
+    for (int d = 0; d < 3; d++) at[d] = q[d] * r[0] + q[3 + d] * r[1] + q[6 + d] * r[2];
+    const double phi = gr_union_distance(m->parts, m->body->n_parts, at, local);
+    for (int d = 0; d < 3; d++) normal[d] = q[3 * d] * local[0] + q[3 * d + 1] * local[1] + q[3 * d + 2] * local[2];
+    return phi;
+}
+
+static int is_far(const struct moving *m, const double r[3])
+{
+    return r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > m->body->bound * m->body->bound;
+}
+
+void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last)
+{
+    memset(e->touched + first, 0, (size_t)(last - first));
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        struct moving m;
+        place(e, b, &m);
+        for (int64_t n = first; n < last; n++) {
+            double r[3], normal[3];
+            if (e->touched[n] || !(e->node_mass[n] > e->config.mass_cutoff)) continue;
+            arm(e, n, &m, r);
+            if (!is_far(&m, r)) e->touched[n] = distance(&m, r, normal) < 0;
+        }
+    }
+}
+
+static void add_slope(struct sums *sums, double mass, const double n[3], int held)
+{
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) sums->slope[i][j] += mass * (held == 2 ? i == j : n[i] * n[j]);
+}
+
+/* Contact of one node. What walls hold or clamp stays so. */
+static void touch(struct gr_engine *e, int64_t node, const struct moving *m, struct sums *sums, int keep)
+{
+    const int dim = e->config.dim;
+    double r[3], n[3], v[3] = {0}, after[3], impulse[3] = {0};
+    arm(e, node, m, r);
+    if (is_far(m, r) || !(distance(m, r, n) < 0)) return;
+    double *out = e->node_data + node * e->node_stride;
+    const double *w = m->omega, mass = e->node_mass[node];
+    const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[node]);
+    const double surface[3] = {m->v[0] + w[1] * r[2] - w[2] * r[1], m->v[1] + w[2] * r[0] - w[0] * r[2],
+                               m->v[2] + w[0] * r[1] - w[1] * r[0]};
+    memcpy(v, out, sizeof(double) * (size_t)dim);
+    memcpy(after, v, sizeof v);
+    const int held = gr_contact(m->body, n, surface, after);
+    if (!held) return;
+    add_slope(sums, mass, n, held);
+    for (int d = 0; d < dim; d++) {
+        if (wall->fixed >> d & 1) after[d] = v[d];
+        if (wall->clamp >> d & 1 && after[d] > 0) after[d] = fmin(v[d], after[d]);
+        impulse[d] = -mass * (after[d] - v[d]);
+        sums->impulse[d] += impulse[d];
+        if (!keep) continue;
+        out[d] = after[d];
+        out[dim + d] += after[d] - v[d];
+    }
+    sums->angular[0] += r[1] * impulse[2] - r[2] * impulse[1];
+    sums->angular[1] += r[2] * impulse[0] - r[0] * impulse[2];
+    sums->angular[2] += r[0] * impulse[1] - r[1] * impulse[0];
+}
+
+static void touch_all(struct gr_engine *e, const struct moving *m, struct sums *sums, int keep)
+{
+    memset(sums, 0, sizeof *sums);
+    for (int64_t n = 0; n < e->mesh.n_nodes; n++)
+        if (e->touched[n]) touch(e, n, m, sums, keep);
+}
+
+/* Solve a x = b for the components of `free`, symmetric positive definite; x is 0 along the others. */
+static void solve(double a[3][3], double b[3], int free, double x[3])
+{
+    for (int i = 0; i < 3; i++) {
+        if (!(free >> i & 1)) continue;
+        for (int j = i + 1; j < 3; j++) {
+            if (!(free >> j & 1)) continue;
+            const double share = a[j][i] / a[i][i];
+            for (int k = i; k < 3; k++) a[j][k] -= share * a[i][k];
+            b[j] -= share * b[i];
+        }
+    }
+    for (int i = 2; i >= 0; i--) {
+        x[i] = 0;
+        if (!(free >> i & 1)) continue;
+        double rest = b[i];
+        for (int j = i + 1; j < 3; j++) rest -= a[i][j] * x[j];
+        x[i] = rest / a[i][i];
+    }
+}
+
+/* Velocity of the free components after the step: backward Euler, as contact is stiff for a light body. */
+static void find_velocity(struct gr_engine *e, struct moving *m, const double before[3], const double g[3])
+{
+    const struct gr_body *body = m->body;
+    const double dt = e->dt, mass = body->mass;
+    double scale = 0;
+    for (int d = 0; d < 3; d++) {
+        scale = fmax(scale, fabs(before[d]) + fabs(dt * g[d]));
+        if (body->free >> d & 1) m->v[d] = before[d] + dt * g[d];
+    }
+    for (int sweep = 0; sweep < MAX_SWEEPS; sweep++) {
+        struct sums sums;
+        double rest[3], change[3], largest = 0;
+        touch_all(e, m, &sums, 0);
+        for (int d = 0; d < 3; d++) {
+            rest[d] = sums.impulse[d] - mass * (m->v[d] - before[d] - dt * g[d]);
+            sums.slope[d][d] += mass;
+        }
+        solve(sums.slope, rest, body->free, change);
+        for (int d = 0; d < 3; d++) {
+            m->v[d] += change[d];
+            largest = fmax(largest, fabs(change[d]));
+            scale = fmax(scale, fabs(m->v[d]));
+        }
+        if (!(largest > NO_CHANGE * scale)) return;
+    }
+}
+
+static void touch_body(struct gr_engine *e, int b, const double g[3])
+{
+    const double dt = e->dt;
+    const struct gr_body_state *now = &e->body[b];
+    struct gr_body_state *next = &e->body_next[b];
+    struct moving m;
+    struct sums sums;
+    double mean[6], end[6];
+    place(e, b, &m);
+    gr_motion_mean(m.body, e->time, dt, mean);
+    gr_motion_at(m.body, e->time + dt, end);
+    memcpy(m.v, mean, sizeof m.v);
+    memcpy(m.omega, mean + 3, sizeof m.omega);
+    if (m.body->free) find_velocity(e, &m, now->v, g);
+    touch_all(e, &m, &sums, 1);
+    *next = *now;
+    for (int d = 0; d < 3; d++) {
+        const int free = m.body->free >> d & 1;
+        next->v[d] = free ? now->v[d] + sums.impulse[d] / m.body->mass + dt * g[d] : end[d];
+        next->x[d] = now->x[d] + dt * (free ? next->v[d] : mean[d]);
+        next->omega[d] = end[3 + d];
+        next->impulse[d] += sums.impulse[d];
+        next->angular_impulse[d] += sums.angular[d];
+    }
+    gr_turn(now->orientation, m.omega, dt, next->orientation);
+}
+
+void gr_bodies_touch(struct gr_engine *e, const double g[3])
+{
+    double gravity[3] = {0};
+    memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
+    for (int b = 0; b < e->config.n_bodies; b++) touch_body(e, b, gravity);
+}
+
+void gr_bodies_move(struct gr_engine *e)
+{
+    if (e->config.n_bodies) memcpy(e->body, e->body_next, sizeof *e->body * (size_t)e->config.n_bodies);
+}

@@ -1,0 +1,318 @@
+"""Rigid bodies against an oracle: distance, motion, contact at the nodes; what is refused."""
+
+import math
+
+import numpy as np
+import oracle_bodies
+import pytest
+
+import granular as gr
+from granular import _core
+from granular.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
+from granular.geometry import Box as Region
+from granular.geometry import Fill, Grid
+from granular.materials import MuI
+from granular.walls import Gravity, Wall
+
+CELL, DT = 0.1, 1e-3
+
+PLANE = {
+    "box": Box((0.21, 0.13), center=(0.02, -0.01), rotation_deg=20.0),
+    "disc": Cylinder(0.12, center=(0.01, 0.02)),
+    "drum": Cylinder(0.22, center=(0.0, 0.0), inside=True),
+    "half": HalfSpace((0.3, 1.0), (0.0, -0.05)),
+    "bucket": Union((Box((0.3, 0.08)), Box((0.08, 0.3), center=(0.15, 0.1)))),
+}
+SPACE = {
+    "box": Box((0.25, 0.19, 0.3), center=(0.02, -0.01, 0.03), rotation_deg=(20.0, 10.0, 5.0)),
+    "roller": Cylinder(0.14, center=(0.01, 0.02, 0.0), axis=(0.2, 1.0, 0.1), length=0.3),
+    "drum": Cylinder(0.2, center=(0.0,) * 3, axis=(0.0, 1.0, 0.0), length=0.3, inside=True),
+    "half": HalfSpace((0.3, -0.2, 1.0), (0.0, 0.0, -0.05)),
+}
+SHAPES = [pytest.param(s, id=f"{s.dim}d-{name}") for f in (PLANE, SPACE) for name, s in f.items()]
+
+
+def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
+    """A block of material in a box, with bodies."""
+    shape = (6, 3, 5) if dim == 3 else (6, 5)
+    upper = tuple(CELL * n for n in shape)
+    walls = [Wall(dim - 1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless")]
+    return gr.Scene(
+        name="bodies",
+        grid=Grid((0.0,) * dim, CELL, shape),
+        fills=(Fill(Region((0.0,) * dim, (*upper[:-1], 0.4)), 2**dim, jitter=1.0),),
+        material=MuI(E=1e6),
+        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="tracked", dt=DT),
+        walls=tuple(walls),
+        bodies=bodies,
+        gravity=Gravity((0.0,), ((*(0.0,) * (dim - 1), gravity),)),
+        duration=1.0,
+        seed=3,
+    )
+
+
+def grid_of(scene):
+    """An engine after the grid stage of its first step, with random velocities of the points."""
+    sim = gr.Simulation(scene, threads=1)
+    v = sim.buffers["v"]
+    v[:] = np.random.default_rng(5).normal(size=v.shape)
+    sim._engine.scatter()
+    sim._engine.grid()
+    return sim, sim._engine.nodes()
+
+
+# ---- distance ----
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_distance_and_normal(shape):
+    body = Body(shape, (0.3, 0.2, 0.1)[: shape.dim], rotation_deg=0.0)
+    x = np.random.default_rng(1).uniform(-0.4, 0.4, (60, shape.dim))
+    found, normal = body.distance(x + body.position)
+    places = np.pad(x, ((0, 0), (0, 3 - shape.dim)))
+    wanted = [oracle_bodies.distance(shape, place) for place in places]
+    assert np.allclose(found, wanted, rtol=0, atol=1e-14)
+    smooth = [oracle_bodies.gradient(shape, place)[: shape.dim] for place in places]
+    assert np.allclose(normal, smooth, rtol=0, atol=1e-4)
+    assert np.allclose(np.linalg.norm(normal, axis=1), 1, rtol=0, atol=1e-14)
+
+
+def test_distance_turns_with_the_body():
+    body = Body(Box((0.2, 0.1)), (1.0, 2.0), rotation_deg=90.0)
+    distance, normal = body.distance(np.array([[1.0, 2.2], [1.2, 2.0], [1.0, 2.0]]))
+    assert np.allclose(distance, [0.1, 0.15, -0.05], rtol=0, atol=1e-15)
+    assert np.allclose(normal[:2], [[0, 1], [1, 0]], rtol=0, atol=1e-15)
+
+
+# ---- contact at the nodes ----
+
+
+@pytest.mark.parametrize("contact", ["sticky", "separating", "bilateral"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_contact_of_all_nodes(shape, contact):
+    dim = shape.dim
+    turning = (1.5,) if dim == 2 else ((0.4, -1.5, 0.3),)
+    motion = Motion(velocity=((0.3, -0.4, 0.2)[:dim],), angular_velocity=turning)
+    friction = 0.0 if contact == "sticky" else 0.4
+    body = Body(
+        shape,
+        (0.33, 0.21, 0.22)[:dim] if dim == 3 else (0.33, 0.24),
+        rotation_deg=15.0 if dim == 2 else (15.0, 5.0, -10.0),
+        motion=motion,
+        contact=contact,
+        friction=friction,
+    )
+    scene = scene_of(body, dim=dim)
+    sim, nodes = grid_of(scene)
+    _, free = grid_of(scene.replace(bodies=()))
+    omega = np.zeros(3)
+    omega[2 if dim == 2 else slice(None)] = turning[0]
+    velocity = np.pad(motion.velocity[0], (0, 3 - dim))
+    v, *_ = oracle_bodies.step(body, free, velocity, omega, np.zeros(3), DT)
+    fixed = (free["v"] == 0) & (free["mass"][:, None] > 0)  # by walls, which go before
+    v = np.where(fixed, 0, v[:, :dim])
+    assert np.abs(v - free["v"]).max() > 0.1
+    assert np.allclose(nodes["v"], v, rtol=0, atol=1e-8)
+    assert np.allclose(nodes["w"] - free["w"], nodes["v"] - free["v"], rtol=0, atol=1e-13)
+    sim._engine.gather()
+    state = sim.bodies[0]
+    impulse = -nodes["mass"][:, None] * (nodes["v"] - free["v"])
+    assert np.allclose(state.impulse, impulse.sum(axis=0), rtol=0, atol=1e-10)
+    arms = np.pad(nodes["x"] - np.array(body.position), ((0, 0), (0, 3 - dim)))
+    torque = np.cross(arms, np.pad(impulse, ((0, 0), (0, 3 - dim)))).sum(axis=0)
+    torque = torque[2] if dim == 2 else torque
+    assert np.allclose(state.angular_impulse, torque, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("mass", [1.0, 1e5])
+@pytest.mark.parametrize("contact", ["sticky", "separating"])
+def test_free_body_takes_up_the_impulse(contact, mass):
+    """As light as a hundredth of the nodes it touches, and heavy."""
+    body = Body(
+        Box((0.31, 0.25)),
+        (0.31, 0.27),
+        motion=Motion(velocity=((0.2, -0.5),)),
+        contact=contact,
+        free="y",
+        mass=mass,
+    )
+    scene = scene_of(body)
+    sim, nodes = grid_of(scene)
+    _, free = grid_of(scene.replace(bodies=()))
+    gravity = np.array([0, -9.8, 0])
+    v, impulse, _, velocity = oracle_bodies.step(
+        body, free, (0.2, -0.5, 0.0), np.zeros(3), gravity, DT
+    )
+    assert np.allclose(nodes["v"], v[:, :2], rtol=0, atol=1e-8)
+    sim._engine.gather()
+    state = sim.bodies[0]
+    assert np.allclose(state.velocity, velocity[:2], rtol=0, atol=1e-8)
+    assert np.allclose(state.impulse, impulse[:2], rtol=1e-8, atol=1e-8)
+    assert mass * (state.velocity[1] + 0.5 + 9.8 * DT) == pytest.approx(state.impulse[1], rel=1e-10)
+
+
+# ---- motion ----
+
+
+def test_scripted_motion_is_exact():
+    """The place after steps that cut the table anywhere is the integral of the velocity."""
+    motion = Motion(
+        times=(0.0105, 0.02, 0.0333),
+        velocity=((1.0, 0.0), (-2.0, 1.0), (0.5, 3.0)),
+        angular_velocity=(0.0, 40.0, -10.0),
+    )
+    sim = gr.Simulation(scene_of(Body(Cylinder(0.05, center=(0, 0)), (0.3, 3.0), motion=motion)))
+    sim.step(50)
+    fine = np.unique([*np.linspace(0, sim.time, 5), *motion.times])
+    path = [np.interp(fine, motion.times, v) for v in zip(*motion.velocity, strict=True)]
+    moved = np.trapezoid(path, fine, axis=1)
+    moved -= sim.bodies[0].position
+    assert np.allclose(moved, [-0.3, -3.0], rtol=0, atol=1e-14)
+    angle = np.trapezoid(np.interp(fine, motion.times, motion.angular_velocity), fine)
+    axes = [[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]]
+    assert np.allclose(sim.bodies[0].rotation, axes, rtol=0, atol=1e-13)
+    assert sim.bodies[0].velocity.tolist() == [0.5, 3.0]
+    assert sim.bodies[0].angular_velocity == -10.0
+
+
+def test_turning_in_space_about_an_oblique_axis():
+    omega = np.array([3.0, -4.0, 12.0])
+    motion = Motion(velocity=((0.0, 0.0, 0.0),), angular_velocity=(tuple(omega),))
+    shape = Box((0.02, 0.03, 0.04))
+    sim = gr.Simulation(scene_of(Body(shape, (0.3, 0.1, 5.0), motion=motion), dim=3), threads=1)
+    sim.step(100)
+    wanted = oracle_bodies._turn(np.degrees(omega * sim.time)).as_matrix()
+    assert np.allclose(sim.bodies[0].rotation, wanted, rtol=0, atol=1e-12)
+
+
+def test_free_fall_and_empty_space():
+    """A body that touches nothing feels nothing, and falls with g."""
+    falling = Body(Box((0.1, 0.1)), (0.3, 9.0), free="y", mass=2.0)
+    passing = Body(HalfSpace((0.0, 1.0)), (0.0, -3.0), motion=Motion(velocity=((1.0, 0.0),)))
+    sim = gr.Simulation(scene_of(falling, passing), threads=1)
+    before = sim.state
+    sim.step(20)
+    for state in sim.bodies:
+        assert not state.impulse.any()
+        assert not state.angular_impulse
+    assert sim.bodies[0].velocity[1] == pytest.approx(-9.8 * sim.time, rel=1e-14)
+    assert sim.bodies[0].velocity[0] == 0
+    height = 9.0 - 9.8 * sim.time * (sim.time + DT) / 2
+    assert sim.bodies[0].position[1] == pytest.approx(height, rel=1e-14)
+    alone = gr.Simulation(scene_of(), threads=1)
+    alone.step(20)
+    assert np.array_equal(sim.state.x, alone.state.x)
+    assert not np.array_equal(before.x, alone.state.x)
+
+
+# ---- scenes, records ----
+
+
+def test_scene_round_trip():
+    bodies = (
+        Body(PLANE["bucket"], (0.1, 0.2), contact="sticky", rotation_deg=3.0),
+        Body(PLANE["drum"], (0.1, 0.2), friction=0.3, free="xy", mass=2.0),
+        Body(PLANE["half"], (0.1, 0.2), motion=Motion(velocity=((1.0, 2.0),))),
+        Body(PLANE["disc"], (0.1, 0.2), contact="bilateral"),
+    )
+    scene = scene_of(*bodies)
+    assert gr.Scene.from_json(scene.to_json()) == scene
+    space = scene_of(*(Body(shape, (0.1,) * 3) for shape in SPACE.values()), dim=3)
+    assert gr.Scene.from_json(space.to_json()) == space
+
+
+def test_record_tells_of_bodies(tmp_path):
+    motion = Motion(velocity=((0.0, 0.0),), angular_velocity=(2.0,))
+    still = Body(Box((0.2, 0.1)), (0.3, 0.25))
+    turning = Body(Cylinder(0.1, center=(0, 0)), (0.3, 0.1), motion=motion, contact="sticky")
+    sim = gr.Simulation(scene_of(still, turning), threads=1)
+    sim.run(until=0.05, save=tmp_path / "b.h5", every=0.01)
+    with gr.open(tmp_path / "b.h5") as record:
+        assert record.bodies.shape == (6, 2, 19)
+        assert record.bodies[-1].tolist() == sim._engine.bodies().tolist()
+        assert not any(name.startswith("body") for name in record.looks)
+        for b in range(2):
+            force = gr.measure.body_force(record, b)
+            spans = np.diff(record.times)
+            total = (force.force * spans[:, None]).sum(axis=0)
+            assert np.allclose(total, sim.bodies[b].impulse, rtol=1e-12)
+            torque = (force.torque * spans).sum()
+            assert torque == pytest.approx(sim.bodies[b].angular_impulse, rel=1e-12)
+            wide = gr.measure.body_force(record, b, window=5)
+            assert np.allclose(wide.force[0] * record.times[-1], total, rtol=1e-12)
+        with pytest.raises(ValueError, match=r"body = 2 must be .* 0 to 1"):
+            gr.measure.body_force(record, 2)
+        with pytest.raises(ValueError, match="window = 6 must be less than"):
+            gr.measure.body_force(record, window=6)
+    plain = gr.Simulation(scene_of(), threads=1)
+    plain.run(until=0.01, save=tmp_path / "p.h5", every=0.01)
+    with gr.open(tmp_path / "p.h5") as record, pytest.raises(ValueError, match="with bodies"):
+        gr.measure.body_motion(record)
+
+
+# ---- what is refused ----
+
+BOX = Box((1.0, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Box((1.0, 0.0)), r"size\[1\] = 0.0"),
+        (lambda: Box((1.0, 1.0), center=(0.0,)), "center"),
+        (lambda: Box((1.0, 1.0, 1.0), rotation_deg=3.0), "rotation_deg"),
+        (lambda: Cylinder(0.0, center=(0.0, 0.0)), "radius = 0.0"),
+        (lambda: Cylinder(1.0, center=(0.0, 0.0), length=2.0), "length = 2.0"),
+        (lambda: Cylinder(1.0, center=(0.0,) * 3), "axis = None"),
+        (lambda: Cylinder(1.0, center=(0.0,) * 3, axis=(0, 0, 0)), "axis"),
+        (lambda: Cylinder(1.0, center=(0.0, 0.0), inside=1), "inside = 1"),
+        (lambda: HalfSpace((0.0, 0.0)), "normal"),
+        (lambda: Union(()), "parts: 0"),
+        (lambda: Union((BOX, Box((1.0,) * 3))), r"parts\[1\]"),
+        (lambda: Motion(times=(1.0, 1.0), velocity=((0, 0), (0, 0))), "ascend"),
+        (lambda: Motion(velocity=((0, 0), (0, 0))), "as many as times"),
+        (lambda: Motion(velocity=((0, math.nan),)), "velocity"),
+        (lambda: Motion(velocity=((0, 0, 0),), angular_velocity=(1.0,)), r"angular_velocity\[0\]"),
+        (lambda: Body("box", (0.0, 0.0)), "shape = 'box'"),
+        (lambda: Body(BOX, (0.0,) * 3), "position"),
+        (lambda: Body(BOX, (0.0, 0.0), contact="glue"), "contact = 'glue'"),
+        (lambda: Body(BOX, (0.0, 0.0), contact="sticky", friction=0.1), "friction = 0.1"),
+        (lambda: Body(BOX, (0.0, 0.0), friction=-0.1), "friction = -0.1"),
+        (lambda: Body(BOX, (0.0, 0.0), free="z", mass=1.0), "free = 'z'"),
+        (lambda: Body(BOX, (0.0, 0.0), free="xx", mass=1.0), "free = 'xx'"),
+        (lambda: Body(BOX, (0.0, 0.0), free="x"), "mass = None"),
+        (lambda: Body(BOX, (0.0, 0.0), mass=1.0), "mass = 1.0"),
+        (lambda: Body(BOX, (0.0, 0.0), free="x", mass=0.0), "mass = 0.0"),
+        (lambda: Body(BOX, (0.0, 0.0), motion=Motion(velocity=((0,) * 3,))), "dimension"),
+        (lambda: scene_of(Body(Box((1.0,) * 3), (0.0,) * 3)), r"bodies\[0\]"),
+        (lambda: scene_of(*[Body(BOX, (0.0, 0.0))] * 65), "at most 64"),
+        (lambda: scene_of(BOX), r"bodies\[0\]"),
+    ],
+)
+def test_bad_bodies_are_refused(make, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        make()
+
+
+def test_core_refuses_bad_rows():
+    scene = scene_of(Body(BOX, (0.3, 5.0)))
+    sim = gr.Simulation(scene, threads=1)
+    good = sim._engine.bodies()
+    for bad in (good[:, :18], good.astype(np.float32), good * np.nan, np.zeros_like(good), None):
+        with pytest.raises((TypeError, ValueError)):
+            sim._engine.restore_bodies(bad)
+    rows = BOX.rows()
+    for column, value in ((0, 3.0), (0, -1.0), (2, np.inf), (5, np.nan), (14, -1.0), (14, np.nan)):
+        bad = rows.copy()
+        bad[0, column] = value
+        with pytest.raises(ValueError):
+            _core.body_distance(bad, np.zeros((1, 3)))
+    with pytest.raises(ValueError):
+        _core.body_distance(np.tile(rows, (257, 1)), np.zeros((1, 3)))
+
+
+def test_checkpoint_without_bodies_is_refused():
+    scene = scene_of()
+    point = gr.Simulation(scene, threads=1).checkpoint()
+    with pytest.raises(ValueError, match="bodies"):
+        gr.Simulation.from_checkpoint(scene.replace(bodies=(Body(BOX, (0.3, 5.0)),)), point)

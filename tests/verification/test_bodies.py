@@ -1,0 +1,142 @@
+"""Forces of the material on bodies: weight, momentum, torque."""
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.bodies import Body, Box, Cylinder, Motion
+from granular.geometry import Box as Region
+from granular.geometry import Difference, Disc, Fill, Grid
+from granular.materials import MuI
+from granular.walls import Gravity, Wall
+
+G = 9.8
+
+
+def bed(*bodies, height=0.4, holes=(), walls=True, gravity=-G, transfer="apic"):
+    """A bed 1 m wide in cells of 5 cm."""
+    region = Region((0.0, 0.0), (1.0, height))
+    for hole in holes:
+        region = Difference(region, hole)
+    sides = (Wall(1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless"))
+    sides += (Wall(0, 1.0, kind="frictionless"),)
+    return gr.Scene(
+        name="bed",
+        grid=Grid((0.0, 0.0), 0.05, (20, 16)),
+        fills=(Fill(region, 4),),
+        material=MuI(E=1e6),
+        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="tracked"),
+        walls=sides if walls else (),
+        bodies=bodies,
+        gravity=Gravity((0.0,), ((0.0, gravity),)),
+        duration=1.0,
+    )
+
+
+def test_box_at_rest_weighs_what_it_weighs():
+    """Mean of .4 s after it has settled; it does not sink by more than a cell before that."""
+    mass = 100.0
+    box = Body(Box((0.3, 0.2)), (0.5, 0.52), friction=0.3, free="y", mass=mass)
+    sim = gr.Simulation(bed(box), threads=1)
+    sim.run(until=0.4)
+    begin, felt = sim.time, sim.bodies[0]
+    assert 0.47 < felt.position[1] < 0.52
+    sim.run(until=0.8)
+    force = (sim.bodies[0].impulse - felt.impulse) / (sim.time - begin)
+    assert force[1] == pytest.approx(mass * G, rel=0.005)
+    assert abs(force[0]) < 1e-9 * mass * G  # by symmetry
+    moved = mass * (sim.bodies[0].velocity - felt.velocity) / (sim.time - begin)
+    assert force[1] == pytest.approx(mass * G + moved[1], rel=1e-9)
+
+
+def _momentum(sim):
+    state = sim.state
+    return state.mass @ state.v
+
+
+@pytest.mark.parametrize("transfer", ["flip", "apic", "tpic", "xpic"])
+def test_momentum_of_material_and_bodies_is_kept(transfer):
+    """Without walls and gravity: what the bodies have felt is what the material has lost."""
+    bodies = (
+        Body(Box((0.2, 0.1), rotation_deg=30.0), (0.2, 0.35), free="xy", mass=5.0, friction=0.4),
+        Body(
+            Cylinder(0.1, center=(0.02, 0.0)),
+            (0.6, 0.35),
+            motion=Motion(velocity=((-1.0, -0.5),), angular_velocity=(6.0,)),
+            contact="sticky",
+        ),
+    )
+    scene = bed(*bodies, walls=False, gravity=0.0, transfer=transfer)
+    grid = Grid((-0.5, -0.5), 0.05, (40, 36))
+    sim = gr.Simulation(scene.replace(grid=grid), threads=1)
+    before = _momentum(sim)
+    sim.run(until=0.1)
+    impulse = sum(body.impulse for body in sim.bodies)
+    assert np.linalg.norm(impulse) > 1
+    assert np.allclose(_momentum(sim) - before, -impulse, rtol=0, atol=1e-10)
+
+
+def test_momentum_with_walls_and_gravity():
+    """Step by step, with what the walls take known from the nodes: P = -(change + walls) + W dt."""
+    box = Body(Box((0.3, 0.1)), (0.5, 0.38), motion=Motion(velocity=((0.3, -0.2),)), friction=0.3)
+    scene = bed(box)
+    sim, free = (gr.Simulation(scene.replace(bodies=b), threads=1) for b in ((box,), ()))
+    for _ in range(40):
+        engine = sim._engine
+        before, felt = _momentum(sim), sim.bodies[0].impulse
+        free = gr.Simulation.from_checkpoint(scene.replace(bodies=()), sim.checkpoint(), threads=1)
+        for other in (engine, free._engine):
+            other.scatter()
+            other.grid()
+        nodes, alone = engine.nodes(), free._engine.nodes()
+        dt, m = engine.scalars()["dt"], nodes["mass"][:, None]
+        external = dt * (alone["force"] + m * np.array([0.0, -G]))
+        walls = (m * alone["v"] - alone["momentum"] - external).sum(axis=0)
+        sim._grow(engine.gather())
+        impulse = sim.bodies[0].impulse - felt
+        weight = np.array([0.0, -G]) * m.sum() * dt
+        change = _momentum(sim) - before
+        assert np.allclose(change, weight + walls - impulse, rtol=0, atol=1e-10)
+
+
+def _sheared(contact, divided):
+    """A cylinder that turns in a bed, in cells finer than the bed's."""
+    motion = Motion(velocity=((0.0, 0.0),), angular_velocity=(2.0,))
+    cylinder = Body(Cylinder(0.12, center=(0.0, 0.0)), (0.5, 0.2), motion=motion, contact=contact)
+    grid = Grid((0.0, 0.0), 0.05 / divided, (20 * divided, 16 * divided))
+    scene = bed(cylinder, holes=(Disc((0.5, 0.2), 0.12),)).replace(grid=grid)
+    return gr.Simulation(scene, threads=1)
+
+
+def _ring_torque(state):
+    """Torque of the shear stress over the ring .12 m to .14 m about the axis of the cylinder."""
+    x = state.x - [0.5, 0.2]
+    r = np.hypot(*x.T)
+    ring = (r > 0.12) & (r < 0.14)
+    c, s = x[ring, 0] / r[ring], x[ring, 1] / r[ring]
+    xx, yy, _, xy = state.stress[ring].T
+    shear = (yy - xx) * c * s + xy * (c**2 - s**2)
+    volume = state.volume[ring]
+    return 2 * np.pi * (volume @ (r[ring] ** 2 * shear)) / volume.sum()
+
+
+def test_turning_cylinder_is_held_back():
+    """The torque is that of the shear stress in the ring about it, which is its reaction.
+
+    What is between them takes some angular momentum while the material spins up.
+    """
+    sim = _sheared("sticky", 2)
+    sim.run(until=0.2)
+    begin, felt, stresses = sim.time, sim.bodies[0].angular_impulse, []
+    while sim.time < 0.4:
+        sim.run(until=sim.time + 0.01)
+        stresses.append(_ring_torque(sim.state))
+    torque = (sim.bodies[0].angular_impulse - felt) / (sim.time - begin)
+    assert torque < 0
+    assert torque == pytest.approx(np.mean(stresses), rel=0.1)
+
+
+def test_smooth_cylinder_turns_freely():
+    sim = _sheared("bilateral", 1)
+    sim.run(until=0.2)
+    assert abs(sim.bodies[0].angular_impulse) < 1e-10 * np.abs(sim.bodies[0].impulse).max()
