@@ -281,8 +281,8 @@ def test_a_signal_stops_processes_and_leaves_valid_records(small_scene, tmp_path
     for i in range(2):
         with gr.open(tmp_path / "records" / f"{i}.h5") as record:
             assert not record.damage()
+            assert len(record.times) >= 1
         sim = gr.Simulation.resume(tmp_path / "records" / f"{i}.h5", threads=1)
-        assert sim.time > 0 or number == signal.SIGKILL  # which may cost a second
         sim.run(sim.time + 0.01)  # nobody holds the record
     assert not list((tmp_path / "records").glob("2.h5*"))
 
