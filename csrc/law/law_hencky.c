@@ -6,8 +6,8 @@
 
 #define GR_FURTHEST 600.0 /* log-density that a point may have on its way out */
 
-static inline void hencky_blocks(const int dim, const int flow, const struct gr_hencky_numbers *n,
-                                 const struct gr_law_call *call)
+GR_INLINE void hencky_blocks_of(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                const struct gr_law_call *call)
 {
     const vd part = v_set(call->part), behind = v_set(call->behind);
     for (int64_t k = 0; k < call->n_blocks; k++) {
@@ -27,6 +27,27 @@ static inline void hencky_blocks(const int dim, const int flow, const struct gr_
         if (call->g) v_store(call->g + at, point.g);
         if (call->gain) v_store(call->gain + at, v_keep(v_gt(point.g, v_zero()), point.g - g_star));
     }
+}
+
+/* `flow` is no literal: one body of the trial for all laws, which would take a compiler minutes. */
+static __attribute__((noinline)) void hencky_blocks_2d(int flow, const struct gr_hencky_numbers *n,
+                                                       const struct gr_law_call *call)
+{
+    hencky_blocks_of(2, flow, n, call);
+}
+
+static __attribute__((noinline)) void hencky_blocks_3d(int flow, const struct gr_hencky_numbers *n,
+                                                       const struct gr_law_call *call)
+{
+    hencky_blocks_of(3, flow, n, call);
+}
+
+static inline void hencky_blocks(const int dim, int flow, const struct gr_hencky_numbers *n, const struct gr_law_call *call)
+{
+    if (dim == 2)
+        hencky_blocks_2d(flow, n, call);
+    else
+        hencky_blocks_3d(flow, n, call);
 }
 
 /* The numbers of laws that have no grain size: only xi = I0/(d sqrt(rho_s)) counts. */
