@@ -49,7 +49,8 @@ class Contacts:
     normal_velocity, tangential_velocity : ndarray, shape (k, 3)
         Of the surface of i against that of j [m/s].
     damped_velocity : ndarray, shape (k, 3)
-        The normal velocity half a time step before, which the viscous force was made with.
+        What the viscous force was made with: the normal velocity half a time step before, without
+        what a growing box adds to it.
     """
 
     i: NDArray[np.int64]
@@ -144,9 +145,10 @@ def read_frames(folder: Path, settings: Shear | Packing, expected: int) -> Itera
     DemError
         If a file is missing, cut off or garbled, or there are not as many frames as expected.
     """
-    height, tilting = folder / "height", np.nan
+    height, tilting, growth = folder / "height", np.nan, np.zeros(expected)
     if isinstance(settings, Shear) and height.exists():
         tilting = settings.shear_rate * float(height.read_text())
+        growth = _growth(folder / "growth", expected)
     try:
         with open(folder / "atoms") as atoms, open(folder / "contacts") as contacts:
             for number in range(expected):
@@ -156,9 +158,22 @@ def read_frames(folder: Path, settings: Shear | Packing, expected: int) -> Itera
                     raise DemError(
                         f"frame {number}: grains at {one.time:g} s, contacts at {other.time:g} s"
                     )
-                yield _frame(one, other, settings, tilting)
+                yield _frame(one, other, settings, tilting, growth[number])
     except FileNotFoundError as error:
         raise DemError(f"LAMMPS has not written its file {Path(error.filename).name!r}") from error
+
+
+def _growth(path: Path, expected: int) -> Array:
+    """Rate of growth of the height at each frame, as `fix ave/time` has written it."""
+    try:
+        rows = np.loadtxt(path, ndmin=2)
+    except ValueError as error:
+        raise DemError(f"the file {path.name!r} that LAMMPS wrote is garbled") from error
+    if rows.shape != (expected, 2) or not np.isfinite(rows).all():
+        raise DemError(
+            f"the file {path.name!r} that LAMMPS wrote holds {len(rows)} frames, not {expected}"
+        )
+    return rows[:, 1]
 
 
 def _table(file: TextIO, columns: int, number: int) -> _Table:
@@ -174,7 +189,9 @@ def _table(file: TextIO, columns: int, number: int) -> _Table:
         raise DemError(f"frame {number} of what LAMMPS wrote is cut off or garbled") from error
 
 
-def _frame(atoms: _Table, pairs: _Table, settings: Shear | Packing, tilting: float) -> Frame:
+def _frame(
+    atoms: _Table, pairs: _Table, settings: Shear | Packing, tilting: float, growth: float
+) -> Frame:
     rows = atoms.rows[np.argsort(atoms.rows[:, 0])]
     units, ids, box = settings.units, rows[:, 0].astype(np.int64), _lengths(atoms.bounds)
     if len(rows) == 0:
@@ -192,16 +209,17 @@ def _frame(atoms: _Table, pairs: _Table, settings: Shear | Packing, tilting: flo
         v=rows[:, 7:10] * units.speed,
         force=rows[:, 10:13] * units.force,
         shear_rate=tilting / box[1],
-        contacts=_contacts(rows, pairs.rows, settings),
+        contacts=_contacts(rows, pairs.rows, settings, growth),
     )
 
 
-def _contacts(atoms: Array, pairs: Array, settings: Shear | Packing) -> Contacts:
+def _contacts(atoms: Array, pairs: Array, settings: Shear | Packing, growth: float) -> Contacts:
     """Contacts with the forces that LAMMPS applied, and velocities of one time.
 
     Forces are made with velocities of half a step before. What LAMMPS writes is made anew at the
     end of the step, but with images of grains as they were at its half: where grains collide hard
-    that changes forces by some per cent.
+    that changes forces by some per cent. And its velocities are relative to the growth of the box,
+    which moves the grains as well.
     """
     units, grains = settings.units, settings.grains
     i, j = np.searchsorted(atoms[:, 0], pairs[:, :2]).T
@@ -223,6 +241,9 @@ def _contacts(atoms: Array, pairs: Array, settings: Shear | Packing) -> Contacts
     written, tangential = pairs[:, 5], pairs[:, 6:9]
     missing = damping * np.einsum("ka,ka->k", damped - pairs[:, 9:12], normal)
     applied = written + missing
+    grown = np.zeros_like(normal)
+    grown[:, 1] = growth * pairs[:, 3]
+    normal_grown = _along(grown, normal)
     limit = (1.0 - 1e-6) * grains.mu_p * np.abs(written)
     limited = np.linalg.norm(tangential, axis=1) >= limit
     factor = np.divide(np.abs(applied), np.abs(written), where=written != 0, out=np.ones(len(i)))
@@ -233,8 +254,9 @@ def _contacts(atoms: Array, pairs: Array, settings: Shear | Packing) -> Contacts
         distance=distance * units.length,
         normal_force=applied * units.force,
         tangential_force=np.where(limited, factor, 1.0)[:, None] * tangential * units.force,
-        normal_velocity=normal_velocity * units.speed,
-        tangential_velocity=(pairs[:, 12:15] - late + normal_late) * units.speed,
+        normal_velocity=(normal_velocity + normal_grown) * units.speed,
+        tangential_velocity=(pairs[:, 12:15] - late + normal_late + grown - normal_grown)
+        * units.speed,
         damped_velocity=damped * units.speed,
     )
 

@@ -140,6 +140,8 @@ def shear_script(settings: Shear) -> str:
     steps = _steps(settings, settings.strain / _rate(settings))
     every = max(round(steps / settings.frames), 1)
     stages = _walls(settings) if settings.drive == "walls" else _homogeneous(settings)
+    if settings.drive == "homogeneous":
+        stages.append(f"fix growth all ave/time {every} 1 {every} f_motion[5] file growth")
     last = [*_output(every), f"thermo {every * settings.frames}", f"run {every * settings.frames}"]
     return "\n".join([*stages, *last]) + "\n"
 

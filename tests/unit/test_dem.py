@@ -154,6 +154,7 @@ def written(folder, *, time=2.0, pairs=1, place="3.9 -0.2"):
     lines = (HEAD + BOX).format(time=time, what="ENTRIES", count=1) + (contact + "\n") * pairs
     (folder / "contacts").write_text(lines)
     (folder / "height").write_text("1.5\n")
+    (folder / "growth").write_text("# step rate\n5 0.25\n")
 
 
 def test_dumps_are_read_into_si_units(tmp_path):
@@ -176,6 +177,8 @@ def test_dumps_are_read_into_si_units(tmp_path):
     assert c.force[0] == pytest.approx([24.0, 12.0, 0.0])
     assert c.branch[0] == pytest.approx([0.0, 2.0, 0.0])
     assert found.contact_points[0] == pytest.approx([7.8, 1.6 - 0.9, 2.0])
+    # The box grows by a quarter in unit time, and i is a unit above j.
+    assert c.normal_velocity[0] == pytest.approx([0.0, (-4.0 + 0.25) * 2.0, 0.0])
     # Accelerations -2 and 8 along y: half a step before, i was faster by 5 dt against j.
     half = 0.5 * (-2.0 - 8.0) * settings.dt / u.time
     assert c.damped_velocity[0] == pytest.approx([0.0, (-4.0 - half) * 2.0, 0.0])
@@ -189,7 +192,7 @@ def test_an_image_lags_half_a_step(tmp_path):
     (found,) = read_frames(tmp_path, settings, 1)
     half = 0.5 * settings.dt / settings.units.time
     # v_i - v_j is 8 half smaller than written, and 10 half larger before.
-    late = (-4.0 - 8.0 * half) * 2.0
+    late = (-4.0 + 0.25 - 8.0 * half) * 2.0
     assert found.contacts.normal_velocity[0] == pytest.approx([0.0, late, 0.0])
     before = (-4.0 - 8.0 * half + 10.0 * half) * 2.0
     assert found.contacts.damped_velocity[0] == pytest.approx([0.0, before, 0.0])
@@ -202,7 +205,12 @@ def test_an_image_lags_half_a_step(tmp_path):
         (lambda folder: (folder / "contacts").unlink(), "'contacts'"),
         (lambda folder: written(folder, pairs=0), "frame 0 .* cut off or garbled"),
         (lambda folder: written(folder, time=3.0), "grains at 2 s, contacts at 3 s"),
-        (lambda folder: None, "frame 1 .* cut off or garbled"),
+        (lambda folder: None, "'growth' .* 1 frames, not 2"),
+        (
+            lambda folder: (folder / "growth").write_text("5 1\n6 1\n"),
+            "frame 1 .* cut off or garbled",
+        ),
+        (lambda folder: (folder / "growth").write_text("5 x\n"), "'growth' .* garbled"),
         (
             lambda folder: (folder / "atoms").write_text(
                 (folder / "atoms").read_text().replace("-0.2", "nan")
@@ -210,13 +218,15 @@ def test_an_image_lags_half_a_step(tmp_path):
             "finite places",
         ),
     ],
-    ids=["missing", "short", "times", "frames", "nan"],
+    ids=["missing", "short", "times", "rates", "frames", "rate", "nan"],
 )
 def test_damaged_dumps_are_refused(tmp_path, change, said):
     written(tmp_path)
     change(tmp_path)
     with pytest.raises(dem.DemError, match=said):
-        list(read_frames(tmp_path, dem.Shear(), 2 if said.startswith("frame 1") else 1))
+        list(
+            read_frames(tmp_path, dem.Shear(), 2 if "1 frames" in said or "frame 1" in said else 1)
+        )
 
 
 def test_stress_of_a_grain_by_hand():
