@@ -167,7 +167,8 @@ def _dissipation(ax: Axes, flows: Flows) -> None:
         fit = friction_law.fit_dissipation(flows, name)
         label = rf"$\Gamma_{symbol}$, exponent {fit.exponent:.2f}"
         (line,) = ax.plot(inertial, rate, marker, fillstyle="none", label=label)
-        ax.plot(along, fit(along), color=line.get_color(), linewidth=0.9)
+        fitted = along[along >= 0.05]  # as `fit_dissipation` takes flows
+        ax.plot(fitted, fit(fitted), color=line.get_color(), linewidth=0.9)
     ax.set(yscale="log", ylabel=r"$\langle\Gamma\rangle / \tilde\Gamma$")
 
 

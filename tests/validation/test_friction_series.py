@@ -28,6 +28,9 @@ def test_law_within_two_per_cent_from_one_thousandth_to_one():
     assert max(inertial) > 0.95
     for flow in flows + series("high") + series("walls"):
         assert flow.friction_by_law == pytest.approx(flow.friction, rel=0.02)
+        # With the work of dilation energy is balanced, as well as the samples tell.
+        assert flow.balance == pytest.approx(1.0, abs=max(0.01, 3 * flow.law_error))
+        assert flow.normal_stress == pytest.approx(1e3, rel=0.06)
 
 
 def test_scalings_are_those_of_the_thesis():
