@@ -49,6 +49,8 @@ class Material:
     rho_c: float = 1500.0
     elasticity: str = "hypoelastic"
 
+    flow: ClassVar[str]
+    """How it flows, in the core's words."""
     granular: ClassVar[bool] = True
     """Whether it bears pressure only."""
     has_fluidity: ClassVar[bool] = False
@@ -61,11 +63,6 @@ class Material:
         self._set("nu", in_range("nu", self.nu, 0.0, 0.5, open_high=True))
         self._set("rho_c", positive("rho_c", self.rho_c))
         one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
-
-    @property
-    def flow(self) -> str:
-        """How it flows, in the core's words."""
-        raise NotImplementedError
 
     @property
     def law(self) -> str:
@@ -273,7 +270,7 @@ class NGF(Material):
         return self.A > 0
 
     @property
-    def flow(self) -> str:
+    def flow(self) -> str:  # type: ignore[override]
         """How it flows, in the core's words: without a nonlocal amplitude as `MuI`."""
         if self.rheology == "linear":
             return "ngf_linear" if self.A else "linear"
@@ -359,5 +356,5 @@ silo_grains = NGF(
     E=1e6, nu=0.45, mu_s=0.3819, mu_2=50.0, rho_s=2450.0, rho_c=1500.0, b=1.0, A=1.0, t0=1e-3,
     d=0.14,
 )  # fmt: skip
-"""Grains of the clogging silos of Dunatunga & Kamrin, "Modeling silo clogging", section 4; d is as
+"""Grains of the clogging silos of Dunatunga & Kamrin, "Modeling silo clogging", section 7; d is as
 wide as their opening."""

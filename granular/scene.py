@@ -185,6 +185,8 @@ class Scene:
             raise ValueError(
                 f"gravity of dimension {self.gravity.dim} must have {self.grid.dim} as the grid"
             )
+        if self.scheme.fluidity.kindling and self.material.elasticity != "hencky":
+            raise ValueError('kindling = True must go with elasticity = "hencky"')
         if any(fill.lithostatic for fill in self.fills):
             *level, down = self.gravity.at(0.0)
             if any(level) or down > 0:

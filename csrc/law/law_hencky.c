@@ -29,7 +29,7 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, const struct gr_h
     }
 }
 
-/* `flow` is no literal: one body of the trial for all laws, which would take a compiler minutes. */
+/* `flow` is no literal: one body of the trial serves all laws. */
 static __attribute__((noinline)) void hencky_blocks_2d(int flow, const struct gr_hencky_numbers *n,
                                                        const struct gr_law_call *call)
 {

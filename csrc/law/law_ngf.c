@@ -61,8 +61,9 @@ static inline void return_block(const int dim, const struct gr_law_call *call, i
     const int64_t at = call->slot[k];
     const vm loose = v_ge(v_zero(), block->p);
     for (int i = 0; i < GR_STRESSES(dim); i++) {
-        const vd s = block->scale * v_load(call->stress[i] + at);
-        v_store(call->stress[i] + at, v_select(loose, v_zero(), i < 3 ? v_sub(s, block->p) : v_add(s, v_zero())));
+        vd s = block->scale * v_load(call->stress[i] + at);
+        if (i < 3) s = s - block->p;
+        v_store(call->stress[i] + at, v_select(loose, v_zero(), s));
     }
 }
 

@@ -255,7 +255,8 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
 /* The fluidity of a cell, of which the diffusion begins: the mean over its points that bear pressure, by mass.
  *
  * A step of diffusion after which the law makes a step of its own has another steady state than the two together:
- * backward Euler takes g - k L g' with g' = g/(1 + k L), too little, so that a silo flows 17 % too fast with dt = t0/10.
+ * backward Euler takes g - k L g' with g' = g/(1 + k L), too little: a layer at 1.9 times its stopping height would flow
+ * 1.9 % too fast with dt = .17 t0 and 9 % with .83 t0 (docs/equations.md).
  * The implicit step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51): it knows
  * what the law has added in the substep before, r, and makes (1 + k L) g' = g + r; the law begins from g' - r, which
  * is g - k L g, with nothing left to err, where all is steady. r within -g and g/2: no g' is negative, and a growing

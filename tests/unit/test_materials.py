@@ -5,7 +5,7 @@ import pickle
 
 import pytest
 
-from granular import materials
+from granular import materials, scenes
 from granular.materials import NGF, DruckerPrager, Elastic, Material, MuI
 
 
@@ -145,3 +145,11 @@ def test_finite_strain_and_friction_that_does_not_saturate():
         materials.NGF(rheology="linear")
     with pytest.raises(ValueError, match="elasticity = 'soft' must be one of"):
         materials.MuI(elasticity="soft")
+
+
+def test_kindling_needs_finite_strain():
+    scene = scenes.chute_ngf()
+    kindled = scene.scheme.replace(fluidity=scene.scheme.fluidity.replace(kindling=True))
+    with pytest.raises(ValueError, match='kindling = True must go with elasticity = "hencky"'):
+        scene.replace(scheme=kindled)
+    scene.replace(scheme=kindled, material=scene.material.replace(elasticity="hencky"))
