@@ -95,7 +95,7 @@ def _joined(meshes: list[Mesh]) -> Mesh:
 def _mesh(row: Array, dim: int, size: float) -> Mesh:
     """Surface of a shape from its 17 numbers, in coordinates of its body."""
     kind, inside, center, turn = row[0], bool(row[1]), row[2:5], row[5:14].reshape(3, 3)
-    half = np.minimum(row[14:17], size)
+    half = np.where(np.isfinite(row[14:17]), row[14:17], size)
     if kind == BOX:
         vertices, faces = _box(half, dim)
     elif kind == CYLINDER:
