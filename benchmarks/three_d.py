@@ -21,10 +21,15 @@ RESULTS = Path(__file__).parent / "results" / "three_d.json"
 RECORDS = Path("build/three_d")
 
 SOFT = gr.materials.grc_1.replace(E=0.15e6)
-BED = {"length": 0.75, "width": 0.5, "start": 0.3, "travel": 0.1, "cell": 0.0125}
+PLASTIC = gr.materials.DruckerPrager(
+    E=SOFT.E, nu=SOFT.nu, rho_c=SOFT.rho_c, rho_s=SOFT.rho_s, mu=SOFT.mu_s, elasticity="hencky"
+)
+BED = {"length": 0.65, "width": 0.45, "start": 0.25, "travel": 0.1, "cell": 0.0125}
 """A bed that the wedge before the blade and the heaps beside it do not fill."""
 BLADE = (0.025, 0.305, 0.457)
 """Two of these cells thick, in finer cells as well."""
+NARROW = {"width": 0.05, "blade": (0.025, 0.05, 0.457)}
+"""As between glass walls: a bed as wide as the blade, in which nothing depends on y."""
 ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
 
 
@@ -44,24 +49,18 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "wheel_70_stiff": lambda: gr.scenes.wheel(
         slip=0.7, material=gr.materials.grc_1.replace(E=1.5e6), **ROLL
     ),
+    "narrow_2": lambda: excavation(0.02, **NARROW),
+    "narrow_5": lambda: excavation(0.05, **NARROW),
+    "narrow_5_local": lambda: excavation(0.05, material=SOFT.replace(A=0.0), **NARROW),
+    "narrow_5_coarse_grains": lambda: excavation(0.05, material=SOFT.replace(d=0.01), **NARROW),
+    "narrow_5_drucker_prager": lambda: excavation(0.05, material=PLASTIC, **NARROW),
+    "narrow_5_stiff": lambda: excavation(0.05, material=SOFT.replace(E=1.5e6), **NARROW),
+    "narrow_5_slow": lambda: excavation(0.05, speed=0.02, dive_speed=0.0125, **NARROW),
+    "narrow_5_fine": lambda: excavation(0.05, cell=BED["cell"] / 1.5, **NARROW),
+    "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
     "excavation_2": lambda: excavation(0.02),
     "excavation_5": lambda: excavation(0.05),
-    "excavation_5_local": lambda: excavation(0.05, material=SOFT.replace(A=0.0)),
-    "excavation_5_coarse_grains": lambda: excavation(0.05, material=SOFT.replace(d=0.01)),
-    "excavation_5_drucker_prager": lambda: excavation(
-        0.05,
-        material=gr.materials.DruckerPrager(
-            E=SOFT.E,
-            nu=SOFT.nu,
-            rho_c=SOFT.rho_c,
-            rho_s=SOFT.rho_s,
-            mu=SOFT.mu_s,
-            elasticity="hencky",
-        ),
-    ),
-    "excavation_5_stiff": lambda: excavation(0.05, material=SOFT.replace(E=1.5e6)),
-    "excavation_5_fine": lambda: excavation(0.05, cell=BED["cell"] / 1.5),
-    "excavator": lambda: gr.scenes.excavator(cell=0.02, headroom=0.5),
+    "excavator": lambda: gr.scenes.excavator(cell=0.02),
 }
 
 
