@@ -9,7 +9,7 @@ from granular.checks import in_range, non_negative, positive
 from granular.materials import Material, grc_1
 from granular.scene import Scene
 from granular.scenes._build import called_with, kindled
-from granular.scenes._tools import bed, legs, thickness_of
+from granular.scenes._tools import THIN, bed, legs, thickness_of
 from granular.schemes import Scheme
 
 soft_grc_1 = grc_1.replace(E=0.15e6)
@@ -70,7 +70,7 @@ def excavation(
     rake_deg : float
         From the vertical, -60 to 60; positive if the top leans backwards.
     blade : tuple of 3 floats
-        Thickness, width, height [m].
+        Thickness, width, height [m]; with the width of the bed it goes from wall to wall.
     friction : float
         Coefficient between blade and soil.
     length, width, soil, headroom : float
@@ -127,8 +127,10 @@ def excavation(
         positive("ramp", ramp),
     )
     # its front edge is the position of the body
-    shape = Box((thick, wide, high), center=(-thick / 2, 0.0, high / 2))
-    across = 0.0 if half else width / 2
+    # nodes on its face would not be held: between walls it goes through them
+    across = wide + 2 * THIN * cell if wide == width else wide
+    shape = Box((thick, across, high), center=(-thick / 2, 0.0, high / 2))
+    middle = 0.0 if half else width / 2
     return Scene(
         name="excavation",
         **bed(
@@ -146,7 +148,7 @@ def excavation(
         bodies=(
             Body(
                 shape,
-                (start, across, 0.0),
+                (start, middle, 0.0),
                 rotation_deg=(0.0, -rake, 0.0),
                 motion=motion,
                 friction=friction,
