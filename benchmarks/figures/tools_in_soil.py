@@ -58,9 +58,12 @@ def forces(table: dict, names: list[str]) -> plot.Picture:
 
 def failure(records: dict[str, Path]) -> plot.Picture:
     """Speed before the blade at the end, and where it parts from rest, by law."""
-    picture = plot.Picture(figsize=(9, 1.9 * len(records)), layout="compressed")
-    axes = picture.subplots(len(records), 1, squeeze=False)[:, 0]
-    for ax, (name, path) in zip(axes, records.items(), strict=True):
+    rows = (len(records) + 1) // 2
+    picture = plot.Picture(figsize=(11, 2.6 * rows), layout="compressed")
+    axes = picture.subplots(rows, 2, squeeze=False).ravel()
+    for ax in axes[len(records) :]:
+        ax.set_axis_off()
+    for ax, (name, path) in zip(axes, records.items(), strict=False):
         with gr.open(path) as record:
             late = [record[i] for i in range(max(len(record) - 10, 0), len(record))]
             speed = record.scene.parameters["speed"]
