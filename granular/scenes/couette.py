@@ -50,7 +50,8 @@ def couette(
     10 MPa.
 
     Only nodes inside a cylinder are held, and these begin half a cell within it on the average:
-    drawn as they are (``overlap=0``) cylinders slip, by an eighth of the speed in cells of d/4.
+    drawn as they are (``overlap=0``) cylinders slip, by an eighth of the speed in the paper's
+    cells.
     The fluidity does not see them: compare with `granular.theory.couette_quasi_static` and
     ``walls="smooth"``. What is left of the error is in the docs, page "Three dimensions".
 
