@@ -24,11 +24,14 @@ SOFT = gr.materials.grc_1.replace(E=0.15e6)
 PLASTIC = gr.materials.DruckerPrager(
     E=SOFT.E, nu=SOFT.nu, rho_c=SOFT.rho_c, rho_s=SOFT.rho_s, mu=SOFT.mu_s, elasticity="hencky"
 )
+KINDLED = gr.scenes.excavation().scheme
+SUBSTEPS = KINDLED.replace(fluidity=KINDLED.fluidity.replace(substeps=8))
+"""The step is six times the t0 of the fluidity."""
 BED = {"length": 0.65, "width": 0.45, "start": 0.25, "travel": 0.1, "cell": 0.0125}
 """A bed that the wedge before the blade and the heaps beside it do not fill."""
-BLADE = (0.05, 0.305, 0.457)
-"""Four of these cells thick, and as thick in finer cells: one of two leaks."""
-NARROW = {"width": 0.05, "blade": (0.05, 0.05, 0.457)}
+BLADE = (0.025, 0.305, 0.457)
+"""Two of these cells thick, and as thick in finer cells."""
+NARROW = {"width": 0.05, "blade": (0.025, 0.05, 0.457)}
 """As between glass walls: a bed as wide as the blade, in which nothing depends on y."""
 ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
 
@@ -55,9 +58,13 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "narrow_5_coarse_grains": lambda: excavation(0.05, material=SOFT.replace(d=0.01), **NARROW),
     "narrow_5_drucker_prager": lambda: excavation(0.05, material=PLASTIC, **NARROW),
     "narrow_5_stiff": lambda: excavation(0.05, material=SOFT.replace(E=1.5e6), **NARROW),
-    "narrow_5_thin": lambda: excavation(0.05, width=0.05, blade=(0.025, 0.05, 0.457)),
+    "narrow_5_thick": lambda: excavation(0.05, width=0.05, blade=(0.05, 0.05, 0.457)),
     "narrow_5_slow": lambda: excavation(0.05, speed=0.02, dive_speed=0.0125, **NARROW),
     "narrow_5_fine": lambda: excavation(0.05, cell=BED["cell"] / 1.5, **NARROW),
+    "narrow_5_local_fine": lambda: excavation(
+        0.05, cell=BED["cell"] / 1.5, material=SOFT.replace(A=0.0), **NARROW
+    ),
+    "narrow_5_substeps": lambda: excavation(0.05, scheme=SUBSTEPS, **NARROW),
     "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
     "excavation_2": lambda: excavation(0.02),
     "excavation_5": lambda: excavation(0.05),

@@ -54,9 +54,9 @@ def excavation(
     12.5 mm, which divide the bed; a rough floor and smooth sides; the top of the blade leans
     backwards; it begins at `start` with its edge at the surface and travels so far that the
     paper's 20 s are used. A blade thinner than two cells is made two cells thick, backwards from
-    its front: material before and behind it would share nodes. Two cells leak still, by a third of
-    the force in cells of 12.5 mm; four do not, but feel their own lower face (the docs, page "Three
-    dimensions").
+    its front: material before and behind it would share nodes. Two cells still let some soil
+    through, which takes 5 to 12 % of the force; a thicker blade bears on its lower face (the docs,
+    page "Three dimensions").
 
     The surface of the bed is z = 0. Forces: `granular.measure.tool_force`, which doubles those of
     half a bed.
