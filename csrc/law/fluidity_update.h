@@ -85,7 +85,8 @@ struct gr_inverse_pressure {
 static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_fluidity_numbers *n, vd p)
 {
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt_fast(v_max(v_zero(), p - n->p_spread));
+    /* One by the division unit, one beside it. */
+    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt(v_max(v_zero(), p - n->p_spread));
     const vd inverse = v_set(1.0) / (p * roots);
     return (struct gr_inverse_pressure){inverse * roots, n->twice_sink * (p * inverse), p * n->inv_G_dt};
 }

@@ -74,7 +74,7 @@ GR_INLINE void try_block(const int dim, const int many, const struct gr_law_call
         block->p = pressure_of(call, n->K, c, gr_split(&t));
     }
     block->inverse = gr_invert_pressure(&n->point, block->p);
-    const vd m = v_sqrt_fast(gr_tau_squared(dim, &t)) * block->inverse.p;
+    const vd m = v_sqrt(gr_tau_squared(dim, &t)) * block->inverse.p;
     block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN stays */
     for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, t.s[i]);
 }
