@@ -115,7 +115,6 @@ static void touch(struct gr_engine *e, int64_t node, const struct moving *m, str
     add_slope(sums, mass, n, held);
     for (int d = 0; d < dim; d++) {
         if (wall->fixed >> d & 1) after[d] = v[d];
-        if (wall->clamp >> d & 1 && after[d] > 0) after[d] = fmin(v[d], after[d]);
         impulse[d] = -mass * (after[d] - v[d]);
         sums->impulse[d] += impulse[d];
         if (!keep) continue;

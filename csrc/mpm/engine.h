@@ -17,7 +17,6 @@
 /* What a wall does to the velocity of a node (see granular/boundaries.py). */
 struct gr_wall {
     int32_t fixed;   /* bit d: component d is zero */
-    int32_t clamp;   /* bit d: component d is at most zero (absorbing layer) */
     int32_t normal;  /* axis of Coulomb friction, -1 where there is none */
     int32_t side;    /* +1: material above the wall along `normal`, -1: below, 0: both */
     double friction; /* Coulomb coefficient of the wall */
@@ -72,7 +71,9 @@ struct gr_config {
     int n_walls;
     const struct gr_wall *walls; /* row 0 is the free node */
     const uint8_t *node_codes;   /* per node of the grid, x fastest */
-    const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
+    int absorbs;                 /* bit d: no point rises along axis d from above[d], m, on */
+    double above[3];
+    const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
     const struct gr_part *parts; /* of all bodies */

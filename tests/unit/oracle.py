@@ -76,8 +76,6 @@ def _wall(row, v, after):
             v[d] = after[d] = 0.0
         elif row.normal >= 0:
             after[d] -= rub * after[d]
-        if row.clamp >> d & 1 and after[d] > 0:
-            after[d], v[d] = 0.0, min(v[d], 0.0)
 
 
 def keepshare(scene, dt):
@@ -140,6 +138,15 @@ def _filtered(scene, points, nodes, v, fixed):
 
 def gather(scene, points, nodes, dt, step=0):
     """Points after the step (3.8-3.16), as a new mapping."""
+    new = _moved(scene, points, nodes, dt, step)
+    for absorber in scene.absorbers:
+        a, above = absorber.axis, points["x"][:, absorber.axis] >= absorber.above
+        new["v"][:, a] = np.where(above, np.minimum(new["v"][:, a], 0.0), new["v"][:, a])
+    return new
+
+
+def _moved(scene, points, nodes, dt, step):
+    """The same without absorbers."""
     dim, s = scene.grid.dim, nodes.shapes
     new, keep = dict(points), keepshare(scene, dt)
     v, w = nodes.v[s.node], nodes.w[s.node]
