@@ -37,6 +37,9 @@ class Packing:
         own) as negative numbers of any kind. One of the two must be a grain.
     positions : array_like, shape (c, d)
         Of the contacts [m].
+    shifts : array_like, shape (c, d), optional
+        From there to where the second body sees its contact [m]: across a periodic side the length
+        of the box. None by default.
     normals : array_like, shape (c, d)
         Unit vectors that point out of the first body. (The thesis turns them round in chapter 3.)
     centroids : array_like, shape (n, d)
@@ -94,6 +97,7 @@ class Packing:
     angular_accelerations: ArrayLike | None = None
     stress_errors: ArrayLike | None = None
     acceleration_errors: ArrayLike | None = None
+    shifts: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         self._check_grains()
@@ -141,6 +145,8 @@ class Packing:
                 k = int(np.argmax(wrong))
                 raise ValueError(f"bodies[{k}] = {bodies[k].tolist()} {what}")
         self._take("positions", (c, self.dim))
+        if self.shifts is not None:
+            self._take("shifts", (c, self.dim))
         normals = self._take("normals", (c, self.dim))
         length = np.linalg.norm(normals, axis=1)
         if (abs(length - 1) > UNIT).any():
@@ -236,9 +242,14 @@ class Packing:
         for side, sign in enumerate((1.0, -1.0)):
             contacts = np.flatnonzero(self.bodies[:, side] >= 0)
             grains = self.bodies[contacts, side]
-            arms = self.positions[contacts] - self.centroids[grains]
+            arms = self.seen_from(side)[contacts] - self.centroids[grains]
             found.append((contacts, grains, sign, arms))
         return found
+
+    def seen_from(self, side: int) -> Array:
+        """Where the first (0) or the second (1) bodies see the contacts [m], shape (c, d)."""
+        shifted = side == 1 and self.shifts is not None
+        return self.positions + self.shifts if shifted else self.positions
 
     def clusters(self) -> Index:
         """Which grains hang together: a number for each, shape (n,). Walls join nothing."""
@@ -291,6 +302,7 @@ class Packing:
             bodies=bodies[contacts],
             positions=self.positions[contacts],
             normals=self.normals[contacts],
+            shifts=None if self.shifts is None else self.shifts[contacts],
         ), contacts
 
 
@@ -298,7 +310,7 @@ _PER_GRAIN = (
     *("centroids", "volumes", "stresses", "masses", "accelerations", "inertias"),
     *("angular_accelerations", "stress_errors", "acceleration_errors"),
 )
-_DERIVED_FROM = ("bodies", "positions", "normals", "strains", "stiffness")
+_DERIVED_FROM = ("bodies", "positions", "normals", "shifts", "strains", "stiffness")
 """What a subset does not take over as it is: its contacts are others, its stresses are known."""
 
 

@@ -36,6 +36,7 @@ def changed(name, at, value):
         ({"normals": NORMALS[:3]}, ValueError, r"normals has shape \(3, 2\), must be \(4, 2\)"),
         (changed("positions", (1, 0), np.nan), ValueError, r"positions\[1, 0\] must be finite"),
         (changed("volumes", 0, 0.0), ValueError, r"volumes\[0\] = 0.0 must be > 0"),
+        ({"shifts": [[1.0, 0.0]]}, ValueError, r"shifts has shape \(1, 2\), must be \(4, 2\)"),
         ({"volumes": [1.0, 2.0]}, ValueError, r"volumes has shape \(2,\), must be \(1,\)"),
         ({"volumes": ["much"]}, TypeError, "volumes"),
         ({"stresses": None}, ValueError, "either stresses or strains"),

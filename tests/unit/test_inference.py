@@ -250,6 +250,35 @@ def test_a_chain_is_found_and_ends_where_it_bends():
     assert inference.force_chains(packing, least=6) == []
 
 
+def test_a_grain_may_be_given_in_any_image_of_a_periodic_box():
+    """All of it is the same when some grains are moved by the box, but where contacts are seen."""
+    case, box = shaken_lattice((5, 6)), np.array([40.0, -30.0])
+    packing, moved = case.packing, np.zeros(case.packing.n, bool)
+    moved[[1, 4, 7]] = True
+    by = np.where(moved[:, None], box, 0.0)
+    first, second = (
+        np.where((b >= 0)[:, None], by[np.maximum(b, 0)], 0.0) for b in packing.bodies.T
+    )
+    image = replace(
+        packing,
+        centroids=packing.centroids + by,
+        positions=packing.positions + first,
+        shifts=second - first,
+    )
+    for one, other in zip(packing.sides(), image.sides(), strict=True):
+        assert other[3] == pytest.approx(one[3], abs=1e-12)
+    found = inference.infer_static(image, mu=0.5)
+    assert found.forces == pytest.approx(case.forces, abs=1e-9)
+    stress = inference.macroscopic_stress(packing, case.forces, 20.0)
+    assert inference.macroscopic_stress(image, found.forces, 20.0) == pytest.approx(stress)
+    chains = [chain.tolist() for chain in inference.force_chains(packing, least=2)]
+    assert [chain.tolist() for chain in inference.force_chains(image, least=2)] == chains
+    assert len(chains[0]) > 2
+    window, contacts = image.subset([1, 2, 6])
+    assert window.shifts.tolist() == image.shifts[contacts].tolist()
+    assert replace(window).shifts.any()
+
+
 def test_impulses_and_distances_by_hand():
     net = np.array([[[0.0, 1.0]], [[2.0, 1.0]], [[4.0, 1.0]]])
     assert inference.impulses(net, [0.0, 0.5, 1.0]).tolist() == [[2.0, 1.0]]
