@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import DISC, FRAME, impact, pressed_spheres, shaken_lattice
-from scipy.signal import filtfilt, firwin
+from grains import DISC, impact, noisy_record, pressed_spheres, shaken_lattice
 
 from granular import inference
 
@@ -64,41 +63,6 @@ def test_impulses_are_the_changes_of_velocity():
     assert abs(found - true).max() < 0.02
 
 
-def noisy_packings(seed):
-    """Centroids off by .02 mm, filtered as in section 3.3.2; stresses off by 10 %; no rotation.
-
-    Errors as an experiment knows them: accelerations by what they are where nothing touches,
-    stresses by a tenth of their size, and a hundredth of the largest where there is none.
-    """
-    record, rng = impact(), np.random.default_rng(seed)
-    taps = firwin(31, 600, fs=1 / FRAME, window="hamming")
-
-    def smooth(series):
-        return filtfilt(taps, [1.0], series, axis=0, padtype="odd", padlen=100)
-
-    x = smooth(record.x + rng.normal(0, 2e-5, record.x.shape))
-    a = smooth(np.gradient(np.gradient(x, FRAME, axis=0), FRAME, axis=0))
-    idle = np.delete(a, record.touching, axis=0).std()
-    found = []
-    for k, case in zip(record.touching, record.frames, strict=True):
-        noise = np.triu(1 + rng.normal(0, 0.1, (6, 2, 2)))
-        noise += np.triu(noise, 1).transpose(0, 2, 1)
-        stresses = case.packing.stresses * noise
-        size = np.sqrt((stresses**2).mean(axis=(1, 2)))
-        found.append(
-            replace(
-                case.packing,
-                stresses=stresses,
-                stress_errors=0.1 * size + 0.01 * size.max(),
-                accelerations=a[k],
-                acceleration_errors=np.full(6, idle),
-                inertias=None,
-                angular_accelerations=None,
-            )
-        )
-    return found
-
-
 def without_errors(packings):
     return [replace(p, stress_errors=None, acceleration_errors=None) for p in packings]
 
@@ -118,7 +82,9 @@ def check_noisy_records(seeds):
     """Each draw: at the knee and at w = 1 near the best weight, impulses to .2 of the largest."""
     worst = []
     for seed in seeds:
-        front, errors, worst_here = errors_along_the_front(noisy_packings(seed), moments=False)
+        front, errors, worst_here = errors_along_the_front(
+            noisy_record(impact(), seed), moments=False
+        )
         assert errors[front.knee] < 1.2 * errors.min()
         assert errors[front.weights == 1.0] < 1.2 * errors.min()
         assert errors[front.knee] < 0.1
@@ -140,7 +106,7 @@ def test_noisy_records_at_length():
 
 def test_noisy_records_as_the_thesis_has_them():
     """All rows alike and no rotation: forces are no worse than by a quarter, impulses by twice."""
-    packings = noisy_packings(0)
+    packings = noisy_record(impact(), 0)
     _, _, worst = errors_along_the_front(packings, moments=False)
     front, errors, plain = errors_along_the_front(without_errors(packings))
     assert errors[front.knee] < 1.2 * errors.min()
@@ -206,7 +172,7 @@ def test_rows_over_their_errors_are_generalised_least_squares(kind):
         exact = impact().frames[20].packing
         turning = ("inertias", "angular_accelerations") if kind == "turning" else ()
         given = {name: getattr(exact, name) for name in turning}
-        packing = replace(noisy_packings(0)[20], **given)
+        packing = replace(noisy_record(impact(), 0)[20], **given)
     moments = kind != "open"
     expected = np.linalg.lstsq(*over_errors(packing, moments))[0].reshape(packing.positions.shape)
     assert (np.einsum("ka,ka->k", expected, packing.normals) < 0).all()
@@ -216,7 +182,7 @@ def test_rows_over_their_errors_are_generalised_least_squares(kind):
 
 
 def test_the_front_of_rows_over_their_errors_counts_standard_deviations():
-    packing = noisy_packings(0)[20]
+    packing = noisy_record(impact(), 0)[20]
     front = inference.pareto_front(packing, mu=MU, weights=[0.1, 1.0, 10.0], moments=False)
     A, b = over_errors(packing, False)
     for k in range(3):
@@ -227,7 +193,7 @@ def test_the_front_of_rows_over_their_errors_counts_standard_deviations():
 
 def test_a_front_of_norms_is_the_front_of_squares():
     """What (3.18) asks for, weights of norms: no point of the front is better by that measure."""
-    packings = without_errors(noisy_packings(0)[20:21])
+    packings = without_errors(noisy_record(impact(), 0)[20:21])
     front = inference.pareto_front(packings, mu=MU, mu_wall=0.0, solver="nnls")
     for k in range(2, len(front.weights) - 2):
         found = inference.infer_dynamic(
