@@ -29,7 +29,7 @@ from granular.inference.matrices import (
 )
 from granular.inference.packing import Packing
 
-__all__ = ["Problem", "dynamic_problem", "static_problem"]
+__all__ = ["Problem", "dynamic_problem", "listed", "static_problem"]
 
 Array = NDArray[np.float64]
 
@@ -229,3 +229,9 @@ def _frame(packing: Packing, mu: Array) -> csr_array:
     columns = np.broadcast_to(np.arange(len(axes))[:, None], rows.shape)
     entries = (axes.ravel(), (rows.ravel(), columns.ravel()))
     return coo_array(entries, (d * c, len(axes))).tocsr()
+
+
+def listed(which: NDArray[np.intp]) -> str:
+    """The first of them, for messages."""
+    shown = ", ".join(str(k) for k in which[:8])
+    return shown + (f", ... ({len(which)} in all)" if len(which) > 8 else "")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from granular.inference.linear import determined
 from granular.inference.packing import Packing
-from granular.inference.problem import Problem
+from granular.inference.problem import Problem, listed
 
 __all__ = ["Flag", "Inference", "InferenceWarning", "report"]
 
@@ -208,7 +208,7 @@ def _flags(found: Inference) -> tuple[Flag, ...]:
     if found.rank < found.unknowns:
         which = np.flatnonzero(found.undetermined)
         message = (
-            f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {_listed(which)}"
+            f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {listed(which)}"
         )
         flags.append(Flag("rank", message))
     # In motion many contacts slip in truth.
@@ -225,7 +225,7 @@ def _flags(found: Inference) -> tuple[Flag, ...]:
     size = np.linalg.norm(packing.stresses, axis=(1, 2))
     loose = loose[size[loose] > 1e-3 * size.mean()]
     if len(loose):
-        message = f"grains {_listed(loose)} have stress but no contact: a contact is missing"
+        message = f"grains {listed(loose)} have stress but no contact: a contact is missing"
         flags.append(Flag("stressed_rattlers", message))
     return tuple(flags)
 
@@ -238,8 +238,3 @@ def _zero_forces(found: Inference) -> Flag:
             "(positions too rough, mu too small); weigh the balance with infer_dynamic"
         )
     return Flag("zero_forces", message)
-
-
-def _listed(which: NDArray[np.intp]) -> str:
-    shown = ", ".join(str(k) for k in which[:8])
-    return shown + (f", ... ({len(which)} in all)" if len(which) > 8 else "")
