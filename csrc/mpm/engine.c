@@ -252,6 +252,7 @@ void gr_engine_free(struct gr_engine *e)
                      e->node_v,
                      e->solid,
                      e->balance,
+                     e->path,
                      e->body,
                      e->body_next,
                      e->touched,

@@ -152,7 +152,9 @@ struct gr_engine {
     /* nonlocal law: the means of the cells' dense points, which are diffused in place; NULL without one */
     struct gr_fluidity *fluidity;
     double *balance; /* per cell of the lattice: what the law has added to its fluidity; NULL unless implicit */
-    int diffuses;    /* the law of this step is past its local phase */
+    double *path;    /* of the points through the substeps (law/path.h), path_room numbers; NULL where there is one */
+    int64_t path_room;
+    int diffuses; /* the law of this step is past its local phase */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;
@@ -199,7 +201,7 @@ struct gr_kernels {
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leavers *out, int fused);
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
-    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int made);
+    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int sets_out);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);

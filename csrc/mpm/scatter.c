@@ -261,14 +261,25 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
  * what the law has added in the substep before, r, and makes (1 + k L) g' = g + r; the law begins from g' - r, which
  * is g - k L g, with nothing left to err, where all is steady. r within -g and g/2: no g' is negative, and a growing
  * mode of the law does not overshoot. */
+GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, double gain)
+{
+    if (e->balance) {
+        const double more = gain < -g ? -g : gain;
+        e->balance[place] = more > 0.5 * g ? 0.5 * g : more;
+        g += e->balance[place];
+    }
+    e->fluidity->g[place] = g;
+}
+
 GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
 {
+    enum { SUMS = GR_SUMS > 3 ? GR_SUMS : 4 };
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int blocks = GR_BLOCKS(cell->count);
     const int64_t place = gr_cell_id(e, cell->at);
-    double sum[GR_SUMS > 3 ? GR_SUMS : 4];
-    vd acc[GR_SUMS > 3 ? GR_SUMS : 4];
-    for (int i = 0; i < (GR_SUMS > 3 ? GR_SUMS : 4); i++) acc[i] = v_zero();
+    double sum[SUMS];
+    vd acc[SUMS];
+    for (int i = 0; i < SUMS; i++) acc[i] = v_zero();
     for (int n = 0; n < blocks; n++) {
         const int64_t at = cell->offset + n * GR_W;
         vd tension = component(e, GR_FIELD_stress, 0, at);
@@ -279,13 +290,9 @@ GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
         if (e->balance) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
     }
     for (int i = 0; i < 3; i += GR_SUMS) v_sums(sum + i, acc + i);
-    const double inverse = sum[0] > 0 ? 1 / sum[0] : 0, g = inverse * sum[1];
+    const double inverse = sum[0] > 0 ? 1 / sum[0] : 0;
     e->fluidity->dense[place] = sum[0] > 0;
-    e->fluidity->g[place] = g;
-    if (!e->balance) return;
-    const double gain = inverse * sum[2];
-    e->balance[place] = gain < -g ? -g : gain > 0.5 * g ? 0.5 * g : gain;
-    e->fluidity->g[place] = g + e->balance[place];
+    store_fluidity(e, place, inverse * sum[1], inverse * sum[2]);
 }
 
 /* One more pass of XPIC: the momentum of the nodal velocity field seen by the points. */

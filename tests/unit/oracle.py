@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 from oracle_diffused import average, averages, look_around
 from oracle_law import components, law, tensor
-from oracle_nonlocal import all_but_the_last, substep
+from oracle_nonlocal import Path
 from oracle_shapes import Shapes, node_volumes
 from oracle_shared import flow_of_cells, share
 from oracle_walls import alone_at_wall
@@ -153,7 +153,8 @@ def gather(scene, points, nodes, dt, step=0):
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
     if scene.material.law == "ngf":
-        points = all_but_the_last(scene, points, gradient, dt)
+        path = Path(scene, points, gradient, dt)
+        points = path.points
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
@@ -167,8 +168,7 @@ def gather(scene, points, nodes, dt, step=0):
         new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
     material = scene.material
     if material.law == "ngf":
-        part = dt / scene.scheme.fluidity.substeps
-        made = substep(scene, points, new["log_density"], gradient, part)
+        made = path.part(new["log_density"])
         names = {"stress", "shear_rate", "g", "g_gain"} & set(points)
         return new | {name: made[name] for name in names}
     stress, rate = law(
