@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,7 +100,7 @@ def conic(problem: Problem) -> Array:
     return np.array(found.x)[:n]
 
 
-def _settings():  # type: ignore[no-untyped-def]
+def _settings() -> Any:
     import clarabel
 
     settings = clarabel.DefaultSettings()
