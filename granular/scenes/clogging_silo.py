@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 
 from granular.checks import non_negative, positive
@@ -31,6 +32,7 @@ def clogging_silo(
     points_per_cell: int = 16,
     jitter: float = 0.0,
     absorber: float | None = 0.49,
+    absorber_rate: float = math.inf,
     gravity: float = 9.81,
     duration: float = 1.5,
     material: NGF = silo_grains,
@@ -130,7 +132,7 @@ def clogging_silo(
             Wall(0, low, kind="frictionless"),
             Wall(0, side, kind="frictionless"),
         ),
-        absorbers=() if absorber is None else (Absorber(1, absorber),),
+        absorbers=() if absorber is None else (Absorber(1, absorber, absorber_rate),),
         gravity=Gravity((0.0,), ((0.0, -positive("gravity", gravity)),)),
         duration=duration,
         seed=seed,
