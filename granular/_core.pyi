@@ -86,6 +86,7 @@ def hencky_update(
 def fluidity_diffuse(
     *,
     method: str,
+    stencil: str,
     dx: float,
     A: float,
     d: float,
@@ -140,6 +141,7 @@ class Engine:
         numbers: dict[str, float],
         parameters: dict[str, float],
         fluidity_method: str,
+        fluidity_stencil: str,
         fluidity_substeps: int,
         fluidity_faces: NDArray[np.uint8] | None,
         bodies: list[BodyRow],

@@ -182,6 +182,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
         parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
+        fluidity_stencil=scheme.fluidity.stencil,
         fluidity_substeps=scheme.fluidity.substeps,
         fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
         bodies=[body.row() for body in scene.bodies],

@@ -140,6 +140,7 @@ static int build_fluidity(struct gr_engine *e)
     enum { MAX_ITERATIONS = 10000 };
     struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     struct gr_fluidity_config config = {.dim = e->config.dim,
+                                        .stencil = nonlocal->stencil,
                                         .dx = e->config.dx,
                                         .A = parameter_of(&e->config, "A"),
                                         .d = parameter_of(&e->config, "d"),
@@ -155,9 +156,7 @@ static int build_fluidity(struct gr_engine *e)
         nonlocal->method =
             gr_longest_dt(&e->config) / nonlocal->substeps < limit ? GR_DIFFUSION_explicit : GR_DIFFUSION_implicit;
     }
-    if (nonlocal->method != GR_DIFFUSION_implicit) return GR_OK;
-    e->balance = calloc((size_t)e->fluidity->n_cells, sizeof(double));
-    return e->balance ? GR_OK : GR_ERR_MEMORY;
+    return GR_OK;
 }
 
 static int build_bodies(struct gr_engine *e)
@@ -251,7 +250,6 @@ void gr_engine_free(struct gr_engine *e)
                      e->node_mass,
                      e->node_v,
                      e->solid,
-                     e->balance,
                      e->body,
                      e->body_next,
                      e->touched,

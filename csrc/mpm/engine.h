@@ -47,6 +47,7 @@ struct gr_cure {
 /* How the fluidity of a nonlocal law is diffused. */
 struct gr_nonlocal {
     int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit where one substep is short enough for it */
+    int stencil;         /* enum gr_stencil */
     int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held */
     double begins_at;    /* s; until then the law is local */
     double least;        /* 1/s; no cell has less fluidity after the diffusion */
@@ -151,8 +152,7 @@ struct gr_engine {
     int sums_average, sums_take_back; /* what the sums of the next step hold, see gr_plan_sums */
     /* nonlocal law: the means of the cells' dense points, which are diffused in place; NULL without one */
     struct gr_fluidity *fluidity;
-    double *balance; /* per cell of the lattice: what the law has added to its fluidity; NULL unless implicit */
-    int diffuses;    /* the law of this step is past its local phase */
+    int diffuses; /* the law of this step is past its local phase */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;
@@ -165,6 +165,9 @@ static inline int gr_averages(const struct gr_engine *e, int64_t step)
 {
     return e->config.diffused && step % e->config.cure.interval == 0;
 }
+
+/* Whether the diffusion knows what the law has added to the fluidity of a cell (scatter.c): it is in fluidity->gain. */
+static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.nonlocal.method == GR_DIFFUSION_implicit; }
 
 /* The sums to come are those of `step`: with the density if it averages, and less the momentum that the shift
  * has lent if the step before did. */

@@ -265,9 +265,9 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
 GR_INLINE double fluidity_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
     if (!e->diffuses) return 0;
-    const int64_t place = gr_cell_id(e, cell->at);
+    const int64_t place = gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at));
     double g = e->fluidity->g[place];
-    if (e->balance) g -= e->balance[place];
+    if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
     return g < e->config.nonlocal.least ? e->config.nonlocal.least : g; /* NaN stays */
 }
 

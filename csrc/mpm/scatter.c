@@ -264,8 +264,8 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
 GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const int blocks = GR_BLOCKS(cell->count);
-    const int64_t place = gr_cell_id(e, cell->at);
+    const int blocks = GR_BLOCKS(cell->count), balanced = gr_is_balanced(e);
+    const int64_t place = gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at));
     double sum[GR_SUMS > 3 ? GR_SUMS : 4];
     vd acc[GR_SUMS > 3 ? GR_SUMS : 4];
     for (int i = 0; i < (GR_SUMS > 3 ? GR_SUMS : 4); i++) acc[i] = v_zero();
@@ -276,16 +276,17 @@ GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
         const vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
         acc[0] = acc[0] + m;
         acc[1] = v_fma(m, component(e, GR_FIELD_g, 0, at), acc[1]);
-        if (e->balance) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
+        if (balanced) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
     }
     for (int i = 0; i < 3; i += GR_SUMS) v_sums(sum + i, acc + i);
     const double inverse = sum[0] > 0 ? 1 / sum[0] : 0, g = inverse * sum[1];
     e->fluidity->dense[place] = sum[0] > 0;
     e->fluidity->g[place] = g;
-    if (!e->balance) return;
+    if (!balanced) return;
+    double *balance = e->fluidity->gain + place;
     const double gain = inverse * sum[2];
-    e->balance[place] = gain < -g ? -g : gain > 0.5 * g ? 0.5 * g : gain;
-    e->fluidity->g[place] = g + e->balance[place];
+    *balance = gain < -g ? -g : gain > 0.5 * g ? 0.5 * g : gain;
+    e->fluidity->g[place] = g + *balance;
 }
 
 /* One more pass of XPIC: the momentum of the nodal velocity field seen by the points. */

@@ -39,6 +39,9 @@ int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, in
 int gr_refuse_frictions(double mu_s, double mu_2);
 
 /* Raise the exception of a core error. Always returns NULL. */
+/* Number of a stencil of the fluidity by its name, or -1 with ValueError set. */
+int gr_stencil_of(const char *name);
+
 PyObject *gr_raise(int error, const struct gr_engine *engine);
 
 /* Room for what the configuration of an engine is made of. */

@@ -39,9 +39,10 @@ static int refuse_diffusion(const struct gr_engine *e)
     if (error == GR_ERR_LIMIT) {
         char text[320];
         snprintf(text, sizeof text,
-                 "dt = %.4g s in %d substeps of the fluidity must be below %.4g s each, the limit of method \"%s\": "
-                 "take %.0f substeps or more, or method \"implicit\"",
-                 dt, nonlocal->substeps, limit, gr_diffusion_names[nonlocal->method], floor(dt / limit) + 1);
+                 "dt = %.4g s in %d substeps of the fluidity must be below %.4g s each, the limit of method \"%s\" and "
+                 "stencil \"%s\": take %.0f substeps or more, or method \"implicit\"",
+                 dt, nonlocal->substeps, limit, gr_diffusion_names[nonlocal->method], gr_stencil_names[nonlocal->stencil],
+                 floor(dt / limit) + 1);
         PyErr_SetString(PyExc_ValueError, text);
     } else if (error) {
         gr_raise(error, NULL);

@@ -31,7 +31,7 @@ static struct gr_fluidity_config plain(int64_t nx, int64_t ny, int64_t nz)
 static struct gr_fluidity *built(const struct gr_fluidity_config *config)
 {
     struct gr_fluidity *f = NULL;
-    CHECK(gr_fluidity_new(&f, config) == GR_OK);
+    CHECK(gr_fluidity_new(&f, config) == GR_OK && gr_fluidity_cover(f, NULL, 0) == GR_OK);
     for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = 1;
     return f;
 }
