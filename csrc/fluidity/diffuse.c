@@ -24,9 +24,8 @@ struct diffusion {
 };
 
 #define GR_EACH_CHUNK(w, c) for (int64_t c = (w)->first; c < (w)->last; c++)
-#define GR_EACH_BLOCK(f, c, i)                                                                                   \
-    for (int64_t i = (f)->chunk_first[c] * GR_PAGE, end_##i = (f)->chunk_first[(c) + 1] * GR_PAGE; i < end_##i; \
-         i += GR_W)
+#define GR_EACH_BLOCK(f, c, i) \
+    for (int64_t i = (f)->chunk_first[c] * GR_PAGE, end_##i = (f)->chunk_first[(c) + 1] * GR_PAGE; i < end_##i; i += GR_W)
 
 static inline double lane_sum(vd a)
 {
@@ -293,7 +292,7 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
     for (int k = 0; k < 3; k++) w.work[k] = f->work[k];
     gr_share(f->n_chunks, alone ? 0 : t, w.barrier->threads, &w.first, &w.last);
     int error = GR_OK;
-    #define GR_RUN(n) \
+#define GR_RUN(n) \
     if (f->n_links == n && (!alone || t == 0)) error = run_diffusion(n, &w, call);
     GR_RUN(2)
     GR_RUN(3)

@@ -63,8 +63,8 @@ int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *c
 void gr_fluidity_free(struct gr_fluidity *f)
 {
     if (!f) return;
-    free(f->side);
-    free(f->page_of);
+    gr_table_free(&f->side);
+    gr_table_free(&f->page_of);
     free(f->doubles);
     free(f->bytes);
     free(f->integers);

@@ -16,6 +16,7 @@
 
 #include "core/barrier.h"
 #include "core/error.h"
+#include "core/table.h"
 
 /* What stands at a face, as seen from one of its cells. Two cells are linked if both say so. */
 enum gr_face { GR_FACE_LINK, GR_FACE_OPEN, GR_FACE_ROUGH, GR_FACE_COUNT };
@@ -78,18 +79,18 @@ enum {
 struct gr_fluidity {
     int dim, stencil, n_links, periodic[3];
     int64_t shape[3], stride[3], n_cells; /* of the box */
-    double dx, diffusivity, tolerance; /* m, A^2 d^2/t0 in m^2/s, 1 */
+    double dx, diffusivity, tolerance;    /* m, A^2 d^2/t0 in m^2/s, 1 */
     int64_t max_iterations;
     double stiffest; /* no eigenvalue of L is larger than twice this */
     /* of the box */
     int8_t offset[GR_MOST_LINKS][3]; /* of the cell at the high side of a link; link a < dim goes along axis a */
-    uint16_t *side;                  /* per cell of the box, 2 bits for each face: enum gr_side */
-    int32_t *page_of;                /* per page of the box: its number here + 1, 0 for none */
+    struct gr_table side;            /* per cell of the box, 2 bits for each face: enum gr_side ^ GR_SIDE_LINKED */
+    struct gr_table page_of;         /* per page of the box: its number here + 1, 0 for none */
     /* of the pages: cell k of page q has the place GR_PAGE q + k. Arrays of places have a page of zeros at both ends. */
     int64_t n_pages, page_room, n_chunks, n_wraps, wrap_room;
-    int64_t *page;        /* number in the box, ascending */
-    int64_t *chunk_first; /* n_chunks + 1: pages of a chunk */
-    int32_t *near;        /* per page, link and side (low, high): place of the cell beside the first one */
+    int64_t *page;                    /* number in the box, ascending */
+    int64_t *chunk_first;             /* n_chunks + 1: pages of a chunk */
+    int32_t *near;                    /* per page, link and side (low, high): place of the cell beside the first one */
     uint8_t *link[2 * GR_MOST_LINKS]; /* faces: 1 where a cell is linked to the one at that place */
     int32_t *beside;                  /* isotropic: per place, link and side, the place of that cell; -1 without a way */
     double *rough_walls;              /* 2 (rough faces) */
@@ -127,6 +128,12 @@ typedef int gr_diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *ca
 int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *config);
 void gr_fluidity_free(struct gr_fluidity *f);
 
+/* What stands at face k of a cell of the box. */
+static inline int gr_fluidity_side(const struct gr_fluidity *f, int64_t cell, int k)
+{
+    return (gr_table_get(&f->side, cell) >> 2 * k & 3) ^ GR_SIDE_LINKED;
+}
+
 /* lattice.c: take over the faces of the box, a part of gr_fluidity_new. Returned: 0 or GR_ERR_MEMORY. */
 int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face);
 
@@ -137,7 +144,7 @@ int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, int64_t n);
 /* Place of a cell of the box that has one. */
 static inline int64_t gr_fluidity_place(const struct gr_fluidity *f, int64_t cell)
 {
-    return ((int64_t)f->page_of[cell / GR_PAGE] - 1) * GR_PAGE + cell % GR_PAGE;
+    return ((int64_t)gr_table_get(&f->page_of, cell / GR_PAGE) - 1) * GR_PAGE + cell % GR_PAGE;
 }
 
 /* links.c: weights of all links of a chunk with the isotropic stencil, from which cells are dense. */

@@ -8,7 +8,7 @@ static int64_t pages_of_box(const struct gr_fluidity *f) { return (f->n_cells + 
 
 static int64_t place_of(const struct gr_fluidity *f, int64_t cell)
 {
-    return f->page_of[cell / GR_PAGE] ? gr_fluidity_place(f, cell) : -1;
+    return gr_table_get(&f->page_of, cell / GR_PAGE) ? gr_fluidity_place(f, cell) : -1;
 }
 
 /* Step by `side` (-1, 1) along an axis from a cell at `at`, through periodic ends. Returned: 0, or -1 at an end. */
@@ -32,7 +32,7 @@ static int64_t reach(const struct gr_fluidity *f, int64_t cell, const int64_t at
         int64_t next = cell, there[3] = {at[0], at[1], at[2]};
         int rest[3] = {offset[0], offset[1], offset[2]};
         rest[a] = 0;
-        if ((f->side[cell] >> 2 * (2 * a + (offset[a] > 0)) & 3) != GR_SIDE_LINKED) return -1;
+        if (gr_fluidity_side(f, cell, 2 * a + (offset[a] > 0)) != GR_SIDE_LINKED) return -1;
         if (walk(f, a, offset[a], &next, there)) return -1;
         found = rest[0] || rest[1] || rest[2] ? reach(f, next, there, rest) : next;
         if (found < 0) return -1;
@@ -50,13 +50,13 @@ static void find_coordinates(const struct gr_fluidity *f, int64_t cell, int64_t 
 }
 
 /* Take over the faces of the box. Two cells are linked if both say so. Returned: the largest number of links and rough
- * faces of a cell, were all cells dense. */
+ * faces of a cell, were all cells dense; or -1 without memory. */
 static int read_faces(struct gr_fluidity *f, const uint8_t *face)
 {
     int most = 0;
     for (int64_t i = 0; i < f->n_cells; i++) {
         int64_t at[3];
-        int count = 0;
+        int count = 0, sides = 0;
         find_coordinates(f, i, at);
         for (int k = 0; k < 2 * f->dim; k++) {
             int64_t j = i, there[3] = {at[0], at[1], at[2]};
@@ -64,8 +64,9 @@ static int read_faces(struct gr_fluidity *f, const uint8_t *face)
             int side = kind == GR_FACE_ROUGH ? GR_SIDE_ROUGH : GR_SIDE_CLOSED;
             if (kind == GR_FACE_LINK && !ends && face[(k ^ 1) * f->n_cells + j] == GR_FACE_LINK) side = GR_SIDE_LINKED;
             count += side == GR_SIDE_ROUGH || (side == GR_SIDE_LINKED && j != i);
-            f->side[i] |= (uint16_t)(side << 2 * k);
+            sides |= (side ^ GR_SIDE_LINKED) << 2 * k;
         }
+        if (gr_table_set(&f->side, i, sides)) return -1;
         if (count > most) most = count;
     }
     return most;
@@ -87,11 +88,11 @@ static void list_links(struct gr_fluidity *f)
 
 int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
 {
-    f->side = calloc((size_t)f->n_cells, sizeof *f->side);
-    f->page_of = calloc((size_t)pages_of_box(f), sizeof *f->page_of);
-    if (!f->side || !f->page_of) return GR_ERR_MEMORY;
+    if (gr_table_new(&f->side, f->n_cells) || gr_table_new(&f->page_of, pages_of_box(f))) return GR_ERR_MEMORY;
     list_links(f);
-    f->stiffest = read_faces(f, face);
+    const int most = read_faces(f, face);
+    if (most < 0) return GR_ERR_MEMORY;
+    f->stiffest = most;
     /* Of the whole lattice, see links.c: what is not linked takes away from it. */
     if (f->stencil == GR_STENCIL_isotropic) f->stiffest = f->dim == 2 ? 8.0 / 3.0 : 46.0 / 15.0;
     return GR_OK;
@@ -99,7 +100,7 @@ int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
 
 static void forget(struct gr_fluidity *f)
 {
-    for (int64_t q = 0; q < f->n_pages; q++) f->page_of[f->page[q]] = 0;
+    gr_table_clear(&f->page_of);
     f->n_pages = f->n_chunks = f->n_wraps = 0;
 }
 
@@ -123,8 +124,8 @@ static int reserve(struct gr_fluidity *f, int64_t n)
         f->page_room -= 2;
     }
     const int64_t pages = f->page_room + 2, room = pages * GR_PAGE;
-    double *at = f->doubles, **const vectors[] = {&f->g,       &f->gain,    &f->rough,  &f->rough_walls,
-                                                  &f->work[0], &f->work[1], &f->work[2]};
+    double *at = f->doubles,
+           **const vectors[] = {&f->g, &f->gain, &f->rough, &f->rough_walls, &f->work[0], &f->work[1], &f->work[2]};
     memset(f->doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 3)) * sizeof(double));
     memset(f->bytes, 0, (size_t)(room * n_maps));
     for (int k = 0; k < 7; k++, at += room) *vectors[k] = at + GR_PAGE;
@@ -138,12 +139,12 @@ static int reserve(struct gr_fluidity *f, int64_t n)
     return GR_OK;
 }
 
-static void add_page(struct gr_fluidity *f, int64_t page)
+static int add_page(struct gr_fluidity *f, int64_t page)
 {
     if (!f->n_pages || f->page[f->n_pages - 1] / GR_CHUNK_PAGES != page / GR_CHUNK_PAGES)
         f->chunk_first[f->n_chunks++] = f->n_pages;
     f->page[f->n_pages++] = page;
-    f->page_of[page] = (int32_t)f->n_pages;
+    return gr_table_set(&f->page_of, page, (int32_t)f->n_pages);
 }
 
 /* Where the cells beside those of a page are: their places follow each other even where they are those of two pages. Of
@@ -155,8 +156,8 @@ static void find_near(struct gr_fluidity *f, int64_t q)
         for (int a = 0; a < f->dim; a++) cell += (k % 2 ? 1 : -1) * f->offset[k / 2][a] * f->stride[a];
         const int64_t page = cell < 0 ? -((-cell + GR_PAGE - 1) / GR_PAGE) : cell / GR_PAGE, shift = cell - page * GR_PAGE;
         const int64_t last = pages_of_box(f) - 1;
-        const int32_t low = page >= 0 && page <= last ? f->page_of[page] : 0;
-        const int32_t high = shift && page >= -1 && page < last ? f->page_of[page + 1] : 0;
+        const int32_t low = page >= 0 && page <= last ? gr_table_get(&f->page_of, page) : 0;
+        const int32_t high = shift && page >= -1 && page < last ? gr_table_get(&f->page_of, page + 1) : 0;
         if (low)
             near = ((int64_t)low - 1) * GR_PAGE + shift;
         else if (high)
@@ -189,7 +190,7 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
         const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
         const int64_t to = reach(f, cell, at, offset), j = to < 0 ? -1 : place_of(f, to);
         if (f->beside) f->beside[i * sides + k] = (int32_t)j;
-        if (k < 2 * f->dim && (f->side[cell] >> 2 * k & 3) == GR_SIDE_ROUGH) f->rough_walls[i] += 2;
+        if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->rough_walls[i] += 2;
         if (j < 0 || j == i) continue;
         if (j != f->near[sides * q + k] + lane) {
             if (add_wrap(f, i, j, k)) return GR_ERR_MEMORY;
@@ -200,26 +201,33 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
     return GR_OK;
 }
 
+static int add_pages(struct gr_fluidity *f, const int64_t *cells, int64_t n)
+{
+    int error = GR_OK;
+    for (int64_t k = 0; !cells && !error && k < n; k += GR_PAGE) error = add_page(f, k / GR_PAGE);
+    for (int64_t k = 0; cells && !error && k < n; k++)
+        if (!k || cells[k] / GR_PAGE != cells[k - 1] / GR_PAGE) error = add_page(f, cells[k] / GR_PAGE);
+    f->chunk_first[f->n_chunks] = f->n_pages;
+    return error;
+}
+
 int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, int64_t n)
 {
     int64_t pages = cells ? 0 : pages_of_box(f);
     for (int64_t k = 0; cells && k < n; k++) pages += !k || cells[k] / GR_PAGE != cells[k - 1] / GR_PAGE;
     forget(f);
-    if (reserve(f, pages)) return GR_ERR_MEMORY;
-    for (int64_t k = 0; !cells && k < pages; k++) add_page(f, k);
-    for (int64_t k = 0; cells && k < n; k++)
-        if (!k || cells[k] / GR_PAGE != cells[k - 1] / GR_PAGE) add_page(f, cells[k] / GR_PAGE);
-    f->chunk_first[f->n_chunks] = f->n_pages;
-    for (int64_t q = 0; q < f->n_pages; q++) find_near(f, q);
-    for (int64_t c = 0; c < f->n_chunks; c++) {
+    int error = reserve(f, pages);
+    if (!error) error = add_pages(f, cells, cells ? n : f->n_cells);
+    for (int64_t q = 0; !error && q < f->n_pages; q++) find_near(f, q);
+    for (int64_t c = 0; !error && c < f->n_chunks; c++) {
         f->wrap_first[c] = f->n_wraps;
         for (int64_t q = f->chunk_first[c]; q < f->chunk_first[c + 1]; q++)
-            for (int lane = 0; lane < GR_PAGE && f->page[q] * GR_PAGE + lane < f->n_cells; lane++)
-                if (link_cell(f, q, lane)) {
-                    forget(f);
-                    return GR_ERR_MEMORY;
-                }
+            for (int lane = 0; !error && lane < GR_PAGE && f->page[q] * GR_PAGE + lane < f->n_cells; lane++)
+                error = link_cell(f, q, lane);
     }
-    f->wrap_first[f->n_chunks] = f->n_wraps;
-    return GR_OK;
+    if (error)
+        forget(f);
+    else
+        f->wrap_first[f->n_chunks] = f->n_wraps;
+    return error;
 }

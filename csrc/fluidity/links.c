@@ -26,7 +26,7 @@ static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int h
     const int32_t j = f->beside[2 * f->n_links * i + k];
     if (j >= 0 && f->dense[j]) return OPEN;
     const int64_t cell = f->page[i / GR_PAGE] * GR_PAGE + i % GR_PAGE;
-    return (f->side[cell] >> 2 * k & 3) == GR_SIDE_ROUGH ? ODD : EVEN;
+    return gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH ? ODD : EVEN;
 }
 
 /* Link and side of an offset. */

@@ -56,10 +56,11 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     int error = own((const void **)&c->gravity_times, sizeof(double) * (size_t)c->n_gravity);
     error |= own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
     error |= own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
-    error |= own((const void **)&c->node_codes, (size_t)n_nodes);
-    error |= own((const void **)&c->cell_flags, (size_t)n_cells);
     error |= own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
     error |= copy_bodies(c);
+    error |= gr_table_of_bytes(&e->node_codes, c->node_codes, n_nodes);
+    error |= gr_table_of_bytes(&e->cell_flags, c->cell_flags, n_cells);
+    c->node_codes = c->cell_flags = 0;
     for (int d = 0; d < 3; d++) c->creases[d] = 0;
     c->nonlocal.face = 0;
     return error ? GR_ERR_MEMORY : GR_OK;
@@ -70,12 +71,12 @@ static int count_solids(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
 {
     const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);
     int any = 0;
-    for (int64_t c = 0; e->config.cell_flags && c < n_cells; c++) any |= e->config.cell_flags[c] & GR_CELL_SOLID;
+    for (int64_t c = 0; c < n_cells; c++) any |= gr_table_get(&e->cell_flags, c) & GR_CELL_SOLID;
     if (!any) return GR_OK;
     e->solid = calloc((size_t)n_nodes, sizeof(double));
     if (!e->solid) return GR_ERR_MEMORY;
     for (int64_t c = 0; c < n_cells; c++) {
-        if (!(e->config.cell_flags[c] & GR_CELL_SOLID)) continue;
+        if (!(gr_table_get(&e->cell_flags, c) & GR_CELL_SOLID)) continue;
         for (int i = 0; i < e->K; i++) {
             const int part[3] = {i % k, i / k % k, i / (k * k)};
             int64_t node = 0, stride = 1, rest = c;
@@ -198,9 +199,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     error = copy_config(e, n_nodes, n_cells);
     if (error) goto out;
     error = GR_ERR_MEMORY;
-    e->mesh.cell_of = calloc((size_t)n_cells, sizeof(int32_t));
-    e->mesh.node_of = calloc((size_t)n_nodes, sizeof(int32_t));
-    if (!e->mesh.cell_of || !e->mesh.node_of) goto out;
+    if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
+    if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
     error = count_solids(e, n_nodes, n_cells);
     if (!error && config->n_bodies) error = build_bodies(e);
     e->dt = config->dt;
@@ -233,8 +233,6 @@ void gr_engine_free(struct gr_engine *e)
     void *owned[] = {(void *)e->config.gravity_times,
                      (void *)e->config.gravity_vectors,
                      (void *)e->config.walls,
-                     (void *)e->config.node_codes,
-                     (void *)e->config.cell_flags,
                      (void *)e->config.bodies,
                      (void *)e->config.parts,
                      e->mesh.cell,
@@ -243,8 +241,6 @@ void gr_engine_free(struct gr_engine *e)
                      e->mesh.node_code,
                      e->mesh.node_volume,
                      e->mesh.node_id,
-                     e->mesh.cell_of,
-                     e->mesh.node_of,
                      e->sums,
                      e->node_data,
                      e->node_mass,
@@ -257,6 +253,8 @@ void gr_engine_free(struct gr_engine *e)
                      e->pending,
                      e->pending_id,
                      e->dirty};
+    struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of, &e->node_codes, &e->cell_flags};
+    for (int k = 0; k < 5; k++) gr_table_free(tables[k]);
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     free(e);
 }

@@ -9,6 +9,7 @@
 #include "core/barrier.h"
 #include "core/error.h"
 #include "core/field.h"
+#include "core/table.h"
 #include "fluidity/fluidity.h"
 #include "law/law.h"
 
@@ -72,8 +73,8 @@ struct gr_config {
     const double *gravity_vectors; /* n_gravity x dim, m/s^2 */
     int n_walls;
     const struct gr_wall *walls; /* row 0 is the free node */
-    const uint8_t *node_codes;   /* per node of the grid, x fastest */
-    const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
+    const uint8_t *node_codes;   /* per node of the grid, x fastest; the engine keeps them in a table */
+    const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; as well */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
     const struct gr_part *parts; /* of all bodies */
@@ -97,9 +98,10 @@ struct gr_mesh {
     int32_t *cell_node;   /* n_cells x K */
     int64_t *node_source; /* n_nodes x K: where its sums over a cell begin; in the zero block where there is none */
     uint8_t *node_code;
-    double *node_volume;        /* fraction of dx^dim that the node stands for */
-    int64_t *node_id;           /* index in the whole grid */
-    int32_t *cell_of, *node_of; /* whole grid: active index + 1, 0 for none */
+    double *node_volume;              /* fraction of dx^dim that the node stands for */
+    int64_t *node_id;                 /* index in the whole grid */
+    struct gr_table cell_of, node_of; /* whole grid: active index + 1, 0 for none */
+    struct gr_table next_of;          /* cell_of of the regrouping that is being made */
 };
 
 /* Where a point was that left its cell. */
@@ -125,7 +127,8 @@ struct gr_engine {
     int n_components;                 /* of all the fields in use */
     /* grid */
     struct gr_mesh mesh;
-    double *sums;      /* n_cells + 1 blocks of sum_stride; the last one is zero */
+    struct gr_table node_codes, cell_flags; /* those of the config */
+    double *sums;                           /* n_cells + 1 blocks of sum_stride; the last one is zero */
     double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; room for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, smoothed by XPIC */

@@ -153,7 +153,7 @@ static int around(const struct gr_engine *e, int64_t id, int64_t step[3][3])
 
 static double gap_of(const struct gr_engine *e, int64_t id)
 {
-    const int64_t n = (int64_t)e->mesh.node_of[id] - 1;
+    const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
     return n < 0 ? -INFINITY : e->node_data[n * e->node_stride + 3 * e->config.dim + 4];
 }
 

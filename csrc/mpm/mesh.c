@@ -83,19 +83,23 @@ static int list_points(struct gr_engine *e, struct regroup *r)
     return error;
 }
 
-/* Occupied cells and their neighbours, with the number of points of each. Leaves cell_of set. */
+/* List a cell once. */
+static int list_cell(struct gr_engine *e, struct regroup *r, int64_t id)
+{
+    if (gr_table_get(&e->mesh.next_of, id)) return GR_OK;
+    r->cells[r->n_cells++] = id;
+    return gr_table_set(&e->mesh.next_of, id, 1);
+}
+
+/* Occupied cells and their neighbours, with the number of points of each; and next_of, which cell_of will be. */
 static int list_cells(struct gr_engine *e, struct regroup *r)
 {
     const int dim = e->config.dim, around = dim == 2 ? 9 : 27;
-    int32_t *map = e->mesh.cell_of;
-    for (int64_t c = 0; c < e->mesh.n_cells; c++) map[gr_cell_id(e, e->mesh.cell[c].at)] = 0;
-    int64_t n = 0;
-    for (int64_t p = 0; p < r->n; p++) {
-        if (map[r->cell_id[p]]) continue;
-        map[r->cell_id[p]] = 1;
-        r->cells[n++] = r->cell_id[p];
-    }
-    const int64_t occupied = r->n_cells = n; /* what is to be undone after a failure */
+    struct gr_table *map = &e->mesh.next_of;
+    gr_table_clear(map);
+    for (int64_t p = 0; p < r->n; p++)
+        if (list_cell(e, r, r->cell_id[p])) return GR_ERR_MEMORY;
+    const int64_t occupied = r->n_cells;
     int64_t *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(occupied * around + 1));
     if (!cells) return GR_ERR_MEMORY;
     r->cells = cells;
@@ -110,17 +114,15 @@ static int list_cells(struct gr_engine *e, struct regroup *r)
                 if (e->axis[d].periodic) next[d] = (next[d] + m) % m;
                 if (next[d] < 0 || next[d] >= m) inside = 0;
             }
-            if (!inside || map[gr_cell_id(e, next)]) continue;
-            map[gr_cell_id(e, next)] = 1;
-            cells[n++] = gr_cell_id(e, next);
+            if (inside && list_cell(e, r, gr_cell_id(e, next))) return GR_ERR_MEMORY;
         }
     }
-    r->n_cells = n;
+    const int64_t n = r->n_cells;
     qsort(cells, (size_t)n, sizeof(int64_t), compare_ids);
-    for (int64_t c = 0; c < n; c++) map[cells[c]] = (int32_t)(c + 1);
+    for (int64_t c = 0; c < n; c++) (void)gr_table_set(map, cells[c], (int32_t)(c + 1)); /* they have a place */
     r->counts = calloc((size_t)n + 1, sizeof(int32_t));
     if (!r->counts) return GR_ERR_MEMORY;
-    for (int64_t p = 0; p < r->n; p++) r->counts[map[r->cell_id[p]] - 1]++;
+    for (int64_t p = 0; p < r->n; p++) r->counts[gr_table_get(map, r->cell_id[p]) - 1]++;
     r->usual = occupied ? (int32_t)(r->n / occupied) : 0;
     for (int64_t c = 0; c < n; c++) r->total += places(r->counts[c], r->usual);
     return GR_OK;
@@ -192,19 +194,22 @@ static void move_points(struct gr_engine *e, struct regroup *r)
 static void place_cells(struct gr_engine *e, struct regroup *r)
 {
     int64_t offset = 0;
+    const struct gr_table old = e->mesh.cell_of;
+    e->mesh.cell_of = e->mesh.next_of;
+    e->mesh.next_of = old;
     for (int64_t c = 0; c < r->n_cells; c++) {
         struct gr_cell *cell = &e->mesh.cell[c];
         cell->offset = offset;
         cell->count = 0;
         cell->capacity = places(r->counts[c], r->usual);
         cell->dirty = 0;
-        cell->flags = e->config.cell_flags ? e->config.cell_flags[r->cells[c]] : 0;
+        cell->flags = (int16_t)gr_table_get(&e->cell_flags, r->cells[c]);
         decode(e, r->cells[c], cell->at);
         offset += cell->capacity;
     }
     e->mesh.n_cells = r->n_cells;
     for (int64_t p = 0; p < r->n; p++) {
-        struct gr_cell *cell = &e->mesh.cell[e->mesh.cell_of[r->cell_id[p]] - 1];
+        struct gr_cell *cell = &e->mesh.cell[gr_table_get(&e->mesh.cell_of, r->cell_id[p]) - 1];
         r->cell_id[p] = cell->offset + cell->count++;
     }
 }
@@ -223,7 +228,7 @@ static void describe_node(struct gr_engine *e, int64_t n)
     struct gr_mesh *mesh = &e->mesh;
     int64_t id = mesh->node_id[n];
     double volume = 1;
-    mesh->node_code[n] = e->config.node_codes[id];
+    mesh->node_code[n] = (uint8_t)gr_table_get(&e->node_codes, id);
     for (int d = 0; d < e->config.dim; d++) {
         volume *= e->axis[d].node_integral[id % e->axis[d].n_nodes];
         id /= e->axis[d].n_nodes;
@@ -247,7 +252,7 @@ static int connect_nodes(struct gr_engine *e)
 {
     struct gr_mesh *mesh = &e->mesh;
     const int K = e->K, sums = GR_NODE_SUMS(e->config.dim, e->config.diffused);
-    for (int64_t n = 0; n < mesh->n_nodes; n++) mesh->node_of[mesh->node_id[n]] = 0;
+    gr_table_clear(&mesh->node_of);
     int64_t n_nodes = 0;
     int64_t *ids = malloc(sizeof(int64_t) * (size_t)(mesh->n_cells * K + 1));
     int32_t *filled = 0;
@@ -256,8 +261,9 @@ static int connect_nodes(struct gr_engine *e)
     for (int64_t c = 0; c < mesh->n_cells; c++)
         for (int a = 0; a < K; a++) {
             const int64_t id = node_id_of(e, &mesh->cell[c], a);
-            if (!mesh->node_of[id]) ids[n_nodes++] = id;
-            mesh->node_of[id] = 1;
+            if (gr_table_get(&mesh->node_of, id)) continue;
+            ids[n_nodes++] = id;
+            if (gr_table_set(&mesh->node_of, id, 1)) goto out;
         }
     qsort(ids, (size_t)n_nodes, sizeof(int64_t), compare_ids);
     mesh->n_nodes = 0; /* the old ones are forgotten above */
@@ -267,18 +273,18 @@ static int connect_nodes(struct gr_engine *e)
     clear_nodes(e);
     for (int64_t n = 0; n < n_nodes; n++) {
         mesh->node_id[n] = ids[n];
-        mesh->node_of[ids[n]] = (int32_t)(n + 1);
+        (void)gr_table_set(&mesh->node_of, ids[n], (int32_t)(n + 1)); /* it has a place */
         describe_node(e, n);
     }
     for (int64_t c = 0; c < mesh->n_cells; c++)
         for (int a = 0; a < K; a++) {
-            const int32_t n = mesh->node_of[node_id_of(e, &mesh->cell[c], a)] - 1;
+            const int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
             mesh->cell_node[c * K + a] = n;
             mesh->node_source[(int64_t)n * K + filled[n]++] = c * e->sum_stride + a * sums;
         }
     error = GR_OK;
 out:
-    for (int64_t n = 0; error && ids && n < n_nodes; n++) mesh->node_of[ids[n]] = 0;
+    if (error) gr_table_clear(&mesh->node_of);
     free(ids);
     free(filled);
     return error;
@@ -301,11 +307,7 @@ int gr_regroup(struct gr_engine *e)
         error = GR_ERR_CAPACITY;
     }
     if (!error) error = reserve_mesh(e, r.n_cells);
-    if (error) { /* back to the old cells */
-        for (int64_t c = 0; c < r.n_cells; c++) e->mesh.cell_of[r.cells[c]] = 0;
-        for (int64_t c = 0; c < e->mesh.n_cells; c++) e->mesh.cell_of[gr_cell_id(e, e->mesh.cell[c].at)] = (int32_t)(c + 1);
-        goto out;
-    }
+    if (error) goto out; /* the old cells stay */
     place_cells(e, &r);
     move_points(e, &r);
     e->n_pending = 0;

@@ -19,7 +19,7 @@ static int face_is_closed(const struct gr_engine *e, const int32_t from[3], int 
             id += stride[j] * node;
             if (j == d) on_face = fabs(e->axis[j].node_position[node] - end) < 1e-9;
         }
-        if (on_face && !(gr_wall_now(e, e->config.node_codes[id])->fixed >> d & 1)) return 0;
+        if (on_face && !(gr_wall_now(e, (uint8_t)gr_table_get(&e->node_codes, id))->fixed >> d & 1)) return 0;
     }
     return 1;
 }
@@ -154,7 +154,7 @@ static void settle_leaver(struct gr_engine *e, const struct gr_cell *from, doubl
         return;
     }
     for (int d = 0; d < dim; d++) to[d] = (int32_t)at[d];
-    const int64_t index = (int64_t)e->mesh.cell_of[gr_cell_id(e, to)] - 1;
+    const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
     struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
     if (cell && cell->count < cell->capacity) {
         lower(e, cell->offset + cell->count++, record, id);

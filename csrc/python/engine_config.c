@@ -235,8 +235,8 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!ssiOO", names, &c.dim, &c.basis, &c.affine,
                                      &density, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape,
                                      &lower, &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags, &times,
-                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method,
-                                     &stencil,                                      &c.nonlocal.substeps, &faces, &bodies))
+                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method, &stencil,
+                                     &c.nonlocal.substeps, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
         PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2");
@@ -247,8 +247,8 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     if (c.law < 0) return -1;
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method, stencil) ||
-        gr_take_bodies(&c, bodies, tables))
+        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) ||
+        take_nonlocal(&c, faces, method, stencil) || gr_take_bodies(&c, bodies, tables))
         return -1;
     *out = c;
     return 0;

@@ -114,10 +114,12 @@ static PyObject *raise_diffusion(int error, const struct gr_fluidity *f, const s
 {
     char text[256];
     if (error == GR_ERR_LIMIT)
-        snprintf(text, sizeof text,
-                 "dt = %.9g s must be shorter than %.9g s, the limit of the %s diffusion with the stencil \"%s\" for dx = %.9g m and "
-                 "A^2 d^2/t0 = %.9g m^2/s; \"implicit\" has none",
-                 call->dt, gr_fluidity_limit(f, call->method), gr_diffusion_names[call->method], gr_stencil_names[f->stencil], f->dx, f->diffusivity);
+        snprintf(
+            text, sizeof text,
+            "dt = %.9g s must be shorter than %.9g s, the limit of the %s diffusion with the stencil \"%s\" for dx = %.9g m and "
+            "A^2 d^2/t0 = %.9g m^2/s; \"implicit\" has none",
+            call->dt, gr_fluidity_limit(f, call->method), gr_diffusion_names[call->method], gr_stencil_names[f->stencil],
+            f->dx, f->diffusivity);
     else if (error == GR_ERR_DIVERGED)
         snprintf(text, sizeof text, "%s to tolerance = %.3g in max_iterations = %lld", gr_error_message(error), f->tolerance,
                  (long long)f->max_iterations);
@@ -149,8 +151,8 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs)
 {
     (void)module;
-    static char *names[] = {"method",         "stencil", "dx",       "A",     "d",     "t0", "dt",      "steps", "tolerance",
-                            "max_iterations", "periodic", "faces", "dense", "g",  "threads", "isa",   NULL};
+    static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",      "dt",  "steps", "tolerance",
+                            "max_iterations", "periodic", "faces", "dense", "g", "threads", "isa", NULL};
     struct gr_fluidity_config config = {0};
     struct gr_diffusion_call call = {0};
     const char *method, *stencil, *isa;
@@ -158,15 +160,16 @@ PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject 
     int threads;
     PyObject *periodic, *objects[3];
     PyArrayObject *arrays[3];
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOis:fluidity_diffuse", names, &method, &stencil, &config.dx,
-                                     &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance, &max_iterations,
-                                     &periodic, &objects[2], &objects[1], &objects[0], &threads, &isa))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOis:fluidity_diffuse", names, &method, &stencil,
+                                     &config.dx, &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance,
+                                     &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &threads, &isa))
         return NULL;
     call.steps = steps, config.max_iterations = max_iterations;
     const struct gr_kernels *kernels = gr_kernels_select(isa);
     if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
-    if ((call.method = method_of(method)) < 0 || (config.stencil = gr_stencil_of(stencil)) < 0 || refuse_numbers(&config, &call, threads) ||
-        take_lattice(&config, periodic, objects, arrays) || gr_team_is_lost(threads))
+    if ((call.method = method_of(method)) < 0 || (config.stencil = gr_stencil_of(stencil)) < 0 ||
+        refuse_numbers(&config, &call, threads) || take_lattice(&config, periodic, objects, arrays) ||
+        gr_team_is_lost(threads))
         return NULL;
     struct gr_fluidity *f;
     const int error = gr_fluidity_new(&f, &config);

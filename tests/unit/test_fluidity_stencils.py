@@ -52,7 +52,9 @@ def plain_outflow(g, ends, periodic):
     return out
 
 
-@pytest.mark.parametrize("shape", [(9, 11), (1, 12), (2, 5), (4, 3, 6), (1, 3, 2), (3, 1, 1)], ids=str)
+@pytest.mark.parametrize(
+    "shape", [(9, 11), (1, 12), (2, 5), (4, 3, 6), (1, 3, 2), (3, 1, 1)], ids=str
+)
 def test_a_box_is_a_part_of_its_mirror_images(shape):
     rng = np.random.default_rng(2)
     names = [f"{axis}_{side}" for axis in "xyz"[: len(shape)] for side in ("low", "high")]
