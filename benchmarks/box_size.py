@@ -1,4 +1,4 @@
-"""What an empty box costs: ns per particle-step and bytes per point of a heap, over the size of its box.
+"""What an empty box costs: time and memory per point of a heap over the size of its box.
 
     python benchmarks/box_size.py [--quick] [--out benchmarks/results/box_size.json]
 

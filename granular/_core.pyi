@@ -110,7 +110,7 @@ def node_positions(
 ) -> NDArray[np.float64]: ...
 
 Array = NDArray[np.float64]
-BodyRow = tuple[Array, Array, Array, int, int, float, float]
+BodyRow = tuple[Array, Array, Array, int, int, int, float, float]
 """parts (k, 17), pose (7,), motion (n, 7), contact, free, friction, mass"""
 
 @final

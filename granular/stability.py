@@ -87,13 +87,14 @@ def check_time_step(scene: Scene) -> None:
         raise ValueError(
             f"dt = {scheme.dt} must be <= {largest:.4g}, the limit of the {scheme.basis} basis in "
             f"{scene.dim} dimensions with cells of {scene.grid.cell} m, waves of {wave:.4g} m/s "
-            f"and points of {speed:.4g} m/s"
+            f"and points or bodies of {speed:.4g} m/s"
         )
 
 
 def _fastest(scene: Scene) -> float:
-    """Largest speed of the material at the start [m/s]."""
-    return max(math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+    """Largest speed of the material at the start and of the bodies by their motions [m/s]."""
+    points = (math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+    return max(*points, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
 
 
 def damps_by_step(scheme: Scheme) -> bool:

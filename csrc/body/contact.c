@@ -14,6 +14,7 @@ enum { MAX_SWEEPS = 50 };
 struct moving {
     const struct gr_body *body;
     const struct gr_part *parts;
+    double period[3]; /* m: the body stands once in each; 0 for one that has no images */
     double x[3], rotation[9], v[3], omega[3];
 };
 
@@ -44,9 +45,20 @@ static void place(const struct gr_engine *e, int b, struct moving *m)
     m->parts = e->config.parts + m->body->first_part;
     memcpy(m->x, e->body[b].x, sizeof m->x);
     gr_rotation_matrix(e->body[b].orientation, m->rotation);
+    for (int d = 0; d < 3; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        m->period[d] = d < e->config.dim && axis->periodic && 2 * m->body->bound <= axis->length ? axis->length : 0;
+    }
 }
 
-/* r = x_i - X, 0 along the axes that there are not. */
+/* From the position of the nearest image of a body, per component. */
+static double from_body(const struct moving *m, double x, int d)
+{
+    const double r = x - m->x[d], period = m->period[d];
+    return period > 0 ? r - period * rint(r / period) : r;
+}
+
+/* r = x_i - X of the nearest image, 0 along the axes that there are not. */
 static void arm(const struct gr_engine *e, int64_t node, const struct moving *m, double r[3])
 {
     int64_t id = e->mesh.node_id[node];
@@ -54,7 +66,7 @@ static void arm(const struct gr_engine *e, int64_t node, const struct moving *m,
         const struct gr_axis *axis = &e->axis[d];
         r[d] = 0;
         if (d >= e->config.dim) continue;
-        r[d] = axis->origin + axis->node_position[id % axis->n_nodes] * e->config.dx - m->x[d];
+        r[d] = from_body(m, axis->origin + axis->node_position[id % axis->n_nodes] * e->config.dx, d);
         id /= axis->n_nodes;
     }
 }
@@ -73,6 +85,45 @@ static double distance(const struct moving *m, const double r[3], double normal[
 static int is_far(const struct moving *m, const double r[3])
 {
     return r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > m->body->bound * m->body->bound;
+}
+
+double gr_bodies_speed(const struct gr_engine *e)
+{
+    double fastest = 0;
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        const struct gr_body *body = &e->config.bodies[b];
+        const struct gr_body_state *now = &e->body[b];
+        double square = 0;
+        for (int d = 0; d < e->config.dim; d++) { /* the farthest corner of the domain */
+            const struct gr_axis *axis = &e->axis[d];
+            const double low = now->x[d] - axis->origin, high = low - axis->length;
+            square += fmax(low * low, high * high);
+        }
+        fastest = fmax(fastest, gr_largest_speed(body, e->config.parts + body->first_part, now->orientation, now->v,
+                                                 now->omega, sqrt(square)));
+    }
+    return fastest;
+}
+
+void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t c = first; c < last; c++)
+        e->fluidity->inside[gr_fluidity_place(e->fluidity, gr_cell_id(e, e->mesh.cell[c].at))] = 0;
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        struct moving m;
+        if (!e->config.bodies[b].rough) continue;
+        place(e, b, &m);
+        for (int64_t c = first; c < last; c++) {
+            const struct gr_cell *cell = &e->mesh.cell[c];
+            double r[3] = {0}, normal[3];
+            for (int d = 0; d < e->config.dim; d++) {
+                const struct gr_axis_cell *span = &e->axis[d].cell[cell->at[d]];
+                r[d] = from_body(&m, 0.5 * (span->begin + span->end), d);
+            }
+            if (is_far(&m, r) || !(distance(&m, r, normal) < 0)) continue;
+            e->fluidity->inside[gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at))] = 1;
+        }
+    }
 }
 
 void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last)

@@ -41,6 +41,25 @@ static double total(const struct gr_fluidity *f, const double *partial)
     return sum;
 }
 
+/* No cell in a rough body exchanges with one that is not: g = 0 on the face between them. */
+static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
+{
+    const uint8_t *inside = f->inside;
+    for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++)
+        for (int k = 0; k < 2 * links; k++) {
+            const int64_t j = f->near[2 * links * (i / GR_PAGE) + k] + i % GR_PAGE;
+            if (!f->link[k][i] || inside[i] == inside[j]) continue;
+            f->weight[k][i] = 0;
+            f->rough[i] += 2;
+        }
+    for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
+        struct gr_wrap *wrap = &f->wrap[k];
+        if (inside[wrap->to] == inside[wrap->from]) continue;
+        wrap->weight = 0;
+        f->rough[wrap->to] += 2;
+    }
+}
+
 /* Which cells exchange, from which are dense; values elsewhere become zero. */
 static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
 {
@@ -61,6 +80,7 @@ static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
     for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->rough[i] = f->rough_walls[i];
     for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++)
         f->wrap[k].weight = (double)(dense[f->wrap[k].to] & dense[f->wrap[k].from]);
+    if (f->has_inside) cut_links(links, f, chunk);
 }
 
 /* L g of a block of lanes, without the links across periodic ends. Differences before products: a uniform field stays

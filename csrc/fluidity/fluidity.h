@@ -97,9 +97,11 @@ struct gr_fluidity {
     struct gr_wrap *wrap;             /* in the order of `to` */
     int64_t *wrap_first;              /* n_chunks + 1: those of a chunk */
     /* of the state: written by the caller before a step */
-    uint8_t *dense; /* 1 or 0 */
-    double *g;      /* 1/s; a step moves it to another place: read the pointer again. Zero where not dense. */
-    double *gain;   /* free for the caller */
+    uint8_t *dense;  /* 1 or 0 */
+    int has_inside;  /* inside is in use: */
+    uint8_t *inside; /* 1 in a rough body: g = 0 on the faces between these cells and the others */
+    double *g;       /* 1/s; a step moves it to another place: read the pointer again. Zero where not dense. */
+    double *gain;    /* free for the caller */
     /* of a step */
     double *weight[2 * GR_MOST_LINKS], *rough, *work[3]; /* of the links to both sides; of g itself; vectors */
     double *partial[3];                                  /* sums over chunks */

@@ -108,7 +108,7 @@ static void forget(struct gr_fluidity *f)
 static int reserve(struct gr_fluidity *f, int64_t n)
 {
     const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
-    const int n_vectors = 7 + sides, n_maps = isotropic ? 1 : 1 + sides;
+    const int n_vectors = 7 + sides, n_maps = isotropic ? 2 : 2 + sides;
     if (n > f->page_room || !f->doubles) {
         free(f->doubles), free(f->bytes), free(f->integers), free(f->places);
         f->page_room = n + n / 2 + 2; /* with the margins */
@@ -132,7 +132,8 @@ static int reserve(struct gr_fluidity *f, int64_t n)
     for (int k = 0; k < sides; k++, at += room) f->weight[k] = at + GR_PAGE;
     for (int k = 0; k < 3; k++, at += pages) f->partial[k] = at;
     f->dense = (uint8_t *)f->bytes + GR_PAGE;
-    for (int k = 0; k < sides; k++) f->link[k] = isotropic ? 0 : f->dense + (k + 1) * room;
+    f->inside = f->dense + room;
+    for (int k = 0; k < sides; k++) f->link[k] = isotropic ? 0 : f->inside + (k + 1) * room;
     f->page = f->integers, f->chunk_first = f->page + pages;
     f->wrap_first = f->chunk_first + pages, f->partial_clamped = f->wrap_first + pages;
     f->near = f->places, f->beside = isotropic ? f->near + sides * pages : 0;

@@ -24,6 +24,7 @@ static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int h
 {
     const int k = 2 * axis + high;
     const int32_t j = f->beside[2 * f->n_links * i + k];
+    if (j >= 0 && f->inside[j] != f->inside[i]) return ODD;
     if (j >= 0 && f->dense[j]) return OPEN;
     const int64_t cell = f->page[i / GR_PAGE] * GR_PAGE + i % GR_PAGE;
     return gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH ? ODD : EVEN;
@@ -43,7 +44,7 @@ static int number_of(const struct gr_fluidity *f, const int o[3])
 static int64_t neighbour(const struct gr_fluidity *f, int64_t i, const int o[3])
 {
     const int32_t j = f->beside[2 * f->n_links * i + number_of(f, o)];
-    return j >= 0 && f->dense[j] ? j : -1;
+    return j >= 0 && f->dense[j] && f->inside[j] == f->inside[i] ? j : -1;
 }
 
 /* Whether the cell at the offset m sees the offset o mirrored to i as i sees it mirrored to that cell. */
@@ -70,8 +71,7 @@ static double weigh_cell(const struct gr_fluidity *f, int64_t i, double *weight)
         const int8_t *p = f->offset[k / 2];
         const int side = k % 2 ? 1 : -1, o[3] = {side * p[0], side * p[1], side * p[2]};
         const double w = share[f->dim - 2][!!o[0] + !!o[1] + !!o[2]];
-        const int32_t j = f->beside[2 * f->n_links * i + k];
-        if (j >= 0 && f->dense[j]) {
+        if (neighbour(f, i, o) >= 0) {
             weight[k] += w;
             continue;
         }

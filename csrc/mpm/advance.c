@@ -39,7 +39,8 @@ double gr_stable_dt(const struct gr_engine *e)
             if (square > fastest) fastest = square;
         }
     }
-    return e->config.cfl * e->config.dx / (e->config.wave_speed + sqrt(fastest));
+    const double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
 }
 
 /* Cut the cells so that each thread has about the same number of points, and give each room for leavers: all its
@@ -173,6 +174,7 @@ static int stage_fluidity(struct team *team, int t)
     struct gr_engine *e = team->e;
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     if (!e->diffuses) return GR_OK;
+    if (e->fluidity->has_inside) gr_bodies_mark(e, team->cut[t], team->cut[t + 1]);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
         if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made - 1);

@@ -65,8 +65,8 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
         PyErr_SetString(PyExc_TypeError, "each row of bodies must be a tuple");
         return -1;
     }
-    if (!PyArg_ParseTuple(row, "OOOiidd;a row of bodies is (parts, pose, motion, contact, free, friction, mass)", &list,
-                          &pose, &motion, &body->contact, &body->free, &body->friction, &body->mass))
+    if (!PyArg_ParseTuple(row, "OOOiiidd;a row of bodies is (parts, pose, motion, contact, free, rough, friction, mass)",
+                          &list, &pose, &motion, &body->contact, &body->free, &body->rough, &body->friction, &body->mass))
         return -1;
     body->first_part = c->n_parts;
     body->n_parts = take_parts(list, GR_MAX_PARTS - c->n_parts, parts + c->n_parts);
@@ -77,6 +77,7 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
     memcpy(body->orientation, (const double *)PyArray_DATA(array) + 3, sizeof body->orientation);
     if (!is_unit(body->orientation)) return refuse("the orientation of a body must be a unit quaternion");
     if (body->contact < 0 || body->contact >= GR_CONTACT_COUNT) return refuse("contact must be 0 to 2");
+    if (body->rough != 0 && body->rough != 1) return refuse("rough must be 0 or 1");
     if (body->free < 0 || body->free >> c->dim) return refuse("free must have a bit for each axis at most");
     if (gr_refuse_number("friction", body->friction, 1) || gr_refuse_number("mass", body->mass, !body->free)) return -1;
     body->bound = 0;
