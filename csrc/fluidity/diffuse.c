@@ -41,22 +41,24 @@ static double total(const struct gr_fluidity *f, const double *partial)
     return sum;
 }
 
-/* No cell in a rough body exchanges with one that is not: g = 0 on the face between them. */
+/* What bodies stand between does not exchange; g = 0 on the faces of rough ones. */
 static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
 {
     const uint8_t *inside = f->inside;
     for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++)
         for (int k = 0; k < 2 * links; k++) {
             const int64_t j = f->near[2 * links * (i / GR_PAGE) + k] + i % GR_PAGE;
-            if (!f->link[k][i] || inside[i] == inside[j]) continue;
+            const int cut = f->link[k][i] ? gr_cut_of(inside[i], inside[j]) : GR_SIDE_LINKED;
+            if (cut == GR_SIDE_LINKED) continue;
             f->weight[k][i] = 0;
-            f->rough[i] += 2;
+            f->rough[i] += cut == GR_SIDE_ROUGH ? 2 : 0;
         }
     for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
         struct gr_wrap *wrap = &f->wrap[k];
-        if (inside[wrap->to] == inside[wrap->from]) continue;
+        const int cut = gr_cut_of(inside[wrap->to], inside[wrap->from]);
+        if (cut == GR_SIDE_LINKED) continue;
         wrap->weight = 0;
-        f->rough[wrap->to] += 2;
+        f->rough[wrap->to] += cut == GR_SIDE_ROUGH ? 2 : 0;
     }
 }
 

@@ -61,6 +61,17 @@ struct gr_fluidity_config {
 /* The same, agreed upon by both cells; nothing lies behind the ends of the box. */
 enum gr_side { GR_SIDE_CLOSED, GR_SIDE_LINKED, GR_SIDE_ROUGH };
 
+/* Where a cell is to the bodies: bits. */
+enum gr_inside { GR_INSIDE_BODY = 1, GR_BEFORE_PLATE = 2, GR_BEHIND_PLATE = 4, GR_PLATE = 6, GR_AT_ROUGH_PLATE = 8 };
+
+/* What the bodies make of a face between two cells: nothing is cut where neither a rough body ends nor a plate stands. */
+static inline int gr_cut_of(uint8_t a, uint8_t b)
+{
+    if ((a ^ b) & GR_INSIDE_BODY) return GR_SIDE_ROUGH;
+    if ((a & b & (GR_BEFORE_PLATE | GR_BEHIND_PLATE)) || !(a & GR_PLATE) || !(b & GR_PLATE)) return GR_SIDE_LINKED;
+    return (a | b) & GR_AT_ROUGH_PLATE ? GR_SIDE_ROUGH : GR_SIDE_CLOSED;
+}
+
 /* A link across a periodic end, from the side of one of its two cells. */
 struct gr_wrap {
     int32_t to, from;
@@ -99,7 +110,7 @@ struct gr_fluidity {
     /* of the state: written by the caller before a step */
     uint8_t *dense;  /* 1 or 0 */
     int has_inside;  /* inside is in use: */
-    uint8_t *inside; /* 1 in a rough body: g = 0 on the faces between these cells and the others */
+    uint8_t *inside; /* enum gr_inside */
     double *g;       /* 1/s; a step moves it to another place: read the pointer again. Zero where not dense. */
     double *gain;    /* free for the caller */
     /* of a step */

@@ -24,7 +24,8 @@ static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int h
 {
     const int k = 2 * axis + high;
     const int32_t j = f->beside[2 * f->n_links * i + k];
-    if (j >= 0 && f->inside[j] != f->inside[i]) return ODD;
+    const int cut = j >= 0 ? gr_cut_of(f->inside[i], f->inside[j]) : GR_SIDE_LINKED;
+    if (cut != GR_SIDE_LINKED) return cut == GR_SIDE_ROUGH ? ODD : EVEN;
     if (j >= 0 && f->dense[j]) return OPEN;
     const int64_t cell = f->page[i / GR_PAGE] * GR_PAGE + i % GR_PAGE;
     return gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH ? ODD : EVEN;
@@ -44,7 +45,7 @@ static int number_of(const struct gr_fluidity *f, const int o[3])
 static int64_t neighbour(const struct gr_fluidity *f, int64_t i, const int o[3])
 {
     const int32_t j = f->beside[2 * f->n_links * i + number_of(f, o)];
-    return j >= 0 && f->dense[j] && f->inside[j] == f->inside[i] ? j : -1;
+    return j >= 0 && f->dense[j] && gr_cut_of(f->inside[i], f->inside[j]) == GR_SIDE_LINKED ? j : -1;
 }
 
 /* Whether the cell at the offset m sees the offset o mirrored to i as i sees it mirrored to that cell. */

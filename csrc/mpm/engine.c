@@ -17,6 +17,8 @@ int gr_engine_uses(const struct gr_config *config, int field)
         return gr_law_table[config->law].nonlocal;
     case GR_BALANCED:
         return gr_law_table[config->law].nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit;
+    case GR_SIDED:
+        return gr_has_plates(config);
     case GR_ALWAYS:
     default:
         return 1;
@@ -153,6 +155,7 @@ static int build_fluidity(struct gr_engine *e)
     const int error = gr_fluidity_new(&e->fluidity, &config);
     if (error) return error;
     for (int b = 0; b < e->config.n_bodies; b++) e->fluidity->has_inside |= e->config.bodies[b].rough;
+    e->fluidity->has_inside |= gr_has_plates(&e->config);
     if (nonlocal->method == GR_DIFFUSION_COUNT) {
         const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
         nonlocal->method =
@@ -165,7 +168,11 @@ static int build_bodies(struct gr_engine *e)
 {
     e->body = calloc((size_t)e->config.n_bodies, sizeof *e->body);
     e->body_next = calloc((size_t)e->config.n_bodies, sizeof *e->body_next);
-    if (!e->body || !e->body_next) return GR_ERR_MEMORY;
+    e->n_plates = gr_list_plates(&e->config, 0);
+    e->plate = calloc((size_t)e->n_plates + 1, sizeof *e->plate);
+    e->split = calloc((size_t)e->config.n_bodies, sizeof *e->split);
+    if (!e->body || !e->body_next || !e->plate || !e->split) return GR_ERR_MEMORY;
+    (void)gr_list_plates(&e->config, e->plate);
     gr_bodies_start(e);
     return GR_OK;
 }
@@ -250,6 +257,11 @@ void gr_engine_free(struct gr_engine *e)
                      e->body,
                      e->body_next,
                      e->touched,
+                     e->plate,
+                     e->split,
+                     e->mesh.twin,
+                     e->mesh.apart,
+                     e->mesh.paired,
                      e->leaver,
                      e->pending,
                      e->pending_id,

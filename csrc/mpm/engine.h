@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include "body/body.h"
+#include "body/sides.h"
 #include "core/axis.h"
 #include "core/barrier.h"
 #include "core/error.h"
@@ -87,7 +88,8 @@ struct gr_cell {
     int64_t offset; /* first place in the point arrays */
     int32_t count, capacity;
     int32_t at[3]; /* along each axis */
-    int16_t dirty; /* its sums must be made anew */
+    int8_t dirty;  /* its sums must be made anew */
+    int8_t side;   /* of a thin body: 1 or -1 of a double cell, the front before the back; else 2 or -2; 0 without one */
     int16_t flags;
 };
 
@@ -102,6 +104,11 @@ struct gr_mesh {
     int64_t *node_id;                 /* index in the whole grid */
     struct gr_table cell_of, node_of; /* whole grid: active index + 1, 0 for none */
     struct gr_table next_of;          /* cell_of of the regrouping that is being made */
+    /* with thin bodies, see body/sides.h; cell_of and node_of tell of the front, the back comes next */
+    int32_t *twin;   /* per node: its copy of the other side, or -1 */
+    uint8_t *apart;  /* per node with a twin: whether they move apart */
+    int64_t *paired; /* fronts of the double cells */
+    int64_t n_paired;
 };
 
 /* Where a point was that left its cell. */
@@ -137,6 +144,9 @@ struct gr_engine {
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the step that is being made */
     uint8_t *touched;                       /* per node: whether it lies within one */
+    int n_plates;
+    struct gr_plate *plate;
+    struct gr_split_pose *split; /* per body */
     /* leavers of a step, by thread; their records become those of the points that wait for a place */
     struct gr_leaver *leaver;
     int64_t n_pending, pending_room, needed_capacity;
@@ -205,6 +215,7 @@ struct gr_kernels {
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leavers *out, int fused);
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
+    void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*relax)(struct gr_engine *, int64_t first, int64_t last, int made);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);

@@ -39,6 +39,12 @@ void gr_lift_leavers(struct gr_engine *e, struct gr_leavers *out, int64_t first)
  * through an open side; those without a place wait. Cells that have gained points are listed in dirty. */
 int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists);
 
+/* Points of double cells that have come to the other side where they do not face the plate. */
+void gr_change_sides(struct gr_engine *e);
+
+/* Where a field begins in a record. */
+int gr_component_of(const struct gr_engine *e, int field);
+
 /* Make room for n lifted points; what share_out does before the steps, so that none of them allocates. */
 int gr_reserve_pending(struct gr_engine *e, int64_t n);
 

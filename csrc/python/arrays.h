@@ -68,6 +68,10 @@ PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject 
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
 PyObject *gr_python_bodies(const struct gr_engine *e);
 int gr_restore_bodies(struct gr_engine *e, PyObject *object);
+
+/* Poses of the bodies at which the cells about thin ones are double, (n, 7); the same from an array. */
+PyObject *gr_python_split(const struct gr_engine *e);
+int gr_restore_split(struct gr_engine *e, PyObject *object);
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
 /* hencky.c: function of the module. */

@@ -123,6 +123,28 @@ int gr_restore_bodies(struct gr_engine *e, PyObject *object)
     return 0;
 }
 
+PyObject *gr_python_split(const struct gr_engine *e)
+{
+    const npy_intp shape[2] = {e->config.n_bodies, 7};
+    PyObject *out = PyArray_SimpleNew(2, shape, NPY_DOUBLE);
+    if (out && shape[0]) memcpy(PyArray_DATA((PyArrayObject *)out), e->split, sizeof *e->split * (size_t)shape[0]);
+    return out;
+}
+
+int gr_restore_split(struct gr_engine *e, PyObject *object)
+{
+    const npy_intp shape[2] = {e->config.n_bodies, 7};
+    PyArrayObject *array = gr_array(object, "split", NPY_DOUBLE, 2, shape, 0);
+    if (!array || gr_refuse_values("split", array, -GR_LARGEST)) return -1;
+    const struct gr_split_pose *pose = PyArray_DATA(array);
+    for (npy_intp b = 0; b < shape[0]; b++)
+        if (!is_unit(pose[b].orientation)) return refuse("the orientation of a split must be a unit quaternion");
+    if (!shape[0]) return 0;
+    memcpy(e->split, pose, sizeof *e->split * (size_t)shape[0]);
+    e->disconnected = 1; /* the cells are to be made anew */
+    return 0;
+}
+
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args)
 {
     (void)module;
