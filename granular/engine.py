@@ -136,8 +136,16 @@ def _feedback_limit(scene: Scene) -> float:
     return scene.scheme.feedback_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
-def _row(row: WallRow) -> tuple[int, int, float, int, int, float, int]:
-    return (row.fixed, row.clamp, row.friction, row.normal, row.side, row.opens_at, row.after)
+def _absorbers(scene: Scene) -> tuple[float, ...]:
+    """Along each axis, where the lowest absorber begins [m]."""
+    return tuple(
+        min((a.above for a in scene.absorbers if a.axis == axis), default=math.inf)
+        for axis in range(scene.grid.dim)
+    )
+
+
+def _row(row: WallRow) -> tuple[int, float, int, int, float, int]:
+    return (row.fixed, row.friction, row.normal, row.side, row.opens_at, row.after)
 
 
 def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
@@ -172,7 +180,8 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         open_low=tuple(f"{a}-" in grid.open_sides for a in axes),
         open_high=tuple(f"{a}+" in grid.open_sides for a in axes),
         creases=lines,
-        walls=[(0, 0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
+        absorbers=_absorbers(scene),
+        walls=[(0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
         node_codes=codes,
         cell_flags=cell_flags(scene)
         if scheme.density != "tracked" or AFFINE[scheme.transfer]

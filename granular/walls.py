@@ -147,9 +147,10 @@ class Solid:
 
 @dataclass(frozen=True)
 class Absorber:
-    """A layer that swallows elastic waves: nodes beyond `above` [m] may not move up `axis`.
+    """A layer that swallows elastic waves: no point beyond `above` [m] rises along `axis`.
 
-    The velocity component along `axis` is clamped to <= 0 at nodes strictly above.
+    After each step the velocity component along `axis` of such points is at most 0. The nodes move
+    as they would, so that the layer bears no load: it takes momentum only by what rises.
     """
 
     axis: int

@@ -110,7 +110,7 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
         struct gr_facing side;
         double x[3];
         if (cell->side == -1) continue; /* its front tells */
-        uint8_t *inside = f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at));
+        uint8_t *inside = f->inside + gr_place_of_cell(e, cell);
         *inside = 0;
         gr_cell_position(e, cell->at, x);
         for (int b = 0; b < e->config.n_bodies; b++) {
@@ -167,7 +167,6 @@ static void touch(struct gr_engine *e, int64_t node, const struct moving *m, str
     add_slope(sums, mass, n, held);
     for (int d = 0; d < dim; d++) {
         if (wall->fixed >> d & 1) after[d] = v[d];
-        if (wall->clamp >> d & 1 && after[d] > 0) after[d] = fmin(v[d], after[d]);
         impulse[d] = -mass * (after[d] - v[d]);
         sums->impulse[d] += impulse[d];
         if (!keep) continue;

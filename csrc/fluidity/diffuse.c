@@ -62,6 +62,12 @@ static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
     }
 }
 
+/* Weights of a page: 1 where a link has both of its cells. */
+static inline void exchange(const uint8_t *restrict link, const uint8_t *here, const uint8_t *there, double *restrict weight)
+{
+    for (int lane = 0; lane < GR_PAGE; lane++) weight[lane] = (double)(link[lane] & here[lane] & there[lane]);
+}
+
 /* Which cells exchange, from which are dense; values elsewhere become zero. */
 static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
 {
@@ -73,12 +79,9 @@ static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
         return;
     }
     for (int64_t q = first; q < last; q++)
-        for (int k = 0; k < 2 * links; k++) {
-            const uint8_t *here = dense + q * GR_PAGE, *there = dense + f->near[2 * links * q + k];
-            const uint8_t *link = f->link[k] + q * GR_PAGE;
-            double *weight = f->weight[k] + q * GR_PAGE;
-            for (int lane = 0; lane < GR_PAGE; lane++) weight[lane] = (double)(link[lane] & here[lane] & there[lane]);
-        }
+        for (int k = 0; k < 2 * links; k++)
+            exchange(f->link[k] + q * GR_PAGE, dense + q * GR_PAGE, dense + f->near[2 * links * q + k],
+                     f->weight[k] + q * GR_PAGE);
     for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->rough[i] = f->rough_walls[i];
     for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++)
         f->wrap[k].weight = (double)(dense[f->wrap[k].to] & dense[f->wrap[k].from]);

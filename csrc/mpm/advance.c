@@ -43,6 +43,17 @@ double gr_stable_dt(const struct gr_engine *e)
     return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
 }
 
+/* Paths of the points through many substeps. */
+static int reserve_path(struct gr_engine *e)
+{
+    const int64_t room = e->capacity * GR_PATH_COUNT;
+    if (!e->fluidity || e->config.nonlocal.substeps < 2 || room <= e->path_room) return GR_OK;
+    free(e->path);
+    e->path = malloc(sizeof(double) * (size_t)room);
+    e->path_room = e->path ? room : 0;
+    return e->path ? GR_OK : GR_ERR_MEMORY;
+}
+
 /* Cut the cells so that each thread has about the same number of points, and give each room for leavers: all its
  * points may leave their cells at once. */
 static int share_out(struct team *team)
@@ -53,13 +64,14 @@ static int share_out(struct team *team)
     team->cut[0] = 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
         points += e->mesh.cell[c].capacity;
+        if (e->mesh.cell[c].side == 1) continue; /* its back goes with it */
         while (t < team->barrier.threads && points * team->barrier.threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
             first[t] = points;
             team->cut[t++] = c + 1;
         }
     }
     for (; t <= team->barrier.threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
-    if (gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
+    if (reserve_path(e) || gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
     for (t = 0; t < team->barrier.threads; t++) {
         const int64_t begin = first[t] + t; /* a record more than points for each */
         team->leavers[t] =
@@ -158,11 +170,11 @@ static void stage_grid(struct team *team, int t)
 /* The fluidity has not converged: which of the points is not finite, if one is. */
 static void blame(struct gr_engine *e)
 {
-    const double *g = e->field[GR_FIELD_g];
+    const double *g = e->field[GR_FIELD_g], *rate = e->field[GR_FIELD_shear_rate]; /* g is not kept in substeps */
     e->error_id = -1;
     e->error_step = e->step;
     for (int64_t s = 0; s < e->used; s++) {
-        if (e->id[s] < 0 || isfinite(g[s])) continue;
+        if (e->id[s] < 0 || (isfinite(g[s]) && isfinite(rate[s]))) continue;
         e->error = GR_ERR_NOT_FINITE;
         e->error_id = e->id[s];
         for (int d = 0; d < e->config.dim; d++) e->error_x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
@@ -171,10 +183,9 @@ static void blame(struct gr_engine *e)
 }
 
 /* The cells that a plate divides, when the law has been made for all points. */
-static void mean_pairs(struct team *team, int t, int made)
+static void mean_pairs(struct team *team, int t)
 {
     int64_t first, last;
-    if (made) gr_wait(&team->barrier);
     gr_share(team->e->mesh.n_paired, t, team->barrier.threads, &first, &last);
     team->kernels->mean_pairs(team->e, first, last);
 }
@@ -189,8 +200,8 @@ static int stage_fluidity(struct team *team, int t)
     if (e->fluidity->has_inside) gr_bodies_mark(e, team->cut[t], team->cut[t + 1]);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
-        if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made - 1);
-        if (e->mesh.n_paired) mean_pairs(team, t, made);
+        if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made == 1);
+        if (!made && e->mesh.n_paired) mean_pairs(team, t);
         const int error = team->kernels->diffuse(e->fluidity, &call, &team->barrier, t);
         if (error) {
             if (t == 0) e->error = error, e->sums_valid = 0, blame(e);

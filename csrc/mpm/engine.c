@@ -254,6 +254,7 @@ void gr_engine_free(struct gr_engine *e)
                      e->node_mass,
                      e->node_v,
                      e->solid,
+                     e->path,
                      e->body,
                      e->body_next,
                      e->touched,

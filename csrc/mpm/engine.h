@@ -19,7 +19,6 @@
 /* What a wall does to the velocity of a node (see granular/boundaries.py). */
 struct gr_wall {
     int32_t fixed;   /* bit d: component d is zero */
-    int32_t clamp;   /* bit d: component d is at most zero (absorbing layer) */
     int32_t normal;  /* axis of Coulomb friction, -1 where there is none */
     int32_t side;    /* +1: material above the wall along `normal`, -1: below, 0: both */
     double friction; /* Coulomb coefficient of the wall */
@@ -75,7 +74,9 @@ struct gr_config {
     int n_walls;
     const struct gr_wall *walls; /* row 0 is the free node */
     const uint8_t *node_codes;   /* per node of the grid, x fastest; the engine keeps them in a table */
-    const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; as well */
+    int absorbs;                 /* bit d: no point rises along axis d from above[d], m, on */
+    double above[3];
+    const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; as well */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
     const struct gr_part *parts; /* of all bodies */
@@ -92,6 +93,11 @@ struct gr_cell {
     int8_t side;   /* of a thin body: 1 or -1 of a double cell, the front before the back; else 2 or -2; 0 without one */
     int16_t flags;
 };
+
+#define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
+
+/* A cell, or both sides of a double one of which this is the front. */
+#define GR_EACH_SIDE(cell, name) for (const struct gr_cell *name = (cell); name <= (cell) + ((cell)->side == 1); name++)
 
 /* The part of the grid that material may touch before the next regrouping. */
 struct gr_mesh {
@@ -165,6 +171,8 @@ struct gr_engine {
     int sums_average, sums_take_back; /* what the sums of the next step hold, see gr_plan_sums */
     /* nonlocal law: the means of the cells' dense points, which are diffused in place; NULL without one */
     struct gr_fluidity *fluidity;
+    double *path; /* of the points through the substeps (law/path.h), path_room numbers; NULL where there is one */
+    int64_t path_room;
     int diffuses; /* the law of this step is past its local phase */
     int64_t cg_iterations, clamped_cells;
     /* failure */
@@ -216,7 +224,7 @@ struct gr_kernels {
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
-    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int made);
+    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int sets_out);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);

@@ -47,10 +47,6 @@ static void apply_wall(const struct gr_wall *wall, int dim, double *v, double *n
             v[d] = next[d] = 0;
         else if (wall->normal >= 0)
             next[d] -= friction * next[d];
-        if ((wall->clamp >> d & 1) && next[d] > 0) {
-            next[d] = 0;
-            if (v[d] > 0) v[d] = 0;
-        }
     }
 }
 
