@@ -267,6 +267,18 @@ def reach(rows: Array, dim: int) -> float:
     return farthest
 
 
+def thicknesses(rows: Array, dim: int) -> tuple[float, float]:
+    """Least edge of the boxes and least diameter or length of the cylinders [m]; inf without."""
+    box = cylinder = math.inf
+    for kind, inside, *numbers in rows:
+        size = numbers[12:]
+        if kind == BOX:
+            box = min(box, *(2 * edge for edge in size[:dim]))
+        elif kind == CYLINDER and not inside:
+            cylinder = min(cylinder, 2 * size[0], 2 * size[1])
+    return box, cylinder
+
+
 def corners(rows: Array) -> Array:
     """Corners of boxes about parts of finite size, shape (8 parts, 3); z is 0 in the plane."""
     found = []

@@ -12,6 +12,7 @@ from granular.schemes import Fluidity
 from granular.walls import Gravity, Wall
 
 CELL = 0.05
+pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scheme(**changes):
@@ -158,6 +159,18 @@ def test_fluidity_does_not_pass():
         held, free = (sim.state.g[~above].max() for sim in sims)
         assert held < 1.0
         assert free > 5.0
+
+
+def test_what_is_not_held_is_told():
+    scene = layers(endless())
+    with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] has parts of 0.01 m, thinner"):
+        gr.Simulation(scene)
+    for changes in ({"transfer": "xpic"}, {"transfer": "tpic", "density": "diffused"}):
+        with pytest.raises(ValueError, match=r"bodies\[0\] has parts of 0.01 m, must be >= 0.1 m"):
+            gr.Simulation(scene.replace(scheme=scheme(**changes)))
+    rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
+    with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] is a cylinder of 0.04 m"):
+        gr.Simulation(scene.replace(bodies=(rod,)))
 
 
 def test_a_bucket_of_plates_keeps_its_load():
