@@ -109,6 +109,12 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SMOOTH
 }
 
+/* The fluidity of the cells that a plate divides is that of both parts. */
+static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t k = first; k < last; k++) mean_of_cell(e, &e->mesh.cell[e->mesh.paired[k]]);
+}
+
 static void set_out_paths(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SET_OUT(d, b, u)                                                  \
@@ -160,6 +166,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .sweep = sweep,
     .press = press,
     .smooth = smooth,
+    .mean_pairs = mean_pairs,
     .relax = relax,
     .update_law = update_law,
     .update_fluidity = update_fluidity,

@@ -16,7 +16,7 @@ from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.nodes import CORE_BASES
 from granular.scene import Scene
-from granular.stability import check_time_step
+from granular.stability import check_blades, check_time_step
 
 __all__ = [
     "allocate",
@@ -155,6 +155,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         If the time step is beyond its limit, or the scheme cannot be built.
     """
     check_time_step(scene)
+    check_blades(scene)
     grid, scheme = scene.grid, scene.scheme
     per_axis = round(scene.fills[0].points_per_cell ** (1.0 / grid.dim))
     codes, rows = node_codes(scene)
@@ -189,6 +190,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
         parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
+        fluidity_stencil=scheme.fluidity.stencil,
         fluidity_substeps=scheme.fluidity.substeps,
         fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
         bodies=[body.row() for body in scene.bodies],

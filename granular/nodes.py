@@ -311,4 +311,4 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
         code_of[i] = rows.code(sets[i])
     if len(rows.codes) > MAX_ROWS:
         raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
-    return np.ascontiguousarray(code_of[state].astype(np.uint8)), tuple(rows.codes)
+    return code_of.astype(np.uint8)[state], tuple(rows.codes)

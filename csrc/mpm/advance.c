@@ -39,7 +39,8 @@ double gr_stable_dt(const struct gr_engine *e)
             if (square > fastest) fastest = square;
         }
     }
-    return e->config.cfl * e->config.dx / (e->config.wave_speed + sqrt(fastest));
+    const double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
 }
 
 /* Paths of the points through many substeps. */
@@ -63,6 +64,7 @@ static int share_out(struct team *team)
     team->cut[0] = 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
         points += e->mesh.cell[c].capacity;
+        if (e->mesh.cell[c].side == 1) continue; /* its back goes with it */
         while (t < team->barrier.threads && points * team->barrier.threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
             first[t] = points;
             team->cut[t++] = c + 1;
@@ -112,9 +114,11 @@ static void finish(struct team *team)
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
     gr_bodies_move(e);
+    if (e->n_plates) gr_change_sides(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
-    if (!e->n_pending) return;
+    const int followed = e->n_plates && gr_follow_bodies(e);
+    if (!e->n_pending && !followed) return;
     e->error = gr_regroup(e);
     if (!e->error) e->error = share_out(team);
 }
@@ -144,6 +148,7 @@ static void stage_grid(struct team *team, int t)
         team->kernels->press(e, team->cut[t], team->cut[t + 1]);
         gr_wait(&team->barrier);
     }
+    if (e->n_plates) gr_split_nodes(e, first, last);
     gr_grid_nodes(e, first, last, team->gravity);
     if (e->config.n_bodies) gr_bodies_find(e, first, last);
     gr_wait(&team->barrier);
@@ -178,6 +183,14 @@ static void blame(struct gr_engine *e)
     }
 }
 
+/* The cells that a plate divides, when the law has been made for all points. */
+static void mean_pairs(struct team *team, int t)
+{
+    int64_t first, last;
+    gr_share(team->e->mesh.n_paired, t, team->barrier.threads, &first, &last);
+    team->kernels->mean_pairs(team->e, first, last);
+}
+
 /* Diffusion of the fluidity, and all substeps of the nonlocal law but the last, which goes with the gather.
  * Returned: 0, or the error of the step, the same to all threads. */
 static int stage_fluidity(struct team *team, int t)
@@ -185,9 +198,11 @@ static int stage_fluidity(struct team *team, int t)
     struct gr_engine *e = team->e;
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     if (!e->diffuses) return GR_OK;
+    if (e->fluidity->has_inside) gr_bodies_mark(e, team->cut[t], team->cut[t + 1]);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
         if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made == 1);
+        if (!made && e->mesh.n_paired) mean_pairs(team, t);
         const int error = team->kernels->diffuse(e->fluidity, &call, &team->barrier, t);
         if (error) {
             if (t == 0) e->error = error, e->sums_valid = 0, blame(e);
@@ -291,6 +306,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     note_dt(e);
     if (team.again) kernels->scatter(e, 0, e->mesh.n_cells);
     press(e, kernels);
+    if (e->n_plates) gr_split_nodes(e, 0, e->mesh.n_nodes);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
     if (e->config.n_bodies) {
         gr_bodies_find(e, 0, e->mesh.n_nodes);

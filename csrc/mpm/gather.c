@@ -275,7 +275,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
 GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
     double g = e->fluidity->g[place];
-    if (e->balance) g -= e->balance[place];
+    if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
     return g < e->config.nonlocal.least ? e->config.nonlocal.least : g; /* NaN stays */
 }
 
@@ -287,7 +287,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const int blocks = GR_BLOCKS(cell->count);
     struct view view;
     int64_t found = 0, filled = batch->n;
-    const double g_star = e->diffuses ? fluidity_of_cell(e, gr_cell_id(e, cell->at)) : 0;
+    const double g_star = e->diffuses ? fluidity_of_cell(e, gr_place_of_cell(e, cell)) : 0;
     look_at_cell(dim, basis, affine, diffused, shared, averages, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
         const int64_t at = cell->offset + n * GR_W;
@@ -362,13 +362,13 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int shared, con
 /* The shares of the points of a cell in its fluidity, by the pressures of their paths. */
 GR_INLINE void weigh_paths(struct gr_engine *e, const struct gr_cell *cell)
 {
-    const int blocks = GR_BLOCKS(cell->count);
     vd acc = v_zero();
     for (int pass = 0; pass < 2; pass++) {
         const double sum = v_sum(acc);
         const vd inverse = v_set(sum > 0 ? 1 / sum : 0);
-        for (int n = 0; n < blocks; n++) {
-            const int64_t at = cell->offset + n * GR_W;
+        GR_EACH_SIDE(cell, side)
+        for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+            const int64_t at = side->offset + n * GR_W;
             const vm dense = v_gt(v_load(gr_path_at(e->path, at, GR_PATH_p)), v_zero());
             const vd m = v_keep(dense, component(e, GR_FIELD_mass, 0, at));
             if (pass)
@@ -376,7 +376,7 @@ GR_INLINE void weigh_paths(struct gr_engine *e, const struct gr_cell *cell)
             else
                 acc = acc + m;
         }
-        e->fluidity->dense[gr_cell_id(e, cell->at)] = sum > 0;
+        e->fluidity->dense[gr_place_of_cell(e, cell)] = sum > 0;
     }
 }
 
@@ -403,15 +403,16 @@ GR_INLINE void relax_cells(const int linear, const int kindles, struct gr_engine
     double *const rate = e->field[GR_FIELD_shear_rate];
     for (int64_t index = first; index < last; index++) {
         const struct gr_cell *cell = &e->mesh.cell[index];
-        if (!cell->count) continue;
-        const int blocks = GR_BLOCKS(cell->count);
-        const int64_t place = gr_cell_id(e, cell->at);
+        if (cell->side == -1 || (!cell->count && !(cell->side == 1 && cell[1].count)))
+            continue; /* a back goes with its front */
+        const int64_t place = gr_place_of_cell(e, cell);
         const double g_star = fluidity_of_cell(e, place);
         const vd start = gr_fluidity_start(&numbers, v_set(g_star < g_min ? g_min : g_star));
         vd acc = v_zero();
         if (sets_out) weigh_paths(e, cell);
-        for (int n = 0; n < blocks; n++) {
-            const int64_t at = cell->offset + n * GR_W;
+        GR_EACH_SIDE(cell, side)
+        for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+            const int64_t at = side->offset + n * GR_W;
             const vd g = gr_path_part(linear, kindles, &numbers, v_set(part), e->path, at, start, rate + at);
             acc = v_fma(v_load(gr_path_at(e->path, at, GR_PATH_weight)), g, acc);
         }

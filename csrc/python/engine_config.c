@@ -100,7 +100,7 @@ static int take_map(const struct gr_config *c, PyObject *object, const char *nam
 }
 
 /* What stands at the faces of the cells, (2 dim, ..., cells along y, along x), and how the fluidity is diffused. */
-static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *method)
+static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *method, const char *stencil)
 {
     npy_intp shape[4] = {2 * c->dim};
     for (int d = 0; d < c->dim; d++) shape[c->dim - d] = c->shape[d];
@@ -111,6 +111,7 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
         PyErr_Format(PyExc_ValueError, "fluidity_method = \"%s\" must be auto, explicit, implicit or rkl2", method);
         return -1;
     }
+    if ((c->nonlocal.stencil = gr_stencil_of(stencil)) < 0) return -1;
     if (!gr_law_table[c->law].nonlocal) return 0;
     if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000) {
         PyErr_SetString(PyExc_ValueError, "a nonlocal law needs basis 0 or 2 and 1 to 100000 substeps");
@@ -230,19 +231,20 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "numbers",
                             "parameters",
                             "fluidity_method",
+                            "fluidity_stencil",
                             "fluidity_substeps",
                             "fluidity_faces",
                             "bodies",
                             NULL};
     struct gr_config c = {0};
     int density;
-    const char *law, *method;
+    const char *law, *method, *stencil;
     PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *above, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *parameters, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOOO!O!siOO", names, &c.dim, &c.basis, &c.affine,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOOO!O!ssiOO", names, &c.dim, &c.basis, &c.affine,
                                      &density, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape,
                                      &lower, &periodic, &open_low, &open_high, &creases, &above, &walls, &codes, &flags,
-                                     &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method,
+                                     &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method, &stencil,
                                      &c.nonlocal.substeps, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
@@ -254,8 +256,8 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     if (c.law < 0) return -1;
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases, above) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method) ||
-        gr_take_bodies(&c, bodies, tables))
+        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) ||
+        take_nonlocal(&c, faces, method, stencil) || gr_take_bodies(&c, bodies, tables))
         return -1;
     *out = c;
     return 0;
