@@ -109,17 +109,39 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SMOOTH
 }
 
-static void relax(struct gr_engine *e, int64_t first, int64_t last, int made)
+/* The fluidity of the cells that a plate divides is that of both parts. */
+static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_RELAX(d, b, u)                                                    \
+    for (int64_t k = first; k < last; k++) mean_of_cell(e, &e->mesh.cell[e->mesh.paired[k]]);
+}
+
+static void set_out_paths(struct gr_engine *e, int64_t first, int64_t last)
+{
+#define GR_SET_OUT(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.shared == u) \
-        relax_cells(d, b, u, e, first, last, made, laws[e->config.law][d - 2]);
-    GR_RELAX(2, GR_LINEAR, 0)
-    GR_RELAX(2, GR_LINEAR, 1)
-    GR_RELAX(2, GR_QUADRATIC, 0)
-    GR_RELAX(3, GR_LINEAR, 0)
-    GR_RELAX(3, GR_LINEAR, 1)
-    GR_RELAX(3, GR_QUADRATIC, 0)
+        set_out_cells(d, b, u, e, first, last, laws[e->config.law][d - 2]);
+    GR_SET_OUT(2, GR_LINEAR, 0)
+    GR_SET_OUT(2, GR_LINEAR, 1)
+    GR_SET_OUT(2, GR_QUADRATIC, 0)
+    GR_SET_OUT(3, GR_LINEAR, 0)
+    GR_SET_OUT(3, GR_LINEAR, 1)
+    GR_SET_OUT(3, GR_QUADRATIC, 0)
+#undef GR_SET_OUT
+}
+
+static void relax(struct gr_engine *e, int64_t first, int64_t last, int sets_out)
+{
+    const double *p = e->config.parameter, *hencky = p + GR_HENCKY_NGF_POINT;
+    const double g_min = hencky[GR_HENCKY_P_g_min];
+    if (sets_out) set_out_paths(e, first, last);
+    if (e->config.law == GR_LAW_ngf) relax_cells(0, 0, e, first, last, sets_out, p + GR_NGF_POINT, 0);
+#define GR_RELAX(name, linear, kindles)                                    \
+    else if (e->config.law == GR_LAW_hencky_##name && sets_out == kindles) \
+        relax_cells(linear, kindles, e, first, last, sets_out, hencky + GR_HENCKY_P_G, g_min);
+    GR_RELAX(ngf, 0, 0)
+    GR_RELAX(ngf, 0, 1)
+    GR_RELAX(ngf_linear, 1, 0)
+    GR_RELAX(ngf_linear, 1, 1)
 #undef GR_RELAX
 }
 
@@ -144,6 +166,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .sweep = sweep,
     .press = press,
     .smooth = smooth,
+    .mean_pairs = mean_pairs,
     .relax = relax,
     .update_law = update_law,
     .update_fluidity = update_fluidity,

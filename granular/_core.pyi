@@ -86,6 +86,7 @@ def hencky_update(
 def fluidity_diffuse(
     *,
     method: str,
+    stencil: str,
     dx: float,
     A: float,
     d: float,
@@ -109,7 +110,7 @@ def node_positions(
 ) -> NDArray[np.float64]: ...
 
 Array = NDArray[np.float64]
-BodyRow = tuple[Array, Array, Array, int, int, float, float]
+BodyRow = tuple[Array, Array, Array, int, int, int, float, float]
 """parts (k, 17), pose (7,), motion (n, 7), contact, free, friction, mass"""
 
 @final
@@ -132,7 +133,8 @@ class Engine:
         open_low: tuple[bool, ...],
         open_high: tuple[bool, ...],
         creases: tuple[NDArray[np.int32], ...],
-        walls: list[tuple[int, int, float, int, int, float, int]],
+        absorbers: tuple[tuple[float, float], ...],
+        walls: list[tuple[int, float, int, int, float, int]],
         node_codes: NDArray[np.uint8],
         cell_flags: NDArray[np.uint8] | None,
         gravity_times: NDArray[np.float64],
@@ -140,6 +142,7 @@ class Engine:
         numbers: dict[str, float],
         parameters: dict[str, float],
         fluidity_method: str,
+        fluidity_stencil: str,
         fluidity_substeps: int,
         fluidity_faces: NDArray[np.uint8] | None,
         bodies: list[BodyRow],
@@ -156,6 +159,8 @@ class Engine:
     def regroup(self) -> int: ...
     def bodies(self) -> NDArray[np.float64]: ...
     def restore_bodies(self, state: NDArray[np.float64], /) -> None: ...
+    def split(self) -> NDArray[np.float64]: ...
+    def restore_split(self, poses: NDArray[np.float64], /) -> None: ...
     def refresh(self) -> None: ...
     def advance(self, max_steps: int, until: float, threads: int, /) -> int: ...
     def scatter(self) -> int: ...

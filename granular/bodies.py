@@ -17,6 +17,20 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from granular import _core
+from granular.body_shapes import (
+    MOST_SHAPES,
+    Box,
+    Cylinder,
+    HalfSpace,
+    Union,
+    are_endless,
+    corners,
+    in_space,
+    reach,
+    rotation_of,
+    set_fields,
+    turned,
+)
 from granular.checks import finite, non_negative, one_of, positive, vector
 
 if TYPE_CHECKING:
@@ -27,7 +41,7 @@ __all__ = ["Body", "BodyState", "Box", "Cylinder", "HalfSpace", "Motion", "Union
 Array = NDArray[np.float64]
 
 CONTACTS = ("sticky", "separating", "bilateral")
-MOST_BODIES, MOST_SHAPES = 64, 256
+MOST_BODIES = 64
 STATE = (
     ("position", 3),
     ("quaternion", 4),
@@ -37,234 +51,6 @@ STATE = (
     ("angular_impulse", 3),
 )
 """What the core tells of a body, name and count of numbers; quaternions with the scalar first."""
-BOX, CYLINDER, HALF_SPACE = range(3)
-
-
-def _rotation(name: str, value: object, dim: int) -> float | tuple[float, ...]:
-    """An angle [degrees] in the plane, a rotation vector [degrees] in space."""
-    return finite(name, value) if dim == 2 else vector(name, value, 3)
-
-
-def _turned(rotation: float | tuple[float, ...]) -> Rotation:
-    """The rotation that is meant; 0.0 is none in any dimension."""
-    return Rotation.from_rotvec(
-        (0.0, 0.0, rotation) if isinstance(rotation, float) else rotation, degrees=True
-    )
-
-
-def _in_space(value: Sequence[float]) -> tuple[float, ...]:
-    return (*value, 0.0)[:3]
-
-
-def _row(kind: int, inside: bool, center: Sequence[float], matrix: Array, size: Sequence) -> Array:
-    return np.array([kind, inside, *_in_space(center), *matrix.ravel(), *size], dtype=float)
-
-
-def _axes_about(normal: Sequence[float]) -> Array:
-    """Rotation matrix whose third column is along `normal`."""
-    third = np.array(_in_space(normal)) / np.linalg.norm(normal)
-    first = np.cross(np.eye(3)[np.argmin(np.abs(third))], third)
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(third, first), third])
-
-
-def _set(part: object, **values: object) -> None:
-    for name, value in values.items():
-        object.__setattr__(part, name, value)
-
-
-def _direction(name: str, value: object, dim: int | None = None) -> tuple[float, ...]:
-    direction = vector(name, value, dim)
-    if not math.hypot(*direction) > 0:
-        raise ValueError(f"{name} = {direction} must not be zero")
-    return direction
-
-
-@dataclass(frozen=True)
-class Box:
-    """A box, in coordinates of its body.
-
-    Parameters
-    ----------
-    size : tuple of float, length dim
-        Its edges [m], > 0.
-    center : tuple of float, length dim, optional
-        [m]; the position of the body by default.
-    rotation_deg : float or tuple of 3 floats
-        About its centre: an angle in the plane, a rotation vector in space [degrees].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    size: tuple[float, ...]
-    _: KW_ONLY
-    center: tuple[float, ...] | None = None
-    rotation_deg: float | tuple[float, ...] = 0.0
-
-    def __post_init__(self) -> None:
-        size = vector("size", self.size)
-        for axis, edge in enumerate(size):
-            positive(f"size[{axis}]", edge)
-        center = (0.0,) * len(size) if self.center is None else self.center
-        rotation = self.rotation_deg
-        if not (isinstance(rotation, (int, float)) and rotation == 0):
-            rotation = _rotation("rotation_deg", rotation, len(size))
-        else:
-            rotation = finite("rotation_deg", rotation)
-        _set(self, size=size, center=vector("center", center, len(size)), rotation_deg=rotation)
-
-    @property
-    def dim(self) -> int:
-        """2 or 3."""
-        return len(self.size)
-
-    def rows(self) -> Array:
-        """What the core knows of it, shape (1, 17)."""
-        half = [edge / 2 for edge in self.size] + [math.inf]
-        matrix = _turned(self.rotation_deg).as_matrix()
-        return _row(BOX, False, self.center, matrix, half[:3])[None]
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder, in coordinates of its body; in the plane a disc.
-
-    Parameters
-    ----------
-    radius : float
-        [m], > 0.
-    length : float
-        Along the axis [m], > 0 or infinite; must be infinite in the plane.
-    center : tuple of float, length dim
-        [m].
-    axis : tuple of 3 floats, optional
-        Direction of the axis, of any length; None in the plane.
-    inside : bool
-        The solid is all that lies outside of the surface, a drum with the material in it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    radius: float
-    _: KW_ONLY
-    center: tuple[float, ...]
-    axis: tuple[float, ...] | None = None
-    length: float = math.inf
-    inside: bool = False
-
-    def __post_init__(self) -> None:
-        center = vector("center", self.center)
-        length = positive("length", self.length, allow_inf=True)
-        axis = self.axis
-        if len(center) == 2 and (axis is not None or math.isfinite(length)):
-            raise ValueError(
-                f"axis = {axis} and length = {length} must be None and inf in the plane"
-            )
-        if len(center) == 3:
-            axis = _direction("axis", axis, 3)
-        radius, inside = (
-            positive("radius", self.radius),
-            one_of("inside", self.inside, (False, True)),
-        )
-        _set(self, radius=radius, center=center, axis=axis, length=length, inside=inside)
-
-    @property
-    def dim(self) -> int:
-        """2 or 3."""
-        return len(self.center)
-
-    def rows(self) -> Array:
-        """What the core knows of it, shape (1, 17)."""
-        matrix = np.eye(3) if self.axis is None else _axes_about(self.axis)
-        size = (self.radius, self.length / 2, 0.0)
-        return _row(CYLINDER, self.inside, self.center, matrix, size)[None]
-
-
-@dataclass(frozen=True)
-class HalfSpace:
-    """All that lies behind a plane, in coordinates of its body.
-
-    Parameters
-    ----------
-    normal : tuple of float, length dim
-        Out of the solid, of any length.
-    through : tuple of float, length dim, optional
-        A place of the plane [m]; the position of the body by default.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    normal: tuple[float, ...]
-    through: tuple[float, ...] | None = None
-
-    def __post_init__(self) -> None:
-        normal = _direction("normal", self.normal)
-        through = (0.0,) * len(normal) if self.through is None else self.through
-        _set(self, normal=normal, through=vector("through", through, len(normal)))
-
-    @property
-    def dim(self) -> int:
-        """2 or 3."""
-        return len(self.normal)
-
-    def rows(self) -> Array:
-        """What the core knows of it, shape (1, 17)."""
-        return _row(HALF_SPACE, False, self.through, _axes_about(self.normal), (0.0, 0.0, 0.0))[
-            None
-        ]
-
-
-@dataclass(frozen=True)
-class Union:
-    """Several shapes as one: a bucket is a union of boxes.
-
-    Its distance is the least of theirs: exact outside, less deep than it is where shapes overlap.
-
-    Parameters
-    ----------
-    parts : sequence of Box, Cylinder, HalfSpace
-        At least one, of one dimension.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    parts: tuple[Box | Cylinder | HalfSpace, ...]
-
-    def __post_init__(self) -> None:
-        if isinstance(self.parts, str) or not isinstance(self.parts, Sequence):
-            raise TypeError(
-                f"parts = {self.parts!r} must be a sequence of Box, Cylinder, HalfSpace"
-            )
-        parts = tuple(self.parts)
-        if not 1 <= len(parts) <= MOST_SHAPES:
-            raise ValueError(f"parts: {len(parts)} shapes must be from 1 to {MOST_SHAPES}")
-        for i, part in enumerate(parts):
-            if not isinstance(part, (Box, Cylinder, HalfSpace)):
-                raise TypeError(f"parts[{i}] = {part!r} must be a Box, Cylinder or HalfSpace")
-            if part.dim != parts[0].dim:
-                raise ValueError(f"parts[{i}] = {part} must have dimension {parts[0].dim}")
-        _set(self, parts=parts)
-
-    @property
-    def dim(self) -> int:
-        """2 or 3."""
-        return self.parts[0].dim
-
-    def rows(self) -> Array:
-        """What the core knows of it, shape (parts, 17)."""
-        return np.concatenate([part.rows() for part in self.parts])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -315,7 +101,7 @@ class Motion:
             else vector(f"angular_velocity[{i}]", w, 3)
             for i, w in enumerate(turning)
         )
-        _set(self, times=times, velocity=velocity, angular_velocity=turning)
+        set_fields(self, times=times, velocity=velocity, angular_velocity=turning)
 
     @property
     def dim(self) -> int:
@@ -350,6 +136,9 @@ class Body:
         the surface, "bilateral" that of all material, "sticky" all components.
     friction : float
         Coulomb coefficient, >= 0; 0 for "sticky".
+    rough : bool
+        Whether the fluidity of a nonlocal law is 0 at its surface, as at a rough wall, there the
+        nearest faces of cells; else its normal derivative is.
     free : str
         The axes along which the body is moved by gravity and the material instead of its motion,
         such as "z" or "xy"; it begins with the velocity of its motion.
@@ -369,6 +158,7 @@ class Body:
     motion: Motion | None = None
     contact: str = "separating"
     friction: float = 0.0
+    rough: bool = False
     free: str = ""
     mass: float | None = None
 
@@ -385,7 +175,7 @@ class Body:
         if isinstance(rotation, (int, float)) and rotation == 0:
             rotation = finite("rotation_deg", rotation)
         else:
-            rotation = _rotation("rotation_deg", rotation, dim)
+            rotation = rotation_of("rotation_deg", rotation, dim)
         contact = one_of("contact", self.contact, CONTACTS)
         friction = non_negative("friction", self.friction)
         if friction and contact == "sticky":
@@ -398,8 +188,9 @@ class Body:
             raise ValueError(
                 f"mass = {self.mass} must be given if, and only if, free names an axis"
             )
-        _set(
+        set_fields(
             self,
+            rough=one_of("rough", self.rough, (False, True)),
             position=vector("position", self.position, dim),
             rotation_deg=rotation,
             motion=motion,
@@ -416,16 +207,45 @@ class Body:
         """Refuse what does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
+        bound = reach(self.shape.rows(), self.dim)
+        for axis in np.flatnonzero(grid.periodic):
+            half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]
+            if bound > half and not self._is_endless(axis):
+                raise ValueError(
+                    f"{name} reaches {bound:.6g} m from its position, must be <= {half:.6g} m, "
+                    f"half the period along {letter}; or be endless along {letter} and turn about "
+                    "no other axis"
+                )
+
+    def _is_endless(self, axis: np.intp) -> bool:
+        """Whether it is the same everywhere along an axis, and stays so."""
+        along = turned(self.rotation_deg).inv().apply(np.eye(3)[axis])
+        turning = np.delete(self.motion.rows()[:, 4:], axis, axis=1)
+        return not turning.any() and are_endless(self.shape.rows(), along)
+
+    def largest_speed(self, grid: Grid) -> float:
+        """Bound on the speed [m/s] that its motion gives to any of its places in the domain."""
+        rows, motion = self.shape.rows(), self.motion.rows()
+        if math.isfinite(reach(rows, self.dim)):
+            arms = turned(self.rotation_deg).apply(corners(rows))
+            places = motion[:, None, 1:4] + np.cross(motion[:, None, 4:], arms)
+            return float(np.linalg.norm(places, axis=2).max())
+        lower, size = np.array(grid.lower), np.array(grid.shape) * grid.cell
+        near = np.array(self.position) - lower
+        far = np.linalg.norm(np.maximum(abs(near), abs(size - near)))
+        speed, turning = (np.linalg.norm(motion[:, k : k + 3], axis=1) for k in (1, 4))
+        return float((speed + far * turning).max())
 
     def row(self) -> _core.BodyRow:
         """What the core knows of it."""
-        x, y, z, w = _turned(self.rotation_deg).as_quat()
+        x, y, z, w = turned(self.rotation_deg).as_quat()
         return (
             self.shape.rows(),
-            np.array([*_in_space(self.position), w, x, y, z]),
+            np.array([*in_space(self.position), w, x, y, z]),
             self.motion.rows(),
             CONTACTS.index(self.contact),
             sum(1 << "xyz".index(axis) for axis in self.free),
+            int(self.rough),
             self.friction,
             self.mass or 0.0,
         )
@@ -449,7 +269,7 @@ class Body:
             raise ValueError(f"x of shape {x.shape} must be finite of shape (n, {self.dim})")
         arm = np.zeros((len(x), 3))
         arm[:, : self.dim] = x - np.array(self.position)
-        turn = _turned(self.rotation_deg)
+        turn = turned(self.rotation_deg)
         local = np.ascontiguousarray(turn.inv().apply(arm)) if len(x) else arm
         distance, normal = _core.body_distance(self.shape.rows(), local)
         return distance, (turn.apply(normal) if len(x) else normal)[:, : self.dim]

@@ -7,9 +7,9 @@ never a number here: ``half_width=True`` is a slip, not one metre.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from numbers import Integral, Real
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -154,19 +154,27 @@ def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
     return value
 
 
-def vector(name: str, value: object, dim: int | None = None) -> tuple[float, ...]:
-    """Return `value` as a tuple of 2 or 3 finite floats (of `dim` floats if given).
+def vector(
+    name: str,
+    value: object,
+    dim: int | None = None,
+    check: Callable[[str, Any], float] | None = None,
+) -> tuple[float, ...]:
+    """Return `value` as a tuple of 2 or 3 floats (of `dim` floats if given), each by `check`.
+
+    They must be finite by default.
 
     Raises
     ------
     TypeError
         If `value` is not a sequence of real numbers.
     ValueError
-        If its length is wrong or a component is not finite.
+        If its length is wrong or a component is refused.
     """
     wanted = f"{dim} numbers" if dim is not None else "2 or 3 numbers"
     if isinstance(value, (str, bytes)) or not isinstance(value, (Sequence, np.ndarray)):
         raise TypeError(f"{name} = {value!r} must be {wanted}, not {type(value).__name__}")
     if np.ndim(value) != 1 or len(value) not in ((2, 3) if dim is None else (dim,)):
         raise ValueError(f"{name} = {value!r} must be {wanted}")
-    return tuple(finite(f"{name}[{i}]", component) for i, component in enumerate(value))
+    check = finite if check is None else check
+    return tuple(check(f"{name}[{i}]", component) for i, component in enumerate(value))

@@ -16,7 +16,7 @@ from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.nodes import CORE_BASES
 from granular.scene import Scene
-from granular.stability import check_time_step
+from granular.stability import check_blades, check_time_step
 
 __all__ = [
     "allocate",
@@ -136,8 +136,14 @@ def _feedback_limit(scene: Scene) -> float:
     return scene.scheme.feedback_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
-def _row(row: WallRow) -> tuple[int, int, float, int, int, float, int]:
-    return (row.fixed, row.clamp, row.friction, row.normal, row.side, row.opens_at, row.after)
+def _absorbers(scene: Scene) -> tuple[tuple[float, float], ...]:
+    """Along each axis, where the absorber begins [m], and its rate [1/s]."""
+    found = {a.axis: (a.above, a.rate) for a in scene.absorbers}
+    return tuple(found.get(axis, (math.inf, 0.0)) for axis in range(scene.grid.dim))
+
+
+def _row(row: WallRow) -> tuple[int, float, int, int, float, int]:
+    return (row.fixed, row.friction, row.normal, row.side, row.opens_at, row.after)
 
 
 def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
@@ -149,6 +155,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         If the time step is beyond its limit, or the scheme cannot be built.
     """
     check_time_step(scene)
+    check_blades(scene)
     grid, scheme = scene.grid, scene.scheme
     per_axis = round(scene.fills[0].points_per_cell ** (1.0 / grid.dim))
     codes, rows = node_codes(scene)
@@ -172,7 +179,8 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         open_low=tuple(f"{a}-" in grid.open_sides for a in axes),
         open_high=tuple(f"{a}+" in grid.open_sides for a in axes),
         creases=lines,
-        walls=[(0, 0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
+        absorbers=_absorbers(scene),
+        walls=[(0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
         node_codes=codes,
         cell_flags=cell_flags(scene)
         if scheme.density != "tracked" or AFFINE[scheme.transfer]
@@ -182,6 +190,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
         parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
+        fluidity_stencil=scheme.fluidity.stencil,
         fluidity_substeps=scheme.fluidity.substeps,
         fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
         bodies=[body.row() for body in scene.bodies],

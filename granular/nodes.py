@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.checks import integer, one_of
 from granular.geometry import LINE_TOLERANCE, Grid
-from granular.walls import Absorber, Solid, Wall
+from granular.walls import Solid, Wall
 
 if TYPE_CHECKING:
     from granular.scene import Scene
@@ -40,8 +40,6 @@ class WallRow:
     ----------
     fixed : int
         Bit d: component d is zero.
-    clamp : int
-        Bit d: component d is at most zero.
     friction : float
         Coulomb coefficient along the wall.
     normal : int
@@ -55,7 +53,6 @@ class WallRow:
     """
 
     fixed: int = 0
-    clamp: int = 0
     friction: float = 0.0
     normal: int = -1
     side: int = 0
@@ -148,7 +145,6 @@ class _Hold:
     """One constraint on a node; the set of them makes its row."""
 
     fixed: int = 0
-    clamp: int = 0
     friction: float = 0.0
     normal: int = -1
     side: int = 0
@@ -186,13 +182,6 @@ class _Axes:
             ends = (wall.at, wall.at) if axis == wall.axis else wall.extent(self.grid, axis)
             found.append(self.within(axis, *(self.cells(axis, end) for end in ends)))
         return tuple(found)
-
-    def of_absorber(self, absorber: Absorber) -> Nodes:
-        above = self.cells(absorber.axis, absorber.above) + LINE_TOLERANCE
-        return tuple(
-            np.flatnonzero(x > above) if axis == absorber.axis else np.arange(len(x))
-            for axis, x in enumerate(self.positions)
-        )
 
     def split(self, axis: int, low: float, high: float) -> dict[bool, NDArray[np.intp]]:
         """Nodes of a block along an axis: those at its faces (True), and those deeper (False)."""
@@ -245,8 +234,6 @@ def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Nodes, _Hold]]:
             yield axes.of_wall(wall), _wall_hold(wall, scene.grid)
         else:
             yield from _solid_holds(wall, axes)
-    for absorber in scene.absorbers:
-        yield axes.of_absorber(absorber), _Hold(clamp=1 << absorber.axis)
 
 
 class _Rows:
@@ -264,19 +251,17 @@ class _Rows:
         after = 0
         if opens_at < math.inf:
             after = self.code(frozenset(hold for hold in holds if hold.opens_at > opens_at))
-        fixed = clamp = 0
+        fixed = 0
         rubbing = _Hold()
         # In a fixed order: of two rough edges in space the rougher counts, then the lower axis.
         for hold in sorted(holds, key=lambda h: (-h.friction, h.normal, h.side)):
             fixed |= hold.fixed
-            clamp |= hold.clamp
             if hold.normal >= 0 and rubbing.normal < 0:
                 rubbing = hold
         if fixed == self.everything:
             rubbing = _Hold()  # nothing is left to rub
         row = WallRow(
             fixed=fixed,
-            clamp=clamp & ~fixed,
             friction=rubbing.friction,
             normal=rubbing.normal,
             side=rubbing.side,
@@ -290,7 +275,7 @@ class _Rows:
 
 
 def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
-    """What the walls, blocks and absorbers of a scene do to each node.
+    """What the walls and blocks of a scene do to each node.
 
     A wall acts on the nodes on its line and within its span, ends included. Constraints on one
     node add up; of several Coulomb walls the roughest counts. A wall that opens leaves the node
@@ -326,4 +311,4 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
         code_of[i] = rows.code(sets[i])
     if len(rows.codes) > MAX_ROWS:
         raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
-    return np.ascontiguousarray(code_of[state].astype(np.uint8)), tuple(rows.codes)
+    return code_of.astype(np.uint8)[state], tuple(rows.codes)

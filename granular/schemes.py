@@ -26,6 +26,7 @@ DENSITIES = ("tracked", "diffused", "shared")
 
 
 DIFFUSIONS = ("auto", "explicit", "implicit", "rkl2")
+STENCILS = ("faces", "isotropic")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,9 @@ class Fluidity:
 
     Parameters
     ----------
+    stencil : {"faces", "isotropic"}
+        Of the Laplacian: a cell and those across its faces, or all 26 around it (8 in the plane),
+        which errs alike in all directions, at several times the cost.
     method : {"auto", "explicit", "implicit", "rkl2"}
         "explicit" is refused beyond dt = dx^2 t0/(2 dim A^2 d^2); "implicit" is backward Euler, by
         conjugate gradients, which makes no fluidity negative; "rkl2" a Runge-Kutta-Legendre scheme
@@ -70,6 +74,7 @@ class Fluidity:
     """
 
     method: str = "auto"
+    stencil: str = "faces"
     substeps: int = 1
     tolerance: float = 1e-4
     seed: float | None = None
@@ -80,6 +85,7 @@ class Fluidity:
     def __post_init__(self) -> None:
         checked: dict[str, Any] = {
             "method": one_of("method", self.method, DIFFUSIONS),
+            "stencil": one_of("stencil", self.stencil, STENCILS),
             "substeps": integer("substeps", self.substeps, 1, 100000),
             "least": non_negative("least", self.least),
             "tolerance": in_range(

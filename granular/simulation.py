@@ -36,7 +36,7 @@ CHUNK_SECONDS = 0.05
 MAX_CHUNK = 1 << 20
 EVERY = 1 / 60
 """Time between frames [s], unless another is asked for: a film in real time."""
-CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "g_gain"})
+CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "g_gain", "side"})
 """Fields that a scheme carries from step to step: in every checkpoint, but not in the frames, which
 they would swell by two thirds and where no measure asks for them."""
 SMALL = 4000
@@ -363,7 +363,7 @@ class Simulation:
             dt=scalars["dt"],
             scalars=scalars | {"mean_mass": self._mean_mass},
             arrays={name: array.take(places, axis=-1) for name, array in self._buffers.items()}
-            | ({"bodies": self._engine.bodies()} if self.scene.bodies else {}),
+            | self._body_arrays(),
         )
 
     @classmethod
@@ -394,10 +394,10 @@ class Simulation:
             if stored is None or stored.shape != (*array.shape[:-1], n):
                 raise ValueError(f"the checkpoint does not hold {name} of {n} points")
             array[..., :n] = stored
+        if scene.bodies:  # before the points: those about thin bodies are grouped by side
+            self._restore_bodies(checkpoint)
         self._bind(n)
         self._engine.restore(scalars)
-        if scene.bodies:
-            self._restore_bodies(checkpoint)
         return self
 
     def _restore_bodies(self, checkpoint: Checkpoint) -> None:
@@ -405,6 +405,13 @@ class Simulation:
         if stored is None:
             raise ValueError("the checkpoint does not hold the bodies of the scene")
         self._engine.restore_bodies(stored)
+        if "split" in checkpoint.arrays:
+            self._engine.restore_split(checkpoint.arrays["split"])
+
+    def _body_arrays(self) -> dict[str, NDArray]:
+        if not self.scene.bodies:
+            return {}
+        return {"bodies": self._engine.bodies(), "split": self._engine.split()}
 
     @classmethod
     def resume(

@@ -6,6 +6,7 @@ import math
 import warnings
 from typing import TYPE_CHECKING
 
+from granular.body_shapes import thicknesses
 from granular.materials import MuI
 from granular.theory.well_posed import well_posed_slopes
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "StabilityWarning",
+    "check_blades",
     "check_time_step",
     "courant_limit",
     "damps_by_step",
@@ -87,13 +89,45 @@ def check_time_step(scene: Scene) -> None:
         raise ValueError(
             f"dt = {scheme.dt} must be <= {largest:.4g}, the limit of the {scheme.basis} basis in "
             f"{scene.dim} dimensions with cells of {scene.grid.cell} m, waves of {wave:.4g} m/s "
-            f"and points of {speed:.4g} m/s"
+            f"and points or bodies of {speed:.4g} m/s"
         )
 
 
+THIN = 2.0
+"""Thickness of a body [cells] below which nodes alone do not keep its two sides apart."""
+
+
+def check_blades(scene: Scene) -> None:
+    """Refuse bodies that the scheme cannot hold: too thin for nodes, where no side has its own.
+
+    Raises
+    ------
+    ValueError
+        Naming the body, its thickness and the least one.
+    """
+    scheme, least = scene.scheme, THIN * scene.grid.cell
+    if keeps_sides(scheme):
+        return
+    for i, body in enumerate(scene.bodies):
+        thickness, _ = thicknesses(body.shape.rows(), body.dim)
+        if thickness < least * (1 - 1e-9):
+            raise ValueError(
+                f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
+                f"with density = {scheme.density!r} and transfer = {scheme.transfer!r}: what is on "
+                'its sides would be coupled; density = "tracked" with "apic", "tpic" or "flip" '
+                "keeps thin ones apart"
+            )
+
+
+def keeps_sides(scheme: Scheme) -> bool:
+    """Whether nodes about thin bodies exist for each side."""
+    return scheme.density == "tracked" and scheme.transfer != "xpic"
+
+
 def _fastest(scene: Scene) -> float:
-    """Largest speed of the material at the start [m/s]."""
-    return max(math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+    """Largest speed of the material at the start and of the bodies by their motions [m/s]."""
+    points = (math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+    return max(*points, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
 
 
 def damps_by_step(scheme: Scheme) -> bool:
@@ -121,7 +155,18 @@ def doubts(scene: Scene) -> list[str]:
     Each is a failure on the map of failure (`benchmarks/stability_map.py`, the page "Limits and
     failures").
     """
-    checks = (_hats, _density, _damping, _seeding, _layer, _locking, _slope, _grains, _seed)
+    checks = (
+        _hats,
+        _density,
+        _damping,
+        _seeding,
+        _layer,
+        _locking,
+        _slope,
+        _grains,
+        _seed,
+        _blades,
+    )
     return [doubt for check in checks if (doubt := check(scene))]
 
 
@@ -220,6 +265,22 @@ def _seed(scene: Scene) -> str | None:
         f"seed = {seed}: points that bear no pressure at the start lose their fluidity in the "
         "first step; take lithostatic fills, or no seed"
     )
+
+
+def _blades(scene: Scene) -> str | None:
+    limit = THIN * scene.grid.cell * (1 - 1e-9)
+    for i, body in enumerate(scene.bodies):
+        box, cylinder = thicknesses(body.shape.rows(), body.dim)
+        if cylinder < limit:
+            return (
+                f"bodies[{i}] is a cylinder of {cylinder:.4g} m: nodes may miss one below 2 cells"
+            )
+        if box < limit:
+            return (
+                f"bodies[{i}] has parts of {box:.4g} m, thinner than 2 cells: their two sides are "
+                "kept apart by double nodes, but not within a cell of their edges"
+            )
+    return None
 
 
 def height(scene: Scene) -> float:

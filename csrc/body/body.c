@@ -91,6 +91,39 @@ double gr_part_bound(const struct gr_part *part, int dim)
     return sqrt(dot(part->center, part->center)) + sqrt(square);
 }
 
+/* Speed of a place of the body, r in its own coordinates. */
+static double speed_at(const double rotation[9], const double r[3], const double v[3], const double w[3])
+{
+    double a[3], u[3];
+    for (int d = 0; d < 3; d++) a[d] = rotation[3 * d] * r[0] + rotation[3 * d + 1] * r[1] + rotation[3 * d + 2] * r[2];
+    u[0] = v[0] + w[1] * a[2] - w[2] * a[1];
+    u[1] = v[1] + w[2] * a[0] - w[0] * a[2];
+    u[2] = v[2] + w[0] * a[1] - w[1] * a[0];
+    return sqrt(dot(u, u));
+}
+
+/* The speed is a convex function of the place: of a box the largest is at a corner, and a cylinder lies in a box. */
+double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts, const double orientation[4],
+                        const double v[3], const double omega[3], double far)
+{
+    double rotation[9], fastest = 0;
+    gr_rotation_matrix(orientation, rotation);
+    if (!(body->bound < far)) return sqrt(dot(v, v)) + sqrt(dot(omega, omega)) * far;
+    for (int k = 0; k < body->n_parts; k++) {
+        const struct gr_part *part = parts + k;
+        const int cylinder = part->kind == GR_PART_CYLINDER;
+        const double size[3] = {part->size[0], part->size[cylinder ? 0 : 1], part->size[cylinder ? 1 : 2]};
+        for (int corner = 0; corner < 8; corner++) {
+            double r[3] = {part->center[0], part->center[1], part->center[2]};
+            for (int j = 0; j < 3; j++)
+                for (int d = 0; isfinite(size[j]) && d < 3; d++)
+                    r[d] += (corner >> j & 1 ? size[j] : -size[j]) * part->rotation[3 * d + j];
+            fastest = fmax(fastest, speed_at(rotation, r, v, omega));
+        }
+    }
+    return fastest;
+}
+
 /* At time t between rows k and k + 1 of the table. */
 static void between(const struct gr_body *body, int k, double t, double out[6])
 {

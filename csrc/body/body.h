@@ -24,6 +24,7 @@ struct gr_body {
     int first_part, n_parts; /* the union of which it is */
     int contact;
     int free;        /* bit d: velocity component d follows from the forces, else from the motion */
+    int rough;       /* the fluidity is 0 at its surface */
     double friction; /* Coulomb coefficient */
     double mass;     /* kg, per metre of depth in the plane; only of a body with free components */
     double bound;    /* m: no surface of it is farther from its position; may be infinite */
@@ -59,6 +60,11 @@ double gr_part_bound(const struct gr_part *part, int dim);
 /* Velocity and angular velocity at time t, and their exact means over [begin, begin + length]. */
 void gr_motion_at(const struct gr_body *body, double t, double out[6]);
 void gr_motion_mean(const struct gr_body *body, double begin, double length, double out[6]);
+
+/* Largest speed that velocity v and angular velocity omega give to a place of the body at this orientation; where it has
+ * no bounds, within the distance `far` of its position. */
+double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts, const double orientation[4],
+                        const double v[3], const double omega[3], double far);
 
 /* Turn an orientation by the constant angular velocity omega for dt, exactly. */
 void gr_turn(const double orientation[4], const double omega[3], double dt, double out[4]);

@@ -1,8 +1,6 @@
 #include "body/contact.h"
 
-#include <math.h>
-#include <string.h>
-
+#include "body/pose.h"
 #include "mpm/migrate.h"
 
 enum { MAX_SWEEPS = 50 };
@@ -12,9 +10,9 @@ enum { MAX_SWEEPS = 50 };
 
 /* A body in a step: its velocities are those of the step. */
 struct moving {
-    const struct gr_body *body;
-    const struct gr_part *parts;
-    double x[3], rotation[9], v[3], omega[3];
+    struct gr_pose pose;
+    int number;
+    double v[3], omega[3];
 };
 
 /* What the nodes do to a body: impulse, angular impulse, and minus the derivative of the impulse by the velocity. */
@@ -35,44 +33,100 @@ void gr_bodies_start(struct gr_engine *e)
         memcpy(state->v, rates, sizeof state->v);
         memcpy(state->omega, rates + 3, sizeof state->omega);
         e->body_next[b] = *state;
+        memcpy(e->split[b].x, state->x, sizeof state->x);
+        memcpy(e->split[b].orientation, state->orientation, sizeof state->orientation);
     }
 }
 
 static void place(const struct gr_engine *e, int b, struct moving *m)
 {
-    m->body = &e->config.bodies[b];
-    m->parts = e->config.parts + m->body->first_part;
-    memcpy(m->x, e->body[b].x, sizeof m->x);
-    gr_rotation_matrix(e->body[b].orientation, m->rotation);
+    m->number = b;
+    gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &m->pose);
 }
 
-/* r = x_i - X, 0 along the axes that there are not. */
-static void arm(const struct gr_engine *e, int64_t node, const struct moving *m, double r[3])
+/* r = x - X of the nearest image. */
+static void arm(const struct gr_engine *e, const struct moving *m, const double x[3], double r[3])
 {
-    int64_t id = e->mesh.node_id[node];
-    for (int d = 0; d < 3; d++) {
-        const struct gr_axis *axis = &e->axis[d];
-        r[d] = 0;
-        if (d >= e->config.dim) continue;
-        r[d] = axis->origin + axis->node_position[id % axis->n_nodes] * e->config.dx - m->x[d];
-        id /= axis->n_nodes;
-    }
+    for (int d = 0; d < 3; d++) r[d] = d < e->config.dim ? gr_pose_arm(&m->pose, x[d], d) : 0;
 }
 
-/* Distance of a node to the surface of a body, and the normal in axes of space. */
+/* Distance of a place to the surface of a body, and the normal in axes of space. */
 static double distance(const struct moving *m, const double r[3], double normal[3])
 {
-    const double *q = m->rotation;
     double local[3], at[3];
-    for (int d = 0; d < 3; d++) at[d] = q[d] * r[0] + q[3 + d] * r[1] + q[6 + d] * r[2];
-    const double phi = gr_union_distance(m->parts, m->body->n_parts, at, local);
-    for (int d = 0; d < 3; d++) normal[d] = q[3 * d] * local[0] + q[3 * d + 1] * local[1] + q[3 * d + 2] * local[2];
+    gr_pose_in_body(&m->pose, r, at);
+    const double phi = gr_union_distance(m->pose.parts, m->pose.body->n_parts, at, local);
+    gr_pose_in_space(&m->pose, local, normal);
     return phi;
 }
 
 static int is_far(const struct moving *m, const double r[3])
 {
-    return r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > m->body->bound * m->body->bound;
+    const double bound = m->pose.body->bound;
+    return r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > bound * bound;
+}
+
+/* Whether a node is in the body, to its side of it if it has one. Returned: the arm and the normal, too. */
+static int is_within(const struct gr_engine *e, int64_t node, const struct moving *m, double r[3], double normal[3])
+{
+    double x[3];
+    gr_node_position(e, node, x);
+    arm(e, m, x, r);
+    if (e->n_plates && e->mesh.twin[node] >= 0 && e->mesh.apart[node]) {
+        struct gr_facing side;
+        gr_nearest_plate(e, x, 1, &side);
+        if (side.body == m->number) {
+            const double front = e->mesh.twin[node] > node ? 1 : -1;
+            for (int d = 0; d < 3; d++) normal[d] = front * side.normal[d];
+            return front * side.mid < side.half;
+        }
+    }
+    return !is_far(m, r) && distance(m, r, normal) < 0;
+}
+
+double gr_bodies_speed(const struct gr_engine *e)
+{
+    double fastest = 0;
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        const struct gr_body *body = &e->config.bodies[b];
+        const struct gr_body_state *now = &e->body[b];
+        double square = 0;
+        for (int d = 0; d < e->config.dim; d++) { /* the farthest corner of the domain */
+            const struct gr_axis *axis = &e->axis[d];
+            const double low = now->x[d] - axis->origin, high = low - axis->length;
+            square += fmax(low * low, high * high);
+        }
+        fastest = fmax(fastest, gr_largest_speed(body, e->config.parts + body->first_part, now->orientation, now->v,
+                                                 now->omega, sqrt(square)));
+    }
+    return fastest;
+}
+
+void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
+{
+    struct gr_fluidity *f = e->fluidity;
+    for (int64_t c = first; c < last; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        struct gr_facing side;
+        double x[3];
+        if (cell->side == -1) continue; /* its front tells */
+        uint8_t *inside = f->inside + gr_place_of_cell(e, cell);
+        *inside = 0;
+        gr_cell_position(e, cell->at, x);
+        for (int b = 0; b < e->config.n_bodies; b++) {
+            struct moving m;
+            double r[3], normal[3];
+            if (!e->config.bodies[b].rough) continue;
+            place(e, b, &m);
+            arm(e, &m, x, r);
+            if (!is_far(&m, r) && distance(&m, r, normal) < 0) *inside |= GR_INSIDE_BODY;
+        }
+        if (cell->side != 1) continue;
+        gr_nearest_plate(e, x, 1, &side);
+        if (!side.facing) continue;
+        *inside |= side.mid < 0 ? GR_BEHIND_PLATE : GR_BEFORE_PLATE;
+        if (e->config.bodies[side.body].rough) *inside |= GR_AT_ROUGH_PLATE;
+    }
 }
 
 void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last)
@@ -84,8 +138,7 @@ void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last)
         for (int64_t n = first; n < last; n++) {
             double r[3], normal[3];
             if (e->touched[n] || !(e->node_mass[n] > e->config.mass_cutoff)) continue;
-            arm(e, n, &m, r);
-            if (!is_far(&m, r)) e->touched[n] = distance(&m, r, normal) < 0;
+            e->touched[n] = (uint8_t)is_within(e, n, &m, r, normal);
         }
     }
 }
@@ -101,8 +154,7 @@ static void touch(struct gr_engine *e, int64_t node, const struct moving *m, str
 {
     const int dim = e->config.dim;
     double r[3], n[3], v[3] = {0}, after[3], impulse[3] = {0};
-    arm(e, node, m, r);
-    if (is_far(m, r) || !(distance(m, r, n) < 0)) return;
+    if (!is_within(e, node, m, r, n)) return;
     double *out = e->node_data + node * e->node_stride;
     const double *w = m->omega, mass = e->node_mass[node];
     const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[node]);
@@ -110,12 +162,11 @@ static void touch(struct gr_engine *e, int64_t node, const struct moving *m, str
                                m->v[2] + w[0] * r[1] - w[1] * r[0]};
     memcpy(v, out, sizeof(double) * (size_t)dim);
     memcpy(after, v, sizeof v);
-    const int held = gr_contact(m->body, n, surface, after);
+    const int held = gr_contact(m->pose.body, n, surface, after);
     if (!held) return;
     add_slope(sums, mass, n, held);
     for (int d = 0; d < dim; d++) {
         if (wall->fixed >> d & 1) after[d] = v[d];
-        if (wall->clamp >> d & 1 && after[d] > 0) after[d] = fmin(v[d], after[d]);
         impulse[d] = -mass * (after[d] - v[d]);
         sums->impulse[d] += impulse[d];
         if (!keep) continue;
@@ -158,7 +209,7 @@ static void solve(double a[3][3], double b[3], int free, double x[3])
 /* Velocity of the free components after the step: backward Euler, as contact is stiff for a light body. */
 static void find_velocity(struct gr_engine *e, struct moving *m, const double before[3], const double g[3])
 {
-    const struct gr_body *body = m->body;
+    const struct gr_body *body = m->pose.body;
     const double dt = e->dt, mass = body->mass;
     double scale = 0;
     for (int d = 0; d < 3; d++) {
@@ -192,16 +243,16 @@ static void touch_body(struct gr_engine *e, int b, const double g[3])
     struct sums sums;
     double mean[6], end[6];
     place(e, b, &m);
-    gr_motion_mean(m.body, e->time, dt, mean);
-    gr_motion_at(m.body, e->time + dt, end);
+    gr_motion_mean(m.pose.body, e->time, dt, mean);
+    gr_motion_at(m.pose.body, e->time + dt, end);
     memcpy(m.v, mean, sizeof m.v);
     memcpy(m.omega, mean + 3, sizeof m.omega);
-    if (m.body->free) find_velocity(e, &m, now->v, g);
+    if (m.pose.body->free) find_velocity(e, &m, now->v, g);
     touch_all(e, &m, &sums, 1);
     *next = *now;
     for (int d = 0; d < 3; d++) {
-        const int free = m.body->free >> d & 1;
-        next->v[d] = free ? now->v[d] + sums.impulse[d] / m.body->mass + dt * g[d] : end[d];
+        const int free = m.pose.body->free >> d & 1;
+        next->v[d] = free ? now->v[d] + sums.impulse[d] / m.pose.body->mass + dt * g[d] : end[d];
         next->x[d] = now->x[d] + dt * (free ? next->v[d] : mean[d]);
         next->omega[d] = end[3 + d];
         next->impulse[d] += sums.impulse[d];

@@ -7,6 +7,12 @@
 /* Bodies as they are at the begin of a run. */
 void gr_bodies_start(struct gr_engine *e);
 
+/* Largest speed of a body within the domain now, m/s. */
+double gr_bodies_speed(const struct gr_engine *e);
+
+/* Which of the cells [first, last) have their centre in a rough body: to the lattice of the fluidity. */
+void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last);
+
 /* After gr_grid_nodes of the nodes [first, last): which of those with mass lie within a body, to `touched`. */
 void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last);
 

@@ -34,7 +34,7 @@ static inline vd v_keep(vm m, vd a) { return _mm512_maskz_mov_pd(m, a); }
  * 1/sqrt(a) = y (1 + r/2 + 3 r^2/8 + 5 r^3/16 + ...). A third of the time of the division unit. */
 static inline vd v_sqrt_fast(vd a)
 {
-    const vd safe = _mm512_max_pd(a, _mm512_set1_pd(1e-290)), y = _mm512_rsqrt14_pd(safe), s = safe * y;
+    const vd safe = _mm512_max_pd(_mm512_set1_pd(1e-290), a), y /* NaN stays */ = _mm512_rsqrt14_pd(safe), s = safe * y;
     const vd r = _mm512_fnmadd_pd(s, y, _mm512_set1_pd(1.0));
     const vd series =
         _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
@@ -51,6 +51,7 @@ static inline void v_sums(double *out, const vd *a)
     _mm512_storeu_pd(out, _mm512_shuffle_f64x2(c[0], c[1], 0x88) + _mm512_shuffle_f64x2(c[0], c[1], 0xdd));
 }
 #define GR_SUMS 8
+static inline double v_sum(vd a) { return _mm512_reduce_add_pd(a); }
 #elif defined(__AVX2__) && defined(__FMA__)
 #include <immintrin.h>
 #define GR_W 4
@@ -76,6 +77,11 @@ static inline void v_sums(double *out, const vd *a)
     _mm256_storeu_pd(out, _mm256_blend_pd(ab, cd, 0xc) + _mm256_permute2f128_pd(ab, cd, 0x21));
 }
 #define GR_SUMS 4
+static inline double v_sum(vd a)
+{
+    const __m128d b = _mm256_castpd256_pd128(a) + _mm256_extractf128_pd(a, 1);
+    return b[0] + b[1];
+}
 #else
 /* Portable form: two lanes, written with the vector extension of gcc and clang (SSE2, NEON, ...). */
 #define GR_W 2
@@ -97,6 +103,7 @@ static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
 static inline vd v_sqrt_fast(vd a) { return v_sqrt(a); }
 static inline void v_sums(double *out, const vd *a) { out[0] = a[0][0] + a[0][1], out[1] = a[1][0] + a[1][1]; }
 #define GR_SUMS 2
+static inline double v_sum(vd a) { return a[0] + a[1]; }
 #endif
 
 /* Loads and stores that are known to touch doubles only: with the intrinsics, which may alias anything, a

@@ -24,13 +24,8 @@ struct diffusion {
 };
 
 #define GR_EACH_CHUNK(w, c) for (int64_t c = (w)->first; c < (w)->last; c++)
-#define GR_EACH_BLOCK(f, c, i) for (int64_t i = (c)*GR_CHUNK, end_##i = chunk_end(f, c); i < end_##i; i += GR_W)
-
-static inline int64_t chunk_end(const struct gr_fluidity *f, int64_t c)
-{
-    const int64_t end = (c + 1) * GR_CHUNK;
-    return end < f->n_padded ? end : f->n_padded;
-}
+#define GR_EACH_BLOCK(f, c, i) \
+    for (int64_t i = (f)->chunk_first[c] * GR_PAGE, end_##i = (f)->chunk_first[(c) + 1] * GR_PAGE; i < end_##i; i += GR_W)
 
 static inline double lane_sum(vd a)
 {
@@ -46,30 +41,62 @@ static double total(const struct gr_fluidity *f, const double *partial)
     return sum;
 }
 
-/* Which cells exchange, from which are dense; values elsewhere become zero. */
-static void connect(const int dim, const struct gr_fluidity *f, int64_t chunk)
+/* What bodies stand between does not exchange; g = 0 on the faces of rough ones. */
+static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
 {
-    const int64_t first = chunk * GR_CHUNK, last = chunk_end(f, chunk);
+    const uint8_t *inside = f->inside;
+    for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++)
+        for (int k = 0; k < 2 * links; k++) {
+            const int64_t j = f->near[2 * links * (i / GR_PAGE) + k] + i % GR_PAGE;
+            const int cut = f->link[k][i] ? gr_cut_of(inside[i], inside[j]) : GR_SIDE_LINKED;
+            if (cut == GR_SIDE_LINKED) continue;
+            f->weight[k][i] = 0;
+            f->rough[i] += cut == GR_SIDE_ROUGH ? 2 : 0;
+        }
+    for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
+        struct gr_wrap *wrap = &f->wrap[k];
+        const int cut = gr_cut_of(inside[wrap->to], inside[wrap->from]);
+        if (cut == GR_SIDE_LINKED) continue;
+        wrap->weight = 0;
+        f->rough[wrap->to] += cut == GR_SIDE_ROUGH ? 2 : 0;
+    }
+}
+
+/* Weights of a page: 1 where a link has both of its cells. */
+static inline void exchange(const uint8_t *restrict link, const uint8_t *here, const uint8_t *there, double *restrict weight)
+{
+    for (int lane = 0; lane < GR_PAGE; lane++) weight[lane] = (double)(link[lane] & here[lane] & there[lane]);
+}
+
+/* Which cells exchange, from which are dense; values elsewhere become zero. */
+static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
+{
     const uint8_t *dense = f->dense;
-    for (int a = 0; a < dim; a++)
-        for (int64_t i = first; i < last; i++)
-            f->weight[a][i] = (double)(f->link[a][i] & dense[i] & dense[i + f->stride[a]]);
-    for (int64_t i = first; i < last; i++) f->g[i] = dense[i] ? f->g[i] : 0;
+    const int64_t first = f->chunk_first[chunk], last = f->chunk_first[chunk + 1];
+    for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->g[i] = dense[i] ? f->g[i] : 0;
+    if (f->stencil == GR_STENCIL_isotropic) {
+        gr_fluidity_weigh(f, chunk);
+        return;
+    }
+    for (int64_t q = first; q < last; q++)
+        for (int k = 0; k < 2 * links; k++)
+            exchange(f->link[k] + q * GR_PAGE, dense + q * GR_PAGE, dense + f->near[2 * links * q + k],
+                     f->weight[k] + q * GR_PAGE);
+    for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->rough[i] = f->rough_walls[i];
     for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++)
         f->wrap[k].weight = (double)(dense[f->wrap[k].to] & dense[f->wrap[k].from]);
+    if (f->has_inside) cut_links(links, f, chunk);
 }
 
 /* L g of a block of lanes, without the links across periodic ends. Differences before products: a uniform field stays
  * what it is to the last bit, and what a cell loses to another one gains. */
-static inline vd outflow(const int dim, const struct gr_fluidity *f, int64_t i, const double *g)
+static inline vd outflow(const int links, const struct gr_fluidity *f, int64_t i, const double *g)
 {
     const vd here = v_load(g + i);
+    const int32_t *near = f->near + i / GR_PAGE * (2 * links);
+    const double *lane = g + i % GR_PAGE;
     vd sum = v_load(f->rough + i) * here;
-    for (int a = 0; a < dim; a++) {
-        const int64_t s = f->stride[a];
-        sum = v_fma(v_load(f->weight[a] + i - s), here - v_load(g + i - s), sum);
-        sum = v_fma(v_load(f->weight[a] + i), here - v_load(g + i + s), sum);
-    }
+    for (int k = 0; k < 2 * links; k++) sum = v_fma(v_load(f->weight[k] + i), here - v_load(lane + near[k]), sum);
     return sum;
 }
 
@@ -106,13 +133,13 @@ static void swap(double **a, double **b)
     *a = *b, *b = c;
 }
 
-static inline int explicit_step(const int dim, struct diffusion *w)
+static inline int explicit_step(const int links, struct diffusion *w)
 {
     const vd k = v_set(w->k);
     double *g = w->g, *next = w->work[0];
     GR_EACH_CHUNK(w, c)
     {
-        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(k, outflow(dim, w->f, i, g), v_load(g + i)));
+        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(k, outflow(links, w->f, i, g), v_load(g + i)));
         add_wraps(w->f, c, -w->k, g, next);
         clamp(w->f, c, next);
     }
@@ -122,14 +149,14 @@ static inline int explicit_step(const int dim, struct diffusion *w)
 }
 
 /* r = p = -k L g, the residual of g itself; its square to partial 1, that of g to partial 2. */
-static inline void first_residual(const int dim, struct diffusion *w, double *r, double *p)
+static inline void first_residual(const int links, struct diffusion *w, double *r, double *p)
 {
     const struct gr_fluidity *f = w->f;
     const vd k = v_set(-w->k);
     GR_EACH_CHUNK(w, c)
     {
         vd rr = v_zero(), gg = v_zero();
-        GR_EACH_BLOCK(f, c, i) v_store(r + i, k * outflow(dim, f, i, w->g));
+        GR_EACH_BLOCK(f, c, i) v_store(r + i, k * outflow(links, f, i, w->g));
         add_wraps(f, c, -w->k, w->g, r);
         GR_EACH_BLOCK(f, c, i)
         {
@@ -142,7 +169,7 @@ static inline void first_residual(const int dim, struct diffusion *w, double *r,
 }
 
 /* q = (1 + k L) p; p.q to partial 0. */
-static inline void multiply(const int dim, struct diffusion *w, const double *p, double *q)
+static inline void multiply(const int links, struct diffusion *w, const double *p, double *q)
 {
     const vd k = v_set(w->k);
     GR_EACH_CHUNK(w, c)
@@ -150,7 +177,7 @@ static inline void multiply(const int dim, struct diffusion *w, const double *p,
         vd sum = v_zero();
         GR_EACH_BLOCK(w->f, c, i)
         {
-            const vd here = v_load(p + i), value = v_fma(k, outflow(dim, w->f, i, p), here);
+            const vd here = v_load(p + i), value = v_fma(k, outflow(links, w->f, i, p), here);
             v_store(q + i, value);
             sum = v_fma(here, value, sum);
         }
@@ -176,18 +203,18 @@ static void descend(struct diffusion *w, double alpha, const double *p, const do
     }
 }
 
-static inline int implicit_step(const int dim, struct diffusion *w)
+static inline int implicit_step(const int links, struct diffusion *w)
 {
     static const double ROUND_OFF = 2e-16;
     const struct gr_fluidity *f = w->f;
     double *r = w->work[0], *p = w->work[1], *q = w->work[2];
-    first_residual(dim, w, r, p);
+    first_residual(links, w, r, p);
     gr_wait(w->barrier);
     double rr = total(f, f->partial[1]);
     const double enough = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->partial[2]));
     for (int64_t n = 0; !(rr <= enough); n++) {
         if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
-        multiply(dim, w, p, q);
+        multiply(links, w, p, q);
         gr_wait(w->barrier);
         descend(w, rr / total(f, f->partial[0]), p, q, r);
         gr_wait(w->barrier);
@@ -209,19 +236,19 @@ static inline int implicit_step(const int dim, struct diffusion *w)
 static double legendre(int j) { return j < 2 ? 1.0 / 3.0 : (j * j + j - 2.0) / (2.0 * j * (j + 1.0)); }
 
 /* Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L; L Y_0 to `lost_0`. */
-static inline void first_stage(const int dim, struct diffusion *w, double mu, double *next, double *lost_0)
+static inline void first_stage(const int links, struct diffusion *w, double mu, double *next, double *lost_0)
 {
     const vd step = v_set(mu * w->k);
     GR_EACH_CHUNK(w, c)
     {
-        GR_EACH_BLOCK(w->f, c, i) v_store(lost_0 + i, outflow(dim, w->f, i, w->g));
+        GR_EACH_BLOCK(w->f, c, i) v_store(lost_0 + i, outflow(links, w->f, i, w->g));
         add_wraps(w->f, c, 1, w->g, lost_0);
         GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(step, v_load(lost_0 + i), v_load(w->g + i)));
     }
 }
 
 /* Y_j = mu_j Y_j-1 + nu_j Y_j-2 + (1 - mu_j - nu_j) Y_0 + mu~_j dt M Y_j-1 + gamma~_j dt M Y_0, written over Y_j-2. */
-static inline void later_stage(const int dim, struct diffusion *w, int j, double w1, const double *last, double *before,
+static inline void later_stage(const int links, struct diffusion *w, int j, double w1, const double *last, double *before,
                                const double *lost_0)
 {
     const double mu = (2.0 * j - 1) / j * legendre(j) / legendre(j - 1);
@@ -233,24 +260,24 @@ static inline void later_stage(const int dim, struct diffusion *w, int j, double
         {
             vd sum = v_fma(v_set(1 - mu - nu), v_load(w->g + i), v_set(nu) * v_load(before + i));
             sum = v_fma(v_set(mu), v_load(last + i), sum);
-            sum = v_fnma(v_set(step), outflow(dim, w->f, i, last), sum);
+            sum = v_fnma(v_set(step), outflow(links, w->f, i, last), sum);
             v_store(before + i, v_fma(v_set(back), v_load(lost_0 + i), sum));
         }
         add_wraps(w->f, c, -step, last, before);
     }
 }
 
-static inline int rkl2_step(const int dim, struct diffusion *w)
+static inline int rkl2_step(const int links, struct diffusion *w)
 {
     const int stages = gr_fluidity_stages(w->f, w->dt);
     const double w1 = 4.0 / ((double)stages * stages + stages - 2.0);
     double *last = w->work[0], *before = w->work[1], *lost_0 = w->work[2];
-    first_stage(dim, w, legendre(1) * w1, last, lost_0);
+    first_stage(links, w, legendre(1) * w1, last, lost_0);
     GR_EACH_CHUNK(w, c) /* Y_0 before Y_1 */
     GR_EACH_BLOCK(w->f, c, i) v_store(before + i, v_load(w->g + i));
     gr_wait(w->barrier);
     for (int j = 2; j <= stages; j++) {
-        later_stage(dim, w, j, w1, last, before, lost_0);
+        later_stage(links, w, j, w1, last, before, lost_0);
         swap(&last, &before);
         gr_wait(w->barrier);
     }
@@ -261,19 +288,19 @@ static inline int rkl2_step(const int dim, struct diffusion *w)
     return GR_OK;
 }
 
-static inline int run_diffusion(const int dim, struct diffusion *w, const struct gr_diffusion_call *call)
+static inline int run_diffusion(const int links, struct diffusion *w, const struct gr_diffusion_call *call)
 {
     int error = GR_OK;
     GR_EACH_CHUNK(w, c)
     {
-        connect(dim, w->f, c);
+        connect(links, w->f, c);
         w->f->partial_clamped[c] = 0;
     }
     gr_wait(w->barrier);
     for (int64_t n = 0; n < call->steps && !error; n++)
-        error = call->method == GR_DIFFUSION_explicit   ? explicit_step(dim, w)
-                : call->method == GR_DIFFUSION_implicit ? implicit_step(dim, w)
-                                                        : rkl2_step(dim, w);
+        error = call->method == GR_DIFFUSION_explicit   ? explicit_step(links, w)
+                : call->method == GR_DIFFUSION_implicit ? implicit_step(links, w)
+                                                        : rkl2_step(links, w);
     return error;
 }
 
@@ -290,7 +317,13 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
     for (int k = 0; k < 3; k++) w.work[k] = f->work[k];
     gr_share(f->n_chunks, alone ? 0 : t, w.barrier->threads, &w.first, &w.last);
     int error = GR_OK;
-    if (!alone || t == 0) error = f->dim == 2 ? run_diffusion(2, &w, call) : run_diffusion(3, &w, call);
+#define GR_RUN(n) \
+    if (f->n_links == n && (!alone || t == 0)) error = run_diffusion(n, &w, call);
+    GR_RUN(2)
+    GR_RUN(3)
+    GR_RUN(4)
+    GR_RUN(13)
+#undef GR_RUN
     gr_wait(barrier);
     if (t == 0) {
         f->error = error;

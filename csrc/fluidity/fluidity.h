@@ -5,7 +5,10 @@
  * is exchanged (dg/dn = 0); at a rough wall g = 0 on the face itself, as if -g stood behind it:
  *     (lap g)_i = 1/dx^2 [ sum over linked neighbours (g_j - g_i) - 2 g_i (number of rough faces) ],
  * second order in dx. Source: Dunatunga & Kamrin, Modelling silo clogging with nonlocal granular rheology, eq. 2.1, 5.1
- * and 5.3. */
+ * and 5.3. With the isotropic stencil cells across edges and corners take part, see links.c.
+ *
+ * Only the cells that are asked for have places, in pages of GR_PAGE cells that follow each other in the box: memory and
+ * time grow with the material, and the cells beside those of a page are still whole vectors. */
 #ifndef GR_FLUIDITY_FLUIDITY_H
 #define GR_FLUIDITY_FLUIDITY_H
 
@@ -13,6 +16,7 @@
 
 #include "core/barrier.h"
 #include "core/error.h"
+#include "core/table.h"
 
 /* What stands at a face, as seen from one of its cells. Two cells are linked if both say so. */
 enum gr_face { GR_FACE_LINK, GR_FACE_OPEN, GR_FACE_ROUGH, GR_FACE_COUNT };
@@ -29,10 +33,22 @@ enum gr_diffusion {
 
 extern const char *const gr_diffusion_names[GR_DIFFUSION_COUNT];
 
+/* Which cells take part in the Laplacian. */
+#define GR_STENCILS(X) X(faces) X(isotropic)
+
+enum gr_stencil {
+#define GR_X(name) GR_STENCIL_##name,
+    GR_STENCILS(GR_X)
+#undef GR_X
+        GR_STENCIL_COUNT
+};
+
+extern const char *const gr_stencil_names[GR_STENCIL_COUNT];
+
 enum { GR_RKL2_MAX_STAGES = 999 };
 
 struct gr_fluidity_config {
-    int dim;
+    int dim, stencil;
     int64_t shape[3]; /* cells along each axis */
     int periodic[3];
     double dx;              /* m */
@@ -42,36 +58,68 @@ struct gr_fluidity_config {
     const uint8_t *face;    /* (2 dim, cells): enum gr_face at the low (2a) and high (2a + 1) side along axis a */
 };
 
+/* The same, agreed upon by both cells; nothing lies behind the ends of the box. */
+enum gr_side { GR_SIDE_CLOSED, GR_SIDE_LINKED, GR_SIDE_ROUGH };
+
+/* Where a cell is to the bodies: bits. */
+enum gr_inside { GR_INSIDE_BODY = 1, GR_BEFORE_PLATE = 2, GR_BEHIND_PLATE = 4, GR_PLATE = 6, GR_AT_ROUGH_PLATE = 8 };
+
+/* What the bodies make of a face between two cells: nothing is cut where neither a rough body ends nor a plate stands. */
+static inline int gr_cut_of(uint8_t a, uint8_t b)
+{
+    if ((a ^ b) & GR_INSIDE_BODY) return GR_SIDE_ROUGH;
+    if ((a & b & (GR_BEFORE_PLATE | GR_BEHIND_PLATE)) || !(a & GR_PLATE) || !(b & GR_PLATE)) return GR_SIDE_LINKED;
+    return (a | b) & GR_AT_ROUGH_PLATE ? GR_SIDE_ROUGH : GR_SIDE_CLOSED;
+}
+
 /* A link across a periodic end, from the side of one of its two cells. */
 struct gr_wrap {
-    int64_t to, from;
-    double weight; /* 1 where both cells are dense */
+    int32_t to, from;
+    int32_t link;
+    double weight; /* as gr_fluidity.weight */
 };
 
-/* Cells are worked on in chunks of a fixed size, each with its own part of every sum: threads share out whole chunks,
- * so the bits do not depend on their number. */
-enum { GR_CHUNK = 512 };
+enum {
+    GR_PAGE = 8,         /* cells in a page: the widest vector */
+    GR_CHUNK_PAGES = 64, /* A chunk has the pages of 512 cells of the box that follow each other. Each has its own part of
+                            every sum: threads share out whole chunks, so the bits depend neither on their number nor on
+                            which cells without material have places. */
+    GR_MOST_LINKS = 13   /* of a cell, each to two sides */
+};
 
 struct gr_fluidity {
-    int dim;
-    int64_t stride[3], n_cells, n_chunks;
-    int64_t n_padded; /* n_cells, in whole lanes; all arrays have zeros before and behind, so that all strides fit */
-    double dx, diffusivity, tolerance; /* m, A^2 d^2/t0 in m^2/s, 1 */
+    int dim, stencil, n_links, periodic[3];
+    int64_t shape[3], stride[3], n_cells; /* of the box */
+    double dx, diffusivity, tolerance;    /* m, A^2 d^2/t0 in m^2/s, 1 */
     int64_t max_iterations;
-    int most_faces; /* largest number of links and rough faces of a cell, were all cells dense */
-    /* of the geometry */
-    uint8_t *link[3];     /* 1 where nothing stands between a cell and the next along the axis */
-    double *rough;        /* 2 (rough faces) */
-    struct gr_wrap *wrap; /* in the order of `to` */
-    int64_t *wrap_first;  /* n_chunks + 1: those of a chunk */
+    double stiffest; /* no eigenvalue of L is larger than twice this */
+    /* of the box */
+    int8_t offset[GR_MOST_LINKS][3]; /* of the cell at the high side of a link; link a < dim goes along axis a */
+    struct gr_table side;            /* per cell of the box, 2 bits for each face: enum gr_side ^ GR_SIDE_LINKED */
+    struct gr_table page_of;         /* per page of the box: its number here + 1, 0 for none */
+    /* of the pages: cell k of page q has the place GR_PAGE q + k. Arrays of places have a page of zeros at both ends. */
+    int64_t n_pages, page_room, n_chunks, n_wraps, wrap_room;
+    int64_t *page;                    /* number in the box, ascending */
+    int64_t *chunk_first;             /* n_chunks + 1: pages of a chunk */
+    int32_t *near;                    /* per page, link and side (low, high): place of the cell beside the first one */
+    uint8_t *link[2 * GR_MOST_LINKS]; /* faces: 1 where a cell is linked to the one at that place */
+    int32_t *beside;                  /* isotropic: per place, link and side, the place of that cell; -1 without a way */
+    double *rough_walls;              /* 2 (rough faces) */
+    struct gr_wrap *wrap;             /* in the order of `to` */
+    int64_t *wrap_first;              /* n_chunks + 1: those of a chunk */
     /* of the state: written by the caller before a step */
-    uint8_t *dense; /* 1 or 0 */
-    double *g;      /* 1/s; a step moves it to another place: read the pointer again. Zero where not dense. */
+    uint8_t *dense;  /* 1 or 0 */
+    int has_inside;  /* inside is in use: */
+    uint8_t *inside; /* enum gr_inside */
+    double *g;       /* 1/s; a step moves it to another place: read the pointer again. Zero where not dense. */
+    double *gain;    /* free for the caller */
     /* of a step */
-    double *weight[3], *work[3]; /* 1 where a cell and the next along the axis exchange; vectors */
-    double *partial[3];          /* sums over chunks */
+    double *weight[2 * GR_MOST_LINKS], *rough, *work[3]; /* of the links to both sides; of g itself; vectors */
+    double *partial[3];                                  /* sums over chunks */
     int64_t *partial_clamped;
-    void *doubles, *bytes, *integers;
+    void *doubles, *bytes;
+    int64_t *integers;
+    int32_t *places;
     /* result of the last call */
     int64_t iterations; /* conjugate gradients, or stages, over all of its steps */
     int64_t clamped;    /* cells whose fluidity was negative and became zero, over all of its steps */
@@ -89,13 +137,36 @@ struct gr_diffusion_call {
  * before all is done. Returned, the same to all: GR_OK, or GR_ERR_DIVERGED, and g is spoiled. gr_fluidity_check first. */
 typedef int gr_diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_barrier *barrier, int t);
 
-/* A lattice without dense cells. Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
+/* A lattice without places. Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
 int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *config);
 void gr_fluidity_free(struct gr_fluidity *f);
 
+/* What stands at face k of a cell of the box. */
+static inline int gr_fluidity_side(const struct gr_fluidity *f, int64_t cell, int k)
+{
+    return (gr_table_get(&f->side, cell) >> 2 * k & 3) ^ GR_SIDE_LINKED;
+}
+
+/* lattice.c: take over the faces of the box, a part of gr_fluidity_new. Returned: 0 or GR_ERR_MEMORY. */
+int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face);
+
+/* lattice.c: give places to n cells of the box, ascending, and to none else but the rest of their pages; or to all of the
+ * box, in its order, where `cells` is NULL. No cell is dense. Returned: 0, or GR_ERR_MEMORY and there are no places. */
+int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, int64_t n);
+
+/* Place of a cell of the box that has one. */
+static inline int64_t gr_fluidity_place(const struct gr_fluidity *f, int64_t cell)
+{
+    return ((int64_t)gr_table_get(&f->page_of, cell / GR_PAGE) - 1) * GR_PAGE + cell % GR_PAGE;
+}
+
+/* links.c: weights of all links of a chunk with the isotropic stencil, from which cells are dense. */
+void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk);
+
 /* Steps must be shorter than this, s; infinite where every step is stable.
- * explicit: 2/lambda with the bound of Gershgorin lambda = 2 A^2 d^2/(t0 dx^2) (links + rough faces of a cell); in the
- * bulk dx^2 t0/(2 dim A^2 d^2). rkl2: (s^2 + s - 2)/4 times that, with the largest number s of stages. */
+ * explicit: 2/lambda, lambda no less than the largest eigenvalue of A^2 d^2/(t0 dx^2) L. With faces that is the bound of
+ * Gershgorin, lambda = 2 A^2 d^2/(t0 dx^2) (links + rough faces of a cell), in the bulk dt < dx^2 t0/(2 dim A^2 d^2); for
+ * the isotropic stencil see links.c. rkl2: (s^2 + s - 2)/4 times that, with the largest number s of stages. */
 double gr_fluidity_limit(const struct gr_fluidity *f, int method);
 
 /* Whether a call may be made. Returned: GR_OK, GR_ERR_CONFIG, or GR_ERR_LIMIT for a dt that is too long. */

@@ -43,7 +43,7 @@ struct gr_fluidity_numbers {
     vd one, start;        /* 1; G dt */
     vd phi, a_phi;        /* f/mu_2, phi mu_s */
     vd theta, theta_mu_s; /* dt/t0 */
-    vd sink;              /* f d sqrt(rho_s)/I0 */
+    vd twice_sink;        /* 2 f d sqrt(rho_s)/I0 */
 };
 
 struct gr_fluidity_point {
@@ -72,67 +72,80 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
         .a_phi = v_set(phi * mu_s),
         .theta = v_set(theta),
         .theta_mu_s = v_set(theta * mu_s),
-        .sink = v_set(theta * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
+        .twice_sink = v_set(2 * theta * (mu_2 - mu_s) * d * sqrt(rho_s) / I0),
     };
 }
 
-/* 1/p, and the mean of 1/sqrt(p), with one division. p > 0 is taken for GR_LEAST_PRESSURE at least. */
+/* What an update needs of the pressure. p > 0 is taken for GR_LEAST_PRESSURE at least. */
 struct gr_inverse_pressure {
-    vd p, root;
+    vd p, sink, unit_g; /* 1/p; f k over the rate, with the mean of 1/sqrt(p); p/(G dt), the fluidity whose X is 1, 1/s */
 };
 
+/* With one division. */
 static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_fluidity_numbers *n, vd p)
 {
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt_fast(v_max(v_zero(), p - n->p_spread));
+    /* One by the division unit, one beside it. */
+    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt(v_max(v_zero(), p - n->p_spread));
     const vd inverse = v_set(1.0) / (p * roots);
-    return (struct gr_inverse_pressure){inverse * roots, v_set(2.0) * (p * inverse)};
+    return (struct gr_inverse_pressure){inverse * roots, n->twice_sink * (p * inverse), p * n->inv_G_dt};
+}
+
+/* What begins a step: G dt g_star, in the unit of the coefficients. A negative fluidity is taken for zero. */
+static inline vd gr_fluidity_start(const struct gr_fluidity_numbers *n, vd g_star)
+{
+    return n->start * v_max(v_zero(), g_star);
 }
 
 /* The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0 in one unit: both quotients, Y and 1/(1 + X), come from
  * one division. */
-static inline struct gr_fluidity_point gr_fluidity_of_root(const struct gr_fluidity_numbers *n, vd a, vd b, vd c, vd offset,
-                                                           vd m, vd p)
+static inline struct gr_fluidity_point gr_fluidity_of_root(vd a, vd b, vd c, vd offset, vd m, vd unit_g)
 {
-    const vd one = v_set(1.0), root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
+    const vd one = v_set(1.0), twice_a = a + a, twice_c = c + c, root = v_sqrt_fast(v_fma(b, b, twice_a * twice_c));
     const vm rises = v_gt(b, v_zero());
-    const vd above = v_select(rises, c + c, root - b), below = v_select(rises, b + root, a + a); /* Y */
-    const vd whole = v_fma(below, one + offset, above);                                          /* below (1 + X) */
+    const vd above = v_select(rises, twice_c, root - b), below = v_select(rises, b + root, twice_a); /* Y */
+    const vd whole = v_fma(below, one + offset, above);                                              /* below (1 + X) */
     const vd part = one / (below * whole), scale = below * (below * part);
     const vd X = v_fma(above * whole, part, offset);
-    return (struct gr_fluidity_point){scale, m * scale, X * v_max(v_set(GR_LEAST_PRESSURE), p) * n->inv_G_dt};
+    return (struct gr_fluidity_point){scale, m * scale, X * unit_g};
 }
 
-/* Given: trial friction m in [0, 1e60], the inverse of the pressure p, fluidity g_star after diffusion (negative: taken
- * for zero), plastic shear rate of the step before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
-static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m, vd p,
-                                                          struct gr_inverse_pressure inverse, vd g_star, vd rate)
+/* Given: trial friction m in [0, 1e60], the inverse of the pressure p, gr_fluidity_start, plastic shear rate of the step
+ * before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
+static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m,
+                                                          struct gr_inverse_pressure inverse, vd start, vd rate)
 {
-    const vd q = v_fma(n->sink * rate, inverse.root, n->one);
-    const vd start = n->start * v_max(v_zero(), g_star) * inverse.p; /* X* */
-
+    const vd q = v_fma(inverse.sink, rate, n->one), a = q + n->a_phi;
     const vm beyond = v_ge(m, n->mu_2);
-    const vd e = v_abs(m - n->mu_2) * n->inv_mu_2, pull = n->phi * (n->dmu_over_mu_2 * m);
-    const vd reaction = v_select(beyond, v_fma(n->a_phi, e, -pull), n->phi * (n->mu_s - m));
-    const vd b = v_fma(e, q, reaction) - start, c = e * v_select(beyond, pull, start); /* the last term is -c */
-    struct gr_fluidity_point point = gr_fluidity_of_root(n, q + n->a_phi, b, c, v_keep(beyond, e), m, p);
+    struct gr_fluidity_point point;
+    start = start * inverse.p; /* X* */
+    if (!m_bits(beyond)) {     /* the case that counts, with fewer operations */
+        const vd e = (n->mu_2 - m) * n->inv_mu_2, b = v_fma(e, q, n->phi * (n->mu_s - m)) - start;
+        point = gr_fluidity_of_root(a, b, e * start, v_zero(), m, inverse.unit_g);
+    } else {
+        const vd e = v_abs(m - n->mu_2) * n->inv_mu_2, pull = n->phi * (n->dmu_over_mu_2 * m);
+        const vd reaction = v_select(beyond, v_fma(n->a_phi, e, -pull), n->phi * (n->mu_s - m));
+        const vd b = v_fma(e, q, reaction) - start, c = e * v_select(beyond, pull, start); /* the last term is -c */
+        point = gr_fluidity_of_root(a, b, c, v_keep(beyond, e), m, inverse.unit_g);
+    }
     point.mu = v_min(n->below_mu_2, point.mu); /* rounding alone could make it mu_2 */
     return point;
 }
 
 /* The same with the unbounded friction: mu >= 0. */
-static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m, vd p,
-                                                                 struct gr_inverse_pressure inverse, vd g_star, vd rate)
+static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m,
+                                                                 struct gr_inverse_pressure inverse, vd start, vd rate)
 {
-    const vd q = v_fma(n->sink * rate, inverse.root, n->one);
-    const vd start = n->start * v_max(v_zero(), g_star) * inverse.p, b = v_fma(n->theta, n->mu_s - m, q) - start;
-    return gr_fluidity_of_root(n, q + n->theta_mu_s, b, start, v_zero(), m, p);
+    const vd q = v_fma(inverse.sink, rate, n->one);
+    start = start * inverse.p;
+    const vd b = v_fma(n->theta, n->mu_s - m, q) - start;
+    return gr_fluidity_of_root(q + n->theta_mu_s, b, start, v_zero(), m, inverse.unit_g);
 }
 
 /* The same for numbers that come from arrays. */
 static inline struct gr_fluidity_point gr_fluidity_at(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star, vd rate)
 {
-    return gr_fluidity_update(n, m, p, gr_invert_pressure(n, p), g_star, rate);
+    return gr_fluidity_update(n, m, gr_invert_pressure(n, p), gr_fluidity_start(n, g_star), rate);
 }
 
 /* Arrays of points. The last ones of a number that is no multiple of the lanes go through a buffer. */

@@ -107,48 +107,59 @@ GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struc
                                                      vm before, vd kindled, vd g_star, vd rate)
 {
     const struct gr_inverse_pressure inverse = gr_invert_pressure(&n->fluidity, p);
-    const vd one = v_set(1.0), m = trial * inverse.p, start = v_max(n->g_min, g_star);
+    const vd one = v_set(1.0), m = trial * inverse.p, start = gr_fluidity_start(&n->fluidity, v_max(n->g_min, g_star));
     struct gr_fluidity_point point;
     if (flow == GR_HENCKY_nonlocal_linear)
-        point = gr_fluidity_update_linear(&n->fluidity, m, p, inverse, start, rate);
+        point = gr_fluidity_update_linear(&n->fluidity, m, inverse, start, rate);
     else
-        point = gr_fluidity_update(&n->fluidity, m, p, inverse, start, rate);
+        point = gr_fluidity_update(&n->fluidity, m, inverse, start, rate);
     const vd scale = one / v_fma(n->fluidity.G_dt * kindled, inverse.p, one);
     const vd share = v_select(before, point.scale, scale), g = v_select(before, point.g, kindled);
     return (struct gr_hencky_return){.share = share, .g = g, .rate = v_select(before, point.mu, m * scale) * g};
 }
 
-/* Given: L dt (row-major), c at the end of the step, the stress and plastic shear rate before it, and the fluidity after
- * diffusion. A point whose stress is zero was disconnected. */
-GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow, const struct gr_hencky_numbers *n,
-                                                  const vd *L, vd c, const struct gr_stress *stress, vd g_star, vd rate)
+/* The flow of a step. Given: the deviator of the trial stress, and p at the end of the step; for the rest see
+ * gr_hencky_nonlocal. */
+GR_INLINE struct gr_hencky_point gr_hencky_flow(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                                const struct gr_stress *trial, vd p, vm before, vd kindled, vd g_star,
+                                                vd rate)
 {
-    const vd zero = v_zero(), one = v_set(1.0);
+    const vd zero = v_zero();
+    const vm loose = v_ge(zero, p); /* NaN is not: it goes into the stress */
     const int solid = flow == GR_HENCKY_elastic;
     struct gr_hencky_point out = {.g = zero, .rate = zero};
-    for (int i = 0; i < GR_STRESSES(dim); i++) out.stress.s[i] = zero;
-    const vd p = n->K * c;
-    const vm loose = v_ge(zero, p); /* NaN is not: it goes into the stress */
-    if (!solid && m_bits(loose) == GR_ALL_LANES) return out;
-
-    out.stress = gr_hencky_trial(dim, n, L, stress);
-    struct gr_hencky_return r = {.share = one, .g = zero, .rate = zero};
+    struct gr_hencky_return r = {.share = v_set(1.0), .g = zero, .rate = zero};
     if (!solid) {
-        const vd trial = v_sqrt_fast(gr_tau_squared(dim, &out.stress)), pressed = v_max(v_set(GR_LEAST_PRESSURE), p);
-        if (flow == GR_HENCKY_nonlocal_linear || flow == GR_HENCKY_nonlocal_saturating) {
-            const vm before = v_gt(zero, stress->s[0] + stress->s[1] + stress->s[2]);
-            const vd kindled = n->kindling * gr_stretch_norm(dim, L);
-            r = gr_hencky_nonlocal(flow, n, trial, pressed, before, kindled, g_star, rate);
-        } else {
-            r = gr_hencky_local(flow, n, trial, pressed);
-        }
+        const vd tau = v_sqrt_fast(gr_tau_squared(dim, trial)), pressed = v_max(v_set(GR_LEAST_PRESSURE), p);
+        if (flow == GR_HENCKY_nonlocal_linear || flow == GR_HENCKY_nonlocal_saturating)
+            r = gr_hencky_nonlocal(flow, n, tau, pressed, before, kindled, g_star, rate);
+        else
+            r = gr_hencky_local(flow, n, tau, pressed);
         out.g = v_select(loose, zero, r.g), out.rate = v_select(loose, zero, r.rate);
     }
     for (int i = 0; i < GR_STRESSES(dim); i++) {
-        const vd s = i < 3 ? v_fma(r.share, out.stress.s[i], -p) : v_mul(r.share, out.stress.s[i]);
+        const vd s = i < 3 ? v_fma(r.share, trial->s[i], -p) : v_mul(r.share, trial->s[i]);
         out.stress.s[i] = solid ? s : v_select(loose, zero, s);
     }
     return out;
+}
+
+/* A point whose stress is zero was disconnected. */
+GR_INLINE vm gr_hencky_bears(const struct gr_stress *stress)
+{
+    return v_gt(v_zero(), stress->s[0] + stress->s[1] + stress->s[2]);
+}
+
+/* Given: L dt (row-major), c at the end of the step, the stress and plastic shear rate before it, and the fluidity after
+ * diffusion. */
+GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                                  const vd *L, vd c, const struct gr_stress *stress, vd g_star, vd rate)
+{
+    const vd p = n->K * c;
+    if (flow != GR_HENCKY_elastic && m_bits(v_ge(v_zero(), p)) == GR_ALL_LANES) return (struct gr_hencky_point){0};
+    const struct gr_stress trial = gr_hencky_trial(dim, n, L, stress);
+    const vd kindled = n->kindling * gr_stretch_norm(dim, L);
+    return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_bears(stress), kindled, g_star, rate);
 }
 
 /* ---- arrays of points: `flow` is no literal here, for one body of the trial in place of six ---- */

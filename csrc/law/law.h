@@ -46,22 +46,47 @@ extern const struct gr_law_info gr_law_table[GR_LAW_COUNT];
 /* One call: `n_blocks` blocks of GR_W lanes.
  * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the
  *   increment of the velocity gradient over a step, row-major components of GR_W lanes each; dt in s;
- *   log_density at the end of the step; parameter values in the law's own order. A nonlocal law makes `part` of the
- *   step, dt long; the log-density is behind it by `behind` of the trace of the increment.
+ *   log_density at the end of the step; parameter values in the law's own order.
  *   g_star[k], the fluidity of block k after its diffusion, 1/s; NULL in the local phase of a nonlocal law.
+ *   path, where a nonlocal law makes the step in parts (law/path.h), NULL where in one; dt is that of a part, which is
+ *   `part` of the step. With `sets_out` the paths are made, from a log-density before the step, and nothing else;
+ *   without, the last part.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL.
  * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL. Nonlocal laws need shear_rate and g. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
     const double *gradient;
-    double dt, part, behind;
+    double dt, part;
     int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (3.10) */
     const double *parameter;
     const double *log_density;
     const double *g_star;
+    double *path;
+    int sets_out;
     double *stress[6];
     double *shear_rate, *g, *gain;
+};
+
+/* What is kept of a block of points on its path through the parts of a step (law/path.h), in runs of GR_W. X(name, doc) */
+#define GR_PATH(X)                                                        \
+    X(turned, "R:R/2 over p^2")                                           \
+    X(across, "R:D over p^2")                                             \
+    X(strained, "D:D/2 over p^2")                                         \
+    X(of_turned, "a")                                                     \
+    X(of_strained, "b")                                                   \
+    X(p, "pressure at the end of the step, 0 where loose, Pa")            \
+    X(inverse_p, "see gr_inverse_pressure")                               \
+    X(sink, "see gr_inverse_pressure")                                    \
+    X(unit_g, "see gr_inverse_pressure")                                  \
+    X(weight, "share of the point in its cell's fluidity; 0 where loose") \
+    X(kindled, "fluidity of what reconnects in this step, 1/s; -1: none does")
+
+enum gr_path_number {
+#define GR_X(name, doc) GR_PATH_##name,
+    GR_PATH(GR_X)
+#undef GR_X
+        GR_PATH_COUNT
 };
 
 /* Where the parameters of the nonlocal law are; those of its update at a point come last, all together. */

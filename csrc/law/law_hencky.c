@@ -3,25 +3,76 @@
  * The pressure is that of the density, whatever the scheme. A nonlocal flow without a diffused fluidity is in its local
  * phase: the flow that it has where the fluidity is even, with g = gdot/mu. */
 #include "law/hencky.h"
+#include "law/path.h"
 
 #define GR_FURTHEST 600.0 /* log-density that a point may have on its way out */
+
+/* What a block of points brings to a step. */
+struct gr_hencky_block {
+    struct gr_stress stress; /* Kirchhoff */
+    vd L[9], c;              /* log-density at the end of the step */
+};
+
+GR_INLINE struct gr_hencky_block hencky_block_of(const int dim, const struct gr_law_call *call, int64_t k)
+{
+    const int64_t at = call->slot[k];
+    const double *gradient = call->gradient + k * dim * dim * GR_W;
+    vd begin = v_load(call->log_density + at), end = begin;
+    if (call->sets_out)
+        end = end - gr_expansion(dim, gradient);
+    else
+        begin = begin + gr_expansion(dim, gradient);
+    const vd to_kirchhoff = v_exp(-v_clamp(begin, -GR_FURTHEST, GR_FURTHEST));
+    struct gr_hencky_block block = {.c = v_clamp(end, -GR_FURTHEST, GR_FURTHEST)};
+    for (int i = 0; i < dim * dim; i++) block.L[i] = v_load(gradient + i * GR_W);
+    for (int i = 0; i < GR_STRESSES(dim); i++) block.stress.s[i] = to_kirchhoff * v_load(call->stress[i] + at);
+    return block;
+}
+
+/* A step in many parts: it sets out, or its last part. */
+GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                             const struct gr_law_call *call, const struct gr_hencky_block *block, int64_t at,
+                                             vd g_star, vd rate)
+{
+    const vd p = v_max(v_zero(), n->K * block->c); /* NaN stays */
+    const vd kindled = n->kindling * v_set(call->part) * gr_stretch_norm(dim, block->L);
+    const vm before = gr_hencky_bears(&block->stress);
+    struct gr_stress turned, strained;
+    vd L[9];
+    for (int pass = 0; pass < 2; pass++) { /* one body for both */
+        turned = strained;
+        for (int i = 0; i < dim; i++)
+            for (int j = 0; j < dim; j++) {
+                const vd other = pass ? v_zero() : block->L[j * dim + i];
+                L[i * dim + j] = v_set(pass ? 1.0 : 0.5) * (block->L[i * dim + j] - other);
+            }
+        strained = gr_hencky_trial(dim, n, L, &block->stress);
+    }
+    for (int i = 0; i < GR_STRESSES(dim); i++) strained.s[i] = strained.s[i] - turned.s[i];
+    if (call->sets_out) {
+        const vd none = v_set(-1.0);
+        gr_path_sets_out(dim, &n->fluidity, &turned, &strained, p, v_select(before, none, kindled), call->path, at);
+        return (struct gr_hencky_point){0};
+    }
+    const vm since = v_gt(v_load(gr_path_at(call->path, at, GR_PATH_p)), v_zero());
+    gr_path_end(dim, call->part, call->path, at, &turned, &strained);
+    const vd known = v_select(since, v_set(1.0), v_keep(before, v_set(1.0)));
+    return gr_hencky_flow(dim, flow, n, &turned, p, v_gt(known, v_zero()), kindled, g_star, rate);
+}
 
 GR_INLINE void hencky_blocks_of(const int dim, const int flow, const struct gr_hencky_numbers *n,
                                 const struct gr_law_call *call)
 {
-    const vd part = v_set(call->part), behind = v_set(call->behind);
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
-        const double *gradient = call->gradient + k * dim * dim * GR_W;
-        const vd trace = gr_expansion(dim, gradient), g_star = v_set(call->g_star ? call->g_star[k] : 0);
-        const vd c = v_clamp(v_fnma(behind, trace, v_load(call->log_density + at)), -GR_FURTHEST, GR_FURTHEST);
-        const vd to_kirchhoff = v_exp(-v_clamp(v_fma(part, trace, c), -GR_FURTHEST, GR_FURTHEST)), to_cauchy = v_exp(c);
-        struct gr_stress stress;
-        vd L[9];
-        for (int i = 0; i < dim * dim; i++) L[i] = part * v_load(gradient + i * GR_W);
-        for (int i = 0; i < GR_STRESSES(dim); i++) stress.s[i] = to_kirchhoff * v_load(call->stress[i] + at);
+        const struct gr_hencky_block block = hencky_block_of(dim, call, k);
+        const vd g_star = v_set(call->g_star ? call->g_star[k] : 0);
         const vd rate = call->shear_rate ? v_load(call->shear_rate + at) : v_zero();
-        const struct gr_hencky_point point = gr_hencky_update(dim, flow, n, L, c, &stress, g_star, rate);
+        const struct gr_hencky_point point =
+            call->path ? hencky_part(dim, flow, n, call, &block, at, g_star, rate)
+                       : gr_hencky_update(dim, flow, n, block.L, block.c, &block.stress, g_star, rate);
+        if (call->path && call->sets_out) continue;
+        const vd to_cauchy = v_exp(block.c);
         for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, to_cauchy * point.stress.s[i]);
         if (call->shear_rate) v_store(call->shear_rate + at, point.rate);
         if (call->g) v_store(call->g + at, point.g);

@@ -10,33 +10,55 @@ struct gr_stress {
     vd s[6]; /* xx, yy, zz, xy, yz, xz */
 };
 
-/* Trial stress s + dt (C:D + W s - s W), Dunatunga & Kamrin 2015, eq. 3.10, with L dt given (row-major), or that of
- * which it is a `part`. The explicit Jaumann form is first order in the rotation of a step. */
-static inline struct gr_stress gr_trial(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at,
-                                        vd K, vd G, vd part)
+/* dt C:D added to `t`, with L dt given (row-major). */
+GR_INLINE void gr_strain(const int dim, const double *gradient, vd K, vd G, struct gr_stress *t)
+{
+    const vd lambda = K - v_set(2.0) / v_set(3.0) * G, twoG = v_set(2.0) * G;
+    vd L[9];
+    for (int c = 0; c < dim * dim; c++) L[c] = v_load(gradient + c * GR_W);
+    const vd bulk = lambda * (dim == 2 ? L[0] + L[3] : L[0] + L[4] + L[8]);
+    for (int c = 0; c < dim; c++) t->s[c] = v_fma(twoG, L[c * (dim + 1)], t->s[c] + bulk);
+    if (dim == 2) t->s[2] = t->s[2] + bulk;
+    t->s[3] = v_fma(G, L[1] + L[dim], t->s[3]);
+    if (dim == 3) {
+        t->s[4] = v_fma(G, L[5] + L[7], t->s[4]);
+        t->s[5] = v_fma(G, L[2] + L[6], t->s[5]);
+    }
+}
+
+/* The stress of a block of points, turned: s + dt (W s - s W). First order in the rotation of a step. */
+GR_INLINE struct gr_stress gr_turned(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at)
 {
     struct gr_stress t;
-    const vd half = v_set(0.5), two = v_set(2.0), lambda = K - two / v_set(3.0) * G, twoG = two * G;
+    const vd half = v_set(0.5), two = v_set(2.0);
     vd L[9];
-    for (int c = 0; c < dim * dim; c++) L[c] = part * v_load(gradient + c * GR_W);
+    for (int c = 0; c < dim * dim; c++) L[c] = v_load(gradient + c * GR_W);
     for (int c = 0; c < GR_STRESSES(dim); c++) t.s[c] = v_load(call->stress[c] + at);
     const vd xx = t.s[0], yy = t.s[1], zz = t.s[2], xy = t.s[3];
     if (dim == 2) {
-        const vd bulk = lambda * (L[0] + L[3]), w = half * (L[1] - L[2]);
-        t.s[0] = v_fma(twoG, L[0], xx + bulk) + two * w * xy;
-        t.s[1] = v_fma(twoG, L[3], yy + bulk) - two * w * xy;
-        t.s[2] = zz + bulk;
-        t.s[3] = v_fma(G, L[1] + L[2], xy) + w * (yy - xx);
+        const vd w = half * (L[1] - L[2]), turned = two * w * xy;
+        t.s[0] = xx + turned;
+        t.s[1] = yy - turned;
+        t.s[3] = v_fma(w, yy - xx, xy);
     } else {
-        const vd yz = t.s[4], xz = t.s[5], bulk = lambda * (L[0] + L[4] + L[8]);
+        const vd yz = t.s[4], xz = t.s[5];
         const vd wxy = half * (L[1] - L[3]), wxz = half * (L[2] - L[6]), wyz = half * (L[5] - L[7]);
-        t.s[0] = v_fma(twoG, L[0], xx + bulk) + two * (wxy * xy + wxz * xz);
-        t.s[1] = v_fma(twoG, L[4], yy + bulk) + two * (wyz * yz - wxy * xy);
-        t.s[2] = v_fma(twoG, L[8], zz + bulk) - two * (wxz * xz + wyz * yz);
-        t.s[3] = v_fma(G, L[1] + L[3], xy) + wxy * (yy - xx) + wxz * yz + wyz * xz;
-        t.s[4] = v_fma(G, L[5] + L[7], yz) + wyz * (zz - yy) - wxy * xz - wxz * xy;
-        t.s[5] = v_fma(G, L[2] + L[6], xz) + wxz * (zz - xx) + wxy * yz - wyz * xy;
+        t.s[0] = xx + two * (wxy * xy + wxz * xz);
+        t.s[1] = yy + two * (wyz * yz - wxy * xy);
+        t.s[2] = zz - two * (wxz * xz + wyz * yz);
+        t.s[3] = xy + wxy * (yy - xx) + wxz * yz + wyz * xz;
+        t.s[4] = yz + wyz * (zz - yy) - wxy * xz - wxz * xy;
+        t.s[5] = xz + wxz * (zz - xx) + wxy * yz - wyz * xy;
     }
+    return t;
+}
+
+/* Trial stress s + dt (C:D + W s - s W), Dunatunga & Kamrin 2015, eq. 3.10. */
+GR_INLINE struct gr_stress gr_trial(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at, vd K,
+                                    vd G)
+{
+    struct gr_stress t = gr_turned(dim, gradient, call, at);
+    gr_strain(dim, gradient, K, G, &t);
     return t;
 }
 

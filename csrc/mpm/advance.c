@@ -39,7 +39,19 @@ double gr_stable_dt(const struct gr_engine *e)
             if (square > fastest) fastest = square;
         }
     }
-    return e->config.cfl * e->config.dx / (e->config.wave_speed + sqrt(fastest));
+    const double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
+}
+
+/* Paths of the points through many substeps. */
+static int reserve_path(struct gr_engine *e)
+{
+    const int64_t room = e->capacity * GR_PATH_COUNT;
+    if (!e->fluidity || e->config.nonlocal.substeps < 2 || room <= e->path_room) return GR_OK;
+    free(e->path);
+    e->path = malloc(sizeof(double) * (size_t)room);
+    e->path_room = e->path ? room : 0;
+    return e->path ? GR_OK : GR_ERR_MEMORY;
 }
 
 /* Cut the cells so that each thread has about the same number of points, and give each room for leavers: all its
@@ -52,13 +64,14 @@ static int share_out(struct team *team)
     team->cut[0] = 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
         points += e->mesh.cell[c].capacity;
+        if (e->mesh.cell[c].side == 1) continue; /* its back goes with it */
         while (t < team->barrier.threads && points * team->barrier.threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
             first[t] = points;
             team->cut[t++] = c + 1;
         }
     }
     for (; t <= team->barrier.threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
-    if (gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
+    if (reserve_path(e) || gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
     for (t = 0; t < team->barrier.threads; t++) {
         const int64_t begin = first[t] + t; /* a record more than points for each */
         team->leavers[t] =
@@ -89,6 +102,7 @@ static void prepare(struct team *team)
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
+    for (int d = 0; d < config->dim; d++) e->keep_rising[d] = config->absorbs >> d & 1 ? exp(-config->rising[d] * dt) : 1;
     gr_gravity(config, e->time, team->gravity);
 }
 
@@ -100,9 +114,11 @@ static void finish(struct team *team)
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
     gr_bodies_move(e);
+    if (e->n_plates) gr_change_sides(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
-    if (!e->n_pending) return;
+    const int followed = e->n_plates && gr_follow_bodies(e);
+    if (!e->n_pending && !followed) return;
     e->error = gr_regroup(e);
     if (!e->error) e->error = share_out(team);
 }
@@ -132,6 +148,7 @@ static void stage_grid(struct team *team, int t)
         team->kernels->press(e, team->cut[t], team->cut[t + 1]);
         gr_wait(&team->barrier);
     }
+    if (e->n_plates) gr_split_nodes(e, first, last);
     gr_grid_nodes(e, first, last, team->gravity);
     if (e->config.n_bodies) gr_bodies_find(e, first, last);
     gr_wait(&team->barrier);
@@ -154,16 +171,24 @@ static void stage_grid(struct team *team, int t)
 /* The fluidity has not converged: which of the points is not finite, if one is. */
 static void blame(struct gr_engine *e)
 {
-    const double *g = e->field[GR_FIELD_g];
+    const double *g = e->field[GR_FIELD_g], *rate = e->field[GR_FIELD_shear_rate]; /* g is not kept in substeps */
     e->error_id = -1;
     e->error_step = e->step;
     for (int64_t s = 0; s < e->used; s++) {
-        if (e->id[s] < 0 || isfinite(g[s])) continue;
+        if (e->id[s] < 0 || (isfinite(g[s]) && isfinite(rate[s]))) continue;
         e->error = GR_ERR_NOT_FINITE;
         e->error_id = e->id[s];
         for (int d = 0; d < e->config.dim; d++) e->error_x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
         return;
     }
+}
+
+/* The cells that a plate divides, when the law has been made for all points. */
+static void mean_pairs(struct team *team, int t)
+{
+    int64_t first, last;
+    gr_share(team->e->mesh.n_paired, t, team->barrier.threads, &first, &last);
+    team->kernels->mean_pairs(team->e, first, last);
 }
 
 /* Diffusion of the fluidity, and all substeps of the nonlocal law but the last, which goes with the gather.
@@ -173,9 +198,11 @@ static int stage_fluidity(struct team *team, int t)
     struct gr_engine *e = team->e;
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     if (!e->diffuses) return GR_OK;
+    if (e->fluidity->has_inside) gr_bodies_mark(e, team->cut[t], team->cut[t + 1]);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
-        if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made - 1);
+        if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made == 1);
+        if (!made && e->mesh.n_paired) mean_pairs(team, t);
         const int error = team->kernels->diffuse(e->fluidity, &call, &team->barrier, t);
         if (error) {
             if (t == 0) e->error = error, e->sums_valid = 0, blame(e);
@@ -279,6 +306,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     note_dt(e);
     if (team.again) kernels->scatter(e, 0, e->mesh.n_cells);
     press(e, kernels);
+    if (e->n_plates) gr_split_nodes(e, 0, e->mesh.n_nodes);
     gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
     if (e->config.n_bodies) {
         gr_bodies_find(e, 0, e->mesh.n_nodes);

@@ -132,7 +132,7 @@ GR_INLINE double density_beside(const int dim, const struct gr_engine *e, const 
         if (!axis->periodic) return EMPTY;
         id += (high ? -stride : stride) * axis->n_cells;
     }
-    const int64_t index = (int64_t)e->mesh.cell_of[id] - 1;
+    const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, id) - 1;
     return index < 0 ? EMPTY : shared_of(dim, e, index)->c;
 }
 

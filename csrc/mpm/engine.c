@@ -17,6 +17,8 @@ int gr_engine_uses(const struct gr_config *config, int field)
         return gr_law_table[config->law].nonlocal;
     case GR_BALANCED:
         return gr_law_table[config->law].nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit;
+    case GR_SIDED:
+        return gr_has_plates(config);
     case GR_ALWAYS:
     default:
         return 1;
@@ -56,10 +58,11 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     int error = own((const void **)&c->gravity_times, sizeof(double) * (size_t)c->n_gravity);
     error |= own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
     error |= own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
-    error |= own((const void **)&c->node_codes, (size_t)n_nodes);
-    error |= own((const void **)&c->cell_flags, (size_t)n_cells);
     error |= own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
     error |= copy_bodies(c);
+    error |= gr_table_of_bytes(&e->node_codes, c->node_codes, n_nodes);
+    error |= gr_table_of_bytes(&e->cell_flags, c->cell_flags, n_cells);
+    c->node_codes = c->cell_flags = 0;
     for (int d = 0; d < 3; d++) c->creases[d] = 0;
     c->nonlocal.face = 0;
     return error ? GR_ERR_MEMORY : GR_OK;
@@ -70,12 +73,12 @@ static int count_solids(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
 {
     const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);
     int any = 0;
-    for (int64_t c = 0; e->config.cell_flags && c < n_cells; c++) any |= e->config.cell_flags[c] & GR_CELL_SOLID;
+    for (int64_t c = 0; c < n_cells; c++) any |= gr_table_get(&e->cell_flags, c) & GR_CELL_SOLID;
     if (!any) return GR_OK;
     e->solid = calloc((size_t)n_nodes, sizeof(double));
     if (!e->solid) return GR_ERR_MEMORY;
     for (int64_t c = 0; c < n_cells; c++) {
-        if (!(e->config.cell_flags[c] & GR_CELL_SOLID)) continue;
+        if (!(gr_table_get(&e->cell_flags, c) & GR_CELL_SOLID)) continue;
         for (int i = 0; i < e->K; i++) {
             const int part[3] = {i % k, i / k % k, i / (k * k)};
             int64_t node = 0, stride = 1, rest = c;
@@ -140,6 +143,7 @@ static int build_fluidity(struct gr_engine *e)
     enum { MAX_ITERATIONS = 10000 };
     struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     struct gr_fluidity_config config = {.dim = e->config.dim,
+                                        .stencil = nonlocal->stencil,
                                         .dx = e->config.dx,
                                         .A = parameter_of(&e->config, "A"),
                                         .d = parameter_of(&e->config, "d"),
@@ -150,21 +154,25 @@ static int build_fluidity(struct gr_engine *e)
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
     if (error) return error;
+    for (int b = 0; b < e->config.n_bodies; b++) e->fluidity->has_inside |= e->config.bodies[b].rough;
+    e->fluidity->has_inside |= gr_has_plates(&e->config);
     if (nonlocal->method == GR_DIFFUSION_COUNT) {
         const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
         nonlocal->method =
             gr_longest_dt(&e->config) / nonlocal->substeps < limit ? GR_DIFFUSION_explicit : GR_DIFFUSION_implicit;
     }
-    if (nonlocal->method != GR_DIFFUSION_implicit) return GR_OK;
-    e->balance = calloc((size_t)e->fluidity->n_cells, sizeof(double));
-    return e->balance ? GR_OK : GR_ERR_MEMORY;
+    return GR_OK;
 }
 
 static int build_bodies(struct gr_engine *e)
 {
     e->body = calloc((size_t)e->config.n_bodies, sizeof *e->body);
     e->body_next = calloc((size_t)e->config.n_bodies, sizeof *e->body_next);
-    if (!e->body || !e->body_next) return GR_ERR_MEMORY;
+    e->n_plates = gr_list_plates(&e->config, 0);
+    e->plate = calloc((size_t)e->n_plates + 1, sizeof *e->plate);
+    e->split = calloc((size_t)e->config.n_bodies, sizeof *e->split);
+    if (!e->body || !e->body_next || !e->plate || !e->split) return GR_ERR_MEMORY;
+    (void)gr_list_plates(&e->config, e->plate);
     gr_bodies_start(e);
     return GR_OK;
 }
@@ -199,9 +207,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     error = copy_config(e, n_nodes, n_cells);
     if (error) goto out;
     error = GR_ERR_MEMORY;
-    e->mesh.cell_of = calloc((size_t)n_cells, sizeof(int32_t));
-    e->mesh.node_of = calloc((size_t)n_nodes, sizeof(int32_t));
-    if (!e->mesh.cell_of || !e->mesh.node_of) goto out;
+    if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
+    if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
     error = count_solids(e, n_nodes, n_cells);
     if (!error && config->n_bodies) error = build_bodies(e);
     e->dt = config->dt;
@@ -234,8 +241,6 @@ void gr_engine_free(struct gr_engine *e)
     void *owned[] = {(void *)e->config.gravity_times,
                      (void *)e->config.gravity_vectors,
                      (void *)e->config.walls,
-                     (void *)e->config.node_codes,
-                     (void *)e->config.cell_flags,
                      (void *)e->config.bodies,
                      (void *)e->config.parts,
                      e->mesh.cell,
@@ -244,21 +249,26 @@ void gr_engine_free(struct gr_engine *e)
                      e->mesh.node_code,
                      e->mesh.node_volume,
                      e->mesh.node_id,
-                     e->mesh.cell_of,
-                     e->mesh.node_of,
                      e->sums,
                      e->node_data,
                      e->node_mass,
                      e->node_v,
                      e->solid,
-                     e->balance,
+                     e->path,
                      e->body,
                      e->body_next,
                      e->touched,
+                     e->plate,
+                     e->split,
+                     e->mesh.twin,
+                     e->mesh.apart,
+                     e->mesh.paired,
                      e->leaver,
                      e->pending,
                      e->pending_id,
                      e->dirty};
+    struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of, &e->node_codes, &e->cell_flags};
+    for (int k = 0; k < 5; k++) gr_table_free(tables[k]);
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     free(e);
 }

@@ -5,10 +5,12 @@
 #include <stdint.h>
 
 #include "body/body.h"
+#include "body/sides.h"
 #include "core/axis.h"
 #include "core/barrier.h"
 #include "core/error.h"
 #include "core/field.h"
+#include "core/table.h"
 #include "fluidity/fluidity.h"
 #include "law/law.h"
 
@@ -17,7 +19,6 @@
 /* What a wall does to the velocity of a node (see granular/boundaries.py). */
 struct gr_wall {
     int32_t fixed;   /* bit d: component d is zero */
-    int32_t clamp;   /* bit d: component d is at most zero (absorbing layer) */
     int32_t normal;  /* axis of Coulomb friction, -1 where there is none */
     int32_t side;    /* +1: material above the wall along `normal`, -1: below, 0: both */
     double friction; /* Coulomb coefficient of the wall */
@@ -47,6 +48,7 @@ struct gr_cure {
 /* How the fluidity of a nonlocal law is diffused. */
 struct gr_nonlocal {
     int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit where one substep is short enough for it */
+    int stencil;         /* enum gr_stencil */
     int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held */
     double begins_at;    /* s; until then the law is local */
     double least;        /* 1/s; no cell has less fluidity after the diffusion */
@@ -71,8 +73,10 @@ struct gr_config {
     const double *gravity_vectors; /* n_gravity x dim, m/s^2 */
     int n_walls;
     const struct gr_wall *walls; /* row 0 is the free node */
-    const uint8_t *node_codes;   /* per node of the grid, x fastest */
-    const uint8_t *cell_flags;   /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL */
+    const uint8_t *node_codes;   /* per node of the grid, x fastest; the engine keeps them in a table */
+    int absorbs; /* bit d: points beyond above[d], m, that rise along axis d are slowed at the rate rising[d], 1/s */
+    double above[3], rising[3];
+    const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; as well */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
     const struct gr_part *parts; /* of all bodies */
@@ -85,9 +89,15 @@ struct gr_cell {
     int64_t offset; /* first place in the point arrays */
     int32_t count, capacity;
     int32_t at[3]; /* along each axis */
-    int16_t dirty; /* its sums must be made anew */
+    int8_t dirty;  /* its sums must be made anew */
+    int8_t side;   /* of a thin body: 1 or -1 of a double cell, the front before the back; else 2 or -2; 0 without one */
     int16_t flags;
 };
+
+#define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
+
+/* A cell, or both sides of a double one of which this is the front. */
+#define GR_EACH_SIDE(cell, name) for (const struct gr_cell *name = (cell); name <= (cell) + ((cell)->side == 1); name++)
 
 /* The part of the grid that material may touch before the next regrouping. */
 struct gr_mesh {
@@ -96,9 +106,15 @@ struct gr_mesh {
     int32_t *cell_node;   /* n_cells x K */
     int64_t *node_source; /* n_nodes x K: where its sums over a cell begin; in the zero block where there is none */
     uint8_t *node_code;
-    double *node_volume;        /* fraction of dx^dim that the node stands for */
-    int64_t *node_id;           /* index in the whole grid */
-    int32_t *cell_of, *node_of; /* whole grid: active index + 1, 0 for none */
+    double *node_volume;              /* fraction of dx^dim that the node stands for */
+    int64_t *node_id;                 /* index in the whole grid */
+    struct gr_table cell_of, node_of; /* whole grid: active index + 1, 0 for none */
+    struct gr_table next_of;          /* cell_of of the regrouping that is being made */
+    /* with thin bodies, see body/sides.h; cell_of and node_of tell of the front, the back comes next */
+    int32_t *twin;   /* per node: its copy of the other side, or -1 */
+    uint8_t *apart;  /* per node with a twin: whether they move apart */
+    int64_t *paired; /* fronts of the double cells */
+    int64_t n_paired;
 };
 
 /* Where a point was that left its cell. */
@@ -124,7 +140,8 @@ struct gr_engine {
     int n_components;                 /* of all the fields in use */
     /* grid */
     struct gr_mesh mesh;
-    double *sums;      /* n_cells + 1 blocks of sum_stride; the last one is zero */
+    struct gr_table node_codes, cell_flags; /* those of the config */
+    double *sums;                           /* n_cells + 1 blocks of sum_stride; the last one is zero */
     double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; room for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, smoothed by XPIC */
@@ -133,6 +150,9 @@ struct gr_engine {
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the step that is being made */
     uint8_t *touched;                       /* per node: whether it lies within one */
+    int n_plates;
+    struct gr_plate *plate;
+    struct gr_split_pose *split; /* per body */
     /* leavers of a step, by thread; their records become those of the points that wait for a place */
     struct gr_leaver *leaver;
     int64_t n_pending, pending_room, needed_capacity;
@@ -144,6 +164,7 @@ struct gr_engine {
     double lent_dt;                                 /* dt of the step that made shift_velocity */
     double inv_dx, inv_dt, force_scale, lent_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/lent_dt: no division in a kernel */
     double mass_scale;                              /* 1/(rho_c dx^dim) */
+    double keep_rising[3];                          /* the part of a rising velocity that an absorber leaves in this step */
     double keep_velocity;                           /* the part f of the old velocity that survives this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
@@ -151,8 +172,9 @@ struct gr_engine {
     int sums_average, sums_take_back; /* what the sums of the next step hold, see gr_plan_sums */
     /* nonlocal law: the means of the cells' dense points, which are diffused in place; NULL without one */
     struct gr_fluidity *fluidity;
-    double *balance; /* per cell of the lattice: what the law has added to its fluidity; NULL unless implicit */
-    int diffuses;    /* the law of this step is past its local phase */
+    double *path; /* of the points through the substeps (law/path.h), path_room numbers; NULL where there is one */
+    int64_t path_room;
+    int diffuses; /* the law of this step is past its local phase */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;
@@ -165,6 +187,9 @@ static inline int gr_averages(const struct gr_engine *e, int64_t step)
 {
     return e->config.diffused && step % e->config.cure.interval == 0;
 }
+
+/* Whether the diffusion knows what the law has added to the fluidity of a cell (scatter.c): it is in fluidity->gain. */
+static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.nonlocal.method == GR_DIFFUSION_implicit; }
 
 /* The sums to come are those of `step`: with the density if it averages, and less the momentum that the shift
  * has lent if the step before did. */
@@ -199,7 +224,8 @@ struct gr_kernels {
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leavers *out, int fused);
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
-    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int made);
+    void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
+    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int sets_out);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);

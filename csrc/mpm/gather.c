@@ -23,16 +23,18 @@ struct batch {
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
-/* The law, over a part of the step if there are substeps; the log-density is behind it by some more of the step. */
-static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch, double behind)
+/* The law: all of the step, or the first or last of its substeps. */
+static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch, int sets_out)
 {
-    const double part = e->diffuses ? 1.0 / e->config.nonlocal.substeps : 1;
+    const int many = e->diffuses && e->config.nonlocal.substeps > 1;
+    const double part = many ? 1.0 / e->config.nonlocal.substeps : 1;
     struct gr_law_call call = {.n_blocks = batch->n,
                                .slot = batch->slot,
                                .gradient = batch->gradient,
                                .dt = part * e->dt,
                                .part = part,
-                               .behind = behind,
+                               .path = many ? e->path : 0,
+                               .sets_out = sets_out,
                                .pressure_from_density = e->config.pressure_from_density,
                                .parameter = e->config.parameter,
                                .log_density = e->field[GR_FIELD_log_density],
@@ -187,6 +189,7 @@ GR_INLINE void cell_modes(const int dim, const int basis, const int nodal, const
 struct view {
     struct gr_frame frame;
     vd begin[3], end[3];  /* the cell ends here */
+    int absorbs;          /* bit d: points that rise along axis d may be slowed */
     vd loose;             /* log-density below which a point carries no affine field */
     vd L[9], shift[3], c; /* of all the points, where they share their density: L dt, m, 1 */
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
@@ -200,9 +203,11 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
     const int carried = !diffused && !shared && !(cell->flags >= GR_CELL_WALL && cell->count <= ALONE);
     view->frame = gr_frame_of(dim, e, cell);
     view->loose = v_set(carried ? -NO_DENSITY : -e->config.cure.reach);
+    view->absorbs = e->config.absorbs;
     for (int d = 0; d < dim; d++) {
         view->begin[d] = v_set(view->frame.axis[d]->begin);
         view->end[d] = v_set(view->frame.axis[d]->end);
+        if (e->config.above[d] >= view->frame.axis[d]->end) view->absorbs &= ~(1 << d);
     }
     if (diffused && averages)
         cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode);
@@ -248,6 +253,11 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         for (int d = 0; d < dim; d++) delta[d] = view->shift[d];
         if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s.xi, delta);
     }
+    for (int d = 0; __builtin_expect(view->absorbs != 0, 0) && d < dim; d++) {
+        if (!(view->absorbs >> d & 1)) continue;
+        const vm slowed = m_and(v_ge(v_load(place[d]), v_set(e->config.above[d])), v_gt(v_new[d], v_zero()));
+        v_new[d] = v_select(slowed, v_set(e->keep_rising[d]) * v_new[d], v_new[d]);
+    }
     v_store(log_density, c);
     if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, view->loose), L);
     vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
@@ -262,12 +272,10 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
 }
 
 /* What the diffusion has left of the fluidity of a cell, see mean_fluidity. */
-GR_INLINE double fluidity_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
+GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
-    if (!e->diffuses) return 0;
-    const int64_t place = gr_cell_id(e, cell->at);
     double g = e->fluidity->g[place];
-    if (e->balance) g -= e->balance[place];
+    if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
     return g < e->config.nonlocal.least ? e->config.nonlocal.least : g; /* NaN stays */
 }
 
@@ -279,7 +287,7 @@ GR_INLINE int64_t gather_cell(const int dim, const int basis, const int affine, 
     const int blocks = GR_BLOCKS(cell->count);
     struct view view;
     int64_t found = 0, filled = batch->n;
-    const double g_star = fluidity_of_cell(e, cell);
+    const double g_star = e->diffuses ? fluidity_of_cell(e, gr_place_of_cell(e, cell)) : 0;
     look_at_cell(dim, basis, affine, diffused, shared, averages, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
         const int64_t at = cell->offset + n * GR_W;
@@ -327,13 +335,12 @@ GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, con
     }
 }
 
-/* L dt of the points of a cell, where they are now; the law is run for what the batch cannot hold. */
+/* L dt of the points of a cell, where they are now, from which their paths begin once the batch is full. */
 GR_INLINE void strain_cell(const int dim, const int basis, const int shared, const struct gr_engine *e, int64_t index,
-                           struct batch *batch, gr_law_update *law, double behind)
+                           struct batch *batch, gr_law_update *law)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int stride = MODE_STRIDE(GR_NODE_FIELDS(dim, 0)), blocks = GR_BLOCKS(cell->count);
-    const double g_star = fluidity_of_cell(e, cell);
     struct view view;
     look_at_cell(dim, basis, GR_AFFINE_NONE, 0, shared, 0, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
@@ -341,32 +348,75 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int shared, con
         const double *place[3];
         const int64_t at = cell->offset + n * GR_W;
         vd L[9];
-        if (batch->n == BATCH) run_law(e, law, batch, behind);
+        if (batch->n == BATCH) run_law(e, law, batch, 1);
         double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
         for (int d = 0; d < dim; d++) place[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
         gr_shapes(dim, basis, &view.frame, place, 0, &s);
         for (int d = 0; d < dim; d++)
             (void)gr_interpolate(dim, basis, 0, view.mode + d, stride, &s, (const vd(*)[3])s.g, L + d * dim);
         for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, shared ? view.L[c] : L[c]);
-        batch->g_star[batch->n] = g_star;
         batch->slot[batch->n++] = at;
     }
 }
 
-/* A substep of the nonlocal law before the points move, with so many `made`; then the fluidity of the cells anew. */
-GR_INLINE void relax_cells(const int dim, const int basis, const int shared, struct gr_engine *e, int64_t first,
-                           int64_t last, int made, gr_law_update *law)
+/* The shares of the points of a cell in its fluidity, by the pressures of their paths. */
+GR_INLINE void weigh_paths(struct gr_engine *e, const struct gr_cell *cell)
 {
-    const double behind = (made + 1.0) / e->config.nonlocal.substeps;
-    int64_t begin = first;
+    vd acc = v_zero();
+    for (int pass = 0; pass < 2; pass++) {
+        const double sum = v_sum(acc);
+        const vd inverse = v_set(sum > 0 ? 1 / sum : 0);
+        GR_EACH_SIDE(cell, side)
+        for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+            const int64_t at = side->offset + n * GR_W;
+            const vm dense = v_gt(v_load(gr_path_at(e->path, at, GR_PATH_p)), v_zero());
+            const vd m = v_keep(dense, component(e, GR_FIELD_mass, 0, at));
+            if (pass)
+                v_store(gr_path_at(e->path, at, GR_PATH_weight), inverse * m);
+            else
+                acc = acc + m;
+        }
+        e->fluidity->dense[gr_place_of_cell(e, cell)] = sum > 0;
+    }
+}
+
+/* The paths of the points through the substeps of a step, before they move. */
+GR_INLINE void set_out_cells(const int dim, const int basis, const int shared, struct gr_engine *e, int64_t first,
+                             int64_t last, gr_law_update *law)
+{
     struct batch batch;
     batch.n = 0;
     for (int q = 0; q < MODE_STRIDE(GR_NODE_FIELDS(3, 1)); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
     for (int64_t index = first; index < last; index++) {
-        if (e->mesh.cell[index].count) strain_cell(dim, basis, shared, e, index, &batch, law, behind);
+        if (e->mesh.cell[index].count) strain_cell(dim, basis, shared, e, index, &batch, law);
         if (index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
-        if (batch.n) run_law(e, law, &batch, behind);
-        for (; begin <= index; begin++)
-            if (e->mesh.cell[begin].count) mean_fluidity(e, begin);
+        if (batch.n) run_law(e, law, &batch, 1);
+    }
+}
+
+/* A substep along the paths, and the fluidity of the cells anew. */
+GR_INLINE void relax_cells(const int linear, const int kindles, struct gr_engine *e, int64_t first, int64_t last,
+                           int sets_out, const double *fluidity, double g_min)
+{
+    const double part = 1.0 / e->config.nonlocal.substeps;
+    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, part * e->dt);
+    double *const rate = e->field[GR_FIELD_shear_rate];
+    for (int64_t index = first; index < last; index++) {
+        const struct gr_cell *cell = &e->mesh.cell[index];
+        if (cell->side == -1 || (!cell->count && !(cell->side == 1 && cell[1].count)))
+            continue; /* a back goes with its front */
+        const int64_t place = gr_place_of_cell(e, cell);
+        const double g_star = fluidity_of_cell(e, place);
+        const vd start = gr_fluidity_start(&numbers, v_set(g_star < g_min ? g_min : g_star));
+        vd acc = v_zero();
+        if (sets_out) weigh_paths(e, cell);
+        GR_EACH_SIDE(cell, side)
+        for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+            const int64_t at = side->offset + n * GR_W;
+            const vd g = gr_path_part(linear, kindles, &numbers, v_set(part), e->path, at, start, rate + at);
+            acc = v_fma(v_load(gr_path_at(e->path, at, GR_PATH_weight)), g, acc);
+        }
+        const double g = v_sum(acc);
+        store_fluidity(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
     }
 }

@@ -47,10 +47,6 @@ static void apply_wall(const struct gr_wall *wall, int dim, double *v, double *n
             v[d] = next[d] = 0;
         else if (wall->normal >= 0)
             next[d] -= friction * next[d];
-        if ((wall->clamp >> d & 1) && next[d] > 0) {
-            next[d] = 0;
-            if (v[d] > 0) v[d] = 0;
-        }
     }
 }
 
@@ -63,6 +59,16 @@ static inline __attribute__((always_inline)) void gather_sums(const int K, const
         const double *part = e->sums + e->mesh.node_source[n * K + i];
         for (int q = 0; q < rows; q++) sum[q] += part[q];
     }
+}
+
+/* Copies of a node on two sides of a thin body that are not apart there move as one: by the sums of both. */
+static inline __attribute__((always_inline)) void join_twin(const int K, const int rows, const struct gr_engine *e,
+                                                            int64_t n, double *sum)
+{
+    double other[GR_NODE_SUMS(3, 1)];
+    if (e->mesh.twin[n] < 0 || e->mesh.apart[n]) return;
+    gather_sums(K, rows, e, e->mesh.twin[n], other);
+    for (int q = 0; q < rows; q++) sum[q] += other[q];
 }
 
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
@@ -84,8 +90,9 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
         double sum[GR_NODE_SUMS(3, 1)], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
         gather_sums(K, GR_NODE_SUMS(dim, diffused), e, n, sum);
+        e->node_mass[n] = sum[0];
+        if (e->n_plates) join_twin(K, GR_NODE_SUMS(dim, diffused), e, n, sum);
         const double m = sum[0];
-        e->node_mass[n] = m;
         if (!(m > cutoff) && m == m) { /* NaN goes on, to be found at the points */
             for (int q = 0; q < GR_NODE_FIELDS(dim, diffused); q++) out[q] = 0;
             if (diffused) out[3 * dim + 4] = EMPTY_GAP;
@@ -153,7 +160,7 @@ static int around(const struct gr_engine *e, int64_t id, int64_t step[3][3])
 
 static double gap_of(const struct gr_engine *e, int64_t id)
 {
-    const int64_t n = (int64_t)e->mesh.node_of[id] - 1;
+    const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
     return n < 0 ? -INFINITY : e->node_data[n * e->node_stride + 3 * e->config.dim + 4];
 }
 

@@ -24,8 +24,9 @@ struct regroup {
     int64_t n, n_cells, total;
     int32_t usual;    /* points in a cell that has any */
     int64_t *source;  /* per point: old place, or -1 - k for pending point k */
-    int64_t *cell_id; /* per point, then its new place */
-    int64_t *cells;   /* ids of the active cells, ascending */
+    int64_t *cell_id; /* per point, then its new cell, then its new place */
+    int64_t *cells;   /* ids of the active cells, ascending; of double ones twice */
+    int8_t *sides;    /* of the cells; NULL without plates */
     int32_t *counts;
     double *scratch;
 };
@@ -83,19 +84,74 @@ static int list_points(struct gr_engine *e, struct regroup *r)
     return error;
 }
 
-/* Occupied cells and their neighbours, with the number of points of each. Leaves cell_of set. */
+/* List a cell once. */
+static int list_cell(struct gr_engine *e, struct regroup *r, int64_t id)
+{
+    if (gr_table_get(&e->mesh.next_of, id)) return GR_OK;
+    r->cells[r->n_cells++] = id;
+    return gr_table_set(&e->mesh.next_of, id, 1);
+}
+
+/* Where a new order finds a point: its coordinates, and its side to be read and written. */
+static double *look_up(struct gr_engine *e, const struct regroup *r, int64_t p, double x[3])
+{
+    const int64_t place = r->source[p];
+    double *record = place < 0 ? e->pending + (-1 - place) * e->n_components : 0;
+    x[2] = 0;
+    for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : e->field[GR_FIELD_x][d * e->capacity + place];
+    return record ? record + gr_component_of(e, GR_FIELD_side) : e->field[GR_FIELD_side] + place;
+}
+
+/* Give the cells about plates their two sides, and the points there theirs. */
+static int split_cells(struct gr_engine *e, struct regroup *r)
+{
+    const int64_t n = r->n_cells;
+    int64_t last = n, *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(2 * n + 1));
+    if (!cells) return GR_ERR_MEMORY;
+    r->cells = cells;
+    r->sides = malloc((size_t)(2 * n + 1));
+    if (!r->sides) return GR_ERR_MEMORY;
+    for (int64_t c = 0; c < n; c++) {
+        int32_t at[3];
+        int is_double;
+        decode(e, cells[c], at);
+        r->sides[c] = (int8_t)gr_cell_side(e, at, &is_double);
+        last += is_double;
+    }
+    r->n_cells = last;
+    for (int64_t c = n; c-- > 0;) { /* from behind: none is written over that is still needed */
+        const int is_double = r->sides[c] == 1 || r->sides[c] == -1;
+        const int8_t side = r->sides[c];
+        if (is_double) cells[--last] = cells[c], r->sides[last] = -1;
+        cells[--last] = cells[c], r->sides[last] = is_double ? 1 : side;
+        (void)gr_table_set(&e->mesh.next_of, cells[last], (int32_t)(last + 1)); /* it has a place */
+    }
+    return GR_OK;
+}
+
+/* From the cells of the points to their numbers, back sides included. */
+static void number_cells(struct gr_engine *e, struct regroup *r)
+{
+    for (int64_t p = 0; p < r->n; p++) {
+        int64_t c = (int64_t)gr_table_get(&e->mesh.next_of, r->cell_id[p]) - 1;
+        if (r->sides) {
+            double x[3], *side = look_up(e, r, p, x);
+            *side = r->sides[c] == 1 ? gr_point_side(e, x, (int)*side) : 0;
+            c += *side < 0;
+        }
+        r->cell_id[p] = c;
+    }
+}
+
+/* Occupied cells and their neighbours, with the number of points of each; and next_of, which cell_of will be. */
 static int list_cells(struct gr_engine *e, struct regroup *r)
 {
     const int dim = e->config.dim, around = dim == 2 ? 9 : 27;
-    int32_t *map = e->mesh.cell_of;
-    for (int64_t c = 0; c < e->mesh.n_cells; c++) map[gr_cell_id(e, e->mesh.cell[c].at)] = 0;
-    int64_t n = 0;
-    for (int64_t p = 0; p < r->n; p++) {
-        if (map[r->cell_id[p]]) continue;
-        map[r->cell_id[p]] = 1;
-        r->cells[n++] = r->cell_id[p];
-    }
-    const int64_t occupied = r->n_cells = n; /* what is to be undone after a failure */
+    struct gr_table *map = &e->mesh.next_of;
+    gr_table_clear(map);
+    for (int64_t p = 0; p < r->n; p++)
+        if (list_cell(e, r, r->cell_id[p])) return GR_ERR_MEMORY;
+    const int64_t occupied = r->n_cells;
     int64_t *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(occupied * around + 1));
     if (!cells) return GR_ERR_MEMORY;
     r->cells = cells;
@@ -110,19 +166,18 @@ static int list_cells(struct gr_engine *e, struct regroup *r)
                 if (e->axis[d].periodic) next[d] = (next[d] + m) % m;
                 if (next[d] < 0 || next[d] >= m) inside = 0;
             }
-            if (!inside || map[gr_cell_id(e, next)]) continue;
-            map[gr_cell_id(e, next)] = 1;
-            cells[n++] = gr_cell_id(e, next);
+            if (inside && list_cell(e, r, gr_cell_id(e, next))) return GR_ERR_MEMORY;
         }
     }
-    r->n_cells = n;
-    qsort(cells, (size_t)n, sizeof(int64_t), compare_ids);
-    for (int64_t c = 0; c < n; c++) map[cells[c]] = (int32_t)(c + 1);
-    r->counts = calloc((size_t)n + 1, sizeof(int32_t));
+    qsort(cells, (size_t)r->n_cells, sizeof(int64_t), compare_ids);
+    for (int64_t c = 0; c < r->n_cells; c++) (void)gr_table_set(map, cells[c], (int32_t)(c + 1)); /* they have a place */
+    if (e->n_plates && split_cells(e, r)) return GR_ERR_MEMORY;
+    r->counts = calloc((size_t)r->n_cells + 1, sizeof(int32_t));
     if (!r->counts) return GR_ERR_MEMORY;
-    for (int64_t p = 0; p < r->n; p++) r->counts[map[r->cell_id[p]] - 1]++;
+    number_cells(e, r);
+    for (int64_t p = 0; p < r->n; p++) r->counts[r->cell_id[p]]++;
     r->usual = occupied ? (int32_t)(r->n / occupied) : 0;
-    for (int64_t c = 0; c < n; c++) r->total += places(r->counts[c], r->usual);
+    for (int64_t c = 0; c < r->n_cells; c++) r->total += places(r->counts[c], r->usual);
     return GR_OK;
 }
 
@@ -140,6 +195,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     } while (0)
     GR_RESIZE(mesh->cell, room);
     GR_RESIZE(mesh->cell_node, room * e->K);
+    if (e->n_plates) GR_RESIZE(mesh->paired, room);
     GR_RESIZE(e->dirty, 2 * room);
     GR_RESIZE(e->sums, (room + 1) * e->sum_stride);
     mesh->cell_room = room;
@@ -160,6 +216,10 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(e->node_mass, room);
     GR_RESIZE(e->node_v, room * e->config.dim);
     if (e->config.n_bodies) GR_RESIZE(e->touched, room);
+    if (e->n_plates) {
+        GR_RESIZE(mesh->twin, room);
+        GR_RESIZE(mesh->apart, room);
+    }
     mesh->node_room = room;
     return GR_OK;
 }
@@ -192,19 +252,25 @@ static void move_points(struct gr_engine *e, struct regroup *r)
 static void place_cells(struct gr_engine *e, struct regroup *r)
 {
     int64_t offset = 0;
+    const struct gr_table old = e->mesh.cell_of;
+    e->mesh.cell_of = e->mesh.next_of;
+    e->mesh.next_of = old;
+    e->mesh.n_paired = 0;
     for (int64_t c = 0; c < r->n_cells; c++) {
         struct gr_cell *cell = &e->mesh.cell[c];
         cell->offset = offset;
         cell->count = 0;
         cell->capacity = places(r->counts[c], r->usual);
         cell->dirty = 0;
-        cell->flags = e->config.cell_flags ? e->config.cell_flags[r->cells[c]] : 0;
+        cell->side = r->sides ? r->sides[c] : 0;
+        if (cell->side == 1) e->mesh.paired[e->mesh.n_paired++] = c;
+        cell->flags = (int16_t)gr_table_get(&e->cell_flags, r->cells[c]);
         decode(e, r->cells[c], cell->at);
         offset += cell->capacity;
     }
     e->mesh.n_cells = r->n_cells;
     for (int64_t p = 0; p < r->n; p++) {
-        struct gr_cell *cell = &e->mesh.cell[e->mesh.cell_of[r->cell_id[p]] - 1];
+        struct gr_cell *cell = &e->mesh.cell[r->cell_id[p]];
         r->cell_id[p] = cell->offset + cell->count++;
     }
 }
@@ -223,7 +289,7 @@ static void describe_node(struct gr_engine *e, int64_t n)
     struct gr_mesh *mesh = &e->mesh;
     int64_t id = mesh->node_id[n];
     double volume = 1;
-    mesh->node_code[n] = e->config.node_codes[id];
+    mesh->node_code[n] = (uint8_t)gr_table_get(&e->node_codes, id);
     for (int d = 0; d < e->config.dim; d++) {
         volume *= e->axis[d].node_integral[id % e->axis[d].n_nodes];
         id /= e->axis[d].n_nodes;
@@ -242,43 +308,70 @@ static void clear_nodes(struct gr_engine *e)
     memset(e->node_v, 0, n * (size_t)e->config.dim);
 }
 
+/* List the nodes of the active cells, those of double ones twice, to node_of: 1, or 2 for two copies. */
+static int list_nodes(struct gr_engine *e, int64_t *ids, int64_t *n_ids, int64_t *n_nodes)
+{
+    struct gr_table *map = &e->mesh.node_of;
+    *n_ids = *n_nodes = 0;
+    gr_table_clear(map);
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        const int copies = cell->side == 1 ? 2 : 1;
+        for (int a = 0; a < e->K; a++) {
+            const int64_t id = node_id_of(e, cell, a);
+            const int32_t had = gr_table_get(map, id);
+            if (!had) ids[(*n_ids)++] = id;
+            if (had >= copies) continue;
+            *n_nodes += copies - had;
+            if (gr_table_set(map, id, copies)) return GR_ERR_MEMORY;
+        }
+    }
+    qsort(ids, (size_t)*n_ids, sizeof(int64_t), compare_ids);
+    return GR_OK;
+}
+
+/* Number the nodes: the copies of one follow each other. */
+static void number_nodes(struct gr_engine *e, const int64_t *ids, int64_t n_ids)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    int64_t n = 0;
+    for (int64_t k = 0; k < n_ids; k++) {
+        const int copies = gr_table_get(&mesh->node_of, ids[k]);
+        (void)gr_table_set(&mesh->node_of, ids[k], (int32_t)(n + 1)); /* it has a place */
+        for (int copy = 0; copy < copies; copy++, n++) {
+            mesh->node_id[n] = ids[k];
+            if (e->n_plates) mesh->twin[n] = copies == 1 ? -1 : (int32_t)(copy ? n - 1 : n + 1);
+            describe_node(e, n);
+        }
+    }
+}
+
 /* The nodes of the active cells, and for each the cells it gathers from, in the order of cells. */
 static int connect_nodes(struct gr_engine *e)
 {
     struct gr_mesh *mesh = &e->mesh;
     const int K = e->K, sums = GR_NODE_SUMS(e->config.dim, e->config.diffused);
-    for (int64_t n = 0; n < mesh->n_nodes; n++) mesh->node_of[mesh->node_id[n]] = 0;
-    int64_t n_nodes = 0;
+    int64_t n_ids, n_nodes;
     int64_t *ids = malloc(sizeof(int64_t) * (size_t)(mesh->n_cells * K + 1));
     int32_t *filled = 0;
     int error = GR_ERR_MEMORY;
-    if (!ids) goto out;
-    for (int64_t c = 0; c < mesh->n_cells; c++)
-        for (int a = 0; a < K; a++) {
-            const int64_t id = node_id_of(e, &mesh->cell[c], a);
-            if (!mesh->node_of[id]) ids[n_nodes++] = id;
-            mesh->node_of[id] = 1;
-        }
-    qsort(ids, (size_t)n_nodes, sizeof(int64_t), compare_ids);
-    mesh->n_nodes = 0; /* the old ones are forgotten above */
+    mesh->n_nodes = 0;
+    if (!ids || list_nodes(e, ids, &n_ids, &n_nodes)) goto out;
     filled = calloc((size_t)n_nodes + 1, sizeof(int32_t));
     if (!filled || reserve_nodes(e, n_nodes)) goto out;
     mesh->n_nodes = n_nodes;
     clear_nodes(e);
-    for (int64_t n = 0; n < n_nodes; n++) {
-        mesh->node_id[n] = ids[n];
-        mesh->node_of[ids[n]] = (int32_t)(n + 1);
-        describe_node(e, n);
-    }
+    number_nodes(e, ids, n_ids);
     for (int64_t c = 0; c < mesh->n_cells; c++)
         for (int a = 0; a < K; a++) {
-            const int32_t n = mesh->node_of[node_id_of(e, &mesh->cell[c], a)] - 1;
+            int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
+            if (e->n_plates && mesh->twin[n] >= 0) n += mesh->cell[c].side < 0;
             mesh->cell_node[c * K + a] = n;
             mesh->node_source[(int64_t)n * K + filled[n]++] = c * e->sum_stride + a * sums;
         }
     error = GR_OK;
 out:
-    for (int64_t n = 0; error && ids && n < n_nodes; n++) mesh->node_of[ids[n]] = 0;
+    if (error) gr_table_clear(&mesh->node_of);
     free(ids);
     free(filled);
     return error;
@@ -301,11 +394,7 @@ int gr_regroup(struct gr_engine *e)
         error = GR_ERR_CAPACITY;
     }
     if (!error) error = reserve_mesh(e, r.n_cells);
-    if (error) { /* back to the old cells */
-        for (int64_t c = 0; c < r.n_cells; c++) e->mesh.cell_of[r.cells[c]] = 0;
-        for (int64_t c = 0; c < e->mesh.n_cells; c++) e->mesh.cell_of[gr_cell_id(e, e->mesh.cell[c].at)] = (int32_t)(c + 1);
-        goto out;
-    }
+    if (error) goto out; /* the old cells stay */
     place_cells(e, &r);
     move_points(e, &r);
     e->n_pending = 0;
@@ -315,14 +404,15 @@ int gr_regroup(struct gr_engine *e)
         for (int32_t i = e->mesh.cell[c].count; i < e->mesh.cell[c].capacity; i++)
             gr_clear_place(e, &e->mesh.cell[c], e->mesh.cell[c].offset + i);
     error = connect_nodes(e);
+    if (!error && e->fluidity) error = gr_fluidity_cover(e->fluidity, r.cells, r.n_cells);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
     memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
-    if (e->fluidity) memset(e->fluidity->dense, 0, (size_t)e->fluidity->n_cells);
 out:
     free(r.source);
     free(r.cell_id);
     free(r.cells);
     free(r.counts);
+    free(r.sides);
     free(r.scratch);
     return error;
 }

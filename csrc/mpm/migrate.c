@@ -19,7 +19,7 @@ static int face_is_closed(const struct gr_engine *e, const int32_t from[3], int 
             id += stride[j] * node;
             if (j == d) on_face = fabs(e->axis[j].node_position[node] - end) < 1e-9;
         }
-        if (on_face && !(gr_wall_now(e, e->config.node_codes[id])->fixed >> d & 1)) return 0;
+        if (on_face && !(gr_wall_now(e, (uint8_t)gr_table_get(&e->node_codes, id))->fixed >> d & 1)) return 0;
     }
     return 1;
 }
@@ -110,8 +110,7 @@ void gr_lift_leavers(struct gr_engine *e, struct gr_leavers *out, int64_t first)
         close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot, scratch);
 }
 
-/* Where a field begins in a record. */
-static int component_of(const struct gr_engine *e, int field)
+int gr_component_of(const struct gr_engine *e, int field)
 {
     int component = 0;
     for (int f = 0; f < field; f++) component += e->field[f] ? gr_field_components(f, e->config.dim) : 0;
@@ -140,21 +139,9 @@ static void put_back(struct gr_engine *e, const struct gr_leavers *list, int lis
         }
 }
 
-/* Into the cell where the point is now; or out of the domain; or, without a place, to those that wait. */
-static void settle_leaver(struct gr_engine *e, const struct gr_cell *from, double *record, int64_t id)
+/* Into a cell, -1 for none that there is. */
+static void settle(struct gr_engine *e, int64_t index, double *record, int64_t id)
 {
-    const int dim = e->config.dim;
-    int64_t at[3];
-    int32_t to[3];
-    for (int d = 0; d < dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
-    if (!gr_confine(e, record, at, from->at)) {
-        e->dropped++;
-        e->dropped_mass += record[component_of(e, GR_FIELD_mass)];
-        e->n_points--;
-        return;
-    }
-    for (int d = 0; d < dim; d++) to[d] = (int32_t)at[d];
-    const int64_t index = (int64_t)e->mesh.cell_of[gr_cell_id(e, to)] - 1;
     struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
     if (cell && cell->count < cell->capacity) {
         lower(e, cell->offset + cell->count++, record, id);
@@ -164,6 +151,34 @@ static void settle_leaver(struct gr_engine *e, const struct gr_cell *from, doubl
         memmove(e->pending + e->n_pending * e->n_components, record, sizeof(double) * (size_t)e->n_components);
         e->pending_id[e->n_pending++] = id;
     }
+}
+
+/* The side that a point has in a cell, to its record. Returned: 1 for the back of a double cell, else 0. */
+static int find_side(const struct gr_engine *e, const struct gr_cell *cell, double *record)
+{
+    double *side = record + gr_component_of(e, GR_FIELD_side), x[3] = {0};
+    for (int d = 0; d < e->config.dim; d++) x[d] = record[d];
+    *side = cell->side == 1 ? gr_point_side(e, x, (int)*side) : 0;
+    return *side < 0;
+}
+
+/* Into the cell where the point is now; or out of the domain; or, without a place, to those that wait. */
+static void settle_leaver(struct gr_engine *e, const struct gr_cell *from, double *record, int64_t id)
+{
+    const int dim = e->config.dim;
+    int64_t at[3];
+    int32_t to[3];
+    for (int d = 0; d < dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+    if (!gr_confine(e, record, at, from->at)) {
+        e->dropped++;
+        e->dropped_mass += record[gr_component_of(e, GR_FIELD_mass)];
+        e->n_points--;
+        return;
+    }
+    for (int d = 0; d < dim; d++) to[d] = (int32_t)at[d];
+    int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
+    if (e->n_plates && index >= 0) index += find_side(e, &e->mesh.cell[index], record);
+    settle(e, index, record, id);
 }
 
 int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists)
@@ -182,4 +197,24 @@ int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists)
         for (int64_t k = 0; k < list[t].count; k++)
             settle_leaver(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
     return GR_OK;
+}
+
+void gr_change_sides(struct gr_engine *e)
+{
+    for (int64_t k = 0; k < 2 * e->mesh.n_paired; k++) {
+        const int64_t index = e->mesh.paired[k / 2] + k % 2;
+        struct gr_cell *cell = &e->mesh.cell[index];
+        for (int64_t slot = cell->offset; slot < cell->offset + cell->count; slot++) {
+            double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
+            for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
+            if (gr_point_side(e, x, cell->side) == cell->side) continue;
+            const int64_t id = e->id[slot];
+            lift(e, slot, record);
+            close_hole(e, cell, slot--, record + e->n_components);
+            if (!cell->dirty) e->dirty[e->n_dirty++] = index;
+            cell->dirty = 1;
+            record[gr_component_of(e, GR_FIELD_side)] = -cell->side;
+            settle(e, index + cell->side, record, id);
+        }
+    }
 }

@@ -11,6 +11,12 @@ static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
     return id;
 }
 
+/* Place of a cell on the lattice of the fluidity. */
+static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    return gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at));
+}
+
 /* Make a place spare: no mass, no identity, everything finite, in the middle of its cell. */
 static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
 {
@@ -38,6 +44,12 @@ void gr_lift_leavers(struct gr_engine *e, struct gr_leavers *out, int64_t first)
 /* Bring the lifted points (lists in the order of cells and places) to their new cells; drop those that leave
  * through an open side; those without a place wait. Cells that have gained points are listed in dirty. */
 int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists);
+
+/* Points of double cells that have come to the other side where they do not face the plate. */
+void gr_change_sides(struct gr_engine *e);
+
+/* Where a field begins in a record. */
+int gr_component_of(const struct gr_engine *e, int field);
 
 /* Make room for n lifted points; what share_out does before the steps, so that none of them allocates. */
 int gr_reserve_pending(struct gr_engine *e, int64_t n);

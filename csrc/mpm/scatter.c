@@ -261,31 +261,44 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
  * what the law has added in the substep before, r, and makes (1 + k L) g' = g + r; the law begins from g' - r, which
  * is g - k L g, with nothing left to err, where all is steady. r within -g and g/2: no g' is negative, and a growing
  * mode of the law does not overshoot. */
-GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
+GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, double gain)
 {
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const int blocks = GR_BLOCKS(cell->count);
-    const int64_t place = gr_cell_id(e, cell->at);
-    double sum[GR_SUMS > 3 ? GR_SUMS : 4];
-    vd acc[GR_SUMS > 3 ? GR_SUMS : 4];
-    for (int i = 0; i < (GR_SUMS > 3 ? GR_SUMS : 4); i++) acc[i] = v_zero();
-    for (int n = 0; n < blocks; n++) {
-        const int64_t at = cell->offset + n * GR_W;
+    if (gr_is_balanced(e)) {
+        const double more = gain < -g ? -g : gain;
+        e->fluidity->gain[place] = more > 0.5 * g ? 0.5 * g : more;
+        g += e->fluidity->gain[place];
+    }
+    e->fluidity->g[place] = g;
+}
+
+GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
+{
+    enum { SUMS = GR_SUMS > 3 ? GR_SUMS : 4 };
+    const int64_t place = gr_place_of_cell(e, cell);
+    const int balanced = gr_is_balanced(e);
+    double sum[SUMS];
+    vd acc[SUMS];
+    for (int i = 0; i < SUMS; i++) acc[i] = v_zero();
+    GR_EACH_SIDE(cell, side)
+    for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+        const int64_t at = side->offset + n * GR_W;
         vd tension = component(e, GR_FIELD_stress, 0, at);
         for (int c = 1; c < 3; c++) tension = tension + component(e, GR_FIELD_stress, c, at);
         const vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
         acc[0] = acc[0] + m;
         acc[1] = v_fma(m, component(e, GR_FIELD_g, 0, at), acc[1]);
-        if (e->balance) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
+        if (balanced) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
     }
     for (int i = 0; i < 3; i += GR_SUMS) v_sums(sum + i, acc + i);
-    const double inverse = sum[0] > 0 ? 1 / sum[0] : 0, g = inverse * sum[1];
+    const double inverse = sum[0] > 0 ? 1 / sum[0] : 0;
     e->fluidity->dense[place] = sum[0] > 0;
-    e->fluidity->g[place] = g;
-    if (!e->balance) return;
-    const double gain = inverse * sum[2];
-    e->balance[place] = gain < -g ? -g : gain > 0.5 * g ? 0.5 * g : gain;
-    e->fluidity->g[place] = g + e->balance[place];
+    store_fluidity(e, place, inverse * sum[1], inverse * sum[2]);
+}
+
+GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    if (!GR_IS_DOUBLE(cell)) mean_of_cell(e, cell); /* else when both sides have their points */
 }
 
 /* One more pass of XPIC: the momentum of the nodal velocity field seen by the points. */

@@ -39,6 +39,9 @@ int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, in
 int gr_refuse_frictions(double mu_s, double mu_2);
 
 /* Raise the exception of a core error. Always returns NULL. */
+/* Number of a stencil of the fluidity by its name, or -1 with ValueError set. */
+int gr_stencil_of(const char *name);
+
 PyObject *gr_raise(int error, const struct gr_engine *engine);
 
 /* Room for what the configuration of an engine is made of. */
@@ -65,6 +68,10 @@ PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject 
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
 PyObject *gr_python_bodies(const struct gr_engine *e);
 int gr_restore_bodies(struct gr_engine *e, PyObject *object);
+
+/* Poses of the bodies at which the cells about thin ones are double, (n, 7); the same from an array. */
+PyObject *gr_python_split(const struct gr_engine *e);
+int gr_restore_split(struct gr_engine *e, PyObject *object);
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
 /* hencky.c: function of the module. */

@@ -65,8 +65,8 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
         PyErr_SetString(PyExc_TypeError, "each row of bodies must be a tuple");
         return -1;
     }
-    if (!PyArg_ParseTuple(row, "OOOiidd;a row of bodies is (parts, pose, motion, contact, free, friction, mass)", &list,
-                          &pose, &motion, &body->contact, &body->free, &body->friction, &body->mass))
+    if (!PyArg_ParseTuple(row, "OOOiiidd;a row of bodies is (parts, pose, motion, contact, free, rough, friction, mass)",
+                          &list, &pose, &motion, &body->contact, &body->free, &body->rough, &body->friction, &body->mass))
         return -1;
     body->first_part = c->n_parts;
     body->n_parts = take_parts(list, GR_MAX_PARTS - c->n_parts, parts + c->n_parts);
@@ -77,6 +77,7 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
     memcpy(body->orientation, (const double *)PyArray_DATA(array) + 3, sizeof body->orientation);
     if (!is_unit(body->orientation)) return refuse("the orientation of a body must be a unit quaternion");
     if (body->contact < 0 || body->contact >= GR_CONTACT_COUNT) return refuse("contact must be 0 to 2");
+    if (body->rough != 0 && body->rough != 1) return refuse("rough must be 0 or 1");
     if (body->free < 0 || body->free >> c->dim) return refuse("free must have a bit for each axis at most");
     if (gr_refuse_number("friction", body->friction, 1) || gr_refuse_number("mass", body->mass, !body->free)) return -1;
     body->bound = 0;
@@ -119,6 +120,28 @@ int gr_restore_bodies(struct gr_engine *e, PyObject *object)
     if (!shape[0]) return 0;
     memcpy(e->body, state, sizeof *e->body * (size_t)shape[0]);
     memcpy(e->body_next, state, sizeof *e->body * (size_t)shape[0]);
+    return 0;
+}
+
+PyObject *gr_python_split(const struct gr_engine *e)
+{
+    const npy_intp shape[2] = {e->config.n_bodies, 7};
+    PyObject *out = PyArray_SimpleNew(2, shape, NPY_DOUBLE);
+    if (out && shape[0]) memcpy(PyArray_DATA((PyArrayObject *)out), e->split, sizeof *e->split * (size_t)shape[0]);
+    return out;
+}
+
+int gr_restore_split(struct gr_engine *e, PyObject *object)
+{
+    const npy_intp shape[2] = {e->config.n_bodies, 7};
+    PyArrayObject *array = gr_array(object, "split", NPY_DOUBLE, 2, shape, 0);
+    if (!array || gr_refuse_values("split", array, -GR_LARGEST)) return -1;
+    const struct gr_split_pose *pose = PyArray_DATA(array);
+    for (npy_intp b = 0; b < shape[0]; b++)
+        if (!is_unit(pose[b].orientation)) return refuse("the orientation of a split must be a unit quaternion");
+    if (!shape[0]) return 0;
+    memcpy(e->split, pose, sizeof *e->split * (size_t)shape[0]);
+    e->disconnected = 1; /* the cells are to be made anew */
     return 0;
 }
 

@@ -4,13 +4,14 @@
 #include "python/arrays.h"
 
 static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyObject *periodic, PyObject *open_low,
-                     PyObject *open_high, PyObject *creases)
+                     PyObject *open_high, PyObject *creases, PyObject *above)
 {
-    PyObject *const lists[] = {shape, lower, periodic, open_low, open_high, creases};
-    for (int k = 0; k < 6; k++)
+    PyObject *const lists[] = {shape, lower, periodic, open_low, open_high, creases, above};
+    for (int k = 0; k < 7; k++)
         if (!PyTuple_Check(lists[k]) || PyTuple_GET_SIZE(lists[k]) != c->dim) {
-            PyErr_SetString(PyExc_ValueError,
-                            "shape, lower, periodic, open_low, open_high and creases must be tuples of length dim");
+            PyErr_SetString(
+                PyExc_ValueError,
+                "shape, lower, periodic, open_low, open_high, creases and absorbers must be tuples of length dim");
             return -1;
         }
     int64_t nodes = 1;
@@ -26,6 +27,13 @@ static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyOb
         c->periodic[d] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, d));
         c->open_low[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_low, d));
         c->open_high[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_high, d));
+        if (!PyArg_ParseTuple(PyTuple_GET_ITEM(above, d), "dd;an absorber is (above, rate)", &c->above[d], &c->rising[d]))
+            return -1;
+        if (!(c->rising[d] >= 0)) {
+            PyErr_Format(PyExc_ValueError, "absorbers[%d]: rate must not be negative", d);
+            return -1;
+        }
+        c->absorbs |= (c->above[d] < INFINITY) << d; /* NaN absorbs nothing */
         const npy_intp any[1] = {-1};
         PyArrayObject *lines = gr_array(PyTuple_GET_ITEM(creases, d), "creases", NPY_INT32, 1, any, 0);
         if (!lines || PyErr_Occurred()) return -1;
@@ -53,8 +61,8 @@ static int take_walls(struct gr_config *c, PyObject *walls, struct gr_wall *tabl
             PyErr_SetString(PyExc_TypeError, "each row of walls must be a tuple");
             return -1;
         }
-        if (!PyArg_ParseTuple(row, "iidiidi;a row of walls is (fixed, clamp, friction, normal, side, opens_at, after)",
-                              &w->fixed, &w->clamp, &w->friction, &w->normal, &w->side, &w->opens_at, &w->after))
+        if (!PyArg_ParseTuple(row, "idiidi;a row of walls is (fixed, friction, normal, side, opens_at, after)", &w->fixed,
+                              &w->friction, &w->normal, &w->side, &w->opens_at, &w->after))
             return -1;
         if (!(w->friction >= 0)) {
             PyErr_Format(PyExc_ValueError, "walls[%d]: friction must not be negative", k);
@@ -92,7 +100,7 @@ static int take_map(const struct gr_config *c, PyObject *object, const char *nam
 }
 
 /* What stands at the faces of the cells, (2 dim, ..., cells along y, along x), and how the fluidity is diffused. */
-static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *method)
+static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *method, const char *stencil)
 {
     npy_intp shape[4] = {2 * c->dim};
     for (int d = 0; d < c->dim; d++) shape[c->dim - d] = c->shape[d];
@@ -103,6 +111,7 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
         PyErr_Format(PyExc_ValueError, "fluidity_method = \"%s\" must be auto, explicit, implicit or rkl2", method);
         return -1;
     }
+    if ((c->nonlocal.stencil = gr_stencil_of(stencil)) < 0) return -1;
     if (!gr_law_table[c->law].nonlocal) return 0;
     if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000) {
         PyErr_SetString(PyExc_ValueError, "a nonlocal law needs basis 0 or 2 and 1 to 100000 substeps");
@@ -213,6 +222,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "open_low",
                             "open_high",
                             "creases",
+                            "absorbers",
                             "walls",
                             "node_codes",
                             "cell_flags",
@@ -221,19 +231,20 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "numbers",
                             "parameters",
                             "fluidity_method",
+                            "fluidity_stencil",
                             "fluidity_substeps",
                             "fluidity_faces",
                             "bodies",
                             NULL};
     struct gr_config c = {0};
     int density;
-    const char *law, *method;
-    PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *walls, *codes, *flags, *times, *vectors;
+    const char *law, *method, *stencil;
+    PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *above, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *parameters, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOO!O!siOO", names, &c.dim, &c.basis, &c.affine,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOOO!O!ssiOO", names, &c.dim, &c.basis, &c.affine,
                                      &density, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape,
-                                     &lower, &periodic, &open_low, &open_high, &creases, &walls, &codes, &flags, &times,
-                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method,
+                                     &lower, &periodic, &open_low, &open_high, &creases, &above, &walls, &codes, &flags,
+                                     &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method, &stencil,
                                      &c.nonlocal.substeps, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
@@ -243,10 +254,10 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     c.diffused = density == 1, c.shared = density == 2; /* 0: tracked */
     c.law = law_index(law);
     if (c.law < 0) return -1;
-    if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases) || take_walls(&c, walls, tables->wall) ||
+    if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases, above) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method) ||
-        gr_take_bodies(&c, bodies, tables))
+        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) ||
+        take_nonlocal(&c, faces, method, stencil) || gr_take_bodies(&c, bodies, tables))
         return -1;
     *out = c;
     return 0;

@@ -39,9 +39,10 @@ static int refuse_diffusion(const struct gr_engine *e)
     if (error == GR_ERR_LIMIT) {
         char text[320];
         snprintf(text, sizeof text,
-                 "dt = %.4g s in %d substeps of the fluidity must be below %.4g s each, the limit of method \"%s\": "
-                 "take %.0f substeps or more, or method \"implicit\"",
-                 dt, nonlocal->substeps, limit, gr_diffusion_names[nonlocal->method], floor(dt / limit) + 1);
+                 "dt = %.4g s in %d substeps of the fluidity must be below %.4g s each, the limit of method \"%s\" and "
+                 "stencil \"%s\": take %.0f substeps or more, or method \"implicit\"",
+                 dt, nonlocal->substeps, limit, gr_diffusion_names[nonlocal->method], gr_stencil_names[nonlocal->stencil],
+                 floor(dt / limit) + 1);
         PyErr_SetString(PyExc_ValueError, text);
     } else if (error) {
         gr_raise(error, NULL);
@@ -351,6 +352,20 @@ static PyObject *engine_restore_bodies(struct engine_object *self, PyObject *arr
     Py_RETURN_NONE;
 }
 
+static PyObject *engine_split(struct engine_object *self, PyObject *unused)
+{
+    (void)unused;
+    struct gr_engine *e = ready(self, 0);
+    return e ? gr_python_split(e) : NULL;
+}
+
+static PyObject *engine_restore_split(struct engine_object *self, PyObject *array)
+{
+    struct gr_engine *e = ready(self, 0);
+    if (!e || gr_restore_split(e, array)) return NULL;
+    Py_RETURN_NONE;
+}
+
 static PyObject *engine_refresh(struct engine_object *self, PyObject *unused)
 {
     (void)unused;
@@ -422,6 +437,10 @@ static PyMethodDef methods[] = {
      "angular impulse."},
     {"restore_bodies", (PyCFunction)engine_restore_bodies, METH_O,
      "restore_bodies(state)\n--\n\nSet the state of the bodies, as bodies() gave it."},
+    {"split", (PyCFunction)engine_split, METH_NOARGS,
+     "split()\n--\n\nPoses at which the cells about thin bodies are double, (n, 7): position, orientation (quaternion)."},
+    {"restore_split", (PyCFunction)engine_restore_split, METH_O,
+     "restore_split(poses)\n--\n\nSet these poses, as split() gave them."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},

@@ -50,6 +50,14 @@ static int method_of(const char *name)
     return -1;
 }
 
+int gr_stencil_of(const char *name)
+{
+    for (int k = 0; k < GR_STENCIL_COUNT; k++)
+        if (!strcmp(gr_stencil_names[k], name)) return k;
+    PyErr_Format(PyExc_ValueError, "there is no stencil \"%s\": it must be faces or isotropic", name);
+    return -1;
+}
+
 static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_diffusion_call *call, int threads)
 {
     if (gr_refuse_number("dx", c->dx, 0) || gr_refuse_number("A", c->A, 1) || gr_refuse_number("d", c->d, 0) ||
@@ -106,10 +114,12 @@ static PyObject *raise_diffusion(int error, const struct gr_fluidity *f, const s
 {
     char text[256];
     if (error == GR_ERR_LIMIT)
-        snprintf(text, sizeof text,
-                 "dt = %.9g s must be shorter than %.9g s, the limit of the %s diffusion for dx = %.9g m and "
-                 "A^2 d^2/t0 = %.9g m^2/s; \"implicit\" has none",
-                 call->dt, gr_fluidity_limit(f, call->method), gr_diffusion_names[call->method], f->dx, f->diffusivity);
+        snprintf(
+            text, sizeof text,
+            "dt = %.9g s must be shorter than %.9g s, the limit of the %s diffusion with the stencil \"%s\" for dx = %.9g m and "
+            "A^2 d^2/t0 = %.9g m^2/s; \"implicit\" has none",
+            call->dt, gr_fluidity_limit(f, call->method), gr_diffusion_names[call->method], gr_stencil_names[f->stencil],
+            f->dx, f->diffusivity);
     else if (error == GR_ERR_DIVERGED)
         snprintf(text, sizeof text, "%s to tolerance = %.3g in max_iterations = %lld", gr_error_message(error), f->tolerance,
                  (long long)f->max_iterations);
@@ -125,7 +135,8 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 {
     const size_t bytes = (size_t)f->n_cells * sizeof(double);
     const npy_bool *dense = PyArray_DATA(arrays[1]);
-    int error;
+    int error = gr_fluidity_cover(f, NULL, 0); /* all, in the order of the box */
+    if (error) return gr_raise(error, NULL);
     memcpy(f->g, PyArray_DATA(arrays[0]), bytes);
     for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = dense[i] != 0;
     Py_BEGIN_ALLOW_THREADS
@@ -140,24 +151,25 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs)
 {
     (void)module;
-    static char *names[] = {"method",         "dx",       "A",     "d",     "t0", "dt",      "steps", "tolerance",
-                            "max_iterations", "periodic", "faces", "dense", "g",  "threads", "isa",   NULL};
+    static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",      "dt",  "steps", "tolerance",
+                            "max_iterations", "periodic", "faces", "dense", "g", "threads", "isa", NULL};
     struct gr_fluidity_config config = {0};
     struct gr_diffusion_call call = {0};
-    const char *method, *isa;
+    const char *method, *stencil, *isa;
     long long steps, max_iterations;
     int threads;
     PyObject *periodic, *objects[3];
     PyArrayObject *arrays[3];
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$sdddddLdLOOOOis:fluidity_diffuse", names, &method, &config.dx,
-                                     &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance, &max_iterations,
-                                     &periodic, &objects[2], &objects[1], &objects[0], &threads, &isa))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOis:fluidity_diffuse", names, &method, &stencil,
+                                     &config.dx, &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance,
+                                     &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &threads, &isa))
         return NULL;
     call.steps = steps, config.max_iterations = max_iterations;
     const struct gr_kernels *kernels = gr_kernels_select(isa);
     if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
-    if ((call.method = method_of(method)) < 0 || refuse_numbers(&config, &call, threads) ||
-        take_lattice(&config, periodic, objects, arrays) || gr_team_is_lost(threads))
+    if ((call.method = method_of(method)) < 0 || (config.stencil = gr_stencil_of(stencil)) < 0 ||
+        refuse_numbers(&config, &call, threads) || take_lattice(&config, periodic, objects, arrays) ||
+        gr_team_is_lost(threads))
         return NULL;
     struct gr_fluidity *f;
     const int error = gr_fluidity_new(&f, &config);

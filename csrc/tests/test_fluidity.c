@@ -31,7 +31,7 @@ static struct gr_fluidity_config plain(int64_t nx, int64_t ny, int64_t nz)
 static struct gr_fluidity *built(const struct gr_fluidity_config *config)
 {
     struct gr_fluidity *f = NULL;
-    CHECK(gr_fluidity_new(&f, config) == GR_OK);
+    CHECK(gr_fluidity_new(&f, config) == GR_OK && gr_fluidity_cover(f, NULL, 0) == GR_OK);
     for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = 1;
     return f;
 }
@@ -185,21 +185,68 @@ static void does_not_converge(void)
     gr_fluidity_free(f);
 }
 
+/* Whatever allocation fails, of the lattice or of its places: none are left, and a second try has them all. */
 static void without_memory(void)
 {
     const struct gr_fluidity_config config = plain(20, 20, 0);
+    int of_places = 0;
     for (long n = 1;; n++) {
         struct gr_fluidity *f;
         faults_at(n);
-        const int error = gr_fluidity_new(&f, &config);
-        if (!faults_hit()) {
-            CHECK(error == GR_OK && n == 6);
+        int error = gr_fluidity_new(&f, &config);
+        CHECK(!error || !f);
+        if (!error) {
+            error = gr_fluidity_cover(f, NULL, 0);
+            of_places += error == GR_ERR_MEMORY;
+            CHECK(f->n_pages == (error ? 0 : 50));
+            const int hit = faults_hit();
+            faults_at(0);
+            if (hit) CHECK(gr_fluidity_cover(f, NULL, 0) == GR_OK && f->n_pages == 50);
             gr_fluidity_free(f);
-            break;
+            CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
+            if (!hit) break;
         }
-        CHECK(error == GR_ERR_MEMORY && !f);
+        CHECK(error == GR_ERR_MEMORY);
     }
     faults_at(0);
+    CHECK(of_places > 3);
+}
+
+/* Few cells of a box have the fluidity that all of it has, to the last bit, as the others are not dense. */
+static void places_do_not_matter(void)
+{
+    for (int dim = 2; dim <= 3; dim++)
+        for (int method = 0; method < GR_DIFFUSION_COUNT; method++)
+            for (int stencil = 0; stencil < GR_STENCIL_COUNT; stencil++) {
+                struct gr_fluidity_config config = dim == 2 ? plain(37, 61, 0) : plain(13, 11, 17);
+                struct gr_fluidity *all, *few;
+                int64_t cells[MOST], n = 0;
+                config.periodic[0] = config.periodic[1] = 1;
+                config.stencil = stencil;
+                random_faces();
+                all = built(&config);
+                random_state(all);
+                for (int64_t i = 0; i < all->n_cells; i++) {
+                    all->dense[i] = i % 200 < 70 && all->dense[i];
+                    if (all->dense[i] || i % 31 == 0) cells[n++] = i;
+                }
+                CHECK(gr_fluidity_new(&few, &config) == GR_OK);
+                CHECK(gr_fluidity_cover(few, cells, n / 2) == GR_OK); /* another cover before */
+                CHECK(gr_fluidity_cover(few, cells, n) == GR_OK && few->n_pages < all->n_pages);
+                for (int64_t k = 0; k < n; k++) {
+                    const int64_t place = gr_fluidity_place(few, cells[k]);
+                    few->dense[place] = all->dense[cells[k]], few->g[place] = all->g[cells[k]];
+                }
+                CHECK(run(all, "", method, method ? 2.0 : 0.15, 3, 1) == GR_OK);
+                CHECK(run(few, "", method, method ? 2.0 : 0.15, 3, 2) == GR_OK);
+                CHECK(all->iterations == few->iterations && all->clamped == few->clamped);
+                for (int64_t k = 0; k < n; k++) {
+                    const double g = few->g[gr_fluidity_place(few, cells[k])];
+                    CHECK(!memcmp(&g, &all->g[cells[k]], sizeof g));
+                }
+                gr_fluidity_free(all);
+                gr_fluidity_free(few);
+            }
 }
 
 /* At rest below yield nothing flows; in steady flow at a held rate the friction is that of mu(I). */
@@ -240,6 +287,7 @@ int main(void)
     RUN(threads_and_sets_agree);
     RUN(does_not_converge);
     RUN(without_memory);
+    RUN(places_do_not_matter);
     RUN(points);
     return check_report("fluidity");
 }

@@ -80,24 +80,6 @@ static void fixed_components_rest(void)
     }
 }
 
-static void clamp_stops_the_rising(void)
-{
-    struct scene s, open;
-    const struct gr_wall wall = {.clamp = 2, .normal = -1, .opens_at = INFINITY};
-    prepare(&s, 2, wall, 1);
-    prepare(&open, 2, wall, 0);
-    int rising = 0, falling = 0;
-    for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
-        const double v = out(&open, n, 1);
-        CHECK(out(&s, n, 0) == out(&open, n, 0));
-        CHECK(out(&s, n, 1) == (is_floor(&s, n) && v > 0 ? 0 : v));
-        if (is_floor(&s, n)) rising += v > 0, falling += v < 0;
-    }
-    CHECK(rising > 0 && falling > 0);
-    scene_free(&s);
-    scene_free(&open);
-}
-
 /* Coulomb: the tangential velocity loses mu times what the wall takes along the normal, and never turns. */
 static void coulomb_rubs(void)
 {
@@ -247,7 +229,6 @@ int main(void)
     RUN(gravity_is_piecewise_linear);
     RUN(free_nodes_follow_newton);
     RUN(fixed_components_rest);
-    RUN(clamp_stops_the_rising);
     RUN(coulomb_rubs);
     RUN(walls_open_in_turn);
     RUN(velocity_decays_as_a_rate);

@@ -17,7 +17,7 @@ static void check_mesh(const struct scene *s)
         const struct gr_cell *cell = &mesh->cell[c];
         CHECK(cell->offset == end && cell->capacity % GR_LANES == 0 && cell->count <= cell->capacity);
         CHECK(cell->capacity > 0);
-        CHECK(mesh->cell_of[gr_cell_id(e, cell->at)] == c + 1);
+        CHECK(gr_table_get(&mesh->cell_of, gr_cell_id(e, cell->at)) == c + 1);
         if (c) CHECK(gr_cell_id(e, mesh->cell[c - 1].at) < gr_cell_id(e, cell->at));
         end += cell->capacity;
         points += cell->count;
@@ -32,7 +32,7 @@ static void check_mesh(const struct scene *s)
     }
     CHECK(points == e->n_points && end == e->used && end <= s->capacity);
     for (int64_t k = end; k < s->capacity; k++) CHECK(s->id[k] < 0);
-    for (int64_t n = 0; n < mesh->n_nodes; n++) CHECK(mesh->node_of[mesh->node_id[n]] == n + 1);
+    for (int64_t n = 0; n < mesh->n_nodes; n++) CHECK(gr_table_get(&mesh->node_of, mesh->node_id[n]) == n + 1);
     const int64_t sums = GR_NODE_SUMS(dim, e->config.diffused);
     int64_t linked = 0;
     for (int64_t n = 0; n < mesh->n_nodes; n++)
@@ -62,7 +62,7 @@ static void check_halo(const struct scene *s)
                 if (e->axis[d].periodic) at[d] = (at[d] + n) % n;
                 if (at[d] < 0 || at[d] >= n) inside = 0;
             }
-            if (inside) CHECK(e->mesh.cell_of[gr_cell_id(e, at)] > 0);
+            if (inside) CHECK(gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) > 0);
         }
     }
 }

@@ -38,13 +38,13 @@ class StepBudget:
         Of the nodes, before and after the forces.
     p2g_loss, g2p_loss : float
         What the points had and the grid did not get, and what the grid had and the points did
-        not get. The affine motion of "apic" and "tpic" is not counted as energy of the points, so
-        a p2g_loss may be negative there.
+        not get, or lost to an absorber. The affine motion of "apic" and "tpic" is not counted as
+        energy of the points, so a p2g_loss may be negative there.
     internal_work, external_work : float
         Of the stresses (and of the momentum that a shift had lent) and of gravity on the grid,
         force times the mean of the velocities before and after.
     wall_work : float
-        Of the impulses at the nodes of walls, blocks and absorbers.
+        Of the impulses at the nodes of walls and blocks.
     grid_residual : float
         What is left of the identity of the grid.
     elastic_before, elastic_after : float

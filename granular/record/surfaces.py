@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from granular.bodies import BOX, CYLINDER, split
+from granular.bodies import split
+from granular.body_shapes import BOX, CYLINDER
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.merge import VTKHDF_VERSION
 

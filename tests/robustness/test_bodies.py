@@ -10,14 +10,22 @@ from granular.geometry import Fill, Grid
 from granular.materials import MuI
 from granular.walls import Gravity, Wall
 
+pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
-def scene_of(dim):
+
+def scene_of(dim, thin=False):
     """A turning bucket, a free box and a disc that goes back and forth, in a bed."""
     up, turning = dim - 1, 3.0 if dim == 2 else (0.0, -3.0, 0.0)
     shape, middle = ((16, 12), ()) if dim == 2 else ((8, 4, 6), (0.2,))
-    edges = (0.1,) * (dim - 2)
     cell = 0.8 / shape[0]
-    bucket = Union((Box((0.2, *edges, 0.05)), Box((0.05, *edges, 0.2), center=(0.1,) * dim)))
+    edges = (2 * cell,) * (dim - 2)
+    thickness = 0.05 if thin else 2 * cell  # kept apart by double nodes, or by nodes alone
+    bucket = Union(
+        (
+            Box((0.2, *edges, thickness)),
+            Box((thickness, *edges, 0.2), center=(0.1,) * dim),
+        )
+    )
     roller = Cylinder(0.06, center=(0.0,) * dim, axis=None if dim == 2 else (0, 1, 0))
     rest = (0.0,) * dim
     bodies = (
@@ -28,7 +36,7 @@ def scene_of(dim):
             contact="sticky",
         ),
         Body(
-            Box((0.15, *edges, 0.1)),
+            Box((max(0.15, 2 * cell), *edges, 2 * cell)),
             (0.5, *middle, 0.45),
             free="xy" if dim == 2 else "xyz",
             mass=3.0,
@@ -51,7 +59,7 @@ def scene_of(dim):
         grid=Grid((0.0,) * dim, cell, shape),
         fills=(Fill(Region((0.0,) * dim, (*size[:-1], 0.4)), 2**dim, jitter=1.0),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(),
+        scheme=gr.Scheme(density="tracked") if thin else gr.Scheme(),
         walls=(Wall(up, 0.0, kind="rough"),),
         bodies=bodies,
         gravity=Gravity((0.0,), ((*rest[1:], -9.8),)),
@@ -64,9 +72,10 @@ def bits(sim):
     return [array.tobytes() for _, array in sorted(sim.checkpoint().arrays.items())]
 
 
+@pytest.mark.parametrize("thin", [False, True])
 @pytest.mark.parametrize("dim", [2, 3])
-def test_threads_and_restart(dim, tmp_path):
-    scene = scene_of(dim)
+def test_threads_and_restart(dim, thin, tmp_path):
+    scene = scene_of(dim, thin=thin)
     sim = gr.Simulation(scene, threads=1)
     sim.step(90)
     assert all(np.abs(body.impulse).max() > 0 for body in sim.bodies)
@@ -81,8 +90,9 @@ def test_threads_and_restart(dim, tmp_path):
     assert bits(resumed) == bits(sim)
 
 
-def test_resumed_record(tmp_path):
-    scene = scene_of(2)
+@pytest.mark.parametrize("thin", [False, True])
+def test_resumed_record(thin, tmp_path):
+    scene = scene_of(2, thin=thin)
     whole = gr.Simulation(scene, threads=1).run(until=0.06, every=0.01, save=tmp_path / "a.h5")
     gr.Simulation(scene, threads=1).run(until=0.03, every=0.01, save=tmp_path / "b.h5")
     again = gr.Simulation.resume(tmp_path / "b.h5", threads=1).run(until=0.06)
@@ -92,8 +102,9 @@ def test_resumed_record(tmp_path):
         assert not a.damage()
 
 
-def test_stages_are_the_step():
-    scene = scene_of(2)
+@pytest.mark.parametrize("thin", [False, True])
+def test_stages_are_the_step(thin):
+    scene = scene_of(2, thin=thin)
     whole, parts = (gr.Simulation(scene, threads=1) for _ in range(2))
     for _ in range(20):
         whole.step()

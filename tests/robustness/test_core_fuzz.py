@@ -217,7 +217,8 @@ def update_arguments(n=11):
 
 def diffuse_arguments(shape=(3, 4)):
     return {
-        "method": "implicit", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3, "dt": 1e-3, "steps": 2,
+        "method": "implicit", "stencil": "faces", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3,
+        "dt": 1e-3, "steps": 2,
         "tolerance": 1e-8, "max_iterations": 100, "periodic": (True, False, True)[: len(shape)],
         "faces": np.zeros((2 * len(shape), *shape), np.uint8), "dense": np.ones(shape, bool),
         "g": np.ones(shape), "threads": 1, "isa": "",
@@ -293,6 +294,7 @@ def test_fluidity_diffuse_survives_any_number_in_its_arrays(data):
     shape = data.draw(st.sampled_from([(1, 1), (2, 3), (1, 2, 3)]))
     chosen = diffuse_arguments(shape)
     chosen["method"] = data.draw(st.sampled_from(["explicit", "implicit", "rkl2"]))
+    chosen["stencil"] = data.draw(st.sampled_from(["faces", "isotropic"]))
     size = chosen["g"].size
     chosen["g"].flat = data.draw(st.lists(st.floats(), min_size=size, max_size=size))
     chosen["dense"].view(np.uint8).flat = data.draw(

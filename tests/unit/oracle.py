@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 from oracle_diffused import average, averages, look_around
 from oracle_law import components, law, tensor
-from oracle_nonlocal import all_but_the_last, substep
+from oracle_nonlocal import Path
 from oracle_shapes import Shapes, node_volumes
 from oracle_shared import flow_of_cells, share
 from oracle_walls import alone_at_wall
@@ -76,8 +76,6 @@ def _wall(row, v, after):
             v[d] = after[d] = 0.0
         elif row.normal >= 0:
             after[d] -= rub * after[d]
-        if row.clamp >> d & 1 and after[d] > 0:
-            after[d], v[d] = 0.0, min(v[d], 0.0)
 
 
 def keepshare(scene, dt):
@@ -140,6 +138,16 @@ def _filtered(scene, points, nodes, v, fixed):
 
 def gather(scene, points, nodes, dt, step=0):
     """Points after the step (3.8-3.16), as a new mapping."""
+    new = _moved(scene, points, nodes, dt, step)
+    for absorber in scene.absorbers:
+        a = absorber.axis
+        rises = (points["x"][:, a] >= absorber.above) & (new["v"][:, a] > 0)
+        new["v"][rises, a] *= math.exp(-absorber.rate * dt)
+    return new
+
+
+def _moved(scene, points, nodes, dt, step):
+    """The same without absorbers."""
     dim, s = scene.grid.dim, nodes.shapes
     new, keep = dict(points), keepshare(scene, dt)
     v, w = nodes.v[s.node], nodes.w[s.node]
@@ -153,7 +161,8 @@ def gather(scene, points, nodes, dt, step=0):
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
     if scene.material.law == "ngf":
-        points = all_but_the_last(scene, points, gradient, dt)
+        path = Path(scene, points, gradient, dt)
+        points = path.points
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
@@ -167,8 +176,7 @@ def gather(scene, points, nodes, dt, step=0):
         new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
     material = scene.material
     if material.law == "ngf":
-        part = dt / scene.scheme.fluidity.substeps
-        made = substep(scene, points, new["log_density"], gradient, part)
+        made = path.part(new["log_density"])
         names = {"stress", "shear_rate", "g", "g_gain"} & set(points)
         return new | {name: made[name] for name in names}
     stress, rate = law(

@@ -90,7 +90,8 @@ def diffuse(g, *, faces=None, dense=None, periodic=None, threads=1, isa="", **nu
     """`_core.fluidity_diffuse` of a copy of g; returns it and the report."""
     g = g.copy()
     given = {
-        "method": "implicit", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3, "dt": 1e-3, "steps": 1,
+        "method": "implicit", "stencil": "faces", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3,
+        "dt": 1e-3, "steps": 1,
         "tolerance": 1e-13, "max_iterations": 10_000,
     } | numbers  # fmt: skip
     report = _core.fluidity_diffuse(

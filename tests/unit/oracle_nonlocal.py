@@ -52,16 +52,27 @@ def ngf(q, stress, L, log_density, dt, g_star, rate, equation_of_state=False):
     Returns the new stresses, plastic shear rates, fluidities and what the law added to g_star.
     """
     p, deviator = split_trial(q, stress, L, dt)
+    p = pressure(q, p, log_density, equation_of_state)
+    flowed, rate, g, gain = flow(q, deviator, p, dt, g_star, rate)
+    return flowed - p[:, None, None] * np.eye(3), rate, g, gain
+
+
+def pressure(q, p, log_density, equation_of_state):
+    """Pressure of the trial or of the density, 0 where loose."""
     if equation_of_state:
         p = q["K"] * log_density
-    dense = (log_density >= 0) & (p > 0)
+    return np.where((log_density >= 0) & (p > 0), p, 0.0)
+
+
+def flow(q, deviator, p, dt, g_star, rate):
+    """Deviator, plastic shear rate, fluidity and gain after a flow from a trial deviator."""
+    dense = p > 0
     safe = np.where(dense, p, 1.0)
     m = np.sqrt(np.einsum("pij,pij->p", deviator, deviator) / 2) / safe
     X = root(q, dt, m, safe, g_star, rate)
-    new = deviator / (1 + X)[:, None, None] - safe[:, None, None] * np.eye(3)
-    new[~dense] = 0.0
     g = np.where(dense, X * safe / (q["G"] * dt), 0.0)
-    return new, g * m / (1 + X), g, np.where(dense, g - g_star, 0.0)
+    left = np.where(dense, 1 / (1 + X), 0.0)[:, None, None] * deviator
+    return left, g * m / (1 + X), g, np.where(dense, g - g_star, 0.0)
 
 
 def cell_of(scene, x):
@@ -71,21 +82,21 @@ def cell_of(scene, x):
     return tuple(np.mod(at, grid.shape)[:, ::-1].T)
 
 
-def means(scene, points, name):
+def means(scene, points, name, bears):
     """Means by mass over the points of cells that bear pressure, and where there are any."""
     shape = scene.grid.shape[::-1]
     mass, total = np.zeros(shape), np.zeros(shape)
-    bears = np.where(points["stress"][:, :3].sum(axis=1) < 0, points["mass"], 0.0)
+    weight = np.where(bears, points["mass"], 0.0)
     where = cell_of(scene, points["x"])
-    np.add.at(mass, where, bears)
-    np.add.at(total, where, bears * points[name])
+    np.add.at(mass, where, weight)
+    np.add.at(total, where, weight * points[name])
     return np.divide(total, mass, out=np.zeros(shape), where=mass > 0), mass > 0
 
 
-def diffused(scene, points, dt):
+def diffused(scene, points, dt, bears):
     """The fluidity g_star from which the law begins, of the cells, after a substep of diffusion."""
     q, fluidity, grid = scene.material, scene.scheme.fluidity, scene.grid
-    g, dense = means(scene, points, "g")
+    g, dense = means(scene, points, "g", bears)
     L = outflow(dense, fluidity_faces(scene), grid.periodic)
     k = dt * q.A**2 * q.d**2 / (q.t0 * grid.cell**2)
     if fluidity.method != "implicit":
@@ -93,32 +104,41 @@ def diffused(scene, points, dt):
         faces = np.count_nonzero(most, axis=1) - 1 + np.maximum(most.sum(axis=1), 0) / 2
         found = diffuse(fluidity.method, L, k, g.ravel(), k * faces.max())
         return np.maximum(found, 0.0).reshape(g.shape)
-    gain = np.clip(means(scene, points, "g_gain")[0], -g, g / 2)
+    gain = np.clip(means(scene, points, "g_gain", bears)[0], -g, g / 2)
     balanced = spsolve(csc_matrix(eye(g.size) + k * L), (g + gain).ravel()).reshape(g.shape)
     return np.maximum(balanced - gain, 0.0)
 
 
-def substep(scene, points, log_density, L, dt):
-    """Points after a substep of velocity gradients L (n, 3, 3) that ends at a log-density."""
-    g_star = diffused(scene, points, dt)[cell_of(scene, points["x"])]
-    stress, rate, g, gain = ngf(
-        numbers(scene),
-        tensor(points["stress"], scene.dim),
-        L,
-        log_density,
-        dt,
-        g_star,
-        points["shear_rate"],
-        equation_of_state=scene.scheme.density != "tracked",
-    )
-    found = {"stress": components(stress, scene.dim), "shear_rate": rate, "g": g, "g_gain": gain}
-    return points | {name: value for name, value in found.items() if name in points}
+class Path:
+    """A step of velocity gradients L (n, 3, 3) in substeps.
 
+    The step turns the stress; its strain and its flow come in parts, each at the pressure of the
+    end. Before the last part, that is what a density without averaging would have.
+    """
 
-def all_but_the_last(scene, points, L, dt):
-    """Points where they were, after all substeps of a step but the last."""
-    n, now = scene.scheme.fluidity.substeps, points
-    for made in range(1, n):
-        c = points["log_density"] - made / n * dt * np.trace(L, axis1=1, axis2=2)
-        now = substep(scene, now, c, L, dt / n)
-    return now
+    def __init__(self, scene, points, L, dt):
+        self.scene, self.q = scene, numbers(scene)
+        self.n = scene.scheme.fluidity.substeps
+        self.dt = dt / self.n
+        stress = tensor(points["stress"], scene.dim)
+        _, self.deviator = split_trial(self.q, stress, (L - L.transpose(0, 2, 1)) / 2, dt)
+        self.p_trial, trial = split_trial(self.q, stress, L, dt)
+        self.strained = trial - self.deviator
+        self.bears = np.trace(stress, axis1=1, axis2=2) < 0
+        self.points = points
+        c = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
+        for _ in range(1, self.n):
+            self.part(c)
+
+    def part(self, log_density):
+        """A part; points after it, with its stress."""
+        scene, now = self.scene, self.points
+        p = pressure(self.q, self.p_trial, log_density, scene.scheme.density != "tracked")
+        g_star = diffused(scene, now, self.dt, self.bears)[cell_of(scene, now["x"])]
+        trial = self.deviator + self.strained / self.n
+        self.deviator, rate, g, gain = flow(self.q, trial, p, self.dt, g_star, now["shear_rate"])
+        self.bears = p > 0
+        stress = components(self.deviator - p[:, None, None] * np.eye(3), scene.dim)
+        found = {"stress": stress, "shear_rate": rate, "g": g, "g_gain": gain}
+        self.points = now | {name: value for name, value in found.items() if name in now}
+        return self.points

@@ -14,7 +14,7 @@ from granular.geometry import Fill, Grid
 from granular.materials import MuI
 from granular.walls import Gravity, Wall
 
-CELL, DT = 0.1, 1e-3
+CELL, DT = 0.04, 4e-4  # no part is thinner than two cells
 
 PLANE = {
     "box": Box((0.21, 0.13), center=(0.02, -0.01), rotation_deg=20.0),
@@ -34,7 +34,7 @@ SHAPES = [pytest.param(s, id=f"{s.dim}d-{name}") for f in (PLANE, SPACE) for nam
 
 def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
     """A block of material in a box, with bodies."""
-    shape = (6, 3, 5) if dim == 3 else (6, 5)
+    shape = (15, 8, 13) if dim == 3 else (15, 13)
     upper = tuple(CELL * n for n in shape)
     walls = [Wall(dim - 1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless")]
     return gr.Scene(
@@ -162,7 +162,7 @@ def test_scripted_motion_is_exact():
         angular_velocity=(0.0, 40.0, -10.0),
     )
     sim = gr.Simulation(scene_of(Body(Cylinder(0.05, center=(0, 0)), (0.3, 3.0), motion=motion)))
-    sim.step(50)
+    sim.step(round(0.05 / DT))
     fine = np.unique([*np.linspace(0, sim.time, 5), *motion.times])
     path = [np.interp(fine, motion.times, v) for v in zip(*motion.velocity, strict=True)]
     moved = np.trapezoid(path, fine, axis=1)

@@ -23,10 +23,10 @@ from granular.schemes import Scheme
 BASES = ("linear", "ugimp", "quadratic")
 
 
-def coded(walls, *, shape=(3, 2), basis="linear", periodic=(), absorbers=(), lower=None):
+def coded(walls, *, shape=(3, 2), basis="linear", periodic=(), lower=None):
     """Node codes of a bare scene with unit cells."""
     grid = Grid(lower or (0.0,) * len(shape), 1.0, shape, periodic)
-    scene = SimpleNamespace(grid=grid, walls=walls, absorbers=absorbers, scheme=Scheme(basis=basis))
+    scene = SimpleNamespace(grid=grid, walls=walls, scheme=Scheme(basis=basis))
     return node_codes(scene)
 
 
@@ -191,13 +191,6 @@ def test_periodic_axis():
     assert fixed((Wall(1, 0.0),), periodic=(True, False), basis="quadratic")[0] == [3, 3, 3]
     with pytest.raises(ValueError, match="periodic axis"):
         fixed(floor, periodic=(True, False), basis="quadratic")
-
-
-def test_absorber_clamps_strictly_above():
-    codes, rows = coded((Wall(0, 0.0, kind="rough"),), absorbers=(Absorber(1, 1.0),))
-    clamps = np.array([0, *(row.clamp for row in rows)])[codes]
-    # at the rough wall the component is held already
-    assert clamps.tolist() == [[0, 0, 0, 0], [0, 0, 0, 0], [0, 2, 2, 2]]
 
 
 def test_rough_block():

@@ -142,6 +142,29 @@ def test_fused_and_separate_stages_have_the_same_bits(method, substeps):
     assert bits(separate) == bits(fused)
 
 
+# ---- substeps ----
+
+
+def fluidity_after(substeps, **options):
+    """g of the points after five steps, in which strains are some 1e-5."""
+    grains = gr.materials.silo_grains.replace(E=2e6, t0=1e-3, **options)
+    state = run(silo("implicit", substeps, 1.0, material=grains, A=0.3, dt=2e-4), 5).state
+    return state.fields["g"][np.argsort(state.fields["id"])]
+
+
+@pytest.mark.parametrize("rheology", ["saturating", "linear"])
+def test_substeps_converge_and_are_those_of_small_strains(rheology):
+    """Both elasticities go their own paths through the substeps."""
+    hencky = {"elasticity": "hencky", "rheology": rheology}
+    g = {n: fluidity_after(n, **hencky) for n in (1, 2, 4, 32)}
+    off = [abs(g[n] - g[32]).sum() / g[32].sum() for n in (1, 2, 4)]
+    assert 0.002 < off[2] < off[1] / 1.8 < off[0] / 3 < 0.01
+    if rheology == "saturating":  # the other has no hypoelastic form
+        for n in (1, 4):
+            small = fluidity_after(n)
+            assert abs(small - g[n]).sum() <= 3e-5 * g[n].sum()
+
+
 # ---- limits and failures ----
 
 

@@ -137,7 +137,7 @@ def test_a_fixed_step_must_suit_the_speed_at_the_start():
         duration=1.0,
     )
     step = 0.99 * dt_limit(scene)  # sound at rest
-    with pytest.raises(ValueError, match=r"dt = .* points of 3 m/s"):
+    with pytest.raises(ValueError, match=r"dt = .* points or bodies of 3 m/s"):
         gr.Simulation(scene.replace(scheme=gr.Scheme(dt=step)))
     c = material.wave_speed
     gr.Simulation(scene.replace(scheme=gr.Scheme(dt=step * c / (c + 3.0))), threads=1)

@@ -1,0 +1,101 @@
+"""What an empty box costs: time and memory per point of a heap over the size of its box.
+
+    python benchmarks/box_size.py [--quick] [--out benchmarks/results/box_size.json]
+
+A heap of 8 points per cell at rest in space, in the corner of a box of 1, 8 and 64 times its
+volume; finite strain, with the local and the nonlocal law (implicit). One thread, processor time,
+best of several batches; the memory is what the process has grown by, all arrays included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import platform
+import resource
+import warnings
+from pathlib import Path
+
+from speed import best_time
+
+import granular as gr
+from granular.geometry import Box, Fill, Grid
+from granular.materials import NGF, MuI
+from granular.schemes import Fluidity
+from granular.walls import Gravity, Wall
+
+FRICTION = {"mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "d": 4e-3, "rho_s": 2550.0}
+LAWS = {
+    "local": MuI(E=1e5, elasticity="hencky", **FRICTION),
+    "nonlocal": NGF(E=1e5, elasticity="hencky", A=0.48, t0=1e-3, **FRICTION),
+}
+
+
+def heap(law: str, cells: int, times: int) -> gr.Scene:
+    """Cubic heap of so many cells along an edge, in a box `times` as wide along each axis."""
+    cell = 4e-3
+    edge = cells * cell
+    return gr.Scene(
+        name="heap",
+        grid=Grid((0.0,) * 3, cell, (cells * times,) * 3),
+        fills=(Fill(Box((0.0,) * 3, (edge, edge, 0.75 * edge)), 8, lithostatic=True),),
+        material=LAWS[law],
+        scheme=gr.Scheme(
+            transfer="apic", density="tracked", fluidity=Fluidity(method="implicit", seed=1.0)
+        ),
+        walls=(
+            Wall(2, 0.0, kind="rough"),
+            *(Wall(axis, 0.0, kind="frictionless") for axis in (0, 1)),
+        ),
+        gravity=Gravity((0.0,), ((0.0, 0.0, -9.81),)),
+        duration=1.0,
+        seed=1,
+    )
+
+
+def measure(law: str, cells: int, times: int, batches: int) -> dict:
+    """One case, in a process of its own."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        sim = gr.Simulation(heap(law, cells, times), threads=1)
+        sim.step(20)
+        grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
+        with Path("/proc/self/statm").open() as file:
+            held = int(file.read().split()[1]) * resource.getpagesize() - before * 1024
+        return {
+            "law": law,
+            "box": times**3,
+            "points": sim.n_points,
+            "ns": best_time(sim, 1, batches) * 1e9,
+            "bytes_per_point": held / sim.n_points,
+            "peak_bytes_per_point": grown / sim.n_points,
+        }
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
+    parser.add_argument("--out", type=Path, help="write the table as JSON")
+    arguments = parser.parse_args(argv)
+    cells, batches = (6, 1) if arguments.quick else (20, 15)
+    rows = []
+    print("law       box  points  ns/step  bytes/point  at most")
+    for law in LAWS:
+        for times in (1, 2, 4):
+            with multiprocessing.get_context("spawn").Pool(1) as pool:
+                row = pool.apply(measure, (law, cells, times, batches))
+            print(
+                f"{law:8s}{row['box']:5d}{row['points']:8d}{row['ns']:9.1f}"
+                f"{row['bytes_per_point']:13.0f}{row['peak_bytes_per_point']:9.0f}"
+            )
+            rows.append(row)
+    if arguments.out:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        body = {"machine": platform.machine(), "build": gr.show_config(), "rows": rows}
+        arguments.out.write_text(json.dumps(body, indent=1, default=str) + "\n")
+
+
+if __name__ == "__main__":
+    main()

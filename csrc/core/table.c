@@ -1,0 +1,71 @@
+#include "core/table.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/error.h"
+
+/* Room for one more block. */
+static int reserve(struct gr_table *t)
+{
+    if (t->n_blocks < t->room) return GR_OK;
+    const int64_t room = 2 * t->room + 4;
+    int32_t *value = realloc(t->value, (size_t)(room * GR_BLOCK) * sizeof *value);
+    if (!value) return GR_ERR_MEMORY;
+    t->value = value;
+    int64_t *used = realloc(t->used, (size_t)room * sizeof *used);
+    if (!used) return GR_ERR_MEMORY;
+    t->used = used;
+    t->room = room;
+    return GR_OK;
+}
+
+int gr_table_new(struct gr_table *t, int64_t n)
+{
+    memset(t, 0, sizeof *t);
+    t->n = n;
+    t->block_of = calloc((size_t)(n / GR_BLOCK + 1), sizeof *t->block_of);
+    if (!t->block_of || reserve(t)) {
+        gr_table_free(t);
+        return GR_ERR_MEMORY;
+    }
+    memset(t->value, 0, GR_BLOCK * sizeof *t->value);
+    t->n_blocks = 1;
+    return GR_OK;
+}
+
+int gr_table_set(struct gr_table *t, int64_t i, int32_t value)
+{
+    int32_t *block = &t->block_of[i / GR_BLOCK];
+    if (!*block) {
+        if (!value) return GR_OK;
+        if (reserve(t)) return GR_ERR_MEMORY;
+        memset(t->value + t->n_blocks * GR_BLOCK, 0, GR_BLOCK * sizeof *t->value);
+        t->used[t->n_blocks] = i / GR_BLOCK;
+        *block = (int32_t)t->n_blocks++;
+    }
+    t->value[(int64_t)*block * GR_BLOCK + i % GR_BLOCK] = value;
+    return GR_OK;
+}
+
+int gr_table_of_bytes(struct gr_table *t, const uint8_t *bytes, int64_t n)
+{
+    int error = gr_table_new(t, n);
+    for (int64_t i = 0; !error && bytes && i < n; i++)
+        if (bytes[i]) error = gr_table_set(t, i, bytes[i]);
+    return error;
+}
+
+void gr_table_clear(struct gr_table *t)
+{
+    for (int64_t b = 1; b < t->n_blocks; b++) t->block_of[t->used[b]] = 0;
+    if (t->n_blocks) t->n_blocks = 1;
+}
+
+void gr_table_free(struct gr_table *t)
+{
+    free(t->block_of);
+    free(t->value);
+    free(t->used);
+    memset(t, 0, sizeof *t);
+}

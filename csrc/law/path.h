@@ -1,0 +1,90 @@
+/* Many parts of a step of the nonlocal law at one velocity gradient, without the tensors.
+ *
+ * The step turns the deviator of the stress and strains it, to R + D. If a part strains by D/n and the flow then leaves a
+ * share z of the deviator, what there is after k parts is still a R + b D: b <- b + 1/n, (a, b) <- z (a, b). Its norm
+ * needs three numbers of R and D, made once, and the pressure is that of the end of the step. A part is then the update
+ * of the fluidity at a point, and little else. */
+#ifndef GR_LAW_PATH_H
+#define GR_LAW_PATH_H
+
+#include "law/fluidity_update.h"
+#include "law/trial.h"
+
+#define GR_LARGEST_FRICTION 1e60 /* of a trial: its square is finite */
+
+GR_INLINE double *gr_path_at(double *path, int64_t at, enum gr_path_number number)
+{
+    return path + at * GR_PATH_COUNT + number * GR_W;
+}
+
+/* s:t of deviators. */
+GR_INLINE vd gr_contract(const int dim, const struct gr_stress *s, const struct gr_stress *t)
+{
+    vd normal = v_fma(s->s[0], t->s[0], v_fma(s->s[1], t->s[1], s->s[2] * t->s[2])), shear = s->s[3] * t->s[3];
+    if (dim == 3) shear = v_fma(s->s[4], t->s[4], v_fma(s->s[5], t->s[5], shear));
+    return v_fma(v_set(2.0), shear, normal);
+}
+
+/* Pressure 0 where loose: such points have no stress on their path, hence no friction and no rate. NaN stays. */
+GR_INLINE void gr_path_sets_out(const int dim, const struct gr_fluidity_numbers *n, const struct gr_stress *turned,
+                                const struct gr_stress *strained, vd p, vd kindled, double *path, int64_t at)
+{
+    const struct gr_inverse_pressure inverse = gr_invert_pressure(n, p);
+    const vd zero = v_zero(), most = v_set(GR_LARGEST_FRICTION * GR_LARGEST_FRICTION);
+    const vd square = v_select(v_ge(zero, p), zero, inverse.p * inverse.p);
+    v_store(gr_path_at(path, at, GR_PATH_turned), v_min(most, square * gr_tau_squared(dim, turned)));
+    v_store(gr_path_at(path, at, GR_PATH_across), v_min(most, square * gr_contract(dim, turned, strained)));
+    v_store(gr_path_at(path, at, GR_PATH_strained), v_min(most, square * gr_tau_squared(dim, strained)));
+    v_store(gr_path_at(path, at, GR_PATH_of_turned), v_set(1.0));
+    v_store(gr_path_at(path, at, GR_PATH_of_strained), zero);
+    v_store(gr_path_at(path, at, GR_PATH_p), p);
+    v_store(gr_path_at(path, at, GR_PATH_inverse_p), inverse.p);
+    v_store(gr_path_at(path, at, GR_PATH_sink), inverse.sink);
+    v_store(gr_path_at(path, at, GR_PATH_unit_g), inverse.unit_g);
+    v_store(gr_path_at(path, at, GR_PATH_kindled), v_select(v_ge(zero, p), v_set(-1.0), kindled));
+}
+
+/* The deviator before the flow of the last part, in place of `turned`. */
+GR_INLINE void gr_path_end(const int dim, double part, double *path, int64_t at, struct gr_stress *turned,
+                           const struct gr_stress *strained)
+{
+    const vd a = v_load(gr_path_at(path, at, GR_PATH_of_turned));
+    const vd b = v_load(gr_path_at(path, at, GR_PATH_of_strained)) + v_set(part);
+    for (int i = 0; i < GR_STRESSES(dim); i++) turned->s[i] = v_fma(b, strained->s[i], a * turned->s[i]);
+}
+
+/* A part of the step, in the first of which points may reconnect, if it `kindles`. Given gr_fluidity_start; updated: the
+ * plastic rate, 1/s. Returned: the fluidity g, 1/s, which means nothing where loose. */
+GR_INLINE vd gr_path_part(const int linear, const int kindles, const struct gr_fluidity_numbers *n, vd part, double *path,
+                          int64_t at, vd start, double *rate)
+{
+    double *const to_a = gr_path_at(path, at, GR_PATH_of_turned), *const to_b = gr_path_at(path, at, GR_PATH_of_strained);
+    const struct gr_inverse_pressure inverse = {v_load(gr_path_at(path, at, GR_PATH_inverse_p)),
+                                                v_load(gr_path_at(path, at, GR_PATH_sink)),
+                                                v_load(gr_path_at(path, at, GR_PATH_unit_g))};
+    const vd a = v_load(to_a), b = v_load(to_b) + part, turned = v_load(gr_path_at(path, at, GR_PATH_turned));
+    const vd across = v_load(gr_path_at(path, at, GR_PATH_across)),
+             strained = v_load(gr_path_at(path, at, GR_PATH_strained));
+    const vd square = v_fma(a, v_fma(a, turned, b * across), b * b * strained);
+    /* NaN stays. v_sqrt, not v_sqrt_fast: the division unit has time here. */
+    const vd m = v_sqrt(v_max(v_zero(), square));
+    struct gr_fluidity_point point;
+    if (linear)
+        point = gr_fluidity_update_linear(n, m, inverse, start, v_load(rate));
+    else
+        point = gr_fluidity_update(n, m, inverse, start, v_load(rate));
+    if (kindles) {
+        const vd kindled = v_load(gr_path_at(path, at, GR_PATH_kindled)), one = v_set(1.0);
+        const vm reconnects = v_ge(kindled, v_zero());
+        const vd scale = one / v_fma(n->G_dt * kindled, inverse.p, one);
+        point.scale = v_select(reconnects, scale, point.scale);
+        point.mu = v_select(reconnects, m * scale, point.mu);
+        point.g = v_select(reconnects, kindled, point.g);
+    }
+    v_store(to_a, point.scale * a);
+    v_store(to_b, point.scale * b);
+    v_store(rate, point.g * point.mu);
+    return point.g;
+}
+
+#endif

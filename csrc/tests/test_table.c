@@ -1,0 +1,75 @@
+/* core/table.c: against a plain array, emptied and filled again, without memory. */
+#include "core/table.h"
+
+#include <string.h>
+
+#include "core/error.h"
+#include "tests/check.h"
+#include "tests/faults.h"
+#include "tests/scene.h"
+
+enum { MOST = 1000 };
+
+static void as_a_plain_array(void)
+{
+    static int32_t plain[MOST];
+    for (int64_t n = 1; n <= MOST; n += 111) {
+        struct gr_table t;
+        CHECK(gr_table_new(&t, n) == GR_OK);
+        scene_seed((unsigned)n);
+        for (int round = 0; round < 3; round++) {
+            memset(plain, 0, sizeof plain);
+            for (int k = 0; k < 40; k++) {
+                const int64_t i = (int64_t)scene_random(0, (double)n);
+                plain[i] = k % 5 ? k : 0;
+                CHECK(gr_table_set(&t, i, plain[i]) == GR_OK);
+            }
+            for (int64_t i = 0; i < n; i++) CHECK(gr_table_get(&t, i) == plain[i]);
+            gr_table_clear(&t);
+            for (int64_t i = 0; i < n; i++) CHECK(gr_table_get(&t, i) == 0);
+        }
+        gr_table_free(&t);
+    }
+}
+
+static void of_bytes(void)
+{
+    uint8_t bytes[MOST] = {0};
+    struct gr_table t;
+    bytes[3] = 255, bytes[MOST - 1] = 7;
+    CHECK(gr_table_of_bytes(&t, bytes, MOST) == GR_OK);
+    CHECK(gr_table_get(&t, 3) == 255 && gr_table_get(&t, MOST - 1) == 7 && gr_table_get(&t, 500) == 0);
+    CHECK(t.n_blocks == 3);
+    gr_table_free(&t);
+    CHECK(gr_table_of_bytes(&t, 0, MOST) == GR_OK && gr_table_get(&t, 3) == 0);
+    gr_table_free(&t);
+}
+
+/* What fails leaves the rest as it was; what is set again where something was needs no memory. */
+static void without_memory(void)
+{
+    uint8_t bytes[MOST];
+    memset(bytes, 1, sizeof bytes);
+    for (long n = 1;; n++) {
+        struct gr_table t;
+        faults_at(n);
+        const int error = gr_table_of_bytes(&t, bytes, MOST);
+        const int hit = faults_hit();
+        for (int64_t i = 0; !error && i < MOST; i++) CHECK(gr_table_get(&t, i) == 1);
+        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
+        gr_table_clear(&t);
+        faults_at(1);
+        if (!error) CHECK(gr_table_set(&t, 5, 3) == GR_OK && !faults_hit());
+        faults_at(0);
+        gr_table_free(&t);
+        if (!hit) break;
+    }
+}
+
+int main(void)
+{
+    RUN(as_a_plain_array);
+    RUN(of_bytes);
+    RUN(without_memory);
+    return check_report("table");
+}

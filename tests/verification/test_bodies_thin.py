@@ -1,0 +1,200 @@
+"""Blades thinner than the grid resolves: no coupling through them, momentum, bits, fluidity."""
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.bodies import Body, Box, Motion, Union
+from granular.geometry import Box as Region
+from granular.geometry import Fill, Grid
+from granular.materials import NGF, MuI
+from granular.schemes import Fluidity
+from granular.walls import Gravity, Wall
+
+CELL = 0.05
+pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+
+
+def scheme(**changes):
+    return gr.Scheme(**{"transfer": "apic", "density": "tracked", "dt": 4e-4} | changes)
+
+
+def layers(plate, *, dim=2, velocity=(0.6, -0.5), **changes):
+    """A layer at rest under a plate without end, and one above it that is thrown at it."""
+    length = (6,) * (dim - 1)
+    flat = tuple(n * CELL for n in length)
+    low = (0.0,) * (dim - 1)
+    speed = (velocity[0], *(0.0,) * (dim - 2), velocity[1])
+    return gr.Scene(
+        name="layers",
+        grid=Grid((*low, 0.0), CELL, (*length, 12), periodic=(True,) * (dim - 1) + (False,)),
+        fills=(
+            Fill(Region((*low, 0.05), (*flat, 0.3)), 2**dim, jitter=0.5),
+            Fill(Region((*low, 0.3), (*flat, 0.5)), 2**dim, velocity=speed, jitter=0.5),
+        ),
+        material=MuI(E=1e6),
+        scheme=scheme(**changes),
+        bodies=(plate,),
+        gravity=Gravity((0.0,), ((0.0,) * dim,)),
+        duration=1.0,
+        seed=2,
+    )
+
+
+def endless(dim=2, *, thickness=0.2, **body):
+    size = (np.inf,) * (dim - 1) + (thickness * CELL,)
+    return Body(Box(size), (0.0,) * (dim - 1) + (0.3,), **body)
+
+
+@pytest.mark.parametrize("basis", ["linear", "quadratic"])
+@pytest.mark.parametrize("contact", ["sticky", "separating", "bilateral"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_nothing_passes_through_a_blade(dim, contact, basis):
+    """What is under it stays at rest to the last bit; what is above it is stopped by it."""
+    friction = 0.0 if contact == "sticky" else 0.3
+    plate = endless(dim, contact=contact, friction=friction)
+    sim = gr.Simulation(layers(plate, dim=dim, basis=basis), threads=1)
+    below = sim.state.x[:, -1] < 0.3
+    start = sim.state.x[below]
+    before = sim.state.mass @ sim.state.v
+    sim.step(60)
+    state = sim.state
+    assert not state.v[below].any()
+    assert np.array_equal(state.x[below], start)
+    assert (state.x[~below, -1] > 0.3 - 0.1 * CELL).all()
+    change = state.mass @ state.v - before
+    assert abs(change[-1]) > 0.3 * abs(before[-1])
+    assert np.allclose(change, -sim.bodies[0].impulse, rtol=0, atol=1e-10)
+
+
+def test_a_thick_body_of_the_same_place_does_the_same():
+    """Far from the plane, where the layer does not know how thick it is: the same impulse."""
+    impulses = []
+    for thickness in (0.2, 1.9):
+        shape = Box((np.inf, thickness * CELL), center=(0.0, -0.5 * thickness * CELL))
+        scene = layers(Body(shape, (0.0, 0.3), contact="separating"))
+        scene = scene.replace(fills=scene.fills[1:])
+        sim = gr.Simulation(scene, threads=1)
+        sim.step(120)
+        impulses.append(sim.bodies[0].impulse[1])
+    thick = layers(Body(Box((np.inf, 0.2), center=(0.0, -0.1)), (0.0, 0.3)))
+    sim = gr.Simulation(thick.replace(fills=thick.fills[1:]), threads=1)
+    sim.step(120)
+    assert impulses == pytest.approx([sim.bodies[0].impulse[1]] * 2, rel=1e-9)
+
+
+def blade(dim=2, **body):
+    """A blade that is drawn and turned through a bed, its edges in the material."""
+    turning = (3.0,) if dim == 2 else ((0.0, 3.0, 0.5),)
+    motion = Motion(velocity=((0.5, *(0.1,) * (dim - 2), -0.1),), angular_velocity=turning)
+    size = (0.4 * CELL, *(0.2,) * (dim - 2), 0.3)
+    width = (8,) * (dim - 2)
+    return gr.Scene(
+        name="blade",
+        grid=Grid((-0.5,) * dim, CELL, (30, *(30,) * (dim - 2), 30)),
+        fills=(Fill(Region((0.0,) * dim, (0.6, *(CELL * n for n in width), 0.4)), 2**dim),),
+        material=body.pop("material", MuI(E=1e6)),
+        scheme=body.pop("scheme", scheme()),
+        bodies=(
+            Body(Box(size), (0.2, *(0.2,) * (dim - 2), 0.26), motion=motion, friction=0.3, **body),
+        ),
+        gravity=Gravity((0.0,), ((0.0,) * dim,)),
+        duration=1.0,
+    )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("transfer", ["flip", "apic", "tpic"])
+def test_momentum_is_kept(dim, transfer):
+    sim = gr.Simulation(blade(dim, scheme=scheme(transfer=transfer)), threads=1)
+    before = sim.state.mass @ sim.state.v
+    sim.step(150)
+    impulse = sim.bodies[0].impulse
+    assert np.linalg.norm(impulse) > 0.5
+    assert np.allclose(sim.state.mass @ sim.state.v - before, -impulse, rtol=0, atol=1e-10)
+    assert set(np.unique(sim.state.side)) == {-1.0, 0.0, 1.0}
+
+
+NONLOCAL = NGF(E=1e6, mu_s=0.38, mu_2=0.64, I0=0.28, d=2e-2, rho_s=2450.0, A=0.5, t0=1e-3)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bits_do_not_depend_on_threads_or_restarts(dim):
+    """While the blade moves by several cells, with the nonlocal law in substeps."""
+    fluidity = Fluidity(method="implicit", seed=1.0, substeps=2)
+    scene = blade(dim, material=NONLOCAL, scheme=scheme(fluidity=fluidity), rough=True)
+    sims = [gr.Simulation(scene, threads=n) for n in (1, 2, 3)]
+    for sim in sims:
+        sim.step(130)
+    resumed = gr.Simulation.from_checkpoint(scene, sims[0].checkpoint(), threads=2)
+    for sim in (*sims, resumed):
+        sim.step(170)
+    assert np.linalg.norm(sims[0].bodies[0].position - scene.bodies[0].position) > CELL
+    for sim in (*sims[1:], resumed):
+        for name, values in sims[0].state.fields.items():
+            assert np.array_equal(values, sim.state.fields[name]), name
+        assert np.array_equal(sims[0]._engine.bodies(), sim._engine.bodies())
+
+
+def test_fluidity_does_not_pass():
+    """Agitation above the plate: what is under it keeps what it has."""
+    for rough in (False, True):
+        plate = endless(rough=rough)
+        scene = layers(plate, velocity=(0.0, 0.0)).replace(
+            material=NONLOCAL,
+            scheme=scheme(fluidity=Fluidity(method="implicit", seed=1.0)),
+            gravity=Gravity((0.0,), ((0.0, -9.8),)),
+            walls=(Wall(1, 0.0, kind="rough"),),
+        )
+        fills = tuple(
+            Fill(Region((0.0, low), (0.3, high)), 4, lithostatic=True)
+            for low, high in ((0.0, 0.3), (0.3, 0.5))
+        )
+        scene = scene.replace(fills=fills)
+        sims = [gr.Simulation(scene.replace(bodies=b), threads=1) for b in (scene.bodies, ())]
+        above = sims[0].state.x[:, 1] > 0.3
+        for sim in sims:
+            sim.buffers["g"][0, sim.buffers["x"][1] > 0.3] = 100.0
+            sim.step(20)
+        held, free = (sim.state.g[~above].max() for sim in sims)
+        assert held < 1.0
+        assert free > 5.0
+
+
+def test_what_is_not_held_is_told():
+    scene = layers(endless())
+    with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] has parts of 0.01 m, thinner"):
+        gr.Simulation(scene)
+    for changes in ({"transfer": "xpic"}, {"transfer": "tpic", "density": "diffused"}):
+        with pytest.raises(ValueError, match=r"bodies\[0\] has parts of 0.01 m, must be >= 0.1 m"):
+            gr.Simulation(scene.replace(scheme=scheme(**changes)))
+    rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
+    with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] is a cylinder of 0.04 m"):
+        gr.Simulation(scene.replace(bodies=(rod,)))
+
+
+def test_a_bucket_of_plates_keeps_its_load():
+    """A box without a lid of thin plates, lifted out of a bed: what is in it comes with it."""
+    wide, tall, thin = 0.5, 0.25, 0.3 * CELL
+    shape = Union(
+        (
+            Box((wide, thin), center=(0.0, 0.0)),
+            Box((thin, tall), center=(-wide / 2, tall / 2)),
+            Box((thin, tall), center=(wide / 2, tall / 2)),
+        )
+    )
+    motion = Motion(velocity=((0.0, 0.5),))
+    scene = layers(endless()).replace(
+        grid=Grid((0.0, 0.0), CELL, (20, 20)),
+        fills=(Fill(Region((0.25, 0.3), (0.75, 0.5)), 4),),
+        walls=(),
+        bodies=(Body(shape, (0.5, 0.3), motion=motion, friction=0.3),),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+    )
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.6, monitor=False)
+    x = sim.state.x
+    floor = sim.bodies[0].position[1]
+    assert floor == pytest.approx(0.6, abs=1e-3)
+    inside = (x[:, 1] > floor - 0.5 * CELL) & (abs(x[:, 0] - 0.5) < 0.3)
+    assert inside.mean() > 0.97
