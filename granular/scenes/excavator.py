@@ -51,7 +51,7 @@ def excavator(
     high), that it is a back, a bottom and two sides, open before and above; half of the bin,
     with a symmetry plane at y = 0; depth; and the script: in at 45 deg down to the depth, out at 45
     deg, while it tilts back evenly from the begin to the end. Sheets thinner than two cells
-    are made two cells thick.
+    are made two cells thick, unless the scheme keeps their two sides apart.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def excavator(
         ),
         positive("ramp", ramp),
     )
-    sheet = thickness_of("thickness", thickness, cell)
+    sheet = thickness_of("thickness", thickness, cell, scheme)
     across = 0.0 if half else positive("width", width) / 2
     return Scene(
         name="excavator",

@@ -78,6 +78,9 @@ def test_thick_blades_stay_as_they_are():
     (blade,) = scenes.excavation(cell=0.0125, width=0.3, blade=(0.04, 0.3, 0.4)).bodies
     ends = blade.distance(np.array([[0.29, 0.0, 0.1], [0.29, 0.15, 0.1]]))[0]
     assert (ends < 0).all()  # from wall to wall, nodes on the wall included
+    tracked = gr.Scheme(transfer="apic", density="tracked")  # keeps the sides of thin blades apart
+    (blade,) = scenes.excavation(cell=0.0125, scheme=tracked).bodies
+    assert blade.shape.size == (0.006, 0.305, 0.457)
     (blade,) = scenes.excavation(cell=0.0125).bodies
     assert blade.shape.size == (0.025, 0.305, 0.457)
 
