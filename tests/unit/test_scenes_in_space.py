@@ -108,7 +108,8 @@ def test_bucket_is_open_above_and_before():
     )
     inner = np.array([[-0.15, 0.0, 0.2], [-0.15, 0.0, 0.5], [0.1, 0.0, 0.2]]) @ axes
     sheets = np.array([[-0.15, 0.0, 0.01], [-0.3, 0.0, 0.2], [-0.15, 0.13, 0.2]]) @ axes
-    where = np.array([0.35, 0.0, 0.0])
+    where = np.array([0.35, 0.0, 0.0])  # that of the edge
+    assert bucket.distance(where[None])[0] == pytest.approx(0.0, abs=1e-12)
     assert (bucket.distance(inner + where)[0] > 0).all()
     assert (bucket.distance(sheets + where)[0] < 0).all()
     # 90 degrees in all, evenly
