@@ -24,7 +24,7 @@ SOFT = gr.materials.grc_1.replace(E=0.15e6)
 PLASTIC = gr.materials.DruckerPrager(
     E=SOFT.E, nu=SOFT.nu, rho_c=SOFT.rho_c, rho_s=SOFT.rho_s, mu=SOFT.mu_s, elasticity="hencky"
 )
-KINDLED = gr.scenes.excavation().scheme
+KINDLED = gr.scenes.wheel().scheme
 SUBSTEPS = KINDLED.replace(fluidity=KINDLED.fluidity.replace(substeps=8))
 """The step is six times the t0 of the fluidity."""
 BED = {"length": 0.65, "width": 0.45, "start": 0.25, "travel": 0.1, "cell": 0.0125}
@@ -36,9 +36,14 @@ NARROW = {"width": 0.05, "blade": (0.025, 0.05, 0.457)}
 ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
 
 
+THIN = {"width": 0.05, "blade": (0.006, 0.05, 0.457), "scheme": gr.scenes.excavation().scheme}
+"""The same with the blade of the paper, whose two sides the scheme keeps apart."""
+
+
 def excavation(depth: float, **changes: object) -> gr.Scene:
     """Short of the way out: the force while it dives and goes forward."""
-    scene = gr.scenes.excavation(**(BED | {"depth": depth, "blade": BLADE} | changes))
+    known = BED | {"depth": depth, "blade": BLADE, "scheme": KINDLED}
+    scene = gr.scenes.excavation(**(known | changes))
     down = depth / scene.parameters["dive_speed"]
     forward = scene.parameters["travel"] / scene.parameters["speed"]
     return scene.replace(duration=scene.parameters["settle"] + down + forward)
@@ -52,6 +57,11 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "wheel_70_stiff": lambda: gr.scenes.wheel(
         slip=0.7, material=gr.materials.grc_1.replace(E=1.5e6), **ROLL
     ),
+    "thin_2": lambda: excavation(0.02, **THIN),
+    "thin_5": lambda: excavation(0.05, **THIN),
+    "thin_5_local": lambda: excavation(0.05, material=SOFT.replace(A=0.0), **THIN),
+    "thin_5_stiff": lambda: excavation(0.05, material=SOFT.replace(E=1.5e6), **THIN),
+    "thin_5_fine": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] / 1.5})),
     "narrow_2": lambda: excavation(0.02, **NARROW),
     "narrow_5": lambda: excavation(0.05, **NARROW),
     "narrow_5_local": lambda: excavation(0.05, material=SOFT.replace(A=0.0), **NARROW),
@@ -75,7 +85,8 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
 def tool(record: gr.Trajectory) -> dict:
     """Mean forces at depth, and the course of them."""
     force = gr.measure.tool_force(record, window=2)
-    level = force.position[:, 2] < 0.99 * force.position[:, 2].min()
+    height, deepest = force.position[:, 2], force.position[:, 2].min()
+    level = height - deepest < 0.01 * abs(deepest)
     return {
         "forward": float(force.forward[level].mean()),
         "vertical": float(force.vertical[level].mean()),

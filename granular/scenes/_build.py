@@ -20,6 +20,9 @@ kindled = Scheme(fluidity=Fluidity(least=1e-6, kindling=True))
 """What scenes of Haeri & Skonieczny 2021 are run with: what comes to rest can flow again (their
 code begins with a fluidity of 1 1/s), and points that become dense again have that of eq. 23."""
 
+sided = kindled.replace(transfer="tpic", density="tracked")
+"""The same with the density of which thin bodies have two sides."""
+
 
 def called_with(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Of the arguments of a scene function those that are not parts of the scene by name."""

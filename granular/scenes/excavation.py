@@ -8,7 +8,7 @@ from granular.bodies import Body, Box
 from granular.checks import in_range, non_negative, positive
 from granular.materials import Material, grc_1
 from granular.scene import Scene
-from granular.scenes._build import called_with, kindled
+from granular.scenes._build import called_with, sided
 from granular.scenes._tools import bed, legs, thickness_of
 from granular.schemes import Scheme
 
@@ -38,7 +38,7 @@ def excavation(
     gravity: float = 9.81,
     duration: float | None = None,
     material: Material = soft_grc_1,
-    scheme: Scheme = kindled,
+    scheme: Scheme = sided,
     seed: int = 0,
 ) -> Scene:
     """Excavation by a blade (Haeri & Skonieczny 2021, section 4.2, figures 11 to 15).
@@ -53,10 +53,10 @@ def excavation(
     Chosen here: the softer material; half of the bed, with a symmetry plane at y = 0; cells of
     12.5 mm, which divide the bed; a rough floor and smooth sides; the top of the blade leans
     backwards; it begins at `start` with its edge at the surface and travels so far that the
-    paper's 20 s are used. A blade thinner than two cells is made two cells thick, backwards from
-    its front, unless the scheme keeps its two sides apart (a tracked density does). Two cells let
-    some soil through, which takes 5 to 12 % of the force; a thicker blade bears on its lower face
-    (the docs, page "Three dimensions").
+    paper's 20 s are used. The density is tracked: then a blade thinner than two
+    cells has two sides. With others it is made two cells thick, backwards from its front, and held
+    by the nodes within it: it lets soil through and feels half the force (the docs, page "Three
+    dimensions").
 
     The surface of the bed is z = 0. Forces: `granular.measure.tool_force`, which doubles those of
     half a bed.
