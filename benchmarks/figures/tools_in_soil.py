@@ -21,25 +21,23 @@ from granular import plot
 
 RESULTS = Path(__file__).parents[1] / "results" / "three_d.json"
 LAWS = {
-    "narrow_5": "nonlocal, d = 0.3 mm",
-    "narrow_5_local": "local (A = 0)",
-    "narrow_5_coarse_grains": "nonlocal, d = 10 mm",
-    "narrow_5_drucker_prager": "Drucker-Prager",
+    "thin_5": "6 mm, two sides; nonlocal, d = 0.3 mm",
+    "thin_5_local": "6 mm, two sides; local (A = 0)",
+    "narrow_5": "25 mm, nodes within; nonlocal, d = 0.3 mm",
+    "narrow_5_drucker_prager": "25 mm, nodes within; Drucker-Prager",
 }
 FORCES = {
-    "excavation_5": "blade of 305 mm, 5 cm",
-    "excavation_2": "blade of 305 mm, 2 cm",
-    "narrow_5": "between walls, 5 cm, times 6.1",
+    "thin_5": "two sides, 5 cm",
+    "thin_5_local": "two sides, 5 cm, A = 0",
+    "thin_2": "two sides, 2 cm",
+    "narrow_5": "nodes within, 5 cm",
     "narrow_5_fine": "the same, cells of 8.3 mm",
 }
+WIDTH = 0.305
+"""Of the blade [m]: forces between walls 0.05 m apart are shown as for it."""
 STATES = (0.5, 2.5, 4.5, 6.5)
 """Times at which the excavator is seen [s]."""
 WHEELS = (20, 40, 70)
-
-
-def width_of(name: str) -> float:
-    """By what the force is multiplied: all as for the full width of the blade."""
-    return 0.305 / 0.05 if name.startswith("narrow") else 1.0
 
 
 def forces(table: dict, names: list[str]) -> plot.Picture:
@@ -49,7 +47,7 @@ def forces(table: dict, names: list[str]) -> plot.Picture:
     for name in names:
         times, _, forward, vertical = np.array(table[name]["course"])
         for ax, force in zip(axes, (forward, vertical), strict=True):
-            ax.plot(times, force * width_of(name), label=FORCES[name])
+            ax.plot(times, force * WIDTH / 0.05, label=FORCES[name])
     for ax, text in zip(axes, ("forward", "vertical"), strict=True):
         ax.set(xlabel="t [s]", ylabel=f"{text} force [N]")
     axes[0].legend(fontsize="small")
