@@ -59,6 +59,17 @@ def test_forces_grow_with_depth(tmp_path):
     assert 0 < vertical[0] < vertical[1] < vertical[2]
 
 
+@pytest.mark.slow
+def test_forces_in_finer_cells(tmp_path):
+    """Forward and vertical within 10 % in cells two thirds as large, with the blade of 6 mm."""
+    narrow = {"length": 0.65, "start": 0.25, "blade": (0.006, 0.05, 0.457), "travel": 0.1}
+    found = []
+    for cell in (0.0125, 0.0125 / 1.5):
+        with recorded(between_walls(0.05, cell=cell, **narrow), tmp_path / "blade.h5") as record:
+            found.append(at_depth(record))
+    assert found[1] == pytest.approx(found[0], rel=0.1)
+
+
 def test_momentum_of_a_driven_blade_closes():
     """Step by step: change = weight + walls - what the blade has felt, to round-off.
 
