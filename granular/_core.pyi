@@ -136,7 +136,7 @@ class Engine:
         open_low: tuple[bool, ...],
         open_high: tuple[bool, ...],
         creases: tuple[NDArray[np.int32], ...],
-        absorbers: tuple[float, ...],
+        absorbers: tuple[tuple[float, float], ...],
         walls: list[tuple[int, float, int, int, float, int]],
         node_codes: NDArray[np.uint8],
         cell_flags: NDArray[np.uint8] | None,

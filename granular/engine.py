@@ -136,12 +136,10 @@ def _feedback_limit(scene: Scene) -> float:
     return scene.scheme.feedback_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
-def _absorbers(scene: Scene) -> tuple[float, ...]:
-    """Along each axis, where the lowest absorber begins [m]."""
-    return tuple(
-        min((a.above for a in scene.absorbers if a.axis == axis), default=math.inf)
-        for axis in range(scene.grid.dim)
-    )
+def _absorbers(scene: Scene) -> tuple[tuple[float, float], ...]:
+    """Along each axis, where the absorber begins [m], and its rate [1/s]."""
+    found = {a.axis: (a.above, a.rate) for a in scene.absorbers}
+    return tuple(found.get(axis, (math.inf, 0.0)) for axis in range(scene.grid.dim))
 
 
 def _row(row: WallRow) -> tuple[int, float, int, int, float, int]:

@@ -179,6 +179,8 @@ class Scene:
         for name in ("walls", "absorbers", "bodies"):
             for i, part in enumerate(getattr(self, name)):
                 part.check(f"{name}[{i}]", self.grid)
+        if len({absorber.axis for absorber in self.absorbers}) < len(self.absorbers):
+            raise ValueError(f"absorbers = {self.absorbers} must be one along an axis at most")
         if self.material.has_fluidity and self.scheme.basis == "ugimp":
             raise ValueError('basis = "ugimp" must be "linear" or "quadratic" for a nonlocal law')
         if self.gravity.dim != self.grid.dim:

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import finite, integer, non_negative, one_of, vector
+from granular.checks import finite, integer, non_negative, one_of, positive, vector
 from granular.geometry import AXES, LINE_TOLERANCE, Grid
 
 __all__ = ["Absorber", "Gravity", "Solid", "Wall"]
@@ -147,18 +147,30 @@ class Solid:
 
 @dataclass(frozen=True)
 class Absorber:
-    """A layer that swallows elastic waves: no point beyond `above` [m] rises along `axis`.
+    """A layer that swallows elastic waves: points beyond `above` that rise are slowed down.
 
-    After each step the velocity component along `axis` of such points is at most 0. The nodes move
-    as they would, so that the layer bears no load: it takes momentum only by what rises.
+    Parameters
+    ----------
+    axis : int
+        Along which they rise.
+    above : float
+        Where the layer begins [m].
+    rate : float
+        1/s: after a step the upward velocity of its points is exp(-rate dt) of what it would be.
+        Infinity stops them at once, as published; but then what is too dense expands no faster
+        than g dt, and a bed that has been pressed together stays so for many thousand steps. A
+        wave that rises dies out over the length c/rate.
     """
 
     axis: int
     above: float
+    rate: float = math.inf
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "axis", integer("axis", self.axis, 0, 2))
         object.__setattr__(self, "above", finite("above", self.above))
+        if self.rate != math.inf:
+            object.__setattr__(self, "rate", positive("rate", self.rate))
 
     def check(self, name: str, grid: Grid) -> None:
         """Refuse what does not fit the grid."""

@@ -57,7 +57,12 @@ def _walls(dim):
         _box(dim, (5, 0, 0) if dim == 3 else (0, 5, 0), (6, 3, 1) if dim == 3 else (0, 6, 1)),
     )
     grid = Grid((0.0,) * dim, CELL, (6, 3, 5) if dim == 3 else (6, 5))
-    return {"grid": grid, "region": region, "walls": walls, "absorbers": (Absorber(last, 0.35),)}
+    return {
+        "grid": grid,
+        "region": region,
+        "walls": walls,
+        "absorbers": (Absorber(last, 0.35, 200.0),),
+    }
 
 
 def _periodic(dim):

@@ -6,40 +6,9 @@ import numpy as np
 from inference_common import chosen_options, grains, quietly, relative_error
 
 from common import save  # isort: skip
-from dataclasses import replace
-
-from scipy.signal import filtfilt, firwin
-
 from granular import inference, plot
 
 MU = 0.6
-RATE = 5000.0
-"""Frames per second."""
-
-
-def noisy(record: grains.Record, seed: int = 0) -> list[inference.Packing]:
-    """Centroids off by .02 mm, differentiated after a low pass of 600 Hz; stresses by 10 %."""
-    rng, taps = np.random.default_rng(seed), firwin(31, 600, fs=RATE, window="hamming")
-
-    def smooth(series: np.ndarray) -> np.ndarray:
-        return filtfilt(taps, [1.0], series, axis=0, padtype="odd", padlen=100)
-
-    x = smooth(record.x + rng.normal(0, 2e-5, record.x.shape))
-    a = smooth(np.gradient(np.gradient(x, 1 / RATE, axis=0), 1 / RATE, axis=0))
-    found = []
-    for k, case in zip(record.touching, record.frames, strict=True):
-        noise = np.triu(1 + rng.normal(0, 0.1, case.packing.stresses.shape))
-        noise += np.triu(noise, 1).swapaxes(1, 2)
-        found.append(
-            replace(
-                case.packing,
-                stresses=case.packing.stresses * noise,
-                accelerations=a[k],
-                inertias=None,
-                angular_accelerations=None,
-            )
-        )
-    return found
 
 
 def history(record: grains.Record, forces: list[np.ndarray], pair: tuple[int, int]) -> np.ndarray:
@@ -54,9 +23,10 @@ def history(record: grains.Record, forces: list[np.ndarray], pair: tuple[int, in
 def main(argv: list[str] | None = None) -> None:
     chosen = chosen_options(__doc__, argv)
     record = grains.impact()
-    packings = noisy(record)
+    packings = grains.noisy_record(record, 0)
     weights = np.logspace(-3, 3, 7 if chosen.quick else 25)
-    front = quietly(inference.pareto_front, packings, mu=MU, mu_wall=0.0, weights=weights)
+    options = {"mu": MU, "mu_wall": 0.0, "weights": weights, "moments": False}
+    front = quietly(inference.pareto_front, packings, **options)
     true = [case.forces for case in record.frames]
     whole = np.concatenate(true)
     errors = [relative_error(np.concatenate(forces), whole) for forces in front.forces]

@@ -102,6 +102,7 @@ static void prepare(struct team *team)
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
+    for (int d = 0; d < config->dim; d++) e->keep_rising[d] = config->absorbs >> d & 1 ? exp(-config->rising[d] * dt) : 1;
     gr_gravity(config, e->time, team->gravity);
 }
 

@@ -74,8 +74,8 @@ struct gr_config {
     int n_walls;
     const struct gr_wall *walls; /* row 0 is the free node */
     const uint8_t *node_codes;   /* per node of the grid, x fastest; the engine keeps them in a table */
-    int absorbs;                 /* bit d: no point rises along axis d from above[d], m, on */
-    double above[3];
+    int absorbs; /* bit d: points beyond above[d], m, that rise along axis d are slowed at the rate rising[d], 1/s */
+    double above[3], rising[3];
     const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; as well */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
@@ -164,6 +164,7 @@ struct gr_engine {
     double lent_dt;                                 /* dt of the step that made shift_velocity */
     double inv_dx, inv_dt, force_scale, lent_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/lent_dt: no division in a kernel */
     double mass_scale;                              /* 1/(rho_c dx^dim) */
+    double keep_rising[3];                          /* the part of a rising velocity that an absorber leaves in this step */
     double keep_velocity;                           /* the part f of the old velocity that survives this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;

@@ -189,7 +189,7 @@ GR_INLINE void cell_modes(const int dim, const int basis, const int nodal, const
 struct view {
     struct gr_frame frame;
     vd begin[3], end[3];  /* the cell ends here */
-    int absorbs;          /* bit d: points above must not rise along axis d */
+    int absorbs;          /* bit d: points that rise along axis d may be slowed */
     vd loose;             /* log-density below which a point carries no affine field */
     vd L[9], shift[3], c; /* of all the points, where they share their density: L dt, m, 1 */
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
@@ -253,9 +253,11 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         for (int d = 0; d < dim; d++) delta[d] = view->shift[d];
         if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s.xi, delta);
     }
-    for (int d = 0; __builtin_expect(view->absorbs != 0, 0) && d < dim; d++)
-        if (view->absorbs >> d & 1)
-            v_new[d] = v_select(v_ge(v_load(place[d]), v_set(e->config.above[d])), v_min(v_zero(), v_new[d]), v_new[d]);
+    for (int d = 0; __builtin_expect(view->absorbs != 0, 0) && d < dim; d++) {
+        if (!(view->absorbs >> d & 1)) continue;
+        const vm slowed = m_and(v_ge(v_load(place[d]), v_set(e->config.above[d])), v_gt(v_new[d], v_zero()));
+        v_new[d] = v_select(slowed, v_set(e->keep_rising[d]) * v_new[d], v_new[d]);
+    }
     v_store(log_density, c);
     if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, view->loose), L);
     vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */

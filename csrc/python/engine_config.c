@@ -27,8 +27,13 @@ static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyOb
         c->periodic[d] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, d));
         c->open_low[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_low, d));
         c->open_high[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_high, d));
-        c->above[d] = PyFloat_AsDouble(PyTuple_GET_ITEM(above, d)); /* NaN absorbs nothing */
-        c->absorbs |= (c->above[d] < INFINITY) << d;
+        if (!PyArg_ParseTuple(PyTuple_GET_ITEM(above, d), "dd;an absorber is (above, rate)", &c->above[d], &c->rising[d]))
+            return -1;
+        if (!(c->rising[d] >= 0)) {
+            PyErr_Format(PyExc_ValueError, "absorbers[%d]: rate must not be negative", d);
+            return -1;
+        }
+        c->absorbs |= (c->above[d] < INFINITY) << d; /* NaN absorbs nothing */
         const npy_intp any[1] = {-1};
         PyArrayObject *lines = gr_array(PyTuple_GET_ITEM(creases, d), "creases", NPY_INT32, 1, any, 0);
         if (!lines || PyErr_Occurred()) return -1;

@@ -11,6 +11,7 @@ from typing import TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from granular import inference
 from granular.checks import positive
 from granular.dem.dumps import Frame, read_frames
 from granular.dem.process import DemError, execute
@@ -135,6 +136,27 @@ class Pack:
     def points(self) -> Array:
         """Where the contacts are [m], shape (k, 3), beside grain i: perhaps outside of the box."""
         return self.x[self.i] + self.arm_i
+
+    def for_inference(self) -> tuple[inference.Packing, Array]:
+        """The packing as `granular.inference` takes it, and the forces it should find.
+
+        Returns
+        -------
+        packing : granular.inference.Packing
+            With all contacts, over periodic sides as well.
+        forces : ndarray, shape (k, 3)
+            On the first grain of each contact [N].
+        """
+        packing = inference.Packing(
+            bodies=np.stack([self.i, self.j], axis=1),
+            positions=self.points,
+            shifts=self.x[self.j] + self.arm_j - self.points,
+            normals=self.normal,
+            centroids=self.x,
+            volumes=self.volume,
+            stresses=self.stress,
+        )
+        return packing, self.force
 
     @property
     def packing_fraction(self) -> float:

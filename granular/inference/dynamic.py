@@ -33,7 +33,7 @@ class ParetoFront:
         Of the balance, ascending.
     stress_residuals, balance_residuals : ndarray, shape (k,)
         Root mean square over the frames of the lengths of (K_s f - b_s)/R and of K_m f - b_m with
-        moments over R [N], in the plane [N/m].
+        moments over R [N], in the plane [N/m]; of rows over their errors where these are known.
     forces : tuple of k tuples of ndarray
         For each weight those of each frame, shape (c, d).
     knee : int
@@ -56,6 +56,7 @@ def infer_dynamic(
     mu: ArrayLike,
     mu_wall: float | dict[int, float] | None = None,
     weight: float = 1.0,
+    moments: bool = True,
     solver: str = "auto",
 ) -> Inference:
     """Forces in a moving packing at one instant (Hurley's thesis, eqs 3.18, 3.19).
@@ -64,15 +65,22 @@ def infer_dynamic(
     point out of the first body here as everywhere. Useful at rest, too, where contacts are known
     so roughly that no forces are exactly in balance.
 
+    With `stress_errors` and `acceleration_errors` of the packing each row is over its standard
+    deviation, and w = 1 is the solution of largest likelihood: stresses that are off by a share of
+    themselves count less where they are large, and no knee has to be looked for.
+
     Parameters
     ----------
     packing : Packing
         With masses and accelerations; with gravity where it acts along the plane; better with
-        angular accelerations.
+        angular accelerations, and with errors.
     mu, mu_wall, solver
         See `infer_static`.
     weight : float
         w, > 0; `pareto_front` finds one.
+    moments : bool
+        Whether the balance of moments counts. False for grains that turn in a way that is not
+        known: it would be taken to be none.
 
     Returns
     -------
@@ -89,7 +97,8 @@ def infer_dynamic(
         For each flag of the result.
     """
     weight = positive("weight", weight)
-    problem = dynamic_problem(packing, friction_of_contacts(packing, mu, mu_wall), weight)
+    friction = friction_of_contacts(packing, mu, mu_wall)
+    problem = dynamic_problem(packing, friction, weight, moments=moments)
     return report(packing, problem, *solve(problem, solver))
 
 
@@ -99,6 +108,7 @@ def pareto_front(
     mu: ArrayLike,
     mu_wall: float | dict[int, float] | None = None,
     weights: ArrayLike = WEIGHTS,
+    moments: bool = True,
     solver: str = "auto",
 ) -> ParetoFront:
     """Solutions for many weights, and the one at the knee.
@@ -111,6 +121,8 @@ def pareto_front(
         See `infer_static`.
     weights : array_like, shape (k,)
         Ascending, > 0, at least three.
+    moments : bool
+        See `infer_dynamic`.
 
     Returns
     -------
@@ -132,7 +144,10 @@ def pareto_front(
     chosen = np.array([positive("weights", w) for w in np.ravel(weights).tolist()])
     if len(chosen) < 3 or (np.diff(chosen) <= 0).any():
         raise ValueError(f"weights = {chosen.tolist()} must ascend and be at least three")
-    problems = [dynamic_problem(p, friction_of_contacts(p, mu, mu_wall), 1.0) for p in frames]
+    problems = [
+        dynamic_problem(p, friction_of_contacts(p, mu, mu_wall), 1.0, moments=moments)
+        for p in frames
+    ]
     solved = [[solve(p.replace(weight=w), solver) for p in problems] for w in chosen.tolist()]
     residuals = np.array([_lengths(problems, [x for x, _ in row]) for row in solved])
     knee = knee_of(*residuals.T, weights=chosen)
@@ -156,11 +171,8 @@ def pareto_front(
 
 
 def _lengths(problems: Sequence[Problem], solutions: Sequence[Array]) -> Array:
-    """Root mean squares [N] of both residuals over the frames."""
-    found = [
-        problem.force * np.array(problem.residuals(x))
-        for problem, x in zip(problems, solutions, strict=True)
-    ]
+    """Root mean squares of both residuals over the frames."""
+    found = [problem.misfits(x) for problem, x in zip(problems, solutions, strict=True)]
     return np.sqrt(np.mean(np.square(found), axis=0))
 
 

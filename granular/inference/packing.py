@@ -37,6 +37,9 @@ class Packing:
         own) as negative numbers of any kind. One of the two must be a grain.
     positions : array_like, shape (c, d)
         Of the contacts [m].
+    shifts : array_like, shape (c, d), optional
+        From there to where the second body sees its contact [m]: across a periodic side the length
+        of the box. None by default.
     normals : array_like, shape (c, d)
         Unit vectors that point out of the first body. (The thesis turns them round in chapter 3.)
     centroids : array_like, shape (n, d)
@@ -59,8 +62,14 @@ class Packing:
         About the centroids [kg m2], in the plane [kg m]; with `angular_accelerations`.
     angular_accelerations : array_like, shape (n,) or in space (n, 3), optional
         [rad/s2]; without them the rate of the angular momentum is taken for zero, which costs
-        some per cent where grains are hit off their centre. (The gyroscopic term of grains that
-        are no spheres is not in it.)
+        some per cent where grains are hit off their centre, unless ``moments=False`` leaves their
+        balance out. (The gyroscopic term of grains that are no spheres is not in it.)
+    stress_errors : array_like, shape (n,), optional
+        Standard deviation of each component of the average stress of a grain [Pa], > 0: what is
+        known better then counts more.
+    acceleration_errors : array_like, shape (n,), optional
+        Standard deviation of each component of the acceleration [m/s2], > 0, with masses; angular
+        accelerations are taken to be as exact at the rim.
 
     Raises
     ------
@@ -69,8 +78,8 @@ class Packing:
     ValueError
         For a wrong shape, a value that is not finite, a contact that names a missing grain, the
         same body twice or no grain; normals that are not unit or mostly point inward; volumes,
-        masses or moments of inertia that are not positive; stresses that are not symmetric or not
-        given once; a motion without masses. The message names the first contact or grain.
+        masses, moments of inertia or errors that are not positive; stresses that are not symmetric
+        or not given once; a motion without masses. The message names the first contact or grain.
     """
 
     bodies: ArrayLike
@@ -86,6 +95,9 @@ class Packing:
     gravity: ArrayLike | None = None
     inertias: ArrayLike | None = None
     angular_accelerations: ArrayLike | None = None
+    stress_errors: ArrayLike | None = None
+    acceleration_errors: ArrayLike | None = None
+    shifts: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         self._check_grains()
@@ -133,6 +145,8 @@ class Packing:
                 k = int(np.argmax(wrong))
                 raise ValueError(f"bodies[{k}] = {bodies[k].tolist()} {what}")
         self._take("positions", (c, self.dim))
+        if self.shifts is not None:
+            self._take("shifts", (c, self.dim))
         normals = self._take("normals", (c, self.dim))
         length = np.linalg.norm(normals, axis=1)
         if (abs(length - 1) > UNIT).any():
@@ -176,7 +190,8 @@ class Packing:
         d, n = self.dim, self.n
         if self.masses is not None:
             _all_positive("masses", self._take("masses", (n,)))
-        for name, shape in (("accelerations", (n, d)), ("gravity", (d,))):
+        shapes = {"accelerations": (n, d), "gravity": (d,), "acceleration_errors": (n,)}
+        for name, shape in shapes.items():
             if getattr(self, name) is not None:
                 if self.masses is None:
                     raise ValueError(f"{name} need masses")
@@ -188,6 +203,9 @@ class Packing:
             least = inertias if inertias.ndim == 1 else np.linalg.eigvalsh(inertias)[:, 0]
             _all_positive("inertias", least)
             self._take("angular_accelerations", (n,) if d == 2 else (n, 3))
+        for name in ("stress_errors", "acceleration_errors"):
+            if getattr(self, name) is not None:
+                _all_positive(name, self._take(name, (n,)))
 
     @property
     def dim(self) -> int:
@@ -202,9 +220,14 @@ class Packing:
     @property
     def radius(self) -> float:
         """Mean radius of discs or spheres of these volumes [m]: the length that scales."""
+        return float(self.radii.mean())
+
+    @property
+    def radii(self) -> Array:
+        """Of discs or spheres of these volumes [m], shape (n,)."""
         if self.dim == 2:
-            return float(np.mean(np.sqrt(self.volumes / np.pi)))
-        return float(np.mean(np.cbrt(3 * self.volumes / (4 * np.pi))))
+            return np.sqrt(self.volumes / np.pi)
+        return np.cbrt(3 * self.volumes / (4 * np.pi))
 
     def sides(self) -> list[tuple[Index, Index, float, Array]]:
         """Contacts seen from the first and the second body, walls left out.
@@ -219,9 +242,14 @@ class Packing:
         for side, sign in enumerate((1.0, -1.0)):
             contacts = np.flatnonzero(self.bodies[:, side] >= 0)
             grains = self.bodies[contacts, side]
-            arms = self.positions[contacts] - self.centroids[grains]
+            arms = self.seen_from(side)[contacts] - self.centroids[grains]
             found.append((contacts, grains, sign, arms))
         return found
+
+    def seen_from(self, side: int) -> Array:
+        """Where the first (0) or the second (1) bodies see the contacts [m], shape (c, d)."""
+        shifted = side == 1 and self.shifts is not None
+        return self.positions + self.shifts if shifted else self.positions
 
     def clusters(self) -> Index:
         """Which grains hang together: a number for each, shape (n,). Walls join nothing."""
@@ -274,14 +302,15 @@ class Packing:
             bodies=bodies[contacts],
             positions=self.positions[contacts],
             normals=self.normals[contacts],
+            shifts=None if self.shifts is None else self.shifts[contacts],
         ), contacts
 
 
 _PER_GRAIN = (
     *("centroids", "volumes", "stresses", "masses", "accelerations", "inertias"),
-    "angular_accelerations",
+    *("angular_accelerations", "stress_errors", "acceleration_errors"),
 )
-_DERIVED_FROM = ("bodies", "positions", "normals", "strains", "stiffness")
+_DERIVED_FROM = ("bodies", "positions", "normals", "shifts", "strains", "stiffness")
 """What a subset does not take over as it is: its contacts are others, its stresses are known."""
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from granular.inference.linear import determined
 from granular.inference.packing import Packing
-from granular.inference.problem import Problem
+from granular.inference.problem import Problem, listed
 
 __all__ = ["Flag", "Inference", "InferenceWarning", "report"]
 
@@ -81,7 +81,7 @@ class Inference:
     weight_of_norms : float
         With norms in place of squares the same forces minimise ``|K f - b| + w |f|`` (2.14, w the
         thesis' lambda^2, in metres) or ``|K_s f - b_s| + w |K_m f - b_m|`` (3.18, in metres; its
-        moments over R). nan where a norm vanishes.
+        moments over R). nan where a norm vanishes or errors are known.
     solver : str
     flags : tuple of Flag
         Empty where nothing speaks against the forces. Each is also raised as a warning.
@@ -154,7 +154,7 @@ def report(
         undetermined=undetermined,
         at_limit=_at_limit(problem, x, mean),
         excess=_over(max(problem.excess(x).max(), 0.0), mean),
-        weight_of_norms=_weight_of_norms(problem, x),
+        weight_of_norms=_weight_of_norms(packing, problem, x),
         solver=solver,
         flags=flags,
     )
@@ -183,7 +183,9 @@ def _at_limit(problem: Problem, x: Array, mean: float) -> NDArray[np.bool_]:
     return found
 
 
-def _weight_of_norms(problem: Problem, x: Array) -> float:
+def _weight_of_norms(packing: Packing, problem: Problem, x: Array) -> float:
+    if packing.stress_errors is not None:
+        return float("nan")
     stress, balance = problem.residuals(x)
     R, l2 = problem.length, problem.regularization**2
     # Where one point minimises A^2 + l2 B^2 and A + w B alike, w = l2 B/A. R: rows were over R.
@@ -206,7 +208,7 @@ def _flags(found: Inference) -> tuple[Flag, ...]:
     if found.rank < found.unknowns:
         which = np.flatnonzero(found.undetermined)
         message = (
-            f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {_listed(which)}"
+            f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {listed(which)}"
         )
         flags.append(Flag("rank", message))
     # In motion many contacts slip in truth.
@@ -223,7 +225,7 @@ def _flags(found: Inference) -> tuple[Flag, ...]:
     size = np.linalg.norm(packing.stresses, axis=(1, 2))
     loose = loose[size[loose] > 1e-3 * size.mean()]
     if len(loose):
-        message = f"grains {_listed(loose)} have stress but no contact: a contact is missing"
+        message = f"grains {listed(loose)} have stress but no contact: a contact is missing"
         flags.append(Flag("stressed_rattlers", message))
     return tuple(flags)
 
@@ -236,8 +238,3 @@ def _zero_forces(found: Inference) -> Flag:
             "(positions too rough, mu too small); weigh the balance with infer_dynamic"
         )
     return Flag("zero_forces", message)
-
-
-def _listed(which: NDArray[np.intp]) -> str:
-    shown = ", ".join(str(k) for k in which[:8])
-    return shown + (f", ... ({len(which)} in all)" if len(which) > 8 else "")

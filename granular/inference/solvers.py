@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,8 @@ from scipy.sparse import block_array, coo_array, csr_array, diags_array, vstack
 
 from granular.checks import one_of
 from granular.inference.linear import least_squares
-from granular.inference.problem import Problem
+from granular.inference.matrices import rows_of
+from granular.inference.problem import Problem, listed
 
 __all__ = ["SOLVERS", "InferenceError", "solve"]
 
@@ -23,6 +25,10 @@ EXACT = 1e4
 """Weight of rows that must hold exactly where a solver knows only least squares."""
 MULTIPLIERS = 6
 """Rounds to bring such rows to hold."""
+FIRM = 1e4
+"""Weight of the balance in the search for what cannot be balanced."""
+REFUSED = 0.3
+"""Grains are named that are out of balance by this share of the worst."""
 DENSE = 400_000_000
 """Bytes of the dense matrices of non-negative least squares, at most: about a minute."""
 
@@ -85,24 +91,41 @@ def conic(problem: Problem) -> Array:
     P = diags_array(np.repeat([2 * problem.regularization**2, 2.0], [n, m]), format="csc")
     kinds = [clarabel.ZeroConeT(m + h), clarabel.NonnegativeConeT(lines.shape[0])]
     kinds += [clarabel.SecondOrderConeT(3)] * (cones.shape[0] // 3)
+    found = clarabel.DefaultSolver(P, np.zeros(n + m), A, b, kinds, _settings()).solve()
+    status = str(found.status)
+    if status not in ("Solved", "AlmostSolved"):
+        if "Infeasible" in status and np.isinf(problem.weight):
+            raise _refusal(problem, conic(problem.replace(weight=FIRM)))
+        raise InferenceError(f"Clarabel stopped before its tolerance: {status}")
+    return np.array(found.x)[:n]
+
+
+def _settings() -> Any:
+    import clarabel
+
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    found = clarabel.DefaultSolver(P, np.zeros(n + m), A, b, kinds, settings).solve()
-    status = str(found.status)
-    if status not in ("Solved", "AlmostSolved"):
-        raise InferenceError(_reason(status))
-    return np.array(found.x)[:n]
+    # What is "almost solved" passes silently: it must not be far off.
+    settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = 1e-8
+    # Rows of balance may depend on one another, and the factors are then as good as singular: more
+    # regularisation, of which refinement leaves nothing in the solution.
+    settings.static_regularization_constant = 1e-7
+    settings.iterative_refinement_max_iter = 50
+    settings.iterative_refinement_abstol = settings.iterative_refinement_reltol = 1e-14
+    return settings
 
 
-def _reason(status: str) -> str:
-    if "Infeasible" in status:
-        return (
-            "no forces meet the constraints: with this friction and these contacts the grains "
-            "cannot be in balance (mu too small, a contact missing, or masses and gravity wrong)"
-        )
-    return f"Clarabel stopped before its tolerance: {status}"
+def _refusal(problem: Problem, x: Array) -> InferenceError:
+    """Which grains the forces that come nearest to it leave out of balance."""
+    left = problem.balance @ x - problem.balance_target
+    size = np.linalg.norm(left.reshape(-1, rows_of(problem.dim)), axis=1)
+    return InferenceError(
+        "no forces meet the constraints: with this friction and these contacts grains "
+        f"{listed(np.flatnonzero(size > REFUSED * size.max()))} cannot be in balance "
+        "(mu too small, a contact missing, or masses and gravity wrong)"
+    )
 
 
 def _cones(problem: Problem) -> tuple[csr_array, csr_array]:
@@ -170,7 +193,7 @@ def non_negative(problem: Problem) -> Array:
             return x
         wanted += off
     if abs(off).max() > 1e-3 * max(1.0, abs(fixed).max()):
-        raise InferenceError(_reason("Infeasible"))
+        raise _refusal(problem, x)
     return x
 
 

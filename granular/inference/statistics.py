@@ -176,8 +176,10 @@ def force_chains(
     size, along = -values[:, 0], vectors[:, :, 0]
     touching = np.setdiff1d(np.arange(packing.n), packing.rattlers())
     bears = size > max(size[touching].mean(), 0.0)
-    pairs = packing.bodies[(packing.bodies >= 0).all(axis=1)]
-    branch = packing.centroids[pairs[:, 1]] - packing.centroids[pairs[:, 0]]
+    inner = np.flatnonzero((packing.bodies >= 0).all(axis=1))
+    pairs = packing.bodies[inner]
+    ends = [packing.centroids[pairs[:, side]] - packing.seen_from(side)[inner] for side in (0, 1)]
+    branch = ends[1] - ends[0]
     branch = branch / np.linalg.norm(branch, axis=1)[:, None]
     near = np.cos(np.radians(angle_deg)) - 1e-12
     linked = np.ones(len(pairs), bool)

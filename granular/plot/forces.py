@@ -93,21 +93,15 @@ def _seen(packing: Packing, axes: tuple[int, int] | None) -> list[int]:
     return list(axes)
 
 
-def _radii(packing: Packing) -> Array:
-    if packing.dim == 2:
-        return np.sqrt(packing.volumes / np.pi)
-    return np.cbrt(3 * packing.volumes / (4 * np.pi))
-
-
 def _extent(packing: Packing, axes: tuple[int, int] | None) -> tuple[Array, Array]:
-    x, R = packing.centroids[:, _seen(packing, axes)], _radii(packing)[:, None]
+    x, R = packing.centroids[:, _seen(packing, axes)], packing.radii[:, None]
     return (x - R).min(axis=0), (x + R).max(axis=0)
 
 
 def _network(
     ax: Axes, packing: Packing, forces: Array, largest: float, axes: tuple[int, int] | None
 ) -> None:
-    seen, size = _seen(packing, axes), 2 * _radii(packing)
+    seen, size = _seen(packing, axes), 2 * packing.radii
     x = packing.centroids[:, seen]
     ax.add_collection(
         EllipseCollection(
@@ -122,12 +116,18 @@ def _network(
             linewidths=0.6,
         )
     )
-    at = packing.positions[:, seen]
-    # Between centroids; to a wall, or a grain that is not there, as far as the contact.
-    ends = [np.where((b >= 0)[:, None], x[np.maximum(b, 0)], at) for b in packing.bodies.T]
+    # Between centroids; to a wall, or a grain that is not there, as far as the contact. Over a
+    # periodic side a line has a gap, the nan.
+    at = [packing.seen_from(side)[:, seen] for side in (0, 1)]
+    near = np.linalg.norm(at[1] - at[0], axis=1) < packing.radius
+    gap = np.where(near[:, None], at[0], np.nan)
+    ends = [
+        np.where((b >= 0)[:, None], x[np.maximum(b, 0)], here)
+        for b, here in zip(packing.bodies.T, at, strict=True)
+    ]
     share = np.linalg.norm(forces, axis=1) / largest
     order = np.argsort(share)
-    paths = np.stack([ends[0], at, ends[1]], axis=1)[order]
+    paths = np.stack([ends[0], at[0], gap, at[1], ends[1]], axis=1)[order]
     lines = LineCollection(
         paths, linewidths=WIDEST * share[order], colors=SHADES[0], capstyle="round", zorder=2
     )

@@ -31,6 +31,7 @@ def clogging_silo(
     points_per_cell: int = 16,
     jitter: float = 0.0,
     absorber: float | None = 0.49,
+    absorber_rate: float = 1000.0,
     gravity: float = 9.81,
     duration: float = 1.5,
     material: NGF = silo_grains,
@@ -44,11 +45,13 @@ def clogging_silo(
     of 0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
     nu = .45, mu_s = .3819, mu_2 = 50, b = 1, t0 = 1 ms; the grains fill the opening
     `opening_over_d` times. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic
-    start with the orifice open, and no upward motion above 0.49 m, which swallows elastic waves.
+    start with the orifice open, and no upward motion above 0.49 m, to swallow elastic waves.
     Some lengths are printed a tenth or a fifth of these; only these fit one another.
 
     Chosen here: squares in place of pairs of triangles, the right half for the whole, points leave
-    for good as they cross the bottom, y = 0, and waves are held by nodes, not points.
+    for good as they cross the bottom, y = 0, and what rises above 0.49 m slows down at a rate: at
+    once, as in the paper, it holds a bed that its waves have pressed together, in cells of half
+    the size for seconds.
 
     Parameters
     ----------
@@ -65,7 +68,9 @@ def clogging_silo(
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     absorber : float or None
-        Height [m] above which nothing moves up; None for none.
+        Height [m] above which upward motion dies out; None for none.
+    absorber_rate : float
+        Its rate [1/s]; infinity as published. See `granular.walls.Absorber`.
     gravity : float
         m/s2, from the start.
     duration : float
@@ -130,7 +135,7 @@ def clogging_silo(
             Wall(0, low, kind="frictionless"),
             Wall(0, side, kind="frictionless"),
         ),
-        absorbers=() if absorber is None else (Absorber(1, absorber),),
+        absorbers=() if absorber is None else (Absorber(1, absorber, absorber_rate),),
         gravity=Gravity((0.0,), ((0.0, -positive("gravity", gravity)),)),
         duration=duration,
         seed=seed,
@@ -145,6 +150,7 @@ def clogging_silo(
             "points_per_cell": points_per_cell,
             "jitter": jitter,
             "absorber": absorber,
+            "absorber_rate": absorber_rate,
             "gravity": gravity,
         },
     )

@@ -1,6 +1,8 @@
 """LAMMPS that is missing, fails, hangs or writes nonsense: an exception each time, no silence."""
 
 import os
+import signal
+import subprocess
 import sys
 import time
 
@@ -54,13 +56,63 @@ def test_a_run_that_hangs_is_ended_with_all_it_started(tmp_path):
     with pytest.raises(dem.DemError, match=r"timeout = 3 s; last it wrote: step 7"):
         dem.shear(SHEAR, command=script(text), timeout=3.0)
     pid = int(note.read_text())
-    for _ in range(100):
-        if not _alive(pid):
-            break
-        time.sleep(0.05)
-    assert not _alive(pid)
+    assert _soon(lambda: not _alive(pid), 5)
     with pytest.raises(ValueError, match="timeout = 0"):
         dem.shear(SHEAR, timeout=0)
+
+
+KILLED = """
+import sys, tempfile
+tempfile.tempdir = sys.argv[1]
+from granular import dem
+dem.shear(dem.Shear(count=60), command=(sys.executable, "-c", sys.argv[2]))
+"""
+
+GROUP = """
+import os, subprocess, sys, time
+{first}
+child = subprocess.Popen([sys.executable, "-c", "import time; {first}; time.sleep(60)"])
+with open({note!r} + "~", "w") as file:
+    file.write(f"{{os.getpid()}} {{child.pid}}")
+os.rename({note!r} + "~", {note!r})
+child.wait()
+"""
+
+
+@pytest.mark.parametrize("sent, stubborn", [(signal.SIGTERM, False), (signal.SIGKILL, True)])
+def test_nothing_goes_on_when_the_process_that_asked_is_killed(tmp_path, sent, stubborn):
+    """No grandchild, no folder; also if they do not listen to SIGTERM."""
+    note, room = tmp_path / "pids", tmp_path / "room"
+    room.mkdir()
+    deaf = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)" if stubborn else "pass"
+    text = GROUP.format(note=str(note), first=deaf)
+    asking = subprocess.Popen([sys.executable, "-c", KILLED, str(room), text])
+    try:
+        assert _soon(note.exists, 60)
+        pids = [int(pid) for pid in note.read_text().split()]
+        assert all(map(_alive, pids))
+        assert any(room.iterdir())
+    finally:
+        asking.send_signal(sent)
+        asking.wait()
+    assert _soon(lambda: not any(map(_alive, pids)), 10)
+    assert _soon(lambda: not any(room.iterdir()), 1)
+
+
+def _soon(what, seconds):
+    """Whether something comes true in time."""
+    end = time.monotonic() + seconds
+    while not what():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_the_signal_that_ended_lammps_is_told():
+    text = "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)"
+    with pytest.raises(dem.DemError, match="status 139"):
+        dem.shear(SHEAR, command=script(text))
 
 
 def _alive(pid):

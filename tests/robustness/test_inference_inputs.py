@@ -36,6 +36,7 @@ def changed(name, at, value):
         ({"normals": NORMALS[:3]}, ValueError, r"normals has shape \(3, 2\), must be \(4, 2\)"),
         (changed("positions", (1, 0), np.nan), ValueError, r"positions\[1, 0\] must be finite"),
         (changed("volumes", 0, 0.0), ValueError, r"volumes\[0\] = 0.0 must be > 0"),
+        ({"shifts": [[1.0, 0.0]]}, ValueError, r"shifts has shape \(1, 2\), must be \(4, 2\)"),
         ({"volumes": [1.0, 2.0]}, ValueError, r"volumes has shape \(2,\), must be \(1,\)"),
         ({"volumes": ["much"]}, TypeError, "volumes"),
         ({"stresses": None}, ValueError, "either stresses or strains"),
@@ -46,6 +47,14 @@ def changed(name, at, value):
         ({"gravity": [0.0, -9.81]}, ValueError, "gravity need masses"),
         ({"masses": [-1.0]}, ValueError, r"masses\[0\] = -1.0"),
         ({"inertias": [1.0]}, ValueError, "inertias and angular_accelerations"),
+        ({"stress_errors": [0.0]}, ValueError, r"stress_errors\[0\] = 0.0 must be > 0"),
+        ({"stress_errors": 1.0}, ValueError, r"stress_errors has shape \(\), must be \(1,\)"),
+        ({"acceleration_errors": [1.0]}, ValueError, "acceleration_errors need masses"),
+        (
+            {"masses": [1.0], "acceleration_errors": [-1.0]},
+            ValueError,
+            r"acceleration_errors\[0\] = -1.0 must be > 0",
+        ),
         ({"centroids": np.zeros((0, 2))}, ValueError, "at least one grain"),
         ({"centroids": [[0.0]]}, ValueError, "centroids has shape"),
     ],
@@ -88,6 +97,18 @@ def test_weights(weight):
         inference.infer_dynamic(Packing(**GOOD), mu=0.5, weight=weight)
     with pytest.raises(ValueError, match="weights"):
         inference.pareto_front(Packing(**GOOD), mu=0.5, weights=[weight, 1.0, 2.0])
+
+
+def test_errors_of_one_kind_and_moments():
+    packing = Packing(**(GOOD | {"stress_errors": [1.0]}))
+    with pytest.raises(ValueError, match="stress_errors and acceleration_errors must be given tog"):
+        inference.infer_dynamic(packing, mu=0.5)
+    turning = {"masses": [1.0], "inertias": [1.0], "angular_accelerations": [1.0]}
+    packing = Packing(**(GOOD | turning))
+    with pytest.raises(ValueError, match="moments = False must not be used with angular"):
+        inference.infer_dynamic(packing, mu=0.5, moments=False)
+    with pytest.raises(TypeError, match="moments = 0"):
+        inference.infer_dynamic(packing, mu=0.5, moments=0)
 
 
 @pytest.mark.parametrize(

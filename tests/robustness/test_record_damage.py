@@ -101,7 +101,7 @@ def unfinished(path):
 
 @pytest.mark.parametrize(
     ("member", "count"),
-    [("a.h5", 160), ("head.part", 40), ("frames-00000001.part", 80), ("checkpoint.part", 40)],
+    [("a.h5", 80), ("head.part", 20), ("frames-00000001.part", 40), ("checkpoint.part", 20)],
 )
 def test_mutants_are_refused_or_harmless(tmp_path, member, count):
     """In a process of its own, so that a crash or a hang of HDF5 is seen too."""

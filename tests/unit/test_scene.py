@@ -150,6 +150,7 @@ PERIODIC = Grid((0.0, 0.0), 0.1, (10, 10), (True, False))
             "no wall may end along it",
         ),
         ({"absorbers": (Absorber(2, 0.5),)}, ValueError, "dimension 2"),
+        ({"absorbers": (Absorber(1, 0.5), Absorber(1, 0.7))}, ValueError, "one along an axis"),
         ({"absorbers": (Absorber(1, 1.0),)}, ValueError, r"above = 1.0 must be in \[0.0, 1.0\)"),
         ({"gravity": (0, -9.8)}, TypeError, "must be a Gravity"),
         ({"gravity": Gravity((0,), ((0, 0, 0),))}, ValueError, "gravity of dimension 3"),

@@ -223,7 +223,7 @@ def test_clogging_silo_of_the_paper(half):
     column = -K * np.log1p(-1500 * 9.81 * H / K) / 9.81  # of the mass a square metre
     start = initial_points(scene)
     assert start["mass"].sum() == pytest.approx((0.2975 if half else 0.595) * column, rel=1e-7)
-    assert scene.absorbers == (Absorber(1, 0.49),) and scene.grid.open_sides == {"y-"}
+    assert scene.absorbers == (Absorber(1, 0.49, 1000.0),) and scene.grid.open_sides == {"y-"}
     assert scenes.clogging_silo(absorber=None).absorbers == ()
 
 

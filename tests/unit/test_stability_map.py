@@ -37,6 +37,7 @@ def ends(script, folder, *options):
     return script.read(out)
 
 
+@pytest.mark.slow
 def test_a_quick_map_is_written_and_drawn(script, tmp_path):
     maps = ends(script, tmp_path, "--only", *FAST)
     assert len(maps) == 14

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular import dem, friction_law
+from granular import dem, friction_law, inference
 from granular.friction_law import SteadyShear
 
 pytestmark = pytest.mark.skipif(
@@ -106,6 +106,10 @@ def test_a_packing_is_in_equilibrium_with_the_stress_asked_for():
     # LAMMPS lets the tangential force act at the full radius, the contact is half an overlap below.
     assert np.abs(moment).max() < 1e-2 * scale
     assert 0.55 < pack.packing_fraction < 0.65
+    packing, forces = pack.for_inference()
+    found = inference.infer_static(packing, mu=SOFT.mu_p)
+    assert found.trusted
+    assert np.linalg.norm(found.forces - forces) < 1e-3 * np.linalg.norm(forces)
 
 
 @pytest.mark.slow

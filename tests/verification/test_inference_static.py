@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import pressed_discs, pressed_spheres, shaken_lattice
+from grains import oedometers, pressed_discs, pressed_spheres, settled, shaken_lattice
 
 from granular import inference
 from granular.inference import BoundaryForce, InferenceWarning
@@ -85,10 +85,10 @@ WAYS = [
 ]
 
 
-def ensemble(draws):
+def ensemble(cases, draws):
     """Errors of the ways to infer, a row a draw, over all packings."""
     rows = []
-    for k, case in enumerate(pressed_discs()):
+    for k, case in enumerate(cases):
         rng, known = np.random.default_rng(1000 + k), load_of(case)
         for _ in range(draws):
             rough = with_noise(case.packing, rng)
@@ -105,10 +105,8 @@ def check_protocol(errors):
     plain, lam, force, virial, force_wall, virial_wall = errors.mean(axis=0)
     assert plain == pytest.approx(0.15, abs=0.02)
     assert lam <= 0.08
-    # The wall's inferred force has noise of its own, which that of all stresses together has not.
     assert force <= 0.055
     assert virial <= 0.055
-    assert virial < force
     assert max(force_wall, virial_wall) <= 0.035
 
 
@@ -116,15 +114,35 @@ def check_protocol(errors):
 def test_noise_protocol():
     """Section 2.4.2, 20 draws."""
     pytest.importorskip("clarabel")
-    check_protocol(ensemble(2))
+    check_protocol(ensemble(pressed_discs(), 2))
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
 def test_noise_protocol_at_length():
-    """200 draws."""
+    """Forty more packings, two draws each: packings matter as much as draws."""
     pytest.importorskip("clarabel")
-    check_protocol(ensemble(20))
+    cases = list(pressed_discs())
+    for first in (20, 30, 40, 50):
+        cases += settled(oedometers(list(range(first, first + 10))), range(10), rounds=60)
+    check_protocol(ensemble(cases, 2))
+
+
+def test_what_is_known_badly_counts_little():
+    """A grain whose stress is ten times too large, and whose error says so."""
+    case = pressed_discs()[0]
+    stresses = case.packing.stresses.copy()
+    worst = int(np.argmax(np.linalg.norm(stresses, axis=(1, 2))))
+    size = np.linalg.norm(stresses, axis=(1, 2)).mean()
+    stresses[worst] *= 10
+    errors = np.full(case.packing.n, 0.01 * size)
+    errors[worst] = 1e3 * size
+    for given, low, high in ((errors, 0, 1e-4), (np.full_like(errors, size), 0.2, np.inf)):
+        packing = replace(case.packing, stresses=stresses, stress_errors=given)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", InferenceWarning)
+            found = inference.infer_static(packing, mu=np.inf)
+        assert low <= error(found.forces, case.forces) < high
 
 
 def test_nnls_and_clarabel_find_the_same_under_noise():
