@@ -19,8 +19,10 @@ __all__ = [
     "Elastic",
     "Material",
     "MuI",
+    "couette_beads",
     "glass_beads",
     "glass_beads_5mm",
+    "grc_1",
     "silo_grains",
 ]
 
@@ -358,3 +360,15 @@ silo_grains = NGF(
 )  # fmt: skip
 """Grains of the clogging silos of Dunatunga & Kamrin, "Modeling silo clogging", section 7; d is as
 wide as their opening."""
+
+couette_beads = NGF(
+    E=90 / 31 * 1e6, nu=14 / 31, mu_s=0.3819, mu_2=0.6435, rho_s=2550.0, rho_c=0.645 * 2550.0,
+    I0=0.278, A=0.48, t0=1e-4, d=4e-3, rheology="linear", elasticity="hencky",
+)  # fmt: skip
+"""Beads between cylinders of Haeri & Skonieczny 2021, table 1: S = 1, B = 10 MPa, 64.5 % full."""
+
+grc_1 = NGF(
+    E=15e6, nu=0.3, mu_s=0.70, mu_2=0.96, rho_s=2583.0, rho_c=0.67 * 2583.0,
+    I0=0.278, A=0.48, t0=1e-4, d=3e-4, rheology="linear", elasticity="hencky",
+)  # fmt: skip
+"""Soil simulant GRC-1 of Haeri & Skonieczny 2021, table 1 (S = 5.8, B = 12.5 MPa), 67 % full."""

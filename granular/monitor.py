@@ -82,7 +82,8 @@ class Monitor:
         bulk = Bulk(state, packed=PACKED)
         material = state.scene.material
         before = work = created = np.nan
-        if self._before is not None:
+        # What bodies do to the material is not in the account.
+        if self._before is not None and not state.scene.bodies:
             before, work, created = _account(self._before, state)
         row = {
             "disconnected": bulk.disconnected() if material.granular else np.nan,

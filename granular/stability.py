@@ -251,7 +251,7 @@ def _slope(scene: Scene) -> str | None:
 def _grains(scene: Scene) -> str | None:
     """Of a local law: a nonlocal one has the size of the grains in it."""
     d = getattr(scene.material, "d", None)
-    if d is None or scene.grid.cell >= d or scene.material.law == "ngf":
+    if d is None or scene.grid.cell >= d or scene.material.has_fluidity:
         return None
     return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: no continuum is there"
 

@@ -122,7 +122,8 @@ def _dimension(asked: _Asked) -> Advice:
     if asked.name == "incline":
         return _columns(asked)
     if called.get("half", False):
-        return asked.advice("dimension", "In the plane, and half by symmetry: all there is.")
+        where = "In the plane, and half" if scene.dim == 2 else "Half"
+        return asked.advice("dimension", f"{where} by symmetry: all there is.")
     if called.get("quarter", False):
         reason = "A quarter by symmetry. It spreads in two directions: the plane is another flow."
         return asked.advice("dimension", reason)

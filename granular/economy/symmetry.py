@@ -88,6 +88,8 @@ class _Mirror:
 def obstacle(scene: Scene) -> str:
     """Why a scene is not its own mirror image about the middle of its grid; "" if it is."""
     grid, mirror = scene.grid, _Mirror(scene)
+    if scene.bodies:
+        return "what its bodies do is not looked at"
     if grid.periodic[0]:
         return "the domain is periodic along x"
     if grid.shape[0] % 2:

@@ -21,6 +21,7 @@ from granular.measure.bulk import (
     gap_fraction,
     ill_posed_fraction,
 )
+from granular.measure.cylinder import CylinderProfile, cylinder_profile
 from granular.measure.discharge import (
     BeverlooFit,
     Discharge,
@@ -66,6 +67,16 @@ from granular.measure.profiles import (
 )
 from granular.measure.silo_flow import FlowVerdict, SiloHistory, flow_verdict, silo_history
 from granular.measure.stress import friction
+from granular.measure.tools import (
+    FailureSurface,
+    StrainHistory,
+    ToolForce,
+    WheelHistory,
+    failure_surface,
+    strain_history,
+    tool_force,
+    wheel_history,
+)
 from granular.measure.velocity_slices import (
     GaussianFit,
     VelocitySlices,
@@ -80,9 +91,11 @@ __all__ = [
     "BodyMotion",
     "CellField",
     "Contour",
+    "CylinderProfile",
     "Discharge",
     "Energy",
     "EnergyBudget",
+    "FailureSurface",
     "FlowThreshold",
     "FlowVerdict",
     "GaussianFit",
@@ -95,9 +108,12 @@ __all__ = [
     "Runout",
     "SiloHistory",
     "StepBudget",
+    "StrainHistory",
     "StressFreeError",
     "Surface",
+    "ToolForce",
     "VelocitySlices",
+    "WheelHistory",
     "arch_outline",
     "beverloo",
     "body_force",
@@ -107,12 +123,14 @@ __all__ = [
     "cell_density_percentile",
     "centre_line_pressure",
     "contours",
+    "cylinder_profile",
     "density_drift",
     "depth_average",
     "discharge",
     "disconnected_fraction",
     "energy",
     "energy_budget",
+    "failure_surface",
     "flow_threshold",
     "flow_verdict",
     "frame_average",
@@ -139,8 +157,11 @@ __all__ = [
     "speed_contours",
     "speed_percentile",
     "step_budget",
+    "strain_history",
     "stress_free_error",
     "surface",
+    "tool_force",
     "velocity_profile",
     "velocity_slices",
+    "wheel_history",
 ]

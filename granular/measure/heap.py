@@ -96,6 +96,7 @@ def surface(
     region: tuple[float, float] | None = None,
     above: float | None = None,
     below: float | None = None,
+    along: str = "radius",
 ) -> Surface:
     """The free surface over the columns of cells (plane) or over rings about the axis (3D).
 
@@ -107,6 +108,9 @@ def surface(
     above, below : float, optional
         Keep the points with elevations from `above` to `below` [m]: the crater or the lower heap
         of an hourglass. Heights then count from `above`, else from the floor of the grid.
+    along : {"radius", "x"}
+        What tells columns apart in space: "x" takes them across the whole of the grid, for heaps
+        between parallel walls. The plane knows x only.
 
     Returns
     -------
@@ -119,13 +123,14 @@ def surface(
     """
     require_points(state)
     grid = state.scene.grid
-    plane = len(grid.shape) == 2
-    abscissa = np.asarray(state.x)[:, 0] if plane else _distance(state, 0.0)
-    low = grid.lower[0] if plane else 0.0
+    straight = one_of("along", along, ("radius", "x")) == "x" or len(grid.shape) == 2
+    abscissa = np.asarray(state.x)[:, 0] if straight else _distance(state, 0.0)
+    low = grid.lower[0] if straight else 0.0
     keep = _selected(state, abscissa, region, above, below)
     base = float(grid.lower[-1] if above is None else above)
-    count = grid.shape[0] if plane else _ring_count(abscissa, grid.cell)
-    measure = np.full(count, grid.cell) if plane else _ring_measure(state, count, 0.0)
+    count = grid.shape[0] if straight else _ring_count(abscissa, grid.cell)
+    across = grid.cell * grid.shape[1] if len(grid.shape) == 3 else 1.0
+    measure = np.full(count, grid.cell * across) if straight else _ring_measure(state, count, 0.0)
     return _columns(state, abscissa, keep, low=low, base=base, measure=measure)
 
 
@@ -174,6 +179,7 @@ def repose_angle(
     region: tuple[float, float] | None = None,
     above: float | None = None,
     below: float | None = None,
+    along: str = "radius",
     window: int = WINDOW,
 ) -> Repose:
     """The slope of a heap or crater, by the highest point of each column of cells.
@@ -191,6 +197,8 @@ def repose_angle(
         the mean of both (and the larger of their steepest pieces).
     region, above, below
         As in `surface`, for a heap or crater that does not stand alone.
+    along : {"radius", "x"}
+        As in `surface`.
     window : int
         Columns of the steepest piece, >= 3. Where the highest points lie in their columns is
         chance: with n points per cell a piece of w columns is off by about
@@ -208,7 +216,7 @@ def repose_angle(
     """
     one_of("side", side, ("auto", "left", "right", "both"))
     integer("window", window, 3)
-    top = surface(state, region=region, above=above, below=below)
+    top = surface(state, region=region, above=above, below=below, along=along)
     slopes = {name: _downhill(top, name) for name in ("left", "right")}
     if side == "auto":
         side = max(("right", "left"), key=lambda name: len(slopes[name]))

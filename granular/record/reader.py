@@ -91,6 +91,15 @@ class Trajectory:
         columns = [told[name] for name in body_names(count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
+    def write_bodies(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
+        """Write the surfaces of the bodies at these frames, for ParaView.
+
+        See `granular.record.surfaces.write_bodies`.
+        """
+        from granular.record.surfaces import write_bodies  # a record needs no bodies
+
+        return write_bodies(self, path, overwrite=overwrite)
+
     def health(self) -> "Health":
         """What the looks at these frames say of the run."""
         from granular.monitor import health  # a record needs no more of the package than a reader

@@ -13,28 +13,39 @@ from granular.scene import Scene
 from granular.scenes.chute_ngf import chute_ngf
 from granular.scenes.clogging_silo import clogging_silo
 from granular.scenes.column_collapse import column_collapse
+from granular.scenes.couette import couette
 from granular.scenes.cylinder_collapse import cylinder_collapse
+from granular.scenes.excavation import excavation
+from granular.scenes.excavator import excavator
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import incline
 from granular.scenes.silo import silo
+from granular.scenes.silo_3d import silo_3d
 from granular.scenes.slug import slug
+from granular.scenes.wheel import wheel
 
 __all__ = [
     "chute_ngf",
     "clogging_silo",
     "column_collapse",
+    "couette",
     "cylinder_collapse",
+    "excavation",
+    "excavator",
     "hourglass",
     "incline",
     "names",
     "registry",
     "silo",
+    "silo_3d",
     "slug",
+    "wheel",
 ]
 
 _FUNCTIONS = (
     *(column_collapse, silo, hourglass, incline, slug, cylinder_collapse),
     *(chute_ngf, clogging_silo),
+    *(silo_3d, couette, excavation, wheel, excavator),
 )
 
 registry: Mapping[str, Callable[..., Scene]] = MappingProxyType(

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 from granular.checks import non_negative, positive
+from granular.schemes import Fluidity, Scheme
 from granular.walls import Gravity
 
 ROUND_OFF = 1e-9
@@ -12,6 +15,16 @@ ROUND_OFF = 1e-9
 
 HEADROOM = 4
 """Empty cells above the initial surface of scenes whose material only falls."""
+
+kindled = Scheme(fluidity=Fluidity(least=1e-6, kindling=True))
+"""What scenes of Haeri & Skonieczny 2021 are run with: what comes to rest can flow again (their
+code begins with a fluidity of 1 1/s), and points that become dense again have that of eq. 23."""
+
+
+def called_with(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Of the arguments of a scene function those that are not parts of the scene by name."""
+    parts = ("duration", "material", "scheme", "seed")
+    return {name: value for name, value in arguments.items() if name not in parts}
 
 
 def whole_cells(name: str, length: object, cell: float) -> int:

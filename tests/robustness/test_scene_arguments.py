@@ -26,6 +26,20 @@ NUMBERS = {
         "gravity",
         "duration",
     ],
+    "silo_3d": ["length", "height", "width", "slot", "cell", "gravity", "duration"],
+    "couette": ["inner", "outer", "height", "pressure", "cell", "gravity", "duration"],
+    "excavation": [
+        *("depth", "travel", "speed", "dive_speed", "length", "width", "soil", "headroom"),
+        *("start", "ramp", "cell", "gravity", "duration"),
+    ],
+    "wheel": [
+        *("load", "diameter", "tread", "omega", "length", "width", "soil", "headroom"),
+        *("start", "ramp", "cell", "gravity", "duration"),
+    ],
+    "excavator": [
+        *("thickness", "depth", "speed", "length", "width", "soil", "headroom"),
+        *("start", "ramp", "cell", "gravity", "duration"),
+    ],
 }
 CASES = [(name, argument) for name, arguments in NUMBERS.items() for argument in arguments]
 
@@ -113,6 +127,25 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("clogging_silo", {"orifice": 0.63}, ValueError, "orifice = 0.63 must be less than width"),
         ("clogging_silo", {"absorber": math.nan}, ValueError, "nan"),
         ("cylinder_collapse", {"lip": 0.1}, ValueError, "lip = 0.1 must not be less than radius"),
+        ("silo_3d", {"slot": 0.25}, ValueError, "slot = 0.25 must be less than length = 0.25"),
+        ("silo_3d", {"slot": 0.02}, ValueError, "slot = 0.02 must be a whole number of cells"),
+        ("couette", {"outer": 0.11}, ValueError, "outer = 0.11 must exceed inner = 0.0999 by 4"),
+        ("couette", {"overlap": 1.5}, ValueError, "overlap = 1.5"),
+        ("couette", {"omega": math.inf}, ValueError, "omega = inf"),
+        ("excavation", {"depth": 0.15}, ValueError, "depth = 0.15 must be less than soil = 0.15"),
+        ("excavation", {"travel": 1.3}, ValueError, "must be less than length = 1.6"),
+        ("excavation", {"ramp": 0.25}, ValueError, "ramp = 0.25 must be less than the shortest"),
+        ("excavation", {"blade": (0.01, 0.8, 0.4)}, ValueError, r"blade\[1\] = 0.8 must be <="),
+        ("excavation", {"rake_deg": 61.0}, ValueError, "rake_deg = 61.0"),
+        ("excavation", {"half": 1}, TypeError, "half = 1 must be True or False"),
+        ("wheel", {"slip": 1.0}, ValueError, r"slip = 1.0 must be in \[0.0, 1.0\)"),
+        ("wheel", {"slip": -0.1}, ValueError, "slip = -0.1"),
+        ("wheel", {"start": 0.1}, ValueError, "start = 0.1 must keep the wheel"),
+        ("wheel", {"duration": 50.0}, ValueError, "it goes to"),
+        ("wheel", {"tread": 0.2}, ValueError, "tread = 0.2 must be <= width"),
+        ("excavator", {"duration": 2.0}, ValueError, "duration = 2.0 must exceed"),
+        ("excavator", {"bucket": (0.31, 0.04, 0.41)}, ValueError, "bucket = .* must exceed two"),
+        ("excavator", {"tilt_deg": (math.nan, 0.0)}, ValueError, r"tilt_deg\[0\]"),
     ],
 )
 def test_arguments_that_contradict(name, arguments, error, message):

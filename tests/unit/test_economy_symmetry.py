@@ -83,3 +83,11 @@ def test_a_block_across_the_plane_is_cut():
     whole = full_silo(walls=(*blocks, Solid((0.4, 0.2), (0.5, 0.3))))
     kept = [wall for wall in gr.economy.half(whole).walls if isinstance(wall, Solid)]
     assert [block.lower[0] for block in kept] == [0.0, 0.4]
+
+
+def test_bodies_are_no_mirror_images():
+    """A wheel that rolls, a cylinder that turns."""
+    for scene in (gr.scenes.wheel(), gr.scenes.couette(cell=0.02)):
+        assert gr.economy.advise(scene).about("dimension").changes == {}
+        with pytest.raises(ValueError, match=r"cannot be halved: .* bodies"):
+            gr.economy.half(scene)

@@ -106,6 +106,18 @@ def test_a_run_looks_unless_told_not_to(scene, often):
     assert gr.Simulation(scene, threads=1).health().looks == 0
 
 
+def test_work_of_bodies_is_in_no_account(scene, often):
+    """A disc that falls into the layer brings energy: that is not said to come from nowhere."""
+    disc = gr.bodies.Cylinder(0.1, center=(0.0, 0.0))
+    motion = gr.bodies.Motion(velocity=((0.0, -1.0),))
+    x, y = scene.grid.lower[0] + 0.2, scene.grid.lower[1] + 0.45
+    sim = gr.Simulation(scene.replace(bodies=(gr.bodies.Body(disc, (x, y), motion=motion),)))
+    sim.run(until=0.1, every=0.02)
+    assert np.linalg.norm(sim.bodies[0].impulse) > 0
+    assert sim.health()["energy_created"].verdict == "unknown"
+    assert sim.health()["courant"].verdict == "sound"
+
+
 def test_a_step_alone_needs_no_run(scene):
     sim = gr.Simulation(scene, threads=1)
     sim.step(20)

@@ -45,6 +45,11 @@ def test_registry_holds_keyword_only_functions():
         "cylinder_collapse",
         "chute_ngf",
         "clogging_silo",
+        "silo_3d",
+        "couette",
+        "excavation",
+        "wheel",
+        "excavator",
     )
     for name, function in scenes.registry.items():
         assert getattr(scenes, name) is function
@@ -53,7 +58,9 @@ def test_registry_holds_keyword_only_functions():
         assert {"material", "scheme", "seed", "jitter"} <= {p.name for p in parameters}
 
 
-NONLOCAL = ("chute_ngf", "clogging_silo")
+NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
+COARSE = {"couette": {"cell": 0.02}, "excavation": {"cell": 0.025}}
+"""Cells of the scenes that have very many by default."""
 
 
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
@@ -64,7 +71,8 @@ def test_every_scene_is_whole(name, basis):
         with pytest.raises(ValueError, match='"ugimp" must be "linear" or "quadratic"'):
             make(scheme=schemes.Scheme(basis=basis))
         return
-    scene = make(scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7)
+    coarse = COARSE.get(name, {})
+    scene = make(scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7, **coarse)
     assert Scene.from_json(scene.to_json()) == scene
     grains = inspect.signature(make).parameters["material"].default
     assert (grains is materials.glass_beads) == (name not in NONLOCAL)

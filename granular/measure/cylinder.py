@@ -1,0 +1,150 @@
+"""Flow about an upright axis: velocity by the distance from it."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular.checks import finite, vector
+from granular.measure.lattice import Array
+from granular.measure.opening import each_state
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CylinderProfile:
+    """Turning of the material in rings about an axis; nan in rings without points.
+
+    Attributes
+    ----------
+    r : ndarray, shape (k,)
+        Mean distance of the points of a ring from the axis [m].
+    omega : ndarray, shape (k,)
+        Angular velocity, counter-clockwise positive [rad/s].
+    speed : ndarray, shape (k,)
+        ``r omega`` [m/s].
+    spread : ndarray, shape (k,)
+        Standard deviation of the angular velocities in a ring [rad/s].
+    radial : ndarray, shape (k,)
+        Mean velocity outwards [m/s]: none in steady flow.
+    mass : ndarray, shape (k,)
+        Mean over the intervals between frames [kg].
+    intervals : int
+    """
+
+    r: Array
+    omega: Array
+    speed: Array
+    spread: Array
+    radial: Array
+    mass: Array
+    intervals: int
+
+
+def cylinder_profile(
+    states: Any,
+    *,
+    edges: ArrayLike | None = None,
+    above: float | None = None,
+    below: float | None = None,
+    axis: tuple[float, float] = (0.0, 0.0),
+) -> CylinderProfile:
+    """Mean angular velocity about an upright axis in rings, by mass.
+
+    The velocity about the axis over that of the inner cylinder is what figure 9 of Haeri &
+    Skonieczny 2021 shows, at the top surface. Velocities are those by which points have come from
+    one frame to the next: the velocity that a point stores is that of the grid only up to what
+    its transfer keeps besides, a sixth of it next to a sticky wall.
+
+    Parameters
+    ----------
+    states : iterable of State
+        At least two, in the order of time, between which no point turns by half a circle.
+    edges : array_like, shape (k + 1,), optional
+        Radii between rings [m], ascending, >= 0; by default cells wide, between the scene's
+        parameters ``inner`` and ``outer``.
+    above, below : float, optional
+        Take points that are from `above` to `below` along the last axis at the later frame [m],
+        in space alone.
+    axis : (x, y)
+        Where the axis is [m].
+
+    Returns
+    -------
+    CylinderProfile
+
+    Raises
+    ------
+    ValueError
+        If there are less than two states, times do not ascend, no point is in a ring, or the edges
+        do not ascend.
+    """
+    states = list(each_state(states))
+    if len(states) < 2:
+        raise ValueError("states has 1 frame, at least 2 are needed")
+    bounds = _edges(states[0], edges)
+    centre = np.array(vector("axis", axis, 2))
+    low = -np.inf if above is None else finite("above", above)
+    high = np.inf if below is None else finite("below", below)
+    sums = np.zeros((5, len(bounds) - 1))
+    for before, after in pairwise(states):
+        r, omega, outward, kept = _turned(before, after, centre)
+        keep = (r >= bounds[0]) & (r < bounds[-1]) & (r > 0)
+        if after.x.shape[1] == 3:
+            up = np.asarray(after.x)[kept, 2]
+            keep &= (up >= low) & (up < high)
+        m = np.asarray(after.mass, dtype=float)[kept][keep]
+        r, omega, outward = r[keep], omega[keep], outward[keep]
+        ring = np.searchsorted(bounds, r, side="right") - 1
+        parts = (m, m * r, m * omega, m * omega**2, m * outward)
+        for total, part in zip(sums, parts, strict=True):
+            total += np.bincount(ring, weights=part, minlength=len(total))
+    if not sums[0].any():
+        raise ValueError(f"no point from {bounds[0]} to {bounds[-1]} m of the axis {axis}")
+    return _profile(sums, len(states) - 1)
+
+
+def _turned(before: Any, after: Any, centre: Array) -> tuple[Array, Array, Array, Array]:
+    """Radius, angular velocity, radial velocity of the points of both, and where these are in
+    the later one."""
+    span = after.time - before.time
+    if not span > 0:
+        raise ValueError(f"states at {before.time} and {after.time} s: times must ascend")
+    _, here, there = np.intersect1d(before.id, after.id, return_indices=True)
+    (x0, y0), (x1, y1) = (
+        (np.asarray(state.x, dtype=float)[places, :2] - centre).T
+        for state, places in ((before, here), (after, there))
+    )
+    angle = np.arctan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1)
+    r = np.hypot(x1, y1)
+    return r, angle / span, (r - np.hypot(x0, y0)) / span, there
+
+
+def _profile(sums: Array, intervals: int) -> CylinderProfile:
+    mass = np.where(sums[0] > 0, sums[0], np.nan)
+    r, omega, square, outward = sums[1:] / mass
+    return CylinderProfile(
+        r=r,
+        omega=omega,
+        speed=r * omega,
+        spread=np.sqrt(np.maximum(square - omega**2, 0.0)),
+        radial=outward,
+        mass=sums[0] / intervals,
+        intervals=intervals,
+    )
+
+
+def _edges(state: Any, edges: ArrayLike | None) -> Array:
+    if edges is not None:
+        bounds = np.asarray(edges, dtype=float)
+        rising = bounds.ndim == 1 and len(bounds) > 1 and np.all(np.diff(bounds) > 0)
+        if not (rising and bounds[0] >= 0):
+            raise ValueError(f"edges = {edges!r} must be ascending radii >= 0, at least 2 of them")
+        return bounds
+    known = state.scene.parameters
+    if "inner" not in known or "outer" not in known:
+        raise ValueError("edges = None: the scene has no parameters inner and outer, give radii")
+    inner, outer = known["inner"], known["outer"]
+    rings = max(round((outer - inner) / state.scene.grid.cell), 1)
+    return np.linspace(inner, outer, rings + 1)

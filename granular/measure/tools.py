@@ -1,0 +1,324 @@
+"""Tools in soil: what they feel, how deep a wheel sinks, where the soil fails before a blade."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.checks import finite, in_range, positive
+from granular.measure.body import body_force, body_motion
+from granular.measure.lattice import require_points
+from granular.measure.opening import each_state
+
+if TYPE_CHECKING:
+    from granular.record.reader import Trajectory
+
+__all__ = [
+    "FailureSurface",
+    "StrainHistory",
+    "ToolForce",
+    "WheelHistory",
+    "failure_surface",
+    "strain_history",
+    "tool_force",
+    "wheel_history",
+]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ToolForce:
+    """Force on a tool that goes along x, averaged between frames.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        Middles of the windows [s].
+    position : ndarray, shape (k, 3)
+        Of the body there [m].
+    forward : ndarray, shape (k,)
+        What it takes to push it, minus the force of the material along x [N].
+    lateral, vertical : ndarray, shape (k,)
+        Force of the material along y and z [N]; none along y on a tool cut in half.
+    """
+
+    times: Array
+    position: Array
+    forward: Array
+    lateral: Array
+    vertical: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WheelHistory:
+    """What a wheel did and felt, averaged between frames.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        Middles of the windows [s].
+    drawbar_pull : ndarray, shape (k,)
+        Force of the material along x, with which the wheel could pull [N].
+    load : ndarray, shape (k,)
+        Force of the material upwards [N]: that on the axle where the wheel neither rises nor sinks.
+    torque : ndarray, shape (k,)
+        That drives it [N m].
+    sinkage : ndarray, shape (k,)
+        Of its lowest line below where it began [m].
+    """
+
+    times: Array
+    drawbar_pull: Array
+    load: Array
+    torque: Array
+    sinkage: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FailureSurface:
+    """The lowest moving material, column by column; nan where nothing moves.
+
+    Attributes
+    ----------
+    x : ndarray, shape (k,)
+        Middles of the columns [m].
+    z : ndarray, shape (k,)
+        Lower end of the lowest cell that moves and is joined to the surface by cells that move [m].
+    top : ndarray, shape (k,)
+        Upper end of the highest cell with material [m]; nan in empty columns.
+    speed : float
+        From which on a cell counts as moving [m/s].
+    """
+
+    x: Array
+    z: Array
+    top: Array
+    speed: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StrainHistory:
+    """Elastic strain of the dense material by time, by mass.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        [s].
+    volumetric : ndarray, shape (k,)
+        Mean compression ln(rho/rho_c).
+    deviatoric : ndarray, shape (k,)
+        Mean norm sqrt(h:h) of the deviator of the logarithmic strain.
+    norm, deviation : ndarray, shape (k,)
+        Mean norm of the whole strain, and its standard deviation.
+    """
+
+    times: Array
+    volumetric: Array
+    deviatoric: Array
+    norm: Array
+    deviation: Array
+
+
+def tool_force(record: Trajectory, body: int = 0, *, window: int = 1) -> ToolForce:
+    """Forward, lateral and vertical force on a tool (Haeri & Skonieczny 2021, figure 13).
+
+    Twice what is recorded if the parameter ``half`` of the scene is true.
+
+    Parameters
+    ----------
+    record : Trajectory
+        Of a scene in space.
+    body, window : int
+        As in `granular.measure.body_force`.
+
+    Returns
+    -------
+    ToolForce
+
+    Raises
+    ------
+    ValueError
+        As `body_force`; also in the plane.
+    """
+    _in_space(record)
+    felt = body_force(record, body, window=window)
+    half = bool(record.scene.parameters.get("half", False))
+    force = felt.force * (1 + half)
+    return ToolForce(
+        times=felt.times,
+        position=_at(felt.times, body_motion(record, body)),
+        forward=-force[:, 0],
+        lateral=force[:, 1] * (not half),
+        vertical=force[:, 2],
+    )
+
+
+def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> WheelHistory:
+    """Drawbar pull, load and sinkage of a wheel (Haeri & Skonieczny 2021, figure 18).
+
+    Parameters
+    ----------
+    record : Trajectory
+        Of a wheel that rolls along x, with its axle along y.
+    body, window : int
+        As in `granular.measure.body_force`.
+
+    Returns
+    -------
+    WheelHistory
+
+    Raises
+    ------
+    ValueError
+        As `body_force`; also in the plane.
+    """
+    _in_space(record)
+    felt = body_force(record, body, window=window)
+    motion = body_motion(record, body)
+    return WheelHistory(
+        times=felt.times,
+        drawbar_pull=felt.force[:, 0],
+        load=felt.force[:, 2],
+        torque=-felt.torque[:, 1],
+        sinkage=motion.position[0, 2] - _at(felt.times, motion)[:, 2],
+    )
+
+
+def failure_surface(
+    states: Any,
+    *,
+    speed: float,
+    share: float = 0.1,
+    span: tuple[float, float] | None = None,
+) -> FailureSurface:
+    """Where the soil that moves with a blade parts from that at rest (figure 14).
+
+    Cells of a slice along x and z move if their mean speed, by mass, over all frames and over y,
+    is at least a share of that of the blade.
+
+    Parameters
+    ----------
+    states : State or iterable of State
+        In space.
+    speed : float
+        Of the blade [m/s].
+    share : float
+        0 to 1, ends excluded.
+    span : (low, high), optional
+        Of the slice along y [m]; by default all.
+
+    Returns
+    -------
+    FailureSurface
+
+    Raises
+    ------
+    ValueError
+        For states in the plane, without points, or with none in the slice.
+    """
+    limit = positive("speed", speed) * in_range(
+        "share", share, 0.0, 1.0, open_low=True, open_high=True
+    )
+    states = list(each_state(states))
+    grid = states[0].scene.grid
+    if len(grid.shape) != 3:
+        raise ValueError(f"states have {len(grid.shape)} dimensions, must have 3")
+    low, high = (-np.inf, np.inf) if span is None else (finite("span", v) for v in span)
+    shape = (grid.shape[0], grid.shape[2])
+    mass, flow = np.zeros(shape), np.zeros(shape)
+    for state in states:
+        require_points(state)
+        x = np.asarray(state.x, dtype=float)
+        keep = (x[:, 1] >= low) & (x[:, 1] < high)
+        cell = np.floor((x[keep] - grid.lower) / grid.cell).astype(int)
+        place = tuple(np.clip(cell[:, axis], 0, grid.shape[axis] - 1) for axis in (0, 2))
+        m = np.asarray(state.mass, dtype=float)[keep]
+        np.add.at(mass, place, m)
+        np.add.at(flow, place, m * np.linalg.norm(state.v[keep], axis=1))
+    if not mass.any():
+        raise ValueError(f"no point in span = {span}")
+    filled = mass > 0
+    moving = filled & (flow >= limit * mass)
+    highest = shape[1] - 1 - np.argmax(filled[:, ::-1], axis=1)
+    lowest = np.full(shape[0], -1)
+    for column in np.flatnonzero(filled.any(axis=1)):
+        below = np.flatnonzero(~moving[column, : highest[column] + 1])
+        lowest[column] = below[-1] + 1 if len(below) else 0
+    base = grid.lower[2]
+    found = filled.any(axis=1) & (lowest <= highest)
+    return FailureSurface(
+        x=grid.lower[0] + grid.cell * (np.arange(shape[0]) + 0.5),
+        z=np.where(found, base + grid.cell * lowest, np.nan),
+        top=np.where(filled.any(axis=1), base + grid.cell * (highest + 1), np.nan),
+        speed=limit,
+    )
+
+
+def strain_history(states: Any) -> StrainHistory:
+    """Elastic strain of Hencky materials (Haeri & Skonieczny 2021, figure 6).
+
+    Found from what is stored: the Kirchhoff stress is rho_c/rho times the stress, its deviator
+    2 G h. Plastic flow keeps the volume in each step, so that det F^p, figure 7, is 1 to
+    round-off and needs no history; `granular.measure.density_drift` tells how far the density of
+    the points is from the room that they take.
+
+    Parameters
+    ----------
+    states : State, iterable of State, or Trajectory
+
+    Returns
+    -------
+    StrainHistory
+        nan where nothing is dense.
+
+    Raises
+    ------
+    ValueError
+        If the elasticity is not Hencky's.
+    """
+    rows, times = [], []
+    for state in each_state(states):
+        material = state.scene.material
+        if material.elasticity != "hencky":
+            raise ValueError(f'elasticity = {material.elasticity!r} must be "hencky"')
+        dense = state.dense
+        times.append(state.time)
+        if not dense.any():
+            rows.append([np.nan] * 4)
+            continue
+        compression = state.log_density[dense]
+        kirchhoff = state.tau[dense] * np.exp(-compression)
+        deviatoric = kirchhoff / (np.sqrt(2) * material.G)
+        norm = np.hypot(deviatoric, compression / np.sqrt(3))
+        m = state.mass[dense]
+        mean = np.average(norm, weights=m)
+        rows.append(
+            [
+                np.average(compression, weights=m),
+                np.average(deviatoric, weights=m),
+                mean,
+                np.sqrt(np.average((norm - mean) ** 2, weights=m)),
+            ]
+        )
+    volumetric, deviatoric, norm, deviation = np.array(rows).T
+    return StrainHistory(
+        times=np.array(times),
+        volumetric=volumetric,
+        deviatoric=deviatoric,
+        norm=norm,
+        deviation=deviation,
+    )
+
+
+def _in_space(record: Trajectory) -> None:
+    if record.scene.dim != 3:
+        raise ValueError(f"record = {record!r} must be one in space")
+
+
+def _at(times: Array, motion: Any) -> Array:
+    """Position of the body at these times, linear between frames."""
+    return np.stack([np.interp(times, motion.times, x) for x in motion.position.T], axis=1)

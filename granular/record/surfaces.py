@@ -1,0 +1,169 @@
+"""Surfaces of the rigid bodies of a record, as a file that ParaView opens beside the record."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from granular.bodies import split
+from granular.body_shapes import BOX, CYLINDER
+from granular.record.layout import LIBVER, TOPOLOGIES
+from granular.record.merge import VTKHDF_VERSION
+
+if TYPE_CHECKING:
+    from granular.record.reader import Trajectory
+
+__all__ = ["write_bodies"]
+
+Array = NDArray[np.float64]
+Mesh = tuple[Array, list[tuple[int, ...]]]
+"""Vertices (n, 3), and polygons by their numbers."""
+
+SIDES = 64
+"""Of the prism that stands for a cylinder."""
+SKIN = 0.02
+"""Thickness of what is drawn of endless solids in the plane, in sizes of the grid."""
+
+_FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+
+
+def write_bodies(
+    record: Trajectory, path: str | os.PathLike[str], *, overwrite: bool = False
+) -> Path:
+    """Write the surfaces of all bodies at all frames, as VTKHDF PolyData.
+
+    The times are those of the record, which ParaView opens by itself (its points): open both.
+    Cell data "body" tells bodies apart. Cylinders are prisms of 64 sides; what has no end ends
+    a size of the grid away; in the plane surfaces are flat.
+
+    Parameters
+    ----------
+    record : Trajectory
+    path : path
+        Usually ending in ``.vtkhdf``.
+    overwrite : bool
+        Whether a file that exists may be replaced.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ValueError
+        If the scene has no bodies, or the record no frames.
+    FileExistsError
+        If the file exists and `overwrite` is not set.
+    """
+    scene = record.scene
+    if not scene.bodies or not len(record):
+        raise ValueError(f"record = {record!r} must have bodies and frames")
+    grid = scene.grid
+    size = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
+    meshes = [_joined([_mesh(row, grid.dim, size) for row in b.shape.rows()]) for b in scene.bodies]
+    poses = [split(record.bodies[:, k], 3) for k in range(len(meshes))]
+    points = np.concatenate(
+        [_placed(mesh[0], pose) for mesh, pose in zip(meshes, poses, strict=True)], axis=1
+    )
+    polygons = _joined(meshes)[1]
+    owner = np.repeat(np.arange(len(meshes)), [len(mesh[1]) for mesh in meshes])
+    path = Path(path)
+    with h5py.File(path, "w" if overwrite else "x", libver=LIBVER) as file:
+        _write(file.create_group("VTKHDF"), record.times, points, polygons, owner)
+    return path
+
+
+def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
+    """Vertices of a body at every frame, shape (frames, n, 3)."""
+    turn = Rotation.from_quat(pose["quaternion"][:, [1, 2, 3, 0]]).as_matrix()
+    return np.einsum("fij,nj->fni", turn, vertices) + pose["position"][:, None]
+
+
+def _joined(meshes: list[Mesh]) -> Mesh:
+    polygons, before = [], 0
+    for vertices, faces in meshes:
+        polygons += [tuple(before + i for i in face) for face in faces]
+        before += len(vertices)
+    return np.concatenate([vertices for vertices, _ in meshes]), polygons
+
+
+def _mesh(row: Array, dim: int, size: float) -> Mesh:
+    """Surface of a shape from its 17 numbers, in coordinates of its body."""
+    kind, inside, center, turn = row[0], bool(row[1]), row[2:5], row[5:14].reshape(3, 3)
+    half = np.where(np.isfinite(row[14:17]), row[14:17], size)
+    if kind == BOX:
+        vertices, faces = _box(half, dim)
+    elif kind == CYLINDER:
+        vertices, faces = _cylinder(half[0], half[1], inside, dim, size)
+    else:  # the normal is the third axis
+        vertices, faces = _half_space(turn, dim, size)
+    return vertices @ turn.T + center, faces
+
+
+def _box(half: Array, dim: int) -> Mesh:
+    corners = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
+    if dim == 2:
+        return (corners * half)[:4] * [1, 1, 0], [_FACES[0]]
+    return corners * half, list(_FACES)
+
+
+def _cylinder(radius: float, half: float, inside: bool, dim: int, size: float) -> Mesh:
+    """About the third axis; of a drum the inner surface, in the plane a ring."""
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1) * radius
+    if dim == 2 and not inside:
+        return rim, [tuple(range(SIDES))]
+    if dim == 2:
+        lower, upper = rim, rim * (1 + SKIN * size / radius)
+    else:
+        end = np.array([0.0, 0.0, half])
+        lower, upper = rim - end, rim + end
+    after = np.roll(np.arange(SIDES), -1)
+    faces = [(i, int(j), SIDES + int(j), SIDES + i) for i, j in enumerate(after)]
+    if dim == 3 and not inside:
+        faces += [tuple(range(SIDES)), tuple(range(SIDES, 2 * SIDES))]
+    return np.concatenate([lower, upper]), faces
+
+
+def _half_space(turn: Array, dim: int, size: float) -> Mesh:
+    """A square of its face; in the plane a strip below it."""
+    if dim == 3:
+        corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+        return corners * size, [(0, 1, 2, 3)]
+    corners = np.array([[-1, 0, 0], [1, 0, 0], [1, 0, -SKIN], [-1, 0, -SKIN]], dtype=float)
+    if abs(turn[2, 1]) < abs(turn[2, 0]):  # of the axes about a normal one leaves the plane
+        corners = corners[:, [1, 0, 2]]
+    return corners * size, [(0, 1, 2, 3)]
+
+
+def _write(
+    vtk: h5py.Group, times: Array, points: Array, polygons: list[tuple[int, ...]], owner: Array
+) -> None:
+    frames, count = points.shape[:2]
+    vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
+    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
+    vtk["NumberOfPoints"] = np.full(frames, count, dtype="<i8")
+    vtk["Points"] = points.reshape(-1, 3)
+    corners = [len(polygon) for polygon in polygons]
+    for name in TOPOLOGIES:
+        group, filled = vtk.create_group(name), name == "Polygons"
+        group["NumberOfCells"] = np.full(frames, len(polygons) * filled, dtype="<i8")
+        group["NumberOfConnectivityIds"] = np.full(frames, sum(corners) * filled, dtype="<i8")
+        group["Connectivity"] = np.concatenate(polygons if filled else [[]]).astype("<i8")
+        group["Offsets"] = np.cumsum([0, *(corners if filled else ())], dtype="<i8")
+    vtk.create_group("CellData")["body"] = owner.astype("<i8")
+    steps = vtk.create_group("Steps")
+    steps.attrs["NSteps"] = frames
+    steps["Values"] = times
+    steps["PartOffsets"] = np.arange(frames, dtype="<i8")
+    steps["NumberOfParts"] = np.ones(frames, dtype="<i8")
+    steps["PointOffsets"] = count * np.arange(frames, dtype="<i8")
+    steps["CellOffsets"] = np.zeros((frames, len(TOPOLOGIES)), dtype="<i8")
+    steps["ConnectivityIdOffsets"] = steps["CellOffsets"]
+    steps.create_group("CellDataOffsets")["body"] = np.zeros(frames, dtype="<i8")

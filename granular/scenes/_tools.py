@@ -1,0 +1,97 @@
+"""What the scenes with tools in soil share: beds, and motions made of legs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from granular.bodies import Motion
+from granular.checks import positive
+from granular.geometry import Box, Fill, Grid
+from granular.scenes._build import whole_cells
+from granular.walls import Gravity, Wall
+
+THIN = 2.0
+"""Cells that a body must be thick, or material on its two sides would move as one."""
+
+Leg = tuple[float, tuple[float, ...], float]
+"""Duration [s], velocity [m/s], angular velocity about y [rad/s]."""
+
+
+def legs(parts: Sequence[Leg], ramp: float) -> Motion:
+    """Legs of constant velocity, one after another, that blend within `ramp` seconds.
+
+    A ramp is half in the leg before and half in that after it, so that each leg takes the body as
+    far as without ramps; the first and the last leg must be at rest.
+
+    Raises
+    ------
+    ValueError
+        If the ramps of a leg do not fit into it.
+    """
+    if not all(duration > ramp for duration, *_ in parts):
+        raise ValueError(
+            f"ramp = {ramp} must be less than the shortest part of the motion, "
+            f"{min(duration for duration, *_ in parts):.6g} s"
+        )
+    times, velocity, turning, now = [0.0], [parts[0][1]], [parts[0][2]], 0.0
+    for before, after in pairwise(parts):
+        now += before[0]
+        for end, (_, v, w) in ((now - ramp / 2, before), (now + ramp / 2, after)):
+            times.append(end)
+            velocity.append(v)
+            turning.append(w)
+    return Motion(
+        times=tuple(times),
+        velocity=tuple(velocity),
+        angular_velocity=tuple((0.0, w, 0.0) for w in turning),
+    )
+
+
+def thickness_of(name: str, thickness: float, cell: float) -> float:
+    """The thickness of a body, or the least that the grid can hold.
+
+    Material of one side shares nodes with that of the other where a body is thinner than
+    the reach of the splines.
+    """
+    return max(positive(name, thickness), THIN * cell)
+
+
+def bed(
+    *,
+    length: float,
+    width: float,
+    depth: float,
+    headroom: float,
+    cell: float,
+    points_per_cell: int,
+    jitter: float,
+    gravity: float,
+    start: float = 0.0,
+) -> dict:
+    """Grid, fill, walls and gravity of a level bed with its surface at z = 0.
+
+    x goes from `start` on, y from 0, with a rough floor and smooth sides.
+    """
+    cell = positive("cell", cell)
+    lengths = (("length", length), ("width", width), ("soil", depth))
+    n_x, n_y, n_z = (whole_cells(name, value, cell) for name, value in lengths)
+    n_up = whole_cells("headroom", headroom, cell)
+    x, y, z = n_x * cell, n_y * cell, -n_z * cell
+    return {
+        "grid": Grid((start, 0.0, z), cell, (n_x, n_y, n_z + n_up)),
+        "fills": (
+            Fill(
+                Box((start, 0.0, z), (start + x, y, 0.0)),
+                points_per_cell,
+                jitter=jitter,
+                lithostatic=True,
+            ),
+        ),
+        "walls": (
+            Wall(2, z, kind="rough"),
+            *(Wall(0, at, kind="frictionless") for at in (start, start + x)),
+            *(Wall(1, at, kind="frictionless") for at in (0.0, y)),
+        ),
+        "gravity": Gravity((0.0,), ((0.0, 0.0, -positive("gravity", gravity)),)),
+    }

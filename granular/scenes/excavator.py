@@ -1,0 +1,161 @@
+"""The bucket of an excavator that digs, lifts and empties itself."""
+
+from __future__ import annotations
+
+import math
+
+from granular.bodies import Body, Box, Union
+from granular.checks import finite, non_negative, positive, vector
+from granular.materials import Material, grc_1
+from granular.scene import Scene
+from granular.scenes._build import called_with, kindled
+from granular.scenes._tools import bed, legs, thickness_of
+from granular.schemes import Scheme
+
+excavated = grc_1.replace(E=0.15e6, nu=0.25, rho_c=0.6 * grc_1.rho_s)
+
+
+def excavator(
+    *,
+    bucket: tuple[float, float, float] = (0.31, 0.28, 0.41),
+    thickness: float = 0.01,
+    depth: float = 0.1,
+    speed: float = 0.04,
+    tilt_deg: tuple[float, float] = (30.0, -60.0),
+    friction: float = 0.1,
+    length: float = 1.0,
+    width: float = 0.4,
+    soil: float = 0.2,
+    headroom: float = 0.5,
+    start: float = 0.35,
+    half: bool = True,
+    settle: float = 0.1,
+    ramp: float = 0.05,
+    cell: float = 0.0125,
+    points_per_cell: int = 8,
+    jitter: float = 0.0,
+    gravity: float = 9.81,
+    duration: float = 6.75,
+    material: Material = excavated,
+    scheme: Scheme = kindled,
+    seed: int = 0,
+) -> Scene:
+    """Industrial excavator (Haeri & Skonieczny 2021, section 4.3, figure 1): to be looked at.
+
+    From the paper: soil in a bucket (solid), soil that slides back into the bin (liquid), soil
+    that leaks and falls (gas). From the scripts behind it: a bin of 1.0 x 0.4 x 0.2 m, a bucket
+    within 0.31 x 0.41 x 0.28 m, S = 0.06 and B = 0.1 MPa, 60 % full, friction of 0.1, 0.04 m/s in
+    and out at 45 deg, a tilt that goes from 30 to -60 deg linearly, 6.75 s.
+
+    Not in the paper, chosen here: which way the bucket stands (0.31 m along x, 0.28 m wide, 0.41 m
+    high), that it is a back, a bottom and two sides, open before and above; half of the bin,
+    with a symmetry plane at y = 0; depth; and the script: in at 45 deg down to the depth, out at 45
+    deg, while it tilts back evenly from the begin to the end. Sheets thinner than two cells
+    are made two cells thick.
+
+    Parameters
+    ----------
+    bucket : tuple of 3 floats
+        Extent along x, y and z [m], at no tilt, outside.
+    thickness : float
+        Of its sheets [m].
+    depth : float
+        Of its edge at the deepest [m].
+    speed : float
+        Along each axis [m/s].
+    tilt_deg : (begin, end)
+        Of the bottom to the horizontal; positive if the edge points down.
+    friction : float
+        Coefficient between bucket and soil.
+    length, width, soil, headroom : float
+        Of the bed along x and y, its depth, and the room above [m], whole cells (`width/2` too if
+        `half`).
+    start : float
+        Where the edge begins [m].
+    half : bool
+        Whether only y >= 0 is modelled.
+    settle, ramp : float
+        Time before the bucket moves, and in which it changes its velocity [s].
+    cell : float
+        Cell [m].
+    points_per_cell, jitter
+        See `granular.geometry.Fill`.
+    gravity : float
+        m/s2, from the start.
+    duration : float
+        Seconds.
+    material, scheme, seed
+        See `Scene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range; also if there is no time to come out again.
+    """
+    called = called_with(locals())
+    cell, speed, depth = positive("cell", cell), positive("speed", speed), positive("depth", depth)
+    if depth >= positive("soil", soil):
+        raise ValueError(f"depth = {depth} must be less than soil = {soil}")
+    if not isinstance(half, bool):
+        raise TypeError(f"half = {half!r} must be True or False")
+    begin_deg, end_deg = (finite(f"tilt_deg[{i}]", v) for i, v in enumerate(tilt_deg))
+    settle, down = non_negative("settle", settle), depth / speed
+    up = positive("duration", duration) - settle - down
+    if up <= 0:
+        raise ValueError(
+            f"duration = {duration} must exceed settle + depth/speed = {settle + down}"
+        )
+    turn = -math.radians(begin_deg - end_deg) / (down + up)  # about y: lifts the edge
+    motion = legs(
+        (
+            (settle, (0.0, 0.0, 0.0), 0.0),
+            (down, (speed, 0.0, -speed), turn),
+            (up, (speed, 0.0, speed), turn),
+        ),
+        positive("ramp", ramp),
+    )
+    sheet = thickness_of("thickness", thickness, cell)
+    across = 0.0 if half else positive("width", width) / 2
+    return Scene(
+        name="excavator",
+        **bed(
+            length=length,
+            width=positive("width", width) / 2 if half else width,
+            depth=soil,
+            headroom=headroom,
+            cell=cell,
+            points_per_cell=points_per_cell,
+            jitter=jitter,
+            gravity=gravity,
+        ),
+        material=material,
+        scheme=scheme,
+        bodies=(
+            Body(
+                _bucket(vector("bucket", bucket, 3), sheet),
+                (positive("start", start), across, 0.0),
+                rotation_deg=(0.0, begin_deg, 0.0),
+                motion=motion,
+                friction=friction,
+            ),
+        ),
+        duration=duration,
+        seed=seed,
+        parameters=called,
+    )
+
+
+def _bucket(size: tuple[float, ...], sheet: float) -> Union:
+    """Bottom, back and two sides; the origin is the middle of the edge, the bucket behind it."""
+    x, y, z = (positive(f"bucket[{i}]", edge) for i, edge in enumerate(size))
+    if not (x > 2 * sheet and y > 2 * sheet and z > 2 * sheet):
+        raise ValueError(f"bucket = {size} must exceed two sheets of {sheet} m along each axis")
+    side = Box((x, sheet, z), center=(-x / 2, (y - sheet) / 2, z / 2))
+    return Union(
+        (
+            Box((x, y, sheet), center=(-x / 2, 0.0, sheet / 2)),
+            Box((sheet, y, z), center=(sheet / 2 - x, 0.0, z / 2)),
+            side,
+            Box(side.size, center=(side.center[0], -side.center[1], side.center[2])),
+        )
+    )

@@ -1,0 +1,133 @@
+"""A smooth wheel that rolls and slips over a bed under a load."""
+
+from __future__ import annotations
+
+from granular.bodies import Body, Cylinder
+from granular.checks import in_range, non_negative, positive
+from granular.materials import Material
+from granular.scene import Scene
+from granular.scenes._build import called_with, kindled
+from granular.scenes._tools import bed, legs
+from granular.scenes.excavation import soft_grc_1
+from granular.schemes import Scheme
+
+
+def wheel(
+    *,
+    slip: float = 0.2,
+    load: float = 164.0,
+    diameter: float = 0.3,
+    tread: float = 0.125,
+    omega: float = 0.13,
+    friction: float = 0.4,
+    length: float = 0.9,
+    width: float = 0.1875,
+    soil: float = 0.0875,
+    headroom: float = 0.05,
+    start: float = 0.25,
+    settle: float = 1.0,
+    ramp: float = 0.2,
+    cell: float = 0.0125,
+    points_per_cell: int = 8,
+    jitter: float = 0.0,
+    gravity: float = 9.81,
+    duration: float = 20.0,
+    material: Material = soft_grc_1,
+    scheme: Scheme = kindled,
+    seed: int = 0,
+) -> Scene:
+    """Single wheel in a soil bin (Haeri & Skonieczny 2021, section 4.3, figures 16 to 18).
+
+    From the paper: GRC-1, a smooth wheel 30 cm across and 12.5 cm wide against a window, a bin of
+    0.90 x 0.193 m, friction of 0.4, a load of 164 N, free to rise and sink, slips of 20, 40 and
+    70 %. From the scripts behind it: 0.0875 m of soil, 0.13 rad/s, a run at a quarter of the size.
+    The slip is 1 - v/(omega R).
+
+    Chosen here: E = 0.15 MPa in place of 15; a bin of 0.1875 m, which is whole cells; the window,
+    y = 0, without friction; the wheel begins upon the soil, sinks for a second, then rolls towards
+    larger x, with a mass of load/gravity: so the load is right at rest and on the average. The
+    published runs damp upward motion; this one does not.
+
+    Parameters
+    ----------
+    slip : float
+        0 to 1, 1 excluded.
+    load : float
+        Weight of the wheel [N].
+    diameter, tread : float
+        Of the wheel [m], and its width.
+    omega : float
+        Angular velocity [rad/s].
+    friction : float
+        Coefficient between wheel and soil.
+    length, width, soil, headroom : float
+        Of the bed along x and y, its depth, and the room above [m], whole cells.
+    start : float
+        Where the axle begins [m].
+    settle, ramp : float
+        Time before the wheel turns, and in which it takes up its velocity [s].
+    cell : float
+        Cell [m].
+    points_per_cell, jitter
+        See `granular.geometry.Fill`.
+    gravity : float
+        m/s2, from the start.
+    duration : float
+        Seconds.
+    material, scheme, seed
+        See `Scene`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range; also if the wheel would leave the bed.
+    """
+    called = called_with(locals())
+    slip = in_range("slip", slip, 0.0, 1.0, open_high=True)
+    load, gravity = positive("load", load), positive("gravity", gravity)
+    radius, omega = positive("diameter", diameter) / 2, positive("omega", omega)
+    settle, duration = non_negative("settle", settle), positive("duration", duration)
+    speed = (1.0 - slip) * omega * radius
+    rolling = max(duration - settle, 2 * positive("ramp", ramp))
+    begin, end = positive("start", start), start + speed * rolling
+    if begin < radius or end > positive("length", length) - radius:
+        raise ValueError(
+            f"start = {start} must keep the wheel, of radius {radius:.6g}, in the bed of "
+            f"length = {length}: it goes to {end:.6g}"
+        )
+    if positive("tread", tread) > positive("width", width):
+        raise ValueError(f"tread = {tread} must be <= width = {width}")
+    motion = legs(
+        ((settle, (0.0, 0.0, 0.0), 0.0), (rolling, (speed, 0.0, 0.0), omega)),
+        positive("ramp", ramp),
+    )
+    # the window cuts it in the middle of its width
+    shape = Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), length=2 * tread)
+    return Scene(
+        name="wheel",
+        **bed(
+            length=length,
+            width=width,
+            depth=soil,
+            headroom=headroom,
+            cell=cell,
+            points_per_cell=points_per_cell,
+            jitter=jitter,
+            gravity=gravity,
+        ),
+        material=material,
+        scheme=scheme,
+        bodies=(
+            Body(
+                shape,
+                (begin, 0.0, radius),
+                motion=motion,
+                friction=friction,
+                free="z",
+                mass=load / gravity,
+            ),
+        ),
+        duration=duration,
+        seed=seed,
+        parameters=called,
+    )

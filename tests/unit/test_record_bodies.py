@@ -1,0 +1,123 @@
+"""Bodies of a record in the reader of ParaView: where the signed distance is zero."""
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
+from granular.geometry import Box as Region
+from granular.geometry import Fill, Grid
+from granular.materials import MuI
+from granular.walls import Gravity
+
+
+def bodies_of(dim):
+    """One of each kind, some of them moving."""
+    turning = (0.0, 3.0) if dim == 2 else ((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
+    velocity = ((0.0,) * dim, (0.5,) * dim)
+    motion = Motion(times=(0.0, 0.05), velocity=velocity, angular_velocity=turning)
+    axis = None if dim == 2 else (1.0, 1.0, 0.3)
+    length = np.inf if dim == 2 else 0.2
+    tilt = 20.0 if dim == 2 else (20.0, 0.0, 10.0)
+    parts = (
+        Box((0.1, 0.2, 0.15)[:dim], center=(0.05,) * dim, rotation_deg=tilt),
+        Cylinder(0.05, center=(0.3,) * dim, axis=axis, length=length),
+    )
+    return (
+        Body(Union(parts), (0.2,) * dim, motion=motion),
+        Body(Cylinder(0.9, center=(0.0,) * dim, axis=axis, inside=True), (0.3,) * dim),
+        Body(HalfSpace((0.0,) * (dim - 1) + (1.0,)), (0.0,) * dim),
+    )
+
+
+@pytest.fixture
+def recorded(tmp_path):
+    def run(dim, bodies):
+        scene = gr.Scene(
+            name="bodies",
+            grid=Grid((0.0,) * dim, 0.1, (6,) * dim),
+            fills=(Fill(Region((0.0,) * dim, (0.5,) * dim), 2**dim),),
+            material=MuI(E=1e6),
+            scheme=gr.Scheme(transfer="apic", density="tracked"),
+            gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
+            duration=1.0,
+            bodies=bodies,
+        )
+        sim = gr.Simulation(scene, threads=1)
+        sim.run(until=0.05, save=tmp_path / "a.h5", every=0.02, overwrite=True)
+        return gr.open(tmp_path / "a.h5")
+
+    return run
+
+
+def moved(body, numbers, dim):
+    """The body as if it began where it is in a frame."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_quat(numbers[[4, 5, 6, 3]]).as_rotvec(degrees=True)
+    rotation = float(turn[2]) if dim == 2 else tuple(turn)
+    return Body(body.shape, tuple(numbers[:dim]), rotation_deg=rotation)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_paraviews_reader_sees_the_bodies_where_they_are(recorded, tmp_path, dim):
+    vtk_io = pytest.importorskip(
+        "vtkmodules.vtkIOHDF", reason="needs the extra 'paraview' (the vtk wheel)"
+    )
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+
+    with recorded(dim, bodies_of(dim)) as record:
+        path = record.write_bodies(tmp_path / "b.vtkhdf")
+        reader = vtk_io.vtkHDFReader()
+        reader.SetFileName(str(path))
+        reader.UpdateInformation()
+        assert reader.GetNumberOfSteps() == len(record) == 4
+        for i, time in enumerate(record.times):
+            reader.SetStep(i)
+            reader.Update()
+            data = reader.GetOutputDataObject(0)
+            assert reader.GetTimeValue() == time
+            owner = vtk_to_numpy(data.GetCellData().GetArray("body"))
+            assert data.GetNumberOfPolys() == len(owner) and set(owner) == {0, 1, 2}
+            for k, body in enumerate(record.scene.bodies):
+                ids = set()
+                for c in np.flatnonzero(owner == k):
+                    cell = data.GetCell(int(c))  # the same object for the next one
+                    ids |= {cell.GetPointId(j) for j in range(cell.GetNumberOfPoints())}
+                x = np.array([data.GetPoint(j) for j in sorted(ids)])
+                at = np.ascontiguousarray(x[:, :dim])
+                distance, _ = moved(body, record.bodies[i, k], dim).distance(at)
+                # of strips in the plane the far side is in the solid
+                assert distance.max() == pytest.approx(0.0, abs=1e-9)
+                if dim == 3 and k != 0:
+                    assert np.abs(distance).max() < 1e-9
+
+
+def test_faces_of_a_box_are_its_sides(recorded, tmp_path):
+    """Each in one plane, all six together as large as the surface."""
+    vtk_io = pytest.importorskip(
+        "vtkmodules.vtkIOHDF", reason="needs the extra 'paraview' (the vtk wheel)"
+    )
+    box = Body(Box((0.1, 0.2, 0.3)), (0.3, 0.3, 0.8))
+    with recorded(3, (box,)) as record:
+        path = record.write_bodies(tmp_path / "b.vtkhdf")
+    reader = vtk_io.vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    data = reader.GetOutputDataObject(0)
+    area = 0.0
+    for c in range(data.GetNumberOfCells()):
+        cell = data.GetCell(c)
+        a, b, _, d = (np.array(data.GetPoint(cell.GetPointId(j))) for j in range(4))
+        area += np.linalg.norm(np.cross(b - a, d - a))
+    assert area == pytest.approx(2 * (0.02 + 0.03 + 0.06))
+
+
+def test_what_is_refused(recorded, tmp_path):
+    with recorded(2, bodies_of(2)) as record:
+        record.write_bodies(tmp_path / "b.vtkhdf")
+        with pytest.raises(FileExistsError):
+            record.write_bodies(tmp_path / "b.vtkhdf")
+        record.write_bodies(tmp_path / "b.vtkhdf", overwrite=True)
+    with recorded(2, ()) as record, pytest.raises(ValueError, match="must have bodies"):
+        record.write_bodies(tmp_path / "c.vtkhdf")

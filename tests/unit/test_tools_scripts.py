@@ -1,0 +1,65 @@
+"""The script of the runs of tools in soil, and that of their pictures, at the smallest size."""
+
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+import granular as gr
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture
+def runs(monkeypatch, tmp_path):
+    """The script, with tiny cases of two names and its numbers kept aside."""
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    script = importlib.import_module("three_d")
+    size = {"cell": 0.05, "length": 0.6, "width": 0.2, "start": 0.2, "headroom": 0.15}
+    fast = {"speed": 0.2, "dive_speed": 0.1, "travel": 0.1, "blade": (0.05, 0.1, 0.4)}
+    roll = {"length": 0.6, "soil": 0.1, "width": 0.2, "tread": 0.1, "start": 0.2, "duration": 0.4}
+    cases = {
+        "narrow_5": lambda: script.excavation(0.05, **size, **fast),
+        "wheel_20": lambda: gr.scenes.wheel(cell=0.05, settle=0.1, ramp=0.05, **roll),
+        "excavator": lambda: gr.scenes.excavator(cell=0.05, speed=0.4, duration=0.6, ramp=0.02),
+    }
+    monkeypatch.setattr(script, "CASES", cases)
+    monkeypatch.setattr(script, "RESULTS", tmp_path / "results.json")
+    return script
+
+
+def test_runs_and_pictures(runs, monkeypatch, tmp_path, capsys):
+    runs.main(["narrow_5", "wheel_20", "excavator", "--records", str(tmp_path / "records")])
+    table = json.loads((tmp_path / "results.json").read_text())
+    assert list(table) == ["narrow_5", "wheel_20", "excavator"]
+    assert table["narrow_5"]["forward"] > 0 and len(table["narrow_5"]["course"]) == 4
+    assert table["wheel_20"]["load"] > 0 and table["wheel_20"]["pull_over_load"] == pytest.approx(
+        table["wheel_20"]["drawbar_pull"] / table["wheel_20"]["load"]
+    )
+    monkeypatch.syspath_prepend(BENCHMARKS / "figures")
+    pictures = importlib.import_module("tools_in_soil")
+    places = {"results": tmp_path / "results.json", "out": tmp_path / "out"}
+    options = [text for name, path in places.items() for text in (f"--{name}", str(path))]
+    pictures.main(["--records", str(tmp_path / "records"), *options])
+    written = sorted(path.stem for path in (tmp_path / "out").iterdir())
+    assert written == ["tools_excavator", "tools_failure", "tools_forces", "tools_wheel"]
+    for path in (tmp_path / "out").iterdir():
+        with Image.open(path) as picture:
+            assert min(picture.size) > 300
+
+
+def test_unknown_cases_are_refused(runs, capsys):
+    with pytest.raises(SystemExit):
+        runs.main(["nonsense"])
+    assert "must be among" in capsys.readouterr().err
+    runs.main([])
+    assert capsys.readouterr().out.split() == ["narrow_5", "wheel_20", "excavator"]
+
+
+def test_all_cases_are_scenes(monkeypatch):
+    """Their sizes fit together: each can be built."""
+    monkeypatch.syspath_prepend(BENCHMARKS)
+    scenes = [make() for make in importlib.import_module("three_d").CASES.values()]
+    assert all(scene.bodies for scene in scenes)

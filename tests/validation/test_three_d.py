@@ -1,0 +1,136 @@
+"""Scenes of Haeri & Skonieczny 2021 against what needs no digitised figure."""
+
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.theory import couette_flow, couette_quasi_static
+
+FRICTION_ANGLE = math.degrees(math.atan(0.3819))
+
+
+# ---- silo ----
+
+
+def drained(until, **size):
+    """A silo that has drained, and the share of its mass that is left."""
+    sim = gr.Simulation(gr.scenes.silo_3d(**size), threads=1)
+    begin = sim.state.mass.sum()
+    sim.run(until=until, every=until)
+    return sim, sim.state.mass.sum() / begin
+
+
+def slope(sim):
+    return gr.measure.repose_angle(sim.state, along="x", side="left").mean_deg
+
+
+def wedge(scene):
+    """Share of the mass below a plane from the edge of the slot at the friction angle.
+
+    More is left: what stands at the edge is about half a cell high, and goes last.
+    """
+    size = scene.parameters
+    rest = size["length"] - size["slot"]
+    return rest**2 * math.tan(math.radians(FRICTION_ANGLE)) / 2 / (size["length"] * size["height"])
+
+
+def test_silo_drains_to_the_friction_angle():
+    sim, left = drained(5.0, cell=0.0125, width=0.025)
+    assert slope(sim) == pytest.approx(FRICTION_ANGLE, abs=2.0)
+    assert wedge(sim.scene) < left < 1.25 * wedge(sim.scene)
+    assert np.abs(sim.state.v).max() < 0.5
+    assert sim.state.dense.mean() > 0.9
+
+
+@pytest.mark.slow
+def test_silo_in_finer_cells():
+    sim, left = drained(12.0, width=0.0125)
+    assert slope(sim) == pytest.approx(FRICTION_ANGLE, abs=2.0)
+    assert wedge(sim.scene) < left < 1.12 * wedge(sim.scene)
+
+
+# ---- between cylinders ----
+
+D = 0.016
+"""Grains [m], so large that cells of a quarter of their size can be paid for in space."""
+
+
+def beads(**changes):
+    grains = gr.materials.couette_beads.replace(E=1.4e5, nu=0.3, mu_2=math.inf, b=0.941, d=D)
+    return grains.replace(**changes)
+
+
+def turning(until, material, *, frames=10, above=None, **size):
+    """Simulation, and the profile of the second half of the time over the rate."""
+    scene = gr.scenes.couette(inner=0.1, material=material, **size)
+    sim = gr.Simulation(scene, threads=1)
+    kept = []
+    sim.run(until=until / 2, every=until)
+    start, felt = sim.time, sim.bodies
+    sim.run(until=until, every=until / 2 / frames, hooks=(lambda sim: kept.append(sim.state),))
+    span = sim.time - start
+    profile = gr.measure.cylinder_profile(kept, above=above)
+    torque = [
+        (now.angular_impulse - before.angular_impulse) / span
+        for now, before in zip(sim.bodies, felt, strict=True)
+    ]
+    return profile, torque
+
+
+def error(profile, omega, flow):
+    """Differences of the speed over that of the wall, and of omega alone."""
+    expected = np.interp(profile.r, flow.r, flow.omega)
+    return np.abs(profile.omega / omega - expected) * profile.r / 0.1
+
+
+def tail(r, omega):
+    """Length over which omega falls by e, beyond the flow next to the inner cylinder."""
+    far = (r > 0.11) & (r < 0.135)
+    return -1 / np.polyfit(r[far], np.log(omega[far]), 1)[0]
+
+
+PLANE = {"outer": 0.15, "height": 0.08, "cell": 0.004, "pressure": 5e3, "omega": 1.0}
+
+
+def test_flow_between_cylinders_in_the_plane():
+    """Grains and cells of 4 mm, as in the paper: within 3 % of the wall's speed, with the tail."""
+    material = beads(d=0.004)
+    profile, torque = turning(0.4, material, **PLANE)
+    smooth, rough = (
+        couette_flow(0.1, 0.15, material, rate=1.0, pressure=5e3, walls=walls)
+        for walls in ("smooth", "rough")
+    )
+    assert error(profile, 1.0, smooth).max() < 0.03
+    assert error(profile, 1.0, rough).max() > 0.2  # cylinders do not hold the fluidity
+    # rings are nearly as wide as it is long
+    assert tail(profile.r, profile.omega) == pytest.approx(tail(smooth.r, smooth.omega), rel=0.15)
+    # steady: what one cylinder takes the other gives
+    assert torque[0] == pytest.approx(-torque[1], rel=0.02)
+
+
+def test_local_flow_between_cylinders_has_no_tail():
+    profile, _ = turning(0.3, beads(d=0.004, A=0.0), **PLANE)
+    flow = couette_flow(0.1, 0.15, beads(d=0.004), rate=1.0, pressure=5e3, walls="smooth")
+    far = profile.r > 0.112
+    assert np.abs(profile.omega[far]).max() < 0.01
+    assert np.interp(0.114, flow.r, flow.omega) > 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("omega", [0.25, 0.5])
+def test_top_of_a_taylor_couette_cell(omega):
+    """Under gravity, in cells of d/4: the shape of the slow limit at both rates, within 3 % of the
+    wall's speed, and the moment of each rate."""
+    material = beads()
+    size = {"outer": 0.15, "height": 0.02, "cell": 0.004}
+    profile, torque = turning(0.4, material, omega=omega, above=0.014, **size)
+    flow = couette_quasi_static(0.1, 0.15, material, walls="smooth")
+    assert error(profile, omega, flow).max() < 0.03
+    height = size["height"]
+    weight = material.rho_c * 9.81 * height
+    driven = couette_flow(0.1, 0.15, material, rate=omega, pressure=weight / 2, walls="smooth")
+    moment = 2 * np.pi * 0.1**2 * driven.mu_wall * weight / 2 * height
+    assert -torque[0][2] == pytest.approx(moment, rel=0.05)
+    assert torque[1][2] == pytest.approx(-torque[0][2], rel=0.03)
