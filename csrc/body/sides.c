@@ -55,9 +55,12 @@ static void look(const struct gr_engine *e, const struct gr_plate *plate, const 
     for (int d = 0; d < 3; d++) local[d] -= part->center[d];
     for (int j = 0; j < 3; j++) y[j] = p[j] * local[0] + p[3 + j] * local[1] + p[6 + j] * local[2];
     side->facing = 1;
+    side->inset = INFINITY;
     for (int j = 0; j < 3; j++) {
         const double beyond = fabs(y[j]) - part->size[j];
-        if (j == plate->axis || !(beyond > 0)) continue;
+        if (j == plate->axis) continue;
+        side->inset = fmin(side->inset, -beyond);
+        if (!(beyond > 0)) continue;
         square += beyond * beyond;
         side->facing = 0;
     }
@@ -72,6 +75,7 @@ static void look(const struct gr_engine *e, const struct gr_plate *plate, const 
 void gr_nearest_plate(const struct gr_engine *e, const double x[3], int now, struct gr_facing *side)
 {
     struct gr_pose pose;
+    double next = INFINITY;
     for (int k = 0; k < e->n_plates; k++) {
         const int b = e->plate[k].body;
         struct gr_facing other;
@@ -80,8 +84,14 @@ void gr_nearest_plate(const struct gr_engine *e, const double x[3], int now, str
             gr_pose_at(e, b, now ? e->body[b].x : split->x, now ? e->body[b].orientation : split->orientation, &pose);
         }
         look(e, &e->plate[k], &pose, x, &other);
-        if (!k || other.distance < side->distance) *side = other;
+        if (!k) {
+            *side = other;
+            continue;
+        }
+        next = fmin(next, fmax(other.distance, side->distance));
+        if (other.distance < side->distance) *side = other;
     }
+    side->next = next;
 }
 
 int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double)
@@ -92,6 +102,16 @@ int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double)
     gr_nearest_plate(e, x, 0, &side);
     *is_double = side.distance < REACH * e->config.dx;
     return (*is_double ? 1 : 2) * (side.mid < 0 ? -1 : 1);
+}
+
+int gr_cell_faces_plate(const struct gr_engine *e, const int32_t at[3])
+{
+    const double corner = 0.5 * sqrt(e->config.dim) * e->config.dx; /* from the middle */
+    struct gr_facing side;
+    double x[3];
+    gr_cell_position(e, at, x);
+    gr_nearest_plate(e, x, 1, &side);
+    return side.inset > 1.01 * corner && side.next - side.distance > 2.02 * corner;
 }
 
 int gr_point_side(const struct gr_engine *e, const double x[3], int current)

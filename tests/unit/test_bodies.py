@@ -302,13 +302,21 @@ def test_core_refuses_bad_rows():
         with pytest.raises((TypeError, ValueError)):
             sim._engine.restore_bodies(bad)
     rows = BOX.rows()
-    for column, value in ((0, 3.0), (0, -1.0), (2, np.inf), (5, np.nan), (14, -1.0), (14, np.nan)):
+    for column, value in (
+        (0, 3.0),
+        (0, 4.0),
+        (0, -1.0),
+        (2, np.inf),
+        (5, np.nan),
+        (14, -1.0),
+        (14, np.nan),
+    ):
         bad = rows.copy()
         bad[0, column] = value
         with pytest.raises(ValueError):
-            _core.body_distance(bad, np.zeros((1, 3)))
+            _core.body_distance(bad, (), np.zeros((1, 3)))
     with pytest.raises(ValueError):
-        _core.body_distance(np.tile(rows, (257, 1)), np.zeros((1, 3)))
+        _core.body_distance(np.tile(rows, (257, 1)), (), np.zeros((1, 3)))
 
 
 def test_checkpoint_without_bodies_is_refused():

@@ -88,7 +88,7 @@ def blade(dim=2, **body):
     turning = (3.0,) if dim == 2 else ((0.0, 3.0, 0.5),)
     motion = Motion(velocity=((0.5, *(0.1,) * (dim - 2), -0.1),), angular_velocity=turning)
     size = (0.4 * CELL, *(0.2,) * (dim - 2), 0.3)
-    width = (8,) * (dim - 2)
+    width = (5,) * (dim - 2)
     return gr.Scene(
         name="blade",
         grid=Grid((-0.5,) * dim, CELL, (30, *(30,) * (dim - 2), 30)),
@@ -123,13 +123,15 @@ def test_bits_do_not_depend_on_threads_or_restarts(dim):
     """While the blade moves by several cells, with the nonlocal law in substeps."""
     fluidity = Fluidity(method="implicit", seed=1.0, substeps=2)
     scene = blade(dim, material=NONLOCAL, scheme=scheme(fluidity=fluidity), rough=True)
-    sims = [gr.Simulation(scene, threads=n) for n in (1, 2, 3)]
+    sims = [gr.Simulation(scene, threads=n) for n in (1, 2)]
+    first, second = (130, 170) if dim == 2 else (40, 60)
     for sim in sims:
-        sim.step(130)
+        sim.step(first)
     resumed = gr.Simulation.from_checkpoint(scene, sims[0].checkpoint(), threads=2)
     for sim in (*sims, resumed):
-        sim.step(170)
-    assert np.linalg.norm(sims[0].bodies[0].position - scene.bodies[0].position) > CELL
+        sim.step(second)
+    moved = np.linalg.norm(sims[0].bodies[0].position - scene.bodies[0].position)
+    assert moved > (CELL if dim == 2 else 0.3 * CELL)
     for sim in (*sims[1:], resumed):
         for name, values in sims[0].state.fields.items():
             assert np.array_equal(values, sim.state.fields[name]), name
@@ -171,6 +173,30 @@ def test_what_is_not_held_is_told():
     rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
     with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] is a cylinder of 0.04 m"):
         gr.Simulation(scene.replace(bodies=(rod,)))
+
+
+def test_thick_parts_beside_thin_ones():
+    """A block with a blade under it, pressed into a bed: neither is entered."""
+    block, knife = Box((0.3, 0.3)), Box((0.3 * CELL, 0.3), center=(0.0, -0.3))
+    motion = Motion(velocity=((0.0, -0.4),))
+    scene = layers(endless()).replace(
+        grid=Grid((0.0, 0.0), CELL, (20, 24)),
+        fills=(Fill(Region((0.0, 0.0), (1.0, 0.5)), 4, lithostatic=True),),
+        walls=(Wall(1, 0.0, kind="rough"),),
+        bodies=(Body(Union((block, knife)), (0.5, 0.78), motion=motion, friction=0.3),),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+    )
+    sim = gr.Simulation(scene, threads=1)
+    right = sim.state.x[:, 0] > 0.5 + 0.5 * CELL
+    left = sim.state.x[:, 0] < 0.5 - 0.5 * CELL
+    sim.run(until=0.5, monitor=False)
+    x = sim.state.x - sim.bodies[0].position
+    assert sim.bodies[0].position[1] == pytest.approx(0.58, abs=1e-3)
+    entered = (abs(x) < 0.15 - 0.75 * CELL).all(axis=1)
+    assert not entered.any()
+    facing = abs(x[:, 1] + 0.3) < 0.1
+    assert (x[right & facing, 0] > -0.15 * CELL).all()
+    assert (x[left & facing, 0] < 0.15 * CELL).all()
 
 
 def test_a_bucket_of_plates_keeps_its_load():
