@@ -31,7 +31,7 @@ def in_space():
         angular_velocity=((0.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
     )
     blade = Body(
-        Box((0.03, 0.02, 0.2)),
+        Box((0.03, 0.026, 0.2)),
         (0.12, 0.0125, 0.21),
         motion=motion,
         friction=0.3,
