@@ -9,10 +9,9 @@ from granular.bodies import Motion
 from granular.checks import positive
 from granular.geometry import Box, Fill, Grid
 from granular.scenes._build import whole_cells
+from granular.schemes import Scheme
+from granular.stability import THIN, keeps_sides
 from granular.walls import Gravity, Wall
-
-THIN = 2.0
-"""Cells that a body must be thick, or material on its two sides would move as one."""
 
 Leg = tuple[float, tuple[float, ...], float]
 """Duration [s], velocity [m/s], angular velocity about y [rad/s]."""
@@ -48,13 +47,12 @@ def legs(parts: Sequence[Leg], ramp: float) -> Motion:
     )
 
 
-def thickness_of(name: str, thickness: float, cell: float) -> float:
-    """The thickness of a body, or the least that the grid can hold.
-
-    Material of one side shares nodes with that of the other where a body is thinner than
-    the reach of the splines.
-    """
-    return max(positive(name, thickness), THIN * cell)
+def thickness_of(name: str, thickness: float, cell: float, scheme: Scheme) -> float:
+    """The thickness of a body, or the least that the scheme can hold."""
+    thickness = positive(name, thickness)
+    if isinstance(scheme, Scheme) and keeps_sides(scheme):
+        return thickness
+    return max(thickness, THIN * cell)
 
 
 def bed(

@@ -28,6 +28,7 @@ def couette(
     omega: float = 0.025,
     pressure: float | None = None,
     overlap: float = 0.5,
+    rough: bool = False,
     cell: float = 0.004,
     points_per_cell: int | None = None,
     jitter: float = 0.0,
@@ -51,9 +52,9 @@ def couette(
 
     Only nodes inside a cylinder are held, and these begin half a cell within it on the average:
     drawn as they are (``overlap=0``) cylinders slip, by an eighth of the speed in the paper's
-    cells.
-    The fluidity does not see them: compare with `granular.theory.couette_quasi_static` and
-    ``walls="smooth"``. What is left of the error is in the docs, page "Three dimensions".
+    cells. Unless `rough`, the fluidity does not see them: compare with
+    `granular.theory.couette_quasi_static` and ``walls="smooth"``. What is left of the error is in
+    the docs, page "Three dimensions".
 
     With a `pressure` this is the flow in the plane, a slice that is everywhere under that pressure
     at the start, without gravity: the case that the theory solves.
@@ -70,6 +71,8 @@ def couette(
         At the start, in the plane [Pa]; None for space.
     overlap : float
         Cells by which the cylinders reach into the material, 0 to 1.
+    rough : bool
+        Whether the fluidity is 0 at the cylinders; else they do not see it.
     cell : float
         Cell [m].
     points_per_cell, jitter
@@ -118,8 +121,8 @@ def couette(
         scheme=scheme,
         walls=walls,
         bodies=(
-            _cylinder(inner + overlap * cell, dim, finite("omega", omega)),
-            _cylinder(outer - overlap * cell, dim, 0.0, inside=True),
+            _cylinder(inner + overlap * cell, dim, finite("omega", omega), rough=rough),
+            _cylinder(outer - overlap * cell, dim, 0.0, rough=rough, inside=True),
         ),
         gravity=Gravity((0.0,), (down,)),
         duration=duration,
@@ -128,7 +131,7 @@ def couette(
     )
 
 
-def _cylinder(radius: float, dim: int, omega: float, *, inside: bool = False) -> Body:
+def _cylinder(radius: float, dim: int, omega: float, *, rough: bool, inside: bool = False) -> Body:
     """Upright, about the origin, sticky."""
     axis, origin = (None, (0.0, 0.0, 1.0))[dim - 2], (0.0,) * dim
     turning = omega if dim == 2 else (0.0, 0.0, omega)
@@ -137,4 +140,5 @@ def _cylinder(radius: float, dim: int, omega: float, *, inside: bool = False) ->
         origin,
         motion=Motion(velocity=(origin,), angular_velocity=(turning,)),
         contact="sticky",
+        rough=rough,
     )

@@ -9,7 +9,7 @@ from granular.checks import in_range, non_negative, positive
 from granular.materials import Material, grc_1
 from granular.scene import Scene
 from granular.scenes._build import called_with, kindled
-from granular.scenes._tools import THIN, bed, legs, thickness_of
+from granular.scenes._tools import bed, legs, thickness_of
 from granular.schemes import Scheme
 
 soft_grc_1 = grc_1.replace(E=0.15e6)
@@ -54,9 +54,9 @@ def excavation(
     12.5 mm, which divide the bed; a rough floor and smooth sides; the top of the blade leans
     backwards; it begins at `start` with its edge at the surface and travels so far that the
     paper's 20 s are used. A blade thinner than two cells is made two cells thick, backwards from
-    its front: material before and behind it would share nodes. Two cells still let some soil
-    through, which takes 5 to 12 % of the force; a thicker blade bears on its lower face (the docs,
-    page "Three dimensions").
+    its front, unless the scheme keeps its two sides apart (a tracked density does). Two cells let
+    some soil through, which takes 5 to 12 % of the force; a thicker blade bears on its lower face
+    (the docs, page "Three dimensions").
 
     The surface of the bed is z = 0. Forces: `granular.measure.tool_force`, which doubles those of
     half a bed.
@@ -109,7 +109,7 @@ def excavation(
     if depth >= positive("soil", soil):
         raise ValueError(f"depth = {depth} must be less than soil = {soil}")
     thick, wide, high = blade
-    thick = thickness_of("blade[0]", thick, cell)
+    thick = thickness_of("blade[0]", thick, cell, scheme)
     if not 0 < positive("blade[1]", wide) <= positive("width", width):
         raise ValueError(f"blade[1] = {wide} must be <= width = {width}")
     end = positive("start", start) + travel + 2 * depth
@@ -130,7 +130,7 @@ def excavation(
     )
     # its front edge is the position of the body
     # nodes on its face would not be held: between walls it goes through them
-    across = wide + 2 * THIN * cell if wide == width else wide
+    across = wide + 4 * cell if wide == width else wide
     shape = Box((thick, across, high), center=(-thick / 2, 0.0, high / 2))
     middle = 0.0 if half else width / 2
     return Scene(

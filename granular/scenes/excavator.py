@@ -19,7 +19,7 @@ def excavator(
     *,
     bucket: tuple[float, float, float] = (0.31, 0.28, 0.41),
     thickness: float = 0.01,
-    depth: float = 0.1,
+    depth: float = 0.13,
     speed: float = 0.04,
     tilt_deg: tuple[float, float] = (30.0, -60.0),
     friction: float = 0.1,
@@ -50,8 +50,9 @@ def excavator(
     Not in the paper, chosen here: which way the bucket stands (0.31 m along x, 0.28 m wide, 0.41 m
     high), that it is a back, a bottom and two sides, open before and above; half of the bin,
     with a symmetry plane at y = 0; depth; and the script: in at 45 deg down to the depth, out at 45
-    deg, while it tilts back evenly from the begin to the end. Sheets thinner than two cells
-    are made two cells thick.
+    deg, while it tilts back about its middle, evenly from the begin to the end, by which its edge
+    comes up again before the middle does. Sheets thinner than two cells
+    are made two cells thick, unless the scheme keeps their two sides apart.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def excavator(
     thickness : float
         Of its sheets [m].
     depth : float
-        Of its edge at the deepest [m].
+        By which its middle goes down [m].
     speed : float
         Along each axis [m/s].
     tilt_deg : (begin, end)
@@ -114,7 +115,8 @@ def excavator(
         ),
         positive("ramp", ramp),
     )
-    sheet = thickness_of("thickness", thickness, cell)
+    size = vector("bucket", bucket, 3)
+    sheet = thickness_of("thickness", thickness, cell, scheme)
     across = 0.0 if half else positive("width", width) / 2
     return Scene(
         name="excavator",
@@ -132,8 +134,8 @@ def excavator(
         scheme=scheme,
         bodies=(
             Body(
-                _bucket(vector("bucket", bucket, 3), sheet),
-                (positive("start", start), across, 0.0),
+                _bucket(size, sheet),
+                _middle(positive("start", start), across, size, begin_deg),
                 rotation_deg=(0.0, begin_deg, 0.0),
                 motion=motion,
                 friction=friction,
@@ -145,17 +147,25 @@ def excavator(
     )
 
 
+def _middle(
+    x: float, y: float, size: tuple[float, ...], tilt_deg: float
+) -> tuple[float, float, float]:
+    """Where the middle of the bucket is while its edge is at x, on the surface z = 0."""
+    c, s = math.cos(math.radians(tilt_deg)), math.sin(math.radians(tilt_deg))
+    return x - (c * size[0] - s * size[2]) / 2, y, (s * size[0] + c * size[2]) / 2
+
+
 def _bucket(size: tuple[float, ...], sheet: float) -> Union:
-    """Bottom, back and two sides; the origin is the middle of the edge, the bucket behind it."""
+    """Bottom, back and two sides about the middle; open before (larger x) and above."""
     x, y, z = (positive(f"bucket[{i}]", edge) for i, edge in enumerate(size))
     if not (x > 2 * sheet and y > 2 * sheet and z > 2 * sheet):
         raise ValueError(f"bucket = {size} must exceed two sheets of {sheet} m along each axis")
-    side = Box((x, sheet, z), center=(-x / 2, (y - sheet) / 2, z / 2))
+    side = Box((x, sheet, z), center=(0.0, (y - sheet) / 2, 0.0))
     return Union(
         (
-            Box((x, y, sheet), center=(-x / 2, 0.0, sheet / 2)),
-            Box((sheet, y, z), center=(sheet / 2 - x, 0.0, z / 2)),
+            Box((x, y, sheet), center=(0.0, 0.0, (sheet - z) / 2)),
+            Box((sheet, y, z), center=((sheet - x) / 2, 0.0, 0.0)),
             side,
-            Box(side.size, center=(side.center[0], -side.center[1], side.center[2])),
+            Box(side.size, center=(0.0, -side.center[1], 0.0)),
         )
     )

@@ -1,11 +1,13 @@
 """Froude scaling: the same flow at another size, to the last bit at powers of two."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 import granular as gr
+from granular import froude
 from granular.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
 from granular.froude import POWERS, Froude
 from granular.geometry import Box as Region
@@ -31,7 +33,7 @@ def in_space():
         angular_velocity=((0.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
     )
     blade = Body(
-        Box((0.03, 0.026, 0.2)),
+        Box((0.03, 0.025, 0.2)),
         (0.12, 0.0125, 0.21),
         motion=motion,
         friction=0.3,
@@ -58,7 +60,7 @@ def in_the_plane():
             Wall(0, 0.0, kind="coulomb", friction=0.3, opens_at=0.05),
             Solid((0.8, 0.0), (1.0, 0.1)),
         ),
-        absorbers=(Absorber(1, 0.35),),
+        absorbers=(Absorber(1, 0.35, rate=30.0),),
         bodies=(
             Body(Union(shapes), (0.4, 0.36), friction=0.2, free="y", mass=20.0),
             Body(HalfSpace((-1.0, 0.0), (0.05, 0.0)), (0.9, 0.0)),
@@ -71,9 +73,9 @@ def in_the_plane():
 
 @pytest.mark.parametrize("make", [in_space, in_the_plane])
 def test_the_same_flow_to_the_last_bit(make):
-    scene, froude = make(), Froude(1 / 4)
+    scene, ratio = make(), Froude(1 / 4)
     dim = scene.dim
-    small = froude.scene(scene)
+    small = ratio.scene(scene)
     assert small.grid.cell == scene.grid.cell / 4
     real, model = (gr.Simulation(s, threads=1) for s in (scene, small))
     for sim in (real, model):
@@ -82,10 +84,10 @@ def test_the_same_flow_to_the_last_bit(make):
     here, there = real.state, model.state
     assert np.abs(here.v).max() > 0.1
     for name, quantity in FIELDS.items():
-        value = froude.real(quantity, getattr(there, name), dim=dim)
+        value = ratio.real(quantity, getattr(there, name), dim=dim)
         assert np.array_equal(value, getattr(here, name)), name
     if scene.material.has_fluidity:
-        assert np.array_equal(froude.real("rate", there.g), here.g)
+        assert np.array_equal(ratio.real("rate", there.g), here.g)
     felt, model_felt = real.bodies[0], model.bodies[0]
     assert np.linalg.norm(felt.impulse) > 0
     for name, quantity in (
@@ -94,7 +96,7 @@ def test_the_same_flow_to_the_last_bit(make):
         ("impulse", "impulse"),
         ("angular_impulse", "angular_impulse"),
     ):
-        value = froude.real(quantity, getattr(model_felt, name), dim=dim)
+        value = ratio.real(quantity, getattr(model_felt, name), dim=dim)
         assert np.array_equal(value, getattr(felt, name)), name
 
 
@@ -108,8 +110,8 @@ def test_there_and_back():
 
 def test_factors_are_those_of_dimensions():
     """Of m, kg, s at one gravity and one density: [time^2] = [length], [mass] = [length^3]."""
-    froude = Froude(0.36)
-    f = {name: froude.factor(name) for name in POWERS}
+    ratio = Froude(0.36)
+    f = {name: ratio.factor(name) for name in POWERS}
     assert (f["length"], f["time"]) == pytest.approx((0.36, 0.6))
     assert f["velocity"] == pytest.approx(f["length"] / f["time"])
     assert f["acceleration"] == pytest.approx(f["velocity"] / f["time"])
@@ -121,7 +123,7 @@ def test_factors_are_those_of_dimensions():
     assert f["angular_impulse"] == pytest.approx(f["torque"] * f["time"])
     assert f["power"] == pytest.approx(f["energy"] / f["time"])
     assert f["rate"] == f["angular_velocity"] == pytest.approx(1 / f["time"])
-    assert froude.factor("force", dim=2) == pytest.approx(f["force"] / f["length"])
+    assert ratio.factor("force", dim=2) == pytest.approx(f["force"] / f["length"])
     # the scripts behind the paper: time and velocity x 1/2, omega x 2, force x 1/64
     quarter = Froude(0.25)
     factors = [quarter.factor(q) for q in ("time", "velocity", "angular_velocity", "force")]
@@ -134,6 +136,27 @@ def test_numbers_of_the_material_without_dimension_stay():
     assert (small.E, small.d, small.t0) == (grains.E / 4, grains.d / 4, grains.t0 / 2)
     kept = ("nu", "mu_s", "mu_2", "I0", "b", "A", "rho_c", "rho_s")
     assert all(getattr(small, name) == getattr(grains, name) for name in kept)
+
+
+NUMBERS = {
+    *("nu", "mu_s", "mu_2", "mu", "rho_c", "rho_s", "I0", "b", "A", "xi", "friction", "density"),
+    *("rotation_deg", "seed", "tolerance", "spread", "jitter", "cfl", "mass_cutoff", "vectors"),
+    *("normal", "axis", "substeps", "points_per_cell", "shape", "xpic_order", "shift_outlet_cells"),
+    *("diffusion", "strain_diffusion", "feedback", "feedback_limit", "feedback_noise", "decay"),
+    *("feedback_crowd", "shift", "shift_limit", "averaging_time", "tension_reach", "weighting"),
+    *("weight_limit", "weight_decay"),
+}
+"""Fields without a dimension, or that gravity and density leave as they are (xi by itself)."""
+
+
+def test_every_number_of_a_scene_was_thought_of():
+    """A new field with a dimension must be named in granular.froude."""
+    for kind, quantities in froude._QUANTITIES.items():
+        for field in dataclasses.fields(kind):
+            number = any(word in str(field.type) for word in ("float", "int", "Vector", "Span"))
+            known = field.name in quantities or field.name in NUMBERS
+            assert known or not number, (kind.__name__, field.name)
+        assert set(quantities.values()) <= set(POWERS)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])

@@ -78,6 +78,9 @@ def test_thick_blades_stay_as_they_are():
     (blade,) = scenes.excavation(cell=0.0125, width=0.3, blade=(0.04, 0.3, 0.4)).bodies
     ends = blade.distance(np.array([[0.29, 0.0, 0.1], [0.29, 0.15, 0.1]]))[0]
     assert (ends < 0).all()  # from wall to wall, nodes on the wall included
+    tracked = gr.Scheme(transfer="apic", density="tracked")  # keeps the sides of thin blades apart
+    (blade,) = scenes.excavation(cell=0.0125, scheme=tracked).bodies
+    assert blade.shape.size == (0.006, 0.305, 0.457)
     (blade,) = scenes.excavation(cell=0.0125).bodies
     assert blade.shape.size == (0.025, 0.305, 0.457)
 
@@ -105,7 +108,8 @@ def test_bucket_is_open_above_and_before():
     )
     inner = np.array([[-0.15, 0.0, 0.2], [-0.15, 0.0, 0.5], [0.1, 0.0, 0.2]]) @ axes
     sheets = np.array([[-0.15, 0.0, 0.01], [-0.3, 0.0, 0.2], [-0.15, 0.13, 0.2]]) @ axes
-    where = np.array([0.35, 0.0, 0.0])
+    where = np.array([0.35, 0.0, 0.0])  # that of the edge
+    assert bucket.distance(where[None])[0] == pytest.approx(0.0, abs=1e-12)
     assert (bucket.distance(inner + where)[0] > 0).all()
     assert (bucket.distance(sheets + where)[0] < 0).all()
     # 90 degrees in all, evenly

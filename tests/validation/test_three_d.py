@@ -110,6 +110,15 @@ def test_flow_between_cylinders_in_the_plane():
     assert torque[0] == pytest.approx(-torque[1], rel=0.02)
 
 
+@pytest.mark.slow
+def test_rough_cylinders_hold_the_fluidity():
+    """As drawn: the material that an overlap holds is where the fluidity should be 0."""
+    material = beads(d=0.004)
+    profile, _ = turning(0.4, material, rough=True, overlap=0.0, **PLANE)
+    flow = couette_flow(0.1, 0.15, material, rate=1.0, pressure=5e3, walls="rough")
+    assert error(profile, 1.0, flow).max() < 0.05
+
+
 def test_local_flow_between_cylinders_has_no_tail():
     profile, _ = turning(0.3, beads(d=0.004, A=0.0), **PLANE)
     flow = couette_flow(0.1, 0.15, beads(d=0.004), rate=1.0, pressure=5e3, walls="smooth")
