@@ -2,8 +2,9 @@
 
 #include "body/pose.h"
 
-/* A body is thin if an edge of it is below so many cells. */
-#define THIN 2.0
+/* A body is thin if an edge of it is below so many cells: points at its two faces have a node in common, from which hats
+ * reach one cell and the others one and a half. */
+static double thin_cells(const struct gr_config *config) { return config->basis == GR_LINEAR ? 2 : 3; }
 
 /* Cells nearer than this to a plate are double, in cells: points of one side see nodes of the other from sqrt(3) at most,
  * and bodies may move by one before the split follows. */
@@ -17,7 +18,7 @@ static int axis_across(const struct gr_config *config, const struct gr_part *par
     if (part->kind != GR_PART_BOX) return -1;
     for (int d = 1; d < config->dim; d++)
         if (part->size[d] < part->size[axis]) axis = d;
-    return 2 * part->size[axis] < THIN * config->dx * (1 - 1e-9) ? axis : -1;
+    return 2 * part->size[axis] < thin_cells(config) * config->dx * (1 - 1e-9) ? axis : -1;
 }
 
 int gr_has_plates(const struct gr_config *config) { return gr_list_plates(config, 0) > 0; }

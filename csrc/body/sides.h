@@ -1,7 +1,7 @@
 /* The two sides of bodies that are thinner than the grid resolves.
  *
  * Material on one side of a blade and material on the other have nodes in common: through them one would drag and bear the
- * other. Cells about a plate, a box with an edge below 2 dx, therefore exist twice, for the points on its front and for
+ * other. Cells about a plate, a box with an edge below 3 dx (2 dx with hats), therefore exist twice, for the points on its front and for
  * those on its back, and so do their nodes. To the points of one side all nodes beyond the middle of the plate lie in the
  * body, and contact rules them as it does the nodes within a thick body. Where a node does not face the plate, beyond its
  * edges, its two copies move as one, by the sums of both. (The idea of sides: Hu et al. 2018, ACM Trans. Graph. 37, CPIC;

@@ -14,14 +14,14 @@ from granular.geometry import Fill, Grid
 from granular.materials import MuI
 from granular.walls import Gravity, Wall
 
-CELL, DT = 0.04, 4e-4  # no part is thinner than two cells
+CELL, DT = 0.04, 4e-4  # no part is thinner than three cells
 
 PLANE = {
     "box": Box((0.21, 0.13), center=(0.02, -0.01), rotation_deg=20.0),
     "disc": Cylinder(0.12, center=(0.01, 0.02)),
     "drum": Cylinder(0.22, center=(0.0, 0.0), inside=True),
     "half": HalfSpace((0.3, 1.0), (0.0, -0.05)),
-    "bucket": Union((Box((0.3, 0.08)), Box((0.08, 0.3), center=(0.15, 0.1)))),
+    "bucket": Union((Box((0.3, 0.12)), Box((0.12, 0.3), center=(0.15, 0.1)))),
 }
 SPACE = {
     "box": Box((0.25, 0.19, 0.3), center=(0.02, -0.01, 0.03), rotation_deg=(20.0, 10.0, 5.0)),

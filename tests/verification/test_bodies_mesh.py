@@ -93,6 +93,12 @@ def test_a_mesh_moves_through_a_bed_as_the_box_it_is(tmp_path):
     assert np.array_equal(again.state.x, whole.state.x)
 
 
+def test_a_mesh_is_scaled():
+    mesh = Mesh(CUBE, FACES, spacing=0.02)
+    small = gr.froude.Froude(length=0.25).scene(bed(mesh)).bodies[0].shape
+    assert small == Mesh(tuple(tuple(0.25 * x for x in v) for v in CUBE), FACES, spacing=0.005)
+
+
 def test_a_file_is_read(tmp_path):
     trimesh = pytest.importorskip("trimesh")
     pytest.importorskip("rtree")

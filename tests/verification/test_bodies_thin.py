@@ -46,13 +46,13 @@ def endless(dim=2, *, thickness=0.2, **body):
     return Body(Box(size), (0.0,) * (dim - 1) + (0.3,), **body)
 
 
-@pytest.mark.parametrize("basis", ["linear", "quadratic"])
+@pytest.mark.parametrize(("basis", "thickness"), [("linear", 0.2), ("quadratic", 0.2)])
 @pytest.mark.parametrize("contact", ["sticky", "separating", "bilateral"])
 @pytest.mark.parametrize("dim", [2, 3])
-def test_nothing_passes_through_a_blade(dim, contact, basis):
+def test_nothing_passes_through_a_blade(dim, contact, basis, thickness):
     """What is under it stays at rest to the last bit; what is above it is stopped by it."""
     friction = 0.0 if contact == "sticky" else 0.3
-    plate = endless(dim, contact=contact, friction=friction)
+    plate = endless(dim, thickness=thickness, contact=contact, friction=friction)
     sim = gr.Simulation(layers(plate, dim=dim, basis=basis), threads=1)
     below = sim.state.x[:, -1] < 0.3
     start = sim.state.x[below]
@@ -65,6 +65,25 @@ def test_nothing_passes_through_a_blade(dim, contact, basis):
     change = state.mass @ state.v - before
     assert abs(change[-1]) > 0.3 * abs(before[-1])
     assert np.allclose(change, -sim.bodies[0].impulse, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("cells", [1.9, 2.1, 2.9, 3.1])
+def test_nothing_passes_through_what_is_not_thin(cells):
+    """Material at both faces of a body of any thickness, with nodes in common up to three cells."""
+    plate = Body(Box((np.inf, cells * CELL)), (0.0, 0.4), friction=0.3)
+    scene = layers(plate)
+    top = 0.4 + 0.5 * cells * CELL
+    fills = (
+        Fill(Region((0.0, 0.05), (0.3, 0.4 - 0.5 * cells * CELL)), 4),
+        Fill(Region((0.0, top), (0.3, top + 0.2)), 4, velocity=(0.6, -0.5)),
+    )
+    sim = gr.Simulation(
+        scene.replace(grid=Grid((0.0, 0.0), CELL, (6, 20), periodic=(True, False)), fills=fills),
+        threads=1,
+    )
+    below = sim.state.x[:, 1] < 0.4
+    sim.step(60)
+    assert not sim.state.v[below].any()
 
 
 def test_a_thick_body_of_the_same_place_does_the_same():
