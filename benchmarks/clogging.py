@@ -92,7 +92,7 @@ class Plan:
         }
 
     def refined(self) -> dict[Key, gr.Scene]:
-        """Half the cells, a quarter of the time step (table 2), by the name of the scheme, W/d.
+        """Half the cells, a quarter of the time step (table 2), of the scheme of the scene, by W/d.
 
         Of the opening between two fixed nodes a cell is not free. So that the free part can be
         compared, the same grains also flow out of an opening two fine cells narrower: the mean of
@@ -100,14 +100,13 @@ class Plan:
         """
         cell, W = self.size["cell"], gr.scenes.clogging_silo().parameters["orifice"]
         return {
-            (name, tag, ratio): self.silo(
-                scheme.replace(dt=2.5e-5),
+            ("hats", tag, ratio): self.silo(
+                SCHEMES["hats"].replace(dt=2.5e-5),
                 opening_over_d=ratio * orifice / W,
                 orifice=orifice,
                 A=1.0,
                 cell=cell / 2,
             )
-            for name, scheme in SCHEMES.items()
             for tag, orifice in (("refined", W), ("narrow", W - cell))
             for ratio in COMPARED
         }
@@ -321,14 +320,13 @@ def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
 def refinement(folder: Path) -> list[dict[str, Any]]:
     """Coarse against refined, by the records of both."""
     rows = []
-    for scheme in SCHEMES:
-        for ratio in COMPARED:
-            names = (f"{scheme}_{tag}_{ratio}.h5" for tag in ("1.0", "refined", "narrow"))
-            with ExitStack() as stack:
-                coarse, *fine = (stack.enter_context(gr.open(folder / name)) for name in names)
-                for equal, chosen in (("nodes", fine[:1]), ("free part", fine)):
-                    row = {"scheme": scheme, "opening_over_d": ratio, "equal": equal}
-                    rows.append(row | compare(coarse, chosen, ratio))
+    for ratio in COMPARED:
+        names = (f"hats_{tag}_{ratio}.h5" for tag in ("1.0", "refined", "narrow"))
+        with ExitStack() as stack:
+            coarse, *fine = (stack.enter_context(gr.open(folder / name)) for name in names)
+            for equal, chosen in (("nodes", fine[:1]), ("free part", fine)):
+                row = {"opening_over_d": ratio, "equal": equal}
+                rows.append(row | compare(coarse, chosen, ratio))
     return rows
 
 

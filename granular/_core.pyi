@@ -103,14 +103,17 @@ def fluidity_diffuse(
     isa: str,
 ) -> Diffusion: ...
 def body_distance(
-    parts: NDArray[np.float64], x: NDArray[np.float64], /
+    parts: NDArray[np.float64],
+    samples: tuple[NDArray[np.float64], ...],
+    x: NDArray[np.float64],
+    /,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def node_positions(
     basis: int, n_cells: int, periodic: bool, creases: NDArray[np.int32], /
 ) -> NDArray[np.float64]: ...
 
 Array = NDArray[np.float64]
-BodyRow = tuple[Array, Array, Array, int, int, int, float, float]
+BodyRow = tuple[Array, tuple[Array, ...], Array, Array, int, int, int, float, float]
 """parts (k, 17), pose (7,), motion (n, 7), contact, free, friction, mass"""
 
 @final

@@ -22,6 +22,7 @@ from granular.body_shapes import (
     Box,
     Cylinder,
     HalfSpace,
+    Mesh,
     Union,
     are_endless,
     corners,
@@ -36,7 +37,7 @@ from granular.checks import finite, non_negative, one_of, positive, vector
 if TYPE_CHECKING:
     from granular.geometry import Grid
 
-__all__ = ["Body", "BodyState", "Box", "Cylinder", "HalfSpace", "Motion", "Union"]
+__all__ = ["Body", "BodyState", "Box", "Cylinder", "HalfSpace", "Mesh", "Motion", "Union"]
 
 Array = NDArray[np.float64]
 
@@ -123,7 +124,7 @@ class Body:
 
     Parameters
     ----------
-    shape : Box, Cylinder, HalfSpace or Union
+    shape : Box, Cylinder, HalfSpace, Mesh or Union
         In coordinates of the body.
     position : tuple of float, length dim
         Where the origin of these coordinates is at the start [m].
@@ -151,7 +152,7 @@ class Body:
         Naming argument, value and allowed range.
     """
 
-    shape: Box | Cylinder | HalfSpace | Union
+    shape: Box | Cylinder | HalfSpace | Mesh | Union
     position: tuple[float, ...]
     _: KW_ONLY
     rotation_deg: float | tuple[float, ...] = 0.0
@@ -163,8 +164,10 @@ class Body:
     mass: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.shape, (Box, Cylinder, HalfSpace, Union)):
-            raise TypeError(f"shape = {self.shape!r} must be a Box, Cylinder, HalfSpace or Union")
+        if not isinstance(self.shape, (Box, Cylinder, HalfSpace, Mesh, Union)):
+            raise TypeError(
+                f"shape = {self.shape!r} must be a Box, Cylinder, HalfSpace, Mesh or Union"
+            )
         dim = self.shape.dim
         motion = Motion(velocity=((0.0,) * dim,)) if self.motion is None else self.motion
         if not isinstance(motion, Motion):
@@ -241,6 +244,7 @@ class Body:
         x, y, z, w = turned(self.rotation_deg).as_quat()
         return (
             self.shape.rows(),
+            self.shape.samples(),
             np.array([*in_space(self.position), w, x, y, z]),
             self.motion.rows(),
             CONTACTS.index(self.contact),
@@ -271,7 +275,7 @@ class Body:
         arm[:, : self.dim] = x - np.array(self.position)
         turn = turned(self.rotation_deg)
         local = np.ascontiguousarray(turn.inv().apply(arm)) if len(x) else arm
-        distance, normal = _core.body_distance(self.shape.rows(), local)
+        distance, normal = _core.body_distance(self.shape.rows(), self.shape.samples(), local)
         return distance, (turn.apply(normal) if len(x) else normal)[:, : self.dim]
 
 

@@ -70,6 +70,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     rigid.Box: {"size": "length", "center": "length"},
     rigid.Cylinder: {"radius": "length", "length": "length", "center": "length"},
     rigid.HalfSpace: {"through": "length"},
+    rigid.Mesh: {"vertices": "length", "spacing": "length"},
     rigid.Union: {},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass"},

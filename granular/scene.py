@@ -298,7 +298,7 @@ _PARTS: dict[str, type] = {
 """The classes a scene is written with, by the tag that stands for them."""
 _PARTS |= {
     f"bodies.{kind.__name__}": kind
-    for kind in (rigid.Box, rigid.Cylinder, rigid.HalfSpace, rigid.Union)
+    for kind in (rigid.Box, rigid.Cylinder, rigid.HalfSpace, rigid.Mesh, rigid.Union)
 }
 _TAGS = {kind: tag for tag, kind in _PARTS.items()}
 

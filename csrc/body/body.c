@@ -1,6 +1,7 @@
 #include "body/body.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
@@ -36,6 +37,42 @@ static double corner_distance(int n, const double beyond[], double (*face)[3], d
     return distance;
 }
 
+/* Signed distance by the samples; beyond their box, that at its surface and the way to it, which bounds it from above. */
+static double sampled_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    const int *n = part->shape;
+    double value = 0, slope[3] = {0}, share[3], out[3], length = 0;
+    int64_t first = 0, step[3] = {1, n[0], (int64_t)n[0] * n[1]};
+    for (int d = 0; d < 3; d++) {
+        const double at = fmax(-part->size[d], fmin(y[d], part->size[d]));
+        const double place = (at + part->size[d]) / (2 * part->size[d]) * (n[d] - 1);
+        const int cell = (int)fmin(place, n[d] - 2);
+        share[d] = place - cell;
+        first += cell * step[d];
+        out[d] = y[d] - at;
+        length += out[d] * out[d];
+    }
+    for (int corner = 0; corner < 8; corner++) {
+        double weight[3];
+        int64_t at = first;
+        for (int d = 0; d < 3; d++) {
+            weight[d] = corner >> d & 1 ? share[d] : 1 - share[d];
+            at += (corner >> d & 1) * step[d];
+        }
+        value += weight[0] * weight[1] * weight[2] * part->sample[at];
+        for (int d = 0; d < 3; d++)
+            slope[d] += (corner >> d & 1 ? 1 : -1) * weight[(d + 1) % 3] * weight[(d + 2) % 3] * part->sample[at];
+    }
+    double square = 0;
+    for (int d = 0; d < 3; d++) {
+        normal[d] = length > 0 ? fabs(value) * slope[d] * (n[d] - 1) / (2 * part->size[d]) + out[d]
+                               : slope[d] * (n[d] - 1) / (2 * part->size[d]);
+        square += normal[d] * normal[d];
+    }
+    for (int d = 0; d < 3; d++) normal[d] = square > 0 ? normal[d] / sqrt(square) : d == 2;
+    return value + sqrt(length);
+}
+
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3])
 {
     const double *r = part->rotation, *size = part->size;
@@ -45,6 +82,8 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
     if (part->kind == GR_PART_HALF_SPACE) {
         local[0] = local[1] = 0, local[2] = 1;
         distance = y[2];
+    } else if (part->kind == GR_PART_SAMPLED) {
+        distance = sampled_distance(part, y, local);
     } else if (part->kind == GR_PART_CYLINDER) {
         const double radius = sqrt(y[0] * y[0] + y[1] * y[1]);
         const double beyond[2] = {radius - size[0], fabs(y[2]) - size[1]};
@@ -82,7 +121,7 @@ double gr_part_bound(const struct gr_part *part, int dim)
 {
     if (part->inside || part->kind == GR_PART_HALF_SPACE) return INFINITY;
     double square = part->size[0] * part->size[0];
-    if (part->kind == GR_PART_BOX) {
+    if (part->kind == GR_PART_BOX || part->kind == GR_PART_SAMPLED) {
         square += part->size[1] * part->size[1];
         if (dim == 3) square += part->size[2] * part->size[2];
     } else if (dim == 3) {

@@ -5,16 +5,19 @@
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
-enum gr_part_kind { GR_PART_BOX, GR_PART_CYLINDER, GR_PART_HALF_SPACE, GR_PART_COUNT };
+enum gr_part_kind { GR_PART_BOX, GR_PART_CYLINDER, GR_PART_HALF_SPACE, GR_PART_SAMPLED, GR_PART_COUNT };
 
 /* A part of a body, in coordinates of the body. */
 struct gr_part {
     int kind;
-    int inside;         /* 1: the solid is all that lies outside of the surface, the material is within */
-    double center[3];   /* m */
-    double rotation[9]; /* row-major; its columns are the axes of the part: that of a cylinder, or the outward normal of a
+    int inside;           /* 1: the solid is all that lies outside of the surface, the material is within */
+    double center[3];     /* m */
+    double rotation[9];   /* row-major; its columns are the axes of the part: that of a cylinder, or the outward normal of a
                            half-space, is the third */
-    double size[3];     /* half edges of a box; radius and half length of a cylinder; m, may be infinite */
+    double size[3];       /* half edges of a box, or of that of the samples; radius and half length of a cylinder; m, may be
+                           infinite */
+    int shape[3];         /* samples along each axis, of one spacing */
+    const double *sample; /* signed distances, m, x fastest; linear between */
 };
 
 enum gr_contact { GR_CONTACT_STICKY, GR_CONTACT_SEPARATING, GR_CONTACT_BILATERAL, GR_CONTACT_COUNT };

@@ -75,11 +75,11 @@ static int is_within(const struct gr_engine *e, int64_t node, const struct movin
     if (e->n_plates && e->mesh.twin[node] >= 0 && e->mesh.apart[node]) {
         struct gr_facing side;
         gr_nearest_plate(e, x, 1, &side);
-        if (side.body == m->number) {
-            const double front = e->mesh.twin[node] > node ? 1 : -1;
+        const double front = e->mesh.twin[node] > node ? 1 : -1;
+        if (side.body == m->number && front * side.mid < side.half) {
             for (int d = 0; d < 3; d++) normal[d] = front * side.normal[d];
-            return front * side.mid < side.half;
-        }
+            return 1;
+        } /* else the node may lie in another part */
     }
     return !is_far(m, r) && distance(m, r, normal) < 0;
 }

@@ -2,8 +2,9 @@
 
 #include "body/pose.h"
 
-/* A body is thin if an edge of it is below so many cells. */
-#define THIN 2.0
+/* A body is thin if an edge of it is below so many cells: points at its two faces have a node in common, from which hats
+ * reach one cell and the others one and a half. */
+static double thin_cells(const struct gr_config *config) { return config->basis == GR_LINEAR ? 2 : 3; }
 
 /* Cells nearer than this to a plate are double, in cells: points of one side see nodes of the other from sqrt(3) at most,
  * and bodies may move by one before the split follows. */
@@ -17,7 +18,7 @@ static int axis_across(const struct gr_config *config, const struct gr_part *par
     if (part->kind != GR_PART_BOX) return -1;
     for (int d = 1; d < config->dim; d++)
         if (part->size[d] < part->size[axis]) axis = d;
-    return 2 * part->size[axis] < THIN * config->dx * (1 - 1e-9) ? axis : -1;
+    return 2 * part->size[axis] < thin_cells(config) * config->dx * (1 - 1e-9) ? axis : -1;
 }
 
 int gr_has_plates(const struct gr_config *config) { return gr_list_plates(config, 0) > 0; }
@@ -55,9 +56,12 @@ static void look(const struct gr_engine *e, const struct gr_plate *plate, const 
     for (int d = 0; d < 3; d++) local[d] -= part->center[d];
     for (int j = 0; j < 3; j++) y[j] = p[j] * local[0] + p[3 + j] * local[1] + p[6 + j] * local[2];
     side->facing = 1;
+    side->inset = INFINITY;
     for (int j = 0; j < 3; j++) {
         const double beyond = fabs(y[j]) - part->size[j];
-        if (j == plate->axis || !(beyond > 0)) continue;
+        if (j == plate->axis) continue;
+        side->inset = fmin(side->inset, -beyond);
+        if (!(beyond > 0)) continue;
         square += beyond * beyond;
         side->facing = 0;
     }
@@ -72,6 +76,7 @@ static void look(const struct gr_engine *e, const struct gr_plate *plate, const 
 void gr_nearest_plate(const struct gr_engine *e, const double x[3], int now, struct gr_facing *side)
 {
     struct gr_pose pose;
+    double next = INFINITY;
     for (int k = 0; k < e->n_plates; k++) {
         const int b = e->plate[k].body;
         struct gr_facing other;
@@ -80,8 +85,14 @@ void gr_nearest_plate(const struct gr_engine *e, const double x[3], int now, str
             gr_pose_at(e, b, now ? e->body[b].x : split->x, now ? e->body[b].orientation : split->orientation, &pose);
         }
         look(e, &e->plate[k], &pose, x, &other);
-        if (!k || other.distance < side->distance) *side = other;
+        if (!k) {
+            *side = other;
+            continue;
+        }
+        next = fmin(next, fmax(other.distance, side->distance));
+        if (other.distance < side->distance) *side = other;
     }
+    side->next = next;
 }
 
 int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double)
@@ -92,6 +103,16 @@ int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double)
     gr_nearest_plate(e, x, 0, &side);
     *is_double = side.distance < REACH * e->config.dx;
     return (*is_double ? 1 : 2) * (side.mid < 0 ? -1 : 1);
+}
+
+int gr_cell_faces_plate(const struct gr_engine *e, const int32_t at[3])
+{
+    const double corner = 0.5 * sqrt(e->config.dim) * e->config.dx; /* from the middle */
+    struct gr_facing side;
+    double x[3];
+    gr_cell_position(e, at, x);
+    gr_nearest_plate(e, x, 1, &side);
+    return side.inset > 1.01 * corner && side.next - side.distance > 2.02 * corner;
 }
 
 int gr_point_side(const struct gr_engine *e, const double x[3], int current)

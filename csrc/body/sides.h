@@ -1,7 +1,7 @@
 /* The two sides of bodies that are thinner than the grid resolves.
  *
  * Material on one side of a blade and material on the other have nodes in common: through them one would drag and bear the
- * other. Cells about a plate, a box with an edge below 2 dx, therefore exist twice, for the points on its front and for
+ * other. Cells about a plate, a box with an edge below 3 dx (2 dx with hats), therefore exist twice, for the points on its front and for
  * those on its back, and so do their nodes. To the points of one side all nodes beyond the middle of the plate lie in the
  * body, and contact rules them as it does the nodes within a thick body. Where a node does not face the plate, beyond its
  * edges, its two copies move as one, by the sums of both. (The idea of sides: Hu et al. 2018, ACM Trans. Graph. 37, CPIC;
@@ -33,6 +33,8 @@ struct gr_facing {
     int body, facing;     /* whether the normal of the plate through the place meets it */
     double distance, mid; /* from the middle of the plate; from its plane, towards the front; m */
     double half;          /* half thickness, m */
+    double inset;         /* from the edges of the plate, negative beyond them, m */
+    double next;          /* distance from the next plate, m */
     double normal[3];     /* of the front, in axes of space */
 };
 
@@ -47,6 +49,9 @@ void gr_nearest_plate(const struct gr_engine *e, const double x[3], int now, str
 
 /* Whether a cell is double, and on which side its middle is: 1, -1 double; 2, -2 simple. */
 int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double);
+
+/* Whether all places of a cell face the plate that is nearest to its middle: no point changes its side there. */
+int gr_cell_faces_plate(const struct gr_engine *e, const int32_t at[3]);
 
 /* Side, 1 or -1, of a point of a double cell that has had the side `current`, 0 for none. */
 int gr_point_side(const struct gr_engine *e, const double x[3], int current);

@@ -1,11 +1,11 @@
 /* Numbers for the cells or nodes of a box of which all but a few are 0: blocks of GR_BLOCK places, and only those with
- * another number have memory, so that an empty box costs 1/16 byte a place. */
+ * another number have memory, so that an empty box costs 1/8 byte a place. */
 #ifndef GR_CORE_TABLE_H
 #define GR_CORE_TABLE_H
 
 #include <stdint.h>
 
-enum { GR_BLOCK = 64 };
+enum { GR_BLOCK = 32 };
 
 struct gr_table {
     int64_t n, n_blocks, room; /* places; blocks, block 0 is of zeros and stands for all that are not there */

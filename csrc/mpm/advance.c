@@ -117,8 +117,8 @@ static void finish(struct team *team)
     if (e->n_plates) gr_change_sides(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
-    const int followed = e->n_plates && gr_follow_bodies(e);
-    if (!e->n_pending && !followed) return;
+    if (e->n_plates && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is that of the new split */
+    if (!e->n_pending && !e->disconnected) return;
     e->error = gr_regroup(e);
     if (!e->error) e->error = share_out(team);
 }

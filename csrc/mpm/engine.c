@@ -52,6 +52,19 @@ static int copy_bodies(struct gr_config *c)
     return error;
 }
 
+/* After the parts themselves. */
+static int copy_samples(struct gr_config *c)
+{
+    struct gr_part *parts = (struct gr_part *)c->parts;
+    int error = GR_OK;
+    for (int k = 0; parts && k < c->n_parts; k++) {
+        const int *n = parts[k].shape;
+        const int64_t count = parts[k].sample ? (int64_t)n[0] * n[1] * n[2] : 0;
+        error |= own((const void **)&parts[k].sample, sizeof(double) * (size_t)count);
+    }
+    return error;
+}
+
 static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
 {
     struct gr_config *c = &e->config;
@@ -59,6 +72,7 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     error |= own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
     error |= own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
     error |= own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
+    error |= copy_samples(c);
     error |= copy_bodies(c);
     error |= gr_table_of_bytes(&e->node_codes, c->node_codes, n_nodes);
     error |= gr_table_of_bytes(&e->cell_flags, c->cell_flags, n_cells);
@@ -238,6 +252,7 @@ void gr_engine_free(struct gr_engine *e)
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->fluidity);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
+    for (int k = 0; e->config.parts && k < e->config.n_parts; k++) free((void *)e->config.parts[k].sample);
     void *owned[] = {(void *)e->config.gravity_times,
                      (void *)e->config.gravity_vectors,
                      (void *)e->config.walls,

@@ -204,6 +204,7 @@ void gr_change_sides(struct gr_engine *e)
     for (int64_t k = 0; k < 2 * e->mesh.n_paired; k++) {
         const int64_t index = e->mesh.paired[k / 2] + k % 2;
         struct gr_cell *cell = &e->mesh.cell[index];
+        if (!cell->count || gr_cell_faces_plate(e, cell->at)) continue;
         for (int64_t slot = cell->offset; slot < cell->offset + cell->count; slot++) {
             double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
             for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];

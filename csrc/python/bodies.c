@@ -12,9 +12,28 @@ static int refuse(const char *what)
     return -1;
 }
 
-/* Rows (kind, inside, center[3], rotation[9], size[3]) of an array (n, 17). Returned: n, or -1. */
-static int take_parts(PyObject *object, int room, struct gr_part *out)
+/* Signed distances (z, y, x) of a sampled part. */
+static int take_samples(PyObject *object, struct gr_part *part)
 {
+    const npy_intp any[3] = {-1, -1, -1};
+    PyArrayObject *array = gr_array(object, "samples", NPY_DOUBLE, 3, any, 0);
+    if (!array || gr_refuse_values("samples", array, -GR_LARGEST)) return -1;
+    for (int d = 0; d < 3; d++) {
+        const npy_intp n = PyArray_DIM(array, 2 - d);
+        if (n < 2 || n > 4096) return refuse("samples must be from 2 to 4096 along each axis");
+        if (!(part->size[d] > 0 && part->size[d] < GR_LARGEST)) return refuse("the box of samples must have a size");
+        part->shape[d] = (int)n;
+    }
+    part->sample = PyArray_DATA(array);
+    return 0;
+}
+
+/* Rows (kind, inside, center[3], rotation[9], size[3]) of an array (n, 17), and the samples of those that have some, a
+ * tuple. Returned: n, or -1. */
+static int take_parts(PyObject *object, PyObject *samples, int room, struct gr_part *out)
+{
+    Py_ssize_t sampled = 0;
+    if (!PyTuple_Check(samples)) return refuse("samples must be a tuple of arrays");
     const npy_intp shape[2] = {-1, PART_NUMBERS};
     PyArrayObject *array = gr_array(object, "parts", NPY_DOUBLE, 2, shape, 0);
     if (!array) return -1;
@@ -22,7 +41,7 @@ static int take_parts(PyObject *object, int room, struct gr_part *out)
     if (n < 1 || n > room) return refuse("the bodies must have 1 to 256 parts in all, and each at least one");
     const double *row = PyArray_DATA(array);
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
-        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return refuse("the kind of a part must be 0 to 2");
+        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return refuse("the kind of a part must be 0 to 3");
         out[k].kind = (int)row[KIND];
         out[k].inside = row[INSIDE] != 0;
         for (int q = CENTER; q < SIZE; q++)
@@ -32,7 +51,12 @@ static int take_parts(PyObject *object, int room, struct gr_part *out)
         memcpy(out[k].center, row + CENTER, sizeof out[k].center);
         memcpy(out[k].rotation, row + ROTATION, sizeof out[k].rotation);
         memcpy(out[k].size, row + SIZE, sizeof out[k].size);
+        out[k].sample = NULL;
+        if (out[k].kind != GR_PART_SAMPLED) continue;
+        if (sampled == PyTuple_GET_SIZE(samples)) return refuse("samples must be as many as sampled parts");
+        if (take_samples(PyTuple_GET_ITEM(samples, sampled++), &out[k])) return -1;
     }
+    if (sampled != PyTuple_GET_SIZE(samples)) return refuse("samples must be as many as sampled parts");
     return (int)n;
 }
 
@@ -59,17 +83,18 @@ static int is_unit(const double orientation[4])
 
 static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *body, struct gr_part *parts)
 {
-    PyObject *list, *pose, *motion;
+    PyObject *list, *samples, *pose, *motion;
     const npy_intp seven[1] = {7};
     if (!PyTuple_Check(row)) {
         PyErr_SetString(PyExc_TypeError, "each row of bodies must be a tuple");
         return -1;
     }
-    if (!PyArg_ParseTuple(row, "OOOiiidd;a row of bodies is (parts, pose, motion, contact, free, rough, friction, mass)",
-                          &list, &pose, &motion, &body->contact, &body->free, &body->rough, &body->friction, &body->mass))
+    if (!PyArg_ParseTuple(
+            row, "OOOOiiidd;a row of bodies is (parts, samples, pose, motion, contact, free, rough, friction, mass)", &list,
+            &samples, &pose, &motion, &body->contact, &body->free, &body->rough, &body->friction, &body->mass))
         return -1;
     body->first_part = c->n_parts;
-    body->n_parts = take_parts(list, GR_MAX_PARTS - c->n_parts, parts + c->n_parts);
+    body->n_parts = take_parts(list, samples, GR_MAX_PARTS - c->n_parts, parts + c->n_parts);
     if (body->n_parts < 0 || take_motion(motion, body)) return -1;
     PyArrayObject *array = gr_array(pose, "pose", NPY_DOUBLE, 1, seven, 0);
     if (!array || gr_refuse_values("pose", array, -GR_LARGEST)) return -1;
@@ -148,11 +173,11 @@ int gr_restore_split(struct gr_engine *e, PyObject *object)
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args)
 {
     (void)module;
-    PyObject *list, *places;
+    PyObject *list, *samples, *places;
     struct gr_part parts[GR_MAX_PARTS];
     const npy_intp three[2] = {-1, 3};
-    if (!PyArg_ParseTuple(args, "OO:body_distance", &list, &places)) return NULL;
-    const int count = take_parts(list, GR_MAX_PARTS, parts);
+    if (!PyArg_ParseTuple(args, "OOO:body_distance", &list, &samples, &places)) return NULL;
+    const int count = take_parts(list, samples, GR_MAX_PARTS, parts);
     if (count < 0) return NULL;
     PyArrayObject *x = gr_array(places, "x", NPY_DOUBLE, 2, three, 0);
     if (!x || gr_refuse_values("x", x, -GR_LARGEST)) return NULL;

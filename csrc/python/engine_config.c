@@ -27,6 +27,10 @@ static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyOb
         c->periodic[d] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, d));
         c->open_low[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_low, d));
         c->open_high[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_high, d));
+        if (!PyTuple_Check(PyTuple_GET_ITEM(above, d))) {
+            PyErr_Format(PyExc_TypeError, "absorbers[%d] must be a tuple", d);
+            return -1;
+        }
         if (!PyArg_ParseTuple(PyTuple_GET_ITEM(above, d), "dd;an absorber is (above, rate)", &c->above[d], &c->rising[d]))
             return -1;
         if (!(c->rising[d] >= 0)) {

@@ -6,12 +6,48 @@
 #include "tests/faults.h"
 #include "tests/scene.h"
 
-enum { MOST = 200 };
+enum { MOST = 300 };
 
-static void config(struct scene *s, int basis)
+/* Scenes that need memory of their own. */
+enum { PLAIN, NONLOCAL, BODIES, KINDS };
+
+/* Fluidity in substeps. */
+static void make_nonlocal(struct gr_config *c)
+{
+    static const uint8_t face[4 * 36]; /* of the 6 x 6 cells: all linked */
+    const double G = 1e6 / 2.6, parameter[] = {1e6 / 1.2, 0.5, G, 0.38, 0.64, 0.279, 2450, 0.01, 1e-2, 10};
+    memcpy(c->parameter, parameter, sizeof parameter);
+    c->law = GR_LAW_ngf;
+    c->nonlocal =
+        (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .least = 1e-6, .face = face};
+}
+
+/* A thick box that moves, and a plate with two sides, which does as well. */
+static void give_bodies(struct gr_config *c)
+{
+    static const double motion[] = {0, 0.5, 0, 0, 0, 0, 0};
+    static const struct gr_part parts[] = {
+        {.kind = GR_PART_BOX, .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .size = {0.15, 0.15, INFINITY}},
+        {.kind = GR_PART_BOX, .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .size = {0.01, 0.2, INFINITY}}};
+    static struct gr_body bodies[2];
+    for (int b = 0; b < 2; b++)
+        bodies[b] = (struct gr_body){.first_part = b,
+                                     .n_parts = 1,
+                                     .contact = GR_CONTACT_SEPARATING,
+                                     .bound = 0.3,
+                                     .position = {b ? -0.55 : -0.8, 2.3, 0},
+                                     .orientation = {1, 0, 0, 0},
+                                     .n_motion = 1,
+                                     .motion = motion};
+    c->n_bodies = c->n_parts = 2, c->bodies = bodies, c->parts = parts;
+}
+
+static void config(struct scene *s, int basis, int kind)
 {
     scene_seed(83);
     scene_default(s, 2, basis, GR_AFFINE_NONE, 0);
+    if (kind == NONLOCAL) make_nonlocal(&s->config);
+    if (kind == BODIES) give_bodies(&s->config);
 }
 
 static void axis_build_fails(void)
@@ -34,7 +70,7 @@ static void axis_build_fails(void)
     }
 }
 
-static void engine_new_fails(void)
+static void engine_new_fails(int kind)
 {
     long n = 0;
     int error;
@@ -42,7 +78,7 @@ static void engine_new_fails(void)
         struct scene s;
         struct gr_engine *e = NULL;
         uint8_t flags[36] = {[8] = GR_CELL_SOLID};
-        config(&s, GR_QUADRATIC);
+        config(&s, GR_QUADRATIC, kind);
         scene_codes(&s);
         s.config.walls = s.walls, s.config.node_codes = s.codes, s.config.cell_flags = flags;
         s.config.gravity_times = s.gravity_times, s.config.gravity_vectors = s.gravity_vectors;
@@ -58,20 +94,20 @@ static void engine_new_fails(void)
 }
 
 /* Regroup with a fault, then without: the points are those of an engine that never failed. */
-static void regroup_fails(int moved)
+static void regroup_fails(int moved, int kind)
 {
     long n = 0;
     int error;
     struct scene good;
     const struct gr_kernels *kernels = gr_kernels_select("baseline");
-    config(&good, GR_QUADRATIC);
+    config(&good, GR_QUADRATIC, kind);
     CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
     if (moved) CHECK(gr_advance(good.engine, kernels, 20, INFINITY, 1) == GR_OK);
     CHECK(gr_regroup(good.engine) == GR_OK);
     CHECK(gr_advance(good.engine, kernels, 30, INFINITY, 1) == GR_OK);
     do {
         struct scene s;
-        config(&s, GR_QUADRATIC);
+        config(&s, GR_QUADRATIC, kind);
         CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
         if (moved) CHECK(gr_advance(s.engine, kernels, 20, INFINITY, 1) == GR_OK);
         faults_at(++n);
@@ -89,9 +125,6 @@ static void regroup_fails(int moved)
     scene_free(&good);
 }
 
-static void first_regroup_fails(void) { regroup_fails(0); }
-static void later_regroup_fails(void) { regroup_fails(1); }
-
 /* Send all points off, into cells that are not active yet. */
 static void throw_all(struct scene *s)
 {
@@ -100,20 +133,20 @@ static void throw_all(struct scene *s)
 }
 
 /* Advance with a fault, then simply again: the same points as without it, wherever it struck. */
-static void advance_fails(void)
+static void advance_fails(int kind)
 {
     enum { STEPS = 200 };
     long n = 0;
     int error, hit, within = 0;
     struct scene good;
     const struct gr_kernels *kernels = gr_kernels_select("baseline");
-    config(&good, GR_LINEAR);
+    config(&good, GR_LINEAR, kind);
     CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
     throw_all(&good);
     CHECK(gr_advance(good.engine, kernels, STEPS, INFINITY, 1) == GR_OK);
     do {
         struct scene s;
-        config(&s, GR_LINEAR);
+        config(&s, GR_LINEAR, kind);
         CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
         throw_all(&s);
         faults_at(++n);
@@ -169,13 +202,33 @@ static void no_step_allocates(void)
             }
 }
 
+static void each_new_fails(void)
+{
+    for (int kind = 0; kind < KINDS; kind++) engine_new_fails(kind);
+}
+
+static void each_first_regroup_fails(void)
+{
+    for (int kind = 0; kind < KINDS; kind++) regroup_fails(0, kind);
+}
+
+static void each_later_regroup_fails(void)
+{
+    for (int kind = 0; kind < KINDS; kind++) regroup_fails(1, kind);
+}
+
+static void each_advance_fails(void)
+{
+    for (int kind = 0; kind < KINDS; kind++) advance_fails(kind);
+}
+
 int main(void)
 {
     RUN(axis_build_fails);
-    RUN(engine_new_fails);
-    RUN(first_regroup_fails);
-    RUN(later_regroup_fails);
-    RUN(advance_fails);
+    RUN(each_new_fails);
+    RUN(each_first_regroup_fails);
+    RUN(each_later_regroup_fails);
+    RUN(each_advance_fails);
     RUN(no_step_allocates);
     return check_report("memory");
 }

@@ -184,3 +184,16 @@ def test_the_laws_are_timed(module, tmp_path, capsys):
     assert {row["law"] for row in rows} >= {"mu_i", "loose", "nonlocal_linear"}
     assert all(len(row["ns"]) == 2 and min(row["ns"]) > 0 for row in rows)
     assert len(capsys.readouterr().out.splitlines()) == len(rows) + 2
+
+
+@pytest.mark.slow
+def test_an_empty_box_costs_next_to_nothing(module, tmp_path, capsys):
+    """64 times the room of a heap: the same time but for noise, some bytes a point."""
+    out = tmp_path / "box.json"
+    module("box_size").main(["--out", str(out)])
+    capsys.readouterr()
+    rows = {(row["law"], row["box"]): row for row in json.loads(out.read_text())["rows"]}
+    for law in ("local", "nonlocal"):
+        tight, wide = rows[law, 1], rows[law, 64]
+        assert wide["ns"] < 1.5 * tight["ns"]
+        assert wide["bytes_per_point"] < tight["bytes_per_point"] + 250

@@ -14,14 +14,14 @@ from granular.geometry import Fill, Grid
 from granular.materials import MuI
 from granular.walls import Gravity, Wall
 
-CELL, DT = 0.04, 4e-4  # no part is thinner than two cells
+CELL, DT = 0.04, 4e-4  # no part is thinner than three cells
 
 PLANE = {
     "box": Box((0.21, 0.13), center=(0.02, -0.01), rotation_deg=20.0),
     "disc": Cylinder(0.12, center=(0.01, 0.02)),
     "drum": Cylinder(0.22, center=(0.0, 0.0), inside=True),
     "half": HalfSpace((0.3, 1.0), (0.0, -0.05)),
-    "bucket": Union((Box((0.3, 0.08)), Box((0.08, 0.3), center=(0.15, 0.1)))),
+    "bucket": Union((Box((0.3, 0.12)), Box((0.12, 0.3), center=(0.15, 0.1)))),
 }
 SPACE = {
     "box": Box((0.25, 0.19, 0.3), center=(0.02, -0.01, 0.03), rotation_deg=(20.0, 10.0, 5.0)),
@@ -302,13 +302,21 @@ def test_core_refuses_bad_rows():
         with pytest.raises((TypeError, ValueError)):
             sim._engine.restore_bodies(bad)
     rows = BOX.rows()
-    for column, value in ((0, 3.0), (0, -1.0), (2, np.inf), (5, np.nan), (14, -1.0), (14, np.nan)):
+    for column, value in (
+        (0, 3.0),
+        (0, 4.0),
+        (0, -1.0),
+        (2, np.inf),
+        (5, np.nan),
+        (14, -1.0),
+        (14, np.nan),
+    ):
         bad = rows.copy()
         bad[0, column] = value
         with pytest.raises(ValueError):
-            _core.body_distance(bad, np.zeros((1, 3)))
+            _core.body_distance(bad, (), np.zeros((1, 3)))
     with pytest.raises(ValueError):
-        _core.body_distance(np.tile(rows, (257, 1)), np.zeros((1, 3)))
+        _core.body_distance(np.tile(rows, (257, 1)), (), np.zeros((1, 3)))
 
 
 def test_checkpoint_without_bodies_is_refused():

@@ -34,7 +34,7 @@ def test_the_table_holds_every_case(script, table):
     assert keys(table["diagram"]) == set(plan.diagram())
     assert keys(table["substeps"]) == set(plan.subdivided())
     assert keys(table["refined"]) == set(plan.refined())
-    assert len(table["refinement"]) == 8
+    assert len(table["refinement"]) == 4
 
 
 def test_the_lines_are_those_of_the_verdicts(script, table):

@@ -78,7 +78,7 @@ def test_momentum_of_material_and_bodies_is_kept(transfer):
 
 def test_momentum_with_walls_and_gravity():
     """Step by step, with what the walls take known from the nodes: P = -(change + walls) + W dt."""
-    box = Body(Box((0.3, 0.1)), (0.5, 0.38), motion=Motion(velocity=((0.3, -0.2),)), friction=0.3)
+    box = Body(Box((0.3, 0.2)), (0.5, 0.43), motion=Motion(velocity=((0.3, -0.2),)), friction=0.3)
     scene = bed(box)
     scene = scene.replace(scheme=scene.scheme.replace(dt=5e-4))  # with the body and without
     sim, free = (gr.Simulation(scene.replace(bodies=b), threads=1) for b in ((box,), ()))
