@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from granular.bodies import split
-from granular.body_shapes import BOX, CYLINDER
+from granular.body_shapes import BOX, CYLINDER, Box, Cylinder, HalfSpace, Mesh, Union
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.merge import VTKHDF_VERSION
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["write_bodies"]
 
 Array = NDArray[np.float64]
-Mesh = tuple[Array, list[tuple[int, ...]]]
+Patches = tuple[Array, list[tuple[int, ...]]]
 """Vertices (n, 3), and polygons by their numbers."""
 
 SIDES = 64
@@ -66,7 +66,7 @@ def write_bodies(
         raise ValueError(f"record = {record!r} must have bodies and frames")
     grid = scene.grid
     size = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
-    meshes = [_joined([_mesh(row, grid.dim, size) for row in b.shape.rows()]) for b in scene.bodies]
+    meshes = [_surface(body.shape, grid.dim, size) for body in scene.bodies]
     poses = [split(record.bodies[:, k], 3) for k in range(len(meshes))]
     points = np.concatenate(
         [_placed(mesh[0], pose) for mesh, pose in zip(meshes, poses, strict=True)], axis=1
@@ -85,7 +85,7 @@ def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
     return np.einsum("fij,nj->fni", turn, vertices) + pose["position"][:, None]
 
 
-def _joined(meshes: list[Mesh]) -> Mesh:
+def _joined(meshes: list[Patches]) -> Patches:
     polygons, before = [], 0
     for vertices, faces in meshes:
         polygons += [tuple(before + i for i in face) for face in faces]
@@ -93,7 +93,20 @@ def _joined(meshes: list[Mesh]) -> Mesh:
     return np.concatenate([vertices for vertices, _ in meshes]), polygons
 
 
-def _mesh(row: Array, dim: int, size: float) -> Mesh:
+def _surface(shape: Box | Cylinder | HalfSpace | Mesh | Union, dim: int, size: float) -> Patches:
+    """Surface of a shape, a union part by part, in coordinates of its body."""
+    parts = shape.parts if isinstance(shape, Union) else (shape,)
+    return _joined(
+        [
+            (np.array(part.vertices), list(part.faces))
+            if isinstance(part, Mesh)
+            else _mesh(part.rows()[0], dim, size)
+            for part in parts
+        ]
+    )
+
+
+def _mesh(row: Array, dim: int, size: float) -> Patches:
     """Surface of a shape from its 17 numbers, in coordinates of its body."""
     kind, inside, center, turn = row[0], bool(row[1]), row[2:5], row[5:14].reshape(3, 3)
     half = np.where(np.isfinite(row[14:17]), row[14:17], size)
@@ -106,14 +119,14 @@ def _mesh(row: Array, dim: int, size: float) -> Mesh:
     return vertices @ turn.T + center, faces
 
 
-def _box(half: Array, dim: int) -> Mesh:
+def _box(half: Array, dim: int) -> Patches:
     corners = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
     if dim == 2:
         return (corners * half)[:4] * [1, 1, 0], [_FACES[0]]
     return corners * half, list(_FACES)
 
 
-def _cylinder(radius: float, half: float, inside: bool, dim: int, size: float) -> Mesh:
+def _cylinder(radius: float, half: float, inside: bool, dim: int, size: float) -> Patches:
     """About the third axis; of a drum the inner surface, in the plane a ring."""
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1) * radius
@@ -131,7 +144,7 @@ def _cylinder(radius: float, half: float, inside: bool, dim: int, size: float) -
     return np.concatenate([lower, upper]), faces
 
 
-def _half_space(turn: Array, dim: int, size: float) -> Mesh:
+def _half_space(turn: Array, dim: int, size: float) -> Patches:
     """A square of its face; in the plane a strip below it."""
     if dim == 3:
         corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])

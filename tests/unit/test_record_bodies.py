@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
+from granular.bodies import Body, Box, Cylinder, HalfSpace, Mesh, Motion, Union
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.materials import MuI
+from granular.record.surfaces import _surface
 from granular.walls import Gravity
 
 
@@ -111,6 +112,17 @@ def test_faces_of_a_box_are_its_sides(recorded, tmp_path):
         a, b, _, d = (np.array(data.GetPoint(cell.GetPointId(j))) for j in range(4))
         area += np.linalg.norm(np.cross(b - a, d - a))
     assert area == pytest.approx(2 * (0.02 + 0.03 + 0.06))
+
+
+def test_a_mesh_is_drawn_as_it_is():
+    """Its own triangles beside a box, in a union too."""
+    corner = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    faces = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+    mesh = Mesh(corner, faces, spacing=0.1)
+    vertices, polygons = _surface(mesh, 3, 1.0)
+    assert vertices.tolist() == [list(place) for place in corner] and polygons == list(faces)
+    vertices, polygons = _surface(Union((Box((1.0, 1.0, 1.0)), mesh)), 3, 1.0)
+    assert len(vertices) == 12 and polygons[6:] == [tuple(8 + i for i in face) for face in faces]
 
 
 def test_what_is_refused(recorded, tmp_path):
