@@ -11,6 +11,7 @@
 
 #include "body/contact.h"
 #include "core/barrier.h"
+#include "core/gravity.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
 
@@ -100,7 +101,7 @@ static void prepare(struct team *team)
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
-    gr_gravity(config, e->time, team->gravity);
+    gr_gravity(config->dim, config->n_gravity, config->gravity_times, config->gravity_vectors, e->time, team->gravity);
 }
 
 /* Points that left their cells move; the step is complete. One thread. */
