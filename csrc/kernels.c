@@ -153,12 +153,12 @@ static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
 }
 
 /* The sums of particle hydrodynamics: one body for both dimensions. */
-#define GR_SPH_2D_OR_3D(call, ...)                                             \
-    do {                                                                       \
-        if (s->config.dim == 2)                                                \
-            call(2, __VA_ARGS__);                                              \
-        else                                                                   \
-            call(3, __VA_ARGS__);                                              \
+#define GR_SPH_2D_OR_3D(call, ...) \
+    do {                           \
+        if (s->config.dim == 2)    \
+            call(2, __VA_ARGS__);  \
+        else                       \
+            call(3, __VA_ARGS__);  \
     } while (0)
 
 static void densities(struct gr_sph *s, int64_t first, int64_t last) { GR_SPH_2D_OR_3D(sph_densities, s, first, last); }

@@ -13,6 +13,7 @@ from granular import (
     measure,
     scenes,
     schemes,
+    sph,
     theory,
 )
 from granular.engine import show_config
@@ -55,6 +56,7 @@ __all__ = [
     "scenes",
     "schemes",
     "show_config",
+    "sph",
     "sweep",
     "theory",
 ]

@@ -143,8 +143,7 @@ PyObject *gr_raise(int error, const struct gr_engine *engine)
         PyErr_SetString(PyExc_ValueError, message);
         return NULL;
     }
-    const struct gr_failure failure = {engine->error_id,   engine->error_step, engine->config.dim,
-                                       engine->error_x[0], engine->error_x[1], engine->error_x[2],
-                                       engine->time};
+    const struct gr_failure failure = {engine->error_id,   engine->error_step, engine->config.dim, engine->error_x[0],
+                                       engine->error_x[1], engine->error_x[2], engine->time};
     return gr_raise_at(error, &failure);
 }

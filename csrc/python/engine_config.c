@@ -249,8 +249,8 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     if (c.law < 0) return -1;
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases, above) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) || take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method) ||
-        gr_take_bodies(&c, bodies, tables))
+        gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) ||
+        take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method) || gr_take_bodies(&c, bodies, tables))
         return -1;
     *out = c;
     return 0;

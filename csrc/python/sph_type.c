@@ -105,8 +105,8 @@ static int take_buffers(const struct gr_sph *s, PyObject *buffers, PyArrayObject
             return -1;
         }
         shape[0] = is_id ? 0 : gr_kind_components(gr_sph_field_table[f].kind, s->config.dim);
-        arrays[f] = is_id ? gr_array(object, "id", NPY_INT64, 1, shape + 1, 1)
-                          : gr_array(object, names[f], NPY_DOUBLE, 2, shape, 1);
+        arrays[f] =
+            is_id ? gr_array(object, "id", NPY_INT64, 1, shape + 1, 1) : gr_array(object, names[f], NPY_DOUBLE, 2, shape, 1);
         if (!arrays[f]) return -1;
         shape[1] = PyArray_DIM(arrays[f], is_id ? 0 : 1);
         for (int k = 0; k < shape[0]; k++) row[n_rows++] = (double *)PyArray_DATA(arrays[f]) + k * shape[1];
@@ -163,8 +163,7 @@ static PyObject *sph_advance(struct sph_object *self, PyObject *args)
     Py_END_ALLOW_THREADS
     self->busy = 0;
     if (!error) Py_RETURN_NONE;
-    const struct gr_failure at = {s->error_id,   s->step,       s->config.dim, s->error_x[0],
-                                  s->error_x[1], s->error_x[2], s->time};
+    const struct gr_failure at = {s->error_id, s->step, s->config.dim, s->error_x[0], s->error_x[1], s->error_x[2], s->time};
     return error == GR_ERR_NOT_FINITE ? gr_raise_at(error, &at) : gr_raise(error, NULL);
 }
 
@@ -184,7 +183,7 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
         "{" GR_FLOATS(GR_X)
 #undef GR_X
 #define GR_X(name) "s:L,"
-            GR_INTEGERS(GR_X) "s:L,s:L,s:L}",
+            GR_INTEGERS(GR_X) "s:L,s:L}",
 #undef GR_X
 #define GR_X(name) #name, s->name,
         GR_FLOATS(GR_X)
@@ -193,7 +192,7 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
             GR_INTEGERS(GR_X)
 #undef GR_X
                 "n_points",
-        (long long)s->n_grains, "rebuilds", (long long)s->rebuilds, "blocks", (long long)s->n_blocks);
+        (long long)s->n_grains, "rebuilds", (long long)s->rebuilds);
 }
 
 static PyObject *sph_restore(struct sph_object *self, PyObject *dict)
@@ -237,7 +236,8 @@ static PyObject *sph_fields(struct sph_object *self, PyObject *unused)
     PyObject *list = s ? PyList_New(0) : NULL;
     for (int f = 0; list && f < GR_SPH_FIELD_COUNT; f++) {
         const struct gr_field_info *info = &gr_sph_field_table[f];
-        PyObject *row = Py_BuildValue("siss", info->name, gr_kind_components(info->kind, s->config.dim), info->unit, info->doc);
+        PyObject *row =
+            Py_BuildValue("siss", info->name, gr_kind_components(info->kind, s->config.dim), info->unit, info->doc);
         if (!row || PyList_Append(list, row)) Py_CLEAR(list);
         Py_XDECREF(row);
     }

@@ -57,15 +57,16 @@ static void make_spare(struct gr_sph *s, int64_t first, int64_t last)
         for (int64_t a = first; a < last; a++) s->pull[k][a] = s->wall_pull[k][a] = 0.0;
 }
 
-/* Bring the rows from `first` on into the order s->order. */
+/* Bring the rows from `first` on into the order s->order: what steps keep. */
 static void permute(struct gr_sph *s, int64_t first, int64_t n)
 {
+    double *const *end = gr_sph_rows(s, first < s->wall_first ? GR_SPH_FIELD_normal : GR_SPH_FIELD_a);
     int in_order = 1;
     for (int64_t k = 0; k < n; k++) in_order &= s->order[k] == first + k;
     if (in_order) return;
-    for (int r = 0; r < GR_SPH_MAX_ROWS && s->row[r]; r++) {
-        for (int64_t k = 0; k < n; k++) s->sorted[k] = s->row[r][s->order[k]];
-        memcpy(s->row[r] + first, s->sorted, sizeof(double) * (size_t)n);
+    for (double *const *row = s->row; row < end; row++) {
+        for (int64_t k = 0; k < n; k++) s->sorted[k] = (*row)[s->order[k]];
+        memcpy(*row + first, s->sorted, sizeof(double) * (size_t)n);
     }
     for (int64_t k = 0; k < n; k++) s->sorted_id[k] = s->id[s->order[k]];
     memcpy(s->id + first, s->sorted_id, sizeof(int64_t) * (size_t)n);
@@ -117,8 +118,8 @@ struct search {
     double at[3];
     int cell[3];
     int64_t covered[GR_SPH_SHIFTS]; /* rows below it are in a block of that shift */
-    struct gr_block *out;           /* NULL to count only */
-    int64_t n;
+    struct gr_block *out;
+    int64_t n; /* of blocks; those beyond the stride are only counted */
 };
 
 /* The rows of a run of cells that are near enough, as images moved by a shift. */
@@ -139,7 +140,7 @@ static void search_run(const struct gr_sph *s, struct search *q, int kind, int64
             b++;
             continue;
         }
-        if (q->out) q->out[q->n] = (struct gr_block){(int32_t)b, shift};
+        if (q->n < s->stride) q->out[q->n] = (struct gr_block){(int32_t)b, shift};
         q->n++;
         b = q->covered[shift] = b + s->lanes;
     }
@@ -180,49 +181,29 @@ static void search_all(const struct gr_sph *s, struct search *q, int kind)
     }
 }
 
-/* Search for the neighbours of a row. Returned: number of blocks; *middle: those of them that hold grains. */
-static int64_t search_row_of(const struct gr_sph *s, int64_t a, struct gr_block *out, int64_t *middle)
+int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last)
 {
-    struct search q = {.out = out};
-    place_of(s, GR_SPH_FIELD_anchor, a, q.at);
-    int64_t cell = cell_at(s, q.at);
-    for (int d = 0; d < s->config.dim; d++) q.cell[d] = (int)(cell % s->shape[d]), cell /= s->shape[d];
-    search_all(s, &q, 0);
-    *middle = q.n;
-    if (s->n_walls) search_all(s, &q, 1);
-    return q.n;
-}
-
-void gr_sph_count_blocks(struct gr_sph *s, int64_t first, int64_t last)
-{
-    for (int64_t a = first; a < last; a++) s->end[a] = search_row_of(s, a, NULL, &s->middle[a]);
-}
-
-int gr_sph_place_blocks(struct gr_sph *s)
-{
-    int64_t n = 0;
-    for (int kind = 0; kind < 2; kind++) {
-        const int64_t first = kind ? s->wall_first : 0, last = kind ? first + s->n_walls : s->n_grains;
-        for (int64_t a = first; a < last; a++) {
-            s->begin[a] = n;
-            n += s->end[a];
-            s->middle[a] += s->begin[a], s->end[a] = n;
-        }
-    }
-    s->n_blocks = n;
-    if (n <= s->block_capacity) return GR_OK;
-    const int64_t room = n + n / 4; /* it grows a few times at the start of a run, and no more */
-    struct gr_block *larger = malloc(sizeof *larger * (size_t)room);
-    if (!larger) return GR_ERR_MEMORY;
-    free(s->block);
-    s->block = larger, s->block_capacity = room;
-    return GR_OK;
-}
-
-void gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last)
-{
+    int64_t most = 0;
     for (int64_t a = first; a < last; a++) {
-        int64_t middle;
-        search_row_of(s, a, s->block + s->begin[a], &middle);
+        struct search q = {.out = s->block + a * s->stride};
+        place_of(s, GR_SPH_FIELD_anchor, a, q.at);
+        int64_t cell = cell_at(s, q.at);
+        for (int d = 0; d < s->config.dim; d++) q.cell[d] = (int)(cell % s->shape[d]), cell /= s->shape[d];
+        search_all(s, &q, 0);
+        s->begin[a] = a * s->stride, s->middle[a] = s->begin[a] + q.n;
+        if (s->n_walls) search_all(s, &q, 1);
+        s->end[a] = s->begin[a] + q.n;
+        if (q.n > most) most = q.n;
     }
+    return most;
+}
+
+int gr_sph_widen(struct gr_sph *s, int64_t needed)
+{
+    const int64_t stride = needed + needed / 4 + 4; /* it grows a few times at the start of a run, and no more */
+    struct gr_block *wider = malloc(sizeof *wider * (size_t)(stride * s->capacity));
+    if (!wider) return GR_ERR_MEMORY;
+    free(s->block);
+    s->block = wider, s->stride = stride;
+    return GR_OK;
 }

@@ -94,7 +94,7 @@ static void free_places(struct gr_sph *s)
     void *owned[] = {s->lump, s->sorted, s->sorted_id, s->cell, s->order, s->block};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     s->lump = s->sorted = NULL, s->sorted_id = NULL, s->cell = s->order = NULL, s->block = NULL;
-    s->block_capacity = 0;
+    s->stride = 0;
 }
 
 void gr_sph_free(struct gr_sph *s)
@@ -128,13 +128,14 @@ static int make_places(struct gr_sph *s, int64_t capacity)
 static int make_list(struct gr_sph *s, int fresh)
 {
     gr_sph_sort(s, fresh);
-    gr_sph_count_blocks(s, 0, s->n_grains);
-    gr_sph_count_blocks(s, s->wall_first, s->wall_first + s->n_walls);
-    const int error = gr_sph_place_blocks(s);
-    if (error) return error;
-    gr_sph_list_blocks(s, 0, s->n_grains);
-    gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
-    return GR_OK;
+    for (;;) {
+        const int64_t grains = gr_sph_list_blocks(s, 0, s->n_grains);
+        const int64_t walls = gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
+        const int64_t most = grains > walls ? grains : walls;
+        if (most <= s->stride) return GR_OK;
+        const int error = gr_sph_widen(s, most);
+        if (error) return error;
+    }
 }
 
 int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_grains, int64_t wall_first,
@@ -190,7 +191,10 @@ static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_f
         for (int d = 0; d < s->config.dim; d++) {
             v[d][i] += pull * a[d][i];
             x[d][i] += s->dt * v[d][i];
-            moved2 += (x[d][i] - anchor[d][i]) * (x[d][i] - anchor[d][i]);
+            const double way = x[d][i] - anchor[d][i];
+            moved2 += way * way;
+            if (way < found->low[d]) found->low[d] = way;
+            if (way > found->high[d]) found->high[d] = way;
         }
         if (moved2 > found->moved2) found->moved2 = moved2;
         if (!isfinite(moved2) && found->bad < 0) found->bad = i;
@@ -208,11 +212,13 @@ static void kick(struct gr_sph *s, int64_t first, int64_t last)
 /* What the threads have found, together: largest values do not depend on their order. */
 static struct gr_sph_found gathered(const struct gr_sph *s, int threads)
 {
-    struct gr_sph_found all = {.bad = -1};
-    for (int t = 0; t < threads; t++) {
+    struct gr_sph_found all = s->found[0];
+    for (int t = 1; t < threads; t++) {
         const struct gr_sph_found *f = &s->found[t];
         all.speed2 = fmax(all.speed2, f->speed2), all.acceleration2 = fmax(all.acceleration2, f->acceleration2);
-        all.moved2 = fmax(all.moved2, f->moved2);
+        all.moved2 = fmax(all.moved2, f->moved2), all.blocks = all.blocks > f->blocks ? all.blocks : f->blocks;
+        for (int d = 0; d < s->config.dim; d++)
+            all.low[d] = fmin(all.low[d], f->low[d]), all.high[d] = fmax(all.high[d], f->high[d]);
         if (f->bad >= 0 && (all.bad < 0 || f->bad < all.bad)) all.bad = f->bad;
     }
     return all;
@@ -229,17 +235,26 @@ static void begin_step(struct team *team)
     gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time, s->gravity);
 }
 
-/* After the points have moved: the list is made again where half its skin is used up. One thread. */
+/* Whether two points may have come so much nearer to each other that they are neighbours and not in the list: only if
+ * some have moved half its skin, and the ways of all differ by a skin. */
+static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
+{
+    const double skin = s->config.parameter[GR_SPH_P_skin];
+    double spread2 = 0;
+    for (int d = 0; d < s->config.dim; d++) spread2 += (all->high[d] - all->low[d]) * (all->high[d] - all->low[d]);
+    return 4.0 * all->moved2 >= skin * skin && spread2 >= skin * skin;
+}
+
+/* After the points have moved: whether there must be a new list, and what is not finite. One thread. */
 static void look(struct team *team)
 {
     struct gr_sph *s = team->s;
     const struct gr_sph_found all = gathered(s, team->barrier.threads);
-    const double half = 0.5 * s->config.parameter[GR_SPH_P_skin];
     if (all.bad >= 0) {
         s->error = GR_ERR_NOT_FINITE, s->error_id = s->id[all.bad];
         for (int d = 0; d < s->config.dim; d++) s->error_x[d] = gr_sph_rows(s, GR_SPH_FIELD_x)[d][all.bad];
     }
-    team->rebuilds = !s->error && all.moved2 >= half * half;
+    team->rebuilds = !s->error && is_old(s, &all);
     if (!team->rebuilds) return;
     gr_sph_sort(s, 1);
     s->rebuilds++;
@@ -263,14 +278,18 @@ static void rebuild(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
     const struct share own = share_of(s, t, team->barrier.threads);
-    gr_sph_count_blocks(s, own.grains[0], own.grains[1]);
-    gr_sph_count_blocks(s, own.walls[0], own.walls[1]);
-    gr_wait(&team->barrier);
-    if (t == 0) s->error = gr_sph_place_blocks(s);
-    gr_wait(&team->barrier);
-    if (s->error) return;
-    gr_sph_list_blocks(s, own.grains[0], own.grains[1]);
-    gr_sph_list_blocks(s, own.walls[0], own.walls[1]);
+    do {
+        const int64_t grains = gr_sph_list_blocks(s, own.grains[0], own.grains[1]);
+        const int64_t walls = gr_sph_list_blocks(s, own.walls[0], own.walls[1]);
+        s->found[t].blocks = grains > walls ? grains : walls;
+        gr_wait(&team->barrier);
+        if (t == 0) {
+            const int64_t most = gathered(s, team->barrier.threads).blocks;
+            team->rebuilds = most > s->stride;
+            if (team->rebuilds) s->error = gr_sph_widen(s, most);
+        }
+        gr_wait(&team->barrier);
+    } while (team->rebuilds && !s->error);
 }
 
 /* Densities, stresses and accelerations of the present positions and velocities. */
@@ -317,7 +336,6 @@ static void one_step(struct team *team, int t)
     if (s->error) return;
     if (team->rebuilds) {
         rebuild(team, t);
-        gr_wait(&team->barrier);
         if (s->error) return;
     }
     forget(&s->found[t]);

@@ -15,17 +15,18 @@
 #include "core/field.h"
 #include "law/law.h"
 
-/* X(name, kind, needed by, unit, description) */
-#define GR_SPH_FIELDS(X)                                                                                      \
-    X(x, GR_VECTOR, GR_ALWAYS, "m", "position; within a period only where the list is new")                   \
-    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity; that of a wall point is given")                              \
-    X(a, GR_VECTOR, GR_ALWAYS, "m/s^2", "acceleration")                                                       \
-    X(anchor, GR_VECTOR, GR_ALWAYS, "m", "position for which the list of neighbours was made")                \
+/* X(name, kind, needed by, unit, description): first what grains keep from step to step, then what only wall points need,
+ * then what each step makes anew and no sorting moves. */
+#define GR_SPH_FIELDS(X)                                                                                        \
+    X(x, GR_VECTOR, GR_ALWAYS, "m", "position; within a period only where the list is new")                     \
+    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity; that of a wall point is given")                                \
+    X(anchor, GR_VECTOR, GR_ALWAYS, "m", "position for which the list of neighbours was made")                  \
+    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                               \
     X(normal, GR_VECTOR, GR_ALWAYS, "1", "unit vector from a wall point into the material; of grains not used") \
-    X(depth, GR_SCALAR, GR_ALWAYS, "m", "depth of a wall point below the surface of its wall")                \
-    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                             \
-    X(rho, GR_SCALAR, GR_ALWAYS, "kg/m^3", "density")                                                         \
-    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "|D| = sqrt(D:D/2), D = L + L^T")                              \
+    X(depth, GR_SCALAR, GR_ALWAYS, "m", "depth of a wall point below the surface of its wall")                  \
+    X(a, GR_VECTOR, GR_ALWAYS, "m/s^2", "acceleration")                                                         \
+    X(rho, GR_SCALAR, GR_ALWAYS, "kg/m^3", "density")                                                           \
+    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "|D| = sqrt(D:D/2), D = L + L^T")                                \
     X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")
 
 enum gr_sph_field {
@@ -83,9 +84,9 @@ struct gr_block {
 
 /* What a thread has found in its share of the points. */
 struct gr_sph_found {
-    double speed2, acceleration2, moved2; /* largest squares of the speed of sound, the acceleration, the way since the
-                                             list was made */
-    int64_t bad; /* first row that is not finite, or -1 */
+    double speed2, acceleration2;   /* largest squares of the speed of sound and the acceleration */
+    double moved2, low[3], high[3]; /* square of the longest way since the list was made, and the ends of all ways */
+    int64_t bad, blocks;            /* first row that is not finite, or -1; most blocks of a row */
     char line[64];
 };
 
@@ -103,7 +104,7 @@ struct gr_sph {
     int64_t *sorted_id, *begin, *middle, *end; /* blocks of grains from begin on, of walls from middle on */
     int32_t *cell, *order, *start[2];
     struct gr_block *block;
-    int64_t n_blocks, block_capacity;
+    int64_t stride; /* places for the blocks of a row */
     /* the clock and what a restart needs */
     double time, dt, speed2, acceleration2, dropped_mass;
     int64_t step, dropped, rebuilds, started;
@@ -146,8 +147,8 @@ double gr_sph_stable_dt(const struct gr_sph *s); /* s, by the limits of the pres
 
 /* neighbours.c */
 void gr_sph_sort(struct gr_sph *s, int fresh); /* fresh: anchors at x, and grains outside of the domain are dropped */
-void gr_sph_count_blocks(struct gr_sph *s, int64_t first, int64_t last);
-int gr_sph_place_blocks(struct gr_sph *s);
-void gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last);
+/* The blocks of the rows [first, last). Returned: the most that a row needs; more than s->stride are not kept. */
+int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last);
+int gr_sph_widen(struct gr_sph *s, int64_t needed); /* room for so many blocks of each row */
 
 #endif

@@ -16,12 +16,12 @@ LARGEST_DILATION = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Viscoplastic:
-    """Grains that flow as sigma = -p I + (mu p + c) D/|D| with D = L + L^T, |D| = sqrt(D:D/2) (eq. 5.3).
+    """Grains with the stress -p I + (mu p + c) D/|D|, D = L + L^T, |D| = sqrt(D:D/2) (eq. 5.3).
 
     The friction is mu = mu_l + (mu_h - mu_l)/(D_star/|D| + 1) + beta (eq. 5.7) with the rate of
     dilation beta = div v/|D|, from 0 to `dilation` (eq. 5.8), and the pressure is
-    p = kappa ((rho/rho0)^1.5 - 1), zero below rho0 (eq. 5.5). The defaults are those of the inclined
-    flows (table 5.2), without dilation.
+    p = kappa ((rho/rho0)^1.5 - 1), zero below rho0 (eq. 5.5). The defaults are those of the
+    inclined flows (table 5.2), without dilation.
 
     Parameters
     ----------
@@ -34,13 +34,13 @@ class Viscoplastic:
     cohesion : float
         Shear strength without pressure [Pa], >= 0.
     kappa : float
-        Stiffness [Pa], > 0; the bulk modulus at rho0 is 1.5 kappa. The thesis takes it so low that a
-        time step is long; it must be large against the pressure.
+        Stiffness [Pa], > 0; the bulk modulus at rho0 is 1.5 kappa. The thesis takes it so low that
+        a time step is long; it must be large against the pressure.
     dilation : float
         Largest beta, 0 to 1; 0 leaves dilation out, the thesis takes 0.5.
     mu_wall : float or None
-        Friction between grains and walls in place of mu_l and mu_h, >= 0; None for that of the bulk.
-        Where a constant one is below the slope, the slip grows without bound.
+        Friction between grains and walls in place of mu_l and mu_h, >= 0; None for that of the
+        bulk. Where a constant one is below the slope, the slip grows without bound.
 
     Raises
     ------
@@ -80,4 +80,6 @@ class Viscoplastic:
         return math.sqrt(1.5 * self.kappa / self.rho0)
 
     def _repr_html_(self) -> str:
-        return table("Viscoplastic", {name: getattr(self, name) for name in self.__dataclass_fields__})
+        return table(
+            "Viscoplastic", {name: getattr(self, name) for name in self.__dataclass_fields__}
+        )

@@ -27,10 +27,10 @@ class Numerics:
     dt : float or None
         A time step of its own [s]; None for the limits.
     regularisation : float
-        Largest viscosity in rho h^2/dt: |D| is not taken smaller than (mu p + c) dt/(k h^2 rho) with
-        this k, 0.01 to 1.5. It is the third limit of eq. 5.28 turned round: as |D| goes to zero the
-        viscosity grows without bound, and no step would be short enough. What is below creeps at
-        that rate; larger k jitters.
+        Largest viscosity in rho h^2/dt: |D| is not taken smaller than (mu p + c) dt/(k h^2 rho)
+        with this k, 0.01 to 1.5. It is the third limit of eq. 5.28 turned round: as |D| goes to
+        zero the viscosity grows without bound, and no step would be short enough. What is below
+        creeps at that rate; larger k jitters.
     wall_density : float
         rho0 of the points of walls, as a share of the material's, 0.9 to 1. Their pressure begins
         earlier, so that grains do not go through; grains next to the wall have less.
@@ -44,7 +44,7 @@ class Numerics:
     """
 
     smoothing: float = 1.2
-    skin: float = 0.15
+    skin: float = 0.3
     cfl: float = 1.0
     dt: float | None = None
     regularisation: float = 1.0

@@ -62,8 +62,8 @@ class Scene:
     Raises
     ------
     TypeError, ValueError
-        For parts of a wrong kind, or that do not fit: walls thinner than the kernel, periods shorter
-        than its reach, a time step beyond its limit.
+        For parts of a wrong kind, or that do not fit: walls thinner than the kernel, periods
+        shorter than its reach, a time step beyond its limit.
     """
 
     name: str
@@ -109,13 +109,15 @@ class Scene:
         for i, fill in enumerate(self.fills):
             geometry.check_inside(f"fills[{i}]", grid, fill.region)
             if fill.points_per_cell != 1:
-                raise ValueError(
-                    f"fills[{i}].points_per_cell = {fill.points_per_cell} must be 1: the cell is the spacing"
-                )
+                raise ValueError(f"fills[{i}].points_per_cell = {fill.points_per_cell} must be 1")
             if fill.density is not None or fill.lithostatic:
-                raise ValueError(f"fills[{i}] must have the density of the material and no weight on it")
+                raise ValueError(
+                    f"fills[{i}] must have the density of the material and no weight on it"
+                )
         if self.gravity.dim != grid.dim:
-            raise ValueError(f"gravity of dimension {self.gravity.dim} must have {grid.dim} as the grid")
+            raise ValueError(
+                f"gravity of dimension {self.gravity.dim} must have {grid.dim} as the grid"
+            )
         for i, wall in enumerate(self.walls):
             wall.check(f"walls[{i}]", grid, 2.0 * self.h)
         reach = self.h * (2.0 + numerics.skin)
@@ -123,11 +125,11 @@ class Scene:
             length = grid.shape[axis] * grid.cell
             if periodic and length <= reach:
                 raise ValueError(
-                    f"the period {length} of {AXES[axis]} must exceed {reach:.4g}, what the list reaches"
+                    f"the period {length} of {AXES[axis]} must exceed {reach:.4g}, the list's reach"
                 )
         if numerics.dt is not None and numerics.dt > self.longest_dt:
             raise ValueError(
-                f"dt = {numerics.dt} must be at most {self.longest_dt:.4g}, which is h/(4 c) at rho0"
+                f"dt = {numerics.dt} must be at most {self.longest_dt:.4g}, h/(4 c) at rho0"
             )
 
     @property

@@ -149,10 +149,10 @@ class Simulation:
 
     @property
     def counts(self) -> dict[str, float]:
-        """What has happened: `rebuilds` of the list, its `blocks`, and the grains and the mass
-        [kg] `dropped` at the ends of the domain."""
+        """What has happened: `rebuilds` of the list; grains and mass [kg] `dropped` at the
+        ends of the domain."""
         scalars = self._engine.scalars()
-        return {name: scalars[name] for name in ("rebuilds", "blocks", "dropped", "dropped_mass")}
+        return {name: scalars[name] for name in ("rebuilds", "dropped", "dropped_mass")}
 
     @property
     def buffers(self) -> dict[str, NDArray]:
@@ -187,9 +187,7 @@ class Simulation:
         fields["log_density"] = np.log(
             rho / material.rho_c, out=np.full(len(rho), -np.inf), where=rho > 0
         )
-        return State(
-            scene=self.scene, time=self.time, step=self.steps, dt=self.dt, fields=fields
-        )
+        return State(scene=self.scene, time=self.time, step=self.steps, dt=self.dt, fields=fields)
 
     # ---- stepping ----
 
@@ -246,7 +244,7 @@ class Simulation:
     # ---- restart ----
 
     def checkpoint(self) -> Checkpoint:
-        """All that a bitwise restart needs: the points in the order of their rows, and the clock."""
+        """All that a bitwise restart needs: the points in the order of rows, and the clock."""
         n, rows = self.n_points, self._rows
         places = np.r_[0:n, rows.wall_first : rows.wall_first + rows.walls]
         scalars = self._engine.scalars()

@@ -34,8 +34,9 @@ class Wall:
         or grains at the wall lack neighbours; the thesis takes 5.
     span : tuple of (low, high), or None
         Extent along each *other* axis in their order [m], on grid lines, which may lie beyond the
-        ends of the grid; None for all of the grid and, where it is not periodic, the layers' thickness
-        beyond, so that walls meet at corners. Of points in the same place the first wall's are kept.
+        ends of the grid; None for all of the grid and, where it is not periodic, the layers'
+        thickness beyond, so that walls meet at corners. Of points in the same place the first
+        wall's are kept.
     velocity : tuple of float or None
         Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
 
@@ -94,13 +95,15 @@ class Wall:
                 raise ValueError(f"{name}.span must stay within the period of {AXES[axis]}")
 
     def extent(self, name: str, grid: Grid) -> list[tuple[int, int]]:
-        """First and past-the-last site of the wall along each axis, in spacings from the grid's end."""
+        """First and past-the-last site along each axis, in spacings from the grid's end."""
         sites = []
         others = iter(self.span or ())
         for axis in range(grid.dim):
             if axis == self.axis:
                 line = grid.line(f"{name}.at", axis, self.at)
-                sites.append((line - self.layers, line) if self.side > 0 else (line, line + self.layers))
+                sites.append(
+                    (line - self.layers, line) if self.side > 0 else (line, line + self.layers)
+                )
             elif self.span is None:
                 more = 0 if grid.periodic[axis] else self.layers
                 sites.append((-more, grid.shape[axis] + more))
@@ -114,7 +117,7 @@ def _site(name: str, grid: Grid, axis: int, at: float) -> int:
     place = (at - grid.lower[axis]) / grid.cell
     if not abs(place) < 1e6 or abs(place - round(place)) > LINE_TOLERANCE:
         raise ValueError(
-            f"{name}.span: {at} must be a whole number of spacings {grid.cell} from {grid.lower[axis]}"
+            f"{name}.span: {at} must be whole spacings {grid.cell} from {grid.lower[axis]}"
         )
     return round(place)
 
@@ -132,7 +135,9 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
         sites = np.stack([k.ravel() for k in mesh[::-1]], axis=1)
         normal = np.zeros(dim)
         normal[wall.axis] = wall.side
-        behind = (grid.line(f"walls[{i}].at", wall.axis, wall.at) - sites[:, wall.axis] - 0.5) * wall.side
+        behind = (
+            grid.line(f"walls[{i}].at", wall.axis, wall.at) - sites[:, wall.axis] - 0.5
+        ) * wall.side
         parts["site"].append(sites)
         parts["v"].append(np.broadcast_to(wall.velocity or (0.0,) * dim, sites.shape))
         parts["normal"].append(np.broadcast_to(normal, sites.shape))
