@@ -2,8 +2,8 @@
 
     python benchmarks/sph_speed.py [--isa avx512] [--repeats 5]
 
-Beds at rest under their weight and layers that flow, in the plane and in space; the least of the repeats
-counts. Grains and points of walls are counted alike.
+Beds at rest under their weight and layers that flow, in the plane and in space; the least of the
+repeats counts. Grains and points of walls are counted alike.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CASES = {
 
 
 def nanoseconds(arguments: dict, seconds: float, steps: int, isa: str, repeats: int) -> float:
-    """Processor time per point and step [ns], after `seconds` of the scene, the list's upkeep in it."""
+    """Processor time per point and step after `seconds` of the scene [ns]."""
     simulation = sph.Simulation(sph.scenes.incline(**arguments), isa=isa)
     simulation.run(seconds)
     points = simulation.n_points + simulation.walls.n

@@ -29,7 +29,7 @@ def images(scene, x):
 
 
 def evaluate(scene, grains, walls, dt, gravity):
-    """Densities (n,), rates, stresses (n, dim, dim); accelerations of the grains, which are first."""
+    """Densities, rates, stresses (n, dim, dim); accelerations of the grains, which are first."""
     dim, h, m, n = scene.dim, scene.h, scene.material, scene.numerics
     x, v = (np.concatenate([grains[k], walls[k]]) for k in ("x", "v"))
     mass = np.full(len(x), scene.point_mass)
