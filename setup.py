@@ -25,11 +25,12 @@ INCLUDED = (  # by kernels.c
         "law_ngf.c",
         "law_hencky.c",
         "diffuse.c",
+        "sums.c",
     ),
 )
 SOURCES = [
     str(path.relative_to(ROOT))
-    for folder in ("core", "law", "fluidity", "body", "mpm", "python")
+    for folder in ("core", "law", "fluidity", "body", "mpm", "sph", "python")
     for path in sorted((ROOT / "csrc" / folder).glob("*.c"))
     if path.name not in INCLUDED
 ]

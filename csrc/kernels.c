@@ -12,6 +12,7 @@
 #include "mpm/scatter.c"
 #include "mpm/cells.c"
 #include "mpm/gather.c"
+#include "sph/sums.c"
 
 #define GR_PASTE2(a, b) a##b
 #define GR_PASTE(a, b) GR_PASTE2(a, b)
@@ -157,6 +158,31 @@ static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
         hencky_points(3, flow, call);
 }
 
+/* The sums of particle hydrodynamics: one body for both dimensions. */
+#define GR_SPH_2D_OR_3D(call, ...) \
+    do {                           \
+        if (s->config.dim == 2)    \
+            call(2, __VA_ARGS__);  \
+        else                       \
+            call(3, __VA_ARGS__);  \
+    } while (0)
+
+static void densities(struct gr_sph *s, int64_t first, int64_t last) { GR_SPH_2D_OR_3D(sph_densities, s, first, last); }
+
+static void filter(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+{
+    GR_SPH_2D_OR_3D(sph_filter, s, first, last, found);
+}
+
+static void stresses(struct gr_sph *s, int64_t first, int64_t last) { GR_SPH_2D_OR_3D(sph_stresses, s, first, last); }
+
+static void forces(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+{
+    GR_SPH_2D_OR_3D(sph_forces, s, first, last, found);
+}
+
+static const struct gr_sph_kernels sph_kernels = {densities, filter, stresses, forces};
+
 extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
 const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .isa = GR_STRING(GR_ISA),
@@ -172,4 +198,5 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .update_fluidity = update_fluidity,
     .update_hencky = update_hencky,
     .diffuse = diffuse,
+    .sph = &sph_kernels,
 };

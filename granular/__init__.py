@@ -14,6 +14,7 @@ from granular import (
     measure,
     scenes,
     schemes,
+    sph,
     theory,
 )
 from granular.engine import show_config
@@ -57,6 +58,7 @@ __all__ = [
     "scenes",
     "schemes",
     "show_config",
+    "sph",
     "sweep",
     "theory",
 ]

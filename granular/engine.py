@@ -197,7 +197,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     )
 
 
-def allocate(engine: _core.Engine, capacity: int) -> dict[str, NDArray]:
+def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArray]:
     """Zeroed buffers for so many places: {field: (component, capacity)} and "id" (capacity,).
 
     All rows lie in one block at multiples of 64 bytes, and the same place of different rows at

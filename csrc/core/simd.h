@@ -40,6 +40,14 @@ static inline vd v_sqrt_fast(vd a)
         _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
     return _mm512_fmadd_pd(s * r, series, s);
 }
+/* 1/sqrt(a) for a > 0, by the same series. */
+static inline vd v_rsqrt(vd a)
+{
+    const vd y = _mm512_rsqrt14_pd(a), r = _mm512_fnmadd_pd(a * y, y, _mm512_set1_pd(1.0));
+    const vd series =
+        _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
+    return _mm512_fmadd_pd(y * r, series, y);
+}
 /* out[k] = the sum of the lanes of a[k], 8 vectors at once: a tree that halves vectors and lanes together. */
 static inline void v_sums(double *out, const vd *a)
 {
@@ -70,6 +78,7 @@ static inline unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_pd(a); }
 static inline vd v_select(vm m, vd a, vd b) { return _mm256_blendv_pd(b, a, m); }
 static inline vd v_keep(vm m, vd a) { return _mm256_and_pd(m, a); }
 static inline vd v_sqrt_fast(vd a) { return _mm256_sqrt_pd(a); }
+static inline vd v_rsqrt(vd a) { return v_set(1.0) / v_sqrt(a); }
 static inline void v_sums(double *out, const vd *a)
 {
     const __m256d ab = _mm256_unpacklo_pd(a[0], a[1]) + _mm256_unpackhi_pd(a[0], a[1]);
@@ -101,6 +110,7 @@ static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
 static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
 static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
 static inline vd v_sqrt_fast(vd a) { return v_sqrt(a); }
+static inline vd v_rsqrt(vd a) { return v_set(1.0) / v_sqrt(a); }
 static inline void v_sums(double *out, const vd *a) { out[0] = a[0][0] + a[0][1], out[1] = a[1][0] + a[1][1]; }
 #define GR_SUMS 2
 static inline double v_sum(vd a) { return a[0] + a[1]; }

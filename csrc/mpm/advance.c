@@ -11,6 +11,7 @@
 
 #include "body/contact.h"
 #include "core/barrier.h"
+#include "core/gravity.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
 
@@ -103,7 +104,7 @@ static void prepare(struct team *team)
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
     for (int d = 0; d < config->dim; d++) e->keep_rising[d] = config->absorbs >> d & 1 ? exp(-config->rising[d] * dt) : 1;
-    gr_gravity(config, e->time, team->gravity);
+    gr_gravity(config->dim, config->n_gravity, config->gravity_times, config->gravity_vectors, e->time, team->gravity);
 }
 
 /* Points that left their cells move; the step is complete. One thread. */

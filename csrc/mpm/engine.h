@@ -216,6 +216,8 @@ struct gr_shared {
 #define GR_NODE_FIELDS(dim, diffused) (2 * (dim) + (5 + (dim)) * (diffused))
 
 /* The kernels of one instruction set (kernels.c). */
+struct gr_sph_kernels;
+
 struct gr_kernels {
     const char *isa;
     int lanes;
@@ -230,6 +232,7 @@ struct gr_kernels {
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
     gr_diffuse *diffuse;
+    const struct gr_sph_kernels *sph; /* sph/sph.h */
 };
 
 /* engine.c: life. The config is copied, with what it points to. */

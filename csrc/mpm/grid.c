@@ -11,22 +11,6 @@
 #define EMPTY_GAP -2.0
 #define LEAST_GAP -0.5
 
-void gr_gravity(const struct gr_config *config, double t, double g[3])
-{
-    const int dim = config->dim, n = config->n_gravity;
-    const double *times = config->gravity_times, *at = config->gravity_vectors;
-    int k = 0;
-    while (k < n && times[k] <= t) k++;
-    for (int d = 0; d < dim; d++) {
-        if (k == 0 || k == n) {
-            g[d] = at[(k ? n - 1 : 0) * dim + d];
-        } else {
-            const double s = (t - times[k - 1]) / (times[k] - times[k - 1]);
-            g[d] = at[(k - 1) * dim + d] * (1 - s) + at[k * dim + d] * s;
-        }
-    }
-}
-
 /* What a wall leaves of the velocity `free` that the node would have had.
  * The impulse of a fixed component does not enter the increment that points receive: v is set to zero
  * with v', so that the wall neither pushes nor drags them; Coulomb friction is a force and does. */

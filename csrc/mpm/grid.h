@@ -4,9 +4,6 @@
 
 #include "mpm/engine.h"
 
-/* Gravity at time t, piecewise linear and held beyond its ends. Returned: g[dim], m/s^2. */
-void gr_gravity(const struct gr_config *config, double t, double g[3]);
-
 /* The masses of nodes alone, to node_mass, where the forces need them (mpm/cells.c). */
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
 

@@ -100,6 +100,30 @@ int gr_refuse_frictions(double mu_s, double mu_2)
     return -1;
 }
 
+PyObject *gr_raise_at(int error, const struct gr_failure *at)
+{
+    const char *message = gr_error_message(error);
+    char text[256];
+    if (error == GR_ERR_DIVERGED)
+        snprintf(text, sizeof text, "%s in step %lld (t = %.9g s)", message, (long long)at->step, at->time);
+    else
+        snprintf(text, sizeof text, "%s: point %lld at (%.9g, %.9g%s%.9g) in step %lld (t = %.9g s)", message,
+                 (long long)at->id, at->x, at->y, at->dim == 3 ? ", " : "; z = ", at->z, (long long)at->step, at->time);
+    if (error == GR_ERR_OUTSIDE) {
+        PyErr_SetString(PyExc_ValueError, text);
+        return NULL;
+    }
+    PyObject *exception = PyObject_CallFunction(gr_SimulationError, "s", text);
+    PyObject *point = PyLong_FromLongLong(at->id), *step = PyLong_FromLongLong(at->step);
+    if (exception && point && step && !PyObject_SetAttrString(exception, "point", point) &&
+        !PyObject_SetAttrString(exception, "step", step))
+        PyErr_SetObject(gr_SimulationError, exception);
+    Py_XDECREF(exception);
+    Py_XDECREF(point);
+    Py_XDECREF(step);
+    return NULL;
+}
+
 PyObject *gr_raise(int error, const struct gr_engine *engine)
 {
     enum { NONE, MEMORY, INTERNAL, SIMULATION, VALUE };
@@ -119,24 +143,7 @@ PyObject *gr_raise(int error, const struct gr_engine *engine)
         PyErr_SetString(PyExc_ValueError, message);
         return NULL;
     }
-    char text[256];
-    if (error == GR_ERR_DIVERGED)
-        snprintf(text, sizeof text, "%s in step %lld (t = %.9g s)", message, (long long)engine->error_step, engine->time);
-    else
-        snprintf(text, sizeof text, "%s: point %lld at (%.9g, %.9g%s%.9g) in step %lld (t = %.9g s)", message,
-                 (long long)engine->error_id, engine->error_x[0], engine->error_x[1],
-                 engine->config.dim == 3 ? ", " : "; z = ", engine->error_x[2], (long long)engine->error_step, engine->time);
-    if (kind == VALUE) {
-        PyErr_SetString(PyExc_ValueError, text);
-        return NULL;
-    }
-    PyObject *exception = PyObject_CallFunction(gr_SimulationError, "s", text);
-    PyObject *point = PyLong_FromLongLong(engine->error_id), *step = PyLong_FromLongLong(engine->error_step);
-    if (exception && point && step && !PyObject_SetAttrString(exception, "point", point) &&
-        !PyObject_SetAttrString(exception, "step", step))
-        PyErr_SetObject(gr_SimulationError, exception);
-    Py_XDECREF(exception);
-    Py_XDECREF(point);
-    Py_XDECREF(step);
-    return NULL;
+    const struct gr_failure failure = {engine->error_id,   engine->error_step, engine->config.dim, engine->error_x[0],
+                                       engine->error_x[1], engine->error_x[2], engine->time};
+    return gr_raise_at(error, &failure);
 }

@@ -38,11 +38,22 @@ int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, in
 /* mu_2 that does not exceed mu_s. */
 int gr_refuse_frictions(double mu_s, double mu_2);
 
+/* Where and when a run failed. */
+struct gr_failure {
+    int64_t id, step;
+    int dim;
+    double x, y, z, time;
+};
+
 /* Raise the exception of a core error. Always returns NULL. */
 /* Number of a stencil of the fluidity by its name, or -1 with ValueError set. */
 int gr_stencil_of(const char *name);
 
 PyObject *gr_raise(int error, const struct gr_engine *engine);
+PyObject *gr_raise_at(int error, const struct gr_failure *at);
+
+/* A table of gravity; n may be 0. The numbers stay those of the arrays. */
+int gr_take_gravity(int dim, PyObject *times, PyObject *vectors, int *n, const double **time, const double **vector);
 
 /* Room for what the configuration of an engine is made of. */
 struct gr_tables {
@@ -79,5 +90,6 @@ PyObject *gr_python_hencky_update(PyObject *module, PyObject *args);
 
 extern PyObject *gr_SimulationError;
 extern PyTypeObject *gr_engine_type(PyObject *module);
+extern PyTypeObject *gr_sph_type(PyObject *module); /* sph_type.c */
 
 #endif

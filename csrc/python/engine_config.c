@@ -132,19 +132,19 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
     return 0;
 }
 
-static int take_gravity(struct gr_config *c, PyObject *times, PyObject *vectors)
+int gr_take_gravity(int dim, PyObject *times, PyObject *vectors, int *n, const double **time, const double **vector)
 {
     const npy_intp any[1] = {-1};
     PyArrayObject *t = gr_array(times, "gravity_times", NPY_DOUBLE, 1, any, 0);
     if (!t) return -1;
-    const npy_intp shape[2] = {PyArray_DIM(t, 0), c->dim};
+    const npy_intp shape[2] = {PyArray_DIM(t, 0), dim};
     PyArrayObject *g = gr_array(vectors, "gravity_vectors", NPY_DOUBLE, 2, shape, 0);
     if (!g) return -1;
-    c->n_gravity = (int)PyArray_DIM(t, 0);
-    c->gravity_times = PyArray_DATA(t);
-    c->gravity_vectors = PyArray_DATA(g);
-    for (int k = 0; k < c->n_gravity; k++)
-        if (!isfinite(c->gravity_times[k]) || (k && !(c->gravity_times[k] > c->gravity_times[k - 1]))) {
+    *n = (int)PyArray_DIM(t, 0);
+    *time = PyArray_DATA(t);
+    *vector = PyArray_DATA(g);
+    for (int k = 0; k < *n; k++)
+        if (!isfinite((*time)[k]) || (k && !((*time)[k] > (*time)[k - 1]))) {
             PyErr_SetString(PyExc_ValueError, "gravity_times must be finite and increase");
             return -1;
         }
@@ -260,8 +260,9 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     if (c.law < 0) return -1;
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases, above) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
-        take_gravity(&c, times, vectors) || take_all_numbers(&c, numbers, parameters) ||
-        take_nonlocal(&c, faces, method, stencil) || gr_take_bodies(&c, bodies, tables))
+        gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) ||
+        take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method, stencil) ||
+        gr_take_bodies(&c, bodies, tables))
         return -1;
     *out = c;
     return 0;

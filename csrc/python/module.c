@@ -171,11 +171,14 @@ static int exec_module(PyObject *module)
         if (!gr_SimulationError) return -1;
     }
     if (PyModule_AddObjectRef(module, "SimulationError", gr_SimulationError)) return -1;
-    PyTypeObject *engine = gr_engine_type(module);
-    if (!engine) return -1;
-    const int failed = PyModule_AddType(module, engine);
-    Py_DECREF(engine);
-    if (failed) return -1;
+    PyTypeObject *(*const types[])(PyObject *) = {gr_engine_type, gr_sph_type};
+    for (int k = 0; k < 2; k++) {
+        PyTypeObject *type = types[k](module);
+        if (!type) return -1;
+        const int failed = PyModule_AddType(module, type);
+        Py_DECREF(type);
+        if (failed) return -1;
+    }
     if (PyModule_AddIntConstant(module, "LANES", GR_LANES)) return -1;
     return PyModule_AddIntConstant(module, "MAX_THREADS", GR_MAX_THREADS);
 }

@@ -1,0 +1,49 @@
+"""Time of a step of particle hydrodynamics, per point and step, in processor time of one thread.
+
+    python benchmarks/sph_speed.py [--isa avx512] [--repeats 5]
+
+Beds at rest under their weight and layers that flow, in the plane and in space; the least of the
+repeats counts. Grains and points of walls are counted alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from granular import sph
+
+CASES = {
+    "2D at rest": (dict(angle_deg=0.0, columns=100, height=1.0), 0.01, 300),
+    "2D flow": (dict(angle_deg=24.0, columns=100, height=0.4), 1.0, 300),
+    "3D at rest": (dict(angle_deg=0.0, columns=40, columns_across=5, height=0.3), 0.01, 40),
+    "3D flow": (dict(angle_deg=24.0, columns=20, columns_across=5, height=0.15), 0.8, 40),
+}
+
+
+def nanoseconds(arguments: dict, seconds: float, steps: int, isa: str, repeats: int) -> float:
+    """Processor time per point and step after `seconds` of the scene [ns]."""
+    simulation = sph.Simulation(sph.scenes.incline(**arguments), isa=isa)
+    simulation.run(seconds)
+    points = simulation.n_points + simulation.walls.n
+    best = float("inf")
+    for _ in range(repeats):
+        begin = time.process_time()
+        simulation.step(steps)
+        best = min(best, time.process_time() - begin)
+    return 1e9 * best / steps / points
+
+
+def main() -> None:
+    """Print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--isa", default="", help="instruction set; the best of the machine")
+    parser.add_argument("--repeats", type=int, default=5)
+    given = parser.parse_args()
+    print("| case | ns per point and step |\n|---|---|")
+    for name, case in CASES.items():
+        print(f"| {name} | {nanoseconds(*case, given.isa, given.repeats):.0f} |")
+
+
+if __name__ == "__main__":
+    main()

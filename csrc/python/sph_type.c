@@ -1,0 +1,278 @@
+/* The Python type `Sph`: the engine of smoothed particle hydrodynamics, which borrows the buffers of the points and steps
+ * them with the GIL released. */
+#include <math.h>
+
+#include "python/arrays.h"
+#include "sph/sph.h"
+
+struct sph_object {
+    PyObject_HEAD
+    struct gr_sph *engine;
+    const struct gr_kernels *kernels;
+    PyObject *buffers[GR_SPH_FIELD_COUNT + 1]; /* the arrays that are lent, the ids last */
+    int busy;
+};
+
+static struct gr_sph *ready(struct sph_object *self, int bound)
+{
+    if (!self->engine || (bound && !self->engine->id)) {
+        PyErr_SetString(PyExc_RuntimeError, "the engine has no points: call bind first");
+        return NULL;
+    }
+    if (self->busy) {
+        PyErr_SetString(PyExc_RuntimeError, "the engine is running in another thread");
+        return NULL;
+    }
+    return self->engine;
+}
+
+/* ---- construction ---- */
+
+static int take_domain(struct gr_sph_config *c, PyObject *lower, PyObject *upper, PyObject *periodic)
+{
+    PyObject *const lists[] = {lower, upper, periodic};
+    if (c->dim < 2 || c->dim > 3) {
+        PyErr_Format(PyExc_ValueError, "dim = %d must be 2 or 3", c->dim);
+        return -1;
+    }
+    for (int k = 0; k < 3; k++)
+        if (!PyTuple_Check(lists[k]) || PyTuple_GET_SIZE(lists[k]) != c->dim) {
+            PyErr_SetString(PyExc_ValueError, "lower, upper and periodic must be tuples of length dim");
+            return -1;
+        }
+    for (int d = 0; d < c->dim; d++) {
+        c->lower[d] = PyFloat_AsDouble(PyTuple_GET_ITEM(lower, d));
+        c->upper[d] = PyFloat_AsDouble(PyTuple_GET_ITEM(upper, d));
+        c->periodic[d] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, d));
+        if (PyErr_Occurred()) return -1;
+        if (!(fabs(c->lower[d]) <= GR_LARGEST) || !(fabs(c->upper[d]) <= GR_LARGEST) || !(c->upper[d] > c->lower[d])) {
+            PyErr_Format(PyExc_ValueError, "upper[%d] must exceed lower[%d], both finite", d, d);
+            return -1;
+        }
+    }
+    return 0;
+}
+
+static int sph_init(struct sph_object *self, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {"dim",           "lower",      "upper",         "periodic",        "isa",
+                            "wall_friction", "parameters", "gravity_times", "gravity_vectors", NULL};
+    struct gr_sph_config c = {0};
+    const char *isa;
+    PyObject *lower, *upper, *periodic, *parameters, *times, *vectors;
+    if (self->engine) {
+        PyErr_SetString(PyExc_RuntimeError, "the engine is already built");
+        return -1;
+    }
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iOOOspO!OO:Sph", names, &c.dim, &lower, &upper, &periodic, &isa,
+                                     &c.wall_friction, &PyDict_Type, &parameters, &times, &vectors) ||
+        take_domain(&c, lower, upper, periodic) ||
+        gr_take_parameters(parameters, gr_sph_parameter_table, GR_SPH_PARAMETER_COUNT, gr_sph_may_be_zero, c.parameter) ||
+        gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors))
+        return -1;
+    self->kernels = gr_kernels_select(isa);
+    if (!self->kernels || c.n_gravity < 1) {
+        PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine, or gravity is empty", isa);
+        return -1;
+    }
+    const int error = gr_sph_new(&self->engine, &c, self->kernels->lanes);
+    if (error) gr_raise(error, NULL);
+    return error ? -1 : 0;
+}
+
+static void sph_dealloc(struct sph_object *self)
+{
+    PyTypeObject *type = Py_TYPE(self);
+    gr_sph_free(self->engine);
+    for (int k = 0; k <= GR_SPH_FIELD_COUNT; k++) Py_XDECREF(self->buffers[k]);
+    type->tp_free((PyObject *)self);
+    Py_DECREF(type);
+}
+
+/* ---- buffers ---- */
+
+/* The arrays of a dict, checked. Returned: 0, or -1 with an exception set. */
+static int take_buffers(const struct gr_sph *s, PyObject *buffers, PyArrayObject **arrays, double **row)
+{
+    const char *names[GR_SPH_FIELD_COUNT + 1];
+    npy_intp shape[2] = {0, -1};
+    int n_rows = 0;
+    for (int f = 0; f <= GR_SPH_FIELD_COUNT; f++) {
+        const int is_id = f == GR_SPH_FIELD_COUNT;
+        PyObject *object = PyDict_GetItemString(buffers, names[f] = is_id ? "id" : gr_sph_field_table[f].name);
+        if (!object) {
+            PyErr_Format(PyExc_ValueError, "the buffer %s is missing", names[f]);
+            return -1;
+        }
+        shape[0] = is_id ? 0 : gr_kind_components(gr_sph_field_table[f].kind, s->config.dim);
+        arrays[f] =
+            is_id ? gr_array(object, "id", NPY_INT64, 1, shape + 1, 1) : gr_array(object, names[f], NPY_DOUBLE, 2, shape, 1);
+        if (!arrays[f]) return -1;
+        shape[1] = PyArray_DIM(arrays[f], is_id ? 0 : 1);
+        for (int k = 0; k < shape[0]; k++) row[n_rows++] = (double *)PyArray_DATA(arrays[f]) + k * shape[1];
+    }
+    return gr_refuse_overlap(arrays, names, GR_SPH_FIELD_COUNT + 1);
+}
+
+/* bind(buffers, n_grains, wall_first, n_walls, fresh) */
+static PyObject *sph_bind(struct sph_object *self, PyObject *args)
+{
+    PyObject *buffers;
+    Py_ssize_t n_grains, wall_first, n_walls;
+    int fresh;
+    PyArrayObject *arrays[GR_SPH_FIELD_COUNT + 1];
+    double *row[GR_SPH_MAX_ROWS] = {0};
+    if (!PyArg_ParseTuple(args, "O!nnnp", &PyDict_Type, &buffers, &n_grains, &wall_first, &n_walls, &fresh)) return NULL;
+    struct gr_sph *s = ready(self, 0);
+    if (!s || take_buffers(s, buffers, arrays, row)) return NULL;
+    const npy_intp capacity = PyArray_DIM(arrays[GR_SPH_FIELD_COUNT], 0);
+    if (n_grains < 0 || n_walls < 0 || capacity > INT32_MAX || wall_first < GR_LANES || wall_first > capacity ||
+        n_grains > wall_first - GR_LANES || n_walls > capacity - wall_first - GR_LANES)
+        return PyErr_Format(PyExc_ValueError,
+                            "%zd grains and %zd wall points from row %zd on do not fit buffers of %zd places with %d spare "
+                            "ones behind each",
+                            n_grains, n_walls, wall_first, (Py_ssize_t)capacity, GR_LANES);
+    for (int k = 0; k <= GR_SPH_FIELD_COUNT; k++) {
+        Py_INCREF(arrays[k]);
+        Py_XSETREF(self->buffers[k], (PyObject *)arrays[k]);
+    }
+    const int error =
+        gr_sph_bind(s, row, PyArray_DATA(arrays[GR_SPH_FIELD_COUNT]), capacity, n_grains, wall_first, n_walls, fresh);
+    if (error) return gr_raise(error, NULL);
+    Py_RETURN_NONE;
+}
+
+/* ---- stepping ---- */
+
+/* advance(max_steps, until, threads) */
+static PyObject *sph_advance(struct sph_object *self, PyObject *args)
+{
+    long long max_steps;
+    double until;
+    int threads, error;
+    if (!PyArg_ParseTuple(args, "Ldi", &max_steps, &until, &threads)) return NULL;
+    struct gr_sph *s = ready(self, 1);
+    if (!s) return NULL;
+    if (max_steps < 0 || isnan(until) || threads < 1 || threads > GR_MAX_THREADS)
+        return PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d",
+                            GR_MAX_THREADS);
+    if (gr_team_is_lost(threads)) return NULL;
+    self->busy = 1;
+    Py_BEGIN_ALLOW_THREADS
+    error = gr_sph_advance(s, self->kernels->sph, max_steps, until, threads);
+    Py_END_ALLOW_THREADS
+    self->busy = 0;
+    if (!error) Py_RETURN_NONE;
+    const struct gr_failure at = {s->error_id, s->step, s->config.dim, s->error_x[0], s->error_x[1], s->error_x[2], s->time};
+    return error == GR_ERR_NOT_FINITE ? gr_raise_at(error, &at) : gr_raise(error, NULL);
+}
+
+/* ---- looking in ---- */
+
+/* The numbers of the engine that a restart needs, name and place. */
+#define GR_FLOATS(X) X(time) X(dt) X(speed2) X(acceleration2) X(dropped_mass)
+#define GR_INTEGERS(X) X(step) X(dropped) X(started)
+
+static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
+{
+    (void)unused;
+    const struct gr_sph *s = ready(self, 0);
+    if (!s) return NULL;
+    return Py_BuildValue(
+#define GR_X(name) "s:d,"
+        "{" GR_FLOATS(GR_X)
+#undef GR_X
+#define GR_X(name) "s:L,"
+            GR_INTEGERS(GR_X) "s:L,s:L}",
+#undef GR_X
+#define GR_X(name) #name, s->name,
+        GR_FLOATS(GR_X)
+#undef GR_X
+#define GR_X(name) #name, (long long)s->name,
+            GR_INTEGERS(GR_X)
+#undef GR_X
+                "n_points",
+        (long long)s->n_grains, "rebuilds", (long long)s->rebuilds);
+}
+
+static PyObject *sph_restore(struct sph_object *self, PyObject *dict)
+{
+    struct gr_sph *s = ready(self, 0);
+    if (!s) return NULL;
+    if (!PyDict_Check(dict)) return PyErr_Format(PyExc_TypeError, "restore needs a dict of scalars");
+    struct gr_sph new = *s;
+    PyObject *value;
+#define GR_X(name)                                                                \
+    if (!(value = PyDict_GetItemString(dict, #name)))                             \
+        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
+    new.name = PyFloat_AsDouble(value);                                           \
+    if (PyErr_Occurred()) return NULL;
+    GR_FLOATS(GR_X)
+#undef GR_X
+#define GR_X(name)                                                                \
+    if (!(value = PyDict_GetItemString(dict, #name)))                             \
+        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
+    new.name = PyLong_AsLongLong(value);                                          \
+    if (PyErr_Occurred()) return NULL;
+    GR_INTEGERS(GR_X)
+#undef GR_X
+    if (!isfinite(new.time) || !(new.dt > 0) || !(new.speed2 > 0) || !(new.acceleration2 >= 0) || new.step < 0)
+        return PyErr_Format(PyExc_ValueError, "the scalars of the restart are not valid");
+    *s = new;
+    Py_RETURN_NONE;
+}
+
+static PyObject *sph_stable_dt(struct sph_object *self, PyObject *unused)
+{
+    (void)unused;
+    const struct gr_sph *s = ready(self, 0);
+    return s ? PyFloat_FromDouble(gr_sph_stable_dt(s)) : NULL;
+}
+
+static PyObject *sph_fields(struct sph_object *self, PyObject *unused)
+{
+    (void)unused;
+    const struct gr_sph *s = ready(self, 0);
+    PyObject *list = s ? PyList_New(0) : NULL;
+    for (int f = 0; list && f < GR_SPH_FIELD_COUNT; f++) {
+        const struct gr_field_info *info = &gr_sph_field_table[f];
+        PyObject *row =
+            Py_BuildValue("siss", info->name, gr_kind_components(info->kind, s->config.dim), info->unit, info->doc);
+        if (!row || PyList_Append(list, row)) Py_CLEAR(list);
+        Py_XDECREF(row);
+    }
+    return list;
+}
+
+static PyObject *sph_isa(struct sph_object *self, void *unused)
+{
+    (void)unused;
+    return PyUnicode_FromString(self->kernels ? self->kernels->isa : "");
+}
+
+static PyMethodDef methods[] = {
+    {"bind", (PyCFunction)sph_bind, METH_VARARGS,
+     "bind(buffers, n_grains, wall_first, n_walls, fresh)\n--\n\nLend {name: float64 (component, capacity)} and id: int64 (capacity,). Nothing is copied."},
+    {"advance", (PyCFunction)sph_advance, METH_VARARGS,
+     "advance(max_steps, until, threads)\n--\n\nRun steps until a count or a time, the GIL released."},
+    {"scalars", (PyCFunction)sph_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs, and counts."},
+    {"restore", (PyCFunction)sph_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
+    {"stable_dt", (PyCFunction)sph_stable_dt, METH_NOARGS,
+     "stable_dt()\n--\n\ncfl times the smaller of h/(4 c) and sqrt(h/|a|)/4, s."},
+    {"fields", (PyCFunction)sph_fields, METH_NOARGS, "fields()\n--\n\n[(name, components, unit, doc)] of the buffers."},
+    {NULL, NULL, 0, NULL}};
+
+static PyGetSetDef getters[] = {{"isa", (getter)sph_isa, NULL, "instruction set of the kernels", NULL},
+                                {NULL, NULL, NULL, NULL, NULL}};
+
+static PyType_Slot slots[] = {{Py_tp_init, sph_init},
+                              {Py_tp_new, PyType_GenericNew},
+                              {Py_tp_dealloc, sph_dealloc},
+                              {Py_tp_methods, methods},
+                              {Py_tp_getset, getters},
+                              {Py_tp_doc, "The engine of particle hydrodynamics; see granular.sph."},
+                              {0, NULL}};
+
+static PyType_Spec spec = {"granular._core.Sph", sizeof(struct sph_object), 0, Py_TPFLAGS_DEFAULT, slots};
+
+PyTypeObject *gr_sph_type(PyObject *module) { return (PyTypeObject *)PyType_FromModuleAndSpec(module, &spec, NULL); }

@@ -1,0 +1,209 @@
+/* The points sorted by cell, and the blocks of rows that hold the neighbours of each. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/simd.h"
+#include "sph/sph.h"
+
+static const double far_away = 1e30; /* where spare rows are: finite, and beyond the kernel */
+
+/* Cell of a place; what lies outside counts to the last cell on its side, and NaN to the first. */
+static int32_t cell_at(const struct gr_sph *s, const double *x)
+{
+    int64_t cell = 0;
+    for (int d = s->config.dim - 1; d >= 0; d--) {
+        const double u = (x[d] - s->config.lower[d]) * s->per_cell[d], last = s->shape[d] - 1;
+        cell = cell * s->shape[d] + (int)(!(u > 0) ? 0 : u > last ? last : u);
+    }
+    return (int32_t)cell;
+}
+
+static void place_of(const struct gr_sph *s, int field, int64_t row, double *x)
+{
+    double *const *rows = gr_sph_rows(s, field);
+    for (int d = 0; d < s->config.dim; d++) x[d] = rows[d][row];
+}
+
+/* Move the position of a point into its period. Returned: whether it is in the domain. */
+static int wrap(const struct gr_sph *s, int64_t row)
+{
+    const struct gr_sph_config *c = &s->config;
+    double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x);
+    int inside = 1;
+    for (int d = 0; d < c->dim; d++) {
+        double *at = &x[d][row];
+        const double length = c->upper[d] - c->lower[d];
+        if (c->periodic[d]) {
+            *at -= length * floor((*at - c->lower[d]) / length);
+            if (*at >= c->upper[d]) *at = c->lower[d]; /* rounded up onto the end */
+        } else {
+            inside &= *at >= c->lower[d] && *at <= c->upper[d];
+        }
+    }
+    return inside;
+}
+
+static void make_spare(struct gr_sph *s, int64_t first, int64_t last)
+{
+    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) {
+        double *const *rows = gr_sph_rows(s, f);
+        const int place = f == GR_SPH_FIELD_x || f == GR_SPH_FIELD_anchor;
+        for (int k = 0; k < gr_kind_components(gr_sph_field_table[f].kind, s->config.dim); k++)
+            for (int64_t a = first; a < last; a++) rows[k][a] = place ? far_away : 0.0;
+    }
+    for (int64_t a = first; a < last; a++) s->id[a] = -1, s->lump[a] = s->volume[a] = 0.0;
+    for (int k = 0; k < 6; k++)
+        for (int64_t a = first; a < last; a++) s->pull[k][a] = s->wall_pull[k][a] = 0.0;
+}
+
+/* Bring the rows from `first` on into the order s->order: what steps keep. */
+static void permute(struct gr_sph *s, int64_t first, int64_t n)
+{
+    double *const *end = gr_sph_rows(s, first < s->wall_first ? GR_SPH_FIELD_normal : GR_SPH_FIELD_a);
+    int in_order = 1;
+    for (int64_t k = 0; k < n; k++) in_order &= s->order[k] == first + k;
+    if (in_order) return;
+    for (double *const *row = s->row; row < end; row++) {
+        for (int64_t k = 0; k < n; k++) s->sorted[k] = (*row)[s->order[k]];
+        memcpy(*row + first, s->sorted, sizeof(double) * (size_t)n);
+    }
+    for (int64_t k = 0; k < n; k++) s->sorted_id[k] = s->id[s->order[k]];
+    memcpy(s->id + first, s->sorted_id, sizeof(int64_t) * (size_t)n);
+}
+
+/* Sort the n rows from `first` on by the cells of their anchors, in their present order within a cell; those of cell -1
+ * are left out. Returned: how many are kept. */
+static int64_t sort_rows(struct gr_sph *s, int64_t first, int64_t n, int32_t *start)
+{
+    memset(start, 0, sizeof(int32_t) * (size_t)(s->n_cells + 1));
+    for (int64_t a = first; a < first + n; a++)
+        if (s->cell[a] >= 0) start[s->cell[a] + 1]++;
+    for (int64_t c = 0; c < s->n_cells; c++) start[c + 1] += start[c];
+    const int64_t kept = start[s->n_cells];
+    for (int64_t a = first; a < first + n; a++)
+        if (s->cell[a] >= 0) s->order[start[s->cell[a]]++] = (int32_t)a;
+    /* each entry is now the end of its cell, the start of the next */
+    memmove(start + 1, start, sizeof(int32_t) * (size_t)s->n_cells);
+    start[0] = 0;
+    for (int64_t c = 0; c <= s->n_cells; c++) start[c] += (int32_t)first;
+    permute(s, first, kept);
+    return kept;
+}
+
+void gr_sph_sort(struct gr_sph *s, int fresh)
+{
+    double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
+    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0];
+    const int64_t n[2] = {s->n_grains, s->n_walls}, first[2] = {0, s->wall_first};
+    for (int kind = 0; kind < 2; kind++)
+        for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) {
+            const int inside = !fresh || wrap(s, a) || kind;
+            double at[3];
+            if (fresh)
+                for (int d = 0; d < s->config.dim; d++) anchor[d][a] = x[d][a];
+            place_of(s, GR_SPH_FIELD_anchor, a, at);
+            s->cell[a] = inside ? cell_at(s, at) : -1;
+            if (!inside) s->dropped++, s->dropped_mass += mass[a];
+        }
+    s->n_grains = sort_rows(s, 0, n[0], s->start[0]);
+    sort_rows(s, s->wall_first, n[1], s->start[1]);
+    make_spare(s, s->n_grains, s->wall_first);
+    make_spare(s, s->wall_first + s->n_walls, s->capacity);
+}
+
+/* ---- the blocks of a point ---- */
+
+struct search {
+    double at[3];
+    int cell[3];
+    int64_t covered[GR_SPH_SHIFTS]; /* rows below it are in a block of that shift */
+    struct gr_block *out;
+    int64_t n; /* of blocks; those beyond the stride are only counted */
+};
+
+/* The rows of a run of cells that are near enough, as images moved by a shift. */
+static void search_run(const struct gr_sph *s, struct search *q, int kind, int64_t first_cell, int64_t last_cell, int shift)
+{
+    double *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
+    const int dim = s->config.dim;
+    const int32_t *start = s->start[kind];
+    int64_t b = start[first_cell];
+    if (b < q->covered[shift]) b = q->covered[shift];
+    while (b < start[last_cell + 1]) {
+        double r2 = 0;
+        for (int d = 0; d < dim; d++) {
+            const double r = anchor[d][b] + s->shift[shift][d] - q->at[d];
+            r2 += r * r;
+        }
+        if (r2 > s->reach * s->reach) {
+            b++;
+            continue;
+        }
+        if (q->n < s->stride) q->out[q->n] = (struct gr_block){(int32_t)b, shift};
+        q->n++;
+        b = q->covered[shift] = b + s->lanes;
+    }
+}
+
+/* All runs of a row of cells along x; `before` is the row's first cell, `shift` that of the other axes. */
+static void search_row(const struct gr_sph *s, struct search *q, int kind, int64_t before, int shift)
+{
+    const int n = s->shape[0], low = q->cell[0] - GR_SPH_CELLS_IN_REACH, high = q->cell[0] + GR_SPH_CELLS_IN_REACH;
+    if (s->config.periodic[0] && low < 0) search_run(s, q, kind, before + low + n, before + n - 1, shift);
+    search_run(s, q, kind, before + (low < 0 ? 0 : low), before + (high >= n ? n - 1 : high), shift + 1);
+    if (s->config.periodic[0] && high >= n) search_run(s, q, kind, before, before + high - n, shift + 2);
+}
+
+/* Cell along an axis that may be beyond an end. Returned: the wrapped index, or -1; *shift grows by `unit` for each
+ * period, from -1 on. */
+static int wrapped(const struct gr_sph *s, int d, int cell, int unit, int *shift)
+{
+    const int n = s->shape[d], image = cell < 0 ? 0 : cell >= n ? 2 : 1;
+    *shift += image * unit;
+    if (image == 1) return cell;
+    return s->config.periodic[d] ? cell + (1 - image) * n : -1;
+}
+
+static void search_all(const struct gr_sph *s, struct search *q, int kind)
+{
+    const int dim = s->config.dim, out = dim == 3 ? GR_SPH_CELLS_IN_REACH : 0;
+    memset(q->covered, 0, sizeof q->covered);
+    for (int k = -out; k <= out; k++) {
+        int shift_z = 0;
+        const int z = dim == 3 ? wrapped(s, 2, q->cell[2] + k, 9, &shift_z) : 0;
+        if (z < 0) continue;
+        for (int j = -GR_SPH_CELLS_IN_REACH; j <= GR_SPH_CELLS_IN_REACH; j++) {
+            int shift = dim == 3 ? shift_z : 9;
+            const int y = wrapped(s, 1, q->cell[1] + j, 3, &shift);
+            if (y >= 0) search_row(s, q, kind, ((int64_t)z * s->shape[1] + y) * s->shape[0], shift);
+        }
+    }
+}
+
+int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last)
+{
+    int64_t most = 0;
+    for (int64_t a = first; a < last; a++) {
+        struct search q = {.out = s->block + a * s->stride};
+        place_of(s, GR_SPH_FIELD_anchor, a, q.at);
+        int64_t cell = cell_at(s, q.at);
+        for (int d = 0; d < s->config.dim; d++) q.cell[d] = (int)(cell % s->shape[d]), cell /= s->shape[d];
+        search_all(s, &q, 0);
+        s->begin[a] = a * s->stride, s->middle[a] = s->begin[a] + q.n;
+        if (s->n_walls) search_all(s, &q, 1);
+        s->end[a] = s->begin[a] + q.n;
+        if (q.n > most) most = q.n;
+    }
+    return most;
+}
+
+int gr_sph_widen(struct gr_sph *s, int64_t needed)
+{
+    const int64_t stride = needed + needed / 4 + 4; /* it grows a few times at the start of a run, and no more */
+    struct gr_block *wider = malloc(sizeof *wider * (size_t)(stride * s->capacity));
+    if (!wider) return GR_ERR_MEMORY;
+    free(s->block);
+    s->block = wider, s->stride = stride;
+    return GR_OK;
+}

@@ -1,0 +1,390 @@
+/* The engine of smoothed particle hydrodynamics: its memory, its clock and its steps. */
+#include "sph/sph.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/gravity.h"
+#include "core/simd.h"
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {
+#define GR_X(name, kind, need, unit, doc) {#name, unit, doc, kind, need},
+    GR_SPH_FIELDS(GR_X)
+#undef GR_X
+};
+
+const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT] = {
+#define GR_X(name, zero, unit, doc) {#name, unit, doc},
+    GR_SPH_PARAMETERS(GR_X)
+#undef GR_X
+};
+
+const unsigned gr_sph_may_be_zero = 0
+#define GR_X(name, zero, unit, doc) | (unsigned)zero << GR_SPH_P_##name
+    GR_SPH_PARAMETERS(GR_X)
+#undef GR_X
+    ;
+
+enum { MAX_CELLS = 1 << 26, STEP_LIMIT_DIVISOR = 4 };
+
+/* ---- construction ---- */
+
+/* Cells of which GR_SPH_CELLS_IN_REACH span the reach of the list. */
+static int divide(struct gr_sph *s)
+{
+    const struct gr_sph_config *c = &s->config;
+    double cells = 1;
+    s->reach = 2.0 * c->parameter[GR_SPH_P_h] + c->parameter[GR_SPH_P_skin];
+    s->n_cells = 1;
+    for (int d = 0; d < c->dim; d++) {
+        const double length = c->upper[d] - c->lower[d], n = floor(length * GR_SPH_CELLS_IN_REACH / s->reach);
+        if (!(length > 0) || (c->periodic[d] && length < s->reach)) return GR_ERR_CONFIG;
+        cells *= n < 1 ? 1 : n;
+        if (!(cells <= MAX_CELLS)) return GR_ERR_CONFIG;
+        s->shape[d] = n < 1 ? 1 : (int)n;
+        if (c->periodic[d] && s->shape[d] < GR_SPH_CELLS_IN_REACH) return GR_ERR_CONFIG; /* by rounding */
+        s->per_cell[d] = s->shape[d] / length;
+        s->n_cells *= s->shape[d];
+        for (int k = 0, unit = d == 0 ? 1 : d == 1 ? 3 : 9; k < GR_SPH_SHIFTS; k++)
+            s->shift[k][d] = (k / unit % 3 - 1) * length;
+    }
+    return GR_OK;
+}
+
+/* Put a copy of n numbers in the place of the pointer to them. */
+static int own(const double **array, int64_t n)
+{
+    double *copy = malloc(sizeof *copy * (size_t)n);
+    if (copy) memcpy(copy, *array, sizeof *copy * (size_t)n);
+    *array = copy;
+    return copy ? GR_OK : GR_ERR_MEMORY;
+}
+
+int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lanes)
+{
+    struct gr_sph *s = *out = calloc(1, sizeof *s);
+    int error = GR_OK;
+    if (!s) return GR_ERR_MEMORY;
+    s->config = *config, s->lanes = lanes;
+    error |= own(&s->config.gravity_times, config->n_gravity);
+    error |= own(&s->config.gravity_vectors, (int64_t)config->n_gravity * config->dim);
+    if (!error) error = divide(s);
+    for (int k = 0; k < 2 && !error; k++) {
+        s->start[k] = malloc(sizeof(int32_t) * (size_t)(s->n_cells + 1));
+        if (!s->start[k]) error = GR_ERR_MEMORY;
+    }
+    if (!error) {
+        const double *p = s->config.parameter;
+        s->speed2 = 1.5 * p[GR_SPH_P_kappa] / p[GR_SPH_P_rho0];
+        s->dt = gr_sph_stable_dt(s);
+        return GR_OK;
+    }
+    gr_sph_free(s);
+    *out = NULL;
+    return error;
+}
+
+static void free_places(struct gr_sph *s)
+{
+    void *owned[] = {s->lump, s->sorted, s->sorted_id, s->cell, s->order, s->block};
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    s->lump = s->sorted = NULL, s->sorted_id = NULL, s->cell = s->order = NULL, s->block = NULL;
+    s->stride = 0;
+}
+
+void gr_sph_free(struct gr_sph *s)
+{
+    if (!s) return;
+    free_places(s);
+    void *owned[] = {(void *)s->config.gravity_times, (void *)s->config.gravity_vectors, s->start[0], s->start[1]};
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    free(s);
+}
+
+/* What the engine keeps for each row: 15 numbers, three indices, and two places to sort in. */
+static int make_places(struct gr_sph *s, int64_t capacity)
+{
+    const size_t n = (size_t)capacity;
+    free_places(s);
+    double *numbers = s->lump = calloc(15 * n, sizeof *numbers);
+    s->sorted = malloc(n * sizeof *s->sorted), s->sorted_id = malloc(4 * n * sizeof *s->sorted_id);
+    s->cell = malloc(n * sizeof *s->cell), s->order = malloc(n * sizeof *s->order);
+    if (!numbers || !s->sorted || !s->sorted_id || !s->cell || !s->order) {
+        free_places(s);
+        return GR_ERR_MEMORY;
+    }
+    s->volume = numbers + n, s->rho_plain = numbers + 2 * n;
+    for (int k = 0; k < 6; k++) s->pull[k] = numbers + (size_t)(3 + k) * n, s->wall_pull[k] = numbers + (size_t)(9 + k) * n;
+    s->begin = s->sorted_id + n, s->middle = s->begin + n, s->end = s->middle + n;
+    return GR_OK;
+}
+
+/* The list of neighbours; first the points sorted. One thread. */
+static int make_list(struct gr_sph *s, int fresh)
+{
+    gr_sph_sort(s, fresh);
+    for (;;) {
+        const int64_t grains = gr_sph_list_blocks(s, 0, s->n_grains);
+        const int64_t walls = gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
+        const int64_t most = grains > walls ? grains : walls;
+        if (most <= s->stride) return GR_OK;
+        const int error = gr_sph_widen(s, most);
+        if (error) return error;
+    }
+}
+
+int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_grains, int64_t wall_first,
+                int64_t n_walls, int fresh)
+{
+    int n_rows = 0;
+    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) n_rows += gr_kind_components(gr_sph_field_table[f].kind, s->config.dim);
+    if (n_grains < 0 || n_walls < 0 || n_grains + GR_LANES > wall_first || capacity > INT32_MAX ||
+        wall_first + n_walls + GR_LANES > capacity)
+        return GR_ERR_CONFIG;
+    s->id = NULL; /* until all is well */
+    const int error = make_places(s, capacity);
+    if (error) return error;
+    memset(s->row, 0, sizeof s->row);
+    for (int r = 0; r < n_rows; r++) s->row[r] = row[r];
+    s->capacity = capacity, s->n_grains = n_grains, s->wall_first = wall_first, s->n_walls = n_walls;
+    s->id = id;
+    return s->error = make_list(s, fresh);
+}
+
+/* ---- the clock ---- */
+
+/* The smaller of h/(4 c) and sqrt(h/|a|)/4 (eq. 5.28). The third limit, that of the viscosity, cannot be overstepped:
+ * the regularisation bounds the viscosity by what the step allows. */
+double gr_sph_stable_dt(const struct gr_sph *s)
+{
+    const double *p = s->config.parameter, h = p[GR_SPH_P_h];
+    double limit = h / sqrt(s->speed2);
+    if (s->acceleration2 * limit * limit * limit * limit > h * h) limit = sqrt(h / sqrt(s->acceleration2));
+    return p[GR_SPH_P_cfl] * limit / STEP_LIMIT_DIVISOR;
+}
+
+/* ---- the step ---- */
+
+struct team {
+    struct gr_sph *s;
+    const struct gr_sph_kernels *kernels;
+    struct gr_barrier barrier;
+    double until;
+    int64_t steps_left;
+    int goes_on, rebuilds;
+};
+
+/* First half of a step: v^{n+1/2} = v^n + a^n dt/2, x^{n+1} = x^n + v^{n+1/2} dt (eqs. 5.25, 5.27); wall points keep
+ * their velocity. */
+static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+{
+    double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
+    double *const *a = gr_sph_rows(s, GR_SPH_FIELD_a), *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
+    const double pull = first < s->wall_first ? 0.5 * s->dt : 0.0;
+    for (int64_t i = first; i < last; i++) {
+        double moved2 = 0;
+        for (int d = 0; d < s->config.dim; d++) {
+            v[d][i] += pull * a[d][i];
+            x[d][i] += s->dt * v[d][i];
+            const double way = x[d][i] - anchor[d][i];
+            moved2 += way * way;
+            if (way < found->low[d]) found->low[d] = way;
+            if (way > found->high[d]) found->high[d] = way;
+        }
+        if (moved2 > found->moved2) found->moved2 = moved2;
+        if (!isfinite(moved2) && found->bad < 0) found->bad = i;
+    }
+}
+
+/* Second half: v^{n+1} = v^{n+1/2} + a^{n+1} dt/2 (eq. 5.26). */
+static void kick(struct gr_sph *s, int64_t first, int64_t last)
+{
+    double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), *const *a = gr_sph_rows(s, GR_SPH_FIELD_a);
+    for (int d = 0; d < s->config.dim; d++)
+        for (int64_t i = first; i < last; i++) v[d][i] += 0.5 * s->dt * a[d][i];
+}
+
+/* What the threads have found, together: largest values do not depend on their order. */
+static struct gr_sph_found gathered(const struct gr_sph *s, int threads)
+{
+    struct gr_sph_found all = s->found[0];
+    for (int t = 1; t < threads; t++) {
+        const struct gr_sph_found *f = &s->found[t];
+        all.speed2 = fmax(all.speed2, f->speed2), all.acceleration2 = fmax(all.acceleration2, f->acceleration2);
+        all.moved2 = fmax(all.moved2, f->moved2), all.blocks = all.blocks > f->blocks ? all.blocks : f->blocks;
+        for (int d = 0; d < s->config.dim; d++)
+            all.low[d] = fmin(all.low[d], f->low[d]), all.high[d] = fmax(all.high[d], f->high[d]);
+        if (f->bad >= 0 && (all.bad < 0 || f->bad < all.bad)) all.bad = f->bad;
+    }
+    return all;
+}
+
+/* Whether there is another step, and how long. One thread. */
+static void begin_step(struct team *team)
+{
+    struct gr_sph *s = team->s;
+    team->goes_on = !s->error && team->steps_left-- > 0 && s->time < team->until;
+    if (!team->goes_on) return;
+    s->dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
+    s->time += s->dt, s->step++;
+    gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time, s->gravity);
+}
+
+/* Whether two points may have come so much nearer to each other that they are neighbours and not in the list: only if
+ * some have moved half its skin, and the ways of all differ by a skin. */
+static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
+{
+    const double skin = s->config.parameter[GR_SPH_P_skin];
+    double spread2 = 0;
+    for (int d = 0; d < s->config.dim; d++) spread2 += (all->high[d] - all->low[d]) * (all->high[d] - all->low[d]);
+    return 4.0 * all->moved2 >= skin * skin && spread2 >= skin * skin;
+}
+
+/* After the points have moved: whether there must be a new list, and what is not finite. One thread. */
+static void look(struct team *team)
+{
+    struct gr_sph *s = team->s;
+    const struct gr_sph_found all = gathered(s, team->barrier.threads);
+    if (all.bad >= 0) {
+        s->error = GR_ERR_NOT_FINITE, s->error_id = s->id[all.bad];
+        for (int d = 0; d < s->config.dim; d++) s->error_x[d] = gr_sph_rows(s, GR_SPH_FIELD_x)[d][all.bad];
+    }
+    team->rebuilds = !s->error && is_old(s, &all);
+    if (!team->rebuilds) return;
+    gr_sph_sort(s, 1);
+    s->rebuilds++;
+}
+
+struct share {
+    int64_t grains[2], walls[2];
+};
+
+static struct share share_of(const struct gr_sph *s, int t, int threads)
+{
+    struct share own;
+    gr_share(s->n_grains, t, threads, &own.grains[0], &own.grains[1]);
+    gr_share(s->n_walls, t, threads, &own.walls[0], &own.walls[1]);
+    own.walls[0] += s->wall_first, own.walls[1] += s->wall_first;
+    return own;
+}
+
+/* A new list, by all threads. */
+static void rebuild(struct team *team, int t)
+{
+    struct gr_sph *s = team->s;
+    const struct share own = share_of(s, t, team->barrier.threads);
+    do {
+        const int64_t grains = gr_sph_list_blocks(s, own.grains[0], own.grains[1]);
+        const int64_t walls = gr_sph_list_blocks(s, own.walls[0], own.walls[1]);
+        s->found[t].blocks = grains > walls ? grains : walls;
+        gr_wait(&team->barrier);
+        if (t == 0) {
+            const int64_t most = gathered(s, team->barrier.threads).blocks;
+            team->rebuilds = most > s->stride;
+            if (team->rebuilds) s->error = gr_sph_widen(s, most);
+        }
+        gr_wait(&team->barrier);
+    } while (team->rebuilds && !s->error);
+}
+
+/* Densities, stresses and accelerations of the present positions and velocities. */
+static void evaluate(struct team *team, int t)
+{
+    struct gr_sph *s = team->s;
+    const struct gr_sph_kernels *k = team->kernels;
+    const struct share own = share_of(s, t, team->barrier.threads);
+    k->densities(s, own.grains[0], own.grains[1]);
+    k->densities(s, own.walls[0], own.walls[1]);
+    gr_wait(&team->barrier);
+    k->filter(s, own.grains[0], own.grains[1], &s->found[t]);
+    k->filter(s, own.walls[0], own.walls[1], &s->found[t]);
+    gr_wait(&team->barrier);
+    k->stresses(s, own.grains[0], own.grains[1]);
+    k->stresses(s, own.walls[0], own.walls[1]);
+    gr_wait(&team->barrier);
+    k->forces(s, own.grains[0], own.grains[1], &s->found[t]);
+}
+
+static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){.bad = -1}; }
+
+/* Keep what the limits of the next step need. One thread. */
+static void end_step(struct team *team)
+{
+    struct gr_sph *s = team->s;
+    const double *p = s->config.parameter;
+    const struct gr_sph_found all = gathered(s, team->barrier.threads);
+    s->speed2 = fmax(all.speed2, 1.5 * p[GR_SPH_P_kappa] / p[GR_SPH_P_rho0]);
+    s->acceleration2 = all.acceleration2;
+    s->started = 1;
+}
+
+static void one_step(struct team *team, int t)
+{
+    struct gr_sph *s = team->s;
+    struct share own = share_of(s, t, team->barrier.threads);
+    forget(&s->found[t]);
+    drift(s, own.grains[0], own.grains[1], &s->found[t]);
+    drift(s, own.walls[0], own.walls[1], &s->found[t]);
+    gr_wait(&team->barrier);
+    if (t == 0) look(team);
+    gr_wait(&team->barrier);
+    if (s->error) return;
+    if (team->rebuilds) {
+        rebuild(team, t);
+        if (s->error) return;
+    }
+    forget(&s->found[t]);
+    evaluate(team, t);
+    own = share_of(s, t, team->barrier.threads); /* grains may have left */
+    kick(s, own.grains[0], own.grains[1]);
+}
+
+static void run(struct team *team, int t)
+{
+    struct gr_sph *s = team->s;
+    if (!s->started) { /* accelerations at the start */
+        forget(&s->found[t]);
+        evaluate(team, t);
+        gr_wait(&team->barrier);
+        if (t == 0) end_step(team);
+    }
+    for (;;) {
+        gr_wait(&team->barrier);
+        if (t == 0) begin_step(team);
+        gr_wait(&team->barrier);
+        if (!team->goes_on) break;
+        one_step(team, t);
+        gr_wait(&team->barrier);
+        if (s->error) break;
+        if (t == 0) end_step(team);
+    }
+}
+
+int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads)
+{
+    struct team team = {.s = s, .kernels = kernels, .until = until, .steps_left = max_steps};
+    if (s->error) return s->error;
+    if (!s->started)
+        gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time,
+                   s->gravity);
+#ifdef _OPENMP
+    if (threads > 1) {
+#pragma omp parallel num_threads(threads)
+        {
+#pragma omp single
+            team.barrier.threads = omp_get_num_threads();
+            run(&team, omp_get_thread_num());
+        }
+        return s->error;
+    }
+#endif
+    (void)threads;
+    team.barrier.threads = 1;
+    run(&team, 0);
+    return s->error;
+}

@@ -1,0 +1,222 @@
+/* The sums over neighbours of one step, in their order; included by kernels.c.
+ *
+ * The kernel is the cubic spline, W = c w(q) with q = r/h, w = (2 - q)+^3/4 - (1 - q)+^3 (eq. 5.14), and its gradient
+ * at a point is c/h^2 G(q) d with d the way to the neighbour, G = 3 - 9 q/4 for q < 1, 3 (2 - q)+^2/(4 q) beyond. */
+#include "core/simd.h"
+#include "sph/sph.h"
+
+static const double sph_least_square = 1e-200; /* of a distance, so that a point has no distance 0 from itself */
+
+/* c of the kernel, 1/m^dim. */
+static double sph_norm(int dim, double h)
+{
+    const double pi = 3.14159265358979323846;
+    return dim == 2 ? 10.0 / (7.0 * pi * h * h) : 1.0 / (pi * h * h * h);
+}
+
+/* Ways d from the point at x to the points of a block. Returned: their squares. */
+GR_INLINE vd sph_ways(int dim, double *const *x, int64_t a, const double *shift, int64_t b, vd *d)
+{
+    vd r2 = v_set(0.0);
+    for (int k = 0; k < dim; k++) {
+        d[k] = v_load(x[k] + b) - v_set(x[k][a] - shift[k]);
+        r2 = v_fma(d[k], d[k], r2);
+    }
+    return v_max(v_set(sph_least_square), r2);
+}
+
+GR_INLINE vd sph_weight(vd r2, double per_h)
+{
+    const vd zero = v_set(0.0), q = v_sqrt_fast(r2) * v_set(per_h);
+    const vd t = v_max(v_set(2.0) - q, zero), u = v_max(v_set(1.0) - q, zero);
+    return v_fnma(u * u, u, v_set(0.25) * t * t * t);
+}
+
+GR_INLINE vd sph_slope(vd r2, double per_h)
+{
+    const vd per_r = v_rsqrt(r2), q = r2 * per_r * v_set(per_h), t = v_max(v_set(2.0) - q, v_set(0.0));
+    const vd outer = v_set(0.75 / per_h) * t * t * per_r;
+    return v_select(v_gt(v_set(1.0), q), v_fnma(v_set(2.25), q, v_set(3.0)), outer);
+}
+
+/* sum_b of f_b w over all neighbours, the point itself among them. */
+GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a)
+{
+    double *const *x = s->row;
+    const double per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    vd sum = v_set(0.0), d[3];
+    for (int64_t k = s->begin[a]; k < s->end[a]; k++) {
+        const struct gr_block block = s->block[k];
+        const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
+        sum = v_fma(v_load(f + block.row), sph_weight(r2, per_h), sum);
+    }
+    return v_sum(sum);
+}
+
+/* rho~ = sum_b m_b W (eq. 5.17), and m/rho~. */
+GR_INLINE void sph_densities(int dim, struct gr_sph *s, int64_t first, int64_t last)
+{
+    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], norm = sph_norm(dim, s->config.parameter[GR_SPH_P_h]);
+    for (int64_t a = first; a < last; a++) {
+        s->rho_plain[a] = norm * sph_sum(dim, s, mass, a);
+        s->lump[a] = mass[a] / s->rho_plain[a];
+    }
+}
+
+/* rho = rho~/sum_b (m_b/rho~_b) W, the Shepard filter (eq. 5.18); m/rho; the speed of sound, c^2 = K/rho (eq. 5.6). */
+GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+{
+    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *p = s->config.parameter;
+    const double norm = sph_norm(dim, p[GR_SPH_P_h]);
+    double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
+    const double rho0 = first < s->wall_first ? p[GR_SPH_P_rho0] : p[GR_SPH_P_rho0_wall];
+    for (int64_t a = first; a < last; a++) {
+        rho[a] = s->rho_plain[a] / (norm * sph_sum(dim, s, s->lump, a));
+        s->volume[a] = mass[a] / rho[a];
+        const double ratio = rho[a] / rho0, c2 = 1.5 * p[GR_SPH_P_kappa] * ratio * sqrt(ratio) / rho[a];
+        if (c2 > found->speed2) found->speed2 = c2;
+    }
+}
+
+enum { SPH_SAME, SPH_TO_WALL, SPH_FROM_WALL }; /* of a pair: one kind; seen from a grain; seen from a wall point */
+
+/* Factor z of the artificial velocity of a wall, v_b = (1 - z) v_a + z v_w: the relative velocity is z (v_w - v_a), so
+ * that it vanishes on the surface of the wall, between a depth below and a height above (eqs. 5.23, 5.24). */
+GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal, const double *depth, int64_t a, int64_t b,
+                        int dim, const vd *d)
+{
+    const vd largest = v_set(s->config.parameter[GR_SPH_P_z_max]), zero = v_set(0.0);
+    vd below, height;
+    if (pair == SPH_TO_WALL) {
+        below = v_load(depth + b), height = zero - below;
+        for (int k = 0; k < dim; k++) height = v_fnma(v_load(normal[k] + b), d[k], height);
+    } else {
+        below = v_set(depth[a]), height = zero - below;
+        for (int k = 0; k < dim; k++) height = v_fma(v_set(normal[k][a]), d[k], height);
+    }
+    const vd z = v_min(v_set(1.0) + below / height, largest);
+    return v_select(v_gt(height, zero), z, largest);
+}
+
+/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D. */
+GR_INLINE void sph_add_rates(int dim, int pair, const struct gr_sph *s, int64_t a, int64_t first, int64_t last, vd *D)
+{
+    double *const *x = s->row, *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
+    double *const *normal = gr_sph_rows(s, GR_SPH_FIELD_normal);
+    const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    for (int64_t k = first; k < last; k++) {
+        const struct gr_block block = s->block[k];
+        vd d[3], dv[3];
+        const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
+        vd weight = v_load(s->volume + block.row) * sph_slope(r2, per_h);
+        if (pair != SPH_SAME) weight = weight * sph_factor(pair, s, normal, depth, a, block.row, dim, d);
+        for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + block.row) - v_set(v[i][a]));
+        for (int i = 0; i < dim; i++) D[i] = v_fma(v_set(2.0) * dv[i], d[i], D[i]);
+        D[3] = v_fma(dv[0], d[1], v_fma(dv[1], d[0], D[3]));
+        if (dim == 3) {
+            D[4] = v_fma(dv[1], d[2], v_fma(dv[2], d[1], D[4]));
+            D[5] = v_fma(dv[0], d[2], v_fma(dv[2], d[0], D[5]));
+        }
+    }
+}
+
+struct sph_law {
+    double p, tau, tau_wall, least_rate; /* shear strengths in the bulk and against walls; |D| of the largest viscosity
+                                            is least_rate times the strength */
+};
+
+/* Pressure and strength (eqs. 5.5, 5.7, 5.8). */
+static struct sph_law sph_strength(const struct gr_sph *s, int64_t a, double rho, double rate, double div)
+{
+    const double *c = s->config.parameter, h = c[GR_SPH_P_h];
+    const double ratio = rho / (a < s->wall_first ? c[GR_SPH_P_rho0] : c[GR_SPH_P_rho0_wall]);
+    const double p = ratio > 1.0 ? c[GR_SPH_P_kappa] * (ratio * sqrt(ratio) - 1.0) : 0.0;
+    const double mu = c[GR_SPH_P_mu_l] + (c[GR_SPH_P_mu_h] - c[GR_SPH_P_mu_l]) * rate / (c[GR_SPH_P_D_star] + rate);
+    double beta = rate > 0.0 ? div / rate : 0.0;
+    beta = beta < 0.0 ? 0.0 : beta > c[GR_SPH_P_dilation] ? c[GR_SPH_P_dilation] : beta;
+    const double mu_wall = s->config.wall_friction ? c[GR_SPH_P_mu_wall] : mu;
+    return (struct sph_law){p, (mu + beta) * p + c[GR_SPH_P_cohesion], (mu_wall + beta) * p + c[GR_SPH_P_cohesion],
+                            s->dt / (c[GR_SPH_P_regularisation] * h * h * rho)};
+}
+
+/* tau/|D|, the viscosity, at most that of the regularisation. */
+static double sph_viscosity(double tau, double rate, double least_rate)
+{
+    const double least = least_rate * tau;
+    return tau > 0.0 ? tau / (rate > least ? rate : least) : 0.0;
+}
+
+/* Rate of strain (eqs. 5.2, 5.21) and stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. */
+GR_INLINE void sph_stresses(int dim, struct gr_sph *s, int64_t first, int64_t last)
+{
+    double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
+    double *rate = gr_sph_rows(s, GR_SPH_FIELD_shear_rate)[0];
+    const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0], h = s->config.parameter[GR_SPH_P_h];
+    const double scale = sph_norm(dim, h) / (h * h);
+    const int is_wall = first >= s->wall_first, n_rows = dim == 2 ? 4 : 6;
+    for (int64_t a = first; a < last; a++) {
+        vd sums[6] = {v_set(0.0), v_set(0.0), v_set(0.0), v_set(0.0), v_set(0.0), v_set(0.0)};
+        double D[6];
+        if (is_wall) { /* the points of walls do not strain each other */
+            sph_add_rates(dim, SPH_FROM_WALL, s, a, s->begin[a], s->middle[a], sums);
+        } else {
+            sph_add_rates(dim, SPH_SAME, s, a, s->begin[a], s->middle[a], sums);
+            if (s->middle[a] < s->end[a]) sph_add_rates(dim, SPH_TO_WALL, s, a, s->middle[a], s->end[a], sums);
+        }
+        for (int k = 0; k < 6; k++) D[k] = scale * v_sum(sums[k]);
+        const double div = 0.5 * (D[0] + D[1] + D[2]);
+        rate[a] = sqrt(0.5 * (D[0] * D[0] + D[1] * D[1] + D[2] * D[2]) + D[3] * D[3] + D[4] * D[4] + D[5] * D[5]);
+        const struct sph_law law = sph_strength(s, a, rho[a], rate[a], div);
+        const double eta = sph_viscosity(law.tau, rate[a], law.least_rate);
+        const double eta_wall = sph_viscosity(law.tau_wall, rate[a], law.least_rate), per_rho2 = 1.0 / (rho[a] * rho[a]);
+        for (int k = 0; k < n_rows; k++) {
+            const double p = k < 3 ? law.p : 0.0;
+            stress[k][a] = eta * D[k] - p;
+            s->pull[k][a] = per_rho2 * stress[k][a];
+            s->wall_pull[k][a] = per_rho2 * (eta_wall * D[k] - p);
+        }
+    }
+}
+
+/* Add m_b G (T_a + T_b) d of some blocks, T = sigma/rho^2. */
+GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pull, int64_t a, int64_t first, int64_t last,
+                              vd *sum)
+{
+    double *const *x = s->row;
+    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    for (int64_t k = first; k < last; k++) {
+        const struct gr_block block = s->block[k];
+        vd d[3], T[6];
+        const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
+        const vd weight = v_load(mass + block.row) * sph_slope(r2, per_h);
+        for (int c = 0; c < (dim == 2 ? 4 : 6); c++)
+            if (dim == 3 || c != 2) T[c] = v_load(pull[c] + block.row) + v_set(pull[c][a]);
+        for (int i = 0; i < dim; i++) d[i] = weight * d[i];
+        if (dim == 2) {
+            sum[0] = v_fma(T[0], d[0], v_fma(T[3], d[1], sum[0]));
+            sum[1] = v_fma(T[3], d[0], v_fma(T[1], d[1], sum[1]));
+        } else {
+            sum[0] = v_fma(T[0], d[0], v_fma(T[3], d[1], v_fma(T[5], d[2], sum[0])));
+            sum[1] = v_fma(T[3], d[0], v_fma(T[1], d[1], v_fma(T[4], d[2], sum[1])));
+            sum[2] = v_fma(T[5], d[0], v_fma(T[4], d[1], v_fma(T[2], d[2], sum[2])));
+        }
+    }
+}
+
+/* a = sum_b m_b (sigma_a/rho_a^2 + sigma_b/rho_b^2) grad W + g of the grains (eq. 5.20, whose sum lacks m_b). */
+GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+{
+    double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), h = s->config.parameter[GR_SPH_P_h];
+    const double scale = sph_norm(dim, h) / (h * h);
+    for (int64_t a = first; a < last; a++) {
+        vd sums[3] = {v_set(0.0), v_set(0.0), v_set(0.0)};
+        double square = 0.0;
+        sph_add_forces(dim, s, s->pull, a, s->begin[a], s->middle[a], sums);
+        if (s->middle[a] < s->end[a]) sph_add_forces(dim, s, s->wall_pull, a, s->middle[a], s->end[a], sums);
+        for (int i = 0; i < dim; i++) {
+            acceleration[i][a] = scale * v_sum(sums[i]) + s->gravity[i];
+            square += acceleration[i][a] * acceleration[i][a];
+        }
+        if (square > found->acceleration2) found->acceleration2 = square;
+    }
+}

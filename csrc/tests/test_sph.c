@@ -1,0 +1,162 @@
+/* sph/: the list of neighbours, the limits of the time step, and allocations that fail. */
+#include "sph/sph.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/simd.h"
+#include "mpm/engine.h"
+#include "tests/check.h"
+#include "tests/faults.h"
+
+enum { SIDE = 8, GRAINS = SIDE * SIDE, WALL_FIRST = GRAINS + 2 * GR_LANES, WALLS = 3 * SIDE };
+enum { CAPACITY = WALL_FIRST + WALLS + 2 * GR_LANES, MOST = 100 };
+
+static const double spacing = 0.01;
+
+/* A square of grains over a floor of three rows, periodic along x. */
+struct bed {
+    struct gr_sph_config config;
+    double times[1], vectors[2], numbers[32 * CAPACITY], *row[GR_SPH_MAX_ROWS];
+    int64_t id[CAPACITY];
+};
+
+static void set_out(struct bed *bed, double shake)
+{
+    memset(bed, 0, sizeof *bed);
+    const double length = SIDE * spacing;
+    bed->vectors[1] = -9.81;
+    bed->config = (struct gr_sph_config){
+        .dim = 2,
+        .periodic = {1, 0, 0},
+        .upper = {length, 2 * length, 0},
+        .parameter = {1.2 * spacing, 0.3 * spacing, 1550, 1500, 1e5, 0.27, 0.58, 20, 0, 0, 0.5, 1, 1.5, 1, 0},
+        .n_gravity = 1,
+        .gravity_times = bed->times,
+        .gravity_vectors = bed->vectors};
+    for (int r = 0; r < 32; r++) bed->row[r] = bed->numbers + r * CAPACITY;
+    unsigned state = 7;
+    for (int k = 0; k < CAPACITY; k++) {
+        const int wall = k >= WALL_FIRST, n = wall ? k - WALL_FIRST : k;
+        bed->id[k] = -1;
+        if (n >= (wall ? WALLS : GRAINS)) continue;
+        bed->id[k] = wall ? GRAINS + n : n;
+        for (int d = 0; d < 2; d++) {
+            state = state * 1664525u + 1013904223u;
+            const double noise = wall ? 0.0 : shake * spacing * ((double)(state >> 8) / (1 << 24) - 0.5);
+            const int site = d ? n / SIDE : n % SIDE;
+            bed->row[d][k] = (d && wall ? -(site + 0.5) : site + 0.5) * spacing + noise;
+        }
+        bed->row[6][k] = 1550 * spacing * spacing; /* mass, behind x, v and anchor */
+        bed->row[8][k] = wall;                     /* the normal is y */
+        bed->row[9][k] = wall ? (n / SIDE + 0.5) * spacing : 0;
+    }
+}
+
+static struct gr_sph *started(struct bed *bed, double shake)
+{
+    struct gr_sph *s = NULL;
+    set_out(bed, shake);
+    CHECK(gr_sph_new(&s, &bed->config, gr_kernels_select("")->lanes) == GR_OK);
+    CHECK(gr_sph_bind(s, bed->row, bed->id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1) == GR_OK);
+    return s;
+}
+
+/* Every pair within reach is in the list of the point once, and no row is there twice as the same image. */
+static void list_holds_every_pair_once(void)
+{
+    static struct bed bed;
+    struct gr_sph *s = started(&bed, 0.9);
+    for (int64_t a = 0; a < GRAINS; a++)
+        for (int64_t b = 0; b < CAPACITY; b++)
+            for (int image = 0; image < GR_SPH_SHIFTS; image++) {
+                if (bed.id[b] < 0 || image / 9 != 1 || image / 3 % 3 != 1) continue;
+                int found = 0;
+                for (int64_t k = s->begin[a]; k < s->end[a]; k++)
+                    found += s->block[k].shift == image && b >= s->block[k].row && b < s->block[k].row + s->lanes;
+                double r2 = 0;
+                for (int d = 0; d < 2; d++) {
+                    const double r = bed.row[d][b] + s->shift[image][d] - bed.row[d][a];
+                    r2 += r * r;
+                }
+                CHECK(found <= 1);
+                if (r2 <= s->reach * s->reach) CHECK(found == 1);
+            }
+    gr_sph_free(s);
+}
+
+static void time_step_is_the_smaller_limit(void)
+{
+    static struct bed bed;
+    struct gr_sph *s = started(&bed, 0.0);
+    const double h = 1.2 * spacing;
+    s->speed2 = 100, s->acceleration2 = 0;
+    CHECK_NEAR(gr_sph_stable_dt(s), 0.25 * h / 10, 1e-15);
+    s->acceleration2 = 1e12;
+    CHECK_NEAR(gr_sph_stable_dt(s), 0.25 * sqrt(h / 1e6), 1e-15);
+    gr_sph_free(s);
+}
+
+static void wrong_configurations_are_refused(void)
+{
+    static struct bed bed;
+    struct gr_sph *s;
+    set_out(&bed, 0.0);
+    bed.config.upper[0] = 2 * spacing; /* a period shorter than the list reaches */
+    CHECK(gr_sph_new(&s, &bed.config, 8) == GR_ERR_CONFIG && !s);
+    set_out(&bed, 0.0);
+    bed.config.upper[1] = 1e9; /* cells without number */
+    CHECK(gr_sph_new(&s, &bed.config, 8) == GR_ERR_CONFIG && !s);
+    s = started(&bed, 0.0);
+    CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, WALL_FIRST, WALL_FIRST, WALLS, 1) == GR_ERR_CONFIG);
+    CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, GRAINS, WALL_FIRST, CAPACITY, 1) == GR_ERR_CONFIG);
+    gr_sph_free(s);
+}
+
+static void allocations_fail(void)
+{
+    static struct bed bed;
+    long n = 0;
+    int error;
+    do {
+        struct gr_sph *s = NULL;
+        set_out(&bed, 0.3);
+        faults_at(++n);
+        error = gr_sph_new(&s, &bed.config, gr_kernels_select("")->lanes);
+        if (!error) error = gr_sph_bind(s, bed.row, bed.id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1);
+        const int hit = faults_hit();
+        faults_at(0);
+        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
+        gr_sph_free(s);
+    } while (error && n < MOST);
+    CHECK(n > 8 && n < MOST);
+}
+
+/* Steps with one thread and with three give the same bits, and allocate nothing. */
+static void steps_do_not_allocate(void)
+{
+    static struct bed bed[2];
+    const struct gr_kernels *kernels = gr_kernels_select("");
+    for (int k = 0; k < 2; k++) {
+        struct gr_sph *s = started(&bed[k], 0.5);
+        CHECK(gr_sph_advance(s, kernels->sph, 200, 1e9, 1 + 2 * k) == GR_OK);
+        const int64_t rebuilds = s->rebuilds;
+        faults_at(MOST);
+        CHECK(gr_sph_advance(s, kernels->sph, 200, 1e9, 1) == GR_OK);
+        if (k == 0) CHECK(faults_calls() == 0);
+        faults_at(0);
+        CHECK(s->step == 400 && s->rebuilds > rebuilds && s->n_grains == GRAINS);
+        gr_sph_free(s);
+    }
+    CHECK(!memcmp(bed[0].numbers, bed[1].numbers, sizeof bed[0].numbers));
+}
+
+int main(void)
+{
+    RUN(list_holds_every_pair_once);
+    RUN(time_step_is_the_smaller_limit);
+    RUN(wrong_configurations_are_refused);
+    RUN(allocations_fail);
+    RUN(steps_do_not_allocate);
+    return check_report("sph");
+}

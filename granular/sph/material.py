@@ -1,0 +1,85 @@
+"""The dilative viscoplastic material (Hurley, thesis, section 5.2)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from granular.checks import in_range, non_negative, positive
+from granular.notebook import table
+
+__all__ = ["Viscoplastic"]
+
+LARGEST_DILATION = 0.5
+"""Where the thesis cuts the rate of dilation (section 5.2.3)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Viscoplastic:
+    """Grains with the stress -p I + (mu p + c) D/|D|, D = L + L^T, |D| = sqrt(D:D/2) (eq. 5.3).
+
+    The friction is mu = mu_l + (mu_h - mu_l)/(D_star/|D| + 1) + beta (eq. 5.7) with the rate of
+    dilation beta = div v/|D|, from 0 to `dilation` (eq. 5.8), and the pressure is
+    p = kappa ((rho/rho0)^1.5 - 1), zero below rho0 (eq. 5.5). The defaults are those of the
+    inclined flows (table 5.2), without dilation.
+
+    Parameters
+    ----------
+    rho0 : float
+        Loosest density that bears pressure [kg/m3], > 0.
+    mu_l, mu_h : float
+        Friction at rest and at high rates, >= 0; mu_h < mu_l weakens.
+    D_star : float
+        Shear rate halfway between them [1/s], > 0.
+    cohesion : float
+        Shear strength without pressure [Pa], >= 0.
+    kappa : float
+        Stiffness [Pa], > 0; the bulk modulus at rho0 is 1.5 kappa. The thesis takes it so low that
+        a time step is long; it must be large against the pressure.
+    dilation : float
+        Largest beta, 0 to 1; 0 leaves dilation out, the thesis takes 0.5.
+    mu_wall : float or None
+        Friction between grains and walls in place of mu_l and mu_h, >= 0; None for that of the
+        bulk. Where a constant one is below the slope, the slip grows without bound.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    rho0: float = 1550.0
+    mu_l: float = 0.268
+    mu_h: float = 0.577
+    D_star: float = 20.0
+    cohesion: float = 0.0
+    kappa: float = 1e5
+    dilation: float = 0.0
+    mu_wall: float | None = None
+
+    def __post_init__(self) -> None:
+        checked: dict[str, object] = {
+            name: positive(name, getattr(self, name)) for name in ("rho0", "D_star", "kappa")
+        }
+        for name in ("mu_l", "mu_h", "cohesion"):
+            checked[name] = non_negative(name, getattr(self, name))
+        checked["dilation"] = in_range("dilation", self.dilation, 0.0, 1.0)
+        if self.mu_wall is not None:
+            checked["mu_wall"] = non_negative("mu_wall", self.mu_wall)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def rho_c(self) -> float:
+        """Critical density [kg/m3], the name that states and measures use for `rho0`."""
+        return self.rho0
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of sound at rho0 [m/s], sqrt(1.5 kappa/rho0) (eq. 5.6)."""
+        return math.sqrt(1.5 * self.kappa / self.rho0)
+
+    def _repr_html_(self) -> str:
+        return table(
+            "Viscoplastic", {name: getattr(self, name) for name in self.__dataclass_fields__}
+        )

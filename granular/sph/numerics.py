@@ -1,0 +1,66 @@
+"""How the equations are discretised: the choices of chapter 5 of Hurley's thesis, and our own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from granular.checks import in_range, positive
+
+__all__ = ["Numerics"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """Numbers of the discretisation.
+
+    Parameters
+    ----------
+    smoothing : float
+        Smoothing length h in spacings of the points, 1 to 2. Below 1 a point has too few
+        neighbours to feel shear, above 2 they pair and the cost grows; the thesis takes 1.2.
+    skin : float
+        How much farther than the kernel the list of neighbours reaches, in h, 0.02 to 1. It changes
+        the cost and, in the last bits, the order of the sums.
+    cfl : float
+        Share that is taken of the limits h/(4 c) and sqrt(h/|a|)/4 of the time step (eq. 5.28), > 0
+        and at most 2.
+    dt : float or None
+        A time step of its own [s]; None for the limits.
+    regularisation : float
+        Largest viscosity in rho h^2/dt: |D| is not taken smaller than (mu p + c) dt/(k h^2 rho)
+        with this k, 0.01 to 1.5. It is the third limit of eq. 5.28 turned round: as |D| goes to
+        zero the viscosity grows without bound, and no step would be short enough. What is below
+        creeps at that rate; larger k jitters.
+    wall_density : float
+        rho0 of the points of walls, as a share of the material's, 0.9 to 1. Their pressure begins
+        earlier, so that grains do not go through; grains next to the wall have less.
+    z_max : float
+        Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    smoothing: float = 1.2
+    skin: float = 0.3
+    cfl: float = 1.0
+    dt: float | None = None
+    regularisation: float = 1.0
+    wall_density: float = 0.97
+    z_max: float = 1.5
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "smoothing": (1.0, 2.0),
+            "skin": (0.02, 1.0),
+            "cfl": (1e-6, 2.0),
+            "regularisation": (0.01, 1.5),
+            "wall_density": (0.9, 1.0),
+            "z_max": (1.0, 2.0),
+        }
+        for name, (low, high) in ranges.items():
+            object.__setattr__(self, name, in_range(name, getattr(self, name), low, high))
+        if self.dt is not None:
+            object.__setattr__(self, "dt", positive("dt", self.dt))

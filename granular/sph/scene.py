@@ -1,0 +1,166 @@
+"""A scene of particle hydrodynamics: all that determines a run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from dataclasses import replace as _replace
+from typing import Any, Self
+
+import numpy as np
+
+from granular import geometry
+from granular.checks import integer, positive
+from granular.geometry import AXES, Fill, Grid
+from granular.scene import Parameters
+from granular.sph.material import Viscoplastic
+from granular.sph.numerics import Numerics
+from granular.sph.walls import Wall, wall_points
+from granular.walls import Gravity
+
+__all__ = ["Scene", "lattice_weight"]
+
+
+def lattice_weight(dim: int, smoothing: float) -> float:
+    """Sum of the kernel over a square or cubic lattice, in points per spacing^dim: nearly 1.
+
+    The mass of a point is rho0 over this sum, so that a lattice has the density rho0.
+    """
+    n = math.ceil(2.0 * smoothing)
+    ways = np.stack(np.meshgrid(*[np.arange(-n, n + 1)] * dim), axis=-1).reshape(-1, dim)
+    q = np.sqrt((ways**2).sum(axis=1)) / smoothing
+    norm = 10.0 / (7.0 * math.pi) if dim == 2 else 1.0 / math.pi
+    w = np.maximum(2.0 - q, 0.0) ** 3 / 4.0 - np.maximum(1.0 - q, 0.0) ** 3
+    return float(norm / smoothing**dim * w.sum())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """All that determines a run.
+
+    Parameters
+    ----------
+    name : str
+        Short name of the scene.
+    grid : Grid
+        Domain, and the lattice of the points at the start: its `cell` is their spacing. Grains that
+        leave it are dropped; walls may lie outside. The last axis is up.
+    fills : sequence of Fill
+        Grains at the start, with one point a cell.
+    material : Viscoplastic
+    numerics : Numerics
+    walls : sequence of Wall
+    gravity : Gravity
+    duration : float
+        Time to simulate [s], > 0.
+    seed : int
+        Of the jitter of the points, >= 0.
+    parameters : mapping
+        What the scene function was called with.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For parts of a wrong kind, or that do not fit: walls thinner than the kernel, periods
+        shorter than its reach, a time step beyond its limit.
+    """
+
+    name: str
+    grid: Grid
+    fills: tuple[Fill, ...]
+    material: Viscoplastic = field(default_factory=Viscoplastic)
+    numerics: Numerics = field(default_factory=Numerics)
+    walls: tuple[Wall, ...] = ()
+    gravity: Gravity
+    duration: float
+    seed: int = 0
+    parameters: Parameters = field(default_factory=Parameters)
+
+    def __post_init__(self) -> None:
+        for name, kind in (
+            ("name", str),
+            ("grid", Grid),
+            ("material", Viscoplastic),
+            ("numerics", Numerics),
+            ("gravity", Gravity),
+            ("parameters", Mapping),
+        ):
+            value = getattr(self, name)
+            if not isinstance(value, kind):
+                raise TypeError(f"{name} = {value!r} must be a {kind.__name__}")
+        for name, kind in (("fills", Fill), ("walls", Wall)):
+            value = getattr(self, name)
+            if isinstance(value, str) or not isinstance(value, Sequence):
+                raise TypeError(f"{name} = {value!r} must be a sequence of {kind.__name__}")
+            for i, part in enumerate(value):
+                if not isinstance(part, kind):
+                    raise TypeError(f"{name}[{i}] = {part!r} must be a {kind.__name__}")
+            object.__setattr__(self, name, tuple(value))
+        object.__setattr__(self, "duration", positive("duration", self.duration))
+        object.__setattr__(self, "seed", integer("seed", self.seed, 0, 2**63 - 1))
+        object.__setattr__(self, "parameters", Parameters(self.parameters))
+        self._check_fit()
+
+    def _check_fit(self) -> None:
+        grid, numerics = self.grid, self.numerics
+        if not self.fills:
+            raise ValueError("fills = () must hold at least one Fill")
+        for i, fill in enumerate(self.fills):
+            geometry.check_inside(f"fills[{i}]", grid, fill.region)
+            if fill.points_per_cell != 1:
+                raise ValueError(f"fills[{i}].points_per_cell = {fill.points_per_cell} must be 1")
+            if fill.density is not None or fill.lithostatic:
+                raise ValueError(
+                    f"fills[{i}] must have the density of the material and no weight on it"
+                )
+        if self.gravity.dim != grid.dim:
+            raise ValueError(
+                f"gravity of dimension {self.gravity.dim} must have {grid.dim} as the grid"
+            )
+        for i, wall in enumerate(self.walls):
+            wall.check(f"walls[{i}]", grid, 2.0 * self.h)
+        reach = self.h * (2.0 + numerics.skin)
+        for axis, periodic in enumerate(grid.periodic):
+            length = grid.shape[axis] * grid.cell
+            if periodic and length <= reach:
+                raise ValueError(
+                    f"the period {length} of {AXES[axis]} must exceed {reach:.4g}, the list's reach"
+                )
+        if numerics.dt is not None and numerics.dt > self.longest_dt:
+            raise ValueError(
+                f"dt = {numerics.dt} must be at most {self.longest_dt:.4g}, h/(4 c) at rho0"
+            )
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return self.grid.dim
+
+    @property
+    def h(self) -> float:
+        """Smoothing length [m]."""
+        return self.numerics.smoothing * self.grid.cell
+
+    @property
+    def longest_dt(self) -> float:
+        """Limit of the time step at rho0 [s], h/(4 c); denser material has a smaller one."""
+        return 0.25 * self.h / self.material.wave_speed
+
+    @property
+    def point_mass(self) -> float:
+        """Mass of a point [kg, per metre of depth in the plane]: a lattice has the density rho0."""
+        weight = lattice_weight(self.dim, self.numerics.smoothing)
+        return self.material.rho0 * self.grid.cell**self.dim / weight
+
+    def points(self) -> geometry.Points:
+        """The grains at the start; see `granular.geometry.seed_points`."""
+        return geometry.seed_points(self.grid, self.fills, self.seed, self.material.rho0)
+
+    def wall_points(self) -> dict[str, np.ndarray]:
+        """The points of walls at the start; see `granular.sph.walls.wall_points`."""
+        return wall_points(self.grid, self.walls)
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some parts changed, checked as a new one."""
+        return _replace(self, **changes)

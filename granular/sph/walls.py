@@ -1,0 +1,152 @@
+"""Flat walls, made of layers of points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.checks import finite, integer, one_of, vector
+from granular.geometry import AXES, LINE_TOLERANCE, Grid
+
+__all__ = ["Wall", "wall_points"]
+
+MAX_LAYERS = 100
+
+
+@dataclass(frozen=True)
+class Wall:
+    """Layers of fixed points behind a plane.
+
+    Parameters
+    ----------
+    axis : int
+        Axis normal to the wall.
+    at : float
+        Coordinate of its surface along `axis` [m], on a line of the grid.
+    side : {1, -1}
+        Side of the surface on which the grains are: 1 above, -1 below.
+    layers : int
+        Layers of points behind the surface. They must be at least as thick as the kernel reaches,
+        or grains at the wall lack neighbours; the thesis takes 5.
+    span : tuple of (low, high), or None
+        Extent along each *other* axis in their order [m], on grid lines, which may lie beyond the
+        ends of the grid; None for all of the grid and, where it is not periodic, the layers'
+        thickness beyond, so that walls meet at corners. Of points in the same place the first
+        wall's are kept.
+    velocity : tuple of float or None
+        Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    axis: int
+    at: float
+    side: int
+    _: KW_ONLY
+    layers: int = 5
+    span: tuple[tuple[float, float], ...] | None = None
+    velocity: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        checked: dict[str, object] = {
+            "axis": integer("axis", self.axis, 0, 2),
+            "at": finite("at", self.at),
+            "side": one_of("side", self.side, (1, -1)),
+            "layers": integer("layers", self.layers, 1, MAX_LAYERS),
+        }
+        if self.span is not None:
+            if isinstance(self.span, str) or not isinstance(self.span, Sequence):
+                raise TypeError(f"span = {self.span!r} must be pairs (low, high)")
+            pairs = tuple(vector(f"span[{i}]", pair, 2) for i, pair in enumerate(self.span))
+            for i, (low, high) in enumerate(pairs):
+                if not high > low:
+                    raise ValueError(f"span[{i}] = {(low, high)} must have its low end first")
+            checked["span"] = pairs
+        if self.velocity is not None:
+            checked["velocity"] = vector("velocity", self.velocity)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+
+    def check(self, name: str, grid: Grid, reach: float) -> None:
+        """Refuse a wall that does not fit the grid, or is thinner than the kernel reaches [m]."""
+        if self.axis >= grid.dim:
+            raise ValueError(f"{name}.axis = {self.axis} must be below {grid.dim}")
+        if grid.periodic[self.axis]:
+            raise ValueError(f"{name}.axis = {self.axis} must not be a periodic one")
+        grid.line(f"{name}.at", self.axis, self.at)
+        need = math.ceil(reach / grid.cell - LINE_TOLERANCE)
+        if self.layers < need:
+            raise ValueError(
+                f"{name}.layers = {self.layers} must be at least {need}, the reach of the kernel"
+            )
+        if self.span is not None and len(self.span) != grid.dim - 1:
+            raise ValueError(f"{name}.span = {self.span} must have {grid.dim - 1} pairs")
+        if self.velocity is not None and len(self.velocity) != grid.dim:
+            raise ValueError(f"{name}.velocity = {self.velocity} must have {grid.dim} entries")
+        for axis, (first, last) in enumerate(self.extent(name, grid)):
+            if grid.periodic[axis] and (first < 0 or last > grid.shape[axis]):
+                raise ValueError(f"{name}.span must stay within the period of {AXES[axis]}")
+
+    def extent(self, name: str, grid: Grid) -> list[tuple[int, int]]:
+        """First and past-the-last site along each axis, in spacings from the grid's end."""
+        sites = []
+        others = iter(self.span or ())
+        for axis in range(grid.dim):
+            if axis == self.axis:
+                line = grid.line(f"{name}.at", axis, self.at)
+                sites.append(
+                    (line - self.layers, line) if self.side > 0 else (line, line + self.layers)
+                )
+            elif self.span is None:
+                more = 0 if grid.periodic[axis] else self.layers
+                sites.append((-more, grid.shape[axis] + more))
+            else:
+                sites.append(tuple(_site(name, grid, axis, at) for at in next(others)))
+        return sites
+
+
+def _site(name: str, grid: Grid, axis: int, at: float) -> int:
+    """Number of spacings from the lower end of the grid to `at`, whole."""
+    place = (at - grid.lower[axis]) / grid.cell
+    if not abs(place) < 1e6 or abs(place - round(place)) > LINE_TOLERANCE:
+        raise ValueError(
+            f"{name}.span: {at} must be whole spacings {grid.cell} from {grid.lower[axis]}"
+        )
+    return round(place)
+
+
+def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float64]]:
+    """Points of walls: x, v and normal (n, dim), depth (n,) below the surface [m].
+
+    Of points in the same place those of the first wall are kept.
+    """
+    dim = grid.dim
+    parts: dict[str, list[NDArray]] = {"site": [], "v": [], "normal": [], "depth": []}
+    for i, wall in enumerate(walls):
+        axes = [np.arange(*ends) for ends in wall.extent(f"walls[{i}]", grid)]
+        mesh = np.meshgrid(*axes[::-1], indexing="ij")
+        sites = np.stack([k.ravel() for k in mesh[::-1]], axis=1)
+        normal = np.zeros(dim)
+        normal[wall.axis] = wall.side
+        behind = (
+            grid.line(f"walls[{i}].at", wall.axis, wall.at) - sites[:, wall.axis] - 0.5
+        ) * wall.side
+        parts["site"].append(sites)
+        parts["v"].append(np.broadcast_to(wall.velocity or (0.0,) * dim, sites.shape))
+        parts["normal"].append(np.broadcast_to(normal, sites.shape))
+        parts["depth"].append(behind * grid.cell)
+    if not walls:
+        empty = np.zeros((0, dim))
+        return {"x": empty, "v": empty, "normal": empty, "depth": np.zeros(0)}
+    whole = {name: np.concatenate(part) for name, part in parts.items()}
+    _, first = np.unique(whole["site"], axis=0, return_index=True)
+    first.sort()
+    whole = {name: part[first] for name, part in whole.items()}
+    return {"x": np.array(grid.lower) + (whole.pop("site") + 0.5) * grid.cell} | whole

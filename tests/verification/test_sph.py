@@ -1,0 +1,109 @@
+"""Layers on inclines and beds at rest by particle hydrodynamics, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from granular import sph
+
+G = 9.81
+
+
+def shear_rate(state, low=0.03, high=0.12):
+    """Slope of the velocity profile away from wall and surface [1/s]."""
+    y = state.x[:, -1]
+    inside = (y > low) & (y < high)
+    return np.polyfit(y[inside], state.v[inside, 0], 1)[0]
+
+
+def mean_rate(simulation, seconds=1.0, looks=20):
+    rates = []
+    simulation.run(
+        simulation.time + seconds,
+        every=seconds / looks,
+        hooks=(lambda s: rates.append(shear_rate(s.state)),),
+    )
+    return np.mean(rates)
+
+
+def uniform_rate(material, angle):
+    t = math.tan(math.radians(angle))
+    return material.D_star * (t - material.mu_l) / (material.mu_h - t)
+
+
+def misfit(state, power):
+    """Residual of v_x = a + b profile(y) over the spread of v_x; power 1.5 is Bagnold's profile."""
+    y, v = state.x[:, -1], state.v[:, 0]
+    height = y.max() + 0.005
+    basis = np.stack([height**power - (height - y) ** power, np.ones_like(y)], axis=1)
+    return (v - basis @ np.linalg.lstsq(basis, v, rcond=None)[0]).std() / v.std()
+
+
+@pytest.mark.parametrize(("angle", "seconds", "rate"), [(18, 8.0, 4.5), (21, 9.0, 12.0)])
+def test_steady_shear_is_uniform(angle, seconds, rate):
+    """The friction depends on |D| alone, so that the law gives one shear rate at all depths."""
+    simulation = sph.Simulation(sph.scenes.incline(angle_deg=angle, columns=6))
+    material = simulation.scene.material
+    assert uniform_rate(material, angle) == pytest.approx(rate, rel=0.01)
+    simulation.run(seconds)
+    assert mean_rate(simulation) == pytest.approx(rate, rel=0.1)
+    assert simulation.counts["dropped"] == 0
+    assert misfit(simulation.state, 1.0) < misfit(simulation.state, 1.5)
+
+
+@pytest.mark.parametrize("angle", [12, 15])
+def test_below_the_friction_there_is_only_creep(angle):
+    """What creeps does so at the largest viscosity k rho h^2/dt: the rate halves with the step."""
+    rates = []
+    for cfl in (1.0, 0.5):
+        numerics = sph.Numerics(cfl=cfl)
+        scene = sph.scenes.incline(angle_deg=angle, columns=6, numerics=numerics)
+        simulation = sph.Simulation(scene)
+        simulation.run(1.5)
+        rates.append(mean_rate(simulation, 0.5))
+        a = math.radians(angle)
+        # tau/eta at half the depth, by the weight of the layer
+        creep = G * math.sin(a) * 0.075 * simulation.dt / (numerics.regularisation * scene.h**2)
+        assert rates[-1] == pytest.approx(creep, rel=0.25)
+    assert rates[1] == pytest.approx(0.5 * rates[0], rel=0.05)
+    assert rates[0] < 0.5
+
+
+def test_too_steep_a_layer_accelerates():
+    """Above atan(mu_h) the acceleration falls towards g (sin - mu_h cos) from above."""
+    a = math.radians(33)
+    limit = G * (math.sin(a) - 0.577 * math.cos(a))
+    assert limit == pytest.approx(0.60, abs=0.005)
+    simulation = sph.Simulation(sph.scenes.incline(angle_deg=33, columns=6, headroom=20))
+    speeds = []
+    simulation.run(5.5, every=0.5, hooks=(lambda s: speeds.append(s.state.v[:, 0].mean()),))
+    accelerations = np.diff(speeds)[[1, 3, 5, 8]] / 0.5
+    assert (np.diff(accelerations) < 0).all()
+    assert limit < accelerations[-1] < 1.6 * limit
+
+
+def test_pressure_of_a_bed_is_its_overburden():
+    simulation = sph.Simulation(sph.scenes.incline(angle_deg=0.0, height=0.2, columns=6))
+    simulation.run(1.5)
+    state = simulation.state
+    y = state.x[:, 1]
+    rows = [np.abs(y - (k + 0.5) * 0.01) < 0.004 for k in range(20)]
+    ratio = []
+    for row in rows[:16]:
+        above = state.mass[y > y[row].mean() + 0.004].sum() + 0.5 * state.mass[row].sum()
+        ratio.append(state.p[row].mean() / (G * above / 0.06))
+    bulk, wall = np.array(ratio[4:]), np.array(ratio[:3])
+    assert np.abs(bulk - 1).max() < 0.05
+    # the lowered rho0 of the wall: the first row bears less and the second more
+    assert wall[0] == pytest.approx(0.77, abs=0.05) and wall[1] == pytest.approx(1.15, abs=0.05)
+    assert np.abs(state.v).max() < 0.03
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("angle", "seconds", "rate"), [(18, 8.0, 4.5), (21, 9.0, 12.0)])
+def test_steady_shear_in_space(angle, seconds, rate):
+    scene = sph.scenes.incline(angle_deg=angle, columns=6, columns_across=5)
+    simulation = sph.Simulation(scene, threads=2)
+    simulation.run(seconds)
+    assert mean_rate(simulation) == pytest.approx(rate, rel=0.1)
