@@ -37,7 +37,7 @@ GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, cons
     const vd p = v_max(v_zero(), n->K * block->c); /* NaN stays */
     const vd kindled = n->kindling * v_set(call->part) * gr_stretch_norm(dim, block->L);
     const vm before = gr_hencky_bears(&block->stress);
-    struct gr_stress turned, strained;
+    struct gr_stress turned = {{v_zero()}}, strained = turned;
     vd L[9];
     for (int pass = 0; pass < 2; pass++) { /* one body for both */
         turned = strained;
