@@ -14,7 +14,7 @@ static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
 /* Place of a cell on the lattice of the fluidity. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    return gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at));
+    return e->mesh.place[cell - e->mesh.cell];
 }
 
 /* Make a place spare: no mass, no identity, everything finite, in the middle of its cell. */
