@@ -56,6 +56,9 @@ GR_INLINE void set_out_blocks(const int dim, const struct gr_law_call *call, con
         const vd trace = gr_expansion(dim, call->gradient + k * dim * dim * GR_W);
         const vd p = part_block(dim, call, k, n, v_load(call->log_density + at) - trace, &turned, &strained);
         gr_path_sets_out(dim, &n->point, &turned, &strained, p, call->path, at);
+    }
+    for (int64_t k = 0; k < call->n_blocks; k++) {
+        const int64_t at = call->slot[k];
         const vd start = gr_fluidity_start(&n->point, v_set(call->g_star[k]));
         v_store(call->g + at,
                 gr_path_part(0, 0, &n->point, v_set(call->part), call->path, at, start, v_zero(), call->shear_rate + at));
