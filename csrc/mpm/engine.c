@@ -164,12 +164,13 @@ static int build_fluidity(struct gr_engine *e)
                                         .t0 = parameter_of(&e->config, "t0"),
                                         .tolerance = nonlocal->tolerance,
                                         .max_iterations = MAX_ITERATIONS,
+                                        .two_sided = gr_has_plates(&e->config),
                                         .face = nonlocal->face};
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
     if (error) return error;
     for (int b = 0; b < e->config.n_bodies; b++) e->fluidity->has_inside |= e->config.bodies[b].rough;
-    e->fluidity->has_inside |= gr_has_plates(&e->config);
+    e->fluidity->has_inside |= e->fluidity->two_sided;
     if (nonlocal->method == GR_DIFFUSION_COUNT) {
         const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
         nonlocal->method =

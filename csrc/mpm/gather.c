@@ -366,7 +366,7 @@ GR_INLINE void weigh_paths(struct gr_engine *e, const struct gr_cell *cell)
     for (int pass = 0; pass < 2; pass++) {
         const double sum = v_sum(acc);
         const vd inverse = v_set(sum > 0 ? 1 / sum : 0);
-        GR_EACH_SIDE(cell, side)
+        GR_EACH_OF_FLUIDITY(e, cell, side)
         for (int n = 0; n < GR_BLOCKS(side->count); n++) {
             const int64_t at = side->offset + n * GR_W;
             const vm dense = v_gt(v_load(gr_path_at(e->path, at, GR_PATH_p)), v_zero());
@@ -403,14 +403,15 @@ GR_INLINE void relax_cells(const int linear, const int kindles, struct gr_engine
     double *const rate = e->field[GR_FIELD_shear_rate];
     for (int64_t index = first; index < last; index++) {
         const struct gr_cell *cell = &e->mesh.cell[index];
-        if (cell->side == -1 || (!cell->count && !(cell->side == 1 && cell[1].count)))
-            continue; /* a back goes with its front */
+        int64_t points = 0; /* a back may go with its front */
+        GR_EACH_OF_FLUIDITY(e, cell, side) points += side->count;
+        if (!points) continue;
         const int64_t place = gr_place_of_cell(e, cell);
         const double g_star = fluidity_of_cell(e, place);
         const vd start = gr_fluidity_start(&numbers, v_set(g_star < g_min ? g_min : g_star));
         vd acc = v_zero();
         if (sets_out) weigh_paths(e, cell);
-        GR_EACH_SIDE(cell, side)
+        GR_EACH_OF_FLUIDITY(e, cell, side)
         for (int n = 0; n < GR_BLOCKS(side->count); n++) {
             const int64_t at = side->offset + n * GR_W;
             const vd g = gr_path_part(linear, kindles, &numbers, v_set(part), e->path, at, start, rate + at);

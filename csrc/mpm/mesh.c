@@ -404,7 +404,7 @@ int gr_regroup(struct gr_engine *e)
         for (int32_t i = e->mesh.cell[c].count; i < e->mesh.cell[c].capacity; i++)
             gr_clear_place(e, &e->mesh.cell[c], e->mesh.cell[c].offset + i);
     error = connect_nodes(e);
-    if (!error && e->fluidity) error = gr_fluidity_cover(e->fluidity, r.cells, r.n_cells);
+    if (!error && e->fluidity) error = gr_fluidity_cover(e->fluidity, r.cells, r.sides, r.n_cells);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
     memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
 out:
