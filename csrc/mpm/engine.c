@@ -19,6 +19,8 @@ int gr_engine_uses(const struct gr_config *config, int field)
         return gr_law_table[config->law].nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit;
     case GR_SIDED:
         return gr_has_plates(config);
+    case GR_HARDENING:
+        return config->law == GR_LAW_hencky_drucker_prager_hardening;
     case GR_ALWAYS:
     default:
         return 1;

@@ -41,7 +41,8 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
                                .g_star = e->diffuses ? batch->g_star : 0,
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
                                .g = e->field[GR_FIELD_g],
-                               .gain = e->field[GR_FIELD_g_gain]};
+                               .gain = e->field[GR_FIELD_g_gain],
+                               .plastic_strain = e->field[GR_FIELD_plastic_strain]};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
     update(&call);
     batch->n = 0;
