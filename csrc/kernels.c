@@ -110,10 +110,17 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SMOOTH
 }
 
-/* The fluidity of the cells that a plate divides is that of both parts. */
+/* The fluidity of the double cells: of each side, or of both together. */
 static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t k = first; k < last; k++) mean_of_cell(e, &e->mesh.cell[e->mesh.paired[k]]);
+    for (int64_t k = first; k < last; k++) {
+        const struct gr_cell *front = &e->mesh.cell[e->mesh.paired[k]];
+        mean_of_cell(e, front);
+        if (gr_cells_of_fluidity(e, front) == 1)
+            mean_of_cell(e, front + 1);
+        else
+            e->fluidity->dense[gr_fluidity_place(e->fluidity, gr_cell_id(e, front->at), 1)] = 0;
+    }
 }
 
 static void set_out(struct gr_engine *e, int64_t first, int64_t last)

@@ -57,6 +57,7 @@ def law_update(
     isa: str,
     g_star: NDArray[np.float64] | None = None,
     g: NDArray[np.float64] | None = None,
+    plastic_strain: NDArray[np.float64] | None = None,
     /,
 ) -> None: ...
 def fluidity_update(

@@ -283,6 +283,7 @@ _PARTS: dict[str, type] = {
         materials.MuI,
         materials.NGF,
         materials.DruckerPrager,
+        materials.HardeningDruckerPrager,
         materials.Elastic,
         Fluidity,
         Scheme,

@@ -9,16 +9,17 @@
 
 #include "core/simd.h"
 
-#define GR_LAWS(X)           \
-    X(elastic)               \
-    X(drucker_prager)        \
-    X(mu_i)                  \
-    X(ngf)                   \
-    X(hencky_elastic)        \
-    X(hencky_drucker_prager) \
-    X(hencky_mu_i)           \
-    X(hencky_linear)         \
-    X(hencky_ngf)            \
+#define GR_LAWS(X)                     \
+    X(elastic)                         \
+    X(drucker_prager)                  \
+    X(mu_i)                            \
+    X(ngf)                             \
+    X(hencky_elastic)                  \
+    X(hencky_drucker_prager)           \
+    X(hencky_drucker_prager_hardening) \
+    X(hencky_mu_i)                     \
+    X(hencky_linear)                   \
+    X(hencky_ngf)                      \
     X(hencky_ngf_linear)
 
 enum gr_law_id {
@@ -52,7 +53,9 @@ extern const struct gr_law_info gr_law_table[GR_LAW_COUNT];
  *   `part` of the step. With `sets_out` the paths are made, from a log-density before the step, and their first part;
  *   without, the last.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL.
- * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL; g means nothing where a path is loose. Nonlocal laws need shear_rate and g. */
+ *   plastic_strain, 1, of a law that hardens, where the pointer is not NULL: 0 else.
+ * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL; g means nothing where a path is loose.
+ * Nonlocal laws need shear_rate and g. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
@@ -65,7 +68,7 @@ struct gr_law_call {
     double *path;
     int sets_out;
     double *stress[6];
-    double *shear_rate, *g, *gain;
+    double *shear_rate, *g, *gain, *plastic_strain;
 };
 
 /* What is kept of a block of points on its path through the parts of a step (law/path.h), in runs of GR_W. X(name, doc) */

@@ -184,10 +184,11 @@ static void blame(struct gr_engine *e)
     }
 }
 
-/* The cells that a plate divides, when the law has been made for all points. */
+/* The double cells, when the law has been made for all points and they are marked. */
 static void mean_pairs(struct team *team, int t)
 {
     int64_t first, last;
+    gr_wait(&team->barrier);
     gr_share(team->e->mesh.n_paired, t, team->barrier.threads, &first, &last);
     team->kernels->mean_pairs(team->e, first, last);
 }

@@ -96,9 +96,6 @@ struct gr_cell {
 
 #define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
 
-/* A cell, or both sides of a double one of which this is the front. */
-#define GR_EACH_SIDE(cell, name) for (const struct gr_cell *name = (cell); name <= (cell) + ((cell)->side == 1); name++)
-
 /* The part of the grid that material may touch before the next regrouping. */
 struct gr_mesh {
     int64_t n_cells, n_nodes, cell_room, node_room;

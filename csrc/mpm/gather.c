@@ -41,7 +41,8 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
                                .g_star = e->diffuses ? batch->g_star : 0,
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
                                .g = e->field[GR_FIELD_g],
-                               .gain = e->field[GR_FIELD_g_gain]};
+                               .gain = e->field[GR_FIELD_g_gain],
+                               .plastic_strain = e->field[GR_FIELD_plastic_strain]};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
     update(&call);
     batch->n = 0;
@@ -361,10 +362,12 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int shared, con
     }
 }
 
-/* Whether there are points in a cell, or in a double one of which this is the front. */
-static inline int leads(const struct gr_cell *cell)
+/* Whether a fluidity is that of this cell, or of a double one of which it is the front, and there are points. */
+static inline int leads(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    return cell->side != -1 && (cell->count || (cell->side == 1 && cell[1].count));
+    int64_t points = 0;
+    GR_EACH_OF_FLUIDITY(e, cell, side) points += side->count;
+    return points > 0;
 }
 
 /* The shares of the points of a cell in its fluidity, by the pressures of their paths, and what the first part of the step
@@ -376,7 +379,7 @@ GR_INLINE void weigh_paths(struct gr_engine *e, const struct gr_cell *cell)
     for (int pass = 0; pass < 2; pass++) {
         const double sum = v_sum(mass);
         const vd inverse = v_set(sum > 0 ? 1 / sum : 0);
-        GR_EACH_SIDE(cell, side)
+        GR_EACH_OF_FLUIDITY(e, cell, side)
         for (int n = 0; n < GR_BLOCKS(side->count); n++) {
             const int64_t at = side->offset + n * GR_W;
             const vm dense = v_gt(v_load(gr_path_at(e->path, at, GR_PATH_p)), v_zero());
@@ -406,7 +409,7 @@ GR_INLINE void set_out_cells(const int dim, const int basis, const int shared, s
         if (batch.n) run_law(e, law, &batch, 1);
     }
     for (int64_t index = first; index < last; index++)
-        if (leads(&e->mesh.cell[index])) weigh_paths(e, &e->mesh.cell[index]);
+        if (leads(e, &e->mesh.cell[index])) weigh_paths(e, &e->mesh.cell[index]);
 }
 
 /* A substep along the paths, and the fluidity of the cells anew. */
@@ -423,12 +426,12 @@ GR_INLINE void relax_cells(const int linear, struct gr_engine *e, int64_t first,
     for (int k = 0; k < TOGETHER; k++) acc[k] = v_zero();
     for (int64_t index = first; index < last; index++) {
         const struct gr_cell *cell = &e->mesh.cell[index];
-        if (leads(cell)) {
+        if (leads(e, cell)) {
             place[found] = gr_place_of_cell(e, cell);
             g_star[found] = fluidity_of_cell(e, place[found]);
             const vd start = gr_fluidity_start(&numbers, v_max(v_set(g_min), v_set(g_star[found])));
             vd flow = v_zero();
-            GR_EACH_SIDE(cell, side)
+            GR_EACH_OF_FLUIDITY(e, cell, side)
             for (int n = 0; n < GR_BLOCKS(side->count); n++) {
                 const int64_t at = side->offset + n * GR_W;
                 const vd g = gr_path_part(linear, 0, &numbers, part, e->path, at, start, v_zero(), rate + at);

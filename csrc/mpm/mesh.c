@@ -381,9 +381,11 @@ out:
 /* The lattice of the fluidity covers the cells. */
 static int cover_cells(struct gr_engine *e, const struct regroup *r)
 {
-    const int error = gr_fluidity_cover(e->fluidity, r->cells, r->n_cells);
-    for (int64_t c = 0; c < e->mesh.n_cells && !error; c++)
-        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->fluidity, gr_cell_id(e, e->mesh.cell[c].at));
+    const int error = gr_fluidity_cover(e->fluidity, r->cells, r->sides, r->n_cells);
+    for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at), cell->side == -1);
+    }
     return error;
 }
 

@@ -286,7 +286,7 @@ GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
     double sum[SUMS];
     vd acc[SUMS];
     for (int i = 0; i < SUMS; i++) acc[i] = v_zero();
-    GR_EACH_SIDE(cell, side)
+    GR_EACH_OF_FLUIDITY(e, cell, side)
     for (int n = 0; n < GR_BLOCKS(side->count); n++) {
         const int64_t at = side->offset + n * GR_W;
         vd tension = component(e, GR_FIELD_stress, 0, at);
@@ -305,7 +305,7 @@ GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
 GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    if (!GR_IS_DOUBLE(cell)) mean_of_cell(e, cell); /* else when both sides have their points */
+    if (!GR_IS_DOUBLE(cell)) mean_of_cell(e, cell); /* else when it is known whether its sides are apart */
 }
 
 /* One more pass of XPIC: the momentum of the nodal velocity field seen by the points. */
