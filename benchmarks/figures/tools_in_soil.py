@@ -45,7 +45,7 @@ def forces(table: dict, names: list[str]) -> plot.Picture:
     picture = plot.Picture(figsize=(9, 3.8), layout="compressed")
     axes = picture.subplots(1, 2, sharex=True)
     for name in names:
-        times, _, forward, vertical = np.array(table[name]["course"])
+        times, _, forward, vertical, *_ = np.array(table[name]["course"])
         for ax, force in zip(axes, (forward, vertical), strict=True):
             ax.plot(times, force * WIDTH / 0.05, label=FORCES[name])
     for ax, text in zip(axes, ("forward", "vertical"), strict=True):

@@ -34,7 +34,7 @@ def test_runs_and_pictures(runs, monkeypatch, tmp_path, capsys):
     runs.main(["narrow_5", "wheel_20", "excavator", "--records", str(tmp_path / "records")])
     table = json.loads((tmp_path / "results.json").read_text())
     assert list(table) == ["narrow_5", "wheel_20", "excavator"]
-    assert table["narrow_5"]["forward"] > 0 and len(table["narrow_5"]["course"]) == 4
+    assert table["narrow_5"]["forward"] > 0 and len(table["narrow_5"]["course"]) == 5
     assert table["wheel_20"]["load"] > 0 and table["wheel_20"]["pull_over_load"] == pytest.approx(
         table["wheel_20"]["drawbar_pull"] / table["wheel_20"]["load"]
     )
