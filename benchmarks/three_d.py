@@ -84,14 +84,14 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "narrow_5_substeps": lambda: excavation(0.05, scheme=SUBSTEPS, **NARROW),
     "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
     "thin_5_one": lambda: excavation(0.05, points_per_cell=1, **THIN),
+    "thin_5_coarse": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] * 2})),
     "thin_5_finer": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] / 2})),
     "excavation_2": lambda: excavation(0.02, **SIDED),
     "excavation_5": lambda: excavation(0.05, **SIDED),
     "excavation_5_fine": lambda: excavation(
         0.05, **(SIDED | {"cell": BED["cell"] / 1.5, "width": 0.55, "travel": 0.03})
     ),
-    "excavation_5_whole": lambda: excavation(0.05, half=False, **SIDED),
-    "way_5": lambda: gr.scenes.excavation(),
+    "excavation_5_whole": lambda: excavation(0.05, half=False, cell=BED["cell"] * 2, **SIDED),
     "couette": lambda: gr.scenes.couette(omega=0.05, duration=0.9),
     "couette_shallow": lambda: gr.scenes.couette(height=0.024, duration=1.0),
     "couette_shallow_local": lambda: gr.scenes.couette(
