@@ -89,10 +89,10 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "excavation_2": lambda: excavation(0.02, **SIDED),
     "excavation_5": lambda: excavation(0.05, **SIDED),
     "excavation_5_fine": lambda: excavation(
-        0.05, **(SIDED | {"cell": BED["cell"] / 1.5, "width": 0.55, "travel": 0.03})
+        0.05, **(SIDED | {"cell": BED["cell"] / 1.5, "length": 0.6, "width": 0.5, "travel": 0.02})
     ),
     "excavation_5_whole": lambda: excavation(0.05, half=False, cell=BED["cell"] * 2, **SIDED),
-    "couette": lambda: gr.scenes.couette(omega=0.05, duration=0.9),
+    "couette": lambda: gr.scenes.couette(omega=0.05, duration=0.7),
     "couette_shallow": lambda: gr.scenes.couette(height=0.024, duration=1.0),
     "couette_shallow_local": lambda: gr.scenes.couette(
         height=0.024, duration=1.0, material=BEADS.replace(A=0.0)
