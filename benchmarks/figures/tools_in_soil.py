@@ -44,6 +44,18 @@ WIDTH = 0.305
 """Of the blade [m]: forces between walls 0.05 m apart are shown as for it."""
 GRAINS, BEADS = 3e-4, 4e-3
 """Diameters of the axis of figure 8 [m]."""
+SHALLOW = ("couette_shallow_8", "couette_shallow_6", "couette_shallow")
+BLADES = {
+    "thin_5_coarse": ("d", 8),
+    "thin_5": ("d", 8),
+    "thin_5_fine": ("d", 8),
+    "thin_5_one": ("v", 1),
+}
+FINEST = "thin_5_finer"
+LABELS = {
+    "thin_5": "blade, against cells of 6.25 mm",
+    "thin_5_one": "the same, one point a cell",
+}
 ARRIVED = 0.5
 """At depth, time over which the force is compared between cells [s]."""
 STATES = (0.5, 2.5, 4.5, 6.5)
@@ -92,19 +104,16 @@ def convergence(table: dict) -> plot.Picture:
     in the finest cells."""
     picture = plot.Picture(figsize=(6, 4.2), layout="compressed")
     ax = picture.subplots()
-    flows = [table[name] for name in table if name.startswith("plane_")]
-    size = [row["cell"] / (BEADS * 4) for row in flows]
-    ax.loglog(size, [100 * row["mean_error"] for row in flows], "o", label="between cylinders")
-    if "thin_5_finer" in table:
-        finest = arrival(table["thin_5_finer"])
-        for name, marker in (("coarse", "s"), ("one", "v"), ("fine", "s"), ("", "s")):
-            row = table.get("_".join(("thin_5", name)).rstrip("_"))
-            if row is None:
-                continue
-            ppc = 1 if name == "one" else 8
-            error = 100 * abs(arrival(row) / finest - 1)
-            label = {"one": "blade, 1 a cell", "": "blade"}.get(name)
-            ax.loglog(row["cell"] / (GRAINS * ppc), error, marker, color="C1", label=label)
+    flows = [table[name] for name in SHALLOW if name in table]
+    size = [row["cell"] / (BEADS * 8) for row in flows]
+    ax.loglog(size, [100 * row["mean_error"] for row in flows], "s", label="between cylinders")
+    if FINEST in table:
+        finest = arrival(table[FINEST])
+        for name, (marker, ppc) in BLADES.items():
+            if name in table:
+                error = 100 * abs(arrival(table[name]) / finest - 1)
+                x = table[name]["cell"] / (GRAINS * ppc)
+                ax.loglog(x, error, marker, color="C1", label=LABELS.get(name))
     ax.set(xlabel="dx/(d ppc)", ylabel="mean error [%]")
     ax.legend()
     return picture
@@ -249,7 +258,7 @@ def of_table(table: dict) -> dict[str, plot.Picture]:
     pictures = {"tools_forces": forces(table, [name for name in FORCES if name in table])}
     if any(f"wheel_{slip}" in table for slip in WHEELS):
         pictures["tools_wheel"] = wheels(table)
-    if any(name.startswith("plane_") for name in table):
+    if "couette_shallow" in table or FINEST in table:
         pictures["tools_convergence"] = convergence(table)
     flows = [name for name in FLOWS if name in table]
     if flows:

@@ -23,7 +23,6 @@ def runs(monkeypatch, tmp_path):
     ring = {"inner": 0.05, "outer": 0.1, "height": 0.03, "omega": 1.0, "duration": 0.3}
     cases = {
         "couette_shallow": lambda: gr.scenes.couette(cell=0.01, **ring),
-        "plane_8": lambda: gr.scenes.couette(cell=0.01, pressure=500.0, **ring),
         "excavation_5": lambda: script.excavation(0.05, **size, **fast),
         "excavation_5_whole": lambda: script.excavation(0.05, half=False, **size, **fast),
         "narrow_5": lambda: script.excavation(0.05, **size, **fast),
