@@ -75,7 +75,7 @@ def scale(name: str) -> float:
 
 def forces(table: dict, names: list[str]) -> plot.Picture:
     """Forward, vertical and lateral force over time (figure 13)."""
-    picture = plot.Picture(figsize=(12, 3.8), layout="compressed")
+    picture = plot.Picture(figsize=(12, 4.3), layout="constrained")
     axes = picture.subplots(1, 3, sharex=True)
     for name in names:
         times, _, forward, vertical, *_ = np.array(table[name]["course"])
@@ -87,7 +87,8 @@ def forces(table: dict, names: list[str]) -> plot.Picture:
         axes[2].legend(fontsize="small")
     for ax, text in zip(axes, ("forward", "vertical", "lateral"), strict=True):
         ax.set(xlabel="t [s]", ylabel=f"{text} force [N]")
-    axes[1].legend(fontsize="x-small")
+    lines = axes[0].get_legend_handles_labels()
+    picture.legend(*lines, fontsize="small", loc="outside lower center", ncols=4)
     return picture
 
 
