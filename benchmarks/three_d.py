@@ -156,17 +156,20 @@ def couette(sim: gr.Simulation) -> dict:
     sim.run(every=WINDOW, hooks=(look,))
     # the linear law knows no mu_2 but in b
     material = scene.material.replace(mu_2=np.inf, b=scene.material.b)
-    flow = gr.theory.couette_quasi_static(
-        size["inner"], size["outer"], material.replace(A=material.A or BEADS.A), walls="smooth"
-    )
+    gap = (size["inner"], size["outer"], material.replace(A=material.A or BEADS.A))
+    flow = gr.theory.couette_quasi_static(*gap, walls="smooth")
+    # the pressure of the middle of what is looked at
+    state = {"rate": size["omega"], "pressure": material.rho_c * size["gravity"] * scene.grid.cell}
+    driven = gr.theory.couette_flow(*gap, **state, walls="smooth")
     late = windows[-(len(windows) // 3) :]
     r = late[0]["r"]
     omega = np.mean([one["omega"] for one in late], axis=0) / size["omega"]
-    expected = np.interp(r, flow.r, flow.omega)
+    expected, at_rate = (np.interp(r, known.r, known.omega) for known in (flow, driven))
     difference = np.abs(omega - expected) * r / size["inner"]
     return {
         "error": float(difference.max()),
         "mean_error": float(difference.mean()),
+        "error_at_rate": float((np.abs(omega - at_rate) * r).max() / size["inner"]),
         "mu_wall": flow.mu_wall,
         "profile": np.stack([r, omega, expected]).round(6).tolist(),
         "course": np.array(

@@ -154,28 +154,30 @@ PAPER = {"inner": 0.0999, "outer": 0.2001, "cell": 0.004, "frames": 4}
 @pytest.mark.parametrize(
     ("height", "omega", "begin", "until"),
     [
-        pytest.param(0.024, 0.025, 0.3, 0.6, id="24 mm, at the rate of the paper: 4 minutes"),
-        pytest.param(0.1, 0.1, 0.3, 0.5, id="100 mm as in the paper, at 4 times its rate: 15"),
+        pytest.param(0.024, 0.025, 0.3, 0.6, id="24mm"),
+        pytest.param(0.1, 0.1, 0.3, 0.5, id="100mm"),
     ],
 )
 def test_top_of_the_papers_taylor_couette_cell(height, omega, begin, until):
     """Radii, grains and cells of the paper; not its 22 s, but from when all of it has yielded.
 
     The elastic twist there is mu_w p/S (1 - (R_i/R_o)^2)/2 at the bottom: .26 and .27 s of turning.
-    Minutes are those of a core.
+    24 mm of height at the rate of the paper take 4 minutes of a core, its 100 mm at 4 times the
+    rate 13. Against the flow at this rate under the pressure of what is looked at, two cells; at 4
+    times the rate that is .02 from the slow limit.
     """
     material = gr.scenes.couette().material
     above = height - 2 * PAPER["cell"]
     turned = {"height": height, "omega": omega, "begin": begin, "above": above}
     profile, torque = turning(until, material, **PAPER, **turned)
     linear = material.replace(mu_2=math.inf, b=material.b)
-    flow = couette_quasi_static(PAPER["inner"], PAPER["outer"], linear, walls="smooth")
-    assert error(profile, omega, flow).max() < 0.03
     weight = material.rho_c * 9.81 * height
-    driven = couette_flow(
-        PAPER["inner"], PAPER["outer"], linear, rate=omega, pressure=weight / 2, walls="smooth"
+    profile_at, moment_at = (
+        couette_flow(PAPER["inner"], PAPER["outer"], linear, rate=omega, pressure=p, walls="smooth")
+        for p in (material.rho_c * 9.81 * PAPER["cell"], weight / 2)
     )
-    moment = 2 * np.pi * PAPER["inner"] ** 2 * driven.mu_wall * weight / 2 * height
+    assert error(profile, omega, profile_at).max() < 0.03
+    moment = 2 * np.pi * PAPER["inner"] ** 2 * moment_at.mu_wall * weight / 2 * height
     # 5 % less in cells of d; in finer cells, above, within 3 %
     assert -torque[0][2] == pytest.approx(moment, rel=0.08)
     assert torque[1][2] == pytest.approx(-torque[0][2], rel=0.05)
