@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from granular.checks import in_range, non_negative, positive
 from granular.notebook import table
 
@@ -73,6 +76,16 @@ class Viscoplastic:
     def rho_c(self) -> float:
         """Critical density [kg/m3], the name that states and measures use for `rho0`."""
         return self.rho0
+
+    @property
+    def granular(self) -> bool:
+        """Whether it yields: always."""
+        return True
+
+    def stored_energy(self, rho: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energy stored at a density [J/kg]: the integral of p/rho^2 from rho0 on."""
+        ratio = np.maximum(rho / self.rho0, 1.0)
+        return self.kappa / self.rho0 * (2.0 * np.sqrt(ratio) + 1.0 / ratio - 3.0)
 
     @property
     def wave_speed(self) -> float:
