@@ -52,7 +52,8 @@ static void ends_of(const struct gr_sph *s, const struct gr_sph_wall *wall, int 
     *low = wall->lower[d] + time * wall->v[d], *high = wall->upper[d] + time * wall->v[d];
 }
 
-/* Put a grain that has come into a wall in this step back onto the face through which it came, at rest against it. */
+/* Put a grain that has come into a wall in this step back onto the face through which it came, at rest against it.
+ * Returned: whether that is one of the two large faces, whose pressure has failed. */
 static int stop(const struct gr_sph *s, const struct gr_sph_wall *wall, double wall_dt, int64_t a)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
@@ -70,7 +71,7 @@ static int stop(const struct gr_sph *s, const struct gr_sph_wall *wall, double w
     if (axis < 0) return 0; /* it was in it from the start */
     x[axis][a] = face;
     v[axis][a] = wall_dt > 0 ? wall->v[axis] : 0.0;
-    return 1;
+    return axis == wall->axis; /* at edges there is no pressure to keep it off */
 }
 
 int64_t gr_sph_stop(struct gr_sph *s, int64_t first, int64_t last)

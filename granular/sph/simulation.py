@@ -131,7 +131,12 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         self._evaluate()
-        return self._shown(slice(0, self.n_points))
+        fields = self._shown(slice(0, self.n_points))
+        grid = self.scene.grid
+        inside = ((fields["x"] >= grid.lower) & (fields["x"] <= grid.upper)).all(axis=1)
+        if inside.all():
+            return fields
+        return {name: values[inside] for name, values in fields.items()}  # the next list drops them
 
     def _evaluate(self) -> None:
         """At the start, find what follows from positions and velocities."""
