@@ -24,10 +24,10 @@ from granular import sph
 
 RESULTS = Path(__file__).parent / "results"
 BETAS = (0.0, 0.5)
-PHIS = (20.0, 25.0, 30.0, 35.0, 40.0)
+PHIS = (30.0, 20.0, 40.0, 25.0, 35.0)
 GRIT = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0)
 GLASS = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0, 18.0)
-SLOPES = {0.0: 0.7, 10.0: 0.8, 16.0: 1.0, 22.0: 1.3}
+SLOPES = {0.0: 0.6, 10.0: 0.7, 16.0: 0.9, 22.0: 1.2}
 """Angle [deg] and length of the floor [m]."""
 ANGLES = (12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 33.0)
 STUDY = {"aspect": 0.65, "length": 0.2, "reach": 0.8}
@@ -199,15 +199,15 @@ def cases() -> Iterator[Case]:
                     "column",
                     {"material": material, "dilation": dilation, "aspect": aspect} | size,
                 )
-    for dilation in BETAS:
-        for phi in PHIS:
-            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 14.0}
+    for phi in PHIS:
+        for dilation in BETAS:
+            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 10.0}
     for angle in ANGLES:
         for dilation in BETAS:
             yield "incline", {"angle_deg": angle, "dilation": dilation, "duration": 10.0}
     yield from studies()
     for phi in (20.0, 30.0):
-        yield "repose", {"phi_deg": phi, "dilation": 0.0, "duration": 14.0, "cfl": 0.5}
+        yield "repose", {"phi_deg": phi, "dilation": 0.0, "duration": 10.0, "cfl": 0.5}
     for side_walls, width in ((False, 0.04), (True, 0.1)):
         for angle, reach in SLOPES.items():
             for dilation in BETAS:
@@ -219,7 +219,7 @@ def cases() -> Iterator[Case]:
                         "width": width,
                         "dilation": dilation,
                         "reach": reach,
-                        "duration": 1.0,
+                        "duration": 0.9,
                     },
                 )
 
@@ -297,6 +297,14 @@ def rounded(value: Any) -> Any:
     return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
+def write(rows: list[dict[str, Any]], out: Path) -> None:
+    """The table with what follows from it, a row a line."""
+    lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
+    rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
+    text = json.dumps(rounded(rest), indent=1, allow_nan=False)[2:]
+    out.write_text(f'{{"rows": [\n{lines}\n],\n{text}\n')
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a few small cases, to see it runs")
@@ -314,8 +322,8 @@ def main(argv: list[str] | None = None) -> None:
         found = RUNS[kind](chosen.threads, **keywords)
         rows.append({"case": [kind, keywords], "kind": kind} | keywords | rounded(found))
         print(kind, keywords, rounded(found), flush=True)
-        table = {"rows": rows, "exponents": exponents(rows), "inclined": orderings(rows)}
-        chosen.out.write_text(json.dumps(rounded(table), indent=1, allow_nan=False) + "\n")
+        write(rows, chosen.out)
+    write(rows, chosen.out)
 
 
 if __name__ == "__main__":

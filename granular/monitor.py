@@ -259,7 +259,7 @@ _SIGNS: tuple[tuple[str, Callable[[NDArray[np.float64]], float], float | None, s
     ),
     ("gaps", _largest, 0.0, "empty cells in a stressed body: torn by the discretisation"),
     ("mach", _largest, MACH, "largest speed over that of sound: beyond, densities are off"),
-    ("stopped", _largest, 0.0, "times that a grain came into a wall and was put back: too soft"),
+    ("stopped", _largest, None, "times that a grain came into a wall and was put back on it"),
 )
 """Name, how looks add up, limit, and meaning of the signs with one number a look."""
 

@@ -86,7 +86,7 @@ class Simulation(ABC):
                 return _METHODS[kind]
         known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
-        raise TypeError(f"scene = {scene!r} must be {' or '.join(kinds)}")
+        raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
 
     def _start(self, scene: Written, engine: Any, threads: int | None) -> None:
         """What every simulation has; subclasses make the engine and the buffers."""

@@ -98,7 +98,7 @@ struct gr_sph_found {
     double speed2, acceleration2;   /* largest squares of speeds, of sound and of grains, and of the acceleration */
     double moved2, low[3], high[3]; /* square of the longest way since the list was made, and the ends of all ways */
     int64_t bad, blocks;            /* first row that is not finite or ran away, or -1; most blocks of a row */
-    int64_t stopped;                /* grains, at the large faces of walls */
+    int64_t stopped;                /* grains, by walls */
     char line[64];
 };
 

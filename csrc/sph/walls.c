@@ -52,9 +52,22 @@ static void ends_of(const struct gr_sph *s, const struct gr_sph_wall *wall, int 
     *low = wall->lower[d] + time * wall->v[d], *high = wall->upper[d] + time * wall->v[d];
 }
 
-/* Put a grain that has come into a wall in this step back onto the face through which it came, at rest against it.
- * Returned: whether that is one of the two large faces, whose pressure has failed. */
-static int stop(const struct gr_sph *s, const struct gr_sph_wall *wall, double wall_dt, int64_t a)
+/* Friction of a contact with a wall that takes the normal velocity `lost` from a grain: of the velocity along the wall
+ * no more than mu times as much. A grain that lies on a wall alone has no pressure of its own, and would slide for ever. */
+static void rub(const struct gr_sph *s, const double *wall_v, int axis, double lost, int64_t a)
+{
+    double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), along2 = 0;
+    const double mu = s->config.parameter[s->config.wall_friction ? GR_SPH_P_mu_wall : GR_SPH_P_mu_l];
+    for (int d = 0; d < s->config.dim; d++)
+        if (d != axis) along2 += (v[d][a] - wall_v[d]) * (v[d][a] - wall_v[d]);
+    const double along = sqrt(along2), kept = along > mu * lost ? 1.0 - mu * lost / along : 0.0;
+    for (int d = 0; d < s->config.dim; d++)
+        if (d != axis) v[d][a] = wall_v[d] + kept * (v[d][a] - wall_v[d]);
+}
+
+/* Put a grain that has come into a wall in this step, from `before`, back onto the face through which it came, at rest
+ * against it. */
+static int stop(const struct gr_sph *s, const struct gr_sph_wall *wall, double wall_dt, const double *before, int64_t a)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     const int dim = s->config.dim;
@@ -65,22 +78,26 @@ static int stop(const struct gr_sph *s, const struct gr_sph_wall *wall, double w
         double low, high;
         ends_of(s, wall, d, &low, &high);
         if (!(x[d][a] > low && x[d][a] < high)) return 0;
-        const double before = x[d][a] - s->dt * v[d][a] + wall_dt * wall->v[d];
-        if (axis < 0 && !(before > low && before < high)) axis = d, face = before <= low ? low : high;
+        const double from = before[d] + wall_dt * wall->v[d]; /* as the wall sees it */
+        if (axis < 0 && !(from > low && from < high)) axis = d, face = from <= low ? low : high;
     }
     if (axis < 0) return 0; /* it was in it from the start */
+    const double still[3] = {0}, *wall_v = wall_dt > 0 ? wall->v : still;
     x[axis][a] = face;
-    v[axis][a] = wall_dt > 0 ? wall->v[axis] : 0.0;
-    return axis == wall->axis; /* at edges there is no pressure to keep it off */
+    rub(s, wall_v, axis, fabs(v[axis][a] - wall_v[axis]), a);
+    v[axis][a] = wall_v[axis];
+    return 1;
 }
 
 int64_t gr_sph_stop(struct gr_sph *s, int64_t first, int64_t last)
 {
+    double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), before[3];
     int64_t stopped = 0;
     for (int64_t a = first; a < last; a++) {
         if (s->middle[a] == s->end[a]) continue; /* far from all walls */
+        for (int d = 0; d < s->config.dim; d++) before[d] = x[d][a] - s->dt * v[d][a];
         for (int k = 0; k < s->config.n_walls; k++)
-            if (s->time < s->config.wall[k].until) stopped += stop(s, &s->config.wall[k], s->wall_dt[k], a);
+            if (s->time < s->config.wall[k].until) stopped += stop(s, &s->config.wall[k], s->wall_dt[k], before, a);
     }
     return stopped;
 }
