@@ -122,11 +122,14 @@ def repose(threads: int, cfl: float = 1.0, **keywords: Any) -> dict[str, Any]:
 
 def column(threads: int, material: str, dilation: float, **keywords: Any) -> dict[str, Any]:
     """Run-out and height at rest, and how they still change in the last half second."""
+    fitting = keywords.pop("fitting", False)
     numerics = sph.Numerics(cfl=keywords.pop("cfl", 1.0))
     changes = {k: keywords.pop(k) for k in ("kappa", "mu_l", "mu_wall") if k in keywords}
     if "mu_l" in changes:
         changes["mu_h"] = changes["mu_l"]
     grains = getattr(sph, material).replace(dilation=dilation, **changes)
+    if fitting:
+        numerics = sph.Numerics.fitting(grains)
     scene = sph.scenes.column_collapse(material=grains, numerics=numerics, **keywords)
     if numerics.cfl < 1.0:
         return at_rest(scene, threads)
@@ -226,6 +229,9 @@ def cases() -> Iterator[Case]:
     yield from studies()
     for phi in (20.0, 30.0):
         yield "repose", {"phi_deg": phi, "dilation": 0.0, "duration": 10.0, "cfl": 0.5}
+    for phi in PHIS[:3]:
+        for dilation in BETAS:
+            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 8.0} | SHORT
     for side_walls, width in ((False, 0.04), (True, 0.1)):
         for angle, reach in SLOPES.items():
             for dilation in BETAS:
@@ -252,6 +258,8 @@ def studies() -> Iterator[Case]:
     common = {"material": "grit", "dilation": 0.0} | STUDY
     for kappa in (1e5, 1e6, 1e7):
         yield "study", common | {"kappa": kappa}
+    for kappa in (1e6, 1e7):
+        yield "study", common | {"kappa": kappa, "fitting": True}
     for mu, mu_wall in FRICTIONS[1:]:
         yield "study", common | {"mu_l": mu, "mu_wall": mu_wall}
     for spacing in (0.005, 0.0025):
