@@ -198,6 +198,23 @@ def test_a_sweep_takes_scenes_of_both_methods(tmp_path):
     assert list(swept) == ["mpm", "sph"] and not swept.errors
 
 
+def test_a_run_ends_at_rest():
+    """By the share of the largest speed, which creep never goes below in the thesis' limit."""
+    seen = []
+    simulation = gr.Simulation(gated(duration=1.0))
+    time = sph.run_to_rest(
+        simulation, after=0.05, interval=0.02, share=0.3, hooks=(lambda s: seen.append(s.state),)
+    )
+    assert time == simulation.time and 0.1 < time < 0.9
+    speeds = [np.sqrt(np.mean((s.v**2).sum(axis=1))) for s in seen if s.time > 0.06]
+    assert speeds[-1] < 0.3 * max(speeds) <= speeds[-2]
+    kinetic = gr.measure.energy(simulation.state).kinetic / (36 * 1e-4)
+    assert kinetic > 1e-5  # J/m3
+    assert sph.run_to_rest(gr.Simulation(gated()), share=0.0, until=0.01) is None
+    with pytest.raises(ValueError, match="share = 2"):
+        sph.run_to_rest(simulation, share=2.0)
+
+
 def test_command_line_reads_and_resumes(tmp_path, capsys):
     gr.Simulation(gated()).run(0.03, every=0.01, save=tmp_path / "a.h5")
     assert main(["info", str(tmp_path / "a.h5")]) == 0

@@ -94,6 +94,20 @@ def test_matching_grains_have_the_friction_of_the_other_law_at_one_pressure():
         sph.Viscoplastic.matching(beads, 0.0)
 
 
+def test_walls_push_stiff_grains_no_harder():
+    soft, stiff = (sph.Viscoplastic(kappa=kappa) for kappa in (1e5, 1e7))
+    assert sph.Numerics.fitting(soft) == sph.Numerics()
+    fitted = sph.Numerics.fitting(stiff, cfl=0.5)
+    assert fitted.wall_density == pytest.approx(0.9997, abs=1e-12) and fitted.cfl == 0.5
+    # against a lattice at rest
+    push = [
+        grains.kappa * (sph.Numerics.fitting(grains).wall_density ** -1.5 - 1.0)
+        for grains in (soft, stiff)
+    ]
+    assert push[0] == pytest.approx(4680, rel=0.01) and push[1] == pytest.approx(4500, rel=0.01)
+    assert scenes.column_collapse(method="sph").numerics.wall_density > 0.999
+
+
 def test_gate_of_the_channel_lifts_clear_and_goes():
     scene = scenes.inclined_collapse(side_walls=True)
     floor, left, *sides, gate = scene.walls

@@ -89,7 +89,43 @@ def rows(table, kind, **entries):
     return [row for row in found if all(row.get(k) == v for k, v in entries.items())]
 
 
+THESIS = {
+    "grit beta 0": (0.55, 0.72),
+    "grit beta 0.5": (0.61, 1.01),
+    "glass beta 0": (0.61, 0.72),
+    "glass beta 0.5": (0.68, 0.96),
+}
+"""Exponents of the height and of the run-out (table 5.4)."""
+
+
+def test_the_table_has_the_exponents_of_the_thesis(table):
+    """At rest, with a short step; that of the run-out of grit with dilation is lower."""
+    found = table["exponents"]
+    for name, (height, far) in THESIS.items():
+        entry = found[f"{name} cfl 0.25"]
+        assert entry["columns"] == (8 if "grit" in name else 9)
+        assert entry["alpha_1"] == pytest.approx(height, abs=0.15)
+        if name != "grit beta 0.5":
+            assert entry["alpha_L"] == pytest.approx(far, abs=0.15)
+    for material in ("grit", "glass"):
+        plain, dilative = (found[f"{material} beta {b} cfl 0.25"]["alpha_L"] for b in ("0", "0.5"))
+        assert dilative > plain + 0.1
+        assert found[f"{material} beta 0.5 cfl 1"]["alpha_L"] < dilative - 0.1  # after creeping
+
+
+def test_the_table_has_slopes_that_a_shorter_step_lets_stand(table):
+    for phi in (20.0, 30.0):
+        for dilation in (0.0, 0.5):
+            angle = {
+                row.get("cfl", 1.0): row["angle_deg"]
+                for row in rows(table, "repose", phi_deg=phi, dilation=dilation)
+            }
+            assert 0.75 * phi < angle[0.25] < phi + 2.0
+            assert angle[1.0] < 0.7 * phi
+
+
 def test_the_table_has_the_orderings_of_the_thesis(table):
+    assert len(table["inclined"]) == 4
     for angle, found in table["inclined"].items():
         assert len(found) == 4, angle
         far = {name: quantile for name, (quantile, _) in found.items()}
