@@ -192,6 +192,7 @@ class Sph:
         parameters: dict[str, float],
         gravity_times: NDArray[np.float64],
         gravity_vectors: NDArray[np.float64],
+        walls: NDArray[np.float64],
     ) -> None: ...
     @property
     def isa(self) -> str: ...

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from granular.body_shapes import deepest, thicknesses
 from granular.materials import MuI
@@ -47,6 +47,10 @@ step, as a node that points hardly reach has next to no mass; their limit is tha
 flow (the map "incline_courant").
 """
 
+SPH_COURANT = 0.5
+"""Largest (c + speed) dt/h of particle hydrodynamics: dt = h/(4 c) where grains are as fast as
+sound, the faster of which counts."""
+
 POINTS_PER_CELL = 4
 """Least number of points per cell of a flow: the map "incline_seeding"."""
 
@@ -58,7 +62,9 @@ LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 
 
 def courant_limit(scene: Scene) -> float:
-    """Largest stable (c + speed) dt/dx of the scene's scheme."""
+    """Largest stable (c + speed) dt/dx of the scene's method and scheme."""
+    if scene.method == "sph":
+        return SPH_COURANT * scene.numerics.smoothing
     return COURANT_LIMIT[scene.scheme.basis][scene.dim]
 
 
@@ -155,6 +161,8 @@ def doubts(scene: Scene) -> list[str]:
     Each is a failure on the map of failure (`benchmarks/stability_map.py`, the page "Limits and
     failures").
     """
+    if scene.method == "sph":
+        return [doubt for doubt in (_sound(scene),) if doubt]
     checks = (
         _hats,
         _density,
@@ -298,6 +306,28 @@ def _blades(scene: Scene) -> str | None:
             '"tracked" with "apic", "tpic" or "flip" keeps them apart'
         )
     return None
+
+
+MACH = 0.5
+"""Speed of grains over that of sound from which particle hydrodynamics is doubted: the density
+rises by about this share where they are stopped, as (v/c)^2/2 = (2 sqrt(r) + 1/r - 3)/1.5 for the
+ratio r of the densities."""
+
+
+def _sound(scene: Any) -> str | None:
+    """Grains of particle hydrodynamics that may become as fast as sound."""
+    g = max(math.hypot(*vector) for vector in scene.gravity.vectors)
+    start = max(math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+    tops = [fill.region.bounds[1][-1] for fill in scene.fills]
+    speed = math.sqrt(start**2 + 2.0 * g * (max(tops) - scene.grid.lower[-1]))
+    c = scene.material.wave_speed
+    if speed <= MACH * c:
+        return None
+    needed = scene.material.kappa * (speed / (MACH * c)) ** 2
+    return (
+        f"grains may fall at {speed:.3g} m/s and sound has {c:.3g} m/s: where they are stopped "
+        f"the density rises by about {speed / c:.0%}; take kappa >= {needed:.2g}"
+    )
 
 
 def height(scene: Scene) -> float:

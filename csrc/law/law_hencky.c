@@ -51,9 +51,14 @@ GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, cons
     }
     for (int i = 0; i < GR_STRESSES(dim); i++) strained.s[i] = strained.s[i] - turned.s[i];
     if (call->sets_out) {
-        const vd none = v_set(-1.0);
-        gr_path_sets_out(dim, &n->fluidity, &turned, &strained, p, v_select(before, none, kindled), call->path, at);
-        return (struct gr_hencky_point){0};
+        const vd reconnected = v_select(before, v_set(-1.0), v_select(v_gt(p, v_zero()), kindled, v_set(-1.0)));
+        const vd start = gr_fluidity_start(&n->fluidity, v_max(n->g_min, g_star)), part = v_set(call->part);
+        double *const of_rate = call->shear_rate + at;
+        gr_path_sets_out(dim, &n->fluidity, &turned, &strained, p, call->path, at);
+        return (struct gr_hencky_point){
+            .g = flow == GR_HENCKY_nonlocal_linear
+                     ? gr_path_part(1, 1, &n->fluidity, part, call->path, at, start, reconnected, of_rate)
+                     : gr_path_part(0, 1, &n->fluidity, part, call->path, at, start, reconnected, of_rate)};
     }
     const vm since = v_gt(v_load(gr_path_at(call->path, at, GR_PATH_p)), v_zero());
     gr_path_end(dim, call->part, call->path, at, &turned, &strained);
@@ -73,7 +78,10 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
         const struct gr_hencky_point point =
             call->path ? hencky_part(dim, flow, n, call, &block, at, g_star, rate)
                        : gr_hencky_update(dim, flow, n, block.L, block.c, &block.stress, g_star, rate);
-        if (call->path && call->sets_out) continue;
+        if (call->path && call->sets_out) {
+            v_store(call->g + at, point.g);
+            continue;
+        }
         const vd to_cauchy = v_exp(block.c);
         for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, to_cauchy * point.stress.s[i]);
         if (call->shear_rate) v_store(call->shear_rate + at, point.rate);

@@ -263,6 +263,7 @@ void gr_engine_free(struct gr_engine *e)
                      (void *)e->config.parts,
                      e->mesh.cell,
                      e->mesh.cell_node,
+                     e->mesh.place,
                      e->mesh.node_source,
                      e->mesh.node_code,
                      e->mesh.node_volume,

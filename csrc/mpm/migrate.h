@@ -15,8 +15,8 @@ static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
  * the plate. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    const int64_t id = gr_cell_id(e, cell->at), back = cell->side == -1 ? gr_fluidity_place(e->fluidity, id, 1) : -1;
-    return back >= 0 && e->fluidity->inside[back] & GR_APART ? back : gr_fluidity_place(e->fluidity, id, 0);
+    const int32_t *own = e->mesh.place + (cell - e->mesh.cell);
+    return cell->side != -1 || (*own >= 0 && e->fluidity->inside[*own] & GR_APART) ? own[0] : own[-1];
 }
 
 /* How many cells, from this one on, have one fluidity together: 0 for a back that has none of its own. */

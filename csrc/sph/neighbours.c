@@ -98,16 +98,16 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
     const int64_t n[2] = {s->n_grains, s->n_walls}, first[2] = {0, s->wall_first};
     for (int kind = 0; kind < 2; kind++)
         for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) {
-            const int inside = !fresh || wrap(s, a) || kind;
+            const int in_domain = !fresh || wrap(s, a), stays = kind ? !gr_sph_is_gone(s, a) : in_domain;
             double at[3];
             if (fresh)
                 for (int d = 0; d < s->config.dim; d++) anchor[d][a] = x[d][a];
             place_of(s, GR_SPH_FIELD_anchor, a, at);
-            s->cell[a] = inside ? cell_at(s, at) : -1;
-            if (!inside) s->dropped++, s->dropped_mass += mass[a];
+            s->cell[a] = stays ? cell_at(s, at) : -1;
+            if (!stays && !kind) s->dropped++, s->dropped_mass += mass[a];
         }
     s->n_grains = sort_rows(s, 0, n[0], s->start[0]);
-    sort_rows(s, s->wall_first, n[1], s->start[1]);
+    s->n_walls = sort_rows(s, s->wall_first, n[1], s->start[1]);
     make_spare(s, s->n_grains, s->wall_first);
     make_spare(s, s->wall_first + s->n_walls, s->capacity);
 }

@@ -1,10 +1,10 @@
 """Smoothed particle hydrodynamics of a dilative viscoplastic material."""
 
 from granular.sph import scenes
-from granular.sph.material import Viscoplastic
+from granular.sph.material import Viscoplastic, glass, grit
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.simulation import Simulation
 from granular.sph.walls import Wall
 
-__all__ = ["Numerics", "Scene", "Simulation", "Viscoplastic", "Wall", "scenes"]
+__all__ = ["Numerics", "Scene", "Simulation", "Viscoplastic", "Wall", "glass", "grit", "scenes"]

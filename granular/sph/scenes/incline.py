@@ -1,4 +1,4 @@
-"""Ready scenes of particle hydrodynamics."""
+"""A layer on a periodic incline."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.walls import Wall
 from granular.walls import Gravity
-
-__all__ = ["incline"]
 
 SWITCH = 1e-6
 """Share of the settling time in which gravity turns: at once, for a table that must ascend."""
