@@ -223,7 +223,7 @@ static void run(struct team *team, int t)
     struct gr_engine *e = team->e;
     for (;;) {
         int64_t first, last;
-        if (!e->sums_valid) {
+        if (!e->sums_valid && !e->error) { /* without memory there may be no lattice to write to */
             team->kernels->scatter(e, team->cut[t], team->cut[t + 1]);
             gr_wait(&team->barrier);
             if (t == 0) e->sums_valid = 1;

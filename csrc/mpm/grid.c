@@ -34,13 +34,17 @@ static void apply_wall(const struct gr_wall *wall, int dim, double *v, double *n
     }
 }
 
-/* The sums of node n over its cells, in the order of cells. */
+/* The sums of node n over its cells, in the order of cells. They lie far apart, and those of a later node are asked for: in
+ * space, where they fill no cache, the processor waited a fifth of the step for them. */
 static inline __attribute__((always_inline)) void gather_sums(const int K, const int rows, const struct gr_engine *e,
                                                               int64_t n, double *sum)
 {
+    enum { AHEAD = 4 };
+    const int64_t *source = e->mesh.node_source + n * K, ahead = n + AHEAD < e->mesh.n_nodes ? AHEAD * K : 0;
     for (int q = 0; q < rows; q++) sum[q] = 0;
     for (int i = 0; i < K; i++) {
-        const double *part = e->sums + e->mesh.node_source[n * K + i];
+        const double *part = e->sums + source[i], *later = e->sums + source[ahead + i];
+        __builtin_prefetch(later), __builtin_prefetch(later + rows - 1);
         for (int q = 0; q < rows; q++) sum[q] += part[q];
     }
 }
