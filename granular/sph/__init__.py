@@ -1,10 +1,21 @@
 """Smoothed particle hydrodynamics of a dilative viscoplastic material."""
 
 from granular.sph import scenes
+from granular.sph.gas import Gas, GasState, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.simulation import Simulation
 from granular.sph.walls import Wall
 
-__all__ = ["Numerics", "Scene", "Simulation", "Viscoplastic", "Wall", "scenes"]
+__all__ = [
+    "Gas",
+    "GasState",
+    "Jet",
+    "Numerics",
+    "Scene",
+    "Simulation",
+    "Viscoplastic",
+    "Wall",
+    "scenes",
+]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -15,6 +15,7 @@ from granular import _core
 from granular.checks import integer, positive
 from granular.engine import allocate, default_isa
 from granular.record.checkpoint import Checkpoint
+from granular.sph.gas import GasState
 from granular.sph.scene import Scene
 from granular.state import State
 
@@ -28,24 +29,36 @@ SHOWN = ("x", "v", "a", "stress", "rho", "shear_rate", "mass")
 
 @dataclass(frozen=True)
 class _Rows:
-    """Where the grains and the wall points are in the buffers."""
+    """Where the grains, the wall points and those of a gas are in the buffers."""
 
     grains: int
     wall_first: int
     walls: int
+    gas_first: int = 0
+    gas: int = 0
 
     @classmethod
-    def of(cls, grains: int, walls: int) -> Self:
-        blocks = -(-grains // _core.LANES)
-        return cls(grains, (blocks + 1) * _core.LANES, walls)
+    def of(cls, grains: int, walls: int, gas: int | None = None) -> Self:
+        """With so many points of gas; None where there is no gas."""
+        wall_first = (-(-grains // _core.LANES) + 1) * _core.LANES
+        if gas is None:
+            return cls(grains, wall_first, walls)
+        return cls(grains, wall_first, walls, wall_first + walls + _core.LANES, gas)
+
+    def places(self) -> NDArray[np.int64]:
+        """The rows of all points."""
+        firsts = ((0, self.grains), (self.wall_first, self.walls), (self.gas_first, self.gas))
+        return np.concatenate([np.arange(first, first + n) for first, n in firsts])
 
     @property
     def capacity(self) -> int:
-        return self.wall_first + self.walls + _core.LANES
+        return max(self.wall_first + self.walls, self.gas_first + self.gas) + _core.LANES
 
 
 def _build(scene: Scene, isa: str) -> _core.Sph:
     grid, material, numerics = scene.grid, scene.material, scene.numerics
+    gas = scene.gas
+    point_volume = scene.point_mass / material.rho0
     return _core.Sph(
         dim=grid.dim,
         lower=tuple(grid.lower),
@@ -72,6 +85,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
         },
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
+        gas=None if gas is None else gas.for_core(grid.dim, material.rho0, point_volume),
     )
 
 
@@ -96,7 +110,8 @@ class Simulation:
     def __init__(self, scene: Scene, *, threads: int = 1, isa: str | None = None) -> None:
         self._start(scene, threads, isa)
         points, walls = scene.points(), scene.wall_points()
-        rows = _Rows.of(len(points.x), len(walls["x"]))
+        gas = None if scene.gas is None else scene.gas.points(scene.grid, scene.seed)
+        rows = _Rows.of(len(points.x), len(walls["x"]), None if gas is None else len(gas.x))
         self._buffers = allocate(self._engine, rows.capacity)
         grains = slice(0, rows.grains)
         behind = slice(rows.wall_first, rows.wall_first + rows.walls)
@@ -108,6 +123,12 @@ class Simulation:
             self._buffers["mass"][:, part] = scene.point_mass
         self._buffers["id"][grains] = np.arange(rows.grains)
         self._buffers["id"][behind] = rows.grains + np.arange(rows.walls)
+        if gas is not None:
+            # Its mass follows from its density and the porosity that the core finds.
+            above = slice(rows.gas_first, rows.gas_first + rows.gas)
+            for name, values in (("x", gas.x.T), ("v", gas.v.T), ("rho", gas.density)):
+                self._buffers[name][:, above] = values
+            self._buffers["id"][above] = rows.grains + rows.walls + np.arange(rows.gas)
         self._bind(rows, fresh=True)
 
     def _start(self, scene: Scene, threads: int, isa: str | None) -> None:
@@ -120,7 +141,8 @@ class Simulation:
 
     def _bind(self, rows: _Rows, *, fresh: bool) -> None:
         self._rows = rows
-        self._engine.bind(self._buffers, rows.grains, rows.wall_first, rows.walls, fresh)
+        gas = (rows.gas_first, rows.gas)
+        self._engine.bind(self._buffers, rows.grains, rows.wall_first, rows.walls, fresh, *gas)
 
     @property
     def time(self) -> float:
@@ -150,9 +172,10 @@ class Simulation:
     @property
     def counts(self) -> dict[str, float]:
         """What has happened: `rebuilds` of the list; grains and mass [kg] `dropped` at the
-        ends of the domain."""
+        ends of the domain, and points of gas, `gas_dropped`."""
         scalars = self._engine.scalars()
-        return {name: scalars[name] for name in ("rebuilds", "dropped", "dropped_mass")}
+        names = ("rebuilds", "dropped", "dropped_mass", "gas_dropped")
+        return {name: scalars[name] for name in names}
 
     @property
     def buffers(self) -> dict[str, NDArray]:
@@ -171,21 +194,43 @@ class Simulation:
         first = self._rows.wall_first
         return self._snapshot(slice(first, first + self._rows.walls))
 
-    def _snapshot(self, rows: slice) -> State:
+    @property
+    def gas(self) -> GasState:
+        """A snapshot of the points of the gas, ordered by id.
+
+        Raises
+        ------
+        AttributeError
+            If the scene has no gas.
+        """
+        if self.scene.gas is None:
+            raise AttributeError(f"the scene {self.scene.name} has no gas")
+        if not self.steps:
+            self.step(0)
+        first = self._rows.gas_first
+        rows = slice(first, first + self._engine.scalars()["n_gas"])
+        return GasState.of(self.time, self._fields(rows, (*SHOWN, "porosity")))
+
+    def _fields(self, rows: slice, names: tuple[str, ...]) -> dict[str, NDArray]:
+        """Fields of some rows in the order of ids, positions within their period."""
         ids = self._buffers["id"][rows]
         order = np.argsort(ids)
         fields: dict[str, NDArray] = {"id": ids[order]}
-        for name in SHOWN:
+        for name in names:
             values = self._buffers[name][:, rows].take(order, axis=1)
             fields[name] = values[0] if len(values) == 1 else np.ascontiguousarray(values.T)
-        material, grid = self.scene.material, self.scene.grid
+        grid = self.scene.grid
         for axis in np.flatnonzero(grid.periodic):
             length = grid.shape[axis] * grid.cell
             x = fields["x"][:, axis]
             x -= length * np.floor((x - grid.lower[axis]) / length)
+        return fields
+
+    def _snapshot(self, rows: slice) -> State:
+        fields = self._fields(rows, SHOWN)
         rho = fields.pop("rho")
         fields["log_density"] = np.log(
-            rho / material.rho_c, out=np.full(len(rho), -np.inf), where=rho > 0
+            rho / self.scene.material.rho_c, out=np.full(len(rho), -np.inf), where=rho > 0
         )
         return State(scene=self.scene, time=self.time, step=self.steps, dt=self.dt, fields=fields)
 
@@ -246,8 +291,8 @@ class Simulation:
     def checkpoint(self) -> Checkpoint:
         """All that a bitwise restart needs: the points in the order of rows, and the clock."""
         n, rows = self.n_points, self._rows
-        places = np.r_[0:n, rows.wall_first : rows.wall_first + rows.walls]
         scalars = self._engine.scalars()
+        places = replace(rows, grains=n, gas=scalars["n_gas"]).places()
         return Checkpoint(
             time=scalars["time"],
             step=scalars["step"],
@@ -271,16 +316,18 @@ class Simulation:
         self._start(scene, threads, isa)
         total = len(checkpoint.arrays.get("id", ()))
         n = integer("the number n_points of the checkpoint", checkpoint.scalars.get("n_points"), 0)
-        if n > total:
-            raise ValueError(f"the checkpoint holds {total} points, must hold n_points = {n}")
-        rows = _Rows.of(n, total - n)
+        gas = integer("the number n_gas of the checkpoint", checkpoint.scalars.get("n_gas", 0), 0)
+        if n + gas > total or (gas and scene.gas is None):
+            raise ValueError(
+                f"the checkpoint holds {total} points, must hold n_points = {n} and n_gas = {gas}"
+            )
+        rows = _Rows.of(n, total - n - gas, None if scene.gas is None else gas)
         self._buffers = allocate(self._engine, rows.capacity)
         for name, array in self._buffers.items():
             stored = checkpoint.arrays.get(name)
             if stored is None or stored.shape != (*array.shape[:-1], total):
                 raise ValueError(f"the checkpoint does not hold {name} of {total} points")
-            array[..., :n] = stored[..., :n]
-            array[..., rows.wall_first : rows.wall_first + rows.walls] = stored[..., n:]
+            array[..., rows.places()] = stored
         self._bind(rows, fresh=False)
         self._engine.restore(dict(checkpoint.scalars))
         return self

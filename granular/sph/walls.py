@@ -39,6 +39,8 @@ class Wall:
         wall's are kept.
     velocity : tuple of float or None
         Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
+    permeable : bool
+        Whether a gas goes through the wall as if it was not there; grains never do.
 
     Raises
     ------
@@ -53,6 +55,7 @@ class Wall:
     layers: int = 5
     span: tuple[tuple[float, float], ...] | None = None
     velocity: tuple[float, ...] | None = None
+    permeable: bool = False
 
     def __post_init__(self) -> None:
         checked: dict[str, object] = {
@@ -61,6 +64,8 @@ class Wall:
             "side": one_of("side", self.side, (1, -1)),
             "layers": integer("layers", self.layers, 1, MAX_LAYERS),
         }
+        if not isinstance(self.permeable, bool):
+            raise TypeError(f"permeable = {self.permeable!r} must be True or False")
         if self.span is not None:
             if isinstance(self.span, str) or not isinstance(self.span, Sequence):
                 raise TypeError(f"span = {self.span!r} must be pairs (low, high)")
@@ -123,12 +128,18 @@ def _site(name: str, grid: Grid, axis: int, at: float) -> int:
 
 
 def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float64]]:
-    """Points of walls: x, v and normal (n, dim), depth (n,) below the surface [m].
+    """Points of walls: x, v and normal (n, dim), depth (n,) below the surface [m], porosity (n,).
 
     Of points in the same place those of the first wall are kept.
     """
     dim = grid.dim
-    parts: dict[str, list[NDArray]] = {"site": [], "v": [], "normal": [], "depth": []}
+    parts: dict[str, list[NDArray]] = {
+        "site": [],
+        "v": [],
+        "normal": [],
+        "depth": [],
+        "porosity": [],
+    }
     for i, wall in enumerate(walls):
         axes = [np.arange(*ends) for ends in wall.extent(f"walls[{i}]", grid)]
         mesh = np.meshgrid(*axes[::-1], indexing="ij")
@@ -142,9 +153,11 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
         parts["v"].append(np.broadcast_to(wall.velocity or (0.0,) * dim, sites.shape))
         parts["normal"].append(np.broadcast_to(normal, sites.shape))
         parts["depth"].append(behind * grid.cell)
+        parts["porosity"].append(np.full(len(sites), float(wall.permeable)))
     if not walls:
         empty = np.zeros((0, dim))
-        return {"x": empty, "v": empty, "normal": empty, "depth": np.zeros(0)}
+        numbers = np.zeros(0)
+        return {"x": empty, "v": empty, "normal": empty, "depth": numbers, "porosity": numbers}
     whole = {name: np.concatenate(part) for name, part in parts.items()}
     _, first = np.unique(whole["site"], axis=0, return_index=True)
     first.sort()
