@@ -40,11 +40,13 @@ int gr_sph_make_gas_places(struct gr_sph *s, int64_t capacity)
     const size_t n = (size_t)capacity;
     if (!gas) return GR_OK;
     gr_sph_free_gas_places(s);
-    double *numbers = gas->volume = calloc(11 * n, sizeof *numbers);
+    double *numbers = gas->volume = calloc(15 * n, sizeof *numbers);
     gas->end = calloc(n, sizeof *gas->end);
     if (!numbers || !gas->end) return GR_ERR_MEMORY;
     gas->pull = numbers + n, gas->own_pull = numbers + 2 * n, gas->per_mass = numbers + 3 * n, gas->load = numbers + 4 * n;
     for (int k = 0; k < 3; k++) gas->push[k] = numbers + (size_t)(5 + k) * n, gas->drag[k] = numbers + (size_t)(8 + k) * n;
+    for (int k = 0; k < 3; k++) gas->carry[k] = numbers + (size_t)(11 + k) * n;
+    gas->gain = numbers + 14 * n;
     return GR_OK;
 }
 
@@ -77,9 +79,25 @@ void gr_sph_drift_gas(struct gr_sph *s, int64_t first, int64_t last)
         for (int64_t a = first; a < last; a++) x[d][a] += s->dt * v[d][a];
 }
 
+/* Give and take mass with its momentum for a time; the force of an acceleration stays. */
+static void exchange(const struct gr_sph *s, double seconds, int64_t first, int64_t last)
+{
+    double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a);
+    double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0];
+    for (int64_t a = first; a < last; a++) {
+        const double before = mass[a], after = before + seconds * s->gas->gain[a];
+        for (int d = 0; d < s->config.dim; d++) {
+            v[d][a] = (before * v[d][a] + seconds * s->gas->carry[d][a]) / after;
+            acceleration[d][a] = s->gravity[d] + (acceleration[d][a] - s->gravity[d]) * (before / after);
+        }
+        mass[a] = after;
+    }
+}
+
 void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
+    if (dt > 0 && s->gas->parameter[GR_SPH_GAS_P_diffusion] > 0) exchange(s, dt, first, last);
     accelerate(s, 0.5 * dt, first, last);
     for (int64_t a = first; a < last; a++) {
         double square = 0.0;

@@ -18,6 +18,7 @@
     X(darcy_porosity, 0, "1", "porosity up to which the drag is that of Darcy")                          \
     X(blend, 0, "1", "range of porosity above it in which that of Wen and Yu takes its place")           \
     X(damping, 1, "1", "factor alpha of the artificial viscosity between points of gas that approach")   \
+    X(diffusion, 1, "1", "factor psi of the exchange of mass that evens out what forces do not feel")    \
     X(wall_volume, 0, "m^dim", "volume that a point of an impermeable wall takes from the gas")
 
 enum gr_sph_gas_parameter {
@@ -44,6 +45,7 @@ struct gr_sph_gas {
     double *per_mass;        /* 1/sum_j m_j w over the grains about it, or 0 where there are none */
     double *push[3];         /* force of pressures and of the artificial viscosity, N */
     double *drag[3];         /* that of the drag of the grains about it, N */
+    double *gain, *carry[3]; /* mass and momentum by the exchange, kg/s, N */
     double *load;            /* of a grain: mass of gas that hangs on it over its own */
     int64_t *end;            /* of the blocks of gas, which follow those of walls */
 };
@@ -53,7 +55,8 @@ enum gr_sph_gas_stage {
     GR_SPH_GAS_VOLUMES,  /* gas: volume, porosity, density, pressure */
     GR_SPH_GAS_FORCES,   /* gas: push */
     GR_SPH_GAS_LOADS,    /* grains: load */
-    GR_SPH_GAS_PRESS,    /* grains: the pressure's force is added to the accelerations */
+    GR_SPH_GAS_SHARES,   /* grains: their share of the pushes is added to the accelerations */
+    GR_SPH_GAS_EXCHANGE, /* gas: gain, carry */
     GR_SPH_GAS_DRAG,     /* gas: drag, acceleration */
     GR_SPH_GAS_REACTIONS /* grains: the drags are taken from the accelerations */
 };
@@ -69,7 +72,7 @@ int gr_sph_make_gas_places(struct gr_sph *s, int64_t capacity); /* memory for so
 void gr_sph_free_gas_places(struct gr_sph *s);
 
 /* The halves of a step for the points of gas [first, last), after which those in a jet have its velocity:
- * v += a dt/2, x += v dt; and v += a dt/2, which finds the largest speed. */
+ * v += a dt/2, x += v dt; and the exchange of mass and v += a dt/2, which finds the largest speed. */
 void gr_sph_drift_gas(struct gr_sph *s, int64_t first, int64_t last);
 void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found);
 

@@ -11,6 +11,7 @@
 #include "sph/gas.h"
 
 static const double sph_least_porosity = 0.05; /* where grains are pressed together far beyond rho0 */
+static const double sph_full_coverage = 0.9;   /* of its surroundings from which on a point is inside of the grains */
 static const double sph_least_open = 0.05;     /* share of its surroundings that a wall leaves to a point behind its face */
 
 /* sum_b w over the points of gas about one, itself among them, or with walls sum_b w (1 - e_b) over those of walls, where e
@@ -29,9 +30,18 @@ GR_INLINE double sph_gas_count(int dim, const struct gr_sph *s, const double *po
     return v_sum(sum);
 }
 
-/* The volume of a point of gas is what grains and walls leave of its surroundings over the number of points in them,
- * X/n with X = 1 - sum_j v_j W - sum_w v_w W, v = m/rho of a grain's material, and n = sum_b W. Its porosity is X over what
- * walls leave. Mass is given by the density at the start, later the density by the mass. */
+/* Share of space that grains take, of what walls leave: the mean of the grains about a point, (1 - e) = sum_j v_j W/S with
+ * v = m/rho of a grain's material and S = sum_j (m_j/rho_j) W, where S is near one; it falls to zero with S. A gas that moves
+ * through a bed does not feel its single points by this: their sum_j v_j W changes by some 1e-2 on its way, and 1e-2 of
+ * the ambient pressure is more than beds weigh. */
+static double sph_solid_share(double volume, double coverage)
+{
+    const double t = coverage / sph_full_coverage;
+    return coverage > 0.0 ? volume / coverage * (t < 1.0 ? t * t * (3.0 - 2.0 * t) : 1.0) : 0.0;
+}
+
+/* The volume of a point of gas with the grains in it is what walls leave of its surroundings over the number of points in
+ * them, V = A/n with A = 1 - sum_w v_w W, n = sum_b W. Mass is given by the density at the start, then density by mass. */
 GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -46,25 +56,26 @@ GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t
         const double walls = norm * p[GR_SPH_GAS_P_wall_volume] * sph_gas_count(dim, s, porosity, a, 1);
         const double solid = sph_sum_of(dim, s, grain, a, s->begin[a], s->middle[a]);
         const double open = 1.0 - walls > sph_least_open ? 1.0 - walls : sph_least_open;
-        const double e = 1.0 - norm * solid / (p[GR_SPH_GAS_P_grain_density] * open);
+        const double coverage = norm * sph_sum_of(dim, s, s->volume, a, s->begin[a], s->middle[a]) / open;
+        const double e = 1.0 - sph_solid_share(norm * solid / (p[GR_SPH_GAS_P_grain_density] * open), coverage);
         porosity[a] = e > sph_least_porosity ? e : sph_least_porosity;
         gas->volume[a] = open / number;
-        gas->per_mass[a] = solid > 0.0 ? 1.0 / solid : 0.0;
+        gas->per_mass[a] = solid > 0.0 && e < 1.0 ? 1.0 / solid : 0.0;
         if (s->started)
             rho[a] = mass[a] / (porosity[a] * gas->volume[a]);
         else
             mass[a] = rho[a] * (porosity[a] * gas->volume[a]);
         const double gauge = c2 * rho[a] - p[GR_SPH_GAS_P_pressure];
         gas->pull[a] = gauge / number;
-        gas->own_pull[a] = gas->pull[a] * porosity[a] * gas->volume[a];
+        gas->own_pull[a] = gas->pull[a] * gas->volume[a];
         for (int k = 0; k < 3; k++) stress[k][a] = -c2 * rho[a];
     }
 }
 
-/* The forces of the energy sum_a (m c^2 ln rho + p0 m/rho), rho = m n/X, with p the pressure above the ambient one p0:
- *     F_a = - sum_b (p_a X_a/n_a^2 + p_b X_b/n_b^2 + m_a m_b Q) grad W - p_a/n_a (sum_j v_j grad W + sum_w v_w grad W).
+/* The forces of the energy sum_a (m c^2 ln rho + p0 m/rho), rho = m/V, with p the pressure above the ambient one p0:
+ *     F_a = - sum_b (p_a V_a/n_a + p_b V_b/n_b + m_a m_b Q) grad W - p_a/n_a sum_w v_w grad W.
  * Q is the artificial viscosity of Monaghan (1992) between points of gas that approach, Q = (-alpha c u + 2 alpha u^2)/R,
- * u = h v.d/(d^2 + h^2/100) < 0, R = (m_a n_a + m_b n_b)/2; n_a is taken as 1/V_a. */
+ * u = h v.d/(d^2 + h^2/100) < 0, R = (m_a/V_a + m_b/V_b)/2. */
 GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -72,18 +83,15 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0];
     const double h = s->config.parameter[GR_SPH_P_h], per_h = 1.0 / h, scale = sph_norm(dim, h) / (h * h);
     const double alpha = gas->parameter[GR_SPH_GAS_P_damping], c = gas->parameter[GR_SPH_GAS_P_sound_speed];
-    const double per_grain = 1.0 / gas->parameter[GR_SPH_GAS_P_grain_density];
     const vd one = v_set(1.0), zero = v_set(0.0), wall = v_set(gas->parameter[GR_SPH_GAS_P_wall_volume]);
     for (int64_t a = first; a < last; a++) {
         const vd own = v_set(gas->own_pull[a]), m = v_set(mass[a]), volume = v_set(gas->volume[a]);
-        vd sum[3] = {zero, zero, zero}, solid[3] = {zero, zero, zero}, d[3];
-        for (int64_t k = s->begin[a]; k < s->end[a]; k++) {
+        vd sum[3] = {zero, zero, zero}, walls[3] = {zero, zero, zero}, d[3];
+        for (int64_t k = s->middle[a]; k < s->end[a]; k++) {
             const struct gr_block block = s->block[k];
             const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
-            const vd part = k < s->middle[a] ? v_set(per_grain) * v_load(mass + block.row)
-                                             : wall * (one - v_load(porosity + block.row));
-            const vd weight = part * sph_slope(r2, per_h);
-            for (int i = 0; i < dim; i++) solid[i] = v_fma(weight, d[i], solid[i]);
+            const vd weight = wall * (one - v_load(porosity + block.row)) * sph_slope(r2, per_h);
+            for (int i = 0; i < dim; i++) walls[i] = v_fma(weight, d[i], walls[i]);
         }
         for (int64_t k = s->end[a]; k < gas->end[a]; k++) {
             const struct gr_block block = s->block[k];
@@ -98,7 +106,7 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
             const vd weight = (own + v_load(gas->own_pull + block.row) + q) * sph_slope(r2, per_h);
             for (int i = 0; i < dim; i++) sum[i] = v_fma(weight, d[i], sum[i]);
         }
-        for (int i = 0; i < dim; i++) gas->push[i][a] = -scale * (v_sum(sum[i]) + gas->pull[a] * v_sum(solid[i]));
+        for (int i = 0; i < dim; i++) gas->push[i][a] = -scale * (v_sum(sum[i]) + gas->pull[a] * v_sum(walls[i]));
     }
 }
 
@@ -118,44 +126,59 @@ GR_INLINE void sph_gas_loads(int dim, struct gr_sph *s, int64_t first, int64_t l
     }
 }
 
-/* Add (1/rho) sum_a p_a/n_a grad W to the accelerations of grains, rho of their material: -(1 - e) grad p per volume. */
-GR_INLINE void sph_gas_press(int dim, struct gr_sph *s, int64_t first, int64_t last)
+/* Add sign sum_a f_a share_a w/(sum_i m_i w) to the accelerations of grains: their share 1 - e_a of the pushes, or all of
+ * the drags with the opposite sign. */
+GR_INLINE void sph_gas_hand_over(int dim, struct gr_sph *s, int64_t first, int64_t last, int is_push,
+                                 struct gr_sph_found *found)
 {
     const struct gr_sph_gas *gas = s->gas;
-    double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a);
-    const double h = s->config.parameter[GR_SPH_P_h], per_h = 1.0 / h;
-    const double scale = sph_norm(dim, h) / (h * h * gas->parameter[GR_SPH_GAS_P_grain_density]);
-    for (int64_t j = first; j < last; j++) {
-        vd sum[3] = {v_set(0.0), v_set(0.0), v_set(0.0)}, d[3];
-        for (int64_t k = s->end[j]; k < gas->end[j]; k++) {
-            const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s->row, j, s->shift[block.shift], block.row, d);
-            const vd weight = v_load(gas->pull + block.row) * sph_slope(r2, per_h);
-            for (int i = 0; i < dim; i++) sum[i] = v_fma(weight, d[i], sum[i]);
-        }
-        for (int i = 0; i < dim; i++) acceleration[i][j] -= scale * v_sum(sum[i]);
-    }
-}
-
-/* Take the drags from the accelerations of grains, -sum_a f_a w/(sum_i m_i w). */
-GR_INLINE void sph_gas_react(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
-{
-    const struct gr_sph_gas *gas = s->gas;
-    double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    double *const *f = is_push ? gas->push : gas->drag, *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a);
+    const double *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
     for (int64_t j = first; j < last; j++) {
         vd sum[3] = {v_set(0.0), v_set(0.0), v_set(0.0)}, d[3];
         double square = 0.0;
         for (int64_t k = s->end[j]; k < gas->end[j]; k++) {
             const struct gr_block block = s->block[k];
             const vd r2 = sph_ways(dim, s->row, j, s->shift[block.shift], block.row, d);
-            const vd w = v_load(gas->per_mass + block.row) * sph_weight(r2, per_h);
-            for (int i = 0; i < dim; i++) sum[i] = v_fma(w, v_load(gas->drag[i] + block.row), sum[i]);
+            vd w = v_load(gas->per_mass + block.row) * sph_weight(r2, per_h);
+            w = is_push ? w * (v_set(1.0) - v_load(porosity + block.row)) : v_set(0.0) - w;
+            for (int i = 0; i < dim; i++) sum[i] = v_fma(w, v_load(f[i] + block.row), sum[i]);
         }
         for (int i = 0; i < dim; i++) {
-            acceleration[i][j] -= v_sum(sum[i]);
+            acceleration[i][j] += v_sum(sum[i]);
             square += acceleration[i][j] * acceleration[i][j];
         }
         if (square > found->acceleration2) found->acceleration2 = square;
+    }
+}
+
+/* Mass that a point gains from others, and momentum at the mean of both velocities:
+ *     dm_a/dt = sum_b 2 psi h/c (e_a + e_b)/2 V_a V_b (p_b - p_a - (grad p_a + grad p_b).d/2) (d.grad W)/d^2,
+ * the diffusion of Antuono et al. (2010) for what summed densities miss: pressures that differ from point to point have no
+ * gradient in these sums, and would stay. Of a linear field it is zero. */
+GR_INLINE void sph_gas_exchange(int dim, struct gr_sph *s, int64_t first, int64_t last)
+{
+    const struct gr_sph_gas *gas = s->gas;
+    double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
+    const double *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0], *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
+    const double *p = gas->parameter, h = s->config.parameter[GR_SPH_P_h], per_h = 1.0 / h, c = p[GR_SPH_GAS_P_sound_speed];
+    const double scale = p[GR_SPH_GAS_P_diffusion] * sph_norm(dim, h) / (h * c);
+    for (int64_t a = first; a < last; a++) {
+        vd sum = v_set(0.0), carry[3] = {sum, sum, sum}, d[3], slope[3];
+        for (int i = 0; i < dim; i++) slope[i] = v_set(gas->push[i][a] / gas->volume[a]);
+        for (int64_t k = s->end[a]; k < gas->end[a]; k++) {
+            const struct gr_block block = s->block[k];
+            const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
+            const vd volume = v_max(v_load(gas->volume + block.row), v_set(1e-290));
+            vd jump = v_set(c * c) * (v_load(rho + block.row) - v_set(rho[a]));
+            for (int i = 0; i < dim; i++)
+                jump = v_fma(v_set(0.5) * (slope[i] + v_load(gas->push[i] + block.row) / volume), d[i], jump);
+            const vd gain = (v_set(porosity[a]) + v_load(porosity + block.row)) * volume * jump * sph_slope(r2, per_h);
+            sum = sum + gain;
+            for (int i = 0; i < dim; i++) carry[i] = v_fma(gain, v_set(v[i][a]) + v_load(v[i] + block.row), carry[i]);
+        }
+        gas->gain[a] = scale * gas->volume[a] * v_sum(sum);
+        for (int i = 0; i < dim; i++) gas->carry[i][a] = 0.5 * scale * gas->volume[a] * v_sum(carry[i]);
     }
 }
 
@@ -203,7 +226,7 @@ GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t la
         v_store(lanes, most);
         for (int k = 0; k < GR_W; k++) load = lanes[k] > load ? lanes[k] : load;
         for (int i = 0; i < dim; i++) {
-            acceleration[i][a] = gas->push[i][a] / mass[a] + s->gravity[i];
+            acceleration[i][a] = porosity[a] * gas->push[i][a] / mass[a] + s->gravity[i];
             r[i] = gas->per_mass[a] * v_sum(sum[i]) - v[i][a];
             f[i] = gas->per_mass[a] * v_sum(rate[i]) - acceleration[i][a];
             speed2 += r[i] * r[i];
@@ -226,7 +249,8 @@ GR_INLINE void sph_gas(int dim, struct gr_sph *s, int stage, int64_t first, int6
     if (stage == GR_SPH_GAS_VOLUMES) sph_gas_volumes(dim, s, first, last);
     if (stage == GR_SPH_GAS_FORCES) sph_gas_forces(dim, s, first, last);
     if (stage == GR_SPH_GAS_LOADS) sph_gas_loads(dim, s, first, last);
-    if (stage == GR_SPH_GAS_PRESS) sph_gas_press(dim, s, first, last);
+    if (stage == GR_SPH_GAS_SHARES) sph_gas_hand_over(dim, s, first, last, 1, found);
+    if (stage == GR_SPH_GAS_EXCHANGE) sph_gas_exchange(dim, s, first, last);
     if (stage == GR_SPH_GAS_DRAG) sph_gas_drag(dim, s, first, last);
-    if (stage == GR_SPH_GAS_REACTIONS) sph_gas_react(dim, s, first, last, found);
+    if (stage == GR_SPH_GAS_REACTIONS) sph_gas_hand_over(dim, s, first, last, 0, found);
 }

@@ -323,21 +323,21 @@ static void evaluate(struct team *team, int t)
     const struct share own = share_of(s, t, team->barrier.threads);
     k->densities(s, own.grains[0], own.grains[1]);
     k->densities(s, own.walls[0], own.walls[1]);
-    if (s->gas) k->gas(s, GR_SPH_GAS_VOLUMES, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);
     k->filter(s, own.grains[0], own.grains[1], found);
     k->filter(s, own.walls[0], own.walls[1], found);
-    if (s->gas) {
-        k->gas(s, GR_SPH_GAS_FORCES, own.gas[0], own.gas[1], found);
-        k->gas(s, GR_SPH_GAS_LOADS, own.grains[0], own.grains[1], found);
-    }
     gr_wait(&team->barrier);
     k->stresses(s, own.grains[0], own.grains[1]);
     k->stresses(s, own.walls[0], own.walls[1]);
+    if (s->gas) k->gas(s, GR_SPH_GAS_VOLUMES, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);
     k->forces(s, own.grains[0], own.grains[1], found);
     if (!s->gas) return;
-    k->gas(s, GR_SPH_GAS_PRESS, own.grains[0], own.grains[1], found);
+    k->gas(s, GR_SPH_GAS_FORCES, own.gas[0], own.gas[1], found);
+    k->gas(s, GR_SPH_GAS_LOADS, own.grains[0], own.grains[1], found);
+    gr_wait(&team->barrier);
+    k->gas(s, GR_SPH_GAS_SHARES, own.grains[0], own.grains[1], found);
+    k->gas(s, GR_SPH_GAS_EXCHANGE, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);
     k->gas(s, GR_SPH_GAS_DRAG, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);

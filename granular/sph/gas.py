@@ -94,6 +94,9 @@ class Gas:
     damping : float
         Factor alpha of the artificial viscosity of Monaghan (1992) between points of gas that
         approach each other, 0 to 2.
+    diffusion : float
+        Factor psi of an exchange of mass between points of gas, 0 to 0.5, that evens out pressures
+        which differ from point to point; of a pressure with a constant gradient it is zero.
     jets : sequence of Jet
         Where the gas is driven.
 
@@ -113,6 +116,7 @@ class Gas:
     blend: float = 0.04
     diameter: float | None = None
     damping: float = 0.5
+    diffusion: float = 0.1
     jets: tuple[Jet, ...] = ()
 
     def __post_init__(self) -> None:
@@ -130,6 +134,7 @@ class Gas:
             ("darcy_porosity", 0.05, 0.95),
             ("blend", 1e-6, 0.5),
             ("damping", 0.0, 2.0),
+            ("diffusion", 0.0, 0.5),
         ):
             checked[name] = in_range(name, getattr(self, name), low, high)
         if self.diameter is not None:
@@ -195,8 +200,8 @@ class Gas:
     def for_core(self, dim: int, rho0: float, wall_volume: float) -> tuple[dict, NDArray]:
         """What the core needs: parameters, and jets as rows (lower, upper, velocity)."""
         names = ("sound_speed", "pressure", "viscosity", "permeability", "grain_density")
-        parameters = {name: getattr(self, name) for name in (*names, "darcy_porosity", "blend")}
-        parameters["damping"] = self.damping
+        more = ("darcy_porosity", "blend", "damping", "diffusion")
+        parameters = {name: getattr(self, name) for name in (*names, *more)}
         parameters["diameter"] = self.grain_diameter(rho0)
         parameters["wall_volume"] = wall_volume
         rows = [(*jet.region.bounds[0], *jet.region.bounds[1], *jet.velocity) for jet in self.jets]
