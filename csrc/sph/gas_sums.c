@@ -12,6 +12,7 @@
 
 static const double sph_least_porosity = 0.05; /* where grains are pressed together far beyond rho0 */
 static const double sph_full_coverage = 0.9;   /* of its surroundings from which on a point is inside of the grains */
+static const double sph_nearest = 0.25;         /* height above a wall below which it drives gas away, in h */
 static const double sph_least_open = 0.05;     /* share of its surroundings that a wall leaves to a point behind its face */
 
 /* sum_b w over the points of gas about one, itself among them, or with walls sum_b w (1 - e_b) over those of walls, where e
@@ -75,7 +76,8 @@ GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t
 /* The forces of the energy sum_a (m c^2 ln rho + p0 m/rho), rho = m/V, with p the pressure above the ambient one p0:
  *     F_a = - sum_b (p_a V_a/n_a + p_b V_b/n_b + m_a m_b Q) grad W - p_a/n_a sum_w v_w grad W.
  * Q is the artificial viscosity of Monaghan (1992) between points of gas that approach, Q = (-alpha c u + 2 alpha u^2)/R,
- * u = h v.d/(d^2 + h^2/100) < 0, R = (m_a/V_a + m_b/V_b)/2. */
+ * u = h v.d/(d^2 + h^2/100) < 0, R = (m_a/V_a + m_b/V_b)/2. Nearer to an impermeable wall than h/4 a point is driven from
+ * it by c^2/h times what it lacks, for in a wall the pressure fails to. */
 GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -83,15 +85,25 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0];
     const double h = s->config.parameter[GR_SPH_P_h], per_h = 1.0 / h, scale = sph_norm(dim, h) / (h * h);
     const double alpha = gas->parameter[GR_SPH_GAS_P_damping], c = gas->parameter[GR_SPH_GAS_P_sound_speed];
+    double *const *normal = gr_sph_rows(s, GR_SPH_FIELD_normal);
+    const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0];
     const vd one = v_set(1.0), zero = v_set(0.0), wall = v_set(gas->parameter[GR_SPH_GAS_P_wall_volume]);
     for (int64_t a = first; a < last; a++) {
         const vd own = v_set(gas->own_pull[a]), m = v_set(mass[a]), volume = v_set(gas->volume[a]);
-        vd sum[3] = {zero, zero, zero}, walls[3] = {zero, zero, zero}, d[3];
+        vd sum[3] = {zero, zero, zero}, walls[3] = {zero, zero, zero}, stop[3] = {zero, zero, zero}, wall_sum = zero, d[3];
         for (int64_t k = s->middle[a]; k < s->end[a]; k++) {
             const struct gr_block block = s->block[k];
             const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
-            const vd weight = wall * (one - v_load(porosity + block.row)) * sph_slope(r2, per_h);
-            for (int i = 0; i < dim; i++) walls[i] = v_fma(weight, d[i], walls[i]);
+            const vd sealed = one - v_load(porosity + block.row), w = sealed * sph_weight(r2, per_h);
+            const vd weight = wall * sealed * sph_slope(r2, per_h);
+            vd height = zero - v_load(depth + block.row);
+            for (int i = 0; i < dim; i++) height = v_fnma(v_load(normal[i] + block.row), d[i], height);
+            const vd lack = w * v_max(one - height * v_set(per_h / sph_nearest), zero);
+            wall_sum = v_add(wall_sum, w);
+            for (int i = 0; i < dim; i++) {
+                walls[i] = v_fma(weight, d[i], walls[i]);
+                stop[i] = v_fma(lack, v_load(normal[i] + block.row), stop[i]);
+            }
         }
         for (int64_t k = s->end[a]; k < gas->end[a]; k++) {
             const struct gr_block block = s->block[k];
@@ -106,7 +118,9 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
             const vd weight = (own + v_load(gas->own_pull + block.row) + q) * sph_slope(r2, per_h);
             for (int i = 0; i < dim; i++) sum[i] = v_fma(weight, d[i], sum[i]);
         }
-        for (int i = 0; i < dim; i++) gas->push[i][a] = -scale * (v_sum(sum[i]) + gas->pull[a] * v_sum(walls[i]));
+        const double about = v_sum(wall_sum), stiff = about > 0.0 ? mass[a] * c * c * per_h / about : 0.0;
+        for (int i = 0; i < dim; i++)
+            gas->push[i][a] = stiff * v_sum(stop[i]) - scale * (v_sum(sum[i]) + gas->pull[a] * v_sum(walls[i]));
     }
 }
 

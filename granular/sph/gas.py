@@ -116,7 +116,7 @@ class Gas:
     blend: float = 0.04
     diameter: float | None = None
     damping: float = 0.5
-    diffusion: float = 0.1
+    diffusion: float = 0.02
     jets: tuple[Jet, ...] = ()
 
     def __post_init__(self) -> None:
