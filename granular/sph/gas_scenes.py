@@ -16,6 +16,8 @@ __all__ = ["fluidised_bed", "jet_on_bed"]
 
 LAYERS = 5
 """Of points in a wall, as in the thesis."""
+GAP_PRESSURE = 0.8
+"""Of a gap in the gas over that of the gas at the start."""
 
 
 def _numerics() -> Numerics:
@@ -123,6 +125,7 @@ def jet_on_bed(
     across: float = 0.0,
     spacing: float = 0.01,
     gravity: float = 3.711,
+    pressure: float = 1e5,
     duration: float = 0.075,
     material: Viscoplastic | None = None,
     numerics: Numerics | None = None,
@@ -137,8 +140,9 @@ def jet_on_bed(
     Chosen here, for the thesis says nothing: ambient pressure 1e5 Pa and speed of sound 300 m/s,
     neither of them artificial; grains of 2500 kg/m3, so that the soil has a porosity of 0.36; gas
     0.25 m above it, under a ceiling; the nozzle, a box 0.06 m wide and two thirds as high below the
-    ceiling, where the gas is driven: it is sucked from the sides. In the plane unless `across` is
-    positive.
+    ceiling, where the gas is driven: it is sucked from the sides. For that the pressure at which
+    gas leaves gaps open, `Gas.pressure`, is 0.8 of the initial one. In the plane unless `across`
+    is positive.
 
     Parameters
     ----------
@@ -154,6 +158,8 @@ def jet_on_bed(
         Of the points of grains, walls and gas [m].
     gravity : float
         Its magnitude [m/s2].
+    pressure : float
+        Of the gas at the start [Pa], > 0.
     duration : float
         [s]
     material, numerics
@@ -176,14 +182,14 @@ def jet_on_bed(
     if non_negative("across", across):
         level += (whole_cells("across", across, spacing),)
     in_range("nozzle", nozzle, spacing, width)
-    in_range("speed", speed, 0.0, gas.get("sound_speed", 300.0), open_high=True)
+    sound_speed = positive("sound_speed", gas.get("sound_speed", 300.0))
+    in_range("speed", speed, 0.0, sound_speed, open_high=True)
+    density = positive("pressure", pressure) / sound_speed**2
     axis, still = len(level), (0.0,) * len(level)
     ends, top = tuple(n * spacing for n in level), (soil + above) * spacing
     low = max(top - 2.0 / 3.0 * nozzle, soil * spacing)
     middle = 0.5 * width
-    box = Box(
-        (middle - 0.5 * nozzle, *still[1:], low), (middle + 0.5 * nozzle, *ends[1:], top)
-    )
+    box = Box((middle - 0.5 * nozzle, *still[1:], low), (middle + 0.5 * nozzle, *ends[1:], top))
     return Scene(
         name="jet_on_bed",
         grid=Grid(
@@ -197,7 +203,8 @@ def jet_on_bed(
         numerics=numerics or _numerics(),
         walls=(Wall(axis, 0.0, 1, layers=LAYERS), Wall(axis, top, -1, layers=LAYERS)),
         gas=Gas(
-            fills=(Fill(Box((*still, 0.0), (*ends, top)), 1),),
+            fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),
+            pressure=GAP_PRESSURE * pressure,
             jets=(Jet(box, (*still, -speed)),),
             **gas,
         ),

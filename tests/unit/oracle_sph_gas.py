@@ -3,7 +3,7 @@
 import numpy as np
 from oracle_sph import images, kernel
 
-LEAST, FULL = 0.05, 0.9
+LEAST, FULL, NEAREST = 0.05, 0.9, 0.25
 
 
 def drag_coefficient(gas, diameter, e, rho, speed):
@@ -20,8 +20,8 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
     """Fields of the gas at the start.
 
     `grains` and `points` (of gas): x, v; the former with rho, the latter with the density of the
-    gas; `walls`: x, porosity; `dry`: accelerations of the grains without gas. Returned: mass,
-    porosity, push and acceleration of the gas, gain of mass, acceleration of the grains.
+    gas; `walls`: x, porosity, normal, depth; `dry`: accelerations of the grains without gas.
+    Returned: mass, porosity, push and acceleration of the gas, gain of mass, acceleration of the grains.
     """
     gas, h = scene.gas, scene.h
     x, v, rho = points["x"], points["v"], points["rho"]
@@ -49,7 +49,7 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
     mass = rho * e * V
     p = gas.sound_speed**2 * rho - gas.pressure
 
-    push = np.zeros_like(x)
+    push, stop, about = np.zeros_like(x), np.zeros_like(x), np.zeros(len(x))
     for shift in shifts:
         d = x[None] + shift - x[:, None]
         _, grad = pairs(x, shift)
@@ -60,8 +60,17 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
         pull = p * V / n
         both = pull[:, None] + pull[None] + mass[:, None] * mass[None] * Q
         push -= np.einsum("ab,abi->ai", both, grad)
-        _, grad = pairs(walls["x"], shift)
+        w, grad = pairs(walls["x"], shift)
+        w = w * (1 - walls["porosity"])
+        d = walls["x"][None] + shift - x[:, None]
+        height = -np.einsum("abi,bi->ab", d, walls["normal"]) - walls["depth"]
+        about += w.sum(1)
+        lack = w * np.maximum(1 - height / (NEAREST * h), 0)
+        stop += np.einsum("ab,bi->ai", lack, walls["normal"])
         push -= np.einsum("a,b,abi->ai", p / n, v_wall * (1 - walls["porosity"]), grad)
+
+    stop = np.divide(stop, about[:, None], out=0 * stop, where=about[:, None] > 0)
+    push += (mass * gas.sound_speed**2 / h)[:, None] * stop
 
     gain = np.zeros(len(x))
     slope = -push / V[:, None]
@@ -86,7 +95,9 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
     L = np.where(weights > 0, load[None], 0).max(1)
     r = weights @ grains["v"] - v * (weights.sum(1) > 0)[:, None]
     f = weights @ a_grains - a
-    B = drag_coefficient(gas, gas.grain_diameter(scene.material.rho0), e, rho, np.linalg.norm(r, axis=1))
+    B = drag_coefficient(
+        gas, gas.grain_diameter(scene.material.rho0), e, rho, np.linalg.norm(r, axis=1)
+    )
     B = np.where(weights.sum(1) > 0, B, 0)
     s = B * V * (1 + L) / mass * dt
     ended = -np.expm1(-s)

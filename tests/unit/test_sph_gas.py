@@ -64,7 +64,7 @@ def test_evaluation_agrees_with_the_plain_one(dim, permeable, isa):
     except ValueError:
         pytest.skip(f"{isa} is not available")
     scene = small_scene(dim, permeable=permeable, permeability=1e-8, blend=0.2)
-    simulation, rows = stirred(scene, isa=isa), None
+    simulation = stirred(scene, isa=isa)
     rows = simulation._rows
     dry = sph.Simulation(scene.replace(gas=None), isa=isa)
     dry.buffers["v"][:, : rows.grains] = simulation.buffers["v"][:, : rows.grains]
@@ -73,7 +73,7 @@ def test_evaluation_agrees_with_the_plain_one(dim, permeable, isa):
     parts = {}
     for kind, first, n, names in (
         ("grains", 0, rows.grains, ("x", "v")),
-        ("walls", rows.wall_first, rows.walls, ("x", "porosity")),
+        ("walls", rows.wall_first, rows.walls, ("x", "porosity", "normal", "depth")),
         ("points", rows.gas_first, rows.gas, ("x", "v", "rho")),
     ):
         parts[kind] = {name: by_id(simulation, name, first, n) for name in names}
@@ -92,23 +92,22 @@ def test_evaluation_agrees_with_the_plain_one(dim, permeable, isa):
 
 
 def test_mass_is_exchanged_as_in_the_plain_evaluation():
-    scene = small_scene(2, walls=False)
+    scene = small_scene(2, walls=False, damping=0.0)  # which needs the velocities of half a step
     simulation = stirred(scene)
-    rows = simulation._rows
     simulation.step(0)
-    before, dry = simulation.gas, np.zeros_like(simulation.state.a)
+    before = simulation.gas
     simulation.step(1)
     grains = simulation.state
     points = {"x": simulation.gas.x, "v": simulation.gas.v, "rho": simulation.gas.rho}
-    none = {"x": np.zeros((0, 2)), "porosity": np.zeros(0)}
-    # the pushes of the artificial viscosity are not those of these velocities: without it
-    del dry, rows
+    none = {name: np.zeros((0, 2)) for name in ("x", "normal")}
+    none |= {name: np.zeros(0) for name in ("porosity", "depth")}
     still = {"x": grains.x, "v": grains.v, "rho": grains.rho}
     gain = evaluate(
         scene, still, none, points, np.zeros_like(grains.a), simulation.dt, np.zeros(2)
     )[4]
     found = (simulation.gas.mass - before.mass) / simulation.dt
-    assert np.allclose(found, gain, atol=0.05 * np.abs(gain).max())
+    # densities are those before the exchange, as far as it changes them
+    assert np.allclose(found, gain, rtol=1e-3, atol=1e-3 * np.abs(gain).max())
     assert abs(found.sum()) < 1e-12 * np.abs(found).sum()
 
 
@@ -156,7 +155,10 @@ def run_of(scene, threads=1, stop=None):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_bits_do_not_depend_on_threads_or_a_restart(dim):
-    jet = sph.Jet(Box((0.02,) * (dim - 1) + (0.07,), (0.05,) * (dim - 1) + (0.09,)), (0.0,) * (dim - 1) + (-40.0,))
+    jet = sph.Jet(
+        Box((0.02,) * (dim - 1) + (0.07,), (0.05,) * (dim - 1) + (0.09,)),
+        (0.0,) * (dim - 1) + (-40.0,),
+    )
     scene = small_scene(dim, jets=(jet,))
     one = run_of(scene)
     assert one.counts["rebuilds"] > 2
