@@ -120,8 +120,8 @@ def jet_on_bed(
     speed: float = 100.0,
     width: float = 0.5,
     depth: float = 0.25,
-    headroom: float = 0.25,
-    nozzle: float = 0.06,
+    headroom: float = 0.15,
+    nozzle: float = 0.1,
     across: float = 0.0,
     spacing: float = 0.01,
     gravity: float = 3.711,
@@ -139,7 +139,7 @@ def jet_on_bed(
 
     Chosen here, for the thesis says nothing: ambient pressure 1e5 Pa and speed of sound 300 m/s,
     neither of them artificial; grains of 2500 kg/m3, so that the soil has a porosity of 0.36; gas
-    0.25 m above it, under a ceiling; the nozzle, a box 0.06 m wide and two thirds as high below the
+    0.15 m above it, under a ceiling; the nozzle, a box 0.1 m wide and two thirds as high below the
     ceiling, where the gas is driven: it is sucked from the sides. For that the pressure at which
     gas leaves gaps open, `Gas.pressure`, is 0.8 of the initial one. In the plane unless `across`
     is positive.

@@ -21,7 +21,8 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
 
     `grains` and `points` (of gas): x, v; the former with rho, the latter with the density of the
     gas; `walls`: x, porosity, normal, depth; `dry`: accelerations of the grains without gas.
-    Returned: mass, porosity, push and acceleration of the gas, gain of mass, acceleration of the grains.
+    Returned: mass, porosity, push and acceleration of the gas, gain of mass, acceleration of the
+    grains.
     """
     gas, h = scene.gas, scene.h
     x, v, rho = points["x"], points["v"], points["rho"]
