@@ -33,6 +33,11 @@ FOLDER = Path("build/clogging")
 COMPARED = (1, 5)
 """Openings W/d that are run with cells of half the size, at A = 1."""
 
+STATIC_FRAME, FLOWING_FRAME = 350 / 240, 105 / 240
+"""s: those of figures 9 and 10, of a silo that jams and of one that flows."""
+AROUND = 0.05
+"""s: to either side of it, for the velocity of packings."""
+
 SCHEMES = {
     "hats": gr.scenes.clogging_silo().scheme,
     "splines": gr.Scheme(basis="quadratic", transfer="tpic", density="tracked", dt=1e-4),
@@ -56,11 +61,12 @@ Key = tuple[str | float, ...]
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run: the amplitudes and openings, sizes, duration [s], time between frames [s]."""
+    """What is run: amplitudes, openings, packings, sizes, duration and time between frames [s]."""
 
     amplitudes: Sequence[float] = (0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
     openings: Sequence[int] = (1, 2, 3, 4, 5)
     substeps: Sequence[tuple[str, int]] = SUBSTEPS
+    packings: int = 8
     size: dict[str, float] = field(default_factory=lambda: {"cell": 0.0175})
     duration: float = 1.5
     every: float = 1 / 120
@@ -100,15 +106,38 @@ class Plan:
         """
         cell, W = self.size["cell"], gr.scenes.clogging_silo().parameters["orifice"]
         return {
-            ("hats", tag, ratio): self.silo(
-                SCHEMES["hats"].replace(dt=2.5e-5),
-                opening_over_d=ratio * orifice / W,
-                orifice=orifice,
-                A=1.0,
-                cell=cell / 2,
-            )
+            ("hats", tag, ratio): self.fine(orifice, ratio * orifice / W)
             for tag, orifice in (("refined", W), ("narrow", W - cell))
             for ratio in COMPARED
+        }
+
+    def fine(self, orifice: float, ratio: float, **keywords: Any) -> gr.Scene:
+        return self.silo(
+            SCHEMES["hats"].replace(dt=2.5e-5),
+            opening_over_d=ratio,
+            orifice=orifice,
+            A=1.0,
+            cell=self.size["cell"] / 2,
+            **keywords,
+        )
+
+    def packed(self) -> dict[Key, gr.Scene]:
+        """W/d = 5 coarse, refined and refined with the narrow opening, of points a tenth of a cell
+        off their places, by the seed: how far single runs are apart."""
+        cell, W = self.size["cell"], gr.scenes.clogging_silo().parameters["orifice"]
+        scenes: dict[Key, gr.Scene] = {}
+        for seed in range(self.packings):
+            one = {"jitter": 0.1, "seed": seed}
+            scenes["hats", "packing", "coarse", seed] = self.silo(
+                SCHEMES["hats"], opening_over_d=5, A=1.0, **one
+            )
+            scenes["hats", "packing", "refined", seed] = self.fine(W, 5, **one)
+            scenes["hats", "packing", "narrow", seed] = self.fine(
+                W - cell, 5 * (1 - cell / W), **one
+            )
+        return {
+            key: scene.replace(duration=min(scene.duration, FLOWING_FRAME + 2 * AROUND))
+            for key, scene in scenes.items()
         }
 
 
@@ -116,6 +145,7 @@ QUICK = Plan(
     amplitudes=(1.0,),
     openings=COMPARED,
     substeps=(("implicit", 2), ("explicit", 2)),
+    packings=2,
     size={"cell": 0.035, "width": 0.56, "height": 0.56},
     duration=0.2,
     every=0.002,
@@ -225,7 +255,7 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
     1/240 s), averaged over .05 s. Differences are shares of the largest pressure of the region and
     of the largest speed of the slice.
     """
-    at = min(350 / 240 if ratio < 3 else 105 / 240, 0.9 * coarse.scene.duration)
+    at = min(STATIC_FRAME if ratio < 3 else FLOWING_FRAME, 0.9 * coarse.scene.duration)
     states = [window(record, at, 0.025) for record in (coarse, *fine)]
     p = [gr.measure.frame_average(s, "p", weight="volume") for s in states]
     W = coarse.scene.parameters["orifice"]
@@ -281,6 +311,55 @@ def slice_difference(states: Sequence[list[gr.State]]) -> dict[str, Any]:
             "largest": round(float(np.nanmax(np.abs(v - coarse.velocity[i])) / peak), 4),
         }
     return found
+
+
+def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
+    """x [m] and the vertical velocity [m/s] there about the frame, by height in W of the scene."""
+    W = gr.scenes.clogging_silo().parameters["orifice"]
+    at = min(FLOWING_FRAME, record.scene.duration - AROUND)
+    heights = np.array(HEIGHTS) * W / record.scene.parameters["orifice"]
+    found = gr.measure.velocity_slices(window(record, at, AROUND), heights)
+    return found.x, found.velocity
+
+
+def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
+    """Velocity slices of coarse and refined silos of equal free parts, as means of packings.
+
+    By height: the largest difference of the two means over the peak of the coarse one, its standard
+    error there, and the least and largest such difference of single packings.
+    """
+    results = gr.sweep(
+        plan.packed(),
+        measure=slices,
+        folder=chosen.folder,
+        every=1 / 240,
+        workers=chosen.workers,
+        strict=True,
+    )
+    of = {key[2:]: found for key, found in zip(results.keys, results, strict=True)}
+    x, _ = of["coarse", 0]
+
+    def at_coarse(tag: str, seed: int) -> np.ndarray:
+        own, rows = of[tag, seed]
+        return np.array([np.interp(x, own, row) for row in rows])
+
+    seeds = range(plan.packings)
+    coarse = np.array([at_coarse("coarse", s) for s in seeds])
+    fine = np.array([(at_coarse("refined", s) + at_coarse("narrow", s)) / 2 for s in seeds])
+    apart, rows = fine.mean(0) - coarse.mean(0), []
+    error = np.sqrt((coarse.var(0, ddof=1) + fine.var(0, ddof=1)) / plan.packings)
+    for i, height in enumerate(HEIGHTS):
+        peak, where = np.abs(coarse.mean(0)[i]).max(), np.abs(apart[i]).argmax()
+        single = np.abs(fine - coarse)[:, i].max(axis=1) / np.abs(coarse[:, i]).max(axis=1)
+        rows.append(
+            {
+                "height_over_W": height,
+                "largest": round(float(abs(apart[i, where]) / peak), 4),
+                "standard_error": round(float(error[i, where] / peak), 4),
+                "single": [round(float(v), 4) for v in (single.min(), single.max())],
+            }
+        )
+    return rows
 
 
 # ---- the table ----
@@ -373,6 +452,7 @@ def main(argv: list[str] | None = None) -> None:
         "thresholds": lambda: thresholds(tables["diagram"]),
         "refined": lambda: rows_of(plan.refined(), plan, chosen),
         "refinement": lambda: refinement(chosen.folder),
+        "packings": lambda: scatter(plan, chosen),
         "substeps": lambda: rows_of(plan.subdivided(), plan, chosen),
         "seconds": lambda: seconds(tables),
     }

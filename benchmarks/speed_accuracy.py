@@ -107,11 +107,12 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
     parser.add_argument("--out", type=Path, default=RESULTS / "speed_accuracy.json")
     parser.add_argument("--figures", type=Path, default=DOCS, help="folder of the pictures")
-    parser.add_argument("--only", help="run the cases of this scene or solver, draw all there are")
+    parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
     chosen = parser.parse_args(argv)
     table = Table(chosen.out)
     for case in cases.quick() if chosen.quick else cases.full():
-        if table.holds(case) or chosen.only not in (None, case.scene, case.solver):
+        asked = chosen.only in (None, case.scene, case.solver, case.scheme)
+        if table.holds(case) or not asked:
             continue
         table.add(run(case, chosen.limit))
         print(report(table.rows[-1]), flush=True)

@@ -24,20 +24,25 @@ SOFT = gr.materials.grc_1.replace(E=0.15e6)
 PLASTIC = gr.materials.DruckerPrager(
     E=SOFT.E, nu=SOFT.nu, rho_c=SOFT.rho_c, rho_s=SOFT.rho_s, mu=SOFT.mu_s, elasticity="hencky"
 )
+BEADS = gr.scenes.couette().material
 KINDLED = gr.scenes.wheel().scheme
 SUBSTEPS = KINDLED.replace(fluidity=KINDLED.fluidity.replace(substeps=8))
 """The step is six times the t0 of the fluidity."""
-BED = {"length": 0.65, "width": 0.45, "start": 0.25, "travel": 0.1, "cell": 0.0125}
-"""A bed that the wedge before the blade and the heaps beside it do not fill."""
+BED = {"length": 0.65, "width": 0.7, "start": 0.25, "travel": 0.1, "cell": 0.0125}
+"""As wide as the paper's, and so long that the wedge before the blade does not fill it."""
 BLADE = (0.025, 0.305, 0.457)
 """Two of these cells thick, and as thick in finer cells."""
 NARROW = {"width": 0.05, "blade": (0.025, 0.05, 0.457)}
 """As between glass walls: a bed as wide as the blade, in which nothing depends on y."""
+SIDED = {"blade": (0.006, 0.305, 0.457), "scheme": gr.scenes.excavation().scheme}
+"""The blade of the paper, whose two sides the scheme keeps apart."""
+THIN = SIDED | {"width": 0.05, "blade": (0.006, 0.05, 0.457)}
+"""The same between walls."""
 ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
-
-
-THIN = {"width": 0.05, "blade": (0.006, 0.05, 0.457), "scheme": gr.scenes.excavation().scheme}
-"""The same with the blade of the paper, whose two sides the scheme keeps apart."""
+WINDOW = 0.1
+"""Over which the flow between cylinders is averaged [s]."""
+RINGS = 3
+"""Every second one, from the inner cylinder on, whose course is kept."""
 
 
 def excavation(depth: float, **changes: object) -> gr.Scene:
@@ -49,6 +54,8 @@ def excavation(depth: float, **changes: object) -> gr.Scene:
     return scene.replace(duration=scene.parameters["settle"] + down + forward)
 
 
+LONG = ("course", "profile")
+"""What is not printed."""
 CASES: dict[str, Callable[[], gr.Scene]] = {
     **{
         f"wheel_{slip}": lambda slip=slip: gr.scenes.wheel(slip=slip / 100, **ROLL)
@@ -76,8 +83,24 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     ),
     "narrow_5_substeps": lambda: excavation(0.05, scheme=SUBSTEPS, **NARROW),
     "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
-    "excavation_2": lambda: excavation(0.02),
-    "excavation_5": lambda: excavation(0.05),
+    "thin_5_one": lambda: excavation(0.05, points_per_cell=1, **THIN),
+    "thin_5_coarse": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] * 2})),
+    "thin_5_finer": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] / 2})),
+    "excavation_2": lambda: excavation(0.02, **SIDED),
+    "excavation_5": lambda: excavation(0.05, **SIDED),
+    "excavation_5_fine": lambda: excavation(
+        0.05, **(SIDED | {"cell": BED["cell"] / 1.5, "length": 0.6, "width": 0.5, "travel": 0.02})
+    ),
+    "excavation_5_whole": lambda: excavation(
+        0.05, half=False, cell=BED["cell"] * 2, jitter=0.5, **SIDED
+    ),
+    "couette": lambda: gr.scenes.couette(omega=0.1, duration=0.5),
+    "couette_shallow": lambda: gr.scenes.couette(height=0.024, duration=1.0),
+    "couette_shallow_8": lambda: gr.scenes.couette(height=0.024, duration=0.7, cell=0.008),
+    "couette_shallow_6": lambda: gr.scenes.couette(height=0.024, duration=0.7, cell=0.006),
+    "couette_shallow_local": lambda: gr.scenes.couette(
+        height=0.024, duration=0.5, material=BEADS.replace(A=0.0)
+    ),
     "excavator": lambda: gr.scenes.excavator(cell=0.02),
 }
 
@@ -90,8 +113,12 @@ def tool(record: gr.Trajectory) -> dict:
     return {
         "forward": float(force.forward[level].mean()),
         "vertical": float(force.vertical[level].mean()),
+        "lateral": float(force.lateral[level].mean()),
         "deviation": float(force.forward[level].std()),
-        "course": np.stack([force.times, force.position[:, 2], force.forward, force.vertical])
+        "lateral_deviation": float(force.lateral[level].std()),
+        "course": np.stack(
+            [force.times, force.position[:, 2], force.forward, force.vertical, force.lateral]
+        )
         .round(4)
         .tolist(),
     }
@@ -114,16 +141,73 @@ def wheel(record: gr.Trajectory) -> dict:
     }
 
 
+def couette(sim: gr.Simulation) -> dict:
+    """Flow between cylinders at the top, window by window, and its slow limit."""
+    scene, kept, windows = sim.scene, [], []
+    size = scene.parameters
+    top = size["height"] - 2 * scene.grid.cell
+
+    def look(sim: gr.Simulation) -> None:
+        kept.append((sim.state, sim.bodies))
+        if len(kept) == 2:
+            windows.append(window(kept, top))
+            del kept[0]
+
+    sim.run(every=WINDOW, hooks=(look,))
+    # the linear law knows no mu_2 but in b
+    material = scene.material.replace(mu_2=np.inf, b=scene.material.b)
+    gap = (size["inner"], size["outer"], material.replace(A=material.A or BEADS.A))
+    flow = gr.theory.couette_quasi_static(*gap, walls="smooth")
+    # the pressure of the middle of what is looked at
+    state = {"rate": size["omega"], "pressure": material.rho_c * size["gravity"] * scene.grid.cell}
+    driven = gr.theory.couette_flow(*gap, **state, walls="smooth")
+    late = windows[-(len(windows) // 3) :]
+    r = late[0]["r"]
+    omega = np.mean([one["omega"] for one in late], axis=0) / size["omega"]
+    expected, at_rate = (np.interp(r, known.r, known.omega) for known in (flow, driven))
+    difference = np.abs(omega - expected) * r / size["inner"]
+    return {
+        "error": float(difference.max()),
+        "mean_error": float(difference.mean()),
+        "error_at_rate": float((np.abs(omega - at_rate) * r).max() / size["inner"]),
+        "mu_wall": flow.mu_wall,
+        "profile": np.stack([r, omega, expected]).round(6).tolist(),
+        "course": np.array(
+            [[one["time"], *one["moments"], *one["omega"][: 2 * RINGS : 2]] for one in windows]
+        )
+        .T.round(6)
+        .tolist(),
+    }
+
+
+def window(kept: list, top: float) -> dict:
+    """Rings of one window, and the moments on both cylinders."""
+    (before, earlier), (after, later) = kept
+    profile = gr.measure.cylinder_profile((before, after), above=top)
+    moments = [
+        (now.angular_impulse - then.angular_impulse)[2] / (after.time - before.time)
+        for then, now in zip(earlier, later, strict=True)
+    ]
+    return {"time": after.time, "r": profile.r, "omega": profile.omega, "moments": moments}
+
+
+def recorded(sim: gr.Simulation, path: Path) -> dict:
+    """Run into a record, and measure what the scene is about."""
+    sim.run(save=path, every=0.05, overwrite=True)
+    with gr.open(path) as record:
+        return wheel(record) if sim.scene.name == "wheel" else tool(record)
+
+
 def run(name: str, records: Path) -> dict:
     """Run one case, and measure it."""
     scene = CASES[name]()
     sim = gr.Simulation(scene, threads=1)
     begin = time.process_time()
     records.mkdir(parents=True, exist_ok=True)
-    path = records / f"{name}.h5"
-    sim.run(save=path, every=0.05, overwrite=True)
+    flow = scene.name == "couette"
+    found = couette(sim) if flow else recorded(sim, records / f"{name}.h5")
     seconds = time.process_time() - begin
-    row = {
+    return {
         "points": sim.n_points,
         "cell": scene.grid.cell,
         "steps": sim.steps,
@@ -131,9 +215,8 @@ def run(name: str, records: Path) -> dict:
         "nanoseconds": round(1e9 * seconds / sim.steps / sim.n_points, 1),
         "dense": float(sim.state.dense.mean()),
         "health": sim.health().rows(),
+        **found,
     }
-    with gr.open(path) as record:
-        return row | (wheel(record) if scene.name == "wheel" else tool(record))
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -149,7 +232,7 @@ def main(argv: list[str] | None = None) -> None:
         row = run(name, chosen.records)
         known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
         RESULTS.write_text(json.dumps(known | {name: row}, indent=1) + "\n")
-        print(name, {key: value for key, value in row.items() if key != "course"}, flush=True)
+        print(name, {key: value for key, value in row.items() if key not in LONG}, flush=True)
     if not chosen.names:
         print("\n".join(CASES))
 

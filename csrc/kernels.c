@@ -111,13 +111,20 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SMOOTH
 }
 
-/* The fluidity of the cells that a plate divides is that of both parts. */
+/* The fluidity of the double cells: of each side, or of both together. */
 static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t k = first; k < last; k++) mean_of_cell(e, &e->mesh.cell[e->mesh.paired[k]]);
+    for (int64_t k = first; k < last; k++) {
+        const struct gr_cell *front = &e->mesh.cell[e->mesh.paired[k]];
+        mean_of_cell(e, front);
+        if (gr_cells_of_fluidity(e, front) == 1)
+            mean_of_cell(e, front + 1);
+        else
+            e->fluidity->dense[gr_fluidity_place(e->fluidity, gr_cell_id(e, front->at), 1)] = 0;
+    }
 }
 
-static void set_out_paths(struct gr_engine *e, int64_t first, int64_t last)
+static void set_out(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SET_OUT(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.shared == u) \
@@ -131,20 +138,16 @@ static void set_out_paths(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SET_OUT
 }
 
-static void relax(struct gr_engine *e, int64_t first, int64_t last, int sets_out)
+static void relax(struct gr_engine *e, int64_t first, int64_t last)
 {
     const double *p = e->config.parameter, *hencky = p + GR_HENCKY_NGF_POINT;
     const double g_min = hencky[GR_HENCKY_P_g_min];
-    if (sets_out) set_out_paths(e, first, last);
-    if (e->config.law == GR_LAW_ngf) relax_cells(0, 0, e, first, last, sets_out, p + GR_NGF_POINT, 0);
-#define GR_RELAX(name, linear, kindles)                                    \
-    else if (e->config.law == GR_LAW_hencky_##name && sets_out == kindles) \
-        relax_cells(linear, kindles, e, first, last, sets_out, hencky + GR_HENCKY_P_G, g_min);
-    GR_RELAX(ngf, 0, 0)
-    GR_RELAX(ngf, 0, 1)
-    GR_RELAX(ngf_linear, 1, 0)
-    GR_RELAX(ngf_linear, 1, 1)
-#undef GR_RELAX
+    if (e->config.law == GR_LAW_ngf)
+        relax_cells(0, e, first, last, p + GR_NGF_POINT, 0);
+    else if (e->config.law == GR_LAW_hencky_ngf)
+        relax_cells(0, e, first, last, hencky + GR_HENCKY_P_G, g_min);
+    else if (e->config.law == GR_LAW_hencky_ngf_linear)
+        relax_cells(1, e, first, last, hencky + GR_HENCKY_P_G, g_min);
 }
 
 static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law][dim - 2](call); }
@@ -199,6 +202,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .press = press,
     .smooth = smooth,
     .mean_pairs = mean_pairs,
+    .set_out = set_out,
     .relax = relax,
     .update_law = update_law,
     .update_fluidity = update_fluidity,

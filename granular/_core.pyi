@@ -57,6 +57,7 @@ def law_update(
     isa: str,
     g_star: NDArray[np.float64] | None = None,
     g: NDArray[np.float64] | None = None,
+    plastic_strain: NDArray[np.float64] | None = None,
     /,
 ) -> None: ...
 def fluidity_update(
@@ -191,6 +192,7 @@ class Sph:
         parameters: dict[str, float],
         gravity_times: NDArray[np.float64],
         gravity_vectors: NDArray[np.float64],
+        walls: NDArray[np.float64],
         gas: tuple[dict[str, float], NDArray[np.float64]] | None,
     ) -> None: ...
     @property

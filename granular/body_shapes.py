@@ -441,6 +441,11 @@ def thicknesses(rows: Array, dim: int) -> tuple[float, float]:
     return box, cylinder
 
 
+def deepest(samples: Sequence[Array]) -> float:
+    """Diameter of the largest ball in the least of sampled shapes [m]; inf without any."""
+    return min((-2 * float(distance.min()) for distance in samples), default=math.inf)
+
+
 def corners(rows: Array) -> Array:
     """Corners of boxes about parts of finite size, shape (8 parts, 3); z is 0 in the plane."""
     found = []

@@ -22,7 +22,7 @@ FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 
 PICTURES = (".png", ".pdf", ".svg")
 
-OWN_OPTIONS = ("material", "scheme")
+OWN_OPTIONS = ("material", "scheme", "numerics")
 """Arguments of scene functions that have options of their own."""
 
 USER_ERRORS = (
@@ -99,11 +99,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(commands: Any) -> None:
-    from granular.scenes import registry
+    from granular.scenes import registry, sph_registry
 
     command = commands.add_parser("run", help="simulate a scene and record it")
     scenes = command.add_subparsers(required=True, metavar="SCENE")
-    for name, function in registry.items():
+    for name, function in (registry | sph_registry).items():
         scene = scenes.add_parser(name, help=_first_line(function))
         keywords = scene.add_argument_group("keywords of the scene")
         for keyword, kind, default in _keywords(function):
@@ -114,15 +114,8 @@ def _add_run(commands: Any) -> None:
             keywords.add_argument(
                 *spelled, dest=f"scene_{keyword}", type=kind, metavar=METAVARS[kind], help=shown
             )
-        scene.add_argument(
-            "--E", type=_number, help="Young's modulus [Pa]; default that of the scene"
-        )
-        scene.add_argument(
-            "--scheme",
-            choices=("default", "published"),
-            default="default",
-            help="default that of the scene",
-        )
+        if name in registry:
+            _add_method_options(scene)
         _add_run_options(scene)
         scene.add_argument("--every", type=_number, help="time between frames [s]; default 1/60")
         scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
@@ -130,7 +123,18 @@ def _add_run(commands: Any) -> None:
         scene.add_argument("--gif", metavar="GIF", help="animation of all frames")
         scene.add_argument("--color", default="shear_rate", metavar="F", help="field in pictures")
         scene.add_argument("--overwrite", action="store_true", help="existing files may go")
-        scene.set_defaults(command=_run, scene=function)
+        scene.set_defaults(command=_run, scene=function, E=None, scheme="default")
+
+
+def _add_method_options(scene: Any) -> None:
+    """What only the material point method has."""
+    scene.add_argument("--E", type=_number, help="Young's modulus [Pa]; default that of the scene")
+    scene.add_argument(
+        "--scheme",
+        choices=("default", "published"),
+        default="default",
+        help="default that of the scene",
+    )
 
 
 def _add_run_options(command: argparse.ArgumentParser) -> None:
@@ -377,9 +381,9 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    from granular.scenes import registry
+    from granular.scenes import registry, sph_registry
 
-    for name, function in registry.items():
+    for name, function in (registry | sph_registry).items():
         print(f"{name}: {_first_line(function)}")
         for keyword, kind, default in _keywords(function):
             print(f"    --{keyword} {METAVARS[kind]}  ({_shown(default)})")

@@ -60,6 +60,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     materials.MuI: _MATERIAL,
     materials.NGF: _MATERIAL,
     materials.DruckerPrager: _MATERIAL,
+    materials.HardeningDruckerPrager: _MATERIAL,
     materials.Elastic: _MATERIAL,
     Fluidity: {"seed": "rate", "least": "rate"},
     Scheme: {"flip_decay": "rate", "dt": "time"},

@@ -10,19 +10,21 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
-from granular.checks import in_range, non_negative, one_of, positive
+from granular.checks import finite, in_range, non_negative, one_of, positive
 from granular.notebook import table
 
 __all__ = [
     "NGF",
     "DruckerPrager",
     "Elastic",
+    "HardeningDruckerPrager",
     "Material",
     "MuI",
     "couette_beads",
     "glass_beads",
     "glass_beads_5mm",
     "grc_1",
+    "grc_1_hardening",
     "silo_grains",
 ]
 
@@ -60,7 +62,10 @@ class Material:
 
     def __post_init__(self) -> None:
         if type(self) is Material:
-            raise TypeError("Material is abstract: use MuI, NGF, DruckerPrager or Elastic")
+            raise TypeError(
+                "Material is abstract: use MuI, NGF, DruckerPrager, HardeningDruckerPrager or "
+                "Elastic"
+            )
         self._set("E", positive("E", self.E))
         self._set("nu", in_range("nu", self.nu, 0.0, 0.5, open_high=True))
         self._set("rho_c", positive("rho_c", self.rho_c))
@@ -103,7 +108,7 @@ class Material:
         return table(f"{type(self).__name__} ({self.law})", rows)
 
 
-def _check_grain_density(material: MuI | NGF | DruckerPrager) -> float:
+def _check_grain_density(material: MuI | NGF | DruckerPrager | HardeningDruckerPrager) -> float:
     rho_s = positive("rho_s", material.rho_s)
     if rho_s < material.rho_c:
         raise ValueError(f"rho_c = {material.rho_c} must not exceed rho_s = {rho_s}")
@@ -333,6 +338,70 @@ class DruckerPrager(Material):
 
 
 @dataclass(frozen=True, kw_only=True)
+class HardeningDruckerPrager(Material):
+    """Friction that changes with the plastic strain (Klar et al. 2016, section 7.3).
+
+    ``phi = h0 + (h1 q - h3) exp(-h2 q)``, q the norm of the plastic strain added up along the way
+    of a point (field `plastic_strain`), and ``tau <= mu p`` with
+    ``mu = 2 sqrt(3) sin(phi)/(3 - sin(phi))``, the cone through triaxial compression at the angle
+    phi. From h0 - h3 at the start phi goes to h0, by way of a peak at q = 1/h2 + h3/h1. What is
+    disconnected keeps its q; flow keeps the volume, as in all laws here.
+
+    Parameters
+    ----------
+    E, nu, rho_c : float
+        See `Material`.
+    elasticity : {"hencky"}
+        The plastic strain is that of finite strain.
+    h0_deg, h1_deg, h3_deg : float
+        [degrees]; 0 < phi < 90 for every q >= 0.
+    h2 : float
+        > 0.
+    rho_s : float
+        Density of the grains themselves [kg/m3], >= rho_c.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    elasticity: str = "hencky"
+    h0_deg: float = 35.0
+    h1_deg: float = 9.0
+    h2: float = 0.2
+    h3_deg: float = 10.0
+    rho_s: float = 2450.0
+
+    flow = "drucker_prager_hardening"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.elasticity != "hencky":
+            raise ValueError(f'elasticity = {self.elasticity!r} must be "hencky" with hardening')
+        for name in ("h0_deg", "h1_deg", "h3_deg"):
+            self._set(name, finite(name, getattr(self, name)))
+        self._set("h2", positive("h2", self.h2))
+        self._set("rho_s", _check_grain_density(self))
+        strains = [0.0, math.inf]
+        if self.h1_deg:
+            strains.append(max(0.0, 1.0 / self.h2 + self.h3_deg / self.h1_deg))
+        angles = [self.friction_angle_deg(q) for q in strains]
+        if not (min(angles) > 0.0 and max(angles) < 90.0):
+            raise ValueError(
+                f"h0_deg = {self.h0_deg}, h1_deg = {self.h1_deg}, h2 = {self.h2}, h3_deg = "
+                f"{self.h3_deg} make friction angles of {min(angles):.6g} to {max(angles):.6g} "
+                "deg, must be in (0, 90)"
+            )
+
+    def friction_angle_deg(self, plastic_strain: float) -> float:
+        """Friction angle [degrees] after a plastic strain >= 0."""
+        decay = math.exp(-self.h2 * plastic_strain)
+        gain = self.h1_deg * plastic_strain - self.h3_deg if decay else 0.0
+        return self.h0_deg + gain * decay
+
+
+@dataclass(frozen=True, kw_only=True)
 class Elastic(Material):
     """Isotropic hypoelastic solid with the Jaumann rate, in tension too; for verification.
 
@@ -372,3 +441,9 @@ grc_1 = NGF(
     I0=0.278, A=0.48, t0=1e-4, d=3e-4, rheology="linear", elasticity="hencky",
 )  # fmt: skip
 """Soil simulant GRC-1 of Haeri & Skonieczny 2021, table 1 (S = 5.8, B = 12.5 MPa), 67 % full."""
+
+grc_1_hardening = HardeningDruckerPrager(
+    E=grc_1.E, nu=grc_1.nu, rho_s=grc_1.rho_s, rho_c=grc_1.rho_c,
+    h0_deg=44.0, h1_deg=9.0, h2=0.2, h3_deg=9.0,
+)  # fmt: skip
+"""The same soil by Drucker-Prager, for the comparison of their section 4.2: 35 to 44 degrees."""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
 from granular.measure.energy import between, elastic_of, kinetic_of, plastic_power
 from granular.notebook import table
-from granular.stability import courant_limit
+from granular.stability import MACH, courant_limit
 
 if TYPE_CHECKING:
     from granular.scene import Scene
@@ -34,8 +34,13 @@ NAMES = (
     "held_before",
     "work",
     "created",
+    "mach",
+    "stopped",
 )
 """What a look tells, in the order of a row of numbers; nan for what has no meaning there."""
+
+FLUID = ("mach", "stopped")
+"""Those of particle hydrodynamics alone: others are silent about them."""
 
 PACKED = 0.9
 """Share of rho_c from which a body should bear stress, see `granular.measure.bulk.Bulk`."""
@@ -63,27 +68,30 @@ class Monitor:
         """Whether a look is worth its price: by steps, so that a run tells the same each time."""
         return step == 0 or step - self._step >= STEPS + POINT_STEPS / max(n_points, 1)
 
-    def look(self, state: State) -> dict[str, float]:
+    def look(self, state: State, stopped: float = np.nan) -> dict[str, float]:
         """Look at a state, remember it, and tell what was seen.
+
+        `stopped` is how often the run has stopped grains in walls.
 
         The first state of a run, in which nothing has happened, only opens the accounts.
         """
-        row = self.peek(state)
+        row = self.peek(state, stopped)
         self._before, self._step = state, state.step
         if state.step == 0:
             return {}
         self.rows.append(row)
         return dict(zip(NAMES, row.tolist(), strict=True))
 
-    def peek(self, state: State) -> NDArray[np.float64]:
+    def peek(self, state: State, stopped: float = np.nan) -> NDArray[np.float64]:
         """What a look at a state would tell, without remembering it."""
         if not state.n:
             return np.full(len(NAMES), np.nan)
         bulk = Bulk(state, packed=PACKED)
         material = state.scene.material
         before = work = created = np.nan
-        # What bodies do to the material is not in the account.
-        if self._before is not None and not state.scene.bodies:
+        # What bodies and the points of walls do to the material is not in the account.
+        walled = state.scene.method == "sph" or state.scene.bodies
+        if self._before is not None and not walled:
             before, work, created = _account(self._before, state)
         row = {
             "disconnected": bulk.disconnected() if material.granular else np.nan,
@@ -94,6 +102,8 @@ class Monitor:
             "held_before": before,
             "work": work,
             "created": created,
+            "mach": _mach(state),
+            "stopped": stopped,
         }
         return np.array([row[name] for name in NAMES])
 
@@ -109,10 +119,21 @@ class Monitor:
         self.rows = list(np.array([looks.get(name, unknown) for name in NAMES]).T)
 
 
+def _fastest(state: State) -> float:
+    return float(np.sqrt(np.max(np.sum(state.v**2, axis=1))))
+
+
 def _courant(state: State) -> float:
     """(c + max speed) dt/dx of the last step."""
-    speed = np.sqrt(np.max(np.sum(state.v**2, axis=1)))
-    return float((state.scene.material.wave_speed + speed) * state.dt / state.scene.grid.cell)
+    scene = state.scene
+    return (scene.material.wave_speed + _fastest(state)) * state.dt / scene.grid.cell
+
+
+def _mach(state: State) -> float:
+    """Speed of the fastest grain over that of sound, where the density follows from the places."""
+    if state.scene.method != "sph":
+        return np.nan
+    return _fastest(state) / state.scene.material.wave_speed
 
 
 def _account(before: State, after: State) -> tuple[float, float, float]:
@@ -237,6 +258,8 @@ _SIGNS: tuple[tuple[str, Callable[[NDArray[np.float64]], float], float | None, s
         "converge where it is large",
     ),
     ("gaps", _largest, 0.0, "empty cells in a stressed body: torn by the discretisation"),
+    ("mach", _largest, MACH, "largest speed over that of sound: beyond, densities are off"),
+    ("stopped", _largest, None, "times that a grain came into a wall and was put back on it"),
 )
 """Name, how looks add up, limit, and meaning of the signs with one number a look."""
 
@@ -259,7 +282,9 @@ def health(scene: Scene, looks: Mapping[str, NDArray[np.float64]]) -> Health:
     """
     nothing = np.full(0, np.nan)
     signs = [
-        Sign(name, how(looks.get(name, nothing)), limit, doc) for name, how, limit, doc in _SIGNS
+        Sign(name, how(looks.get(name, nothing)), limit, doc)
+        for name, how, limit, doc in _SIGNS
+        if name not in FLUID or scene.method == "sph"
     ]
     signs.append(
         Sign(

@@ -1,4 +1,4 @@
-"""A running simulation: step, run, record, stop, resume."""
+"""A running simulation: step, run, record, stop, resume; the loop that all methods share."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time as clock
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -15,15 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
-from granular import _core, stability
-from granular import bodies as rigid
-from granular import engine as core
+from granular import _core
 from granular.checks import integer, positive
 from granular.monitor import Health, Monitor, health
 from granular.notebook import table
-from granular.scene import Scene
 from granular.state import State
 from granular.trajectory import Checkpoint, TrajectoryWriter, open_trajectory
+from granular.writing import Written
 
 __all__ = ["Hook", "Simulation", "SimulationError"]
 
@@ -36,19 +35,22 @@ CHUNK_SECONDS = 0.05
 MAX_CHUNK = 1 << 20
 EVERY = 1 / 60
 """Time between frames [s], unless another is asked for: a film in real time."""
-CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "g_gain", "side"})
-"""Fields that a scheme carries from step to step: in every checkpoint, but not in the frames, which
-they would swell by two thirds and where no measure asks for them."""
 SMALL = 4000
 """Points up to which one thread is the default: a guess at where the barriers eat the gain."""
 
+_METHODS: dict[type, type[Simulation]] = {}
+"""The simulation of each class of scenes."""
 
-class Simulation:
-    """Steps the material points of a scene.
+
+class Simulation(ABC):
+    """Steps the points of a scene by the method that the scene is made for.
+
+    A `granular.Scene` is solved by the material point method (`granular.material_points`), a
+    `granular.sph.Scene` by smoothed particle hydrodynamics (`granular.sph`).
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene or sph.Scene
     threads : int, optional
         Threads of the core; by default all processors of the machine for large scenes and one for
         small ones. The result does not depend on it, to the last bit.
@@ -58,6 +60,8 @@ class Simulation:
 
     Raises
     ------
+    TypeError
+        If the scene is not one.
     ValueError
         If the time step is beyond its limit or the scene cannot be built.
 
@@ -67,17 +71,27 @@ class Simulation:
         For what is known to go wrong without a word, see `granular.stability.doubts`.
     """
 
-    def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
-        stability.warn(scene)
-        points = core.initial_points(scene)
-        self._start(scene, float(points["mass"].mean()), threads, isa)
-        self._buffers = core.initial_buffers(self._engine, points)
-        self._bind(len(points["mass"]))
+    def __init_subclass__(cls, *, scenes: type | None = None) -> None:
+        if scenes is not None:
+            _METHODS[scenes] = cls
 
-    def _start(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
+    def __new__(cls, scene: object = None, **_: Any) -> Self:
+        return super().__new__(cls._of(scene))
+
+    @classmethod
+    def _of(cls, scene: object) -> type[Self]:
+        """The class that simulates a scene, this one or one below it."""
+        for kind in type(scene).__mro__:
+            if kind in _METHODS and issubclass(_METHODS[kind], cls):
+                return _METHODS[kind]
+        known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
+        kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
+        raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
+
+    def _start(self, scene: Written, engine: Any, threads: int | None) -> None:
+        """What every simulation has; subclasses make the engine and the buffers."""
         self.scene = scene
-        self._mean_mass = mean_mass
-        self._engine = core.build(scene, mean_mass, core.default_isa() if isa is None else isa)
+        self._engine = engine
         if threads is not None:
             threads = integer("threads", threads, 1, _core.MAX_THREADS)
         self._threads = threads
@@ -86,21 +100,42 @@ class Simulation:
         self._every = EVERY
         self._monitor = Monitor()
 
-    def _bind(self, n_points: int) -> None:
-        self._engine.bind(self._buffers, n_points, True)
-        self._grow(self._engine.regroup())
+    # ---- what a method must know ----
 
-    def _grow(self, needed: int) -> bool:
-        """Give the core larger buffers if it asks for them."""
-        grown = needed > 0
-        while needed:
-            larger = core.allocate(self._engine, needed)
-            for name, array in self._buffers.items():
-                larger[name][..., : array.shape[-1]] = array
-            self._engine.bind(larger, 0, False)
-            self._buffers = larger
-            needed = self._engine.regroup()
-        return grown
+    @abstractmethod
+    def _make_steps(self, max_steps: int, until: float) -> None:
+        """Run the core, up to a number of steps or a time."""
+
+    @abstractmethod
+    def _fields(self, kept: bool) -> dict[str, NDArray]:
+        """The fields of a state, ordered by id; `kept`: those of a frame of a record."""
+
+    @abstractmethod
+    def _kept(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+        """The numbers and arrays of a checkpoint."""
+
+    @classmethod
+    @abstractmethod
+    def _restored(
+        cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
+    ) -> Self:
+        """A simulation as it was at a checkpoint."""
+
+    @property
+    @abstractmethod
+    def buffers(self) -> dict[str, NDArray]:
+        """What the core works on, without copying: {field: (component, capacity)} and "id"."""
+
+    def _body_rows(self) -> NDArray | None:
+        """The states of rigid bodies for a frame; None for a method without any."""
+        return None
+
+    @property
+    def _stopped(self) -> float:
+        """How often grains were stopped in walls; nan for a method that need not do so."""
+        return np.nan
+
+    # ---- looking ----
 
     @property
     def threads(self) -> int:
@@ -133,59 +168,17 @@ class Simulation:
         return self._engine.scalars()["n_points"]
 
     @property
-    def cell_counts(self) -> NDArray[np.int64]:
-        """Points in each cell that the kernels work on: cells with points and their neighbours."""
-        return self._engine.cells()[1]
-
-    @property
     def isa(self) -> str:
         """Instruction set of the kernels."""
         return self._engine.isa
-
-    @property
-    def fluidity(self) -> _core.Fluidity | None:
-        """How the fluidity is diffused: method, substeps, the limit of a substep [s], and the
-        iterations and the cells kept from being negative since this object was made. None for a
-        local law."""
-        return self._engine.fluidity()
-
-    @property
-    def bodies(self) -> tuple[rigid.BodyState, ...]:
-        """Where the bodies of the scene are and what they have felt, in their order."""
-        return tuple(rigid.state_of(row, self.scene.dim) for row in self._engine.bodies())
-
-    @property
-    def buffers(self) -> dict[str, NDArray]:
-        """What the core works on, without copying: {field: (component, capacity)} and "id".
-
-        Rows are grouped by cell; places with a negative id are spare. They may be larger arrays
-        after points have spread. What is written into them counts from the next step on, if this
-        property has been asked for since the last one.
-        """
-        self._engine.refresh()
-        return dict(self._buffers)
 
     @property
     def state(self) -> State:
         """A snapshot, ordered by id."""
         return self._snapshot()
 
-    def _snapshot(self, without: frozenset[str] = frozenset()) -> State:
-        ids = self._buffers["id"]
-        living = np.flatnonzero(ids >= 0)
-        ordered = np.full(ids.max(initial=-1) + 1, -1)
-        ordered[ids[living]] = living  # by id, with gaps where points have left
-        places = ordered[ordered >= 0]
-        fields = {"id": ids[places]}
-        for name, rows, _, _ in self._engine.fields():
-            if name in without:
-                continue
-            values = np.empty((len(places), rows))
-            for column, row in zip(values.T, self._buffers[name], strict=True):
-                column[:] = row.take(places)
-            fields[name] = values if rows > 1 else values[:, 0]
-        fields["x"] = self._wrapped(fields["x"])
-        scalars = self._engine.scalars()
+    def _snapshot(self, kept: bool = False) -> State:
+        fields, scalars = self._fields(kept), self._engine.scalars()
         return State(
             scene=self.scene,
             time=scalars["time"],
@@ -193,14 +186,6 @@ class Simulation:
             dt=scalars["dt"],
             fields=fields,
         )
-
-    def _wrapped(self, x: NDArray) -> NDArray:
-        """Positions with those of periodic axes in the domain (ugimp groups by shifted cells)."""
-        grid = self.scene.grid
-        for d in np.flatnonzero(grid.periodic):
-            length = grid.shape[d] * grid.cell
-            x[x[:, d] < grid.lower[d], d] += length
-        return x
 
     # ---- stepping ----
 
@@ -211,7 +196,7 @@ class Simulation:
             self._advance(target - self.steps, np.inf)
 
     def _advance(self, max_steps: int, until: float) -> None:
-        self._grow(self._engine.advance(max_steps, until, self.threads))
+        self._make_steps(max_steps, until)
 
     def _chunks(self, until: float) -> Iterator[None]:
         """Advance to `until` in calls of about CHUNK_SECONDS; the cuts do not touch the result."""
@@ -297,14 +282,14 @@ class Simulation:
     ) -> None:
         due = monitor and self._monitor.due(self.steps, self.n_points)
         if writer or due:
-            state = self._snapshot(CARRIED)
-            looks = self._monitor.look(state) if due else {}
+            state = self._snapshot(kept=True)
+            looks = self._monitor.look(state, self._stopped) if due else {}
         if writer:
             writer.append(
                 state,
                 self.checkpoint(),
                 looks=looks,
-                bodies=self._engine.bodies(),
+                bodies=self._body_rows(),
                 may_wait=True,
             )
         for hook in hooks:
@@ -318,7 +303,7 @@ class Simulation:
         Health
             Value, limit and verdict of each sign; see `granular.monitor`.
         """
-        last = self._monitor.peek(self.state) if self.steps else None
+        last = self._monitor.peek(self.state, self._stopped) if self.steps else None
         return health(self.scene, self._monitor.columns(last))
 
     @contextmanager
@@ -352,24 +337,20 @@ class Simulation:
     # ---- restart ----
 
     def checkpoint(self) -> Checkpoint:
-        """All that a bitwise restart needs: the points in the order of cells, and the clock."""
-        offset, count = self._engine.cells()
-        before = np.cumsum(count) - count
-        places = np.arange(count.sum()) + np.repeat(offset - before, count)
-        scalars = self._engine.scalars()
+        """All that a bitwise restart needs: the points in the order of rows, and the clock."""
+        scalars, arrays = self._kept()
         return Checkpoint(
             time=scalars["time"],
             step=scalars["step"],
             dt=scalars["dt"],
-            scalars=scalars | {"mean_mass": self._mean_mass},
-            arrays={name: array.take(places, axis=-1) for name, array in self._buffers.items()}
-            | self._body_arrays(),
+            scalars=scalars,
+            arrays=arrays,
         )
 
     @classmethod
     def from_checkpoint(
         cls,
-        scene: Scene,
+        scene: Written,
         checkpoint: Checkpoint,
         *,
         threads: int | None = None,
@@ -382,36 +363,7 @@ class Simulation:
         ValueError
             If the checkpoint does not belong to such a scene.
         """
-        self = cls.__new__(cls)
-        scalars = dict(checkpoint.scalars)
-        if "mean_mass" not in scalars:
-            raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
-        self._start(scene, float(scalars.pop("mean_mass")), threads, isa)
-        n = len(checkpoint.arrays.get("id", ()))
-        self._buffers = core.allocate(self._engine, 3 * n + 64)
-        for name, array in self._buffers.items():
-            stored = checkpoint.arrays.get(name)
-            if stored is None or stored.shape != (*array.shape[:-1], n):
-                raise ValueError(f"the checkpoint does not hold {name} of {n} points")
-            array[..., :n] = stored
-        if scene.bodies:  # before the points: those about thin bodies are grouped by side
-            self._restore_bodies(checkpoint)
-        self._bind(n)
-        self._engine.restore(scalars)
-        return self
-
-    def _restore_bodies(self, checkpoint: Checkpoint) -> None:
-        stored = checkpoint.arrays.get("bodies")
-        if stored is None:
-            raise ValueError("the checkpoint does not hold the bodies of the scene")
-        self._engine.restore_bodies(stored)
-        if "split" in checkpoint.arrays:
-            self._engine.restore_split(checkpoint.arrays["split"])
-
-    def _body_arrays(self) -> dict[str, NDArray]:
-        if not self.scene.bodies:
-            return {}
-        return {"bodies": self._engine.bodies(), "split": self._engine.split()}
+        return cls._of(scene)._restored(scene, checkpoint, threads, isa)
 
     @classmethod
     def resume(

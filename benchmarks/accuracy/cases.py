@@ -27,6 +27,9 @@ SCHEMES = {
 }
 """By the names that the chart gives them. "quadratic tpic" is the default without its cure."""
 
+HYDRODYNAMICS = "sph"
+"""The scheme of cases by particle hydrodynamics, with as many points and as stiff."""
+
 PEERS = ("taichi", "newton")
 SCENES = ("incline", "incline_2d", "collapse", "silo")
 MODULI = (1e5, 1e6, 1e7, 1e8, 1e9)
@@ -41,7 +44,7 @@ class Case:
     scene : {"incline", "incline_2d", "collapse", "silo"}
     solver : {"granular", "taichi", "newton"}
     scheme : str
-        Of `SCHEMES`; a peer has one of its own.
+        Of `SCHEMES`, or `HYDRODYNAMICS`; a peer has one of its own.
     E : float
         Young's modulus [Pa].
     cell : float
@@ -155,6 +158,14 @@ def _cell_averaged() -> Iterator[Case]:
     yield replace(silo, cell=0.005)
 
 
+def _hydrodynamics() -> Iterator[Case]:
+    """The collapse and the incline by points without a grid."""
+    heap, plane = (replace(base, scheme=HYDRODYNAMICS) for base in (COLLAPSE, INCLINE_2D))
+    yield from _vary(heap, points=(4,), cell=(0.025, 0.0125), E=MODULI[:3])
+    yield from _vary(heap, E=MODULI[:2])
+    yield from _vary(plane, cell=(0.02, 0.01), E=MODULI[:2])
+
+
 def _peers(solver: str) -> Iterator[Case]:
     """The same scenes for a peer."""
     for base in (INCLINE, INCLINE_2D, SILO, replace(COLLAPSE, cell=0.025)):
@@ -188,6 +199,7 @@ def full() -> list[Case]:
         _collapse(),
         _silo(),
         _cell_averaged(),
+        _hydrodynamics(),
         _peers("taichi"),
         _long(),
     )
@@ -202,5 +214,6 @@ def quick() -> list[Case]:
         replace(INCLINE, scheme="linear flip", cell=0.04, until=0.2, **small),
         replace(INCLINE_2D, cell=0.04, until=0.2, **small),
         replace(COLLAPSE, cell=0.05, until=0.5, **small),
+        replace(COLLAPSE, scheme=HYDRODYNAMICS, cell=0.05, until=0.5, **small),
         replace(SILO, cell=0.02, **small),
     ]

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from accuracy.cases import PEERS, SCHEMES
+from accuracy.cases import HYDRODYNAMICS, PEERS, SCHEMES
 from accuracy.errors import Reference, Row, front, of_panel
 from granular.plot import Picture
 
@@ -26,6 +26,7 @@ OWN = {
     "default": {"marker": "D", "color": "tab:blue"},
     "cell_averaged": {"marker": "h", "color": "gold"},
     "published": {"marker": "*", "color": "tab:red"},
+    HYDRODYNAMICS: {"marker": "v", "color": "black"},
     "taichi": {"marker": "P", "color": "tab:brown"},
     "newton": {"marker": "X", "color": "tab:pink"},
 }
@@ -165,7 +166,7 @@ def chart(
         panel(ax, name, points, reference)
     axes[0].set_ylabel("relative error")
     present = {row["scheme"] for _, points, _ in shown for row, _ in points}
-    _legend(fig, [s for s in (*SCHEMES, *PEERS) if s in present])
+    _legend(fig, [s for s in (*SCHEMES, HYDRODYNAMICS, *PEERS) if s in present])
     return fig
 
 

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from accuracy.runs import HEIGHT, SILO
+from accuracy.runs import GRAVITY, HEIGHT, SILO
 
 Row = Mapping[str, Any]
-GRAVITY = 9.8
 COLUMN = 0.2
 """Height of the column that collapses [m]."""
 

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from accuracy.cases import SCHEMES, Case
+from accuracy.cases import HYDRODYNAMICS, SCHEMES, Case
+from granular import sph
 from granular.theory import beverloo_rate
 
+GRAVITY = 9.8
 HEIGHT = 0.2
 """Of the layer on an incline [m]."""
 COLUMNS = 8
@@ -39,8 +41,10 @@ PROBE = 100
 """First steps, from which the cost of a run is foreseen."""
 
 
-def scene_of(case: Case) -> gr.Scene:
+def scene_of(case: Case) -> gr.Scene | sph.Scene:
     """The scene of a case."""
+    if case.scheme == HYDRODYNAMICS:
+        return hydrodynamics_of(case)
     common: dict[str, Any] = {
         "cell": case.cell,
         "points_per_cell": case.points,
@@ -58,6 +62,34 @@ def scene_of(case: Case) -> gr.Scene:
         # Seeds differ by what round-off and chance do: a tenth of a point spacing of jitter.
         return gr.scenes.column_collapse(aspect=1.0, jitter=0.1 if case.seed else 0.0, **common)
     return gr.scenes.silo(**SILO, **common)
+
+
+def hydrodynamics_of(case: Case) -> sph.Scene:
+    """The collapse or the incline with the friction of the other law at half the weight."""
+    beads, duration = gr.materials.glass_beads.replace(E=case.E), case.until or UNTIL[case.scene]
+    if case.scene == "collapse":
+        return gr.scenes.column_collapse(
+            aspect=1.0,
+            cell=case.cell,
+            points_per_cell=case.points,
+            jitter=0.1 if case.seed else 0.0,
+            material=beads,
+            seed=case.seed,
+            duration=duration,
+            method="sph",
+        )
+    per = math.isqrt(case.points)
+    across = math.cos(math.radians(case.angle_deg))
+    pressure = 0.5 * beads.rho_c * GRAVITY * across * HEIGHT
+    return sph.scenes.incline(
+        angle_deg=case.angle_deg,
+        height=HEIGHT,
+        spacing=case.cell / per,
+        columns=COLUMNS * per,
+        gravity=GRAVITY,
+        duration=duration,
+        material=sph.Viscoplastic.matching(beads, pressure),
+    )
 
 
 class TooLong(Exception):
@@ -120,7 +152,8 @@ def _exact(angle_deg: float, at: float) -> tuple[np.ndarray, np.ndarray]:
 
 def incline(state: gr.State) -> dict[str, Any]:
     """Velocity profile against the one-dimensional equation, L2 over the points."""
-    y, v = _exact(state.scene.parameters["angle_deg"], state.time)
+    settled = state.scene.parameters.get("settle", 0.0)  # before the tilt
+    y, v = _exact(state.scene.parameters["angle_deg"], state.time - settled)
     along = state.v[:, 0]
     exact = np.interp(state.x[:, 1], y, v)
     mean, exact_mean = np.average(along, weights=state.mass), np.trapezoid(v, y) / HEIGHT

@@ -1,4 +1,7 @@
-"""Tools in soil: forces over depth, what fails before a blade by law, an excavator at work.
+"""Tools in soil and flow between cylinders: Haeri & Skonieczny 2021, figures 8, 9, 12 to 14, 17.
+
+Forces over time, what fails before a blade by law, a blade of finite width, soil below a wheel, an
+excavator at work, convergence, the profile between cylinders.
 
 Draws the records of `benchmarks/three_d.py`, which makes them:
 
@@ -27,29 +30,109 @@ LAWS = {
     "narrow_5_drucker_prager": "25 mm, nodes within; Drucker-Prager",
 }
 FORCES = {
-    "thin_5": "two sides, 5 cm",
-    "thin_5_local": "two sides, 5 cm, A = 0",
-    "thin_2": "two sides, 2 cm",
-    "narrow_5": "nodes within, 5 cm",
-    "narrow_5_fine": "the same, cells of 8.3 mm",
+    "excavation_5": "5 cm",
+    "excavation_5_fine": "5 cm, cells of 8.3 mm",
+    "thin_5": "5 cm, between walls",
+    "thin_5_fine": "5 cm, between walls, cells of 8.3 mm",
+    "excavation_2": "2 cm",
+    "thin_2": "2 cm, between walls",
+    "narrow_5": "5 cm, between walls, held by nodes within",
 }
+WHOLE = "excavation_5_whole"
+"""The run that is no half: what is lateral in it is scatter."""
 WIDTH = 0.305
 """Of the blade [m]: forces between walls 0.05 m apart are shown as for it."""
+GRAINS, BEADS = 3e-4, 4e-3
+"""Diameters of the axis of figure 8 [m]."""
+SHALLOW = ("couette_shallow_8", "couette_shallow_6", "couette_shallow")
+BLADES = {
+    "thin_5_coarse": ("d", 8),
+    "thin_5": ("d", 8),
+    "thin_5_fine": ("d", 8),
+    "thin_5_one": ("v", 1),
+}
+FINEST = "thin_5_finer"
+LABELS = {
+    "thin_5": "blade, against cells of 6.25 mm",
+    "thin_5_one": "the same, one point a cell",
+}
+ARRIVED = 0.5
+"""At depth, time over which the force is compared between cells [s]."""
 STATES = (0.5, 2.5, 4.5, 6.5)
 """Times at which the excavator is seen [s]."""
 WHEELS = (20, 40, 70)
+FLOWS = {
+    "couette": "H = 100 mm",
+    "couette_shallow": "H = 24 mm",
+    "couette_shallow_local": "H = 24 mm, A = 0",
+}
+
+
+def scale(name: str) -> float:
+    """What makes the force on a blade between walls that on the whole width."""
+    return WIDTH / 0.05 if name.startswith(("thin", "narrow")) else 1.0
 
 
 def forces(table: dict, names: list[str]) -> plot.Picture:
-    """Forward and vertical force over time."""
-    picture = plot.Picture(figsize=(9, 3.8), layout="compressed")
-    axes = picture.subplots(1, 2, sharex=True)
+    """Forward, vertical and lateral force over time (figure 13)."""
+    picture = plot.Picture(figsize=(12, 4.3), layout="constrained")
+    axes = picture.subplots(1, 3, sharex=True)
     for name in names:
-        times, _, forward, vertical = np.array(table[name]["course"])
-        for ax, force in zip(axes, (forward, vertical), strict=True):
-            ax.plot(times, force * WIDTH / 0.05, label=FORCES[name])
-    for ax, text in zip(axes, ("forward", "vertical"), strict=True):
+        times, _, forward, vertical, *_ = np.array(table[name]["course"])
+        for ax, force in zip(axes, (forward, vertical), strict=False):
+            ax.plot(times, force * scale(name), label=FORCES[name])
+    if WHOLE in table:
+        times, *_, lateral = np.array(table[WHOLE]["course"])
+        axes[2].plot(times, lateral, color="black", label="5 cm, no half, cells of 25 mm")
+        axes[2].legend(fontsize="small")
+    for ax, text in zip(axes, ("forward", "vertical", "lateral"), strict=True):
         ax.set(xlabel="t [s]", ylabel=f"{text} force [N]")
+    lines = axes[0].get_legend_handles_labels()
+    picture.legend(*lines, fontsize="small", loc="outside lower center", ncols=4)
+    return picture
+
+
+def arrival(row: dict) -> float:
+    """Mean forward force just after the blade has come to its depth [N]."""
+    times, height, forward, *_ = np.array(row["course"])
+    level = height < 0.99 * height.min()
+    begin = times[level][0]
+    return float(forward[level & (times < begin + ARRIVED)].mean())
+
+
+def convergence(table: dict) -> plot.Picture:
+    """Errors over dx/(d ppc) (figure 8): the profile against its theory, the force against that
+    in the finest cells."""
+    picture = plot.Picture(figsize=(6, 4.2), layout="compressed")
+    ax = picture.subplots()
+    flows = [table[name] for name in SHALLOW if name in table]
+    size = [row["cell"] / (BEADS * 8) for row in flows]
+    ax.loglog(size, [100 * row["mean_error"] for row in flows], "s", label="between cylinders")
+    if FINEST in table:
+        finest = arrival(table[FINEST])
+        for name, (marker, ppc) in BLADES.items():
+            if name in table:
+                error = 100 * abs(arrival(table[name]) / finest - 1)
+                x = table[name]["cell"] / (GRAINS * ppc)
+                ax.loglog(x, error, marker, color="C1", label=LABELS.get(name))
+    ax.set(xlabel="dx/(d ppc)", ylabel="mean error [%]")
+    ax.legend()
+    return picture
+
+
+def profile(table: dict, names: list[str]) -> plot.Picture:
+    """Angular velocity at the top between cylinders over that of the inner one (figure 9)."""
+    picture = plot.Picture(figsize=(9, 3.8), layout="compressed")
+    axes = picture.subplots(1, 2)
+    for name in names:
+        r, omega, _ = np.array(table[name]["profile"])
+        for ax in axes:
+            ax.plot(1e3 * r, omega, "o", markersize=3, label=FLOWS[name])
+    r, _, theory = np.array(table[names[0]]["profile"])
+    for ax in axes:
+        ax.plot(1e3 * r, theory, color="black", label="slow limit, theory")
+        ax.set(xlabel="r [mm]", ylabel="angular velocity/that of the inner cylinder")
+    axes[1].set(yscale="log", ylim=(1e-5, 1))
     axes[0].legend(fontsize="small")
     return picture
 
@@ -72,6 +155,68 @@ def failure(records: dict[str, Path]) -> plot.Picture:
         )
         found = gr.measure.failure_surface(late, speed=speed)
         ax.step(found.x, found.z, where="mid", color="black")
+    return picture
+
+
+def wide(path: Path) -> plot.Picture:
+    """A blade of finite width at the end of its way (figure 12): at its middle, and from above."""
+    with gr.open(path) as record:
+        state, parameters = record[len(record) - 1], record.scene.parameters
+        blade = gr.measure.body_motion(record).position[-1]
+    grid, speed = state.scene.grid, parameters["speed"]
+    picture = plot.Picture(figsize=(11, 3.2), layout="compressed")
+    axes = picture.subplots(1, 2, width_ratios=(2.2, 1))
+    extent = ((grid.lower[0], grid.upper[0]), (grid.lower[2], 0.1))
+    options = {"slab": (0.0, 2 * grid.cell), "limits": (0.0, speed), "extent": extent}
+    plot.frame(state, "speed", ax=axes[0], **options)
+    column = np.floor((state.x[:, :2] - grid.lower[:2]) / grid.cell).astype(int)
+    height = np.full(grid.shape[:2], np.nan)
+    np.fmax.at(height, tuple(column.T), state.x[:, 2])
+    across = grid.upper[1]
+    shown = axes[1].imshow(
+        1e3 * np.concatenate([height[:, ::-1], height], axis=1).T,
+        extent=(grid.lower[0], grid.upper[0], -across, across),
+        origin="lower",
+        cmap="RdBu_r",
+        norm="linear",
+        clim=(-50, 50),
+    )
+    half = parameters["blade"][1] / 2
+    axes[1].plot([blade[0]] * 2, [-half, half], color="black")
+    axes[1].set(xlabel="x [m]", ylabel="y [m]", title="highest point of a column")
+    picture.colorbar(shown, ax=axes[1], label="z [mm]", shrink=0.8)
+    return picture
+
+
+def below_wheels(paths: dict[int, Path]) -> plot.Picture:
+    """Speed of the soil at the window over that of the rim, mean of the last second (figure 17).
+
+    That is from 5 to 6 s of rolling. The frames are not moved with the wheel, which goes a cell or
+    less.
+    """
+    picture = plot.Picture(figsize=(6.2, 2.2 * len(paths)), layout="constrained")
+    axes = picture.subplots(len(paths), 1, squeeze=False).ravel()
+    for ax, (slip, path) in zip(axes, paths.items(), strict=True):
+        with gr.open(path) as record:
+            known, late = record.scene.parameters, record.times >= record.times[-1] - 1.0
+            states = [record[i] for i in np.flatnonzero(late)]
+            axle = gr.measure.body_motion(record).position[late].mean(axis=0)
+        radius = known["diameter"] / 2
+        rim = known["omega"] * radius
+        field = gr.measure.frame_average(
+            states, lambda state, rim=rim: np.linalg.norm(state.v, axis=1) / rim
+        )
+        weight = np.where(np.isnan(field.value), 0.0, field.weight)[:, :2]
+        moment = (np.nan_to_num(field.value[:, :2]) * weight).sum(axis=1)
+        mass = weight.sum(axis=1)
+        mean = np.divide(moment, mass, out=np.full_like(moment, np.nan), where=mass > 0)
+        x, _, z = field.axes
+        shown = ax.pcolormesh(x, z, mean.T, cmap="jet", vmin=0.0, vmax=1.0)
+        turn = np.linspace(0.0, 2 * np.pi, 200)
+        ax.plot(axle[0] + radius * np.cos(turn), axle[2] + radius * np.sin(turn), "k", lw=0.8)
+        ax.set(ylim=(z[0], 0.06), xlim=(x[0], x[-1]), aspect="equal", title=f"slip {slip} %")
+        ax.set(xlabel="x [m]", ylabel="z [m]")
+        picture.colorbar(shown, ax=ax, label="speed/rim speed")
     return picture
 
 
@@ -109,6 +254,35 @@ def wheels(table: dict) -> plot.Picture:
     return picture
 
 
+def of_table(table: dict) -> dict[str, plot.Picture]:
+    """What the numbers show."""
+    pictures = {"tools_forces": forces(table, [name for name in FORCES if name in table])}
+    if any(f"wheel_{slip}" in table for slip in WHEELS):
+        pictures["tools_wheel"] = wheels(table)
+    if "couette_shallow" in table or FINEST in table:
+        pictures["tools_convergence"] = convergence(table)
+    flows = [name for name in FLOWS if name in table]
+    if flows:
+        pictures["couette_profile"] = profile(table, flows)
+    return pictures
+
+
+def of_records(folder: Path) -> dict[str, plot.Picture]:
+    """What the records that are there show."""
+    there = {path.stem: path for path in folder.glob("*.h5")}
+    pictures = {}
+    laws = {name: there[name] for name in LAWS if name in there}
+    if laws:
+        pictures["tools_failure"] = failure(laws)
+    rolled = {slip: there[f"wheel_{slip}"] for slip in WHEELS if f"wheel_{slip}" in there}
+    if rolled:
+        pictures["tools_below_wheels"] = below_wheels(rolled)
+    for name, picture in (("excavation_5", wide), ("excavator", excavator)):
+        if name in there:
+            pictures[f"tools_{name}"] = picture(there[name])
+    return pictures
+
+
 def main(argv: list[str] | None = None) -> None:
     """Draw what there are records and numbers of."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
@@ -117,16 +291,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--out", type=Path, default=OUT)
     chosen = parser.parse_args(argv)
     table = json.loads(chosen.results.read_text())
-    paths = {name: chosen.records / f"{name}.h5" for name in (*LAWS, "excavator")}
-    there = {name: path for name, path in paths.items() if path.exists()}
-    pictures = {"tools_forces": forces(table, [name for name in FORCES if name in table])}
-    if any(f"wheel_{slip}" in table for slip in WHEELS):
-        pictures["tools_wheel"] = wheels(table)
-    laws = {name: path for name, path in there.items() if name in LAWS}
-    if laws:
-        pictures["tools_failure"] = failure(laws)
-    if "excavator" in there:
-        pictures["tools_excavator"] = excavator(there["excavator"])
+    pictures = of_table(table) | of_records(chosen.records)
     chosen.out.mkdir(parents=True, exist_ok=True)
     for name, picture in pictures.items():
         picture.savefig(chosen.out / f"{name}.png", dpi=DPI)

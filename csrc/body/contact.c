@@ -102,6 +102,19 @@ double gr_bodies_speed(const struct gr_engine *e)
     return fastest;
 }
 
+/* The copies of a double cell, both of which are apart if its middle faces the plate. */
+static void mark_copies(int rough, const struct gr_facing *side, uint8_t *front, uint8_t *back)
+{
+    const int behind = side->mid < 0, beyond = rough ? GR_BEYOND_ROUGH_PLATE : 0, body = *front & GR_INSIDE_BODY;
+    if (side->facing) {
+        *front = (uint8_t)(body | GR_APART | (behind ? beyond : 0));
+        *back = (uint8_t)(body | GR_APART | GR_BEHIND_PLATE | (behind ? 0 : beyond));
+    } else {
+        *front = (uint8_t)(body | (behind ? GR_BEHIND_PLATE : 0));
+        *back = GR_HIDDEN;
+    }
+}
+
 void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
 {
     struct gr_fluidity *f = e->fluidity;
@@ -110,8 +123,8 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
         struct gr_facing side;
         double x[3];
         if (cell->side == -1) continue; /* its front tells */
-        uint8_t *inside = f->inside + gr_place_of_cell(e, cell);
-        *inside = 0;
+        uint8_t *inside = f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at), 0);
+        *inside = cell->side < 0 ? GR_BEHIND_PLATE : 0;
         gr_cell_position(e, cell->at, x);
         for (int b = 0; b < e->config.n_bodies; b++) {
             struct moving m;
@@ -123,9 +136,8 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
         }
         if (cell->side != 1) continue;
         gr_nearest_plate(e, x, 1, &side);
-        if (!side.facing) continue;
-        *inside |= side.mid < 0 ? GR_BEHIND_PLATE : GR_BEFORE_PLATE;
-        if (e->config.bodies[side.body].rough) *inside |= GR_AT_ROUGH_PLATE;
+        mark_copies(e->config.bodies[side.body].rough, &side, inside,
+                    f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at), 1));
     }
 }
 

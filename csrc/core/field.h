@@ -7,7 +7,7 @@
 #define GR_CORE_FIELD_H
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED, GR_SIDED };
+enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING };
 
 /* X(name, kind, needed by, unit, description) */
 #define GR_FIELDS(X)                                                                                                 \
@@ -23,7 +23,8 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED, GR_S
     X(overweight, GR_SCALAR, GR_DIFFUSED, "1", "part by which a point counts more than its volume")                  \
     X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu where it flows; 0 where it bears nothing") \
     X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "what the law has added to the diffused fluidity in its last substep")  \
-    X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body on which it is, 1 or -1; 0 away from it")
+    X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body on which it is, 1 or -1; 0 away from it")                 \
+    X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, added up over the steps")
 
 enum gr_field {
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

@@ -205,13 +205,14 @@ static void descend(struct diffusion *w, double alpha, const double *p, const do
 
 static inline int implicit_step(const int links, struct diffusion *w)
 {
-    static const double ROUND_OFF = 2e-16;
+    static const double ROUND_OFF = 2e-16, NOTHING = 1e-150; /* 1/s, whose square is a normal number */
     const struct gr_fluidity *f = w->f;
     double *r = w->work[0], *p = w->work[1], *q = w->work[2];
     first_residual(links, w, r, p);
     gr_wait(w->barrier);
     double rr = total(f, f->partial[1]);
-    const double enough = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->partial[2]));
+    const double relative = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->partial[2]));
+    const double enough = fmax(relative, NOTHING * NOTHING);
     for (int64_t n = 0; !(rr <= enough); n++) {
         if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
         multiply(links, w, p, q);

@@ -42,11 +42,13 @@ int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *c
     if (!f) return GR_ERR_MEMORY;
     f->dim = config->dim;
     f->stencil = config->stencil;
+    f->two_sided = config->two_sided;
     f->n_cells = 1;
     for (int a = 0; a < f->dim; a++) {
         f->shape[a] = config->shape[a], f->periodic[a] = config->periodic[a];
         f->stride[a] = f->n_cells, f->n_cells *= config->shape[a];
     }
+    f->box_pages = (f->n_cells + GR_PAGE - 1) / GR_PAGE;
     f->dx = config->dx;
     f->diffusivity = config->A * config->A * config->d * config->d / config->t0;
     f->tolerance = config->tolerance;

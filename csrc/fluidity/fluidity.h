@@ -7,6 +7,9 @@
  * second order in dx. Source: Dunatunga & Kamrin, Modelling silo clogging with nonlocal granular rheology, eq. 2.1, 5.1
  * and 5.3. With the isotropic stencil cells across edges and corners take part, see links.c.
  *
+ * About a plate a cell may have two values, one for each side: a copy of it at the back has a place of its own. Which of
+ * them exchange is told before each step (gr_cut_of).
+ *
  * Only the cells that are asked for have places, in pages of GR_PAGE cells that follow each other in the box: memory and
  * time grow with the material, and the cells beside those of a page are still whole vectors. */
 #ifndef GR_FLUIDITY_FLUIDITY_H
@@ -49,30 +52,32 @@ enum { GR_RKL2_MAX_STAGES = 999 };
 
 struct gr_fluidity_config {
     int dim, stencil;
-    int64_t shape[3]; /* cells along each axis */
-    int periodic[3];
-    double dx;              /* m */
-    double A, d, t0;        /* nonlocal amplitude, 1; grain diameter, m; time scale, s */
-    double tolerance;       /* implicit: residual over the first one, in the 2-norm */
-    int64_t max_iterations; /* implicit: of conjugate gradients, in a step */
-    const uint8_t *face;    /* (2 dim, cells): enum gr_face at the low (2a) and high (2a + 1) side along axis a */
+    int64_t shape[3];           /* cells along each axis */
+    int periodic[3], two_sided; /* two_sided: cells may have copies at the back */
+    double dx;                  /* m */
+    double A, d, t0;            /* nonlocal amplitude, 1; grain diameter, m; time scale, s */
+    double tolerance;           /* implicit: residual over the first one, in the 2-norm */
+    int64_t max_iterations;     /* implicit: of conjugate gradients, in a step */
+    const uint8_t *face;        /* (2 dim, cells): enum gr_face at the low (2a) and high (2a + 1) side along axis a */
 };
 
 /* The same, agreed upon by both cells; nothing lies behind the ends of the box. */
 enum gr_side { GR_SIDE_CLOSED, GR_SIDE_LINKED, GR_SIDE_ROUGH };
 
-/* Where a cell is to the bodies: bits. */
-enum gr_inside { GR_INSIDE_BODY = 1, GR_BEFORE_PLATE = 2, GR_BEHIND_PLATE = 4, GR_PLATE = 6, GR_AT_ROUGH_PLATE = 8 };
+/* Where a cell is to the bodies: bits. A copy that is apart has the value of one side of a plate, that which is BEHIND or
+ * not; any other cell has one value, and that bit tells on which side its middle is; its copy at the back is hidden.
+ * BEYOND: the middle of a copy that is apart lies on the other side of a rough plate. */
+enum gr_inside { GR_INSIDE_BODY = 1, GR_BEHIND_PLATE = 2, GR_APART = 4, GR_HIDDEN = 8, GR_BEYOND_ROUGH_PLATE = 16 };
 
-/* What the bodies make of a face between two cells: nothing is cut where neither a rough body ends nor a plate stands. */
+/* What the bodies make of a face between two cells. With a copy that is apart only its own side exchanges, so that each has
+ * one partner behind a face at most; g = 0 where a rough body ends, or stands nearest to a rough plate. */
 static inline int gr_cut_of(uint8_t a, uint8_t b)
 {
-    if ((a ^ b) & GR_INSIDE_BODY) return GR_SIDE_ROUGH;
-    if ((a & b & (GR_BEFORE_PLATE | GR_BEHIND_PLATE)) || !(a & GR_PLATE) || !(b & GR_PLATE)) return GR_SIDE_LINKED;
-    return (a | b) & GR_AT_ROUGH_PLATE ? GR_SIDE_ROUGH : GR_SIDE_CLOSED;
+    if (((a | b) & GR_HIDDEN) || (((a | b) & GR_APART) && ((a ^ b) & GR_BEHIND_PLATE))) return GR_SIDE_CLOSED;
+    return (a ^ b) & (GR_INSIDE_BODY | GR_BEYOND_ROUGH_PLATE) ? GR_SIDE_ROUGH : GR_SIDE_LINKED;
 }
 
-/* A link across a periodic end, from the side of one of its two cells. */
+/* A link to a place that is not beside: across a periodic end, or to the other copy. From the side of one of its cells. */
 struct gr_wrap {
     int32_t to, from;
     int32_t link;
@@ -88,22 +93,23 @@ enum {
 };
 
 struct gr_fluidity {
-    int dim, stencil, n_links, periodic[3];
-    int64_t shape[3], stride[3], n_cells; /* of the box */
-    double dx, diffusivity, tolerance;    /* m, A^2 d^2/t0 in m^2/s, 1 */
+    int dim, stencil, n_links, periodic[3], two_sided;
+    int64_t shape[3], stride[3], n_cells, box_pages; /* of the box */
+    double dx, diffusivity, tolerance;               /* m, A^2 d^2/t0 in m^2/s, 1 */
     int64_t max_iterations;
     double stiffest; /* no eigenvalue of L is larger than twice this */
     /* of the box */
     int8_t offset[GR_MOST_LINKS][3]; /* of the cell at the high side of a link; link a < dim goes along axis a */
     struct gr_table side;            /* per cell of the box, 2 bits for each face: enum gr_side ^ GR_SIDE_LINKED */
-    struct gr_table page_of;         /* per page of the box: its number here + 1, 0 for none */
+    struct gr_table page_of;         /* per page of the box, and again at the back: its number here + 1, 0 for none */
     /* of the pages: cell k of page q has the place GR_PAGE q + k. Arrays of places have a page of zeros at both ends. */
     int64_t n_pages, page_room, n_chunks, n_wraps, wrap_room;
-    int64_t *page;                    /* number in the box, ascending */
+    int64_t *page;                    /* number in the box, ascending; + box_pages at the back */
     int64_t *chunk_first;             /* n_chunks + 1: pages of a chunk */
     int32_t *near;                    /* per page, link and side (low, high): place of the cell beside the first one */
     uint8_t *link[2 * GR_MOST_LINKS]; /* faces: 1 where a cell is linked to the one at that place */
     int32_t *beside;                  /* isotropic: per place, link and side, the place of that cell; -1 without a way */
+    int32_t *other;                   /* isotropic: per place, that of the other copy, -1 without one */
     double *rough_walls;              /* 2 (rough faces) */
     struct gr_wrap *wrap;             /* in the order of `to` */
     int64_t *wrap_first;              /* n_chunks + 1: those of a chunk */
@@ -151,13 +157,15 @@ static inline int gr_fluidity_side(const struct gr_fluidity *f, int64_t cell, in
 int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face);
 
 /* lattice.c: give places to n cells of the box, ascending, and to none else but the rest of their pages; or to all of the
- * box, in its order, where `cells` is NULL. No cell is dense. Returned: 0, or GR_ERR_MEMORY and there are no places. */
-int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, int64_t n);
+ * box, in its order, where `cells` is NULL. A cell whose `sides` is -1 is a copy at the back of the one before it; NULL
+ * without any. No cell is dense. Returned: 0, or GR_ERR_MEMORY and there are no places. */
+int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n);
 
-/* Place of a cell of the box that has one. */
-static inline int64_t gr_fluidity_place(const struct gr_fluidity *f, int64_t cell)
+/* Place of a cell of the box that has one, or of its copy at the back. */
+static inline int64_t gr_fluidity_place(const struct gr_fluidity *f, int64_t cell, int back)
 {
-    return ((int64_t)gr_table_get(&f->page_of, cell / GR_PAGE) - 1) * GR_PAGE + cell % GR_PAGE;
+    const int64_t page = cell / GR_PAGE + (back ? f->box_pages : 0);
+    return ((int64_t)gr_table_get(&f->page_of, page) - 1) * GR_PAGE + cell % GR_PAGE;
 }
 
 /* links.c: weights of all links of a chunk with the isotropic stencil, from which cells are dense. */

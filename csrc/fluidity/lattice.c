@@ -4,11 +4,14 @@
 
 #include "fluidity/fluidity.h"
 
-static int64_t pages_of_box(const struct gr_fluidity *f) { return (f->n_cells + GR_PAGE - 1) / GR_PAGE; }
+/* Pages that may be: those of the box, and of its copy at the back. */
+static int64_t all_pages(const struct gr_fluidity *f) { return f->two_sided ? 2 * f->box_pages : f->box_pages; }
 
-static int64_t place_of(const struct gr_fluidity *f, int64_t cell)
+/* Place of a cell or of its copy at the back, -1 for none. */
+static int64_t place_of(const struct gr_fluidity *f, int64_t cell, int back)
 {
-    return gr_table_get(&f->page_of, cell / GR_PAGE) ? gr_fluidity_place(f, cell) : -1;
+    if (cell < 0 || (back && !f->two_sided)) return -1;
+    return gr_table_get(&f->page_of, cell / GR_PAGE + (back ? f->box_pages : 0)) ? gr_fluidity_place(f, cell, back) : -1;
 }
 
 /* Step by `side` (-1, 1) along an axis from a cell at `at`, through periodic ends. Returned: 0, or -1 at an end. */
@@ -88,7 +91,7 @@ static void list_links(struct gr_fluidity *f)
 
 int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
 {
-    if (gr_table_new(&f->side, f->n_cells) || gr_table_new(&f->page_of, pages_of_box(f))) return GR_ERR_MEMORY;
+    if (gr_table_new(&f->side, f->n_cells) || gr_table_new(&f->page_of, all_pages(f))) return GR_ERR_MEMORY;
     list_links(f);
     const int most = read_faces(f, face);
     if (most < 0) return GR_ERR_MEMORY;
@@ -116,7 +119,7 @@ static int reserve(struct gr_fluidity *f, int64_t n)
         f->doubles = malloc((room * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
         f->bytes = malloc(room * (size_t)n_maps * GR_PAGE);
         f->integers = malloc(room * 4 * sizeof(int64_t));
-        f->places = malloc(room * (size_t)(sides * (isotropic ? 1 + GR_PAGE : 1)) * sizeof(int32_t));
+        f->places = malloc(room * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
         if (!f->doubles || !f->bytes || !f->integers || !f->places) {
             f->page_room = -1;
             return GR_ERR_MEMORY;
@@ -137,6 +140,7 @@ static int reserve(struct gr_fluidity *f, int64_t n)
     f->page = f->integers, f->chunk_first = f->page + pages;
     f->wrap_first = f->chunk_first + pages, f->partial_clamped = f->wrap_first + pages;
     f->near = f->places, f->beside = isotropic ? f->near + sides * pages : 0;
+    f->other = isotropic ? f->beside + sides * room : 0;
     return GR_OK;
 }
 
@@ -156,7 +160,7 @@ static void find_near(struct gr_fluidity *f, int64_t q)
         int64_t cell = f->page[q] * GR_PAGE, near = q * GR_PAGE;
         for (int a = 0; a < f->dim; a++) cell += (k % 2 ? 1 : -1) * f->offset[k / 2][a] * f->stride[a];
         const int64_t page = cell < 0 ? -((-cell + GR_PAGE - 1) / GR_PAGE) : cell / GR_PAGE, shift = cell - page * GR_PAGE;
-        const int64_t last = pages_of_box(f) - 1;
+        const int64_t last = all_pages(f) - 1;
         const int32_t low = page >= 0 && page <= last ? gr_table_get(&f->page_of, page) : 0;
         const int32_t high = shift && page >= -1 && page < last ? gr_table_get(&f->page_of, page + 1) : 0;
         if (low)
@@ -182,16 +186,19 @@ static int add_wrap(struct gr_fluidity *f, int64_t to, int64_t from, int link)
 /* The links of one cell. */
 static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
 {
-    const int64_t cell = f->page[q] * GR_PAGE + lane, i = q * GR_PAGE + lane;
-    const int sides = 2 * f->n_links;
+    const int sides = 2 * f->n_links, back = f->page[q] >= f->box_pages;
+    const int64_t i = q * GR_PAGE + lane, cell = (f->page[q] - (back ? f->box_pages : 0)) * GR_PAGE + lane;
+    if (cell >= f->n_cells) return GR_OK;
     int64_t at[3];
     find_coordinates(f, cell, at);
+    if (f->other) f->other[i] = (int32_t)place_of(f, cell, !back);
     for (int k = 0; k < sides; k++) {
         const int8_t *o = f->offset[k / 2];
         const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
-        const int64_t to = reach(f, cell, at, offset), j = to < 0 ? -1 : place_of(f, to);
-        if (f->beside) f->beside[i * sides + k] = (int32_t)j;
+        const int64_t to = reach(f, cell, at, offset), j = place_of(f, to, back), across = place_of(f, to, !back);
+        if (f->beside) f->beside[i * sides + k] = (int32_t)(j < 0 ? across : j);
         if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->rough_walls[i] += 2;
+        if (across >= 0 && to != cell && add_wrap(f, i, across, k)) return GR_ERR_MEMORY;
         if (j < 0 || j == i) continue;
         if (j != f->near[sides * q + k] + lane) {
             if (add_wrap(f, i, j, k)) return GR_ERR_MEMORY;
@@ -202,29 +209,39 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
     return GR_OK;
 }
 
-static int add_pages(struct gr_fluidity *f, const int64_t *cells, int64_t n)
+/* The pages of the listed cells, or of all; added, or only counted. */
+static int add_pages(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n, int64_t *count)
 {
     int error = GR_OK;
-    for (int64_t k = 0; !cells && !error && k < n; k += GR_PAGE) error = add_page(f, k / GR_PAGE);
-    for (int64_t k = 0; cells && !error && k < n; k++)
-        if (!k || cells[k] / GR_PAGE != cells[k - 1] / GR_PAGE) error = add_page(f, cells[k] / GR_PAGE);
-    f->chunk_first[f->n_chunks] = f->n_pages;
+    int64_t last = -1;
+    for (int back = 0; back <= (sides ? 1 : 0); back++)
+        for (int64_t k = 0; !error && k < n; k++) {
+            const int64_t page = cells ? cells[k] / GR_PAGE + (back ? f->box_pages : 0) : k;
+            if (page == last || (back && sides[k] != -1)) continue;
+            last = page;
+            if (count)
+                ++*count;
+            else
+                error = add_page(f, page);
+        }
+    if (!count) f->chunk_first[f->n_chunks] = f->n_pages;
     return error;
 }
 
-int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, int64_t n)
+int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n)
 {
-    int64_t pages = cells ? 0 : pages_of_box(f);
-    for (int64_t k = 0; cells && k < n; k++) pages += !k || cells[k] / GR_PAGE != cells[k - 1] / GR_PAGE;
+    int64_t pages = 0;
+    if (!cells) n = f->box_pages;
+    if (!f->two_sided) sides = 0;
+    (void)add_pages(f, cells, sides, n, &pages);
     forget(f);
     int error = reserve(f, pages);
-    if (!error) error = add_pages(f, cells, cells ? n : f->n_cells);
+    if (!error) error = add_pages(f, cells, sides, n, 0);
     for (int64_t q = 0; !error && q < f->n_pages; q++) find_near(f, q);
     for (int64_t c = 0; !error && c < f->n_chunks; c++) {
         f->wrap_first[c] = f->n_wraps;
         for (int64_t q = f->chunk_first[c]; q < f->chunk_first[c + 1]; q++)
-            for (int lane = 0; !error && lane < GR_PAGE && f->page[q] * GR_PAGE + lane < f->n_cells; lane++)
-                error = link_cell(f, q, lane);
+            for (int lane = 0; !error && lane < GR_PAGE; lane++) error = link_cell(f, q, lane);
     }
     if (error)
         forget(f);

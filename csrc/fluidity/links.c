@@ -19,15 +19,28 @@
 
 enum kind { OPEN, EVEN, ODD };
 
+/* The place that a cell exchanges with at a link and side, where bodies let it: one of the copies there, or -1. And what
+ * they make of the face. */
+static int64_t partner(const struct gr_fluidity *f, int64_t i, int k, int *cut)
+{
+    int32_t j = f->beside[2 * f->n_links * i + k];
+    *cut = GR_SIDE_LINKED;
+    for (int copy = 0; j >= 0 && copy < 2; copy++, j = f->other[j]) {
+        *cut = gr_cut_of(f->inside[i], f->inside[j]);
+        if (*cut != GR_SIDE_CLOSED) return *cut == GR_SIDE_LINKED ? j : -1;
+    }
+    return -1;
+}
+
 /* What stands at the face of a cell along an axis. */
 static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int high)
 {
     const int k = 2 * axis + high;
-    const int32_t j = f->beside[2 * f->n_links * i + k];
-    const int cut = j >= 0 ? gr_cut_of(f->inside[i], f->inside[j]) : GR_SIDE_LINKED;
+    int cut;
+    const int64_t j = partner(f, i, k, &cut), page = f->page[i / GR_PAGE];
     if (cut != GR_SIDE_LINKED) return cut == GR_SIDE_ROUGH ? ODD : EVEN;
     if (j >= 0 && f->dense[j]) return OPEN;
-    const int64_t cell = f->page[i / GR_PAGE] * GR_PAGE + i % GR_PAGE;
+    const int64_t cell = page % f->box_pages * GR_PAGE + i % GR_PAGE;
     return gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH ? ODD : EVEN;
 }
 
@@ -44,8 +57,9 @@ static int number_of(const struct gr_fluidity *f, const int o[3])
 /* Place of the cell at an offset if it is dense and nothing is in the way, else -1. */
 static int64_t neighbour(const struct gr_fluidity *f, int64_t i, const int o[3])
 {
-    const int32_t j = f->beside[2 * f->n_links * i + number_of(f, o)];
-    return j >= 0 && f->dense[j] && gr_cut_of(f->inside[i], f->inside[j]) == GR_SIDE_LINKED ? j : -1;
+    int cut;
+    const int64_t j = partner(f, i, number_of(f, o), &cut);
+    return j >= 0 && f->dense[j] ? j : -1;
 }
 
 /* Whether the cell at the offset m sees the offset o mirrored to i as i sees it mirrored to that cell. */
@@ -98,10 +112,13 @@ void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk)
     struct gr_wrap *wrap = f->wrap + f->wrap_first[chunk], *const end = f->wrap + f->wrap_first[chunk + 1];
     for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++) {
         double weight[2 * GR_MOST_LINKS] = {0};
-        const int32_t *near = f->near + i / GR_PAGE * sides, *beside = f->beside + i * sides;
+        const int32_t *near = f->near + i / GR_PAGE * sides;
         const int lane = (int)(i % GR_PAGE);
+        int cut;
         f->rough[i] = f->dense[i] ? weigh_cell(f, i, weight) : 0;
-        for (int k = 0; k < sides; k++) f->weight[k][i] = f->dense[i] && beside[k] == near[k] + lane ? weight[k] : 0;
-        for (; wrap < end && wrap->to == i; wrap++) wrap->weight = weight[wrap->link];
+        for (int k = 0; k < sides; k++)
+            f->weight[k][i] = f->dense[i] && partner(f, i, k, &cut) == near[k] + lane ? weight[k] : 0;
+        for (; wrap < end && wrap->to == i; wrap++)
+            wrap->weight = partner(f, i, wrap->link, &cut) == wrap->from ? weight[wrap->link] : 0;
     }
 }

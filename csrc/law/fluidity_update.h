@@ -97,11 +97,12 @@ static inline vd gr_fluidity_start(const struct gr_fluidity_numbers *n, vd g_sta
     return n->start * v_max(v_zero(), g_star);
 }
 
-/* The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0 in one unit: both quotients, Y and 1/(1 + X), come from
+/* v_sqrt, not v_sqrt_fast: all waits for this root, and the division unit is the sooner done.
+ * The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0 in one unit: both quotients, Y and 1/(1 + X), come from
  * one division. */
 static inline struct gr_fluidity_point gr_fluidity_of_root(vd a, vd b, vd c, vd offset, vd m, vd unit_g)
 {
-    const vd one = v_set(1.0), twice_a = a + a, twice_c = c + c, root = v_sqrt_fast(v_fma(b, b, twice_a * twice_c));
+    const vd one = v_set(1.0), twice_a = a + a, twice_c = c + c, root = v_sqrt(v_fma(b, b, twice_a * twice_c));
     const vm rises = v_gt(b, v_zero());
     const vd above = v_select(rises, twice_c, root - b), below = v_select(rises, b + root, twice_a); /* Y */
     const vd whole = v_fma(below, one + offset, above);                                              /* below (1 + X) */

@@ -28,6 +28,7 @@ struct gr_hencky_numbers {
     struct gr_flow_numbers flow;
     vd K, twoG, inv_twoG, mu_s, g_min, to_rate; /* to_rate = 1/(G dt) */
     vd kindling;                                /* sqrt(2) kindling/(mu_2 dt) */
+    const double *hardening;                    /* h of hardening.h, from which mu_s is made for each block; or NULL */
 };
 
 struct gr_hencky_point {

@@ -9,16 +9,17 @@
 
 #include "core/simd.h"
 
-#define GR_LAWS(X)           \
-    X(elastic)               \
-    X(drucker_prager)        \
-    X(mu_i)                  \
-    X(ngf)                   \
-    X(hencky_elastic)        \
-    X(hencky_drucker_prager) \
-    X(hencky_mu_i)           \
-    X(hencky_linear)         \
-    X(hencky_ngf)            \
+#define GR_LAWS(X)                     \
+    X(elastic)                         \
+    X(drucker_prager)                  \
+    X(mu_i)                            \
+    X(ngf)                             \
+    X(hencky_elastic)                  \
+    X(hencky_drucker_prager)           \
+    X(hencky_drucker_prager_hardening) \
+    X(hencky_mu_i)                     \
+    X(hencky_linear)                   \
+    X(hencky_ngf)                      \
     X(hencky_ngf_linear)
 
 enum gr_law_id {
@@ -49,10 +50,12 @@ extern const struct gr_law_info gr_law_table[GR_LAW_COUNT];
  *   log_density at the end of the step; parameter values in the law's own order.
  *   g_star[k], the fluidity of block k after its diffusion, 1/s; NULL in the local phase of a nonlocal law.
  *   path, where a nonlocal law makes the step in parts (law/path.h), NULL where in one; dt is that of a part, which is
- *   `part` of the step. With `sets_out` the paths are made, from a log-density before the step, and nothing else;
- *   without, the last part.
+ *   `part` of the step. With `sets_out` the paths are made, from a log-density before the step, and their first part;
+ *   without, the last.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL.
- * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL. Nonlocal laws need shear_rate and g. */
+ *   plastic_strain, 1, of a law that hardens, where the pointer is not NULL: 0 else.
+ * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL; g means nothing where a path is loose.
+ * Nonlocal laws need shear_rate and g. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
@@ -65,22 +68,21 @@ struct gr_law_call {
     double *path;
     int sets_out;
     double *stress[6];
-    double *shear_rate, *g, *gain;
+    double *shear_rate, *g, *gain, *plastic_strain;
 };
 
 /* What is kept of a block of points on its path through the parts of a step (law/path.h), in runs of GR_W. X(name, doc) */
-#define GR_PATH(X)                                                        \
-    X(turned, "R:R/2 over p^2")                                           \
-    X(across, "R:D over p^2")                                             \
-    X(strained, "D:D/2 over p^2")                                         \
-    X(of_turned, "a")                                                     \
-    X(of_strained, "b")                                                   \
-    X(p, "pressure at the end of the step, 0 where loose, Pa")            \
-    X(inverse_p, "see gr_inverse_pressure")                               \
-    X(sink, "see gr_inverse_pressure")                                    \
-    X(unit_g, "see gr_inverse_pressure")                                  \
-    X(weight, "share of the point in its cell's fluidity; 0 where loose") \
-    X(kindled, "fluidity of what reconnects in this step, 1/s; -1: none does")
+#define GR_PATH(X)                                             \
+    X(turned, "R:R/2 over p^2")                                \
+    X(across, "R:D over p^2")                                  \
+    X(strained, "D:D/2 over p^2")                              \
+    X(of_turned, "a")                                          \
+    X(of_strained, "b")                                        \
+    X(p, "pressure at the end of the step, 0 where loose, Pa") \
+    X(inverse_p, "see gr_inverse_pressure")                    \
+    X(sink, "see gr_inverse_pressure")                         \
+    X(unit_g, "see gr_inverse_pressure")                       \
+    X(weight, "share of the point in its cell's fluidity; 0 where loose")
 
 enum gr_path_number {
 #define GR_X(name, doc) GR_PATH_##name,

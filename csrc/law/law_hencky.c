@@ -2,6 +2,7 @@
  *
  * The pressure is that of the density, whatever the scheme. A nonlocal flow without a diffused fluidity is in its local
  * phase: the flow that it has where the fluidity is even, with g = gdot/mu. */
+#include "law/hardening.h"
 #include "law/hencky.h"
 #include "law/path.h"
 
@@ -50,9 +51,14 @@ GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, cons
     }
     for (int i = 0; i < GR_STRESSES(dim); i++) strained.s[i] = strained.s[i] - turned.s[i];
     if (call->sets_out) {
-        const vd none = v_set(-1.0);
-        gr_path_sets_out(dim, &n->fluidity, &turned, &strained, p, v_select(before, none, kindled), call->path, at);
-        return (struct gr_hencky_point){0};
+        const vd reconnected = v_select(before, v_set(-1.0), v_select(v_gt(p, v_zero()), kindled, v_set(-1.0)));
+        const vd start = gr_fluidity_start(&n->fluidity, v_max(n->g_min, g_star)), part = v_set(call->part);
+        double *const of_rate = call->shear_rate + at;
+        gr_path_sets_out(dim, &n->fluidity, &turned, &strained, p, call->path, at);
+        return (struct gr_hencky_point){
+            .g = flow == GR_HENCKY_nonlocal_linear
+                     ? gr_path_part(1, 1, &n->fluidity, part, call->path, at, start, reconnected, of_rate)
+                     : gr_path_part(0, 1, &n->fluidity, part, call->path, at, start, reconnected, of_rate)};
     }
     const vm since = v_gt(v_load(gr_path_at(call->path, at, GR_PATH_p)), v_zero());
     gr_path_end(dim, call->part, call->path, at, &turned, &strained);
@@ -60,40 +66,46 @@ GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, cons
     return gr_hencky_flow(dim, flow, n, &turned, p, v_gt(known, v_zero()), kindled, g_star, rate);
 }
 
-GR_INLINE void hencky_blocks_of(const int dim, const int flow, const struct gr_hencky_numbers *n,
-                                const struct gr_law_call *call)
+GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
 {
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
         const struct gr_hencky_block block = hencky_block_of(dim, call, k);
+        const vd hardened = call->plastic_strain ? v_load(call->plastic_strain + at) : v_zero();
+        if (n->hardening) n->mu_s = gr_hardened_friction(n->hardening, hardened);
         const vd g_star = v_set(call->g_star ? call->g_star[k] : 0);
         const vd rate = call->shear_rate ? v_load(call->shear_rate + at) : v_zero();
         const struct gr_hencky_point point =
             call->path ? hencky_part(dim, flow, n, call, &block, at, g_star, rate)
                        : gr_hencky_update(dim, flow, n, block.L, block.c, &block.stress, g_star, rate);
-        if (call->path && call->sets_out) continue;
+        if (call->path && call->sets_out) {
+            v_store(call->g + at, point.g);
+            continue;
+        }
         const vd to_cauchy = v_exp(block.c);
         for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, to_cauchy * point.stress.s[i]);
         if (call->shear_rate) v_store(call->shear_rate + at, point.rate);
         if (call->g) v_store(call->g + at, point.g);
         if (call->gain) v_store(call->gain + at, v_keep(v_gt(point.g, v_zero()), point.g - g_star));
+        if (call->plastic_strain) {
+            const vd strain = v_set(0.7071067811865476 * call->dt) * point.rate;
+            v_store(call->plastic_strain + at, hardened + strain);
+        }
     }
 }
 
 /* `flow` is no literal: one body of the trial serves all laws. */
-static __attribute__((noinline)) void hencky_blocks_2d(int flow, const struct gr_hencky_numbers *n,
-                                                       const struct gr_law_call *call)
+static __attribute__((noinline)) void hencky_blocks_2d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
 {
     hencky_blocks_of(2, flow, n, call);
 }
 
-static __attribute__((noinline)) void hencky_blocks_3d(int flow, const struct gr_hencky_numbers *n,
-                                                       const struct gr_law_call *call)
+static __attribute__((noinline)) void hencky_blocks_3d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
 {
     hencky_blocks_of(3, flow, n, call);
 }
 
-static inline void hencky_blocks(const int dim, int flow, const struct gr_hencky_numbers *n, const struct gr_law_call *call)
+static inline void hencky_blocks(const int dim, int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
 {
     if (dim == 2)
         hencky_blocks_2d(flow, n, call);
@@ -113,31 +125,38 @@ static inline struct gr_hencky_numbers sizeless(const struct gr_law_call *call, 
 
 static inline void law_hencky_elastic(const int dim, const struct gr_law_call *call)
 {
-    const struct gr_hencky_numbers n = sizeless(call, 1, 2, 1);
+    struct gr_hencky_numbers n = sizeless(call, 1, 2, 1);
     hencky_blocks(dim, GR_HENCKY_elastic, &n, call);
 }
 
 static inline void law_hencky_drucker_prager(const int dim, const struct gr_law_call *call)
 {
-    const struct gr_hencky_numbers n = sizeless(call, call->parameter[2], 2 * call->parameter[2], 1);
+    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], 2 * call->parameter[2], 1);
+    hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
+}
+
+static inline void law_hencky_drucker_prager_hardening(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = sizeless(call, 1, 2, 1);
+    n.hardening = call->parameter + 2;
     hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
 }
 
 static inline void law_hencky_mu_i(const int dim, const struct gr_law_call *call)
 {
-    const struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
+    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
     hencky_blocks(dim, GR_HENCKY_local_saturating, &n, call);
 }
 
 static inline void law_hencky_linear(const int dim, const struct gr_law_call *call)
 {
-    const struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
+    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
     hencky_blocks(dim, GR_HENCKY_local_linear, &n, call);
 }
 
 static inline void law_hencky_ngf(const int dim, const struct gr_law_call *call)
 {
-    const struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
+    struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
     if (call->g_star)
         hencky_blocks(dim, GR_HENCKY_nonlocal_saturating, &n, call);
     else
@@ -146,7 +165,7 @@ static inline void law_hencky_ngf(const int dim, const struct gr_law_call *call)
 
 static inline void law_hencky_ngf_linear(const int dim, const struct gr_law_call *call)
 {
-    const struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
+    struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
     if (call->g_star)
         hencky_blocks(dim, GR_HENCKY_nonlocal_linear, &n, call);
     else

@@ -47,15 +47,21 @@ GR_INLINE vd part_block(const int dim, const struct gr_law_call *call, int64_t k
     return pressure_of(call, n->K, c, p + gr_split(strained));
 }
 
-/* Many parts, first: the paths of the points. */
-GR_INLINE void set_out(const int dim, const struct gr_law_call *call, const struct gr_ngf_numbers *n)
+/* Many parts, first: the paths of the points, and the first of them. */
+GR_INLINE void set_out_blocks(const int dim, const struct gr_law_call *call, const struct gr_ngf_numbers *n)
 {
     for (int64_t k = 0; k < call->n_blocks; k++) {
         struct gr_stress turned, strained;
         const int64_t at = call->slot[k];
         const vd trace = gr_expansion(dim, call->gradient + k * dim * dim * GR_W);
         const vd p = part_block(dim, call, k, n, v_load(call->log_density + at) - trace, &turned, &strained);
-        gr_path_sets_out(dim, &n->point, &turned, &strained, p, v_set(-1.0), call->path, at);
+        gr_path_sets_out(dim, &n->point, &turned, &strained, p, call->path, at);
+    }
+    for (int64_t k = 0; k < call->n_blocks; k++) {
+        const int64_t at = call->slot[k];
+        const vd start = gr_fluidity_start(&n->point, v_set(call->g_star[k]));
+        v_store(call->g + at,
+                gr_path_part(0, 0, &n->point, v_set(call->part), call->path, at, start, v_zero(), call->shear_rate + at));
     }
 }
 
@@ -130,7 +136,7 @@ static inline void law_ngf(const int dim, const struct gr_law_call *call)
     if (!call->path)
         flow_blocks(dim, 0, call, &n);
     else if (call->sets_out)
-        set_out(dim, call, &n);
+        set_out_blocks(dim, call, &n);
     else
         flow_blocks(dim, 1, call, &n);
 }

@@ -27,7 +27,7 @@ GR_INLINE vd gr_contract(const int dim, const struct gr_stress *s, const struct 
 
 /* Pressure 0 where loose: such points have no stress on their path, hence no friction and no rate. NaN stays. */
 GR_INLINE void gr_path_sets_out(const int dim, const struct gr_fluidity_numbers *n, const struct gr_stress *turned,
-                                const struct gr_stress *strained, vd p, vd kindled, double *path, int64_t at)
+                                const struct gr_stress *strained, vd p, double *path, int64_t at)
 {
     const struct gr_inverse_pressure inverse = gr_invert_pressure(n, p);
     const vd zero = v_zero(), most = v_set(GR_LARGEST_FRICTION * GR_LARGEST_FRICTION);
@@ -41,7 +41,6 @@ GR_INLINE void gr_path_sets_out(const int dim, const struct gr_fluidity_numbers 
     v_store(gr_path_at(path, at, GR_PATH_inverse_p), inverse.p);
     v_store(gr_path_at(path, at, GR_PATH_sink), inverse.sink);
     v_store(gr_path_at(path, at, GR_PATH_unit_g), inverse.unit_g);
-    v_store(gr_path_at(path, at, GR_PATH_kindled), v_select(v_ge(zero, p), v_set(-1.0), kindled));
 }
 
 /* The deviator before the flow of the last part, in place of `turned`. */
@@ -53,10 +52,11 @@ GR_INLINE void gr_path_end(const int dim, double part, double *path, int64_t at,
     for (int i = 0; i < GR_STRESSES(dim); i++) turned->s[i] = v_fma(b, strained->s[i], a * turned->s[i]);
 }
 
-/* A part of the step, in the first of which points may reconnect, if it `kindles`. Given gr_fluidity_start; updated: the
- * plastic rate, 1/s. Returned: the fluidity g, 1/s, which means nothing where loose. */
+/* A part of the step. Given: gr_fluidity_start; the fluidity of points that reconnect in it, 1/s, where they do, else -1:
+ * none does without `kindles`. Updated: the plastic rate, 1/s. Returned: the fluidity g, 1/s, which means nothing where
+ * loose. */
 GR_INLINE vd gr_path_part(const int linear, const int kindles, const struct gr_fluidity_numbers *n, vd part, double *path,
-                          int64_t at, vd start, double *rate)
+                          int64_t at, vd start, vd kindled, double *rate)
 {
     double *const to_a = gr_path_at(path, at, GR_PATH_of_turned), *const to_b = gr_path_at(path, at, GR_PATH_of_strained);
     const struct gr_inverse_pressure inverse = {v_load(gr_path_at(path, at, GR_PATH_inverse_p)),
@@ -66,15 +66,14 @@ GR_INLINE vd gr_path_part(const int linear, const int kindles, const struct gr_f
     const vd across = v_load(gr_path_at(path, at, GR_PATH_across)),
              strained = v_load(gr_path_at(path, at, GR_PATH_strained));
     const vd square = v_fma(a, v_fma(a, turned, b * across), b * b * strained);
-    /* NaN stays. v_sqrt, not v_sqrt_fast: the division unit has time here. */
-    const vd m = v_sqrt(v_max(v_zero(), square));
+    const vd m = v_sqrt(v_max(v_zero(), square)); /* NaN stays */
     struct gr_fluidity_point point;
     if (linear)
         point = gr_fluidity_update_linear(n, m, inverse, start, v_load(rate));
     else
         point = gr_fluidity_update(n, m, inverse, start, v_load(rate));
     if (kindles) {
-        const vd kindled = v_load(gr_path_at(path, at, GR_PATH_kindled)), one = v_set(1.0);
+        const vd one = v_set(1.0);
         const vm reconnects = v_ge(kindled, v_zero());
         const vd scale = one / v_fma(n->G_dt * kindled, inverse.p, one);
         point.scale = v_select(reconnects, scale, point.scale);

@@ -172,7 +172,7 @@ static void stage_grid(struct team *team, int t)
 /* The fluidity has not converged: which of the points is not finite, if one is. */
 static void blame(struct gr_engine *e)
 {
-    const double *g = e->field[GR_FIELD_g], *rate = e->field[GR_FIELD_shear_rate]; /* g is not kept in substeps */
+    const double *g = e->field[GR_FIELD_g], *rate = e->field[GR_FIELD_shear_rate]; /* g is not kept in all substeps */
     e->error_id = -1;
     e->error_step = e->step;
     for (int64_t s = 0; s < e->used; s++) {
@@ -184,10 +184,11 @@ static void blame(struct gr_engine *e)
     }
 }
 
-/* The cells that a plate divides, when the law has been made for all points. */
+/* The double cells, when the law has been made for all points and they are marked. */
 static void mean_pairs(struct team *team, int t)
 {
     int64_t first, last;
+    gr_wait(&team->barrier);
     gr_share(team->e->mesh.n_paired, t, team->barrier.threads, &first, &last);
     team->kernels->mean_pairs(team->e, first, last);
 }
@@ -202,7 +203,7 @@ static int stage_fluidity(struct team *team, int t)
     if (e->fluidity->has_inside) gr_bodies_mark(e, team->cut[t], team->cut[t + 1]);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
-        if (made) team->kernels->relax(e, team->cut[t], team->cut[t + 1], made == 1);
+        if (made) (made == 1 ? team->kernels->set_out : team->kernels->relax)(e, team->cut[t], team->cut[t + 1]);
         if (!made && e->mesh.n_paired) mean_pairs(team, t);
         const int error = team->kernels->diffuse(e->fluidity, &call, &team->barrier, t);
         if (error) {

@@ -19,6 +19,8 @@ int gr_engine_uses(const struct gr_config *config, int field)
         return gr_law_table[config->law].nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit;
     case GR_SIDED:
         return gr_has_plates(config);
+    case GR_HARDENING:
+        return config->law == GR_LAW_hencky_drucker_prager_hardening;
     case GR_ALWAYS:
     default:
         return 1;
@@ -164,12 +166,13 @@ static int build_fluidity(struct gr_engine *e)
                                         .t0 = parameter_of(&e->config, "t0"),
                                         .tolerance = nonlocal->tolerance,
                                         .max_iterations = MAX_ITERATIONS,
+                                        .two_sided = gr_has_plates(&e->config),
                                         .face = nonlocal->face};
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
     if (error) return error;
     for (int b = 0; b < e->config.n_bodies; b++) e->fluidity->has_inside |= e->config.bodies[b].rough;
-    e->fluidity->has_inside |= gr_has_plates(&e->config);
+    e->fluidity->has_inside |= e->fluidity->two_sided;
     if (nonlocal->method == GR_DIFFUSION_COUNT) {
         const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
         nonlocal->method =
@@ -260,6 +263,7 @@ void gr_engine_free(struct gr_engine *e)
                      (void *)e->config.parts,
                      e->mesh.cell,
                      e->mesh.cell_node,
+                     e->mesh.place,
                      e->mesh.node_source,
                      e->mesh.node_code,
                      e->mesh.node_volume,

@@ -96,14 +96,12 @@ struct gr_cell {
 
 #define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
 
-/* A cell, or both sides of a double one of which this is the front. */
-#define GR_EACH_SIDE(cell, name) for (const struct gr_cell *name = (cell); name <= (cell) + ((cell)->side == 1); name++)
-
 /* The part of the grid that material may touch before the next regrouping. */
 struct gr_mesh {
     int64_t n_cells, n_nodes, cell_room, node_room;
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
+    int32_t *place;       /* of its cells on the lattice of the fluidity; NULL without one */
     int64_t *node_source; /* n_nodes x K: where its sums over a cell begin; in the zero block where there is none */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
@@ -227,7 +225,8 @@ struct gr_kernels {
     void (*press)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
-    void (*relax)(struct gr_engine *, int64_t first, int64_t last, int sets_out);
+    void (*set_out)(struct gr_engine *, int64_t first, int64_t last);
+    void (*relax)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);

@@ -41,7 +41,8 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
                                .g_star = e->diffuses ? batch->g_star : 0,
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
                                .g = e->field[GR_FIELD_g],
-                               .gain = e->field[GR_FIELD_g_gain]};
+                               .gain = e->field[GR_FIELD_g_gain],
+                               .plastic_strain = e->field[GR_FIELD_plastic_strain]};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
     update(&call);
     batch->n = 0;
@@ -341,6 +342,7 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int shared, con
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int stride = MODE_STRIDE(GR_NODE_FIELDS(dim, 0)), blocks = GR_BLOCKS(cell->count);
+    const double g_star = fluidity_of_cell(e, gr_place_of_cell(e, cell));
     struct view view;
     look_at_cell(dim, basis, GR_AFFINE_NONE, 0, shared, 0, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
@@ -355,32 +357,46 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int shared, con
         for (int d = 0; d < dim; d++)
             (void)gr_interpolate(dim, basis, 0, view.mode + d, stride, &s, (const vd(*)[3])s.g, L + d * dim);
         for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, shared ? view.L[c] : L[c]);
+        batch->g_star[batch->n] = g_star;
         batch->slot[batch->n++] = at;
     }
 }
 
-/* The shares of the points of a cell in its fluidity, by the pressures of their paths. */
+/* Whether a fluidity is that of this cell, or of a double one of which it is the front, and there are points. */
+static inline int leads(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    int64_t points = 0;
+    GR_EACH_OF_FLUIDITY(e, cell, side) points += side->count;
+    return points > 0;
+}
+
+/* The shares of the points of a cell in its fluidity, by the pressures of their paths, and what the first part of the step
+ * makes of it. */
 GR_INLINE void weigh_paths(struct gr_engine *e, const struct gr_cell *cell)
 {
-    vd acc = v_zero();
+    const int64_t place = gr_place_of_cell(e, cell);
+    vd mass = v_zero(), flow = mass;
     for (int pass = 0; pass < 2; pass++) {
-        const double sum = v_sum(acc);
+        const double sum = v_sum(mass);
         const vd inverse = v_set(sum > 0 ? 1 / sum : 0);
-        GR_EACH_SIDE(cell, side)
+        GR_EACH_OF_FLUIDITY(e, cell, side)
         for (int n = 0; n < GR_BLOCKS(side->count); n++) {
             const int64_t at = side->offset + n * GR_W;
             const vm dense = v_gt(v_load(gr_path_at(e->path, at, GR_PATH_p)), v_zero());
             const vd m = v_keep(dense, component(e, GR_FIELD_mass, 0, at));
-            if (pass)
+            if (!pass) {
+                mass = mass + m;
+                flow = v_fma(m, v_keep(dense, component(e, GR_FIELD_g, 0, at)), flow);
+            } else {
                 v_store(gr_path_at(e->path, at, GR_PATH_weight), inverse * m);
-            else
-                acc = acc + m;
+            }
         }
-        e->fluidity->dense[gr_place_of_cell(e, cell)] = sum > 0;
+        e->fluidity->dense[place] = sum > 0;
+        if (pass) store_fluidity(e, place, v_sum(inverse * flow), fluidity_of_cell(e, place));
     }
 }
 
-/* The paths of the points through the substeps of a step, before they move. */
+/* The paths of the points through the substeps of a step, before they move, and the first of them. */
 GR_INLINE void set_out_cells(const int dim, const int basis, const int shared, struct gr_engine *e, int64_t first,
                              int64_t last, gr_law_update *law)
 {
@@ -392,31 +408,40 @@ GR_INLINE void set_out_cells(const int dim, const int basis, const int shared, s
         if (index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
         if (batch.n) run_law(e, law, &batch, 1);
     }
+    for (int64_t index = first; index < last; index++)
+        if (leads(e, &e->mesh.cell[index])) weigh_paths(e, &e->mesh.cell[index]);
 }
 
 /* A substep along the paths, and the fluidity of the cells anew. */
-GR_INLINE void relax_cells(const int linear, const int kindles, struct gr_engine *e, int64_t first, int64_t last,
-                           int sets_out, const double *fluidity, double g_min)
+GR_INLINE void relax_cells(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity,
+                           double g_min)
 {
-    const double part = 1.0 / e->config.nonlocal.substeps;
-    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, part * e->dt);
-    double *const rate = e->field[GR_FIELD_shear_rate];
+    enum { TOGETHER = GR_SUMS > 4 ? GR_SUMS : 4 };
+    const vd part = v_set(1.0 / e->config.nonlocal.substeps);
+    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
+    double *const rate = e->field[GR_FIELD_shear_rate], sum[TOGETHER], g_star[TOGETHER];
+    int64_t place[TOGETHER];
+    vd acc[TOGETHER];
+    int found = 0;
+    for (int k = 0; k < TOGETHER; k++) acc[k] = v_zero();
     for (int64_t index = first; index < last; index++) {
         const struct gr_cell *cell = &e->mesh.cell[index];
-        if (cell->side == -1 || (!cell->count && !(cell->side == 1 && cell[1].count)))
-            continue; /* a back goes with its front */
-        const int64_t place = gr_place_of_cell(e, cell);
-        const double g_star = fluidity_of_cell(e, place);
-        const vd start = gr_fluidity_start(&numbers, v_set(g_star < g_min ? g_min : g_star));
-        vd acc = v_zero();
-        if (sets_out) weigh_paths(e, cell);
-        GR_EACH_SIDE(cell, side)
-        for (int n = 0; n < GR_BLOCKS(side->count); n++) {
-            const int64_t at = side->offset + n * GR_W;
-            const vd g = gr_path_part(linear, kindles, &numbers, v_set(part), e->path, at, start, rate + at);
-            acc = v_fma(v_load(gr_path_at(e->path, at, GR_PATH_weight)), g, acc);
+        if (leads(e, cell)) {
+            place[found] = gr_place_of_cell(e, cell);
+            g_star[found] = fluidity_of_cell(e, place[found]);
+            const vd start = gr_fluidity_start(&numbers, v_max(v_set(g_min), v_set(g_star[found])));
+            vd flow = v_zero();
+            GR_EACH_OF_FLUIDITY(e, cell, side)
+            for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+                const int64_t at = side->offset + n * GR_W;
+                const vd g = gr_path_part(linear, 0, &numbers, part, e->path, at, start, v_zero(), rate + at);
+                flow = v_fma(v_load(gr_path_at(e->path, at, GR_PATH_weight)), g, flow);
+            }
+            acc[found++] = flow;
         }
-        const double g = v_sum(acc);
-        store_fluidity(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
+        if (found < TOGETHER && index + 1 < last) continue;
+        for (int k = 0; k < TOGETHER; k += GR_SUMS) v_sums(sum + k, acc + k);
+        for (int k = 0; k < found; k++) store_fluidity(e, place[k], sum[k], g_star[k]);
+        found = 0;
     }
 }

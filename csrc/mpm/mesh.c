@@ -195,6 +195,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     } while (0)
     GR_RESIZE(mesh->cell, room);
     GR_RESIZE(mesh->cell_node, room * e->K);
+    if (e->fluidity) GR_RESIZE(mesh->place, room);
     if (e->n_plates) GR_RESIZE(mesh->paired, room);
     GR_RESIZE(e->dirty, 2 * room);
     GR_RESIZE(e->sums, (room + 1) * e->sum_stride);
@@ -377,6 +378,17 @@ out:
     return error;
 }
 
+/* The lattice of the fluidity covers the cells. */
+static int cover_cells(struct gr_engine *e, const struct regroup *r)
+{
+    const int error = gr_fluidity_cover(e->fluidity, r->cells, r->sides, r->n_cells);
+    for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at), cell->side == -1);
+    }
+    return error;
+}
+
 int gr_regroup(struct gr_engine *e)
 {
     struct regroup r = {0};
@@ -404,7 +416,7 @@ int gr_regroup(struct gr_engine *e)
         for (int32_t i = e->mesh.cell[c].count; i < e->mesh.cell[c].capacity; i++)
             gr_clear_place(e, &e->mesh.cell[c], e->mesh.cell[c].offset + i);
     error = connect_nodes(e);
-    if (!error && e->fluidity) error = gr_fluidity_cover(e->fluidity, r.cells, r.n_cells);
+    if (!error && e->fluidity) error = cover_cells(e, &r);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
     memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
 out:

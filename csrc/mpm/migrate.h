@@ -11,11 +11,23 @@ static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
     return id;
 }
 
-/* Place of a cell on the lattice of the fluidity. */
+/* Place of the fluidity of a cell. A double cell has two, but uses that of the front alone where its middle does not face
+ * the plate. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    return gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at));
+    const int32_t *own = e->mesh.place + (cell - e->mesh.cell);
+    return cell->side != -1 || (*own >= 0 && e->fluidity->inside[*own] & GR_APART) ? own[0] : own[-1];
 }
+
+/* How many cells, from this one on, have one fluidity together: 0 for a back that has none of its own. */
+static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    if (!GR_IS_DOUBLE(cell) || e->fluidity->inside[gr_place_of_cell(e, cell)] & GR_APART) return 1;
+    return cell->side == 1 ? 2 : 0;
+}
+
+#define GR_EACH_OF_FLUIDITY(e, cell, name) \
+    for (const struct gr_cell *name = (cell), *end_##name = name + gr_cells_of_fluidity(e, cell); name < end_##name; name++)
 
 /* Make a place spare: no mass, no identity, everything finite, in the middle of its cell. */
 static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)

@@ -261,14 +261,21 @@ GR_INLINE void scatter_cell(const int dim, const int basis, const int affine, co
  * what the law has added in the substep before, r, and makes (1 + k L) g' = g + r; the law begins from g' - r, which
  * is g - k L g, with nothing left to err, where all is steady. r within -g and g/2: no g' is negative, and a growing
  * mode of the law does not overshoot. */
-GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, double gain)
+GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double gain)
 {
     if (gr_is_balanced(e)) {
-        const double more = gain < -g ? -g : gain;
-        e->fluidity->gain[place] = more > 0.5 * g ? 0.5 * g : more;
-        g += e->fluidity->gain[place];
+        const double more = gain < -g ? -g : gain, most = 0.5 * g;
+        gain = more > most ? most : more;
+        e->fluidity->gain[place] = gain;
+        g += gain;
     }
     e->fluidity->g[place] = g;
+}
+
+/* After a part of the step that began from g_star. */
+GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, double g_star)
+{
+    store_gain(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
 }
 
 GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
@@ -279,7 +286,7 @@ GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
     double sum[SUMS];
     vd acc[SUMS];
     for (int i = 0; i < SUMS; i++) acc[i] = v_zero();
-    GR_EACH_SIDE(cell, side)
+    GR_EACH_OF_FLUIDITY(e, cell, side)
     for (int n = 0; n < GR_BLOCKS(side->count); n++) {
         const int64_t at = side->offset + n * GR_W;
         vd tension = component(e, GR_FIELD_stress, 0, at);
@@ -292,13 +299,13 @@ GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
     for (int i = 0; i < 3; i += GR_SUMS) v_sums(sum + i, acc + i);
     const double inverse = sum[0] > 0 ? 1 / sum[0] : 0;
     e->fluidity->dense[place] = sum[0] > 0;
-    store_fluidity(e, place, inverse * sum[1], inverse * sum[2]);
+    store_gain(e, place, inverse * sum[1], inverse * sum[2]);
 }
 
 GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    if (!GR_IS_DOUBLE(cell)) mean_of_cell(e, cell); /* else when both sides have their points */
+    if (!GR_IS_DOUBLE(cell)) mean_of_cell(e, cell); /* else when it is known whether its sides are apart */
 }
 
 /* One more pass of XPIC: the momentum of the nodal velocity field seen by the points. */

@@ -135,7 +135,7 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 {
     const size_t bytes = (size_t)f->n_cells * sizeof(double);
     const npy_bool *dense = PyArray_DATA(arrays[1]);
-    int error = gr_fluidity_cover(f, NULL, 0); /* all, in the order of the box */
+    int error = gr_fluidity_cover(f, NULL, NULL, 0); /* all, in the order of the box */
     if (error) return gr_raise(error, NULL);
     memcpy(f->g, PyArray_DATA(arrays[0]), bytes);
     for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = dense[i] != 0;

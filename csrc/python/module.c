@@ -14,16 +14,16 @@
 #endif
 
 /* law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa,
- *            g_star=None, g=None) */
+ *            g_star=None, g=None, plastic_strain=None) */
 static PyObject *law_update(PyObject *module, PyObject *args)
 {
     (void)module;
     const char *name, *isa;
     int dim, eos, law = -1;
     double dt, parameter[GR_LAW_MAX_PARAMETERS] = {0};
-    PyObject *parameters, *objects[6] = {0, 0, 0, 0, Py_None, Py_None};
-    if (!PyArg_ParseTuple(args, "siO!diOOOOs|OO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
-                          &objects[1], &objects[2], &objects[3], &isa, &objects[4], &objects[5]))
+    PyObject *parameters, *objects[7] = {0, 0, 0, 0, Py_None, Py_None, Py_None};
+    if (!PyArg_ParseTuple(args, "siO!diOOOOs|OOO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
+                          &objects[1], &objects[2], &objects[3], &isa, &objects[4], &objects[5], &objects[6]))
         return NULL;
     for (int k = 0; k < GR_LAW_COUNT; k++)
         if (!strcmp(gr_law_table[k].name, name)) law = k;
@@ -43,16 +43,20 @@ static PyObject *law_update(PyObject *module, PyObject *args)
     if (!gradient) return NULL;
     const npy_intp n = PyArray_DIM(gradient, 0), places = n * kernels->lanes;
     const npy_intp per_block[1] = {n}, one[1] = {places}, many[2] = {dim == 2 ? 4 : 6, places};
-    PyArrayObject *arrays[6] = {gradient, gr_array(objects[1], "log_density", NPY_DOUBLE, 1, one, 0)};
+    PyArrayObject *arrays[7] = {gradient, gr_array(objects[1], "log_density", NPY_DOUBLE, 1, one, 0)};
     int n_arrays = 4;
     if (!arrays[1]) return NULL;
     if (!(arrays[2] = gr_array(objects[2], "stress", NPY_DOUBLE, 2, many, 1))) return NULL;
     if (!(arrays[3] = gr_array(objects[3], "shear_rate", NPY_DOUBLE, 1, one, 1))) return NULL;
-    static const char *const names[] = {"gradient", "log_density", "stress", "shear_rate", "g", "g_star"};
+    const char *names[7] = {"gradient", "log_density", "stress", "shear_rate", "g", "g_star"};
     if (objects[5] != Py_None && !(arrays[n_arrays++] = gr_array(objects[5], "g", NPY_DOUBLE, 1, one, 1))) return NULL;
     if (objects[4] != Py_None && n_arrays == 4)
         return PyErr_Format(PyExc_ValueError, "g_star is given without g, that it makes");
     if (objects[4] != Py_None && !(arrays[n_arrays++] = gr_array(objects[4], "g_star", NPY_DOUBLE, 1, per_block, 0)))
+        return NULL;
+    const int fluidity = n_arrays - 4;
+    names[n_arrays] = "plastic_strain";
+    if (objects[6] != Py_None && !(arrays[n_arrays++] = gr_array(objects[6], "plastic_strain", NPY_DOUBLE, 1, one, 1)))
         return NULL;
     if (gr_refuse_overlap(arrays, names, n_arrays)) return NULL;
     int64_t *slot = PyMem_Malloc(sizeof(int64_t) * (size_t)(n + 1));
@@ -67,8 +71,9 @@ static PyObject *law_update(PyObject *module, PyObject *args)
                                .parameter = parameter,
                                .log_density = PyArray_DATA(arrays[1]),
                                .shear_rate = PyArray_DATA(arrays[3]),
-                               .g = n_arrays > 4 ? PyArray_DATA(arrays[4]) : NULL,
-                               .g_star = n_arrays > 5 ? PyArray_DATA(arrays[5]) : NULL};
+                               .g = fluidity > 0 ? PyArray_DATA(arrays[4]) : NULL,
+                               .g_star = fluidity > 1 ? PyArray_DATA(arrays[5]) : NULL,
+                               .plastic_strain = objects[6] != Py_None ? PyArray_DATA(arrays[n_arrays - 1]) : NULL};
     for (int c = 0; c < (dim == 2 ? 4 : 6); c++) call.stress[c] = (double *)PyArray_DATA(arrays[2]) + c * places;
     kernels->update_law(law, dim, &call);
     PyMem_Free(slot);

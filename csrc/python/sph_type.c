@@ -53,22 +53,49 @@ static int take_domain(struct gr_sph_config *c, PyObject *lower, PyObject *upper
     return 0;
 }
 
+/* Walls from rows (lower, upper, v, from, until, axis), 12 numbers each. */
+static int take_walls(struct gr_sph_config *c, PyObject *object)
+{
+    const npy_intp shape[2] = {-1, 12};
+    PyArrayObject *array = gr_array(object, "walls", NPY_DOUBLE, 2, shape, 0);
+    if (!array) return -1;
+    const npy_intp n = PyArray_DIM(array, 0);
+    if (n > GR_SPH_MAX_WALLS) {
+        PyErr_Format(PyExc_ValueError, "walls must be at most %d, not %zd", GR_SPH_MAX_WALLS, n);
+        return -1;
+    }
+    c->n_walls = (int)n;
+    for (int k = 0; k < n; k++) {
+        const double *row = (const double *)PyArray_DATA(array) + 12 * k;
+        struct gr_sph_wall *wall = &c->wall[k];
+        memcpy(wall, row, 11 * sizeof *row);
+        int valid = wall->from >= 0 && wall->until >= 0 && row[11] >= 0 && row[11] < c->dim;
+        for (int d = 0; d < c->dim; d++) valid = valid && wall->lower[d] < wall->upper[d] && fabs(wall->v[d]) <= GR_LARGEST;
+        if (!valid) {
+            PyErr_Format(PyExc_ValueError, "walls[%d] must have lower < upper, finite velocities, from and until >= 0", k);
+            return -1;
+        }
+        wall->axis = (int)row[11];
+    }
+    return 0;
+}
+
 static int sph_init(struct sph_object *self, PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"dim",           "lower",      "upper",         "periodic",        "isa",
-                            "wall_friction", "parameters", "gravity_times", "gravity_vectors", "gas", NULL};
+    static char *names[] = {"dim",        "lower",         "upper",           "periodic", "isa", "wall_friction",
+                            "parameters", "gravity_times", "gravity_vectors", "walls",    "gas", NULL};
     struct gr_sph_config c = {0};
     const char *isa;
-    PyObject *lower, *upper, *periodic, *parameters, *times, *vectors, *gas;
+    PyObject *lower, *upper, *periodic, *parameters, *times, *vectors, *walls, *gas;
     if (self->engine) {
         PyErr_SetString(PyExc_RuntimeError, "the engine is already built");
         return -1;
     }
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iOOOspO!OOO:Sph", names, &c.dim, &lower, &upper, &periodic, &isa,
-                                     &c.wall_friction, &PyDict_Type, &parameters, &times, &vectors, &gas) ||
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iOOOspO!OOOO:Sph", names, &c.dim, &lower, &upper, &periodic, &isa,
+                                     &c.wall_friction, &PyDict_Type, &parameters, &times, &vectors, &walls, &gas) ||
         take_domain(&c, lower, upper, periodic) ||
         gr_take_parameters(parameters, gr_sph_parameter_table, GR_SPH_PARAMETER_COUNT, gr_sph_may_be_zero, c.parameter) ||
-        gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors))
+        gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) || take_walls(&c, walls))
         return -1;
     self->kernels = gr_kernels_select(isa);
     if (!self->kernels || c.n_gravity < 1) {
@@ -167,14 +194,15 @@ static PyObject *sph_advance(struct sph_object *self, PyObject *args)
     self->busy = 0;
     if (!error) Py_RETURN_NONE;
     const struct gr_failure at = {s->error_id, s->step, s->config.dim, s->error_x[0], s->error_x[1], s->error_x[2], s->time};
-    return error == GR_ERR_NOT_FINITE ? gr_raise_at(error, &at) : gr_raise(error, NULL);
+    const int has_place = error == GR_ERR_NOT_FINITE || error == GR_ERR_RUNAWAY;
+    return has_place ? gr_raise_at(error, &at) : gr_raise(error, NULL);
 }
 
 /* ---- looking in ---- */
 
 /* The numbers of the engine that a restart needs, name and place. */
 #define GR_FLOATS(X) X(time) X(dt) X(speed2) X(acceleration2) X(dropped_mass) X(gas_speed2)
-#define GR_INTEGERS(X) X(step) X(dropped) X(started) X(gas_dropped)
+#define GR_INTEGERS(X) X(step) X(dropped) X(started) X(stopped) X(gas_dropped)
 
 static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
 {
@@ -186,7 +214,7 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
         "{" GR_FLOATS(GR_X)
 #undef GR_X
 #define GR_X(name) "s:L,"
-            GR_INTEGERS(GR_X) "s:L,s:L,s:L}",
+            GR_INTEGERS(GR_X) "s:L,s:L,s:L,s:L}",
 #undef GR_X
 #define GR_X(name) #name, s->name,
         GR_FLOATS(GR_X)
@@ -195,7 +223,8 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
             GR_INTEGERS(GR_X)
 #undef GR_X
                 "n_points",
-        (long long)s->n_grains, "n_gas", (long long)s->n_gas, "rebuilds", (long long)s->rebuilds);
+        (long long)s->n_grains, "n_walls", (long long)s->n_walls, "n_gas", (long long)s->n_gas, "rebuilds",
+        (long long)s->rebuilds);
 }
 
 static PyObject *sph_restore(struct sph_object *self, PyObject *dict)

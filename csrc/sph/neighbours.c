@@ -99,20 +99,20 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
     const int64_t n[3] = {s->n_grains, s->n_walls, s->n_gas}, first[3] = {0, s->wall_first, s->gas_first};
     for (int kind = 0; kind < 3; kind++)
         for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) {
-            const int inside = !fresh || wrap(s, a) || kind == 1;
+            const int in_domain = !fresh || wrap(s, a), stays = kind == 1 ? !gr_sph_is_gone(s, a) : in_domain;
             double at[3];
             if (fresh)
                 for (int d = 0; d < s->config.dim; d++) anchor[d][a] = x[d][a];
             place_of(s, GR_SPH_FIELD_anchor, a, at);
-            s->cell[a] = inside ? cell_at(s, at) : -1;
-            if (inside) continue;
+            s->cell[a] = stays ? cell_at(s, at) : -1;
+            if (stays || kind == 1) continue;
             if (kind == 0)
                 s->dropped++, s->dropped_mass += mass[a];
             else
                 s->gas_dropped++;
         }
     s->n_grains = sort_rows(s, 0, n[0], s->start[0]);
-    sort_rows(s, s->wall_first, n[1], s->start[1]);
+    s->n_walls = sort_rows(s, s->wall_first, n[1], s->start[1]);
     if (s->gas) s->n_gas = sort_rows(s, s->gas_first, n[2], s->start[2]);
     make_spare(s, s->n_grains, s->wall_first);
     make_spare(s, s->wall_first + s->n_walls, s->gas_first);

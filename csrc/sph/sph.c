@@ -167,8 +167,9 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
 
 /* ---- the clock ---- */
 
-/* The smaller of h/(4 c), with a gas also its h/(4 (c + |v|)), and sqrt(h/|a|)/4 (eq. 5.28). The third limit, that of the viscosity, cannot be overstepped:
- * the regularisation bounds the viscosity by what the step allows. */
+/* The smaller of h/(4 c), with a gas also its h/(4 (c + |v|)), and sqrt(h/|a|)/4 (eq. 5.28), c being the speed of sound or
+ * that of the fastest grain, so that none moves more than h/4 in a step. The third limit, that of the viscosity, cannot be
+ * overstepped: the regularisation bounds the viscosity by what the step allows. */
 double gr_sph_stable_dt(const struct gr_sph *s)
 {
     const double *p = s->config.parameter, h = p[GR_SPH_P_h];
@@ -186,21 +187,26 @@ struct team {
     struct gr_barrier barrier;
     double until;
     int64_t steps_left;
-    int goes_on, rebuilds;
+    int goes_on, rebuilds, wall_goes;
 };
 
-/* First half of a step: v^{n+1/2} = v^n + a^n dt/2, x^{n+1} = x^n + v^{n+1/2} dt (eqs. 5.25, 5.27); wall points keep
- * their velocity. */
-static void drift(struct gr_sph *s, int64_t first, int64_t last)
+/* First half of a step: v^{n+1/2} = v^n + a^n dt/2, x^{n+1} = x^n + v^{n+1/2} dt (eqs. 5.25, 5.27). What moves h in it
+ * has run away. */
+static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     double *const *a = gr_sph_rows(s, GR_SPH_FIELD_a);
-    const double pull = first < s->wall_first ? 0.5 * s->dt : 0.0;
-    for (int64_t i = first; i < last; i++)
+    const double farthest = s->config.parameter[GR_SPH_P_h] / s->dt;
+    for (int64_t i = first; i < last; i++) {
+        double speed2 = 0;
         for (int d = 0; d < s->config.dim; d++) {
-            v[d][i] += pull * a[d][i];
+            v[d][i] += 0.5 * s->dt * a[d][i];
             x[d][i] += s->dt * v[d][i];
+            speed2 += v[d][i] * v[d][i];
         }
+        if (!(speed2 < farthest * farthest) && found->bad < 0) found->bad = i;
+    }
+    found->stopped += gr_sph_stop(s, first, last);
 }
 
 /* How far points are from where the list was made for them. */
@@ -221,11 +227,17 @@ static void measure(const struct gr_sph *s, int64_t first, int64_t last, struct 
 }
 
 /* Second half: v^{n+1} = v^{n+1/2} + a^{n+1} dt/2 (eq. 5.26). */
-static void kick(struct gr_sph *s, int64_t first, int64_t last)
+static void kick(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), *const *a = gr_sph_rows(s, GR_SPH_FIELD_a);
-    for (int d = 0; d < s->config.dim; d++)
-        for (int64_t i = first; i < last; i++) v[d][i] += 0.5 * s->dt * a[d][i];
+    for (int64_t i = first; i < last; i++) {
+        double speed2 = 0;
+        for (int d = 0; d < s->config.dim; d++) {
+            v[d][i] += 0.5 * dt * a[d][i];
+            speed2 += v[d][i] * v[d][i];
+        }
+        if (speed2 > found->speed2) found->speed2 = speed2;
+    }
 }
 
 /* What the threads have found, together: largest values do not depend on their order. */
@@ -236,7 +248,8 @@ static struct gr_sph_found gathered(const struct gr_sph *s, int threads)
         const struct gr_sph_found *f = &s->found[t];
         all.speed2 = fmax(all.speed2, f->speed2), all.acceleration2 = fmax(all.acceleration2, f->acceleration2);
         all.gas_speed2 = fmax(all.gas_speed2, f->gas_speed2);
-        all.moved2 = fmax(all.moved2, f->moved2), all.blocks = all.blocks > f->blocks ? all.blocks : f->blocks;
+        all.moved2 = fmax(all.moved2, f->moved2), all.stopped += f->stopped;
+        all.blocks = all.blocks > f->blocks ? all.blocks : f->blocks;
         for (int d = 0; d < s->config.dim; d++)
             all.low[d] = fmin(all.low[d], f->low[d]), all.high[d] = fmax(all.high[d], f->high[d]);
         if (f->bad >= 0 && (all.bad < 0 || f->bad < all.bad)) all.bad = f->bad;
@@ -252,6 +265,7 @@ static void begin_step(struct team *team)
     if (!team->goes_on) return;
     s->dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
     s->time += s->dt, s->step++;
+    team->wall_goes = gr_sph_begin_walls(s);
     gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time, s->gravity);
 }
 
@@ -265,16 +279,20 @@ static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
     return 4.0 * all->moved2 >= skin * skin && spread2 >= skin * skin;
 }
 
-/* After the points have moved: whether there must be a new list, and what is not finite. One thread. */
+/* After the points have moved: whether there must be a new list, and what is not finite or ran away. One thread. */
 static void look(struct team *team)
 {
     struct gr_sph *s = team->s;
     const struct gr_sph_found all = gathered(s, team->barrier.threads);
     if (all.bad >= 0) {
-        s->error = GR_ERR_NOT_FINITE, s->error_id = s->id[all.bad];
-        for (int d = 0; d < s->config.dim; d++) s->error_x[d] = gr_sph_rows(s, GR_SPH_FIELD_x)[d][all.bad];
+        s->error = GR_ERR_RUNAWAY, s->error_id = s->id[all.bad];
+        for (int d = 0; d < s->config.dim; d++) {
+            s->error_x[d] = gr_sph_rows(s, GR_SPH_FIELD_x)[d][all.bad];
+            if (!isfinite(s->error_x[d])) s->error = GR_ERR_NOT_FINITE;
+        }
     }
-    team->rebuilds = !s->error && is_old(s, &all);
+    s->stopped += all.stopped;
+    team->rebuilds = !s->error && (team->wall_goes || is_old(s, &all));
     if (!team->rebuilds) return;
     gr_sph_sort(s, 1);
     s->rebuilds++;
@@ -362,8 +380,8 @@ static void one_step(struct team *team, int t)
     struct gr_sph *s = team->s;
     struct share own = share_of(s, t, team->barrier.threads);
     forget(&s->found[t]);
-    drift(s, own.grains[0], own.grains[1]);
-    drift(s, own.walls[0], own.walls[1]);
+    drift(s, own.grains[0], own.grains[1], &s->found[t]);
+    gr_sph_move_walls(s, own.walls[0], own.walls[1]);
     if (s->gas) gr_sph_drift_gas(s, own.gas[0], own.gas[1]);
     measure(s, own.grains[0], own.grains[1], &s->found[t]);
     measure(s, own.walls[0], own.walls[1], &s->found[t]);
@@ -379,17 +397,18 @@ static void one_step(struct team *team, int t)
     forget(&s->found[t]);
     evaluate(team, t);
     own = share_of(s, t, team->barrier.threads); /* points may have left */
-    kick(s, own.grains[0], own.grains[1]);
+    kick(s, s->dt, own.grains[0], own.grains[1], &s->found[t]);
     if (s->gas) gr_sph_kick_gas(s, s->dt, own.gas[0], own.gas[1], &s->found[t]);
 }
 
 static void run(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
-    if (!s->started) { /* accelerations at the start */
+    if (!s->started) { /* accelerations and speeds at the start */
         const struct share own = share_of(s, t, team->barrier.threads);
         forget(&s->found[t]);
         evaluate(team, t);
+        kick(s, 0.0, own.grains[0], own.grains[1], &s->found[t]);
         if (s->gas) gr_sph_kick_gas(s, 0.0, own.gas[0], own.gas[1], &s->found[t]);
         gr_wait(&team->barrier);
         if (t == 0) end_step(team);

@@ -25,6 +25,7 @@
     X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                               \
     X(normal, GR_VECTOR, GR_ALWAYS, "1", "unit vector from a wall point into the material; of grains not used") \
     X(depth, GR_SCALAR, GR_ALWAYS, "m", "depth of a wall point below the surface of its wall")                  \
+    X(wall, GR_SCALAR, GR_ALWAYS, "1", "number of the wall that a wall point belongs to")                       \
     X(porosity, GR_SCALAR, GR_ALWAYS, "1", "share of space at a point of gas that grains leave; of a wall, 1 if gas goes through") \
     X(a, GR_VECTOR, GR_ALWAYS, "m/s^2", "acceleration")                                                         \
     X(rho, GR_SCALAR, GR_ALWAYS, "kg/m^3", "density")                                                           \
@@ -37,7 +38,7 @@ enum gr_sph_field {
 #undef GR_X
         GR_SPH_FIELD_COUNT
 };
-enum { GR_SPH_MAX_ROWS = GR_SPH_FIELD_COUNT * 6, GR_SPH_SHIFTS = 27, GR_SPH_CELLS_IN_REACH = 2 };
+enum { GR_SPH_MAX_ROWS = GR_SPH_FIELD_COUNT * 6, GR_SPH_SHIFTS = 27, GR_SPH_CELLS_IN_REACH = 2, GR_SPH_MAX_WALLS = 64 };
 
 extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
 
@@ -69,6 +70,14 @@ enum gr_sph_parameter {
 extern const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT];
 extern const unsigned gr_sph_may_be_zero; /* one bit for each parameter */
 
+/* A wall as a box, at the start. Its points move with v from a time on, and are taken away at another. */
+struct gr_sph_wall {
+    double lower[3], upper[3]; /* ends, m; infinite along a period */
+    double v[3];               /* m/s */
+    double from, until;        /* s; infinite: never */
+    int axis;                  /* across it */
+};
+
 struct gr_sph_config {
     int dim;
     int periodic[3];
@@ -77,6 +86,8 @@ struct gr_sph_config {
     double parameter[GR_SPH_PARAMETER_COUNT];
     int n_gravity;
     const double *gravity_times, *gravity_vectors; /* s; m/s^2, n_gravity x dim: copied */
+    int n_walls;                                   /* without any, wall points move as they are told */
+    struct gr_sph_wall wall[GR_SPH_MAX_WALLS];
 };
 
 /* So many rows as a vector has lanes, from `row` on, as images moved by shift[]. */
@@ -86,10 +97,11 @@ struct gr_block {
 
 /* What a thread has found in its share of the points. */
 struct gr_sph_found {
-    double speed2, acceleration2;   /* largest squares of the speed of sound and the acceleration */
+    double speed2, acceleration2;   /* largest squares of speeds, of sound and of grains, and of the acceleration */
     double gas_speed2;              /* largest square of the velocity of gas */
     double moved2, low[3], high[3]; /* square of the longest way since the list was made, and the ends of all ways */
-    int64_t bad, blocks;            /* first row that is not finite, or -1; most blocks of a row */
+    int64_t bad, blocks;            /* first row that is not finite or ran away, or -1; most blocks of a row */
+    int64_t stopped;                /* grains, by walls */
     char line[64];
 };
 
@@ -111,8 +123,8 @@ struct gr_sph {
     struct gr_sph_gas *gas; /* or NULL */
     /* the clock and what a restart needs */
     double time, dt, speed2, acceleration2, dropped_mass, gas_speed2;
-    int64_t step, dropped, rebuilds, started, gas_dropped;
-    double gravity[3];
+    int64_t step, dropped, rebuilds, started, stopped, gas_dropped;
+    double gravity[3], wall_dt[GR_SPH_MAX_WALLS]; /* of the step: how long each wall moves, s */
     int lanes, error;
     int64_t error_id;
     double error_x[3];
@@ -152,6 +164,12 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
 int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads);
 
 double gr_sph_stable_dt(const struct gr_sph *s); /* s, by the limits of the present state */
+
+/* walls.c */
+int gr_sph_is_gone(const struct gr_sph *s, int64_t row);               /* whether the wall of a wall point is */
+int gr_sph_begin_walls(struct gr_sph *s);                              /* of a step. Returned: whether one goes */
+void gr_sph_move_walls(struct gr_sph *s, int64_t first, int64_t last); /* rows of wall points */
+int64_t gr_sph_stop(struct gr_sph *s, int64_t first, int64_t last);    /* rows of grains. Returned: how many */
 
 /* neighbours.c */
 void gr_sph_sort(struct gr_sph *s, int fresh); /* fresh: anchors at x, and grains outside of the domain are dropped */

@@ -31,7 +31,7 @@ static struct gr_fluidity_config plain(int64_t nx, int64_t ny, int64_t nz)
 static struct gr_fluidity *built(const struct gr_fluidity_config *config)
 {
     struct gr_fluidity *f = NULL;
-    CHECK(gr_fluidity_new(&f, config) == GR_OK && gr_fluidity_cover(f, NULL, 0) == GR_OK);
+    CHECK(gr_fluidity_new(&f, config) == GR_OK && gr_fluidity_cover(f, NULL, NULL, 0) == GR_OK);
     for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = 1;
     return f;
 }
@@ -87,6 +87,36 @@ static void links_are_mutual(void)
         CHECK_NEAR(f->g[1], cut ? 0 : 10.0 / 21.0, 1e-12);
         gr_fluidity_free(f);
     }
+}
+
+/* Three cells in a row, a plate through the middle one: each side of it exchanges with its own neighbour; where the plate
+ * ends, its one value with both. */
+static void two_sides(void)
+{
+    for (int stencil = 0; stencil < GR_STENCIL_COUNT; stencil++)
+        for (int apart = 0; apart < 2; apart++) {
+            struct gr_fluidity_config config = plain(3, 1, 0);
+            const int64_t cells[] = {0, 1, 1, 2};
+            const int8_t sides[] = {2, 1, -1, -2};
+            struct gr_fluidity *f = NULL;
+            const double k = 0.1;
+            config.two_sided = 1, config.stencil = stencil;
+            CHECK(gr_fluidity_new(&f, &config) == GR_OK && gr_fluidity_cover(f, cells, sides, 4) == GR_OK);
+            const int64_t front = gr_fluidity_place(f, 1, 0), back = gr_fluidity_place(f, 1, 1);
+            CHECK(f->n_pages == 2 && front != back);
+            f->has_inside = 1;
+            f->inside[2] = GR_BEHIND_PLATE;
+            f->inside[front] = apart ? GR_APART : 0;
+            f->inside[back] = apart ? GR_APART | GR_BEHIND_PLATE : GR_HIDDEN;
+            f->dense[0] = f->dense[front] = f->dense[2] = 1, f->dense[back] = (uint8_t)apart;
+            f->g[0] = 1, f->g[front] = 4, f->g[back] = apart ? 3 : 0, f->g[2] = 8;
+            CHECK(run(f, "", GR_DIFFUSION_explicit, k, 1, 1) == GR_OK);
+            CHECK_NEAR(f->g[0], 1 + k * 3, 1e-14);
+            CHECK_NEAR(f->g[front], 4 - k * 3 + (apart ? 0 : k * 4), 1e-14);
+            CHECK_NEAR(f->g[2], 8 - k * (apart ? 5 : 4), 1e-14);
+            if (apart) CHECK_NEAR(f->g[back], 3 + k * 5, 1e-14);
+            gr_fluidity_free(f);
+        }
 }
 
 static void limits(void)
@@ -196,12 +226,12 @@ static void without_memory(void)
         int error = gr_fluidity_new(&f, &config);
         CHECK(!error || !f);
         if (!error) {
-            error = gr_fluidity_cover(f, NULL, 0);
+            error = gr_fluidity_cover(f, NULL, NULL, 0);
             of_places += error == GR_ERR_MEMORY;
             CHECK(f->n_pages == (error ? 0 : 50));
             const int hit = faults_hit();
             faults_at(0);
-            if (hit) CHECK(gr_fluidity_cover(f, NULL, 0) == GR_OK && f->n_pages == 50);
+            if (hit) CHECK(gr_fluidity_cover(f, NULL, NULL, 0) == GR_OK && f->n_pages == 50);
             gr_fluidity_free(f);
             CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
             if (!hit) break;
@@ -231,17 +261,17 @@ static void places_do_not_matter(void)
                     if (all->dense[i] || i % 31 == 0) cells[n++] = i;
                 }
                 CHECK(gr_fluidity_new(&few, &config) == GR_OK);
-                CHECK(gr_fluidity_cover(few, cells, n / 2) == GR_OK); /* another cover before */
-                CHECK(gr_fluidity_cover(few, cells, n) == GR_OK && few->n_pages < all->n_pages);
+                CHECK(gr_fluidity_cover(few, cells, NULL, n / 2) == GR_OK); /* another cover before */
+                CHECK(gr_fluidity_cover(few, cells, NULL, n) == GR_OK && few->n_pages < all->n_pages);
                 for (int64_t k = 0; k < n; k++) {
-                    const int64_t place = gr_fluidity_place(few, cells[k]);
+                    const int64_t place = gr_fluidity_place(few, cells[k], 0);
                     few->dense[place] = all->dense[cells[k]], few->g[place] = all->g[cells[k]];
                 }
                 CHECK(run(all, "", method, method ? 2.0 : 0.15, 3, 1) == GR_OK);
                 CHECK(run(few, "", method, method ? 2.0 : 0.15, 3, 2) == GR_OK);
                 CHECK(all->iterations == few->iterations && all->clamped == few->clamped);
                 for (int64_t k = 0; k < n; k++) {
-                    const double g = few->g[gr_fluidity_place(few, cells[k])];
+                    const double g = few->g[gr_fluidity_place(few, cells[k], 0)];
                     CHECK(!memcmp(&g, &all->g[cells[k]], sizeof g));
                 }
                 gr_fluidity_free(all);
@@ -282,6 +312,7 @@ int main(void)
     RUN(three_cells);
     RUN(periodic_ends);
     RUN(links_are_mutual);
+    RUN(two_sides);
     RUN(limits);
     RUN(bad_lattices);
     RUN(threads_and_sets_agree);

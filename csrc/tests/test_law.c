@@ -36,8 +36,9 @@ static double parameter_named(const char *name)
     static const struct {
         const char *name;
         double value;
-    } known[] = {{"K", K},   {"G", G},     {"mu_s", MU_S}, {"mu", MU_S}, {"mu_2", MU_2},  {"xi", XI},  {"A", 0.5},
-                 {"I0", XI}, {"rho_s", 1}, {"d", 1},       {"t0", 1e-3}, {"p_spread", 0}, {"g_min", 0}};
+    } known[] = {{"K", K},     {"G", G},        {"mu_s", MU_S}, {"mu", MU_S},   {"mu_2", MU_2},
+                 {"xi", XI},   {"A", 0.5},      {"I0", XI},     {"rho_s", 1},   {"d", 1},
+                 {"t0", 1e-3}, {"p_spread", 0}, {"g_min", 0},   {"h0_deg", 30}, {"h2", 1}};
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (!strcmp(known[k].name, name)) return known[k].value;
     return 0;

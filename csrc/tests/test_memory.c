@@ -9,7 +9,7 @@
 enum { MOST = 300 };
 
 /* Scenes that need memory of their own. */
-enum { PLAIN, NONLOCAL, BODIES, KINDS };
+enum { PLAIN, NONLOCAL, BODIES, NONLOCAL_BODIES, KINDS };
 
 /* Fluidity in substeps. */
 static void make_nonlocal(struct gr_config *c)
@@ -46,8 +46,8 @@ static void config(struct scene *s, int basis, int kind)
 {
     scene_seed(83);
     scene_default(s, 2, basis, GR_AFFINE_NONE, 0);
-    if (kind == NONLOCAL) make_nonlocal(&s->config);
-    if (kind == BODIES) give_bodies(&s->config);
+    if (kind == NONLOCAL || kind == NONLOCAL_BODIES) make_nonlocal(&s->config);
+    if (kind == BODIES || kind == NONLOCAL_BODIES) give_bodies(&s->config);
 }
 
 static void axis_build_fails(void)

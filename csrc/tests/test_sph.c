@@ -1,6 +1,7 @@
 /* sph/: the list of neighbours, the limits of the time step, and allocations that fail. */
 #include "sph/sph.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -151,6 +152,62 @@ static void steps_do_not_allocate(void)
     CHECK(!memcmp(bed[0].numbers, bed[1].numbers, sizeof bed[0].numbers));
 }
 
+/* A floor that stands still, sinks from a time on, and is taken away, a step of any length. */
+static void walls_move_and_go(void)
+{
+    static struct bed bed;
+    const struct gr_kernels *kernels = gr_kernels_select("");
+    const double from = 0.0123, until = 0.05, speed = -0.1;
+    struct gr_sph *s = NULL;
+    set_out(&bed, 0.0);
+    bed.config.n_walls = 1;
+    bed.config.wall[0] = (struct gr_sph_wall){.lower = {-INFINITY, -3 * spacing},
+                                              .upper = {INFINITY, 0},
+                                              .v = {0, speed},
+                                              .from = from,
+                                              .until = until,
+                                              .axis = 1};
+    CHECK(gr_sph_new(&s, &bed.config, kernels->lanes) == GR_OK);
+    CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1) == GR_OK);
+    double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
+    double highest = -1;
+    CHECK(gr_sph_advance(s, kernels->sph, 1000, 0.99 * from, 3) == GR_OK);
+    for (int a = WALL_FIRST; a < WALL_FIRST + WALLS; a++) highest = fmax(highest, x[1][a]);
+    CHECK_NEAR(highest, -0.5 * spacing, 1e-15);
+    CHECK(gr_sph_advance(s, kernels->sph, 1000, 0.03, 3) == GR_OK);
+    highest = -1;
+    for (int a = WALL_FIRST; a < WALL_FIRST + WALLS; a++) highest = fmax(highest, x[1][a]);
+    CHECK_NEAR(highest, -0.5 * spacing + speed * (s->time - from), 1e-14);
+    CHECK(v[1][WALL_FIRST] == speed && s->n_walls == WALLS);
+    CHECK(gr_sph_advance(s, kernels->sph, 1000, 1.01 * until, 3) == GR_OK);
+    CHECK(s->n_walls == 0 && s->n_grains == GRAINS);
+    gr_sph_free(s);
+}
+
+/* What comes through a face of a wall in a step is put back on it; what was inside stays. */
+static void walls_stop_grains(void)
+{
+    static struct bed bed;
+    struct gr_sph *s = started(&bed, 0.0);
+    double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
+    s->config.n_walls = 1;
+    s->config.wall[0] = (struct gr_sph_wall){
+        .lower = {-INFINITY, -3 * spacing}, .upper = {INFINITY, 0}, .from = INFINITY, .until = INFINITY, .axis = 1};
+    s->dt = 1e-3;
+    x[1][0] = -0.2 * spacing, v[1][0] = -3.0, v[0][0] = 0.5; /* came from above */
+    x[1][1] = -0.2 * spacing, v[1][1] = 0.0;                 /* was there */
+    CHECK(gr_sph_stop(s, 0, GRAINS) == 1);
+    CHECK(x[1][0] == 0.0 && v[1][0] == 0.0 && v[0][0] == 0.0); /* .27 of 3 m/s are more than .5 m/s */
+    CHECK(x[1][1] == -0.2 * spacing);
+    x[1][0] = -0.05 * spacing, v[1][0] = -1.0, v[0][0] = 0.5;
+    CHECK(gr_sph_stop(s, 0, GRAINS) == 1);
+    CHECK_NEAR(v[0][0], 0.5 - 0.27, 1e-15);
+    s->config.wall[0].until = 0.0;
+    x[1][0] = -0.2 * spacing, v[1][0] = -3.0;
+    CHECK(gr_sph_stop(s, 0, GRAINS) == 0);
+    gr_sph_free(s);
+}
+
 int main(void)
 {
     RUN(list_holds_every_pair_once);
@@ -158,5 +215,7 @@ int main(void)
     RUN(wrong_configurations_are_refused);
     RUN(allocations_fail);
     RUN(steps_do_not_allocate);
+    RUN(walls_move_and_go);
+    RUN(walls_stop_grains);
     return check_report("sph");
 }

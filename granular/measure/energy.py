@@ -95,8 +95,10 @@ def kinetic_of(state: Any) -> Array:
 
 def elastic_of(state: Any) -> Array:
     """Energy stored in every point [J], shape (n,)."""
-    stress = np.asarray(state.stress, dtype=float)
     material = state.scene.material
+    if hasattr(material, "stored_energy"):  # by an equation of state
+        return np.asarray(state.mass) * material.stored_energy(np.asarray(state.rho))
+    stress = np.asarray(state.stress, dtype=float)
     density = deviator_squared(stress) / (4 * material.G) + pressure(stress) ** 2 / (2 * material.K)
     return np.asarray(state.quadrature_volume) * density
 

@@ -1,4 +1,7 @@
-"""Pictures and movies with matplotlib: figures are objects, nothing global is touched."""
+"""Pictures and movies with matplotlib: figures are objects, nothing global is touched.
+
+`view` draws in space with pyvista, if it is there.
+"""
 
 from granular.plot.canvas import Picture
 from granular.plot.curves import (
@@ -29,6 +32,7 @@ from granular.plot.friction import (
 from granular.plot.movie import check_movie, movie
 from granular.plot.phase_diagram import phase_diagram
 from granular.plot.snapshots import figure_2, figure_4, figure_6, figure_7, figure_11
+from granular.plot.space import view
 
 __all__ = [
     "QUANTITIES",
@@ -60,4 +64,5 @@ __all__ = [
     "phase_diagram",
     "scaling_of_dilation",
     "scaling_of_dissipation",
+    "view",
 ]

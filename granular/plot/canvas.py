@@ -209,11 +209,30 @@ def _line(scene: Any, wall: Wall, view: View, style: dict[str, Any]) -> Line2D:
     return Line2D(x, y, solid_capstyle="butt", zorder=3, **style)
 
 
+def _block(ax: Axes, lower: Sequence[float], upper: Sequence[float], view: View) -> Artist:
+    low, high = ([ends[axis] for axis in (view.across, view.up)] for ends in (lower, upper))
+    size = [b - a for a, b in zip(low, high, strict=True)]
+    # Faces of abutting blocks must not show as seams.
+    block = Rectangle(low, *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
+    return ax.add_patch(block)
+
+
+def _layers(ax: Axes, grid: Any, wall: Any, view: View) -> tuple[Artist, float, float]:
+    """A wall of particle hydrodynamics, see `granular.sph.Wall`."""
+    lower, upper = np.array(wall.box("wall", grid))
+    ends = (
+        np.where(np.isinf(lower), grid.lower, lower),
+        np.where(np.isinf(upper), grid.upper, upper),
+    )
+    moves = wall.moves_from if any(wall.velocity or ()) else math.inf
+    return _block(ax, *ends, view), -math.inf, min(moves, wall.until)
+
+
 def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float]]:
     """Draw the walls, blocks and outlets of a scene.
 
     Rough walls are thick, frictionless ones thin, planes of symmetry dashed; an outlet is dotted
-    once it is open.
+    once it is open. Walls made of layers of points are blocks, and seen until they move or go.
 
     Returns
     -------
@@ -223,13 +242,12 @@ def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float
     parts: list[tuple[Artist, float, float]] = []
     for wall in scene.walls:
         if isinstance(wall, Solid):
-            lower = [wall.lower[axis] for axis in (view.across, view.up)]
-            upper = [wall.upper[axis] for axis in (view.across, view.up)]
-            size = [b - a for a, b in zip(lower, upper, strict=True)]
-            # Faces of abutting blocks must not show as seams.
-            block = Rectangle(lower, *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
-            parts.append((ax.add_patch(block), -math.inf, math.inf))
-        elif wall.axis in (view.across, view.up):
+            parts.append((_block(ax, wall.lower, wall.upper, view), -math.inf, math.inf))
+        elif wall.axis not in (view.across, view.up):
+            continue
+        elif scene.method == "sph":
+            parts.append(_layers(ax, scene.grid, wall, view))
+        else:
             style = SYMMETRY_STYLE if _is_symmetry(scene, wall) else WALL_STYLES[wall.kind]
             line = ax.add_line(_line(scene, wall, view, style))
             parts.append((line, -math.inf, wall.opens_at))

@@ -51,11 +51,11 @@ class Trajectory:
 
     @cached_property
     def scene(self) -> "Scene":
-        """The scene of the run."""
-        from granular.scene import Scene  # a scene needs the whole package, a record does not
+        """The scene of the run, of the method by which it was run."""
+        from granular.writing import Written  # a scene needs the whole package, a record does not
 
         try:
-            return Scene.from_json(self._contents.texts.scene)
+            return Written.from_json(self._contents.texts.scene)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordError(f"{self.path}: the scene cannot be read: {error}") from error
 

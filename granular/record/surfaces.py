@@ -66,7 +66,7 @@ def write_bodies(
         raise ValueError(f"record = {record!r} must have bodies and frames")
     grid = scene.grid
     size = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
-    meshes = [_surface(body.shape, grid.dim, size) for body in scene.bodies]
+    meshes = [surface(body.shape, grid.dim, size) for body in scene.bodies]
     poses = [split(record.bodies[:, k], 3) for k in range(len(meshes))]
     points = np.concatenate(
         [_placed(mesh[0], pose) for mesh, pose in zip(meshes, poses, strict=True)], axis=1
@@ -93,7 +93,7 @@ def _joined(meshes: list[Patches]) -> Patches:
     return np.concatenate([vertices for vertices, _ in meshes]), polygons
 
 
-def _surface(shape: Box | Cylinder | HalfSpace | Mesh | Union, dim: int, size: float) -> Patches:
+def surface(shape: Box | Cylinder | HalfSpace | Mesh | Union, dim: int, size: float) -> Patches:
     """Surface of a shape, a union part by part, in coordinates of its body."""
     parts = shape.parts if isinstance(shape, Union) else (shape,)
     return _joined(

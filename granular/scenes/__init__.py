@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import Any
 
 from granular.scene import Scene
 from granular.scenes.chute_ngf import chute_ngf
@@ -23,6 +24,9 @@ from granular.scenes.silo import silo
 from granular.scenes.silo_3d import silo_3d
 from granular.scenes.slug import slug
 from granular.scenes.wheel import wheel
+from granular.sph.scenes import incline as incline_sph
+from granular.sph.scenes import inclined_collapse
+from granular.sph.scenes import slump as slump_sph
 
 __all__ = [
     "chute_ngf",
@@ -34,11 +38,15 @@ __all__ = [
     "excavator",
     "hourglass",
     "incline",
+    "incline_sph",
+    "inclined_collapse",
     "names",
     "registry",
     "silo",
     "silo_3d",
     "slug",
+    "slump_sph",
+    "sph_registry",
     "wheel",
 ]
 
@@ -51,7 +59,12 @@ _FUNCTIONS = (
 registry: Mapping[str, Callable[..., Scene]] = MappingProxyType(
     {function.__name__: function for function in _FUNCTIONS}
 )
-"""Scene functions by name."""
+"""Scene functions of the material point method by name."""
+
+sph_registry: Mapping[str, Callable[..., Any]] = MappingProxyType(
+    {"slump_sph": slump_sph, "incline_sph": incline_sph, "inclined_collapse": inclined_collapse}
+)
+"""Those of particle hydrodynamics alone; `column_collapse` knows both methods."""
 
 
 def names() -> tuple[str, ...]:

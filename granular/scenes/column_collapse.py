@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from granular import schemes
-from granular.checks import positive
+from dataclasses import replace
+
+from granular import schemes, sph
+from granular.checks import one_of, positive
 from granular.geometry import Box, Fill, Grid
 from granular.materials import Material, glass_beads
 from granular.scene import Scene
@@ -28,10 +30,11 @@ def column_collapse(
     gravity: float = 9.8,
     ramp: float = 0.1,
     duration: float = 2.0,
-    material: Material = glass_beads,
+    material: Material | sph.Viscoplastic = glass_beads,
     scheme: Scheme = schemes.default,
     seed: int = 0,
-) -> Scene:
+    method: str = "mpm",
+) -> Scene | sph.Scene:
     """Right half of a column that collapses (Dunatunga & Kamrin 2015, section 4.1).
 
     From the paper: half-width 0.2 m, aspect = height over half-width, cells of 0.0125 m (0.00625 m
@@ -41,6 +44,11 @@ def column_collapse(
     Chosen here: the lip, whose place the paper does not give, stands at 2 + 1.5 R half-widths,
     R being the run-out of the paper's fit (2.28 aspect, or 3.24 aspect^0.66 above 2.83), so that
     the foot of the heap does not reach it. Height and half-width are rounded to rows of points.
+
+    By particle hydrodynamics (`method` "sph") the points are as many and the grains those of
+    `granular.sph.Viscoplastic.matching` at half the weight of the column. Walls of points are not
+    free of friction: that in the plane of symmetry and the lip have the friction of the floor. For
+    the columns of grit and glass of Hurley's thesis see `granular.sph.scenes.column_collapse`.
 
     Parameters
     ----------
@@ -57,7 +65,9 @@ def column_collapse(
     duration : float
         Seconds.
     material, scheme, seed
-        See `Scene`.
+        See `Scene`. With "sph" also a `granular.sph.Viscoplastic`; the scheme is not used.
+    method : {"mpm", "sph"}
+        How it is solved.
 
     Raises
     ------
@@ -76,10 +86,43 @@ def column_collapse(
         raise ValueError(f"lip = {lip} must not be less than half_width = {half_width}")
     n_x = enough_cells(lip, cell)
     n_y = enough_cells(height, cell) + HEADROOM
+    parameters = {
+        "aspect": aspect,
+        "half_width": half_width,
+        "cell": cell,
+        "points_per_cell": points_per_cell,
+        "jitter": jitter,
+        "lip": n_x * cell,
+        "gravity": gravity,
+        "ramp": ramp,
+        "half": True,
+    }
+    fill = Fill(Box((0.0, 0.0), (half_width, height)), points_per_cell, jitter=jitter)
+    falls = gravity_down(2, gravity, ramp)
+    if one_of("method", method, ("mpm", "sph")) == "sph":
+        per = fill.points_per_axis
+        if isinstance(material, Material):
+            weight = material.rho_c * positive("gravity", gravity) * height
+            material = sph.Viscoplastic.matching(material, 0.5 * weight)
+        return sph.Scene(
+            name="column_collapse_sph",
+            grid=Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
+            fills=(replace(fill, points_per_cell=1),),
+            material=material,
+            walls=(
+                sph.Wall(1, 0.0, 1),
+                sph.Wall(0, 0.0, 1),
+                sph.Wall(0, n_x * cell, -1),
+            ),
+            gravity=falls,
+            duration=duration,
+            seed=seed,
+            parameters=parameters | {"method": method},
+        )
     return Scene(
         name="column_collapse",
         grid=Grid((0.0, 0.0), cell, (n_x, n_y)),
-        fills=(Fill(Box((0.0, 0.0), (half_width, height)), points_per_cell, jitter=jitter),),
+        fills=(fill,),
         material=material,
         scheme=scheme,
         walls=(
@@ -87,18 +130,8 @@ def column_collapse(
             Wall(0, 0.0, kind="frictionless"),
             Wall(0, n_x * cell, kind="frictionless"),
         ),
-        gravity=gravity_down(2, gravity, ramp),
+        gravity=falls,
         duration=duration,
         seed=seed,
-        parameters={
-            "aspect": aspect,
-            "half_width": half_width,
-            "cell": cell,
-            "points_per_cell": points_per_cell,
-            "jitter": jitter,
-            "lip": n_x * cell,
-            "gravity": gravity,
-            "ramp": ramp,
-            "half": True,
-        },
+        parameters=parameters,
     )

@@ -2,7 +2,7 @@
 
 from granular.sph import scenes
 from granular.sph.gas import Gas, GasState, Jet
-from granular.sph.material import Viscoplastic
+from granular.sph.material import Viscoplastic, glass, grit
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.simulation import Simulation
@@ -17,5 +17,7 @@ __all__ = [
     "Simulation",
     "Viscoplastic",
     "Wall",
+    "glass",
+    "grit",
     "scenes",
 ]

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from granular.checks import in_range, non_negative, positive
+from granular.materials import MuI
 from granular.notebook import table
 
-__all__ = ["Viscoplastic"]
+__all__ = ["Viscoplastic", "glass", "grit"]
 
 LARGEST_DILATION = 0.5
 """Where the thesis cuts the rate of dilation (section 5.2.3)."""
@@ -75,6 +80,52 @@ class Viscoplastic:
         return self.rho0
 
     @property
+    def granular(self) -> bool:
+        """Whether it yields: always."""
+        return True
+
+    @classmethod
+    def matching(cls, material: MuI, pressure: float, **changes: Any) -> Self:
+        """The grains of a mu(I) law, whose friction depends on the rate and the pressure.
+
+        Density, frictions and bulk modulus (K = 1.5 kappa at rho0) are the same; D_star is the
+        rate at which I = I0 under the given pressure, xi sqrt(p), so that the laws agree there and
+        nowhere else.
+
+        Parameters
+        ----------
+        material : MuI
+        pressure : float
+            Typical of the flow [Pa], > 0.
+        **changes
+            Other parameters of `Viscoplastic`, such as the dilation.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming argument, value and allowed range.
+        """
+        if not isinstance(material, MuI):
+            raise TypeError(f"material = {material!r} must be a MuI")
+        given = {
+            "rho0": material.rho_c,
+            "mu_l": material.mu_s,
+            "mu_h": material.mu_2,
+            "D_star": material.xi * math.sqrt(positive("pressure", pressure)),
+            "kappa": material.K / 1.5,
+        }
+        return cls(**(given | changes))
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some numbers changed, checked as a new one."""
+        return replace(self, **changes)
+
+    def stored_energy(self, rho: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Energy stored at a density [J/kg]: the integral of p/rho^2 from rho0 on."""
+        ratio = np.maximum(rho / self.rho0, 1.0)
+        return self.kappa / self.rho0 * (2.0 * np.sqrt(ratio) + 1.0 / ratio - 3.0)
+
+    @property
     def wave_speed(self) -> float:
         """Speed of sound at rho0 [m/s], sqrt(1.5 kappa/rho0) (eq. 5.6)."""
         return math.sqrt(1.5 * self.kappa / self.rho0)
@@ -83,3 +134,10 @@ class Viscoplastic:
         return table(
             "Viscoplastic", {name: getattr(self, name) for name in self.__dataclass_fields__}
         )
+
+
+grit = Viscoplastic(rho0=1404.0, mu_l=0.74, mu_h=0.74, mu_wall=0.335)
+"""Fine sand (Hurley, thesis, table 5.3, of Balmforth & Kerswell 2005), without dilation."""
+
+glass = Viscoplastic(rho0=1450.0, mu_l=0.456, mu_h=0.456, mu_wall=0.263)
+"""Fine glass beads (the same)."""

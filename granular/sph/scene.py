@@ -5,20 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from dataclasses import replace as _replace
-from typing import Any, Self
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from granular import geometry
 from granular.checks import integer, positive
 from granular.geometry import AXES, Fill, Grid
-from granular.scene import Parameters
-from granular.sph.gas import Gas
+from granular.notebook import table
+from granular.sph.gas import Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall, wall_points
 from granular.walls import Gravity
+from granular.writing import Parameters, Written, register
 
 __all__ = ["Scene", "lattice_weight"]
 
@@ -37,7 +38,7 @@ def lattice_weight(dim: int, smoothing: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
+class Scene(Written):
     """All that determines a run.
 
     Parameters
@@ -68,6 +69,9 @@ class Scene:
         For parts of a wrong kind, or that do not fit: walls thinner than the kernel, periods
         shorter than its reach, a time step beyond its limit.
     """
+
+    method: ClassVar[str] = "sph"
+    """How it is solved."""
 
     name: str
     grid: Grid
@@ -146,6 +150,16 @@ class Scene:
         return self.grid.dim
 
     @property
+    def bodies(self) -> tuple[()]:
+        """None: what moves are walls."""
+        return ()
+
+    @cached_property
+    def n_points(self) -> int:
+        """Grains at the start."""
+        return geometry.count_points(self.grid, self.fills)
+
+    @property
     def h(self) -> float:
         """Smoothing length [m]."""
         return self.numerics.smoothing * self.grid.cell
@@ -171,6 +185,19 @@ class Scene:
         """The points of walls at the start; see `granular.sph.walls.wall_points`."""
         return wall_points(self.grid, self.walls)
 
-    def replace(self, **changes: Any) -> Self:
-        """A copy with some parts changed, checked as a new one."""
-        return _replace(self, **changes)
+    def _repr_html_(self) -> str:
+        grid = self.grid
+        size = " x ".join(f"{n * grid.cell:g}" for n in grid.shape)
+        rows: dict[str, object] = {
+            "domain [m]": size,
+            "spacing [m]": grid.cell,
+            "grains": self.n_points,
+            "duration [s]": self.duration,
+            "gravity [m/s2]": self.gravity.vectors[-1],
+            "walls": len(self.walls),
+            "method": "particle hydrodynamics",
+        }
+        return table(f"Scene {self.name}", rows | dict(self.parameters))
+
+
+register(Scene, Wall, Numerics, Viscoplastic, Gas, Jet, prefix="sph.")

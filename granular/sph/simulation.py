@@ -1,28 +1,25 @@
-"""A running simulation of particle hydrodynamics: step, run, look, stop, go on."""
+"""A simulation by particle hydrodynamics."""
 
 from __future__ import annotations
 
 import math
-import time as clock
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import _core
-from granular.checks import integer, positive
+from granular import _core, simulation, stability
+from granular.checks import integer
 from granular.engine import allocate, default_isa
-from granular.record.checkpoint import Checkpoint
 from granular.sph.gas import GasState
 from granular.sph.scene import Scene
+from granular.sph.walls import wall_rows
 from granular.state import State
+from granular.trajectory import Checkpoint
 
 __all__ = ["Simulation"]
 
-CHUNK_SECONDS = 0.05
-"""Wall time between two returns from the core, so that Ctrl-C is heard."""
 SHOWN = ("x", "v", "a", "stress", "rho", "shear_rate", "mass")
 """Fields that a state has, besides the id and the log-density."""
 
@@ -85,30 +82,17 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
         },
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
+        walls=wall_rows(grid, scene.walls),
         gas=None if gas is None else gas.for_core(grid.dim, material.rho0, point_volume),
     )
 
 
-class Simulation:
-    """Steps the points of a scene of particle hydrodynamics.
+class Simulation(simulation.Simulation, scenes=Scene):
+    """Steps the points of a `granular.sph.Scene`; see `granular.Simulation`."""
 
-    Parameters
-    ----------
-    scene : granular.sph.Scene
-    threads : int
-        Threads of the core, 1 to 64. The result does not depend on it, to the last bit.
-    isa : str, optional
-        Instruction set of the kernels, "baseline", "avx2" or "avx512"; by default the environment
-        variable GRANULAR_ISA, else the best of the machine.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    def __init__(self, scene: Scene, *, threads: int = 1, isa: str | None = None) -> None:
-        self._start(scene, threads, isa)
+    def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+        stability.warn(scene)
+        self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         points, walls = scene.points(), scene.wall_points()
         gas = None if scene.gas is None else scene.gas.points(scene.grid, scene.seed)
         rows = _Rows.of(len(points.x), len(walls["x"]), None if gas is None else len(gas.x))
@@ -131,51 +115,23 @@ class Simulation:
             self._buffers["id"][above] = rows.grains + rows.walls + np.arange(rows.gas)
         self._bind(rows, fresh=True)
 
-    def _start(self, scene: Scene, threads: int, isa: str | None) -> None:
-        if not isinstance(scene, Scene):
-            raise TypeError(f"scene = {scene!r} must be a granular.sph.Scene")
-        self.scene = scene
-        self.threads = integer("threads", threads, 1, _core.MAX_THREADS)
-        self._engine = _build(scene, default_isa() if isa is None else isa)
-        self._chunk = 1
-
     def _bind(self, rows: _Rows, *, fresh: bool) -> None:
         self._rows = rows
         gas = (rows.gas_first, rows.gas)
         self._engine.bind(self._buffers, rows.grains, rows.wall_first, rows.walls, fresh, *gas)
 
     @property
-    def time(self) -> float:
-        """Time [s]."""
-        return self._engine.scalars()["time"]
-
-    @property
-    def steps(self) -> int:
-        """Steps made."""
-        return self._engine.scalars()["step"]
-
-    @property
-    def dt(self) -> float:
-        """Time step of the last step, or of the first [s]."""
-        return self._engine.scalars()["dt"]
-
-    @property
-    def n_points(self) -> int:
-        """Grains that are still in the domain."""
-        return self._engine.scalars()["n_points"]
-
-    @property
-    def isa(self) -> str:
-        """Instruction set of the kernels."""
-        return self._engine.isa
-
-    @property
     def counts(self) -> dict[str, float]:
         """What has happened: `rebuilds` of the list; grains and mass [kg] `dropped` at the
-        ends of the domain, and points of gas, `gas_dropped`."""
+        ends of the domain; how often a grain had to be `stopped` in a wall, see `Scene`; points
+        of gas, `gas_dropped`."""
         scalars = self._engine.scalars()
-        names = ("rebuilds", "dropped", "dropped_mass", "gas_dropped")
+        names = ("rebuilds", "dropped", "dropped_mass", "stopped", "gas_dropped")
         return {name: scalars[name] for name in names}
+
+    @property
+    def _stopped(self) -> float:
+        return float(self.counts["stopped"])
 
     @property
     def buffers(self) -> dict[str, NDArray]:
@@ -184,15 +140,17 @@ class Simulation:
         return dict(self._buffers)
 
     @property
-    def state(self) -> State:
-        """A snapshot of the grains, ordered by id; positions lie within their period."""
-        return self._snapshot(slice(0, self.n_points))
-
-    @property
     def walls(self) -> State:
-        """A snapshot of the points of walls, ordered by id."""
-        first = self._rows.wall_first
-        return self._snapshot(slice(first, first + self._rows.walls))
+        """A snapshot of the points of walls that are there, ordered by id."""
+        self._evaluate()
+        first, scalars = self._rows.wall_first, self._engine.scalars()
+        return State(
+            scene=self.scene,
+            time=scalars["time"],
+            step=scalars["step"],
+            dt=scalars["dt"],
+            fields=self._shown(slice(first, first + scalars["n_walls"])),
+        )
 
     @property
     def gas(self) -> GasState:
@@ -205,13 +163,26 @@ class Simulation:
         """
         if self.scene.gas is None:
             raise AttributeError(f"the scene {self.scene.name} has no gas")
-        if not self.steps:
-            self.step(0)
+        self._evaluate()
         first = self._rows.gas_first
         rows = slice(first, first + self._engine.scalars()["n_gas"])
-        return GasState.of(self.time, self._fields(rows, (*SHOWN, "porosity")))
+        return GasState.of(self.time, self._ordered(rows, (*SHOWN, "porosity")))
 
-    def _fields(self, rows: slice, names: tuple[str, ...]) -> dict[str, NDArray]:
+    def _fields(self, kept: bool) -> dict[str, NDArray]:
+        self._evaluate()
+        fields = self._shown(slice(0, self.n_points))
+        grid = self.scene.grid
+        inside = ((fields["x"] >= grid.lower) & (fields["x"] <= grid.upper)).all(axis=1)
+        if inside.all():
+            return fields
+        return {name: values[inside] for name, values in fields.items()}  # the next list drops them
+
+    def _evaluate(self) -> None:
+        """At the start, find what follows from positions and velocities."""
+        if self.steps == 0:
+            self._make_steps(0, math.inf)
+
+    def _ordered(self, rows: slice, names: tuple[str, ...]) -> dict[str, NDArray]:
         """Fields of some rows in the order of ids, positions within their period."""
         ids = self._buffers["id"][rows]
         order = np.argsort(ids)
@@ -226,94 +197,36 @@ class Simulation:
             x -= length * np.floor((x - grid.lower[axis]) / length)
         return fields
 
-    def _snapshot(self, rows: slice) -> State:
-        fields = self._fields(rows, SHOWN)
-        rho = fields.pop("rho")
-        fields["log_density"] = np.log(
-            rho / self.scene.material.rho_c, out=np.full(len(rho), -np.inf), where=rho > 0
-        )
-        return State(scene=self.scene, time=self.time, step=self.steps, dt=self.dt, fields=fields)
+    def _shown(self, rows: slice) -> dict[str, NDArray]:
+        fields = self._ordered(rows, SHOWN)
+        fields["log_density"] = np.log(fields.pop("rho") / self.scene.material.rho_c)
+        return fields
 
     # ---- stepping ----
 
     def step(self, n: int = 1) -> None:
-        """Make `n` steps; 0 evaluates the stresses and accelerations of the start.
+        """Make `n` steps; 0 evaluates the stresses and accelerations of the start."""
+        self._evaluate()
+        if integer("n", n, 0):
+            super().step(n)
 
-        Raises
-        ------
-        SimulationError
-            If a point is not finite.
-        """
-        self._engine.advance(integer("n", n, 0), math.inf, self.threads)
-
-    def run(
-        self,
-        until: float | None = None,
-        *,
-        every: float | None = None,
-        hooks: tuple[Callable[[Simulation], Any], ...] = (),
-    ) -> Self:
-        """Run to a time.
-
-        Parameters
-        ----------
-        until : float, optional
-            Time to stop at [s]: the first step at or past it; the scene's duration by default.
-        every : float, optional
-            Time between two calls of the hooks [s]: the first step at or past each. None: at the
-            end only. The steps do not depend on it.
-        hooks : tuple of callables
-            Called with the simulation; what they raise ends the run.
-
-        Raises
-        ------
-        SimulationError
-            If a point is not finite.
-        """
-        until = self.scene.duration if until is None else positive("until", until)
-        every = until if every is None else positive("every", every)
-        while self.time < until:
-            frame = min((math.floor(self.time / every + 1e-9) + 1) * every, until)
-            while self.time < frame:
-                self._advance(frame)
-            for hook in hooks:
-                hook(self)
-        return self
-
-    def _advance(self, until: float) -> None:
-        begin, first = clock.perf_counter(), self.steps
-        self._engine.advance(self._chunk, until, self.threads)
-        seconds = max(clock.perf_counter() - begin, 1e-6) / max(self.steps - first, 1)
-        self._chunk = int(min(max(CHUNK_SECONDS / seconds, 1), 4 * self._chunk + 1))
+    def _make_steps(self, max_steps: int, until: float) -> None:
+        self._engine.advance(max_steps, until, self.threads)
 
     # ---- restart ----
 
-    def checkpoint(self) -> Checkpoint:
-        """All that a bitwise restart needs: the points in the order of rows, and the clock."""
-        n, rows = self.n_points, self._rows
-        scalars = self._engine.scalars()
-        places = replace(rows, grains=n, gas=scalars["n_gas"]).places()
-        return Checkpoint(
-            time=scalars["time"],
-            step=scalars["step"],
-            dt=scalars["dt"],
-            scalars=scalars,
-            arrays={name: array.take(places, axis=-1) for name, array in self._buffers.items()},
-        )
+    def _kept(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+        scalars, rows = self._engine.scalars(), self._rows
+        counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
+        places = replace(rows, **{name: scalars[count] for name, count in counts.items()}).places()
+        return scalars, {name: rows.take(places, axis=-1) for name, rows in self._buffers.items()}
 
     @classmethod
-    def from_checkpoint(
-        cls, scene: Scene, checkpoint: Checkpoint, *, threads: int = 1, isa: str | None = None
+    def _restored(
+        cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
-        """A simulation that goes on from a checkpoint as if it had never stopped.
-
-        Raises
-        ------
-        ValueError
-            If the checkpoint does not belong to such a scene.
-        """
-        self = cls.__new__(cls)
-        self._start(scene, threads, isa)
+        self = cls.__new__(cls, scene)
+        self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         total = len(checkpoint.arrays.get("id", ()))
         n = integer("the number n_points of the checkpoint", checkpoint.scalars.get("n_points"), 0)
         gas = integer("the number n_gas of the checkpoint", checkpoint.scalars.get("n_gas", 0), 0)
@@ -331,9 +244,3 @@ class Simulation:
         self._bind(rows, fresh=False)
         self._engine.restore(dict(checkpoint.scalars))
         return self
-
-    def __repr__(self) -> str:
-        return (
-            f"Simulation({self.scene.name}, t = {self.time:.6g} s, step {self.steps}, "
-            f"{self.n_points} points)"
-        )

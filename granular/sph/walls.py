@@ -9,10 +9,10 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import finite, integer, one_of, vector
+from granular.checks import finite, integer, non_negative, one_of, positive, vector
 from granular.geometry import AXES, LINE_TOLERANCE, Grid
 
-__all__ = ["Wall", "wall_points"]
+__all__ = ["Wall", "wall_points", "wall_rows"]
 
 MAX_LAYERS = 100
 
@@ -39,6 +39,10 @@ class Wall:
         wall's are kept.
     velocity : tuple of float or None
         Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
+    moves_from : float
+        Time from which it has this velocity [s], >= 0.
+    until : float
+        Time at which the wall is taken away [s], > 0; infinite by default.
     permeable : bool
         Whether a gas goes through the wall as if it was not there; grains never do.
 
@@ -55,6 +59,8 @@ class Wall:
     layers: int = 5
     span: tuple[tuple[float, float], ...] | None = None
     velocity: tuple[float, ...] | None = None
+    moves_from: float = 0.0
+    until: float = math.inf
     permeable: bool = False
 
     def __post_init__(self) -> None:
@@ -63,6 +69,8 @@ class Wall:
             "at": finite("at", self.at),
             "side": one_of("side", self.side, (1, -1)),
             "layers": integer("layers", self.layers, 1, MAX_LAYERS),
+            "moves_from": non_negative("moves_from", self.moves_from),
+            "until": math.inf if self.until == math.inf else positive("until", self.until),
         }
         if not isinstance(self.permeable, bool):
             raise TypeError(f"permeable = {self.permeable!r} must be True or False")
@@ -116,6 +124,15 @@ class Wall:
                 sites.append(tuple(_site(name, grid, axis, at) for at in next(others)))
         return sites
 
+    def box(self, name: str, grid: Grid) -> tuple[list[float], list[float]]:
+        """Lower and upper ends of the wall at the start [m], without any along a whole period."""
+        low, high = [], []
+        for axis, (first, last) in enumerate(self.extent(name, grid)):
+            endless = grid.periodic[axis] and last - first == grid.shape[axis]
+            low.append(-math.inf if endless else grid.lower[axis] + first * grid.cell)
+            high.append(math.inf if endless else grid.lower[axis] + last * grid.cell)
+        return low, high
+
 
 def _site(name: str, grid: Grid, axis: int, at: float) -> int:
     """Number of spacings from the lower end of the grid to `at`, whole."""
@@ -128,18 +145,14 @@ def _site(name: str, grid: Grid, axis: int, at: float) -> int:
 
 
 def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float64]]:
-    """Points of walls: x, v and normal (n, dim), depth (n,) below the surface [m], porosity (n,).
+    """Points of walls: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
+    number of the wall.
 
     Of points in the same place those of the first wall are kept.
     """
     dim = grid.dim
-    parts: dict[str, list[NDArray]] = {
-        "site": [],
-        "v": [],
-        "normal": [],
-        "depth": [],
-        "porosity": [],
-    }
+    names = ("site", "v", "normal", "depth", "porosity", "wall")
+    parts: dict[str, list[NDArray]] = {name: [] for name in names}
     for i, wall in enumerate(walls):
         axes = [np.arange(*ends) for ends in wall.extent(f"walls[{i}]", grid)]
         mesh = np.meshgrid(*axes[::-1], indexing="ij")
@@ -150,16 +163,28 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
             grid.line(f"walls[{i}].at", wall.axis, wall.at) - sites[:, wall.axis] - 0.5
         ) * wall.side
         parts["site"].append(sites)
-        parts["v"].append(np.broadcast_to(wall.velocity or (0.0,) * dim, sites.shape))
+        velocity = wall.velocity if wall.velocity and not wall.moves_from else (0.0,) * dim
+        parts["v"].append(np.broadcast_to(velocity, sites.shape))
         parts["normal"].append(np.broadcast_to(normal, sites.shape))
         parts["depth"].append(behind * grid.cell)
         parts["porosity"].append(np.full(len(sites), float(wall.permeable)))
+        parts["wall"].append(np.full(len(sites), float(i)))
     if not walls:
         empty = np.zeros((0, dim))
-        numbers = np.zeros(0)
-        return {"x": empty, "v": empty, "normal": empty, "depth": numbers, "porosity": numbers}
+        return {"x": empty, "v": empty, "normal": empty} | {name: np.zeros(0) for name in names[3:]}
     whole = {name: np.concatenate(part) for name, part in parts.items()}
     _, first = np.unique(whole["site"], axis=0, return_index=True)
     first.sort()
     whole = {name: part[first] for name, part in whole.items()}
     return {"x": np.array(grid.lower) + (whole.pop("site") + 0.5) * grid.cell} | whole
+
+
+def wall_rows(grid: Grid, walls: Sequence[Wall]) -> NDArray[np.float64]:
+    """What the core knows of walls: ends of the box, velocity, times, axis (n, 12)."""
+    rows = np.zeros((len(walls), 12))
+    for i, (row, wall) in enumerate(zip(rows, walls, strict=True)):
+        low, high = wall.box(f"walls[{i}]", grid)
+        row[: grid.dim], row[3 : 3 + grid.dim] = low, high
+        row[6 : 6 + grid.dim] = wall.velocity or 0.0
+        row[9:] = wall.moves_from, wall.until, wall.axis
+    return rows

@@ -48,6 +48,12 @@ def test_the_gates_hold_in_the_table(table):
         assert found[scheme, 0.1, 1] == found[scheme, 1.0, 5] == "flowing"
 
 
+def test_velocities_of_refined_packings_agree(table):
+    for row in table["packings"]:
+        assert row["largest"] <= 0.10
+        assert row["standard_error"] < 0.03
+
+
 def test_two_by_two_cells_keep_means(script):
     rng = np.random.default_rng(1)
     axes = (np.arange(4) + 0.5, np.arange(6) + 0.5)

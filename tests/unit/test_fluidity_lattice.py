@@ -88,6 +88,18 @@ def test_backward_euler_stays_positive_where_rkl2_does_not():
     assert any(undershot)
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_a_fluidity_that_dies_out_is_no_error(method):
+    """A jammed fill loses a factor a step: its squares underflow long before it does."""
+    parts, g = lattice((20, 20), 1)
+    expected, _ = diffuse(g, method=method, dt=SHORT, **parts)
+    for exponent in np.arange(-130, -320, -0.25):
+        found, _ = diffuse(g * 10.0**exponent, method=method, dt=SHORT, **parts)
+        assert 0 <= found.min() <= found.max() <= g.max() * 10.0**exponent
+        if exponent >= -140:
+            np.testing.assert_allclose(found / 10.0**exponent, expected, atol=1e-8 * g.max())
+
+
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8, 1e-12])
 def test_tolerance_bounds_the_error_of_backward_euler(tolerance):
     parts, g = lattice((20, 20), 1)

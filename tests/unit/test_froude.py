@@ -144,7 +144,7 @@ NUMBERS = {
     *("normal", "axis", "substeps", "points_per_cell", "shape", "xpic_order", "shift_outlet_cells"),
     *("diffusion", "strain_diffusion", "feedback", "feedback_limit", "feedback_noise", "decay"),
     *("feedback_crowd", "shift", "shift_limit", "averaging_time", "tension_reach", "weighting"),
-    *("weight_limit", "weight_decay", "faces"),
+    *("weight_limit", "weight_decay", "faces", "h0_deg", "h1_deg", "h2", "h3_deg"),
 }
 """Fields without a dimension, or that gravity and density leave as they are (xi by itself)."""
 

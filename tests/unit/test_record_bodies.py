@@ -8,7 +8,7 @@ from granular.bodies import Body, Box, Cylinder, HalfSpace, Mesh, Motion, Union
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.materials import MuI
-from granular.record.surfaces import _surface
+from granular.record.surfaces import surface
 from granular.walls import Gravity
 
 
@@ -119,9 +119,9 @@ def test_a_mesh_is_drawn_as_it_is():
     corner = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     faces = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
     mesh = Mesh(corner, faces, spacing=0.1)
-    vertices, polygons = _surface(mesh, 3, 1.0)
+    vertices, polygons = surface(mesh, 3, 1.0)
     assert vertices.tolist() == [list(place) for place in corner] and polygons == list(faces)
-    vertices, polygons = _surface(Union((Box((1.0, 1.0, 1.0)), mesh)), 3, 1.0)
+    vertices, polygons = surface(Union((Box((1.0, 1.0, 1.0)), mesh)), 3, 1.0)
     assert len(vertices) == 12 and polygons[6:] == [tuple(8 + i for i in face) for face in faces]
 
 

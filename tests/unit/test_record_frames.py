@@ -48,7 +48,7 @@ class StateDouble:
 def doubles(monkeypatch):
     """The record is tested by itself, without the scene and the state of the package."""
     for name, attribute, double in (
-        ("granular.scene", "Scene", SceneDouble),
+        ("granular.writing", "Written", SceneDouble),
         ("granular.state", "State", StateDouble),
     ):
         module = ModuleType(name)

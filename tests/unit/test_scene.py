@@ -70,7 +70,12 @@ def test_json_keeps_random_floats_to_the_last_bit():
 
 
 @pytest.mark.parametrize(
-    "material", [materials.DruckerPrager(mu=0.1 + 0.2), materials.Elastic(nu=1 / 3)]
+    "material",
+    [
+        materials.DruckerPrager(mu=0.1 + 0.2),
+        materials.Elastic(nu=1 / 3),
+        materials.HardeningDruckerPrager(h2=0.1 + 0.2),
+    ],
 )
 def test_json_of_other_materials(material):
     scene = Scene(**PARTS | {"material": material})

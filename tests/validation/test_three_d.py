@@ -62,14 +62,15 @@ def beads(**changes):
     return grains.replace(**changes)
 
 
-def turning(until, material, *, frames=10, above=None, **size):
-    """Simulation, and the profile of the second half of the time over the rate."""
-    scene = gr.scenes.couette(inner=0.1, material=material, **size)
+def turning(until, material, *, begin=None, frames=10, above=None, **size):
+    """The profile between two times, half of the last and the last, and the moments."""
+    scene = gr.scenes.couette(**({"inner": 0.1} | size), material=material)
     sim = gr.Simulation(scene, threads=1)
-    kept = []
-    sim.run(until=until / 2, every=until)
+    kept, begin = [], until / 2 if begin is None else begin
+    sim.run(until=begin, every=until)
     start, felt = sim.time, sim.bodies
-    sim.run(until=until, every=until / 2 / frames, hooks=(lambda sim: kept.append(sim.state),))
+    hooks = (lambda sim: kept.append(sim.state),)
+    sim.run(until=until, every=(until - begin) / frames, hooks=hooks)
     span = sim.time - start
     profile = gr.measure.cylinder_profile(kept, above=above)
     torque = [
@@ -143,3 +144,40 @@ def test_top_of_a_taylor_couette_cell(omega):
     moment = 2 * np.pi * 0.1**2 * driven.mu_wall * weight / 2 * height
     assert -torque[0][2] == pytest.approx(moment, rel=0.05)
     assert torque[1][2] == pytest.approx(-torque[0][2], rel=0.03)
+
+
+PAPER = {"inner": 0.0999, "outer": 0.2001, "cell": 0.004, "frames": 4}
+"""Radii and cells; 4 mm are one diameter."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("height", "omega", "begin", "until"),
+    [
+        pytest.param(0.024, 0.025, 0.3, 0.6, id="24mm"),
+        pytest.param(0.1, 0.1, 0.3, 0.5, id="100mm"),
+    ],
+)
+def test_top_of_the_papers_taylor_couette_cell(height, omega, begin, until):
+    """Radii, grains and cells of the paper; not its 22 s, but from when all of it has yielded.
+
+    The elastic twist there is mu_w p/S (1 - (R_i/R_o)^2)/2 at the bottom: .26 and .27 s of turning.
+    24 mm of height at the rate of the paper take 4 minutes of a core, its 100 mm at 4 times the
+    rate 13. Against the flow at this rate under the pressure of what is looked at, two cells; at 4
+    times the rate that is .02 from the slow limit.
+    """
+    material = gr.scenes.couette().material
+    above = height - 2 * PAPER["cell"]
+    turned = {"height": height, "omega": omega, "begin": begin, "above": above}
+    profile, torque = turning(until, material, **PAPER, **turned)
+    linear = material.replace(mu_2=math.inf, b=material.b)
+    weight = material.rho_c * 9.81 * height
+    profile_at, moment_at = (
+        couette_flow(PAPER["inner"], PAPER["outer"], linear, rate=omega, pressure=p, walls="smooth")
+        for p in (material.rho_c * 9.81 * PAPER["cell"], weight / 2)
+    )
+    assert error(profile, omega, profile_at).max() < 0.03
+    moment = 2 * np.pi * PAPER["inner"] ** 2 * moment_at.mu_wall * weight / 2 * height
+    # 5 % less in cells of d; in finer cells, above, within 3 %
+    assert -torque[0][2] == pytest.approx(moment, rel=0.08)
+    assert torque[1][2] == pytest.approx(-torque[0][2], rel=0.05)

@@ -1,4 +1,4 @@
-"""Ready scenes of particle hydrodynamics."""
+"""A layer on a periodic incline."""
 
 from __future__ import annotations
 
@@ -7,14 +7,11 @@ import math
 from granular.checks import in_range, integer, non_negative, positive
 from granular.geometry import Box, Fill, Grid
 from granular.scenes._build import whole_cells
-from granular.sph.gas_scenes import fluidised_bed, jet_on_bed
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.walls import Wall
 from granular.walls import Gravity
-
-__all__ = ["fluidised_bed", "incline", "jet_on_bed"]
 
 SWITCH = 1e-6
 """Share of the settling time in which gravity turns: at once, for a table that must ascend."""

@@ -1,0 +1,330 @@
+"""The examples of chapter 5 of Hurley's thesis by particle hydrodynamics.
+
+    python benchmarks/sph_examples.py [--quick] [--only repose] [--threads 1] [--out FILE]
+
+Runs every case that the table does not hold yet and writes it after each: a benchmark that was
+stopped goes on where it was. Then the orderings and exponents are computed. docs/sph.md has them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import curve_fit
+
+import granular as gr
+from granular import sph
+
+RESULTS = Path(__file__).parent / "results"
+BETAS = (0.0, 0.5)
+PHIS = (30.0, 20.0, 40.0, 25.0, 35.0)
+GRIT = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0)
+GLASS = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0, 18.0)
+SLOPES = {0.0: 0.6, 10.0: 0.7, 16.0: 0.9, 22.0: 1.2}
+"""Angle [deg] and length of the floor [m]."""
+ANGLES = (12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 33.0)
+STUDY = {"aspect": 0.65, "length": 0.2, "reach": 0.8}
+FRICTIONS = ((0.74, 0.335), (0.87, 0.364), (0.625, 0.305))
+QUANTILE = 0.99
+
+Case = tuple[str, dict[str, Any]]
+
+
+# ---- what is measured ----
+
+
+def far(state: gr.State) -> dict[str, float]:
+    """Farthest and highest point, and the distance that holds 99 % of the mass [m]."""
+    order = np.argsort(state.x[:, 0])
+    held = np.cumsum(state.mass[order])
+    quantile = state.x[order[np.searchsorted(held, QUANTILE * held[-1])], 0]
+    return {
+        "L": float(state.x[:, 0].max()),
+        "L99": float(quantile),
+        "H": float(state.x[:, -1].max()),
+    }
+
+
+def slope_deg(state: gr.State) -> float:
+    """Angle of the line through the surface over the middle 75 % of the floor [deg]."""
+    parameters = state.scene.parameters
+    floor = parameters["length"] - parameters["orifice"]
+    top = gr.measure.surface(state, above=0.0, along="x")
+    kept = (top.x > floor / 8) & (top.x < 7 * floor / 8) & np.isfinite(top.top)
+    return float(-np.degrees(np.arctan(np.polyfit(top.x[kept], top.top[kept], 1)[0])))
+
+
+def steady_rate(states: list[gr.State]) -> tuple[float, float, float]:
+    """Shear rate at mid-depth [1/s], and the misfits of a line and of Bagnold's profile."""
+    rates, misfits = [], {1.0: [], 1.5: []}
+    for state in states:
+        y, v = state.x[:, -1], state.v[:, 0]
+        height = y.max() + 0.5 * state.scene.grid.cell
+        inside = (y > 0.2 * height) & (y < 0.8 * height)
+        rates.append(np.polyfit(y[inside], v[inside], 1)[0])
+        for power, found in misfits.items():
+            basis = np.stack([height**power - (height - y) ** power, np.ones_like(y)], axis=1)
+            rest = v - basis @ np.linalg.lstsq(basis, v, rcond=None)[0]
+            found.append(rest.std() / v.std())
+    return (float(np.mean(rates)), *(float(np.mean(found)) for found in misfits.values()))
+
+
+def decaying(t: np.ndarray, a: float, b: float, c: float) -> np.ndarray:
+    """The acceleration of eq. 5.31."""
+    return a + (b - a) / (c / t + 1.0)
+
+
+# ---- what is run ----
+
+
+def watched(scene: sph.Scene, threads: int, every: float, look: Callable[[gr.State], Any]) -> tuple:
+    """A run to its end: the simulation, times and looks, and what all rows of the table have."""
+    times, looks = [], []
+
+    def hook(simulation: gr.Simulation) -> None:
+        times.append(simulation.time)
+        looks.append(look(simulation.state))
+
+    begin = time.process_time()
+    simulation = gr.Simulation(scene, threads=threads)
+    simulation.run(every=every, hooks=(hook,))
+    row = {
+        "points": scene.n_points,
+        "wall_points": len(scene.wall_points()["wall"]),
+        "steps": simulation.steps,
+        "dt": simulation.dt,
+        "core_seconds": time.process_time() - begin,
+        "dropped": simulation.counts["dropped"],
+        "stopped": simulation.counts["stopped"],
+        "mach": simulation.health()["mach"].value,
+    }
+    return simulation, np.array(times), looks, row
+
+
+def repose(threads: int, cfl: float = 1.0, **keywords: Any) -> dict[str, Any]:
+    """Angles at the end and a second before, whose difference is the creep."""
+    scene = sph.scenes.slump(numerics=sph.Numerics(cfl=cfl), **keywords)
+    _, times, angles, row = watched(scene, threads, 0.5, slope_deg)
+    last = np.array(angles)[times > times[-1] - 2.1]
+    return row | {
+        "angle_deg": angles[-1],
+        "creep_deg_per_s": float((last[0] - last[-1]) / 2.0),
+        "largest_deg": max(angles),
+    }
+
+
+def column(threads: int, material: str, dilation: float, **keywords: Any) -> dict[str, Any]:
+    """Run-out and height at rest, and how they still change in the last half second."""
+    changes = {k: keywords.pop(k) for k in ("kappa", "mu_l", "mu_wall") if k in keywords}
+    if "mu_l" in changes:
+        changes["mu_h"] = changes["mu_l"]
+    grains = getattr(sph, material).replace(dilation=dilation, **changes)
+    scene = sph.scenes.column_collapse(material=grains, **keywords)
+    _, times, looks, row = watched(scene, threads, 0.1, far)
+    before = looks[int(np.searchsorted(times, times[-1] - 0.5))]
+    return row | looks[-1] | {"L99_last_half_second": looks[-1]["L99"] - before["L99"]}
+
+
+def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
+    """Run-out at three times after the gate lifts, and the height at the upper wall."""
+    scene = sph.scenes.inclined_collapse(**keywords)
+    simulation, times, looks, row = watched(scene, threads, 0.1, far)
+    settle = scene.parameters["settle"]
+    late = [looks[int(np.searchsorted(times, settle + t - 1e-6))] for t in (0.2, 0.4, 0.8)]
+    state = simulation.state
+    return (
+        row
+        | looks[-1]
+        | {
+            "L99_at": [look["L99"] for look in late],
+            "H_upper_wall": float(state.x[state.x[:, 0] < 0.05, -1].max()),
+        }
+    )
+
+
+def layer(threads: int, angle_deg: float, dilation: float, duration: float) -> dict[str, Any]:
+    """Shear rate, profiles, slip, and the acceleration with its fit (figures 5.3 and 5.4)."""
+    scene = sph.scenes.incline(
+        angle_deg=angle_deg,
+        headroom=20,
+        duration=duration,
+        material=sph.Viscoplastic(dilation=dilation),
+    )
+    settle, cell = scene.parameters["settle"], scene.grid.cell
+
+    def look(state: gr.State) -> tuple[float, float, gr.State]:
+        lowest = state.x[:, 1] < cell
+        return float(state.v[:, 0].mean()), float(state.v[lowest, 0].mean()), state
+
+    _, times, looks, row = watched(scene, threads, 0.05, look)
+    after = times > settle + 0.02
+    t = (times[after] - settle)[1:]
+    speeds = np.array([mean for mean, *_ in looks])[after]
+    acceleration = np.diff(speeds) / np.diff(times[after])
+    (a, b, c), _ = curve_fit(
+        decaying, t, acceleration, p0=(acceleration[0], 0.0, 0.3), maxfev=20000
+    )
+    rate, line, bagnold = steady_rate([state for *_, state in looks[-20:]])
+    material, tangent = scene.material, math.tan(math.radians(angle_deg))
+    exact = material.D_star * (tangent - material.mu_l) / (material.mu_h - tangent)
+    return row | {
+        "rate": rate,
+        "rate_of_the_law": exact if 0.0 < exact else 0.0 if tangent < material.mu_l else None,
+        "misfit_line": line,
+        "misfit_bagnold": bagnold,
+        "slip": float(np.mean([slip for _, slip, _ in looks[-20:]])),
+        "fit_a": float(a),
+        "fit_b": float(b),
+        "fit_c": float(c),
+        "last_acceleration": float(acceleration[-20:].mean()),
+    }
+
+
+RUNS = {"repose": repose, "column": column, "inclined": inclined, "incline": layer, "study": column}
+
+
+def cases() -> Iterator[Case]:
+    """All cases in the order in which they are run."""
+    for material, aspects, size in (("grit", GRIT, {}), ("glass", GLASS, FINE)):
+        for dilation in BETAS:
+            for aspect in aspects:
+                yield (
+                    "column",
+                    {"material": material, "dilation": dilation, "aspect": aspect} | size,
+                )
+    for phi in PHIS:
+        for dilation in BETAS:
+            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 10.0}
+    for angle in ANGLES:
+        for dilation in BETAS:
+            yield "incline", {"angle_deg": angle, "dilation": dilation, "duration": 10.0}
+    yield from studies()
+    for phi in (20.0, 30.0):
+        yield "repose", {"phi_deg": phi, "dilation": 0.0, "duration": 10.0, "cfl": 0.5}
+    for side_walls, width in ((False, 0.04), (True, 0.1)):
+        for angle, reach in SLOPES.items():
+            for dilation in BETAS:
+                yield (
+                    "inclined",
+                    {
+                        "angle_deg": angle,
+                        "side_walls": side_walls,
+                        "width": width,
+                        "dilation": dilation,
+                        "reach": reach,
+                        "duration": 0.9,
+                    },
+                )
+
+
+FINE = {"length": 0.025, "spacing": 0.005}
+
+
+def studies() -> Iterator[Case]:
+    """Stiffness, friction and spacing, one at a time; in the plane."""
+    common = {"material": "grit", "dilation": 0.0} | STUDY
+    for kappa in (1e5, 1e6, 1e7):
+        yield "study", common | {"kappa": kappa}
+    for mu, mu_wall in FRICTIONS[1:]:
+        yield "study", common | {"mu_l": mu, "mu_wall": mu_wall}
+    for spacing in (0.005, 0.0025):
+        yield "study", common | {"spacing": spacing}
+    yield "study", common | {"dilation": 0.5}
+
+
+def quick() -> Iterator[Case]:
+    """A small and short case of each kind, to see that all of it runs."""
+    yield "repose", {"length": 0.2, "height": 0.12, "orifice": 0.04, "duration": 0.2}
+    for aspect in (1.8, 2.4):
+        yield "column", {"material": "glass", "dilation": 0.0, "aspect": aspect} | FINE
+    yield "inclined", {"side_walls": False, "width": 0.0, "reach": 0.4, "duration": 0.9}
+    yield "incline", {"angle_deg": 24.0, "dilation": 0.0, "duration": 1.5}
+
+
+# ---- what follows ----
+
+
+def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """H0/H = l1 a^a1 and (L - L0)/L0 = l2 a^a2 for a > 1.7, by L and by L99 (eq. 5.32)."""
+    found = {}
+    for material in ("grit", "glass"):
+        for dilation in BETAS:
+            these = [
+                row
+                for row in rows
+                if row["kind"] == "column"
+                and (row["material"], row["dilation"]) == (material, dilation)
+            ]
+            if len(these) < 2:
+                continue
+            a = np.array([row["aspect"] for row in these])
+            length = these[0].get("length", 0.09)
+            fits = {"1": a * length / [row["H"] for row in these]}
+            for name in ("L", "L99"):
+                fits[name] = np.array([row[name] for row in these]) / length - 1
+            entry = {}
+            for name, values in fits.items():
+                power, log = np.polyfit(np.log(a), np.log(values), 1)
+                entry |= {f"alpha_{name}": float(power), f"lambda_{name}": float(np.exp(log))}
+            found[f"{material} beta {dilation:g}"] = entry | {"columns": len(these)}
+    return found
+
+
+def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Run-outs of the inclined collapses by angle, side walls and dilation."""
+    found: dict[str, Any] = {}
+    for row in rows:
+        if row["kind"] == "inclined" and "angle_deg" in row:
+            walls = "side walls" if row["side_walls"] else "periodic"
+            name = f"{walls}, beta {row['dilation']:g}"
+            found.setdefault(f"{row['angle_deg']:g} deg", {})[name] = [row["L99"], row["L"]]
+    return found
+
+
+def rounded(value: Any) -> Any:
+    """The same with five digits."""
+    if isinstance(value, dict):
+        return {name: rounded(v) for name, v in value.items()}
+    if isinstance(value, list):
+        return [rounded(v) for v in value]
+    return float(f"{value:.5g}") if isinstance(value, float) else value
+
+
+def write(rows: list[dict[str, Any]], out: Path) -> None:
+    """The table with what follows from it, a row a line."""
+    lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
+    rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
+    text = json.dumps(rounded(rest), indent=1, allow_nan=False)[2:]
+    out.write_text(f'{{"rows": [\n{lines}\n],\n{text}\n')
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="a few small cases, to see it runs")
+    parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--out", type=Path, default=RESULTS / "sph_examples.json")
+    chosen = parser.parse_args(argv)
+    table = json.loads(chosen.out.read_text()) if chosen.out.exists() else {"rows": []}
+    rows = table["rows"]
+    held = {json.dumps(row["case"], sort_keys=True) for row in rows}
+    for kind, keywords in quick() if chosen.quick else cases():
+        case = json.dumps([kind, keywords], sort_keys=True)
+        if case in held or chosen.only not in (None, kind):
+            continue
+        found = RUNS[kind](chosen.threads, **keywords)
+        rows.append({"case": [kind, keywords], "kind": kind} | keywords | rounded(found))
+        print(kind, keywords, rounded(found), flush=True)
+        write(rows, chosen.out)
+    write(rows, chosen.out)
+
+
+if __name__ == "__main__":
+    main()

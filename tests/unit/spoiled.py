@@ -1,0 +1,59 @@
+"""Arrays and numbers that are wrong, for calls of the core."""
+
+import numpy as np
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+
+DOCUMENTED = (TypeError, ValueError, OverflowError, RuntimeError, MemoryError)
+QUICK = settings(
+    max_examples=60,
+    deadline=None,
+    derandomize=True,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+
+
+class Wrapped(np.ndarray):
+    """A subclass, which the core must not take for an array."""
+
+
+def spoiled(array, how):
+    """An array that is wrong in one way, or a thing that is no array."""
+    with np.errstate(all="ignore"):
+        return {
+            "float32": lambda: array.astype(np.float32),
+            "int32": lambda: array.astype(np.int32),
+            "object": lambda: array.astype(object),
+            "swapped": lambda: array.astype(array.dtype.newbyteorder()),
+            "fortran": lambda: np.asfortranarray(np.stack([array, array])),
+            "strided": lambda: np.repeat(array, 2, axis=-1)[..., ::2],
+            "backwards": lambda: array[..., ::-1],
+            "read-only": lambda: np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape),
+            "empty": lambda: array[..., :0],
+            "short": lambda: array[..., :-1].copy(),
+            "long": lambda: np.concatenate([array, array], axis=-1),
+            "flat": lambda: array.ravel()[:-1].copy(),
+            "deep": lambda: array[None].copy(),
+            "scalar": lambda: np.array(1.0),
+            "subclass": lambda: array.view(Wrapped),
+            "unaligned": lambda: np.frombuffer(
+                bytearray(array.nbytes + 1), np.uint8, array.nbytes, 1
+            ).view(array.dtype).reshape(array.shape),
+            "list": array.tolist,
+            "none": lambda: None,
+            "number": lambda: 3.5,
+            "text": lambda: "array",
+        }[how]()  # fmt: skip
+
+
+WAYS = (
+    "float32", "int32", "object", "swapped", "fortran", "strided", "backwards", "read-only",
+    "empty", "short", "long", "flat", "deep", "scalar", "subclass", "unaligned", "list", "none",
+    "number", "text",
+)  # fmt: skip
+
+numbers = st.one_of(
+    st.floats(),
+    st.integers(-(2**70), 2**70),
+    st.sampled_from([None, "1", (), 1j, True, np.float64("nan"), 2**63, -(2**31) - 1]),
+)

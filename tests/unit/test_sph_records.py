@@ -1,0 +1,240 @@
+"""Particle hydrodynamics in the house: records, resuming, walls that move and go, pictures."""
+
+import dataclasses
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular import _core, sph
+from granular.cli import main
+from granular.geometry import Box, Fill, Grid
+from granular.walls import Gravity
+
+DX = 0.01
+
+
+def gated(dim=2, **changes):
+    """A small heap behind a gate that lifts at .02 s and is gone at .05 s."""
+    level = (0.0,) * (dim - 2)
+    shape = (14, *(6,) * (dim - 2), 8)
+    across = tuple((0.0, n * DX) for n in shape[1:-1])
+    gate = sph.Wall(
+        0,
+        6 * DX,
+        -1,
+        layers=3,
+        span=(*across, (0.0, 8 * DX)),
+        velocity=(0.0, *level, 1.0),
+        moves_from=0.02,
+        until=0.05,
+    )
+    scene = sph.Scene(
+        name="gated",
+        grid=Grid((0.0, *level, 0.0), DX, shape, periodic=(False, *(True for _ in level), False)),
+        fills=(Fill(Box((0.0, *level, 0.0), (6 * DX, *(6 * DX for _ in level), 6 * DX)), 1),),
+        material=sph.Viscoplastic(mu_l=0.4, mu_h=0.4, dilation=0.5),
+        walls=(sph.Wall(dim - 1, 0.0, 1, layers=3), sph.Wall(0, 0.0, 1, layers=3), gate),
+        gravity=Gravity((0.0,), ((0.0, *level, -9.81),)),
+        duration=0.1,
+        parameters={"half_width": 6 * DX},
+    )
+    return scene.replace(**changes)
+
+
+def method_of(record):
+    return record.scene.method
+
+
+def same(a, b):
+    return a.fields.keys() == b.fields.keys() and all(
+        np.array_equal(a.fields[k], b.fields[k]) for k in a.fields
+    )
+
+
+def test_scene_is_written_and_read():
+    scene = gated(numerics=sph.Numerics(cfl=0.5))
+    assert sph.Scene.from_json(scene.to_json()) == scene
+    with pytest.raises(ValueError, match="not the JSON of a scene"):
+        gr.Scene.from_json(scene.to_json())
+    assert "particle hydrodynamics" in scene._repr_html_()
+
+
+def test_the_scene_chooses_the_method():
+    simulation = gr.Simulation(gated())
+    assert type(simulation) is sph.Simulation and isinstance(simulation, gr.Simulation)
+    assert isinstance(gr.Simulation(gr.scenes.incline()), gr.material_points.MaterialPoints)
+    with pytest.raises(TypeError, match=r"must be a granular\.sph\.Scene"):
+        sph.Simulation(gr.scenes.incline())
+    with pytest.raises(TypeError, match=r"granular\.Scene or a granular\.sph\.Scene"):
+        gr.Simulation("incline")
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("stop", [0.015, 0.035, 0.06])
+def test_a_record_goes_on_bitwise(dim, stop, tmp_path):
+    """Stopped before the gate moves, while it does, and after it has gone."""
+    scene = gated(dim)
+    through = gr.Simulation(scene).run(0.075, every=0.01)
+    gr.Simulation(scene).run(stop, every=0.01, save=tmp_path / "a.h5")
+    again = gr.Simulation.resume(tmp_path / "a.h5", threads=1 + (stop == 0.035))
+    assert again.time >= stop and again.counts["rebuilds"] >= 0
+    again.run(0.075)
+    assert same(through.state, again.state) and same(through.walls, again.walls)
+    with gr.open(tmp_path / "a.h5") as record:
+        assert record.scene == scene and record.finished
+        assert same(record[-1], through.state)
+        assert np.isfinite(record[0].p).all()
+        assert record.damage() == [] and len(record) >= 9
+
+
+def test_gate_moves_on_time_and_goes():
+    scene = gated()
+    simulation = gr.Simulation(scene)
+    gate = np.array([w == 2 for w in scene.wall_points()["wall"]])
+    start = simulation.walls
+    low, ids = start.x[gate, 1].min(), start.id[gate]
+    simulation.run(0.019)
+    assert simulation.walls.v.max() == 0.0 and simulation.state.x[:, 0].max() < 6 * DX
+    simulation.run(0.04)
+    walls = simulation.walls
+    lifted = np.isin(walls.id, ids)
+    assert walls.v[lifted, 1].min() == 1.0 and walls.v[~lifted].max() == 0.0
+    # from .02 s on, whatever the steps are
+    assert walls.x[lifted, 1].min() - low == pytest.approx(simulation.time - 0.02, abs=1e-12)
+    simulation.run(0.055)
+    assert not np.isin(simulation.walls.id, ids).any()
+    assert len(simulation.walls.id) == np.count_nonzero(~gate)
+    simulation.run(0.1)
+    assert simulation.state.x[:, 0].max() > 6 * DX and simulation.counts["dropped"] == 0
+
+
+def test_grains_that_are_too_fast_for_the_step_are_stopped_by_walls():
+    """With next to no pressure only the walls themselves are left, and they say so."""
+    floor, side = sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1)
+    scene = sph.Scene(
+        name="soft",
+        grid=Grid((0.0, 0.0), DX, (12, 12)),
+        fills=(Fill(Box((0.02, 0.02), (0.08, 0.08)), 1, velocity=(-5.0, -8.0)),),
+        material=sph.Viscoplastic(kappa=1.0),
+        walls=(floor, side),
+        gravity=Gravity((0.0,), ((0.0, -9.81),)),
+        duration=0.05,
+    )
+    with pytest.warns(gr.StabilityWarning, match="take kappa >="):
+        simulation = gr.Simulation(scene)
+    simulation.run()
+    assert simulation.counts["stopped"] > 10 and simulation.counts["dropped"] == 0
+    assert simulation.n_points == 36 and simulation.state.x.min() >= 0.0
+    health = simulation.health()
+    assert health["stopped"].value > 10 and health["mach"].verdict == "doubtful"
+    again = gr.Simulation.from_checkpoint(scene, simulation.checkpoint())
+    assert again.counts["stopped"] == simulation.counts["stopped"]
+
+
+def test_the_step_follows_the_fastest_grain():
+    """No grain moves more than h/4 in a step, even where it is faster than sound."""
+    scene = gated(walls=())
+    fast = dataclasses.replace(scene.fills[0], velocity=(30.0, 0.0))
+    with pytest.warns(gr.StabilityWarning, match="take kappa >="):
+        simulation = gr.Simulation(scene.replace(fills=(fast,)))
+    simulation.step(1)
+    assert simulation.dt == pytest.approx(0.25 * scene.h / 30.0, rel=1e-12)
+
+
+def test_what_runs_away_is_named_and_the_record_is_good(tmp_path):
+    scene = gated(numerics=sph.Numerics(dt=2e-4))
+
+    def kick(simulation):
+        if simulation.time > 0.02:
+            simulation.buffers["v"][0, 5] = 1e3
+
+    simulation = gr.Simulation(scene)
+    with pytest.raises(gr.SimulationError, match="crossed more than") as error:
+        simulation.run(every=0.01, save=tmp_path / "a.h5", hooks=(kick,))
+    assert error.value.point == simulation.buffers["id"][5]
+    assert "the last good checkpoint" in error.value.__notes__[0]
+    assert gr.Simulation.resume(tmp_path / "a.h5").run(0.05).time >= 0.05
+
+
+def test_measures_and_pictures_take_its_states(tmp_path):
+    simulation = gr.Simulation(gated()).run(0.1, every=0.05)
+    state = simulation.state
+    assert gr.measure.runout(state).quantile > 0.05
+    profile = gr.measure.velocity_profile(state)
+    assert np.isfinite(profile.value).any()
+    energy = gr.measure.energy(state)
+    assert energy.kinetic > 0 and energy.elastic >= 0
+    health = simulation.health()
+    assert {sign.name for sign in health} >= {"mach", "stopped", "courant"}
+    assert all(health[name].verdict == "sound" for name in ("mach", "courant"))
+    picture = gr.plot.frame(state, "p")
+    assert len(picture.axes[0].patches) == 3
+    assert [p.get_visible() for p in picture.axes[0].patches] == [True, True, False]
+
+
+def test_stored_energy_is_the_integral_of_the_pressure():
+    material = sph.Viscoplastic(rho0=1500.0, kappa=3e5)
+    rho = np.linspace(1500.0, 2100.0, 20001)
+    p = material.kappa * ((rho / material.rho0) ** 1.5 - 1.0)
+    work = np.trapezoid(p / rho**2, rho)
+    assert material.stored_energy(rho)[[0, -1]] == pytest.approx([0.0, work], rel=1e-8)
+    assert material.stored_energy(np.array([1400.0])) == 0.0
+
+
+def test_a_sweep_takes_scenes_of_both_methods(tmp_path):
+    cases = {"grid": gr.scenes.incline(cell=0.04, duration=0.02), "points": gated(duration=0.02)}
+    with ThreadPoolExecutor(1) as executor:
+        swept = gr.sweep(
+            cases,
+            executor,
+            folder=tmp_path,
+            every=0.01,
+            measure=method_of,
+            progress=False,
+        )
+    assert list(swept) == ["mpm", "sph"] and not swept.errors
+
+
+def test_command_line_reads_and_resumes(tmp_path, capsys):
+    gr.Simulation(gated()).run(0.03, every=0.01, save=tmp_path / "a.h5")
+    assert main(["info", str(tmp_path / "a.h5")]) == 0
+    assert "gated" in capsys.readouterr().out
+    assert main(["resume", str(tmp_path / "a.h5"), "--until", "0.05", "--quiet"]) == 0
+    assert main(["plot", str(tmp_path / "a.h5"), "-o", str(tmp_path / "a.png"), "--quiet"]) == 0
+    with gr.open(tmp_path / "a.h5") as record:
+        assert record.times[-1] >= 0.05
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"moves_from": -1.0}, "moves_from = -1"),
+        ({"until": 0.0}, "until = 0"),
+        ({"until": math.nan}, "until = nan"),
+        ({"velocity": (math.inf, 0.0)}, "velocity"),
+    ],
+)
+def test_wrong_walls_are_named(change, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        sph.Wall(0, 0.0, 1, **change)
+
+
+@pytest.mark.parametrize("column", range(12))
+@pytest.mark.parametrize("value", [math.nan, -1.0, 1e300, math.inf])
+def test_core_survives_any_wall(column, value, monkeypatch):
+    taken = {}
+    monkeypatch.setattr(_core, "Sph", lambda **k: taken.update(k))
+    sph.simulation._build(gated(), "")
+    monkeypatch.undo()
+    taken["walls"][1, column] = value
+    simulation = gr.Simulation(gated())
+    try:
+        engine = _core.Sph(**taken)
+        rows = simulation._rows
+        engine.bind(simulation.buffers, rows.grains, rows.wall_first, rows.walls, True)
+        engine.advance(60, math.inf, 1)
+    except (ValueError, gr.SimulationError):
+        pass
