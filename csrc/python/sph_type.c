@@ -149,7 +149,8 @@ static PyObject *sph_bind(struct sph_object *self, PyObject *args)
     int fresh;
     PyArrayObject *arrays[GR_SPH_FIELD_COUNT + 1];
     double *row[GR_SPH_MAX_ROWS] = {0};
-    if (!PyArg_ParseTuple(args, "O!nnnp|nn", &PyDict_Type, &buffers, &n_grains, &wall_first, &n_walls, &fresh, &gas_first, &n_gas))
+    if (!PyArg_ParseTuple(args, "O!nnnp|nn", &PyDict_Type, &buffers, &n_grains, &wall_first, &n_walls, &fresh, &gas_first,
+                          &n_gas))
         return NULL;
     struct gr_sph *s = ready(self, 0);
     if (!s || take_buffers(s, buffers, arrays, row)) return NULL;

@@ -8,17 +8,17 @@
 #include <stdint.h>
 
 /* X(name, may be zero, unit, description) */
-#define GR_SPH_GAS_PARAMETERS(X)                                                                         \
-    X(sound_speed, 0, "m/s", "isothermal speed of sound c, p = c^2 rho")                                 \
-    X(pressure, 0, "Pa", "ambient pressure, from which that between points of gas is counted")           \
-    X(viscosity, 0, "Pa s", "viscosity of the gas")                                                      \
-    X(permeability, 0, "m^2", "permeability of the grains")                                              \
-    X(diameter, 0, "m", "diameter of a grain")                                                           \
-    X(grain_density, 0, "kg/m^3", "density of what grains are made of")                                  \
-    X(darcy_porosity, 0, "1", "porosity up to which the drag is that of Darcy")                          \
-    X(blend, 0, "1", "range of porosity above it in which that of Wen and Yu takes its place")           \
-    X(damping, 1, "1", "factor alpha of the artificial viscosity between points of gas that approach")   \
-    X(diffusion, 1, "1", "factor psi of the exchange of mass that evens out what forces do not feel")    \
+#define GR_SPH_GAS_PARAMETERS(X)                                                                       \
+    X(sound_speed, 0, "m/s", "isothermal speed of sound c, p = c^2 rho")                               \
+    X(pressure, 0, "Pa", "ambient pressure, from which that between points of gas is counted")         \
+    X(viscosity, 0, "Pa s", "viscosity of the gas")                                                    \
+    X(permeability, 0, "m^2", "permeability of the grains")                                            \
+    X(diameter, 0, "m", "diameter of a grain")                                                         \
+    X(grain_density, 0, "kg/m^3", "density of what grains are made of")                                \
+    X(darcy_porosity, 0, "1", "porosity up to which the drag is that of Darcy")                        \
+    X(blend, 0, "1", "range of porosity above it in which that of Wen and Yu takes its place")         \
+    X(damping, 1, "1", "factor alpha of the artificial viscosity between points of gas that approach") \
+    X(diffusion, 1, "1", "factor psi of the exchange of mass that evens out what forces do not feel")  \
     X(wall_volume, 0, "m^dim", "volume that a point of an impermeable wall takes from the gas")
 
 enum gr_sph_gas_parameter {
@@ -40,11 +40,12 @@ struct gr_sph_gas {
     int n_jets;
     struct gr_sph_jet jet[GR_SPH_MAX_JETS];
     /* owned, a place for each row: of points of gas but for the last two */
-    double *volume;          /* of gas and grains about a point */
-    double *pull, *own_pull; /* pressure above the ambient one over the number of points per volume; that times volume of gas */
-    double *per_mass;        /* 1/sum_j m_j w over the grains about it, or 0 where there are none */
-    double *push[3];         /* force of pressures and of the artificial viscosity, N */
-    double *drag[3];         /* that of the drag of the grains about it, N */
+    double *volume; /* of gas and grains about a point */
+    double *pull,
+        *own_pull;    /* pressure above the ambient one over the number of points per volume; that times volume of gas */
+    double *per_mass; /* 1/sum_j m_j w over the grains about it, or 0 where there are none */
+    double *push[3];  /* force of pressures and of the artificial viscosity, N */
+    double *drag[3];  /* that of the drag of the grains about it, N */
     double *gain, *carry[3]; /* mass and momentum by the exchange, kg/s, N */
     double *load;            /* of a grain: mass of gas that hangs on it over its own */
     int64_t *end;            /* of the blocks of gas, which follow those of walls */

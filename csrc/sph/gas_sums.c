@@ -12,7 +12,7 @@
 
 static const double sph_least_porosity = 0.05; /* where grains are pressed together far beyond rho0 */
 static const double sph_full_coverage = 0.9;   /* of its surroundings from which on a point is inside of the grains */
-static const double sph_nearest = 0.25;         /* height above a wall below which it drives gas away, in h */
+static const double sph_nearest = 0.25;        /* height above a wall below which it drives gas away, in h */
 static const double sph_least_open = 0.05;     /* share of its surroundings that a wall leaves to a point behind its face */
 
 /* sum_b w over the points of gas about one, itself among them, or with walls sum_b w (1 - e_b) over those of walls, where e

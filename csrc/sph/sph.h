@@ -26,7 +26,8 @@
     X(normal, GR_VECTOR, GR_ALWAYS, "1", "unit vector from a wall point into the material; of grains not used") \
     X(depth, GR_SCALAR, GR_ALWAYS, "m", "depth of a wall point below the surface of its wall")                  \
     X(wall, GR_SCALAR, GR_ALWAYS, "1", "number of the wall that a wall point belongs to")                       \
-    X(porosity, GR_SCALAR, GR_ALWAYS, "1", "share of space at a point of gas that grains leave; of a wall, 1 if gas goes through") \
+    X(porosity, GR_SCALAR, GR_ALWAYS, "1",                                                                      \
+      "share of space at a point of gas that grains leave; of a wall, 1 if gas goes through")                   \
     X(a, GR_VECTOR, GR_ALWAYS, "m/s^2", "acceleration")                                                         \
     X(rho, GR_SCALAR, GR_ALWAYS, "kg/m^3", "density")                                                           \
     X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "|D| = sqrt(D:D/2), D = L + L^T")                                \
@@ -119,7 +120,7 @@ struct gr_sph {
     int64_t *sorted_id, *begin, *middle, *end; /* blocks of grains from begin on, of walls from middle on */
     int32_t *cell, *order, *start[3];
     struct gr_block *block;
-    int64_t stride; /* places for the blocks of a row */
+    int64_t stride;         /* places for the blocks of a row */
     struct gr_sph_gas *gas; /* or NULL */
     /* the clock and what a restart needs */
     double time, dt, speed2, acceleration2, dropped_mass, gas_speed2;

@@ -130,3 +130,15 @@ def test_grid_of_another_dimension_is_refused():
     grid = Grid((0.0,) * 3, 0.025, (8, 8, 8))
     with pytest.raises((TypeError, ValueError)):
         SOIL.replace(grid=grid)
+
+
+def test_record_goes_on_with_its_gas(tmp_path):
+    """The checkpoints of a record hold the gas, to the last bit."""
+    simulation = sph.Simulation(SOIL)
+    simulation.run(0.002, save=tmp_path / "run.h5", every=0.001)
+    again = sph.Simulation.resume(tmp_path / "run.h5")
+    assert again.scene == SOIL
+    for each in (simulation, again):
+        each.step(20)
+    for name in ("x", "v", "mass", "rho"):
+        assert np.array_equal(getattr(simulation.gas, name), getattr(again.gas, name)), name
