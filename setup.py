@@ -26,6 +26,7 @@ INCLUDED = (  # by kernels.c
         "law_hencky.c",
         "diffuse.c",
         "sums.c",
+        "gas_sums.c",
     ),
 )
 SOURCES = [

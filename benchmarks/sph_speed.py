@@ -3,7 +3,7 @@
     python benchmarks/sph_speed.py [--isa avx512] [--repeats 5]
 
 Beds at rest under their weight and layers that flow, in the plane and in space; the least of the
-repeats counts. Grains and points of walls are counted alike.
+repeats counts. Grains, points of walls and of gas are counted alike.
 """
 
 from __future__ import annotations
@@ -18,14 +18,18 @@ CASES = {
     "2D flow": (dict(angle_deg=24.0, columns=100, height=0.4), 1.0, 300),
     "3D at rest": (dict(angle_deg=0.0, columns=40, columns_across=5, height=0.3), 0.01, 40),
     "3D flow": (dict(angle_deg=24.0, columns=20, columns_across=5, height=0.15), 0.8, 40),
+    "2D gas": (dict(depth=0.25), 0.005, 200),
+    "3D gas": (dict(depth=0.25, across=0.1, spacing=0.0125), 0.002, 20),
 }
 
 
 def nanoseconds(arguments: dict, seconds: float, steps: int, isa: str, repeats: int) -> float:
     """Processor time per point and step after `seconds` of the scene [ns]."""
-    simulation = sph.Simulation(sph.scenes.incline(**arguments), isa=isa)
+    make = sph.scenes.jet_on_bed if "depth" in arguments else sph.scenes.incline
+    simulation = sph.Simulation(make(**arguments), isa=isa)
     simulation.run(seconds)
     points = simulation.n_points + simulation.walls.n
+    points += simulation.gas.n if simulation.scene.gas else 0
     best = float("inf")
     for _ in range(repeats):
         begin = time.process_time()

@@ -13,6 +13,7 @@
 #include "mpm/cells.c"
 #include "mpm/gather.c"
 #include "sph/sums.c"
+#include "sph/gas_sums.c"
 
 #define GR_PASTE2(a, b) a##b
 #define GR_PASTE(a, b) GR_PASTE2(a, b)
@@ -184,7 +185,12 @@ static void forces(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_
     GR_SPH_2D_OR_3D(sph_forces, s, first, last, found);
 }
 
-static const struct gr_sph_kernels sph_kernels = {densities, filter, stresses, forces};
+static void gas(struct gr_sph *s, int stage, int64_t first, int64_t last, struct gr_sph_found *found)
+{
+    GR_SPH_2D_OR_3D(sph_gas, s, stage, first, last, found);
+}
+
+static const struct gr_sph_kernels sph_kernels = {densities, filter, stresses, forces, gas};
 
 extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
 const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {

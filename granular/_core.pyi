@@ -193,6 +193,7 @@ class Sph:
         gravity_times: NDArray[np.float64],
         gravity_vectors: NDArray[np.float64],
         walls: NDArray[np.float64],
+        gas: tuple[dict[str, float], NDArray[np.float64]] | None,
     ) -> None: ...
     @property
     def isa(self) -> str: ...
@@ -203,6 +204,8 @@ class Sph:
         wall_first: int,
         n_walls: int,
         fresh: bool,
+        gas_first: int = 0,
+        n_gas: int = 0,
         /,
     ) -> None: ...
     def advance(self, max_steps: int, until: float, threads: int, /) -> None: ...

@@ -92,4 +92,9 @@ extern PyObject *gr_SimulationError;
 extern PyTypeObject *gr_engine_type(PyObject *module);
 extern PyTypeObject *gr_sph_type(PyObject *module); /* sph_type.c */
 
+/* sph_gas.c: the gas that a tuple (parameters, jets) describes, None for none; rows for its points that do not fit. */
+struct gr_sph;
+int gr_take_gas(struct gr_sph *s, PyObject *object);
+int gr_refuse_gas_rows(const struct gr_sph *s, Py_ssize_t walls_end, Py_ssize_t first, Py_ssize_t n, Py_ssize_t capacity);
+
 #endif

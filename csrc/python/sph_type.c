@@ -83,16 +83,16 @@ static int take_walls(struct gr_sph_config *c, PyObject *object)
 static int sph_init(struct sph_object *self, PyObject *args, PyObject *kwargs)
 {
     static char *names[] = {"dim",        "lower",         "upper",           "periodic", "isa", "wall_friction",
-                            "parameters", "gravity_times", "gravity_vectors", "walls",    NULL};
+                            "parameters", "gravity_times", "gravity_vectors", "walls",    "gas", NULL};
     struct gr_sph_config c = {0};
     const char *isa;
-    PyObject *lower, *upper, *periodic, *parameters, *times, *vectors, *walls;
+    PyObject *lower, *upper, *periodic, *parameters, *times, *vectors, *walls, *gas;
     if (self->engine) {
         PyErr_SetString(PyExc_RuntimeError, "the engine is already built");
         return -1;
     }
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iOOOspO!OOO:Sph", names, &c.dim, &lower, &upper, &periodic, &isa,
-                                     &c.wall_friction, &PyDict_Type, &parameters, &times, &vectors, &walls) ||
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iOOOspO!OOOO:Sph", names, &c.dim, &lower, &upper, &periodic, &isa,
+                                     &c.wall_friction, &PyDict_Type, &parameters, &times, &vectors, &walls, &gas) ||
         take_domain(&c, lower, upper, periodic) ||
         gr_take_parameters(parameters, gr_sph_parameter_table, GR_SPH_PARAMETER_COUNT, gr_sph_may_be_zero, c.parameter) ||
         gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) || take_walls(&c, walls))
@@ -104,7 +104,7 @@ static int sph_init(struct sph_object *self, PyObject *args, PyObject *kwargs)
     }
     const int error = gr_sph_new(&self->engine, &c, self->kernels->lanes);
     if (error) gr_raise(error, NULL);
-    return error ? -1 : 0;
+    return error || gr_take_gas(self->engine, gas) ? -1 : 0;
 }
 
 static void sph_dealloc(struct sph_object *self)
@@ -141,15 +141,17 @@ static int take_buffers(const struct gr_sph *s, PyObject *buffers, PyArrayObject
     return gr_refuse_overlap(arrays, names, GR_SPH_FIELD_COUNT + 1);
 }
 
-/* bind(buffers, n_grains, wall_first, n_walls, fresh) */
+/* bind(buffers, n_grains, wall_first, n_walls, fresh, gas_first, n_gas) */
 static PyObject *sph_bind(struct sph_object *self, PyObject *args)
 {
     PyObject *buffers;
-    Py_ssize_t n_grains, wall_first, n_walls;
+    Py_ssize_t n_grains, wall_first, n_walls, gas_first = 0, n_gas = 0;
     int fresh;
     PyArrayObject *arrays[GR_SPH_FIELD_COUNT + 1];
     double *row[GR_SPH_MAX_ROWS] = {0};
-    if (!PyArg_ParseTuple(args, "O!nnnp", &PyDict_Type, &buffers, &n_grains, &wall_first, &n_walls, &fresh)) return NULL;
+    if (!PyArg_ParseTuple(args, "O!nnnp|nn", &PyDict_Type, &buffers, &n_grains, &wall_first, &n_walls, &fresh, &gas_first,
+                          &n_gas))
+        return NULL;
     struct gr_sph *s = ready(self, 0);
     if (!s || take_buffers(s, buffers, arrays, row)) return NULL;
     const npy_intp capacity = PyArray_DIM(arrays[GR_SPH_FIELD_COUNT], 0);
@@ -159,10 +161,12 @@ static PyObject *sph_bind(struct sph_object *self, PyObject *args)
                             "%zd grains and %zd wall points from row %zd on do not fit buffers of %zd places with %d spare "
                             "ones behind each",
                             n_grains, n_walls, wall_first, (Py_ssize_t)capacity, GR_LANES);
+    if (gr_refuse_gas_rows(s, wall_first + n_walls, gas_first, n_gas, capacity)) return NULL;
     for (int k = 0; k <= GR_SPH_FIELD_COUNT; k++) {
         Py_INCREF(arrays[k]);
         Py_XSETREF(self->buffers[k], (PyObject *)arrays[k]);
     }
+    gr_sph_place_gas(s, gas_first, n_gas);
     const int error =
         gr_sph_bind(s, row, PyArray_DATA(arrays[GR_SPH_FIELD_COUNT]), capacity, n_grains, wall_first, n_walls, fresh);
     if (error) return gr_raise(error, NULL);
@@ -198,8 +202,8 @@ static PyObject *sph_advance(struct sph_object *self, PyObject *args)
 /* ---- looking in ---- */
 
 /* The numbers of the engine that a restart needs, name and place. */
-#define GR_FLOATS(X) X(time) X(dt) X(speed2) X(acceleration2) X(dropped_mass)
-#define GR_INTEGERS(X) X(step) X(dropped) X(started) X(stopped)
+#define GR_FLOATS(X) X(time) X(dt) X(speed2) X(acceleration2) X(dropped_mass) X(gas_speed2)
+#define GR_INTEGERS(X) X(step) X(dropped) X(started) X(stopped) X(gas_dropped)
 
 static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
 {
@@ -211,7 +215,7 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
         "{" GR_FLOATS(GR_X)
 #undef GR_X
 #define GR_X(name) "s:L,"
-            GR_INTEGERS(GR_X) "s:L,s:L,s:L}",
+            GR_INTEGERS(GR_X) "s:L,s:L,s:L,s:L}",
 #undef GR_X
 #define GR_X(name) #name, s->name,
         GR_FLOATS(GR_X)
@@ -220,7 +224,8 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
             GR_INTEGERS(GR_X)
 #undef GR_X
                 "n_points",
-        (long long)s->n_grains, "n_walls", (long long)s->n_walls, "rebuilds", (long long)s->rebuilds);
+        (long long)s->n_grains, "n_walls", (long long)s->n_walls, "n_gas", (long long)s->n_gas, "rebuilds",
+        (long long)s->rebuilds);
 }
 
 static PyObject *sph_restore(struct sph_object *self, PyObject *dict)
@@ -280,7 +285,7 @@ static PyObject *sph_isa(struct sph_object *self, void *unused)
 
 static PyMethodDef methods[] = {
     {"bind", (PyCFunction)sph_bind, METH_VARARGS,
-     "bind(buffers, n_grains, wall_first, n_walls, fresh)\n--\n\nLend {name: float64 (component, capacity)} and id: int64 (capacity,). Nothing is copied."},
+     "bind(buffers, n_grains, wall_first, n_walls, fresh, gas_first=0, n_gas=0)\n--\n\nLend {name: float64 (component, capacity)} and id: int64 (capacity,). Nothing is copied."},
     {"advance", (PyCFunction)sph_advance, METH_VARARGS,
      "advance(max_steps, until, threads)\n--\n\nRun steps until a count or a time, the GIL released."},
     {"scalars", (PyCFunction)sph_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs, and counts."},

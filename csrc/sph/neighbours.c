@@ -60,7 +60,8 @@ static void make_spare(struct gr_sph *s, int64_t first, int64_t last)
 /* Bring the rows from `first` on into the order s->order: what steps keep. */
 static void permute(struct gr_sph *s, int64_t first, int64_t n)
 {
-    double *const *end = gr_sph_rows(s, first < s->wall_first ? GR_SPH_FIELD_normal : GR_SPH_FIELD_a);
+    const int is_wall = first == s->wall_first;
+    double *const *end = gr_sph_rows(s, is_wall ? GR_SPH_FIELD_a : GR_SPH_FIELD_normal);
     int in_order = 1;
     for (int64_t k = 0; k < n; k++) in_order &= s->order[k] == first + k;
     if (in_order) return;
@@ -95,21 +96,27 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0];
-    const int64_t n[2] = {s->n_grains, s->n_walls}, first[2] = {0, s->wall_first};
-    for (int kind = 0; kind < 2; kind++)
+    const int64_t n[3] = {s->n_grains, s->n_walls, s->n_gas}, first[3] = {0, s->wall_first, s->gas_first};
+    for (int kind = 0; kind < 3; kind++)
         for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) {
-            const int in_domain = !fresh || wrap(s, a), stays = kind ? !gr_sph_is_gone(s, a) : in_domain;
+            const int in_domain = !fresh || wrap(s, a), stays = kind == 1 ? !gr_sph_is_gone(s, a) : in_domain;
             double at[3];
             if (fresh)
                 for (int d = 0; d < s->config.dim; d++) anchor[d][a] = x[d][a];
             place_of(s, GR_SPH_FIELD_anchor, a, at);
             s->cell[a] = stays ? cell_at(s, at) : -1;
-            if (!stays && !kind) s->dropped++, s->dropped_mass += mass[a];
+            if (stays || kind == 1) continue;
+            if (kind == 0)
+                s->dropped++, s->dropped_mass += mass[a];
+            else
+                s->gas_dropped++;
         }
     s->n_grains = sort_rows(s, 0, n[0], s->start[0]);
     s->n_walls = sort_rows(s, s->wall_first, n[1], s->start[1]);
+    if (s->gas) s->n_gas = sort_rows(s, s->gas_first, n[2], s->start[2]);
     make_spare(s, s->n_grains, s->wall_first);
-    make_spare(s, s->wall_first + s->n_walls, s->capacity);
+    make_spare(s, s->wall_first + s->n_walls, s->gas_first);
+    make_spare(s, s->gas_first + s->n_gas, s->capacity);
 }
 
 /* ---- the blocks of a point ---- */
@@ -193,6 +200,8 @@ int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last)
         s->begin[a] = a * s->stride, s->middle[a] = s->begin[a] + q.n;
         if (s->n_walls) search_all(s, &q, 1);
         s->end[a] = s->begin[a] + q.n;
+        if (s->n_gas) search_all(s, &q, 2);
+        if (s->gas) s->gas->end[a] = s->begin[a] + q.n;
         if (q.n > most) most = q.n;
     }
     return most;

@@ -74,7 +74,7 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
     error |= own(&s->config.gravity_times, config->n_gravity);
     error |= own(&s->config.gravity_vectors, (int64_t)config->n_gravity * config->dim);
     if (!error) error = divide(s);
-    for (int k = 0; k < 2 && !error; k++) {
+    for (int k = 0; k < 3 && !error; k++) {
         s->start[k] = malloc(sizeof(int32_t) * (size_t)(s->n_cells + 1));
         if (!s->start[k]) error = GR_ERR_MEMORY;
     }
@@ -95,13 +95,16 @@ static void free_places(struct gr_sph *s)
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     s->lump = s->sorted = NULL, s->sorted_id = NULL, s->cell = s->order = NULL, s->block = NULL;
     s->stride = 0;
+    gr_sph_free_gas_places(s);
 }
 
 void gr_sph_free(struct gr_sph *s)
 {
     if (!s) return;
     free_places(s);
-    void *owned[] = {(void *)s->config.gravity_times, (void *)s->config.gravity_vectors, s->start[0], s->start[1]};
+    gr_sph_free_gas(s);
+    void *owned[] = {(void *)s->config.gravity_times, (void *)s->config.gravity_vectors, s->start[0], s->start[1],
+                     s->start[2]};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     free(s);
 }
@@ -114,7 +117,7 @@ static int make_places(struct gr_sph *s, int64_t capacity)
     double *numbers = s->lump = calloc(15 * n, sizeof *numbers);
     s->sorted = malloc(n * sizeof *s->sorted), s->sorted_id = malloc(4 * n * sizeof *s->sorted_id);
     s->cell = malloc(n * sizeof *s->cell), s->order = malloc(n * sizeof *s->order);
-    if (!numbers || !s->sorted || !s->sorted_id || !s->cell || !s->order) {
+    if (!numbers || !s->sorted || !s->sorted_id || !s->cell || !s->order || gr_sph_make_gas_places(s, capacity)) {
         free_places(s);
         return GR_ERR_MEMORY;
     }
@@ -124,6 +127,8 @@ static int make_places(struct gr_sph *s, int64_t capacity)
     return GR_OK;
 }
 
+static int64_t largest(int64_t a, int64_t b, int64_t c) { return a > b ? (a > c ? a : c) : b > c ? b : c; }
+
 /* The list of neighbours; first the points sorted. One thread. */
 static int make_list(struct gr_sph *s, int fresh)
 {
@@ -131,20 +136,24 @@ static int make_list(struct gr_sph *s, int fresh)
     for (;;) {
         const int64_t grains = gr_sph_list_blocks(s, 0, s->n_grains);
         const int64_t walls = gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
-        const int64_t most = grains > walls ? grains : walls;
+        const int64_t gas = gr_sph_list_blocks(s, s->gas_first, s->gas_first + s->n_gas);
+        const int64_t most = largest(grains, walls, gas);
         if (most <= s->stride) return GR_OK;
         const int error = gr_sph_widen(s, most);
         if (error) return error;
     }
 }
 
+void gr_sph_place_gas(struct gr_sph *s, int64_t gas_first, int64_t n_gas) { s->gas_first = gas_first, s->n_gas = n_gas; }
+
 int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_grains, int64_t wall_first,
                 int64_t n_walls, int fresh)
 {
     int n_rows = 0;
     for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) n_rows += gr_kind_components(gr_sph_field_table[f].kind, s->config.dim);
-    if (n_grains < 0 || n_walls < 0 || n_grains + GR_LANES > wall_first || capacity > INT32_MAX ||
-        wall_first + n_walls + GR_LANES > capacity)
+    if (!s->gas) gr_sph_place_gas(s, capacity, 0);
+    if (n_grains < 0 || n_walls < 0 || s->n_gas < 0 || n_grains + GR_LANES > wall_first || capacity > INT32_MAX ||
+        wall_first + n_walls + GR_LANES > s->gas_first || s->gas_first + s->n_gas + (s->gas ? GR_LANES : 0) > capacity)
         return GR_ERR_CONFIG;
     s->id = NULL; /* until all is well */
     const int error = make_places(s, capacity);
@@ -158,13 +167,14 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
 
 /* ---- the clock ---- */
 
-/* The smaller of h/(4 c) and sqrt(h/|a|)/4 (eq. 5.28), c being the speed of sound or that of the fastest grain, so that
- * none moves more than h/4 in a step. The third limit, that of the viscosity, cannot be overstepped: the regularisation
- * bounds the viscosity by what the step allows. */
+/* The smaller of h/(4 c), with a gas also its h/(4 (c + |v|)), and sqrt(h/|a|)/4 (eq. 5.28), c being the speed of sound or
+ * that of the fastest grain, so that none moves more than h/4 in a step. The third limit, that of the viscosity, cannot be
+ * overstepped: the regularisation bounds the viscosity by what the step allows. */
 double gr_sph_stable_dt(const struct gr_sph *s)
 {
     const double *p = s->config.parameter, h = p[GR_SPH_P_h];
     double limit = h / sqrt(s->speed2);
+    if (s->gas) limit = fmin(limit, h / (s->gas->parameter[GR_SPH_GAS_P_sound_speed] + sqrt(s->gas_speed2)));
     if (s->acceleration2 * limit * limit * limit * limit > h * h) limit = sqrt(h / sqrt(s->acceleration2));
     return p[GR_SPH_P_cfl] * limit / STEP_LIMIT_DIVISOR;
 }
@@ -237,6 +247,7 @@ static struct gr_sph_found gathered(const struct gr_sph *s, int threads)
     for (int t = 1; t < threads; t++) {
         const struct gr_sph_found *f = &s->found[t];
         all.speed2 = fmax(all.speed2, f->speed2), all.acceleration2 = fmax(all.acceleration2, f->acceleration2);
+        all.gas_speed2 = fmax(all.gas_speed2, f->gas_speed2);
         all.moved2 = fmax(all.moved2, f->moved2), all.stopped += f->stopped;
         all.blocks = all.blocks > f->blocks ? all.blocks : f->blocks;
         for (int d = 0; d < s->config.dim; d++)
@@ -288,7 +299,7 @@ static void look(struct team *team)
 }
 
 struct share {
-    int64_t grains[2], walls[2];
+    int64_t grains[2], walls[2], gas[2];
 };
 
 static struct share share_of(const struct gr_sph *s, int t, int threads)
@@ -296,7 +307,9 @@ static struct share share_of(const struct gr_sph *s, int t, int threads)
     struct share own;
     gr_share(s->n_grains, t, threads, &own.grains[0], &own.grains[1]);
     gr_share(s->n_walls, t, threads, &own.walls[0], &own.walls[1]);
+    gr_share(s->n_gas, t, threads, &own.gas[0], &own.gas[1]);
     own.walls[0] += s->wall_first, own.walls[1] += s->wall_first;
+    own.gas[0] += s->gas_first, own.gas[1] += s->gas_first;
     return own;
 }
 
@@ -308,7 +321,7 @@ static void rebuild(struct team *team, int t)
     do {
         const int64_t grains = gr_sph_list_blocks(s, own.grains[0], own.grains[1]);
         const int64_t walls = gr_sph_list_blocks(s, own.walls[0], own.walls[1]);
-        s->found[t].blocks = grains > walls ? grains : walls;
+        s->found[t].blocks = largest(grains, walls, gr_sph_list_blocks(s, own.gas[0], own.gas[1]));
         gr_wait(&team->barrier);
         if (t == 0) {
             const int64_t most = gathered(s, team->barrier.threads).blocks;
@@ -324,17 +337,29 @@ static void evaluate(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
     const struct gr_sph_kernels *k = team->kernels;
+    struct gr_sph_found *found = &s->found[t];
     const struct share own = share_of(s, t, team->barrier.threads);
     k->densities(s, own.grains[0], own.grains[1]);
     k->densities(s, own.walls[0], own.walls[1]);
     gr_wait(&team->barrier);
-    k->filter(s, own.grains[0], own.grains[1], &s->found[t]);
-    k->filter(s, own.walls[0], own.walls[1], &s->found[t]);
+    k->filter(s, own.grains[0], own.grains[1], found);
+    k->filter(s, own.walls[0], own.walls[1], found);
     gr_wait(&team->barrier);
     k->stresses(s, own.grains[0], own.grains[1]);
     k->stresses(s, own.walls[0], own.walls[1]);
+    if (s->gas) k->gas(s, GR_SPH_GAS_VOLUMES, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);
-    k->forces(s, own.grains[0], own.grains[1], &s->found[t]);
+    k->forces(s, own.grains[0], own.grains[1], found);
+    if (!s->gas) return;
+    k->gas(s, GR_SPH_GAS_FORCES, own.gas[0], own.gas[1], found);
+    k->gas(s, GR_SPH_GAS_LOADS, own.grains[0], own.grains[1], found);
+    gr_wait(&team->barrier);
+    k->gas(s, GR_SPH_GAS_SHARES, own.grains[0], own.grains[1], found);
+    k->gas(s, GR_SPH_GAS_EXCHANGE, own.gas[0], own.gas[1], found);
+    gr_wait(&team->barrier);
+    k->gas(s, GR_SPH_GAS_DRAG, own.gas[0], own.gas[1], found);
+    gr_wait(&team->barrier);
+    k->gas(s, GR_SPH_GAS_REACTIONS, own.grains[0], own.grains[1], found);
 }
 
 static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){.bad = -1}; }
@@ -346,7 +371,7 @@ static void end_step(struct team *team)
     const double *p = s->config.parameter;
     const struct gr_sph_found all = gathered(s, team->barrier.threads);
     s->speed2 = fmax(all.speed2, 1.5 * p[GR_SPH_P_kappa] / p[GR_SPH_P_rho0]);
-    s->acceleration2 = all.acceleration2;
+    s->acceleration2 = all.acceleration2, s->gas_speed2 = all.gas_speed2;
     s->started = 1;
 }
 
@@ -357,8 +382,10 @@ static void one_step(struct team *team, int t)
     forget(&s->found[t]);
     drift(s, own.grains[0], own.grains[1], &s->found[t]);
     gr_sph_move_walls(s, own.walls[0], own.walls[1]);
+    if (s->gas) gr_sph_drift_gas(s, own.gas[0], own.gas[1]);
     measure(s, own.grains[0], own.grains[1], &s->found[t]);
     measure(s, own.walls[0], own.walls[1], &s->found[t]);
+    measure(s, own.gas[0], own.gas[1], &s->found[t]);
     gr_wait(&team->barrier);
     if (t == 0) look(team);
     gr_wait(&team->barrier);
@@ -369,8 +396,9 @@ static void one_step(struct team *team, int t)
     }
     forget(&s->found[t]);
     evaluate(team, t);
-    own = share_of(s, t, team->barrier.threads); /* grains may have left */
+    own = share_of(s, t, team->barrier.threads); /* points may have left */
     kick(s, s->dt, own.grains[0], own.grains[1], &s->found[t]);
+    if (s->gas) gr_sph_kick_gas(s, s->dt, own.gas[0], own.gas[1], &s->found[t]);
 }
 
 static void run(struct team *team, int t)
@@ -381,6 +409,7 @@ static void run(struct team *team, int t)
         forget(&s->found[t]);
         evaluate(team, t);
         kick(s, 0.0, own.grains[0], own.grains[1], &s->found[t]);
+        if (s->gas) gr_sph_kick_gas(s, 0.0, own.gas[0], own.gas[1], &s->found[t]);
         gr_wait(&team->barrier);
         if (t == 0) end_step(team);
     }

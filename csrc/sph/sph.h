@@ -1,7 +1,7 @@
 /* Smoothed particle hydrodynamics of a dilative viscoplastic material (Hurley, thesis, chapter 5).
  *
  * Rows [0, n_grains) of the lent arrays hold the grains, rows from wall_first on the n_walls points that walls are made
- * of; all others are spare, with zero mass and far away. Both kinds are sorted by cell, so that the neighbours of a
+ * of, rows from gas_first on the n_gas points of a gas; all others are spare, with zero mass and far away. All are sorted by cell, so that the neighbours of a
  * point lie in a few short runs of rows: the Verlet list names blocks of as many rows as a vector has lanes, which are
  * loaded without gathering, and what in them is no neighbour has no weight. Each point sums its own neighbours, in the
  * order of its list: the bits do not depend on the number of threads. */
@@ -14,6 +14,7 @@
 #include "core/error.h"
 #include "core/field.h"
 #include "law/law.h"
+#include "sph/gas.h"
 
 /* X(name, kind, needed by, unit, description): first what grains keep from step to step, then what only wall points need,
  * then what each step makes anew and no sorting moves. */
@@ -25,6 +26,8 @@
     X(normal, GR_VECTOR, GR_ALWAYS, "1", "unit vector from a wall point into the material; of grains not used") \
     X(depth, GR_SCALAR, GR_ALWAYS, "m", "depth of a wall point below the surface of its wall")                  \
     X(wall, GR_SCALAR, GR_ALWAYS, "1", "number of the wall that a wall point belongs to")                       \
+    X(porosity, GR_SCALAR, GR_ALWAYS, "1",                                                                      \
+      "share of space at a point of gas that grains leave; of a wall, 1 if gas goes through")                   \
     X(a, GR_VECTOR, GR_ALWAYS, "m/s^2", "acceleration")                                                         \
     X(rho, GR_SCALAR, GR_ALWAYS, "kg/m^3", "density")                                                           \
     X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "|D| = sqrt(D:D/2), D = L + L^T")                                \
@@ -96,6 +99,7 @@ struct gr_block {
 /* What a thread has found in its share of the points. */
 struct gr_sph_found {
     double speed2, acceleration2;   /* largest squares of speeds, of sound and of grains, and of the acceleration */
+    double gas_speed2;              /* largest square of the velocity of gas */
     double moved2, low[3], high[3]; /* square of the longest way since the list was made, and the ends of all ways */
     int64_t bad, blocks;            /* first row that is not finite or ran away, or -1; most blocks of a row */
     int64_t stopped;                /* grains, by walls */
@@ -107,19 +111,20 @@ struct gr_sph {
     double reach, shift[GR_SPH_SHIFTS][3];
     int shape[3];
     double per_cell[3]; /* 1/m */
-    int64_t n_cells, capacity, n_grains, wall_first, n_walls;
+    int64_t n_cells, capacity, n_grains, wall_first, n_walls, gas_first, n_gas;
     /* lent */
     double *row[GR_SPH_MAX_ROWS]; /* of all fields, one after the other */
     int64_t *id;
     /* owned, a place for each row */
     double *lump, *volume, *rho_plain, *pull[6], *wall_pull[6], *sorted;
     int64_t *sorted_id, *begin, *middle, *end; /* blocks of grains from begin on, of walls from middle on */
-    int32_t *cell, *order, *start[2];
+    int32_t *cell, *order, *start[3];
     struct gr_block *block;
-    int64_t stride; /* places for the blocks of a row */
+    int64_t stride;         /* places for the blocks of a row */
+    struct gr_sph_gas *gas; /* or NULL */
     /* the clock and what a restart needs */
-    double time, dt, speed2, acceleration2, dropped_mass;
-    int64_t step, dropped, rebuilds, started, stopped;
+    double time, dt, speed2, acceleration2, dropped_mass, gas_speed2;
+    int64_t step, dropped, rebuilds, started, stopped, gas_dropped;
     double gravity[3], wall_dt[GR_SPH_MAX_WALLS]; /* of the step: how long each wall moves, s */
     int lanes, error;
     int64_t error_id;
@@ -141,14 +146,18 @@ struct gr_sph_kernels {
     void (*filter)(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found);
     void (*stresses)(struct gr_sph *s, int64_t first, int64_t last);
     void (*forces)(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found);
+    void (*gas)(struct gr_sph *s, int stage, int64_t first, int64_t last, struct gr_sph_found *found);
 };
 
 /* Copies the configuration. GR_ERR_CONFIG where a period is shorter than the list reaches, or cells are too many. */
 int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lanes);
 void gr_sph_free(struct gr_sph *s);
 
+/* Where the points of the gas are in the arrays that gr_sph_bind then lends. */
+void gr_sph_place_gas(struct gr_sph *s, int64_t gas_first, int64_t n_gas);
+
 /* Lend the arrays. fresh: the list is made for the positions x; else for the anchors, as it was before a restart. At
- * least GR_LANES spare rows must follow the grains and the wall points. */
+ * least GR_LANES spare rows must follow the grains, the wall points and those of gas. */
 int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_grains, int64_t wall_first,
                 int64_t n_walls, int fresh);
 

@@ -39,18 +39,24 @@ GR_INLINE vd sph_slope(vd r2, double per_h)
     return v_select(v_gt(v_set(1.0), q), v_fnma(v_set(2.25), q, v_set(3.0)), outer);
 }
 
-/* sum_b of f_b w over all neighbours, the point itself among them. */
-GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a)
+/* sum_b of f_b w over some blocks of the neighbours of a point. */
+GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, int64_t a, int64_t first, int64_t last)
 {
     double *const *x = s->row;
     const double per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
     vd sum = v_set(0.0), d[3];
-    for (int64_t k = s->begin[a]; k < s->end[a]; k++) {
+    for (int64_t k = first; k < last; k++) {
         const struct gr_block block = s->block[k];
         const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
         sum = v_fma(v_load(f + block.row), sph_weight(r2, per_h), sum);
     }
     return v_sum(sum);
+}
+
+/* That over all grains and wall points, the point itself among them. */
+GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a)
+{
+    return sph_sum_of(dim, s, f, a, s->begin[a], s->end[a]);
 }
 
 /* rho~ = sum_b m_b W (eq. 5.17), and m/rho~. */

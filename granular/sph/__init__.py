@@ -1,6 +1,7 @@
 """Smoothed particle hydrodynamics of a dilative viscoplastic material."""
 
 from granular.sph import scenes
+from granular.sph.gas import Gas, GasState, Jet
 from granular.sph.material import Viscoplastic, glass, grit
 from granular.sph.numerics import Numerics
 from granular.sph.rest import run_to_rest
@@ -9,6 +10,9 @@ from granular.sph.simulation import Simulation
 from granular.sph.walls import Wall
 
 __all__ = [
+    "Gas",
+    "GasState",
+    "Jet",
     "Numerics",
     "Scene",
     "Simulation",

@@ -14,6 +14,7 @@ from granular import geometry
 from granular.checks import integer, positive
 from granular.geometry import AXES, Fill, Grid
 from granular.notebook import table
+from granular.sph.gas import Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall, wall_points
@@ -52,6 +53,8 @@ class Scene(Written):
     material : Viscoplastic
     numerics : Numerics
     walls : sequence of Wall
+    gas : Gas or None
+        In the pores of the grains and above them.
     gravity : Gravity
     duration : float
         Time to simulate [s], > 0.
@@ -76,6 +79,7 @@ class Scene(Written):
     material: Viscoplastic = field(default_factory=Viscoplastic)
     numerics: Numerics = field(default_factory=Numerics)
     walls: tuple[Wall, ...] = ()
+    gas: Gas | None = None
     gravity: Gravity
     duration: float
     seed: int = 0
@@ -101,6 +105,8 @@ class Scene(Written):
                 if not isinstance(part, kind):
                     raise TypeError(f"{name}[{i}] = {part!r} must be a {kind.__name__}")
             object.__setattr__(self, name, tuple(value))
+        if not isinstance(self.gas, Gas | None):
+            raise TypeError(f"gas = {self.gas!r} must be a Gas or None")
         object.__setattr__(self, "duration", positive("duration", self.duration))
         object.__setattr__(self, "seed", integer("seed", self.seed, 0, 2**63 - 1))
         object.__setattr__(self, "parameters", Parameters(self.parameters))
@@ -122,6 +128,8 @@ class Scene(Written):
             raise ValueError(
                 f"gravity of dimension {self.gravity.dim} must have {grid.dim} as the grid"
             )
+        if self.gas is not None:
+            self.gas.check(grid, self.material.rho0, self.h)
         for i, wall in enumerate(self.walls):
             wall.check(f"walls[{i}]", grid, 2.0 * self.h)
         reach = self.h * (2.0 + numerics.skin)
@@ -158,8 +166,10 @@ class Scene(Written):
 
     @property
     def longest_dt(self) -> float:
-        """Limit of the time step at rho0 [s], h/(4 c); denser material has a smaller one."""
-        return 0.25 * self.h / self.material.wave_speed
+        """Limit of the time step at rho0 and for gas at rest [s], h/(4 c); denser material and gas
+        that moves have a smaller one."""
+        limit = 0.25 * self.h / self.material.wave_speed
+        return limit if self.gas is None else min(limit, self.gas.longest_dt(self.h))
 
     @property
     def point_mass(self) -> float:
@@ -190,4 +200,4 @@ class Scene(Written):
         return table(f"Scene {self.name}", rows | dict(self.parameters))
 
 
-register(Scene, Wall, Numerics, Viscoplastic, prefix="sph.")
+register(Scene, Wall, Numerics, Viscoplastic, Gas, Jet, prefix="sph.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from granular import _core, simulation, stability
 from granular.checks import integer
 from granular.engine import allocate, default_isa
+from granular.sph.gas import GasState
 from granular.sph.scene import Scene
 from granular.sph.walls import wall_rows
 from granular.state import State
@@ -25,24 +26,36 @@ SHOWN = ("x", "v", "a", "stress", "rho", "shear_rate", "mass")
 
 @dataclass(frozen=True)
 class _Rows:
-    """Where the grains and the wall points are in the buffers."""
+    """Where the grains, the wall points and those of a gas are in the buffers."""
 
     grains: int
     wall_first: int
     walls: int
+    gas_first: int = 0
+    gas: int = 0
 
     @classmethod
-    def of(cls, grains: int, walls: int) -> Self:
-        blocks = -(-grains // _core.LANES)
-        return cls(grains, (blocks + 1) * _core.LANES, walls)
+    def of(cls, grains: int, walls: int, gas: int | None = None) -> Self:
+        """With so many points of gas; None where there is no gas."""
+        wall_first = (-(-grains // _core.LANES) + 1) * _core.LANES
+        if gas is None:
+            return cls(grains, wall_first, walls)
+        return cls(grains, wall_first, walls, wall_first + walls + _core.LANES, gas)
+
+    def places(self) -> NDArray[np.int64]:
+        """The rows of all points."""
+        firsts = ((0, self.grains), (self.wall_first, self.walls), (self.gas_first, self.gas))
+        return np.concatenate([np.arange(first, first + n) for first, n in firsts])
 
     @property
     def capacity(self) -> int:
-        return self.wall_first + self.walls + _core.LANES
+        return max(self.wall_first + self.walls, self.gas_first + self.gas) + _core.LANES
 
 
 def _build(scene: Scene, isa: str) -> _core.Sph:
     grid, material, numerics = scene.grid, scene.material, scene.numerics
+    gas = scene.gas
+    point_volume = scene.point_mass / material.rho0
     return _core.Sph(
         dim=grid.dim,
         lower=tuple(grid.lower),
@@ -70,6 +83,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
         walls=wall_rows(grid, scene.walls),
+        gas=None if gas is None else gas.for_core(grid.dim, material.rho0, point_volume),
     )
 
 
@@ -80,7 +94,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         stability.warn(scene)
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         points, walls = scene.points(), scene.wall_points()
-        rows = _Rows.of(len(points.x), len(walls["x"]))
+        gas = None if scene.gas is None else scene.gas.points(scene.grid, scene.seed)
+        rows = _Rows.of(len(points.x), len(walls["x"]), None if gas is None else len(gas.x))
         self._buffers = allocate(self._engine, rows.capacity)
         grains = slice(0, rows.grains)
         behind = slice(rows.wall_first, rows.wall_first + rows.walls)
@@ -92,18 +107,26 @@ class Simulation(simulation.Simulation, scenes=Scene):
             self._buffers["mass"][:, part] = scene.point_mass
         self._buffers["id"][grains] = np.arange(rows.grains)
         self._buffers["id"][behind] = rows.grains + np.arange(rows.walls)
+        if gas is not None:
+            # Its mass follows from its density and the porosity that the core finds.
+            above = slice(rows.gas_first, rows.gas_first + rows.gas)
+            for name, values in (("x", gas.x.T), ("v", gas.v.T), ("rho", gas.density)):
+                self._buffers[name][:, above] = values
+            self._buffers["id"][above] = rows.grains + rows.walls + np.arange(rows.gas)
         self._bind(rows, fresh=True)
 
     def _bind(self, rows: _Rows, *, fresh: bool) -> None:
         self._rows = rows
-        self._engine.bind(self._buffers, rows.grains, rows.wall_first, rows.walls, fresh)
+        gas = (rows.gas_first, rows.gas)
+        self._engine.bind(self._buffers, rows.grains, rows.wall_first, rows.walls, fresh, *gas)
 
     @property
     def counts(self) -> dict[str, float]:
         """What has happened: `rebuilds` of the list; grains and mass [kg] `dropped` at the
-        ends of the domain; how often a grain had to be `stopped` in a wall, see `Scene`."""
+        ends of the domain; how often a grain had to be `stopped` in a wall, see `Scene`; points
+        of gas, `gas_dropped`."""
         scalars = self._engine.scalars()
-        names = ("rebuilds", "dropped", "dropped_mass", "stopped")
+        names = ("rebuilds", "dropped", "dropped_mass", "stopped", "gas_dropped")
         return {name: scalars[name] for name in names}
 
     @property
@@ -129,6 +152,22 @@ class Simulation(simulation.Simulation, scenes=Scene):
             fields=self._shown(slice(first, first + scalars["n_walls"])),
         )
 
+    @property
+    def gas(self) -> GasState:
+        """A snapshot of the points of the gas, ordered by id.
+
+        Raises
+        ------
+        AttributeError
+            If the scene has no gas.
+        """
+        if self.scene.gas is None:
+            raise AttributeError(f"the scene {self.scene.name} has no gas")
+        self._evaluate()
+        first = self._rows.gas_first
+        rows = slice(first, first + self._engine.scalars()["n_gas"])
+        return GasState.of(self.time, self._ordered(rows, (*SHOWN, "porosity")))
+
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         self._evaluate()
         fields = self._shown(slice(0, self.n_points))
@@ -143,19 +182,24 @@ class Simulation(simulation.Simulation, scenes=Scene):
         if self.steps == 0:
             self._make_steps(0, math.inf)
 
-    def _shown(self, rows: slice) -> dict[str, NDArray]:
+    def _ordered(self, rows: slice, names: tuple[str, ...]) -> dict[str, NDArray]:
+        """Fields of some rows in the order of ids, positions within their period."""
         ids = self._buffers["id"][rows]
         order = np.argsort(ids)
         fields: dict[str, NDArray] = {"id": ids[order]}
-        for name in SHOWN:
+        for name in names:
             values = self._buffers[name][:, rows].take(order, axis=1)
             fields[name] = values[0] if len(values) == 1 else np.ascontiguousarray(values.T)
-        material, grid = self.scene.material, self.scene.grid
+        grid = self.scene.grid
         for axis in np.flatnonzero(grid.periodic):
             length = grid.shape[axis] * grid.cell
             x = fields["x"][:, axis]
             x -= length * np.floor((x - grid.lower[axis]) / length)
-        fields["log_density"] = np.log(fields.pop("rho") / material.rho_c)
+        return fields
+
+    def _shown(self, rows: slice) -> dict[str, NDArray]:
+        fields = self._ordered(rows, SHOWN)
+        fields["log_density"] = np.log(fields.pop("rho") / self.scene.material.rho_c)
         return fields
 
     # ---- stepping ----
@@ -172,8 +216,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
     # ---- restart ----
 
     def _kept(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        scalars, first = self._engine.scalars(), self._rows.wall_first
-        places = np.r_[0 : scalars["n_points"], first : first + scalars["n_walls"]]
+        scalars, rows = self._engine.scalars(), self._rows
+        counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
+        places = replace(rows, **{name: scalars[count] for name, count in counts.items()}).places()
         return scalars, {name: rows.take(places, axis=-1) for name, rows in self._buffers.items()}
 
     @classmethod
@@ -184,16 +229,18 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         total = len(checkpoint.arrays.get("id", ()))
         n = integer("the number n_points of the checkpoint", checkpoint.scalars.get("n_points"), 0)
-        if n > total:
-            raise ValueError(f"the checkpoint holds {total} points, must hold n_points = {n}")
-        rows = _Rows.of(n, total - n)
+        gas = integer("the number n_gas of the checkpoint", checkpoint.scalars.get("n_gas", 0), 0)
+        if n + gas > total or (gas and scene.gas is None):
+            raise ValueError(
+                f"the checkpoint holds {total} points, must hold n_points = {n} and n_gas = {gas}"
+            )
+        rows = _Rows.of(n, total - n - gas, None if scene.gas is None else gas)
         self._buffers = allocate(self._engine, rows.capacity)
         for name, array in self._buffers.items():
             stored = checkpoint.arrays.get(name)
             if stored is None or stored.shape != (*array.shape[:-1], total):
                 raise ValueError(f"the checkpoint does not hold {name} of {total} points")
-            array[..., :n] = stored[..., :n]
-            array[..., rows.wall_first : rows.wall_first + rows.walls] = stored[..., n:]
+            array[..., rows.places()] = stored
         self._bind(rows, fresh=False)
         self._engine.restore(dict(checkpoint.scalars))
         return self

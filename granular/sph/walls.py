@@ -43,6 +43,8 @@ class Wall:
         Time from which it has this velocity [s], >= 0.
     until : float
         Time at which the wall is taken away [s], > 0; infinite by default.
+    permeable : bool
+        Whether a gas goes through the wall as if it was not there; grains never do.
 
     Raises
     ------
@@ -59,6 +61,7 @@ class Wall:
     velocity: tuple[float, ...] | None = None
     moves_from: float = 0.0
     until: float = math.inf
+    permeable: bool = False
 
     def __post_init__(self) -> None:
         checked: dict[str, object] = {
@@ -69,6 +72,8 @@ class Wall:
             "moves_from": non_negative("moves_from", self.moves_from),
             "until": math.inf if self.until == math.inf else positive("until", self.until),
         }
+        if not isinstance(self.permeable, bool):
+            raise TypeError(f"permeable = {self.permeable!r} must be True or False")
         if self.span is not None:
             if isinstance(self.span, str) or not isinstance(self.span, Sequence):
                 raise TypeError(f"span = {self.span!r} must be pairs (low, high)")
@@ -140,12 +145,14 @@ def _site(name: str, grid: Grid, axis: int, at: float) -> int:
 
 
 def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float64]]:
-    """Points of walls: x, v and normal (n, dim), depth below the surface [m], number of the wall.
+    """Points of walls: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
+    number of the wall.
 
     Of points in the same place those of the first wall are kept.
     """
     dim = grid.dim
-    parts: dict[str, list[NDArray]] = {"site": [], "v": [], "normal": [], "depth": [], "wall": []}
+    names = ("site", "v", "normal", "depth", "porosity", "wall")
+    parts: dict[str, list[NDArray]] = {name: [] for name in names}
     for i, wall in enumerate(walls):
         axes = [np.arange(*ends) for ends in wall.extent(f"walls[{i}]", grid)]
         mesh = np.meshgrid(*axes[::-1], indexing="ij")
@@ -160,11 +167,11 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
         parts["v"].append(np.broadcast_to(velocity, sites.shape))
         parts["normal"].append(np.broadcast_to(normal, sites.shape))
         parts["depth"].append(behind * grid.cell)
+        parts["porosity"].append(np.full(len(sites), float(wall.permeable)))
         parts["wall"].append(np.full(len(sites), float(i)))
     if not walls:
         empty = np.zeros((0, dim))
-        numbers = np.zeros(0)
-        return {"x": empty, "v": empty, "normal": empty, "depth": numbers, "wall": numbers}
+        return {"x": empty, "v": empty, "normal": empty} | {name: np.zeros(0) for name in names[3:]}
     whole = {name: np.concatenate(part) for name, part in parts.items()}
     _, first = np.unique(whole["site"], axis=0, return_index=True)
     first.sort()

@@ -1,0 +1,253 @@
+"""A gas in the pores of the grains and above them (Hurley, thesis, section 6.2.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import geometry
+from granular.checks import in_range, positive, vector
+from granular.geometry import Box, Fill, Grid
+from granular.notebook import table
+
+__all__ = ["Gas", "GasState", "Jet"]
+
+MAX_JETS = 16
+"""Of a gas; the core has places for so many."""
+ERGUN = 150.0
+"""Factor of the viscous part of Ergun's equation, k = e^3 d^2/(150 (1 - e)^2) (Ergun 1952)."""
+WIDEST_LATTICE = 1.0
+"""Largest spacing of points of gas, in the smoothing length of the kernel."""
+
+
+@dataclass(frozen=True)
+class Jet:
+    """A box in which gas is driven: points of gas have this velocity while they are in it.
+
+    What the drive does to the momentum of the gas is not taken from anything else.
+
+    Parameters
+    ----------
+    region : Box
+    velocity : tuple of float
+        Velocity of the gas in it [m/s].
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    region: Box
+    velocity: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.region, Box):
+            raise TypeError(f"region = {self.region!r} must be a Box")
+        object.__setattr__(self, "velocity", vector("velocity", self.velocity, self.region.dim))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gas:
+    """An ideal gas at one temperature, p = c^2 rho, that grains resist.
+
+    With e the porosity, 1 - (density of the grains)/`grain_density`, the balances of both phases
+    are those of Anderson and Jackson (1967) with the pressure shared,
+
+        (1 - e) rho_s D v_s = div sigma - (1 - e) grad p + (1 - e) rho_s g + B (v_g - v_s)
+              e rho_g D v_g =           -      e grad p +       e rho_g g - B (v_g - v_s),
+
+    with sigma the (effective) stress of the grains as without gas, rho_s = `grain_density` and
+    e rho_g carried by points of gas. The drag is that of Darcy up to the porosity
+    `darcy_porosity`, B = e^2 eta/k, and that of Wen and Yu (1966) beyond a range `blend` above it,
+    B = (3/4) C_D e (1 - e) rho_g |v_g - v_s|/d e^-2.65 with C_D = 24/Re (1 + 0.15 Re^0.687), 0.44
+    from Re = 1000 on, and Re = e rho_g |v_g - v_s| d/eta; a cubic blend in between. The thesis
+    names both regimes and the switch, and no equation. Stresses of viscosity in the free gas are
+    left out: at the spacings of a scene they are far below the artificial ones.
+
+    Parameters
+    ----------
+    fills : sequence of Fill
+        Gas at the start. Their `density` is that of the gas itself, not per volume with grains
+        [kg/m3]; by default pressure/sound_speed^2.
+    pressure : float
+        Ambient pressure [Pa], > 0. Free surfaces of the gas are under it.
+    sound_speed : float
+        c [m/s], > 0; isothermal, sqrt(R T).
+    viscosity : float
+        eta [Pa s], > 0.
+    permeability : float
+        k [m2], > 0.
+    grain_density : float
+        Density of what the grains are made of [kg/m3], above rho0 of the material.
+    darcy_porosity : float
+        Porosity up to which the drag is that of Darcy, 0.05 to 0.95; the thesis takes 0.38.
+    blend : float
+        Range of porosity in which the other drag takes its place, 1e-6 to 0.5.
+    diameter : float or None
+        Of a grain [m], > 0; None for that which has this permeability by Ergun's equation at rho0.
+    damping : float
+        Factor alpha of the artificial viscosity of Monaghan (1992) between points of gas that
+        approach each other, 0 to 2.
+    diffusion : float
+        Factor psi of an exchange of mass between points of gas, 0 to 0.5, that evens out pressures
+        which differ from point to point; of a pressure with a constant gradient it is zero.
+    jets : sequence of Jet
+        Where the gas is driven.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    fills: tuple[Fill, ...]
+    pressure: float = 1e5
+    sound_speed: float = 300.0
+    viscosity: float = 1e-5
+    permeability: float = 2e-10
+    grain_density: float = 2500.0
+    darcy_porosity: float = 0.38
+    blend: float = 0.04
+    diameter: float | None = None
+    damping: float = 0.5
+    diffusion: float = 0.02
+    jets: tuple[Jet, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name, kind in (("fills", Fill), ("jets", Jet)):
+            value = getattr(self, name)
+            if isinstance(value, str) or not isinstance(value, Sequence):
+                raise TypeError(f"{name} = {value!r} must be a sequence of {kind.__name__}")
+            for i, part in enumerate(value):
+                if not isinstance(part, kind):
+                    raise TypeError(f"{name}[{i}] = {part!r} must be a {kind.__name__}")
+            object.__setattr__(self, name, tuple(value))
+        names = ("pressure", "sound_speed", "viscosity", "permeability", "grain_density")
+        checked: dict[str, object] = {name: positive(name, getattr(self, name)) for name in names}
+        for name, low, high in (
+            ("darcy_porosity", 0.05, 0.95),
+            ("blend", 1e-6, 0.5),
+            ("damping", 0.0, 2.0),
+            ("diffusion", 0.0, 0.5),
+        ):
+            checked[name] = in_range(name, getattr(self, name), low, high)
+        if self.diameter is not None:
+            checked["diameter"] = positive("diameter", self.diameter)
+        for name, value in checked.items():
+            object.__setattr__(self, name, value)
+        if not self.fills:
+            raise ValueError("fills = () must hold at least one Fill")
+        if len(self.jets) > MAX_JETS:
+            raise ValueError(f"jets holds {len(self.jets)}, must hold at most {MAX_JETS}")
+
+    @property
+    def density(self) -> float:
+        """Ambient density [kg/m3], pressure/sound_speed^2."""
+        return self.pressure / self.sound_speed**2
+
+    def porosity(self, rho: float) -> float:
+        """Share of space that grains of the bulk density `rho` [kg/m3] leave to the gas."""
+        return 1.0 - rho / self.grain_density
+
+    def grain_diameter(self, rho0: float) -> float:
+        """Diameter of a grain [m]: `diameter`, or d = sqrt(150 k (1 - e)^2/e^3) at rho0."""
+        if self.diameter is not None:
+            return self.diameter
+        e = self.porosity(rho0)
+        return math.sqrt(ERGUN * self.permeability * (1.0 - e) ** 2 / e**3)
+
+    def diffusivity(self, rho: float) -> float:
+        """Of the pressure in the pores of grains at rest [m2/s], k p/(e eta).
+
+        From e d rho_g/dt + div(rho_g q) = 0 with Darcy's q = -(k/eta) grad p and p = c^2 rho_g,
+        linear in small changes of p.
+        """
+        return self.permeability * self.pressure / (self.porosity(rho) * self.viscosity)
+
+    def check(self, grid: Grid, rho0: float, h: float) -> None:
+        """Refuse a gas that does not fit a grid, a density [kg/m3], or the kernel's h [m]."""
+        if self.grain_density <= rho0:
+            raise ValueError(
+                f"grain_density = {self.grain_density} must exceed rho0 = {rho0} of the material"
+            )
+        for i, fill in enumerate(self.fills):
+            geometry.check_inside(f"gas.fills[{i}]", grid, fill.region)
+            spacing = grid.cell / fill.points_per_axis
+            if fill.lithostatic:
+                raise ValueError(f"gas.fills[{i}] must have no weight on it")
+            if h < spacing * WIDEST_LATTICE or h > 2.0 * spacing * (1.0 + 1e-9):
+                raise ValueError(
+                    f"gas.fills[{i}]: the smoothing length {h:.4g} must be 1 to 2 spacings"
+                    f" {spacing:.4g} of its points"
+                )
+        for i, jet in enumerate(self.jets):
+            geometry.check_inside(f"gas.jets[{i}]", grid, jet.region)
+
+    def longest_dt(self, h: float) -> float:
+        """Limit of the time step for gas at rest [s], h/(4 c)."""
+        return 0.25 * h / self.sound_speed
+
+    def points(self, grid: Grid, seed: int) -> geometry.Points:
+        """The points of the gas at the start; see `granular.geometry.seed_points`."""
+        return geometry.seed_points(grid, self.fills, seed, self.density)
+
+    def for_core(self, dim: int, rho0: float, wall_volume: float) -> tuple[dict, NDArray]:
+        """What the core needs: parameters, and jets as rows (lower, upper, velocity)."""
+        names = ("sound_speed", "pressure", "viscosity", "permeability", "grain_density")
+        more = ("darcy_porosity", "blend", "damping", "diffusion")
+        parameters = {name: getattr(self, name) for name in (*names, *more)}
+        parameters["diameter"] = self.grain_diameter(rho0)
+        parameters["wall_volume"] = wall_volume
+        rows = [(*jet.region.bounds[0], *jet.region.bounds[1], *jet.velocity) for jet in self.jets]
+        return parameters, np.array(rows, dtype=float).reshape(-1, 3 * dim)
+
+    def _repr_html_(self) -> str:
+        return table("Gas", {name: getattr(self, name) for name in self.__dataclass_fields__})
+
+
+@dataclass(frozen=True, kw_only=True)
+class GasState:
+    """A snapshot of the points of a gas, ordered by id.
+
+    Parameters
+    ----------
+    time : float
+        Time [s].
+    id : ndarray, (n,)
+    x, v, a : ndarray, (n, dim)
+        Position [m], within a period, velocity [m/s], acceleration [m/s2].
+    mass, rho, p, porosity : ndarray, (n,)
+        Mass [kg], density of the gas itself [kg/m3], pressure [Pa], porosity of the grains there.
+    """
+
+    time: float
+    id: NDArray[np.int64]
+    x: NDArray[np.float64]
+    v: NDArray[np.float64]
+    a: NDArray[np.float64]
+    mass: NDArray[np.float64]
+    rho: NDArray[np.float64]
+    p: NDArray[np.float64]
+    porosity: NDArray[np.float64]
+
+    @property
+    def n(self) -> int:
+        """Number of points."""
+        return len(self.id)
+
+    @classmethod
+    def of(cls, time: float, fields: dict[str, Any]) -> GasState:
+        """From the fields of the rows of the gas, in the order of ids."""
+        names = ("id", "x", "v", "a", "mass", "rho", "porosity")
+        p = np.ascontiguousarray(-fields["stress"][:, 0])
+        state = cls(time=time, p=p, **{name: fields[name] for name in names})
+        for array in vars(state).values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False
+        return state
