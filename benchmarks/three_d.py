@@ -85,7 +85,6 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
     "thin_5_one": lambda: excavation(0.05, points_per_cell=1, **THIN),
     "thin_5_coarse": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] * 2})),
-    "thin_5_finer": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] / 2})),
     "excavation_2": lambda: excavation(0.02, **SIDED),
     "excavation_5": lambda: excavation(0.05, **SIDED),
     "excavation_5_fine": lambda: excavation(

@@ -45,15 +45,10 @@ WIDTH = 0.305
 GRAINS, BEADS = 3e-4, 4e-3
 """Diameters of the axis of figure 8 [m]."""
 SHALLOW = ("couette_shallow_8", "couette_shallow_6", "couette_shallow")
-BLADES = {
-    "thin_5_coarse": ("d", 8),
-    "thin_5": ("d", 8),
-    "thin_5_fine": ("d", 8),
-    "thin_5_one": ("v", 1),
-}
-FINEST = "thin_5_finer"
+BLADES = {"thin_5_coarse": ("d", 8), "thin_5": ("d", 8), "thin_5_one": ("v", 1)}
+FINEST = "thin_5_fine"
 LABELS = {
-    "thin_5": "blade, against cells of 6.25 mm",
+    "thin_5": "blade, against cells of 8.33 mm",
     "thin_5_one": "the same, one point a cell",
 }
 ARRIVED = 0.5
