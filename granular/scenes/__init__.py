@@ -24,8 +24,8 @@ from granular.scenes.silo import silo
 from granular.scenes.silo_3d import silo_3d
 from granular.scenes.slug import slug
 from granular.scenes.wheel import wheel
+from granular.sph.scenes import fluidised_bed, inclined_collapse, jet_on_bed
 from granular.sph.scenes import incline as incline_sph
-from granular.sph.scenes import inclined_collapse
 from granular.sph.scenes import slump as slump_sph
 
 __all__ = [
@@ -36,10 +36,12 @@ __all__ = [
     "cylinder_collapse",
     "excavation",
     "excavator",
+    "fluidised_bed",
     "hourglass",
     "incline",
     "incline_sph",
     "inclined_collapse",
+    "jet_on_bed",
     "names",
     "registry",
     "silo",
@@ -62,7 +64,13 @@ registry: Mapping[str, Callable[..., Scene]] = MappingProxyType(
 """Scene functions of the material point method by name."""
 
 sph_registry: Mapping[str, Callable[..., Any]] = MappingProxyType(
-    {"slump_sph": slump_sph, "incline_sph": incline_sph, "inclined_collapse": inclined_collapse}
+    {
+        "slump_sph": slump_sph,
+        "incline_sph": incline_sph,
+        "inclined_collapse": inclined_collapse,
+        "fluidised_bed": fluidised_bed,
+        "jet_on_bed": jet_on_bed,
+    }
 )
 """Those of particle hydrodynamics alone; `column_collapse` knows both methods."""
 

@@ -21,6 +21,15 @@ SMALL = {
         "duration": 0.2,
         "settle": 0.2,
     },
+    "fluidised_bed": {"height": 0.05, "plenum": 0.05, "columns": 4, "duration": 0.02},
+    "jet_on_bed": {
+        "width": 0.2,
+        "depth": 0.1,
+        "headroom": 0.1,
+        "nozzle": 0.05,
+        "spacing": 0.025,
+        "duration": 0.01,
+    },
 }
 
 
@@ -35,7 +44,7 @@ def test_every_scene_is_whole(name):
     called = {k: v for k, v in scene.parameters.items() if k in parameters}
     missing = {k: v for k, v in SMALL[name].items() if k not in called}
     assert make(**called, **missing) == scene
-    simulation = gr.Simulation(scene).run(until=0.05)
+    simulation = gr.Simulation(scene).run(until=min(0.05, scene.duration))
     assert simulation.counts["dropped"] == 0 and np.isfinite(simulation.state.v).all()
 
 

@@ -36,10 +36,13 @@ def fluidised_bed(
     columns: int = 5,
     columns_across: int = 0,
     gravity: float = 9.81,
+    pressure: float = 1e5,
+    sound_speed: float = 100.0,
+    permeability: float = 2e-10,
+    viscosity: float = 1e-5,
     duration: float = 0.3,
     material: Viscoplastic | None = None,
     numerics: Numerics | None = None,
-    **gas: float,
 ) -> Scene:
     """Bed on a sieve through which a piston below presses gas; periodic sides, open above.
 
@@ -60,13 +63,13 @@ def fluidised_bed(
         Points along the two horizontal axes; 0 across is for the plane.
     gravity : float
         Its magnitude [m/s2]; it grows in the first 20 ms.
+    pressure, sound_speed, permeability, viscosity : float
+        See `Gas`. By default its sound is slow, 100 m/s: the steps are longer, and it weighs
+        10 kg/m3.
     duration : float
         [s]
     material, numerics
         By default 1600 kg/m3, friction 0.8; h = 1.5 spacings, half the largest viscosity.
-    **gas : float
-        Further arguments of `Gas`. By default its sound is slow, 100 m/s: the steps are longer,
-        and it weighs 10 kg/m3.
 
     Raises
     ------
@@ -107,11 +110,26 @@ def fluidised_bed(
         ),
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, rows * spacing)), 1),),
-            **({"sound_speed": 100.0} | gas),
+            pressure=pressure,
+            sound_speed=sound_speed,
+            permeability=permeability,
+            viscosity=viscosity,
         ),
         gravity=Gravity((0.0, 0.02), ((*still, 0.0), (*still, -positive("gravity", gravity)))),
         duration=duration,
-        parameters={"velocity": velocity, "spacing": spacing, "gravity": gravity, **parts},
+        parameters={
+            "velocity": velocity,
+            "spacing": spacing,
+            "columns": columns,
+            "columns_across": columns_across,
+            "gravity": gravity,
+            "pressure": pressure,
+            "sound_speed": sound_speed,
+            "permeability": permeability,
+            "viscosity": viscosity,
+            "duration": duration,
+            **parts,
+        },
     )
 
 
@@ -126,10 +144,12 @@ def jet_on_bed(
     spacing: float = 0.01,
     gravity: float = 3.711,
     pressure: float = 1e5,
+    sound_speed: float = 300.0,
+    permeability: float = 2e-10,
+    viscosity: float = 1e-5,
     duration: float = 0.075,
     material: Viscoplastic | None = None,
     numerics: Numerics | None = None,
-    **gas: float,
 ) -> Scene:
     """Jet of gas on a bed (Hurley, thesis, section 6.2.2, figure 6.2).
 
@@ -147,7 +167,7 @@ def jet_on_bed(
     Parameters
     ----------
     speed : float
-        Of the gas in the nozzle [m/s], >= 0 and below 300 m/s or that of sound.
+        Of the gas in the nozzle [m/s], >= 0 and below that of sound.
     width, depth, headroom : float
         Of the domain, of the soil, of the gas above it [m]; whole spacings.
     nozzle : float
@@ -160,12 +180,12 @@ def jet_on_bed(
         Its magnitude [m/s2].
     pressure : float
         Of the gas at the start [Pa], > 0.
+    sound_speed, permeability, viscosity : float
+        See `Gas`.
     duration : float
         [s]
     material, numerics
         By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
-    **gas : float
-        Further arguments of `Gas`.
 
     Raises
     ------
@@ -182,7 +202,7 @@ def jet_on_bed(
     if non_negative("across", across):
         level += (whole_cells("across", across, spacing),)
     in_range("nozzle", nozzle, spacing, width)
-    sound_speed = positive("sound_speed", gas.get("sound_speed", 300.0))
+    sound_speed = positive("sound_speed", sound_speed)
     in_range("speed", speed, 0.0, sound_speed, open_high=True)
     density = positive("pressure", pressure) / sound_speed**2
     axis, still = len(level), (0.0,) * len(level)
@@ -205,10 +225,26 @@ def jet_on_bed(
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),
             pressure=GAP_PRESSURE * pressure,
+            sound_speed=sound_speed,
+            permeability=permeability,
+            viscosity=viscosity,
             jets=(Jet(box, (*still, -speed)),),
-            **gas,
         ),
         gravity=Gravity((0.0,), ((*still, -positive("gravity", gravity)),)),
         duration=duration,
-        parameters={"speed": speed, "nozzle": nozzle, "spacing": spacing, "gravity": gravity},
+        parameters={
+            "speed": speed,
+            "width": width,
+            "depth": depth,
+            "headroom": headroom,
+            "nozzle": nozzle,
+            "across": across,
+            "spacing": spacing,
+            "gravity": gravity,
+            "pressure": pressure,
+            "sound_speed": sound_speed,
+            "permeability": permeability,
+            "viscosity": viscosity,
+            "duration": duration,
+        },
     )
