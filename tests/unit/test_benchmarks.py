@@ -83,6 +83,15 @@ def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2 + len(table["space"])
 
 
+def test_a_quick_table_in_space_is_written(module, tmp_path, capsys):
+    script, out = module("speed_in_space"), tmp_path / "speed.json"
+    script.main(["--quick", "--out", str(out)])
+    rows = json.loads(out.read_text())["rows"]
+    assert [row["case"] for row in rows] == list(script.CASES)
+    assert all(1.0 < t < 1e4 for row in rows for t in row["ns"])
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
+
+
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_roofline_is_written(module, tmp_path, capsys):
     """The bounds follow from the rates that were measured beside them."""

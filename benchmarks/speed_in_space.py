@@ -1,0 +1,102 @@
+"""Time of a step of the finite-strain laws in space, and what the parts of it cost.
+
+    python benchmarks/speed_in_space.py [--quick] [--out benchmarks/results/speed_in_space.json]
+
+A bed of 8 points per cell flows down a slope of 38 degrees, periodic on its sides: quadratic basis,
+APIC and a tracked density, without a fluidity (A = 0), with one diffused over faces and over all
+neighbours, with a blade in the flow, thick or thin, and with the default scheme. One thread and
+two; the batches of all cases take turns, and of each the best counts. The memory is that of the
+arrays of the points.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import platform
+import warnings
+from pathlib import Path
+
+import numpy as np
+from speed import best_time
+
+import granular as gr
+from granular import bodies
+from granular.geometry import Box, Fill, Grid
+from granular.materials import NGF
+from granular.schemes import Fluidity
+from granular.walls import Gravity, Wall
+
+CELL, SLOPE = 0.01, math.radians(38.0)
+SOIL = NGF(
+    E=1.5e5, elasticity="hencky", A=0.48, t0=1e-3, mu_s=0.3819, mu_2=0.6435, I0=0.278, d=4e-3,
+    rho_s=2550.0,
+)  # fmt: skip
+MLS = gr.Scheme(transfer="apic", density="tracked")
+
+
+def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | None) -> gr.Scene:
+    """A cube of so many cells along an edge; the blade is as many cells thick."""
+    length = edge * CELL
+    shape = blade and bodies.Box((blade * CELL, 0.4 * length, 0.4 * length))
+    middle = (0.5 * length, 0.5 * length, length)
+    return gr.Scene(
+        name="slope",
+        grid=Grid((0.0,) * 3, CELL, (edge, edge, edge + 10), periodic=(True, True, False)),
+        fills=(Fill(Box((0.0,) * 3, (length,) * 3), 8),),
+        material=SOIL.replace(A=A),
+        scheme=scheme.replace(fluidity=Fluidity(method="implicit", stencil=stencil, seed=1.0)),
+        walls=(Wall(2, 0.0, kind="rough"),),
+        bodies=(bodies.Body(shape, middle, friction=0.4),) if shape else (),
+        gravity=Gravity((0.0,), ((9.81 * math.sin(SLOPE), 0.0, -9.81 * math.cos(SLOPE)),)),
+        duration=10.0,
+        seed=1,
+    )
+
+
+CASES = {
+    "local": (0.0, MLS, "faces", None),
+    "nonlocal": (0.48, MLS, "faces", None),
+    "all neighbours": (0.48, MLS, "isotropic", None),
+    "thick blade": (0.48, MLS, "faces", 3.0),
+    "thin blade": (0.48, MLS, "faces", 0.5),
+    "default scheme": (0.48, gr.Scheme(), "faces", None),
+}
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
+    parser.add_argument("--out", type=Path, help="write the table as JSON")
+    arguments = parser.parse_args(argv)
+    edge, steps, rounds = (10, 5, 1) if arguments.quick else (30, 300, 8)
+    sims, table = {}, []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, case in CASES.items():
+            start = gr.Simulation(bed(edge, *case), threads=2)
+            start.step(steps)
+            for threads in (1, 2):
+                sims[name, threads] = gr.Simulation.from_checkpoint(
+                    start.scene, start.checkpoint(), threads=threads
+                )
+    ns = dict.fromkeys(sims, np.inf)
+    for _ in range(rounds):
+        for key, sim in sims.items():
+            ns[key] = min(ns[key], best_time(sim, key[1], 1) * 1e9)
+    print(f"{'case':16s}{'points':>8s}{'1 thread':>10s}{'2':>8s}{'ratio':>7s}{'bytes':>7s}")
+    for name in CASES:
+        sim, one, two = sims[name, 1], ns[name, 1], ns[name, 2]
+        held = sum(array.nbytes for array in sim.buffers.values()) / sim.n_points
+        print(f"{name:16s}{sim.n_points:8d}{one:10.1f}{two:8.1f}{one / two:7.2f}{held:7.0f}")
+        row = {"case": name, "points": sim.n_points, "ns": [one, two], "bytes_per_point": held}
+        table.append(row)
+    if arguments.out:
+        arguments.out.parent.mkdir(parents=True, exist_ok=True)
+        body = {"machine": platform.machine(), "build": gr.show_config(), "rows": table}
+        arguments.out.write_text(json.dumps(body, indent=1, default=str) + "\n")
+
+
+if __name__ == "__main__":
+    main()
