@@ -4,9 +4,9 @@
 
 A bed of 8 points per cell flows down a slope of 38 degrees, periodic on its sides: quadratic basis,
 APIC and a tracked density, without a fluidity (A = 0), with one diffused over faces and over all
-neighbours, with a blade in the flow, thick or thin, and with the default scheme. One thread and
-two; the batches of all cases take turns, and of each the best counts. The memory is that of the
-arrays of the points.
+neighbours, with a blade in the flow, thick or thin, and with the default scheme. The batches of one
+thread and of two take turns, and of each the best counts. The memory is that of the arrays of the
+points.
 """
 
 from __future__ import annotations
@@ -70,24 +70,26 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
     parser.add_argument("--out", type=Path, help="write the table as JSON")
     arguments = parser.parse_args(argv)
-    edge, steps, rounds = (10, 5, 1) if arguments.quick else (30, 300, 8)
-    sims, table = {}, []
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for name, case in CASES.items():
+    edge, steps, rounds = (6, 5, 1) if arguments.quick else (30, 300, 12)
+    table = []
+    print(f"{'case':16s}{'points':>8s}{'1 thread':>10s}{'2':>8s}{'ratio':>7s}{'bytes':>7s}")
+    for name, case in CASES.items():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             start = gr.Simulation(bed(edge, *case), threads=2)
             start.step(steps)
-            for threads in (1, 2):
-                sims[name, threads] = gr.Simulation.from_checkpoint(
+            sims = {
+                threads: gr.Simulation.from_checkpoint(
                     start.scene, start.checkpoint(), threads=threads
                 )
-    ns = dict.fromkeys(sims, np.inf)
-    for _ in range(rounds):
-        for key, sim in sims.items():
-            ns[key] = min(ns[key], best_time(sim, key[1], 1) * 1e9)
-    print(f"{'case':16s}{'points':>8s}{'1 thread':>10s}{'2':>8s}{'ratio':>7s}{'bytes':>7s}")
-    for name in CASES:
-        sim, one, two = sims[name, 1], ns[name, 1], ns[name, 2]
+                for threads in (1, 2)
+            }
+        ns = dict.fromkeys(sims, np.inf)
+        for _ in range(rounds):
+            for threads, sim in sims.items():
+                sim.step(2)  # what the other one has left in the caches
+                ns[threads] = min(ns[threads], best_time(sim, threads, 1) * 1e9)
+        one, two = ns.values()
         held = sum(array.nbytes for array in sim.buffers.values()) / sim.n_points
         print(f"{name:16s}{sim.n_points:8d}{one:10.1f}{two:8.1f}{one / two:7.2f}{held:7.0f}")
         row = {"case": name, "points": sim.n_points, "ns": [one, two], "bytes_per_point": held}
