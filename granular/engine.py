@@ -16,7 +16,7 @@ from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.nodes import CORE_BASES
 from granular.scene import Scene
-from granular.stability import check_blades, check_time_step
+from granular.stability import check_blades, check_overlaps, check_time_step
 
 __all__ = [
     "allocate",
@@ -156,6 +156,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     """
     check_time_step(scene)
     check_blades(scene)
+    check_overlaps(scene)
     grid, scheme = scene.grid, scene.scheme
     per_axis = round(scene.fills[0].points_per_cell ** (1.0 / grid.dim))
     codes, rows = node_codes(scene)

@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import math
 import warnings
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from granular.body_shapes import deepest, thicknesses
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.body_shapes import deepest, in_space, reach, thicknesses, turned
 from granular.materials import MuI
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
+    from granular.bodies import Body
     from granular.scene import Scene
     from granular.schemes import Scheme
 
 __all__ = [
     "StabilityWarning",
     "check_blades",
+    "check_overlaps",
     "check_time_step",
     "courant_limit",
     "damps_by_step",
@@ -123,6 +130,46 @@ def check_blades(scene: Scene) -> None:
                 'its sides would be coupled; density = "tracked" with "apic", "tpic" or "flip" '
                 "keeps thin ones apart"
             )
+
+
+def check_overlaps(scene: Scene) -> None:
+    """Refuse bodies that begin within one another: nodes in both would be held twice.
+
+    Raises
+    ------
+    ValueError
+        Naming the two bodies, how deep they overlap and how deep they may.
+    """
+    most = 0.5 * scene.grid.cell
+    for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
+        places = _places_about(scene, min(one, other, key=_reach))
+        deep = -min(np.maximum(_distances(one, places), _distances(other, places)), default=0.0)
+        if deep > most:
+            raise ValueError(
+                f"bodies[{i}] and bodies[{j}] overlap: a place is {deep:.3g} m within both at the "
+                f"start, must be at most {most:.3g} m, half a cell"
+            )
+
+
+def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
+    """Middles of the cells of the domain that a body may hold, as places in space."""
+    grid, extent, axes = scene.grid, _reach(body), []
+    for low, cells, at in zip(grid.lower, grid.shape, body.position, strict=True):
+        middle = low + grid.cell * (np.arange(cells) + 0.5)
+        axes.append(middle[abs(middle - at) <= extent])
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, body.dim)
+    return np.pad(places, ((0, 0), (0, 3 - body.dim)))
+
+
+def _reach(body: Body) -> float:
+    return reach(body.shape.rows(), body.dim)
+
+
+def _distances(body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signed distances at the start."""
+    own = turned(body.rotation_deg).inv().apply(places - in_space(body.position))
+    rows, samples = body.shape.rows(), body.shape.samples()
+    return _core.body_distance(rows, samples, np.ascontiguousarray(own))[0]
 
 
 def keeps_sides(scheme: Scheme) -> bool:

@@ -112,3 +112,26 @@ def test_stages_are_the_step(thin):
         parts._engine.grid()
         parts._grow(parts._engine.gather())
     assert bits(whole) == bits(parts)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("turn", [0.0, 45.0])
+def test_bodies_that_begin_within_one_another_are_refused(dim, turn):
+    """Half a cell may be shared: bodies that touch, on nodes of the grid or not."""
+    scene, up = scene_of(dim), (0.0,) * (dim - 2)
+    cell = scene.grid.cell
+    edge, rotation = 4 * cell, turn if dim == 2 else (0.0, -turn, 0.0)
+
+    def beside(gap):
+        apart = edge + gap if turn == 0 else edge * np.sqrt(2.0) + gap
+        at = ((0.3, *up, 0.6), (0.3 + apart, *up, 0.6))
+        pair = (Body(Box((edge,) * dim), place, rotation_deg=rotation) for place in at)
+        return scene.replace(bodies=tuple(pair))
+
+    for gap in (0.0, -0.3 * cell, cell):
+        gr.Simulation(beside(gap), threads=1)
+    with pytest.raises(ValueError, match=r"bodies\[0\] and bodies\[1\] overlap: "):
+        gr.Simulation(beside(-edge), threads=1)
+    hollow = Cylinder(edge, center=(0.0,) * dim, axis=None if dim == 2 else (0, 1, 0), inside=True)
+    inner = Body(Cylinder(0.5 * edge, center=(0.0,) * dim, axis=hollow.axis), (0.4, *up, 0.4))
+    gr.Simulation(scene.replace(bodies=(Body(hollow, (0.4, *up, 0.4)), inner)), threads=1)
