@@ -221,6 +221,7 @@ def doubts(scene: Scene) -> list[str]:
         _grains,
         _seed,
         _blades,
+        _buried,
     )
     return [doubt for check in checks if (doubt := check(scene))]
 
@@ -352,6 +353,20 @@ def _blades(scene: Scene) -> str | None:
             "what is on one side feels a part of the other through nodes of both; density = "
             '"tracked" with "apic", "tpic" or "flip" keeps them apart'
         )
+    return None
+
+
+def _buried(scene: Scene) -> str | None:
+    """Bodies in the midst of what is filled in: its points are held by the nodes within."""
+    for i, body in enumerate(scene.bodies):
+        places = _places_about(scene, body)
+        within = places[_distances(body, places) < -scene.grid.cell, : scene.dim]
+        for j, fill in enumerate(scene.fills):
+            if fill.region.contains(within).any():
+                return (
+                    f"fills[{j}] has points within bodies[{i}], which will go with it: leave its "
+                    "place out of the region (geometry.Difference)"
+                )
     return None
 
 

@@ -1,13 +1,16 @@
 """Bodies in a run: the same bits for any number of threads and over a restart."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import granular as gr
 from granular.bodies import Body, Box, Cylinder, Motion, Union
 from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.geometry import Difference, Fill, Grid
 from granular.materials import MuI
+from granular.stability import doubts as doubts_of
 from granular.walls import Gravity, Wall
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
@@ -135,3 +138,19 @@ def test_bodies_that_begin_within_one_another_are_refused(dim, turn):
     hollow = Cylinder(edge, center=(0.0,) * dim, axis=None if dim == 2 else (0, 1, 0), inside=True)
     inner = Body(Cylinder(0.5 * edge, center=(0.0,) * dim, axis=hollow.axis), (0.4, *up, 0.4))
     gr.Simulation(scene.replace(bodies=(Body(hollow, (0.4, *up, 0.4)), inner)), threads=1)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_bodies_in_the_midst_of_a_fill_are_doubted(dim):
+    scene = scene_of(dim)
+    cell, up = scene.grid.cell, (0.2,) * (dim - 2)
+
+    def doubts(height, fills=scene.fills):
+        body = Body(Box((4 * cell,) * dim), (0.4, *up, height))
+        return [d for d in doubts_of(scene.replace(bodies=(body,), fills=fills)) if "within" in d]
+
+    assert doubts(0.4 + 1.2 * cell) == []  # half a cell in, as a body that presses is
+    assert len(doubts(0.2)) == 1
+    hole = Region((0.4 - 2 * cell, *(0.0,) * (dim - 2), 0.0), (0.4 + 2 * cell, *(0.4,) * (dim - 1)))
+    rest = replace(scene.fills[0], region=Difference(scene.fills[0].region, hole))
+    assert doubts(0.2, (rest,)) == []
