@@ -13,7 +13,17 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-__all__ = ["finite", "in_range", "integer", "non_negative", "one_of", "positive", "vector"]
+__all__ = [
+    "finite",
+    "in_range",
+    "integer",
+    "kinds_of",
+    "non_negative",
+    "one_of",
+    "positive",
+    "tuple_of",
+    "vector",
+]
 
 T = TypeVar("T")
 
@@ -178,3 +188,22 @@ def vector(
         raise ValueError(f"{name} = {value!r} must be {wanted}")
     check = finite if check is None else check
     return tuple(check(f"{name}[{i}]", component) for i, component in enumerate(value))
+
+
+def kinds_of(owner: object, **kinds: type) -> None:
+    """Refuse attributes that are not of their class."""
+    for name, kind in kinds.items():
+        value = getattr(owner, name)
+        if not isinstance(value, kind):
+            raise TypeError(f"{name} = {value!r} must be a {kind.__name__}")
+
+
+def tuple_of(name: str, value: object, kinds: tuple[type, ...]) -> tuple[Any, ...]:
+    """A sequence of things of these classes as a tuple, each refused by its place."""
+    wanted = " or ".join(kind.__name__ for kind in kinds)
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise TypeError(f"{name} = {value!r} must be a sequence of {wanted}")
+    for i, entry in enumerate(value):
+        if not isinstance(entry, kinds):
+            raise TypeError(f"{name}[{i}] = {entry!r} must be a {wanted}")
+    return tuple(value)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from granular import bodies as rigid
 from granular import geometry, materials
 from granular.bodies import Body
 from granular.boundaries import Absorber, Gravity, Solid, Wall
-from granular.checks import integer, positive
+from granular.checks import integer, kinds_of, positive, tuple_of
 from granular.geometry import Fill, Grid
 from granular.materials import Material
 from granular.nodes import check_creases, creases
@@ -20,16 +20,6 @@ from granular.schemes import Fluidity, Scheme
 from granular.writing import Parameters, Written, register
 
 __all__ = ["Parameters", "Scene"]
-
-
-def _tuple_of(name: str, value: object, kinds: tuple[type, ...]) -> tuple[Any, ...]:
-    wanted = " or ".join(kind.__name__ for kind in kinds)
-    if isinstance(value, str) or not isinstance(value, Sequence):
-        raise TypeError(f"{name} = {value!r} must be a sequence of {wanted}")
-    for i, entry in enumerate(value):
-        if not isinstance(entry, kinds):
-            raise TypeError(f"{name}[{i}] = {entry!r} must be a {wanted}")
-    return tuple(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,22 +72,20 @@ class Scene(Written):
     parameters: Parameters = field(default_factory=Parameters)
 
     def __post_init__(self) -> None:
-        for name, kind in (
-            ("name", str),
-            ("grid", Grid),
-            ("material", Material),
-            ("scheme", Scheme),
-            ("gravity", Gravity),
-            ("parameters", Mapping),
-        ):
-            value = getattr(self, name)
-            if not isinstance(value, kind):
-                raise TypeError(f"{name} = {value!r} must be a {kind.__name__}")
+        kinds_of(
+            self,
+            name=str,
+            grid=Grid,
+            material=Material,
+            scheme=Scheme,
+            gravity=Gravity,
+            parameters=Mapping,
+        )
         checked = {
-            "fills": _tuple_of("fills", self.fills, (Fill,)),
-            "walls": _tuple_of("walls", self.walls, (Wall, Solid)),
-            "absorbers": _tuple_of("absorbers", self.absorbers, (Absorber,)),
-            "bodies": _tuple_of("bodies", self.bodies, (Body,)),
+            "fills": tuple_of("fills", self.fills, (Fill,)),
+            "walls": tuple_of("walls", self.walls, (Wall, Solid)),
+            "absorbers": tuple_of("absorbers", self.absorbers, (Absorber,)),
+            "bodies": tuple_of("bodies", self.bodies, (Body,)),
             "duration": positive("duration", self.duration),
             "seed": integer("seed", self.seed, 0, 2**63 - 1),
             "parameters": Parameters(self.parameters),

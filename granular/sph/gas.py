@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import geometry
-from granular.checks import in_range, positive, vector
+from granular.checks import in_range, positive, tuple_of, vector
 from granular.geometry import Box, Fill, Grid
 from granular.notebook import table
 
@@ -121,13 +120,7 @@ class Gas:
 
     def __post_init__(self) -> None:
         for name, kind in (("fills", Fill), ("jets", Jet)):
-            value = getattr(self, name)
-            if isinstance(value, str) or not isinstance(value, Sequence):
-                raise TypeError(f"{name} = {value!r} must be a sequence of {kind.__name__}")
-            for i, part in enumerate(value):
-                if not isinstance(part, kind):
-                    raise TypeError(f"{name}[{i}] = {part!r} must be a {kind.__name__}")
-            object.__setattr__(self, name, tuple(value))
+            object.__setattr__(self, name, tuple_of(name, getattr(self, name), (kind,)))
         names = ("pressure", "sound_speed", "viscosity", "permeability", "grain_density")
         checked: dict[str, object] = {name: positive(name, getattr(self, name)) for name in names}
         for name, low, high in (

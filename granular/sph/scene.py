@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from granular import geometry
-from granular.checks import integer, positive
+from granular.checks import integer, kinds_of, positive, tuple_of
 from granular.geometry import AXES, Fill, Grid
 from granular.notebook import table
 from granular.sph.gas import Gas, Jet
@@ -86,25 +86,17 @@ class Scene(Written):
     parameters: Parameters = field(default_factory=Parameters)
 
     def __post_init__(self) -> None:
-        for name, kind in (
-            ("name", str),
-            ("grid", Grid),
-            ("material", Viscoplastic),
-            ("numerics", Numerics),
-            ("gravity", Gravity),
-            ("parameters", Mapping),
-        ):
-            value = getattr(self, name)
-            if not isinstance(value, kind):
-                raise TypeError(f"{name} = {value!r} must be a {kind.__name__}")
+        kinds_of(
+            self,
+            name=str,
+            grid=Grid,
+            material=Viscoplastic,
+            numerics=Numerics,
+            gravity=Gravity,
+            parameters=Mapping,
+        )
         for name, kind in (("fills", Fill), ("walls", Wall)):
-            value = getattr(self, name)
-            if isinstance(value, str) or not isinstance(value, Sequence):
-                raise TypeError(f"{name} = {value!r} must be a sequence of {kind.__name__}")
-            for i, part in enumerate(value):
-                if not isinstance(part, kind):
-                    raise TypeError(f"{name}[{i}] = {part!r} must be a {kind.__name__}")
-            object.__setattr__(self, name, tuple(value))
+            object.__setattr__(self, name, tuple_of(name, getattr(self, name), (kind,)))
         if not isinstance(self.gas, Gas | None):
             raise TypeError(f"gas = {self.gas!r} must be a Gas or None")
         object.__setattr__(self, "duration", positive("duration", self.duration))
