@@ -178,7 +178,13 @@ static void filter(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_
     GR_SPH_2D_OR_3D(sph_filter, s, first, last, found);
 }
 
-static void stresses(struct gr_sph *s, int64_t first, int64_t last) { GR_SPH_2D_OR_3D(sph_stresses, s, first, last); }
+static void stresses(struct gr_sph *s, int64_t first, int64_t last)
+{
+    if (s->config.parameter[GR_SPH_P_shear_modulus] > 0)
+        GR_SPH_2D_OR_3D(sph_stresses, 1, s, first, last);
+    else
+        GR_SPH_2D_OR_3D(sph_stresses, 0, s, first, last);
+}
 
 static void forces(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {

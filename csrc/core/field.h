@@ -7,7 +7,7 @@
 #define GR_CORE_FIELD_H
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING };
+enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
 
 /* X(name, kind, needed by, unit, description) */
 #define GR_FIELDS(X)                                                                                                 \

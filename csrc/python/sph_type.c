@@ -118,27 +118,29 @@ static void sph_dealloc(struct sph_object *self)
 
 /* ---- buffers ---- */
 
-/* The arrays of a dict, checked. Returned: 0, or -1 with an exception set. */
+/* The arrays of a dict that the engine needs, checked, the ids last. Returned: how many, or -1 with an exception set. */
 static int take_buffers(const struct gr_sph *s, PyObject *buffers, PyArrayObject **arrays, double **row)
 {
     const char *names[GR_SPH_FIELD_COUNT + 1];
     npy_intp shape[2] = {0, -1};
-    int n_rows = 0;
+    int n = 0, n_rows = 0;
     for (int f = 0; f <= GR_SPH_FIELD_COUNT; f++) {
         const int is_id = f == GR_SPH_FIELD_COUNT;
-        PyObject *object = PyDict_GetItemString(buffers, names[f] = is_id ? "id" : gr_sph_field_table[f].name);
+        shape[0] = is_id ? 0 : gr_sph_components(s, f);
+        if (!is_id && !shape[0]) continue;
+        PyObject *object = PyDict_GetItemString(buffers, names[n] = is_id ? "id" : gr_sph_field_table[f].name);
         if (!object) {
-            PyErr_Format(PyExc_ValueError, "the buffer %s is missing", names[f]);
+            PyErr_Format(PyExc_ValueError, "the buffer %s is missing", names[n]);
             return -1;
         }
-        shape[0] = is_id ? 0 : gr_kind_components(gr_sph_field_table[f].kind, s->config.dim);
-        arrays[f] =
-            is_id ? gr_array(object, "id", NPY_INT64, 1, shape + 1, 1) : gr_array(object, names[f], NPY_DOUBLE, 2, shape, 1);
-        if (!arrays[f]) return -1;
-        shape[1] = PyArray_DIM(arrays[f], is_id ? 0 : 1);
-        for (int k = 0; k < shape[0]; k++) row[n_rows++] = (double *)PyArray_DATA(arrays[f]) + k * shape[1];
+        arrays[n] =
+            is_id ? gr_array(object, "id", NPY_INT64, 1, shape + 1, 1) : gr_array(object, names[n], NPY_DOUBLE, 2, shape, 1);
+        if (!arrays[n]) return -1;
+        shape[1] = PyArray_DIM(arrays[n], is_id ? 0 : 1);
+        for (int k = 0; k < shape[0]; k++) row[n_rows++] = (double *)PyArray_DATA(arrays[n]) + k * shape[1];
+        n++;
     }
-    return gr_refuse_overlap(arrays, names, GR_SPH_FIELD_COUNT + 1);
+    return gr_refuse_overlap(arrays, names, n) ? -1 : n;
 }
 
 /* bind(buffers, n_grains, wall_first, n_walls, fresh, gas_first, n_gas) */
@@ -153,8 +155,9 @@ static PyObject *sph_bind(struct sph_object *self, PyObject *args)
                           &n_gas))
         return NULL;
     struct gr_sph *s = ready(self, 0);
-    if (!s || take_buffers(s, buffers, arrays, row)) return NULL;
-    const npy_intp capacity = PyArray_DIM(arrays[GR_SPH_FIELD_COUNT], 0);
+    const int n_arrays = s ? take_buffers(s, buffers, arrays, row) : -1;
+    if (n_arrays < 0) return NULL;
+    const npy_intp capacity = PyArray_DIM(arrays[n_arrays - 1], 0);
     if (n_grains < 0 || n_walls < 0 || capacity > INT32_MAX || wall_first < GR_LANES || wall_first > capacity ||
         n_grains > wall_first - GR_LANES || n_walls > capacity - wall_first - GR_LANES)
         return PyErr_Format(PyExc_ValueError,
@@ -162,13 +165,13 @@ static PyObject *sph_bind(struct sph_object *self, PyObject *args)
                             "ones behind each",
                             n_grains, n_walls, wall_first, (Py_ssize_t)capacity, GR_LANES);
     if (gr_refuse_gas_rows(s, wall_first + n_walls, gas_first, n_gas, capacity)) return NULL;
-    for (int k = 0; k <= GR_SPH_FIELD_COUNT; k++) {
+    for (int k = 0; k < n_arrays; k++) {
         Py_INCREF(arrays[k]);
         Py_XSETREF(self->buffers[k], (PyObject *)arrays[k]);
     }
     gr_sph_place_gas(s, gas_first, n_gas);
     const int error =
-        gr_sph_bind(s, row, PyArray_DATA(arrays[GR_SPH_FIELD_COUNT]), capacity, n_grains, wall_first, n_walls, fresh);
+        gr_sph_bind(s, row, PyArray_DATA(arrays[n_arrays - 1]), capacity, n_grains, wall_first, n_walls, fresh);
     if (error) return gr_raise(error, NULL);
     Py_RETURN_NONE;
 }
@@ -269,8 +272,8 @@ static PyObject *sph_fields(struct sph_object *self, PyObject *unused)
     PyObject *list = s ? PyList_New(0) : NULL;
     for (int f = 0; list && f < GR_SPH_FIELD_COUNT; f++) {
         const struct gr_field_info *info = &gr_sph_field_table[f];
-        PyObject *row =
-            Py_BuildValue("siss", info->name, gr_kind_components(info->kind, s->config.dim), info->unit, info->doc);
+        if (!gr_sph_components(s, f)) continue;
+        PyObject *row = Py_BuildValue("siss", info->name, gr_sph_components(s, f), info->unit, info->doc);
         if (!row || PyList_Append(list, row)) Py_CLEAR(list);
         Py_XDECREF(row);
     }

@@ -49,7 +49,7 @@ static void make_spare(struct gr_sph *s, int64_t first, int64_t last)
     for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) {
         double *const *rows = gr_sph_rows(s, f);
         const int place = f == GR_SPH_FIELD_x || f == GR_SPH_FIELD_anchor;
-        for (int k = 0; k < gr_kind_components(gr_sph_field_table[f].kind, s->config.dim); k++)
+        for (int k = 0; k < gr_sph_components(s, f); k++)
             for (int64_t a = first; a < last; a++) rows[k][a] = place ? far_away : 0.0;
     }
     for (int64_t a = first; a < last; a++) s->id[a] = -1, s->lump[a] = s->volume[a] = 0.0;

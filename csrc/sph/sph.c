@@ -65,6 +65,12 @@ static int own(const double **array, int64_t n)
     return copy ? GR_OK : GR_ERR_MEMORY;
 }
 
+/* Square of the speed of sound at rho0, m^2/s^2: of waves of compression, with the elastic shear that goes with them. */
+static double slow_sound2(const double *p)
+{
+    return (1.5 * p[GR_SPH_P_kappa] + 4.0 / 3.0 * p[GR_SPH_P_shear_modulus]) / p[GR_SPH_P_rho0];
+}
+
 int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lanes)
 {
     struct gr_sph *s = *out = calloc(1, sizeof *s);
@@ -80,7 +86,7 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
     }
     if (!error) {
         const double *p = s->config.parameter;
-        s->speed2 = 1.5 * p[GR_SPH_P_kappa] / p[GR_SPH_P_rho0];
+        s->speed2 = slow_sound2(p);
         s->dt = gr_sph_stable_dt(s);
         return GR_OK;
     }
@@ -150,7 +156,7 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
                 int64_t n_walls, int fresh)
 {
     int n_rows = 0;
-    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) n_rows += gr_kind_components(gr_sph_field_table[f].kind, s->config.dim);
+    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) n_rows += gr_sph_components(s, f);
     if (!s->gas) gr_sph_place_gas(s, capacity, 0);
     if (n_grains < 0 || n_walls < 0 || s->n_gas < 0 || n_grains + GR_LANES > wall_first || capacity > INT32_MAX ||
         wall_first + n_walls + GR_LANES > s->gas_first || s->gas_first + s->n_gas + (s->gas ? GR_LANES : 0) > capacity)
@@ -370,7 +376,7 @@ static void end_step(struct team *team)
     struct gr_sph *s = team->s;
     const double *p = s->config.parameter;
     const struct gr_sph_found all = gathered(s, team->barrier.threads);
-    s->speed2 = fmax(all.speed2, 1.5 * p[GR_SPH_P_kappa] / p[GR_SPH_P_rho0]);
+    s->speed2 = fmax(all.speed2, slow_sound2(p));
     s->acceleration2 = all.acceleration2, s->gas_speed2 = all.gas_speed2;
     s->started = 1;
 }

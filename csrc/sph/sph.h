@@ -23,6 +23,7 @@
     X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity; that of a wall point is given")                                \
     X(anchor, GR_VECTOR, GR_ALWAYS, "m", "position for which the list of neighbours was made")                  \
     X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                               \
+    X(elastic_stress, GR_STRESS, GR_ELASTIC, "Pa", "elastic part of the shear stress, without trace")           \
     X(normal, GR_VECTOR, GR_ALWAYS, "1", "unit vector from a wall point into the material; of grains not used") \
     X(depth, GR_SCALAR, GR_ALWAYS, "m", "depth of a wall point below the surface of its wall")                  \
     X(wall, GR_SCALAR, GR_ALWAYS, "1", "number of the wall that a wall point belongs to")                       \
@@ -54,6 +55,7 @@ extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
     X(mu_h, 1, "1", "friction at high rates")                                                 \
     X(D_star, 0, "1/s", "shear rate halfway between them")                                    \
     X(cohesion, 1, "Pa", "shear strength without pressure")                                   \
+    X(shear_modulus, 1, "Pa", "elastic shear modulus; 0: none below the strength")            \
     X(mu_wall, 1, "1", "friction between grains and walls, where they have one of their own") \
     X(dilation, 1, "1", "largest rate of dilation that adds to the friction")                 \
     X(regularisation, 0, "1", "largest viscosity, in rho h^2/dt")                             \
@@ -132,11 +134,19 @@ struct gr_sph {
     struct gr_sph_found found[GR_MAX_THREADS];
 };
 
+/* Components of a field; 0 if nothing needs it. */
+static inline int gr_sph_components(const struct gr_sph *s, int field)
+{
+    const struct gr_field_info *info = &gr_sph_field_table[field];
+    const int needed = info->need == GR_ALWAYS || s->config.parameter[GR_SPH_P_shear_modulus] > 0;
+    return needed ? gr_kind_components(info->kind, s->config.dim) : 0;
+}
+
 /* The rows of a field, its components one after the other. */
 static inline double *const *gr_sph_rows(const struct gr_sph *s, int field)
 {
     int first = 0;
-    for (int f = 0; f < field; f++) first += gr_kind_components(gr_sph_field_table[f].kind, s->config.dim);
+    for (int f = 0; f < field; f++) first += gr_sph_components(s, f);
     return s->row + first;
 }
 

@@ -79,7 +79,8 @@ GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last
     for (int64_t a = first; a < last; a++) {
         rho[a] = s->rho_plain[a] / (norm * sph_sum(dim, s, s->lump, a));
         s->volume[a] = mass[a] / rho[a];
-        const double ratio = rho[a] / rho0, c2 = 1.5 * p[GR_SPH_P_kappa] * ratio * sqrt(ratio) / rho[a];
+        const double ratio = rho[a] / rho0;
+        const double c2 = (1.5 * p[GR_SPH_P_kappa] * ratio * sqrt(ratio) + 4.0 / 3.0 * p[GR_SPH_P_shear_modulus]) / rho[a];
         if (c2 > found->speed2) found->speed2 = c2;
     }
 }
@@ -104,18 +105,21 @@ GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal,
     return v_select(v_gt(height, zero), z, largest);
 }
 
-/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D. */
-GR_INLINE void sph_add_rates(int dim, int pair, const struct gr_sph *s, int64_t a, int64_t first, int64_t last, vd *D)
+/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D and, where the material is
+ * elastic, V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
+GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph *s, int64_t a, int64_t first, int64_t last,
+                             vd *D, vd *spin)
 {
     double *const *x = s->row, *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     double *const *normal = gr_sph_rows(s, GR_SPH_FIELD_normal);
     const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const int artificial = pair != SPH_SAME && s->config.parameter[GR_SPH_P_z_max] > 1.0;
     for (int64_t k = first; k < last; k++) {
         const struct gr_block block = s->block[k];
         vd d[3], dv[3];
         const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
         vd weight = v_load(s->volume + block.row) * sph_slope(r2, per_h);
-        if (pair != SPH_SAME) weight = weight * sph_factor(pair, s, normal, depth, a, block.row, dim, d);
+        if (artificial) weight = weight * sph_factor(pair, s, normal, depth, a, block.row, dim, d);
         for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + block.row) - v_set(v[i][a]));
         for (int i = 0; i < dim; i++) D[i] = v_fma(v_set(2.0) * dv[i], d[i], D[i]);
         D[3] = v_fma(dv[0], d[1], v_fma(dv[1], d[0], D[3]));
@@ -123,64 +127,120 @@ GR_INLINE void sph_add_rates(int dim, int pair, const struct gr_sph *s, int64_t 
             D[4] = v_fma(dv[1], d[2], v_fma(dv[2], d[1], D[4]));
             D[5] = v_fma(dv[0], d[2], v_fma(dv[2], d[0], D[5]));
         }
+        if (!elastic) continue;
+        spin[0] = v_fma(dv[1], d[0], v_fnma(dv[0], d[1], spin[0]));
+        if (dim == 3) {
+            spin[1] = v_fma(dv[2], d[1], v_fnma(dv[1], d[2], spin[1]));
+            spin[2] = v_fma(dv[0], d[2], v_fnma(dv[2], d[0], spin[2]));
+        }
     }
 }
 
 struct sph_law {
-    double p, tau, tau_wall, least_rate; /* shear strengths in the bulk and against walls; |D| of the largest viscosity
-                                            is least_rate times the strength */
+    double p, tau, tau_wall; /* pressure, shear strengths in the bulk and against walls */
 };
 
 /* Pressure and strength (eqs. 5.5, 5.7, 5.8). */
 static struct sph_law sph_strength(const struct gr_sph *s, int64_t a, double rho, double rate, double div)
 {
-    const double *c = s->config.parameter, h = c[GR_SPH_P_h];
+    const double *c = s->config.parameter;
     const double ratio = rho / (a < s->wall_first ? c[GR_SPH_P_rho0] : c[GR_SPH_P_rho0_wall]);
     const double p = ratio > 1.0 ? c[GR_SPH_P_kappa] * (ratio * sqrt(ratio) - 1.0) : 0.0;
     const double mu = c[GR_SPH_P_mu_l] + (c[GR_SPH_P_mu_h] - c[GR_SPH_P_mu_l]) * rate / (c[GR_SPH_P_D_star] + rate);
     double beta = rate > 0.0 ? div / rate : 0.0;
     beta = beta < 0.0 ? 0.0 : beta > c[GR_SPH_P_dilation] ? c[GR_SPH_P_dilation] : beta;
     const double mu_wall = s->config.wall_friction ? c[GR_SPH_P_mu_wall] : mu;
-    return (struct sph_law){p, (mu + beta) * p + c[GR_SPH_P_cohesion], (mu_wall + beta) * p + c[GR_SPH_P_cohesion],
-                            s->dt / (c[GR_SPH_P_regularisation] * h * h * rho)};
+    return (struct sph_law){p, (mu + beta) * p + c[GR_SPH_P_cohesion], (mu_wall + beta) * p + c[GR_SPH_P_cohesion]};
 }
 
-/* tau/|D|, the viscosity, at most that of the regularisation. */
-static double sph_viscosity(double tau, double rate, double least_rate)
+/* |T| = sqrt(T:T/2). */
+GR_INLINE double sph_size(const double *T)
 {
-    const double least = least_rate * tau;
-    return tau > 0.0 ? tau / (rate > least ? rate : least) : 0.0;
+    return sqrt(0.5 * (T[0] * T[0] + T[1] * T[1] + T[2] * T[2]) + T[3] * T[3] + T[4] * T[4] + T[5] * T[5]);
 }
 
-/* Rate of strain (eqs. 5.2, 5.21) and stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. */
-GR_INLINE void sph_stresses(int dim, struct gr_sph *s, int64_t first, int64_t last)
+/* Of a trial stress so much that it is not more than the strength. */
+static double sph_share(double tau, double size) { return tau >= size ? 1.0 : tau / size; }
+
+/* A stress turned as the material has in a step: Q T Q^T with Q of the quaternion (1, spin dt/2). */
+GR_INLINE void sph_turn(int dim, const double *spin, double dt, double *T)
+{
+    static const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
+    const double x = dim == 3 ? 0.5 * dt * spin[1] : 0.0, y = dim == 3 ? 0.5 * dt * spin[2] : 0.0, z = 0.5 * dt * spin[0];
+    const double per = 2.0 / (1.0 + x * x + y * y + z * z);
+    const double Q[3][3] = {{1.0 - per * (y * y + z * z), per * (x * y - z), per * (x * z + y)},
+                            {per * (x * y + z), 1.0 - per * (x * x + z * z), per * (y * z - x)},
+                            {per * (x * z - y), per * (y * z + x), 1.0 - per * (x * x + y * y)}};
+    double half[3][3], turned[6];
+    for (int i = 0; i < dim; i++)
+        for (int j = 0; j < dim; j++) {
+            half[i][j] = 0.0;
+            for (int k = 0; k < dim; k++) half[i][j] += Q[i][k] * T[place[k][j]];
+        }
+    for (int i = 0; i < dim; i++)
+        for (int j = i; j < dim; j++) {
+            turned[place[i][j]] = 0.0;
+            for (int k = 0; k < dim; k++) turned[place[i][j]] += half[i][k] * Q[j][k];
+        }
+    for (int i = 0; i < dim; i++)
+        for (int j = i; j < dim; j++) T[place[i][j]] = turned[place[i][j]];
+}
+
+/* The elastic stress after a step, from that before it, the shear stress and its viscosity: the strain that is not
+ * plastic strains spring and dashpot alike. Never more than the strength, so that what comes apart forgets. */
+GR_INLINE void sph_relax(double stiffness, double eta, double tau, const double *shear, double *elastic)
+{
+    const double mean = (shear[0] + shear[1] + shear[2]) / 3.0, share = stiffness / (stiffness + eta);
+    for (int k = 0; k < 6; k++) elastic[k] += share * (shear[k] - (k < 3 ? mean : 0.0) - elastic[k]);
+    const double kept = sph_share(tau, sph_size(elastic));
+    for (int k = 0; k < 6; k++) elastic[k] *= kept;
+}
+
+/* Rate of strain (eqs. 5.2, 5.21) and stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. Below its strength
+ * the material has the largest viscosity eta and, beside it, the shear modulus G:
+ * |T| <= mu p + c of T = E + eta D + G dt dev D, E the elastic stress so far. */
+GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last)
 {
     double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
     double *rate = gr_sph_rows(s, GR_SPH_FIELD_shear_rate)[0];
-    const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0], h = s->config.parameter[GR_SPH_P_h];
-    const double scale = sph_norm(dim, h) / (h * h);
+    double *const *old = gr_sph_rows(s, GR_SPH_FIELD_elastic_stress);
+    const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0], *c = s->config.parameter, h = c[GR_SPH_P_h];
+    const double scale = sph_norm(dim, h) / (h * h), stiffness = c[GR_SPH_P_shear_modulus] * s->dt;
     const int is_wall = first >= s->wall_first, n_rows = dim == 2 ? 4 : 6;
     for (int64_t a = first; a < last; a++) {
-        vd sums[6] = {v_set(0.0), v_set(0.0), v_set(0.0), v_set(0.0), v_set(0.0), v_set(0.0)};
-        double D[6];
+        vd sums[9];
+        double D[6], trial[6], kept[6] = {0};
+        for (int k = 0; k < 9; k++) sums[k] = v_set(0.0);
         if (is_wall) { /* the points of walls do not strain each other */
-            sph_add_rates(dim, SPH_FROM_WALL, s, a, s->begin[a], s->middle[a], sums);
+            sph_add_rates(dim, SPH_FROM_WALL, elastic, s, a, s->begin[a], s->middle[a], sums, sums + 6);
         } else {
-            sph_add_rates(dim, SPH_SAME, s, a, s->begin[a], s->middle[a], sums);
-            if (s->middle[a] < s->end[a]) sph_add_rates(dim, SPH_TO_WALL, s, a, s->middle[a], s->end[a], sums);
+            sph_add_rates(dim, SPH_SAME, elastic, s, a, s->begin[a], s->middle[a], sums, sums + 6);
+            if (s->middle[a] < s->end[a])
+                sph_add_rates(dim, SPH_TO_WALL, elastic, s, a, s->middle[a], s->end[a], sums, sums + 6);
         }
         for (int k = 0; k < 6; k++) D[k] = scale * v_sum(sums[k]);
-        const double div = 0.5 * (D[0] + D[1] + D[2]);
-        rate[a] = sqrt(0.5 * (D[0] * D[0] + D[1] * D[1] + D[2] * D[2]) + D[3] * D[3] + D[4] * D[4] + D[5] * D[5]);
+        const double div = 0.5 * (D[0] + D[1] + D[2]), eta = c[GR_SPH_P_regularisation] * h * h * rho[a] / s->dt;
+        rate[a] = sph_size(D);
         const struct sph_law law = sph_strength(s, a, rho[a], rate[a], div);
-        const double eta = sph_viscosity(law.tau, rate[a], law.least_rate);
-        const double eta_wall = sph_viscosity(law.tau_wall, rate[a], law.least_rate), per_rho2 = 1.0 / (rho[a] * rho[a]);
+        if (elastic) {
+            double spin[3];
+            for (int k = 0; k < 3; k++) spin[k] = 0.5 * scale * v_sum(sums[6 + k]);
+            for (int k = 0; k < n_rows; k++) kept[k] = old[k][a];
+            sph_turn(dim, spin, s->dt, kept);
+        }
+        for (int k = 0; k < 6; k++) trial[k] = kept[k] + (eta + stiffness) * D[k] - (k < 3 ? stiffness * div / 1.5 : 0.0);
+        const double size = sph_size(trial), share = sph_share(law.tau, size), wall_share = sph_share(law.tau_wall, size);
+        const double per_rho2 = 1.0 / (rho[a] * rho[a]);
         for (int k = 0; k < n_rows; k++) {
             const double p = k < 3 ? law.p : 0.0;
-            stress[k][a] = eta * D[k] - p;
+            stress[k][a] = share * trial[k] - p;
             s->pull[k][a] = per_rho2 * stress[k][a];
-            s->wall_pull[k][a] = per_rho2 * (eta_wall * D[k] - p);
+            s->wall_pull[k][a] = per_rho2 * (wall_share * trial[k] - p);
         }
+        if (!elastic) continue;
+        for (int k = 0; k < 6; k++) trial[k] *= share;
+        sph_relax(stiffness, eta, law.tau, trial, kept);
+        for (int k = 0; k < n_rows; k++) old[k][a] = kept[k];
     }
 }
 

@@ -41,6 +41,11 @@ class Viscoplastic:
     kappa : float
         Stiffness [Pa], > 0; the bulk modulus at rho0 is 1.5 kappa. The thesis takes it so low that
         a time step is long; it must be large against the pressure.
+    nu : float
+        Poisson's ratio of what does not flow, 0 to 0.5. The thesis gives no stress to |D| = 0; here
+        the shear stress below the strength is that of a spring, whose shear modulus is
+        `shear_modulus`, beside the largest viscosity of `Numerics.regularisation`, so that slopes
+        below the friction stand. With 0.5 there is no spring, and they creep.
     dilation : float
         Largest beta, 0 to 1; 0 leaves dilation out, the thesis takes 0.5.
     mu_wall : float or None
@@ -59,6 +64,7 @@ class Viscoplastic:
     D_star: float = 20.0
     cohesion: float = 0.0
     kappa: float = 1e5
+    nu: float = 0.45
     dilation: float = 0.0
     mu_wall: float | None = None
 
@@ -68,6 +74,7 @@ class Viscoplastic:
         }
         for name in ("mu_l", "mu_h", "cohesion"):
             checked[name] = non_negative(name, getattr(self, name))
+        checked["nu"] = in_range("nu", self.nu, 0.0, 0.5)
         checked["dilation"] = in_range("dilation", self.dilation, 0.0, 1.0)
         if self.mu_wall is not None:
             checked["mu_wall"] = non_negative("mu_wall", self.mu_wall)
@@ -84,12 +91,17 @@ class Viscoplastic:
         """Whether it yields: always."""
         return True
 
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus [Pa], G = 3 K (1 - 2 nu)/(2 (1 + nu)) with K = 1.5 kappa."""
+        return 2.25 * self.kappa * (1.0 - 2.0 * self.nu) / (1.0 + self.nu)
+
     @classmethod
     def matching(cls, material: MuI, pressure: float, **changes: Any) -> Self:
         """The grains of a mu(I) law, whose friction depends on the rate and the pressure.
 
-        Density, frictions and bulk modulus (K = 1.5 kappa at rho0) are the same; D_star is the
-        rate at which I = I0 under the given pressure, xi sqrt(p), so that the laws agree there and
+        Density, frictions, bulk modulus (K = 1.5 kappa at rho0) and Poisson's ratio are the same;
+        D_star is the rate at which I = I0 under the given pressure, xi sqrt(p), so that the laws agree there and
         nowhere else.
 
         Parameters
@@ -113,6 +125,7 @@ class Viscoplastic:
             "mu_h": material.mu_2,
             "D_star": material.xi * math.sqrt(positive("pressure", pressure)),
             "kappa": material.K / 1.5,
+            "nu": material.nu,
         }
         return cls(**(given | changes))
 
@@ -127,8 +140,8 @@ class Viscoplastic:
 
     @property
     def wave_speed(self) -> float:
-        """Speed of sound at rho0 [m/s], sqrt(1.5 kappa/rho0) (eq. 5.6)."""
-        return math.sqrt(1.5 * self.kappa / self.rho0)
+        """Speed of sound at rho0 [m/s], sqrt((1.5 kappa + 4 G/3)/rho0) (eq. 5.6 with G = 0)."""
+        return math.sqrt((1.5 * self.kappa + 4.0 / 3.0 * self.shear_modulus) / self.rho0)
 
     def _repr_html_(self) -> str:
         return table(

@@ -34,13 +34,17 @@ class Numerics:
     regularisation : float
         Largest viscosity in rho h^2/dt: |D| is not taken smaller than (mu p + c) dt/(k h^2 rho)
         with this k, 0.01 to 1.5. It is the third limit of eq. 5.28 turned round: as |D| goes to
-        zero the viscosity grows without bound, and no step would be short enough. What is below
-        creeps at that rate; larger k jitters.
+        zero the viscosity grows without bound, and no step would be short enough. Larger k
+        jitters. What strains more slowly is held by the spring of `Viscoplastic.nu`; without one it
+        creeps at that rate.
     wall_density : float
         rho0 of the points of walls, as a share of the material's, 0.9 to 1. Their pressure begins
         earlier, so that grains do not go through; grains next to the wall have less.
     z_max : float
-        Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2.
+        Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2. With 1 points of a
+        wall have its velocity; the thesis takes 1.5. Above 1 rates of strain weigh a wall more than
+        forces do, so that it does work on grains at rest: heaps on a floor of less friction than
+        their own then keep .05 m/s.
 
     Raises
     ------
@@ -52,9 +56,9 @@ class Numerics:
     skin: float = 0.3
     cfl: float = 1.0
     dt: float | None = None
-    regularisation: float = 1.0
+    regularisation: float = 0.5
     wall_density: float = 0.97
-    z_max: float = 1.5
+    z_max: float = 1.0
 
     def __post_init__(self) -> None:
         ranges = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -31,9 +32,9 @@ def run_to_rest(
     """Run until the profile of a heap is frozen.
 
     It is when the grains move, in the root of the mean square, by less than a share of their
-    fastest so far. Hurley's thesis stops when the kinetic energy is below 1e-5 J/m3, which is never
-    reached: as the viscosity is bounded, a slope creeps for ever, at a rate in proportion to the
-    time step. What changes from then on is creep.
+    fastest so far. Hurley's thesis stops when the kinetic energy is below 1e-5 J/m3, which is not
+    reached: a few grains on the surface of a heap keep moving, and without a spring
+    (`Viscoplastic.nu` = 0.5) a slope creeps for ever, at a rate in proportion to the time step.
 
     Parameters
     ----------
@@ -66,7 +67,9 @@ def run_to_rest(
         simulation.run(min(after, until), every=interval, hooks=hooks)
     largest = 0.0
     while simulation.time < until:
-        simulation.run(min(simulation.time + interval, until), every=interval, hooks=hooks)
+        # at the times at which hooks are called
+        look = interval * (math.floor(simulation.time / interval) + 1)
+        simulation.run(min(look, until), every=interval, hooks=hooks)
         now = _speed(simulation.state)
         largest = max(largest, now)
         if now < share * largest:

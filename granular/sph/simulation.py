@@ -73,6 +73,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
             "mu_h": material.mu_h,
             "D_star": material.D_star,
             "cohesion": material.cohesion,
+            "shear_modulus": material.shear_modulus,
             "mu_wall": material.mu_wall or 0.0,
             "dilation": material.dilation,
             "regularisation": numerics.regularisation,

@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+from scipy.linalg import expm
 
 
 def kernel(dim, h, d):
@@ -28,8 +29,42 @@ def images(scene, x):
     return [np.array(k) * lengths for k in itertools.product(*steps)]
 
 
-def evaluate(scene, grains, walls, dt, gravity):
-    """Densities, rates, stresses (n, dim, dim); accelerations of the grains, which are first."""
+def size(T):
+    """|T| = sqrt(T:T/2) of many tensors."""
+    return np.sqrt(0.5 * (T**2).sum((1, 2)))
+
+
+def within(T, strength):
+    """Tensors cut to a strength."""
+    norm = size(T)
+    share = np.where(norm > strength, strength / np.maximum(norm, 1e-300), 1.0)
+    return share[:, None, None] * T
+
+
+def deviator(T):
+    return T - np.trace(T, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+
+
+def velocity_gradients(scene, pairs, x, v, volume, wall, walls, n_grains):
+    """L (n, 3, 3), zero out of a plane; wall points strain by grains alone."""
+    dim, n = scene.dim, scene.numerics
+    L = np.zeros((len(x), 3, 3))
+    normal = np.concatenate([np.zeros((n_grains, dim)), walls["normal"]])
+    depth = np.concatenate([np.zeros(n_grains), walls["depth"]])
+    for d, weight, grad in pairs:
+        dv = v[None] - v[:, None]
+        dv[wall[:, None] & wall[None]] = 0
+        for a, b in np.argwhere((wall[:, None] != wall[None]) & (weight > 0)):
+            w, sign = (a, 1) if wall[a] else (b, -1)
+            height = sign * normal[w] @ d[a, b] - depth[w]
+            dv[a, b] *= n.z_max if height <= 0 else min(n.z_max, 1 + depth[w] / height)
+        L[:, :dim, :dim] += np.einsum("b,abi,abj->aij", volume, dv, grad)
+    return L
+
+
+def evaluate(scene, grains, walls, dt, gravity, elastic):
+    """Densities, rates, stresses (n, 3, 3), accelerations of the grains, which are first, and
+    elastic stresses (n, 3, 3) after a step from those before it."""
     dim, h, m, n = scene.dim, scene.h, scene.material, scene.numerics
     x, v = (np.concatenate([grains[k], walls[k]]) for k in ("x", "v"))
     mass = np.full(len(x), scene.point_mass)
@@ -41,39 +76,35 @@ def evaluate(scene, grains, walls, dt, gravity):
     plain = sum((mass * w).sum(1) for _, w, _ in pairs)
     rho = plain / sum((mass / plain * w).sum(1) for _, w, _ in pairs)
 
-    L = np.zeros((len(x), dim, dim))
-    normal = np.concatenate([np.zeros_like(grains["x"]), walls["normal"]])
-    depth = np.concatenate([np.zeros(len(grains["x"])), walls["depth"]])
-    for d, weight, grad in pairs:
-        dv = v[None] - v[:, None]
-        dv[wall[:, None] & wall[None]] = 0
-        for a, b in np.argwhere((wall[:, None] != wall[None]) & (weight > 0)):
-            w, sign = (a, 1) if wall[a] else (b, -1)
-            height = sign * normal[w] @ d[a, b] - depth[w]
-            dv[a, b] *= n.z_max if height <= 0 else min(n.z_max, 1 + depth[w] / height)
-        L += np.einsum("b,abi,abj->aij", mass / rho, dv, grad)
+    L = velocity_gradients(scene, pairs, x, v, mass / rho, wall, walls, len(grains["x"]))
     D = L + L.transpose(0, 2, 1)
-    rate = np.sqrt(0.5 * (D**2).sum((1, 2)))
+    rate = size(D)
     rho0 = np.where(wall, n.wall_density * m.rho0, m.rho0)
     p = np.where(rho > rho0, m.kappa * ((rho / rho0) ** 1.5 - 1), 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         beta = np.nan_to_num(np.clip(0.5 * np.trace(D, axis1=1, axis2=2) / rate, 0, m.dilation))
         mu = m.mu_l + (m.mu_h - m.mu_l) / (m.D_star / rate + 1)
 
-    def stress(mu):
-        tau = (mu + beta) * p + m.cohesion
-        least = tau * dt / (n.regularisation * h**2 * rho)
-        over = np.maximum(rate, least)
-        eta = np.divide(tau, over, out=np.zeros_like(tau), where=over > 0)
-        return eta[:, None, None] * D - p[:, None, None] * np.eye(dim)
+    turns = [expm(0.5 * dt * (a - a.T)) for a in L]
+    kept = np.array([Q @ E @ Q.T for Q, E in zip(turns, elastic, strict=True)])
+    K, nu = 1.5 * m.kappa, m.nu
+    G = 3 * K * (1 - 2 * nu) / (2 * (1 + nu))
+    eta = (n.regularisation * h**2 * rho / dt)[:, None, None]
+    trial = kept + eta * D + G * dt * deviator(D)
+    strength = (mu + beta) * p + m.cohesion
+    shear = within(trial, strength)
+    bulk = shear - p[:, None, None] * np.eye(3)
+    mu_wall = mu if m.mu_wall is None else m.mu_wall
+    at_wall = within(trial, (mu_wall + beta) * p + m.cohesion) - p[:, None, None] * np.eye(3)
+    # the strain of spring and dashpot together is what leaves the shear stress that is left
+    strained = (deviator(shear) - kept) / (eta + G * dt)
+    elastic = within(kept + G * dt * strained, strength)
 
-    bulk = stress(mu)
-    at_wall = bulk if m.mu_wall is None else stress(np.full_like(mu, m.mu_wall))
     a = np.tile(np.array(gravity, dtype=float), (len(x), 1))
     for _, _, grad in pairs:
         for s, chosen in ((bulk, ~wall), (at_wall, wall)):
-            T = s / rho[:, None, None] ** 2
+            T = s[:, :dim, :dim] / rho[:, None, None] ** 2
             both = T[:, None] + T[None]
             weight = np.where(chosen, mass, 0.0)
             a += np.einsum("b,abij,abj->ai", weight, both, grad)
-    return rho, rate, bulk, a[~wall]
+    return rho, rate, bulk, a[~wall], elastic

@@ -23,7 +23,7 @@ GAP_PRESSURE = 0.8
 def _numerics() -> Numerics:
     """A wider kernel, which the gas needs, and half the largest viscosity: with all of it beds
     never come to rest, and their noise is that of the gas."""
-    return Numerics(smoothing=1.5, regularisation=0.5)
+    return Numerics(smoothing=1.5)
 
 
 def fluidised_bed(
