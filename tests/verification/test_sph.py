@@ -104,7 +104,7 @@ def test_pressure_of_a_bed_is_its_overburden(nu):
     simulation.run(1.5)
     state = simulation.state
     y = state.x[:, 1]
-    rows = [np.abs(y - (k + 0.5) * 0.01) < 0.004 for k in range(20)]
+    rows = [np.abs(y - (k + 0.5) * 0.01) < 0.005 for k in range(20)]
     ratio, sideways = [], []
     for row in rows[:16]:
         above = state.mass[y > y[row].mean() + 0.004].sum() + 0.5 * state.mass[row].sum()
