@@ -13,6 +13,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -108,30 +109,47 @@ def watched(scene: sph.Scene, threads: int, every: float, look: Callable[[gr.Sta
     return simulation, np.array(times), looks, row
 
 
-def repose(threads: int, cfl: float = 1.0, **keywords: Any) -> dict[str, Any]:
-    """Angles at the end and a second before, whose difference is the creep."""
-    scene = sph.scenes.slump(numerics=sph.Numerics(cfl=cfl), **keywords)
-    _, times, angles, row = watched(scene, threads, 0.5, slope_deg)
-    last = np.array(angles)[times > times[-1] - 2.1]
+def choices(creeping: bool, cfl: float) -> tuple[sph.Numerics, dict[str, float]]:
+    """Numerics, and what changes in the material; creeping is as near to the thesis as can be."""
+    if not creeping:
+        return sph.Numerics(cfl=cfl), {}
+    return sph.Numerics(cfl=cfl, regularisation=1.0, z_max=1.5), {"nu": 0.5}
+
+
+def repose(
+    threads: int, creeping: bool = False, cfl: float = 1.0, **keywords: Any
+) -> dict[str, Any]:
+    """Angle at the end as a mean of a second, its fall in two seconds before, and the largest."""
+    numerics, changes = choices(creeping, cfl)
+    scene = sph.scenes.slump(numerics=numerics, **keywords)
+    scene = scene.replace(material=scene.material.replace(**changes))
+
+    def look(state: gr.State) -> tuple[float, float]:
+        return slope_deg(state), float(np.sqrt(np.mean((state.v**2).sum(axis=1))))
+
+    _, times, looks, row = watched(scene, threads, 0.25, look)
+    angles, speeds = (np.array(values) for values in zip(*looks, strict=True))
+    last = angles[times > times[-1] - 1.1].mean()
+    before = angles[(times > times[-1] - 3.1) & (times < times[-1] - 1.9)].mean()
     return row | {
-        "angle_deg": angles[-1],
-        "creep_deg_per_s": float((last[0] - last[-1]) / 2.0),
-        "largest_deg": max(angles),
+        "angle_deg": float(last),
+        "creep_deg_per_s": float((before - last) / 2.0),
+        "largest_deg": float(angles.max()),
+        "speed": float(speeds[-1]),
     }
 
 
 def column(threads: int, material: str, dilation: float, **keywords: Any) -> dict[str, Any]:
     """Run-out and height at rest, and how they still change in the last half second."""
-    fitting = keywords.pop("fitting", False)
-    numerics = sph.Numerics(cfl=keywords.pop("cfl", 1.0))
-    changes = {k: keywords.pop(k) for k in ("kappa", "mu_l", "mu_wall") if k in keywords}
+    creeping = keywords.pop("creeping", False)
+    numerics, changes = choices(creeping, keywords.pop("cfl", 1.0))
+    numerics = replace(numerics, wall_density=keywords.pop("wall_density", None))
+    changes |= {k: keywords.pop(k) for k in ("kappa", "mu_l", "mu_wall") if k in keywords}
     if "mu_l" in changes:
         changes["mu_h"] = changes["mu_l"]
     grains = getattr(sph, material).replace(dilation=dilation, **changes)
-    if fitting:
-        numerics = sph.Numerics.fitting(grains)
     scene = sph.scenes.column_collapse(material=grains, numerics=numerics, **keywords)
-    if numerics.cfl < 1.0:
+    if creeping:
         return at_rest(scene, threads)
     _, times, looks, row = watched(scene, threads, 0.1, far)
     before = looks[int(np.searchsorted(times, times[-1] - 0.5))]
@@ -214,24 +232,24 @@ RUNS = {"repose": repose, "column": column, "inclined": inclined, "incline": lay
 
 def cases() -> Iterator[Case]:
     """All cases in the order in which they are run."""
-    for step in ({}, SHORT):
+    for way in ({}, CREEPING):
         for material, aspects, size in (("grit", GRIT, {}), ("glass", GLASS, FINE)):
             for dilation in BETAS:
                 for aspect in aspects:
                     of = {"material": material, "dilation": dilation, "aspect": aspect}
-                    yield "column", of | size | step
+                    yield "column", of | size | way
     for phi in PHIS:
         for dilation in BETAS:
-            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 10.0}
+            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 16.0}
     for angle in ANGLES:
         for dilation in BETAS:
             yield "incline", {"angle_deg": angle, "dilation": dilation, "duration": 10.0}
     yield from studies()
-    for phi in (20.0, 30.0):
-        yield "repose", {"phi_deg": phi, "dilation": 0.0, "duration": 10.0, "cfl": 0.5}
     for phi in PHIS[:3]:
-        for dilation in BETAS:
-            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 8.0} | SHORT
+        for step in (1.0, 0.25):
+            of = {"phi_deg": phi, "dilation": 0.0, "duration": 8.0}
+            yield "repose", of | CREEPING | {"cfl": step}
+    yield from in_space()
     for side_walls, width in ((False, 0.04), (True, 0.1)):
         for angle, reach in SLOPES.items():
             for dilation in BETAS:
@@ -248,9 +266,20 @@ def cases() -> Iterator[Case]:
                 )
 
 
-SHORT = {"cfl": 0.25}
-"""A quarter of the time step, so that there is less creep, and stopped at rest."""
+CREEPING = {"creeping": True, "cfl": 0.25}
+"""Without a spring, stopped at rest; a quarter of the time step, so that there is less creep."""
 FINE = {"length": 0.025, "spacing": 0.005}
+
+
+def in_space() -> Iterator[Case]:
+    """Columns and a slope with a periodic width, as in the thesis."""
+    for dilation in BETAS:
+        for aspect in GRIT[::2]:
+            of = {"material": "grit", "dilation": dilation, "aspect": aspect}
+            yield "column", of | {"width": 0.06}
+    for dilation in BETAS:
+        of = {"phi_deg": 30.0, "dilation": dilation, "duration": 12.0}
+        yield "repose", of | {"width": 0.06}
 
 
 def studies() -> Iterator[Case]:
@@ -259,7 +288,7 @@ def studies() -> Iterator[Case]:
     for kappa in (1e5, 1e6, 1e7):
         yield "study", common | {"kappa": kappa}
     for kappa in (1e6, 1e7):
-        yield "study", common | {"kappa": kappa, "fitting": True}
+        yield "study", common | {"kappa": kappa, "wall_density": 0.97}
     for mu, mu_wall in FRICTIONS[1:]:
         yield "study", common | {"mu_l": mu, "mu_wall": mu_wall}
     for spacing in (0.005, 0.0025):
@@ -279,12 +308,19 @@ def quick() -> Iterator[Case]:
 # ---- what follows ----
 
 
+def kind_of_column(row: dict[str, Any]) -> str:
+    """Name of the columns that it is to be fitted with."""
+    name = f"{row['material']} beta {row['dilation']:g}"
+    creeping = " creeping" if row.get("creeping") else ""
+    return name + creeping + (" in space" if row.get("width") else "")
+
+
 def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """H0/H = l1 a^a1 and (L - L0)/L0 = l2 a^a2 for a > 1.7, by L and by L99 (eq. 5.32)."""
     found = {}
     columns = [row for row in rows if row["kind"] == "column"]
-    for key in dict.fromkeys((r["material"], r["dilation"], r.get("cfl", 1.0)) for r in columns):
-        these = [r for r in columns if (r["material"], r["dilation"], r.get("cfl", 1.0)) == key]
+    for key in dict.fromkeys(map(kind_of_column, columns)):
+        these = [row for row in columns if kind_of_column(row) == key]
         if len(these) < 2:
             continue
         a = np.array([row["aspect"] for row in these])
@@ -296,8 +332,7 @@ def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
         for name, values in fits.items():
             power, log = np.polyfit(np.log(a), np.log(values), 1)
             entry |= {f"alpha_{name}": float(power), f"lambda_{name}": float(np.exp(log))}
-        name = "{} beta {:g} cfl {:g}".format(*key)
-        found[name] = entry | {"columns": len(these)}
+        found[key] = entry | {"columns": len(these)}
     return found
 
 

@@ -109,7 +109,6 @@ def column_collapse(
             grid=Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
             fills=(replace(fill, points_per_cell=1),),
             material=material,
-            numerics=sph.Numerics.fitting(material),
             walls=(
                 sph.Wall(1, 0.0, 1),
                 sph.Wall(0, 0.0, 1),

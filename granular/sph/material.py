@@ -101,8 +101,8 @@ class Viscoplastic:
         """The grains of a mu(I) law, whose friction depends on the rate and the pressure.
 
         Density, frictions, bulk modulus (K = 1.5 kappa at rho0) and Poisson's ratio are the same;
-        D_star is the rate at which I = I0 under the given pressure, xi sqrt(p), so that the laws agree there and
-        nowhere else.
+        D_star is the rate at which I = I0 under the given pressure, xi sqrt(p), so that the laws
+        agree there and nowhere else.
 
         Parameters
         ----------

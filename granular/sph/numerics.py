@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
 
 from granular.checks import in_range, positive
 from granular.sph.material import Viscoplastic
@@ -37,9 +36,12 @@ class Numerics:
         zero the viscosity grows without bound, and no step would be short enough. Larger k
         jitters. What strains more slowly is held by the spring of `Viscoplastic.nu`; without one it
         creeps at that rate.
-    wall_density : float
+    wall_density : float or None
         rho0 of the points of walls, as a share of the material's, 0.9 to 1. Their pressure begins
-        earlier, so that grains do not go through; grains next to the wall have less.
+        earlier, so that grains do not go through; grains next to the wall have less. Against a
+        lattice at rest 3 % less is 4.7 % of kappa: 4.7 kPa with the kappa of the thesis, 1e5 Pa,
+        and with 1e7 Pa what throws a heap apart. None for 3 % up to 1e5 Pa and less in proportion
+        to 1/kappa above, so that stiff grains are pushed no harder.
     z_max : float
         Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2. With 1 points of a
         wall have its velocity; the thesis takes 1.5. Above 1 rates of strain weigh a wall more than
@@ -57,7 +59,7 @@ class Numerics:
     cfl: float = 1.0
     dt: float | None = None
     regularisation: float = 0.5
-    wall_density: float = 0.97
+    wall_density: float | None = None
     z_max: float = 1.0
 
     def __post_init__(self) -> None:
@@ -66,34 +68,19 @@ class Numerics:
             "skin": (0.02, 1.0),
             "cfl": (1e-6, 2.0),
             "regularisation": (0.01, 1.5),
-            "wall_density": (0.9, 1.0),
             "z_max": (1.0, 2.0),
         }
         for name, (low, high) in ranges.items():
             object.__setattr__(self, name, in_range(name, getattr(self, name), low, high))
+        if self.wall_density is not None:
+            share = in_range("wall_density", self.wall_density, 0.9, 1.0)
+            object.__setattr__(self, "wall_density", share)
         if self.dt is not None:
             object.__setattr__(self, "dt", positive("dt", self.dt))
 
-    @classmethod
-    def fitting(cls, material: Viscoplastic, **changes: Any) -> Self:
-        """Numbers whose walls push stiff grains no harder than soft ones.
-
-        Walls whose rho0 is 3 % lower have a pressure of 4.7 % of kappa against a lattice at rest:
-        4.7 kPa with the kappa of the thesis, 1e5 Pa, a hundred times as much with 1e7 Pa, which
-        throws a heap apart. Here the 3 % fall as 1/kappa above 1e5 Pa.
-
-        Parameters
-        ----------
-        material : Viscoplastic
-        **changes
-            Other parameters.
-
-        Raises
-        ------
-        TypeError, ValueError
-            Naming argument, value and allowed range.
-        """
-        if not isinstance(material, Viscoplastic):
-            raise TypeError(f"material = {material!r} must be a Viscoplastic")
-        push = WALL_PUSH * min(1.0, SOFT / material.kappa)
-        return cls(**({"wall_density": 1.0 - push} | changes))
+    def rho0_wall(self, material: Viscoplastic) -> float:
+        """rho0 of the points of walls [kg/m3]."""
+        share = self.wall_density
+        if share is None:
+            share = 1.0 - WALL_PUSH * min(1.0, SOFT / material.kappa)
+        return share * material.rho0

@@ -67,7 +67,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
             "h": scene.h,
             "skin": numerics.skin * scene.h,
             "rho0": material.rho0,
-            "rho0_wall": numerics.wall_density * material.rho0,
+            "rho0_wall": numerics.rho0_wall(material),
             "kappa": material.kappa,
             "mu_l": material.mu_l,
             "mu_h": material.mu_h,

@@ -79,7 +79,7 @@ def evaluate(scene, grains, walls, dt, gravity, elastic):
     L = velocity_gradients(scene, pairs, x, v, mass / rho, wall, walls, len(grains["x"]))
     D = L + L.transpose(0, 2, 1)
     rate = size(D)
-    rho0 = np.where(wall, n.wall_density * m.rho0, m.rho0)
+    rho0 = np.where(wall, n.rho0_wall(m), m.rho0)
     p = np.where(rho > rho0, m.kappa * ((rho / rho0) ** 1.5 - 1), 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         beta = np.nan_to_num(np.clip(0.5 * np.trace(D, axis1=1, axis2=2) / rate, 0, m.dilation))
