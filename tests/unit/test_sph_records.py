@@ -12,7 +12,7 @@ import granular as gr
 from granular import _core, sph
 from granular.cli import main
 from granular.geometry import Box, Fill, Grid
-from granular.trajectory import RecordError, info
+from granular.trajectory import RecordError, TrajectoryWriter, info
 from granular.walls import Gravity
 
 DX = 0.01
@@ -172,6 +172,14 @@ def test_damaged_gas_is_found(tmp_path):
         with pytest.raises(RecordError, match="step 0 does not match"):
             _ = record[0]
         assert record[1].gas.n > 0
+
+
+def test_foreign_gas_is_refused(tmp_path):
+    simulation = gr.Simulation(blown())
+    with TrajectoryWriter(tmp_path / "a.h5", simulation.scene) as writer:
+        writer.append(simulation.state, gas={"x": np.zeros((3, 2)), "mass": np.ones(3)})
+    with gr.open(tmp_path / "a.h5") as record, pytest.raises(RecordError, match="missing"):
+        _ = record[0]
 
 
 def test_paraview_reads_the_gas_by_a_link(tmp_path):
