@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,9 @@ from granular.notebook import table
 from granular.state import State
 from granular.trajectory import Checkpoint, TrajectoryWriter, open_trajectory
 from granular.writing import Written
+
+if TYPE_CHECKING:
+    from granular.sph.gas import GasState
 
 __all__ = ["Hook", "Simulation", "SimulationError"]
 
@@ -130,6 +133,10 @@ class Simulation(ABC):
         """The states of rigid bodies for a frame; None for a method without any."""
         return None
 
+    def _gas(self) -> GasState | None:
+        """The points of a gas; None for a scene without any."""
+        return None
+
     @property
     def _stopped(self) -> float:
         """How often grains were stopped in walls; nan for a method that need not do so."""
@@ -185,6 +192,7 @@ class Simulation(ABC):
             step=scalars["step"],
             dt=scalars["dt"],
             fields=fields,
+            gas=self._gas(),
         )
 
     # ---- stepping ----
@@ -217,6 +225,7 @@ class Simulation(ABC):
         progress: bool = False,
         hooks: tuple[Hook, ...] = (),
         monitor: bool = True,
+        gas: bool = True,
     ) -> Self:
         """Run to a time, recording frames on the way.
 
@@ -240,6 +249,9 @@ class Simulation(ABC):
         monitor : bool
             Look at frames for signs of failure, for `health` and the record; the looks are so far
             apart that they take less than a fiftieth of the run.
+        gas : bool
+            Keep the gas of a scene that has one in the frames of the record; checkpoints hold it
+            in any case.
 
         Raises
         ------
@@ -260,7 +272,7 @@ class Simulation(ABC):
         with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
             with _interruptible() as interrupted:
                 if self.steps == 0:
-                    self._frame(writer, hooks, monitor)
+                    self._frame(writer, hooks, monitor, gas)
                 while self.time < until and not interrupted:
                     frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
                     for _ in self._chunks(frame):
@@ -270,7 +282,7 @@ class Simulation(ABC):
                         if interrupted and self.time < frame:  # a frame that is due is kept
                             break
                     else:
-                        self._frame(writer, hooks, monitor)
+                        self._frame(writer, hooks, monitor, gas)
                 if interrupted and writer:
                     writer.checkpoint(self.checkpoint())
             if interrupted:  # here, so that the record is left as it is and not merged
@@ -278,7 +290,7 @@ class Simulation(ABC):
         return self
 
     def _frame(
-        self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool
+        self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool, gas: bool
     ) -> None:
         due = monitor and self._monitor.due(self.steps, self.n_points)
         if writer or due:
@@ -288,6 +300,7 @@ class Simulation(ABC):
             writer.append(
                 state,
                 self.checkpoint(),
+                gas=state.gas.fields if gas and hasattr(state, "gas") else None,
                 looks=looks,
                 bodies=self._body_rows(),
                 may_wait=True,

@@ -13,6 +13,7 @@ from granular.notebook import table
 
 if TYPE_CHECKING:
     from granular.scene import Scene
+    from granular.sph.gas import GasState
 
 __all__ = ["State"]
 
@@ -37,10 +38,21 @@ class State:
         = ln(rho/rho_c), `mass` (n,) [kg, per metre of depth in the plane], `id` (n,),
         `shear_rate` (n,), the equivalent plastic shear rate [1/s], and what else the scheme stores.
         Each is an attribute of the state.
+    gas : GasState, optional
+        The points of the gas of a scene that has one; without them there is no such attribute.
     """
 
+    gas: GasState
+
     def __init__(
-        self, *, scene: Scene, time: float, step: int, dt: float, fields: Mapping[str, Array]
+        self,
+        *,
+        scene: Scene,
+        time: float,
+        step: int,
+        dt: float,
+        fields: Mapping[str, Array],
+        gas: GasState | None = None,
     ) -> None:
         self.scene = scene
         self.time = float(time)
@@ -49,6 +61,8 @@ class State:
         self.fields = dict(fields)
         for array in self.fields.values():
             array.flags.writeable = False
+        if gas is not None:
+            self.gas = gas
 
     def __getattr__(self, name: str) -> Array:
         try:

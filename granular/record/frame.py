@@ -28,7 +28,7 @@ class Frame:
     """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``.
 
     ``looks`` is what monitors told of it, if they looked, and the numbers of its bodies by the
-    names of `body_names`.
+    names of `body_names`. ``gas`` are the points of a gas at the same time, a frame of their own.
     """
 
     time: float
@@ -40,6 +40,12 @@ class Frame:
     row: int
     source: Source
     looks: Mapping[str, float] = field(default_factory=dict)
+    gas: "Frame | None" = None
+
+    @property
+    def mark(self) -> bytes:
+        """Digest of all that is stored of this time."""
+        return self.digest + (self.gas.digest if self.gas else b"")
 
     def read(self) -> dict[str, np.ndarray]:
         """All fields, verified.
@@ -74,7 +80,7 @@ class Texts:
 
 @dataclass(frozen=True)
 class Table:
-    """The per-frame columns of a finished file, and the seal over them."""
+    """The per-frame columns of the points of a finished file, and the seal over them."""
 
     time: np.ndarray
     n: np.ndarray
@@ -90,12 +96,17 @@ class Table:
         row = {name: float(column[i]) for name, column in self.looks.items()}
         return {} if all(math.isnan(value) for value in row.values()) else row
 
-    def seal(self, version: int, texts: Texts, checkpoint: bytes) -> bytes:
+    @property
+    def columns(self) -> tuple[np.ndarray, ...]:
+        """All but the looks."""
+        return (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
+
+    def seal(self, version: int, texts: Texts, checkpoint: bytes, gas: "Table | None") -> bytes:
         """Digest of everything in the file that no other digest covers."""
-        columns = (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
         texts_of = (texts.record, texts.scene, texts.provenance)
         looks = [part for name in sorted(self.looks) for part in (name, self.looks[name])]
-        return seal(str(version), *texts_of, checkpoint, *columns, *looks)
+        more = gas.columns if gas else ()
+        return seal(str(version), *texts_of, checkpoint, *self.columns, *looks, *more)
 
 
 BODY = "body"

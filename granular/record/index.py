@@ -33,6 +33,53 @@ def _looks(own: h5py.Group) -> dict[str, np.ndarray]:
     return {name: checked(group, name, ("<f8",), 1)[:] for name in group}
 
 
+class Points:
+    """One set of points of a finished file (a `Source`): ``own`` tells what ParaView need not."""
+
+    def __init__(self, path: Path, vtk: h5py.Group, own: h5py.Group) -> None:
+        self.path, self._vtk = path, vtk
+        steps = hard(vtk, "Steps", h5py.Group)
+        self.table = Table(
+            time=checked(steps, "Values", ("<f8",), 1)[:],
+            n=checked(vtk, "NumberOfPoints", ("<i8",), 1)[:],
+            row=checked(steps, "PointOffsets", ("<i8",), 1)[:],
+            step=checked(own, "step", ("<i8",), 1)[:],
+            dt=checked(own, "dt", ("<f8",), 1)[:],
+            mass=checked(own, "mass", ("<f8",), 1)[:],
+            digest=checked(own, "digest", ("|u1",), 2)[:],
+            looks=_looks(own),
+        )
+
+    @contextmanager
+    def fields(self) -> Iterator[Mapping[str, Stored]]:
+        """See `Source`."""
+        yield self._fields
+
+    @cached_property
+    def _fields(self) -> Mapping[str, Stored]:
+        data = hard(self._vtk, "PointData", h5py.Group)
+        return {"x": Stored(self._vtk, "Points")} | {name: Stored(data, name) for name in data}
+
+    def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:
+        """All frames, each with the gas of its step if there is one."""
+        table = self.table
+        return [
+            Frame(
+                time=float(table.time[i]),
+                step=int(table.step[i]),
+                dt=float(table.dt[i]),
+                mass=float(table.mass[i]),
+                n=int(table.n[i]),
+                digest=table.digest[i].tobytes(),
+                row=int(table.row[i]),
+                source=self,
+                looks=table.look(i),
+                gas=gas.get(int(table.step[i])),
+            )
+            for i in range(len(table.time))
+        ]
+
+
 class Main:
     """The finished file, held open: it can be read whatever becomes of its name."""
 
@@ -50,50 +97,20 @@ class Main:
         own = hard(self.file, "granular", h5py.Group)
         version = check_format(self.path, int(attribute(own, "format", "i")))
         self.texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
-        vtk = hard(self.file, "VTKHDF", h5py.Group)
-        steps = hard(vtk, "Steps", h5py.Group)
-        table = Table(
-            time=checked(steps, "Values", ("<f8",), 1)[:],
-            n=checked(vtk, "NumberOfPoints", ("<i8",), 1)[:],
-            row=checked(steps, "PointOffsets", ("<i8",), 1)[:],
-            step=checked(own, "step", ("<i8",), 1)[:],
-            dt=checked(own, "dt", ("<f8",), 1)[:],
-            mass=checked(own, "mass", ("<f8",), 1)[:],
-            digest=checked(own, "digest", ("|u1",), 2)[:],
-            looks=_looks(own),
-        )
+        points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), own)
+        gas = None
+        if "gas" in own:
+            group = hard(own, "gas", h5py.Group)
+            gas = Points(self.path, hard(group, "VTKHDF", h5py.Group), group)
         self.has_checkpoint = "checkpoint" in own
         checkpoint = b""
         if self.has_checkpoint:
             checkpoint = attribute(hard(own, "checkpoint", h5py.Group), "digest", "u")
-        expected = table.seal(version, self.texts, checkpoint)
+        expected = points.table.seal(version, self.texts, checkpoint, gas and gas.table)
         if attribute(own, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
-        self.frames = [
-            Frame(
-                time=float(table.time[i]),
-                step=int(table.step[i]),
-                dt=float(table.dt[i]),
-                mass=float(table.mass[i]),
-                n=int(table.n[i]),
-                digest=table.digest[i].tobytes(),
-                row=int(table.row[i]),
-                source=self,
-                looks=table.look(i),
-            )
-            for i in range(len(table.time))
-        ]
-
-    @contextmanager
-    def fields(self) -> Iterator[Mapping[str, Stored]]:
-        """See `Source`."""
-        yield self._fields
-
-    @cached_property
-    def _fields(self) -> Mapping[str, Stored]:
-        vtk = hard(self.file, "VTKHDF", h5py.Group)
-        data = hard(vtk, "PointData", h5py.Group)
-        return {"x": Stored(vtk, "Points")} | {name: Stored(data, name) for name in data}
+        below = {frame.step: frame for frame in gas.frames({})} if gas else {}
+        self.frames = points.frames(below)
 
     def checkpoint(self) -> Checkpoint:
         """The checkpoint, verified."""

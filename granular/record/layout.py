@@ -12,6 +12,8 @@ The finished file::
         digest              (frames, 32) of each frame's content
         looks/<name>        what monitors told of each frame, nan where they did not look, and the
                             numbers of rigid bodies (body<index>_<number>)
+        gas                 of scenes with a gas, frames of its points in the same form: a group
+                            VTKHDF, and step, dt, mass and digest of the frames that have them
         checkpoint          the newest restart state (optional)
 
 Every frame begins on a chunk boundary, so that merging copies compressed chunks as they are;
@@ -28,8 +30,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-FORMAT = 1
-"""Format version this code writes; files up to it are read, newer ones refused."""
+FORMAT = 2
+"""Newest format version; files up to it are read, newer ones refused."""
+FORMAT_WITHOUT_GAS = 1
+"""Version of what holds no points of a gas, as it was before there were any."""
 
 LIBVER = ("v110", "v110")
 """HDF5 1.10 objects: all metadata carry checksums, and ParaView's own HDF5 reads them."""
@@ -80,6 +84,11 @@ def check_format(path: Path, version: int) -> int:
     if version < 1:
         raise RecordError(f"{path}: format version {version} must be at least 1")
     return version
+
+
+def format_of(gas: bool) -> int:
+    """Format version of a file with or without points of a gas."""
+    return FORMAT if gas else FORMAT_WITHOUT_GAS
 
 
 def update(digest: "hashlib.blake2b", array: np.ndarray) -> None:

@@ -13,11 +13,11 @@ from granular.record.frame import Frame, Table, Texts, looks_of
 from granular.record.index import load, parts_folder
 from granular.record.layout import (
     DIGEST_SIZE,
-    FORMAT,
     LIBVER,
     TOPOLOGIES,
     RecordError,
     as_attribute,
+    format_of,
     reading,
     rows_of,
     write_text,
@@ -56,20 +56,17 @@ def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
             offsets[name] = steps["PointOffsets"]  # a second name of the same data
 
 
-def _write_own(file: h5py.File, texts: Texts, table: Table, checkpoint: Checkpoint | None) -> None:
-    own = file.create_group("granular")
-    own.attrs["format"] = FORMAT
-    for name in ("record", "scene", "provenance"):
-        write_text(own, name, getattr(texts, name))
+def _write_points(vtk: h5py.Group, own: h5py.Group, frames: Sequence[Frame]) -> Table:
+    """Frames of one set of points: what ParaView reads, and what else there is of them."""
+    vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
+    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
+    table, fields = _write_frames(vtk, frames)
+    vtk["NumberOfPoints"] = table.n
+    _write_vertices(vtk, table.n)
+    _write_steps(vtk, table, fields)
     for name in ("step", "dt", "mass", "digest"):
         own[name] = getattr(table, name)
-    looks = own.create_group("looks")
-    for name, column in table.looks.items():
-        looks[name] = column
-    if checkpoint:
-        write_checkpoint(own.create_group("checkpoint"), checkpoint)
-    digest = checkpoint.digest if checkpoint else b""
-    own.attrs["seal"] = as_attribute(table.seal(FORMAT, texts, digest))
+    return table
 
 
 def _table(frames: Sequence[Frame], chunk: int) -> Table:
@@ -121,14 +118,23 @@ def write_record(
     checkpoint: Checkpoint | None,
 ) -> None:
     """Fill an empty HDF5 file with a whole record."""
-    vtk = file.create_group("VTKHDF")
-    vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
-    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
-    table, fields = _write_frames(vtk, frames)
-    vtk["NumberOfPoints"] = table.n
-    _write_vertices(vtk, table.n)
-    _write_steps(vtk, table, fields)
-    _write_own(file, texts, table, checkpoint)
+    vtk, own = file.create_group("VTKHDF"), file.create_group("granular")
+    table = _write_points(vtk, own, frames)
+    gas = [frame.gas for frame in frames if frame.gas]
+    gas_table = None
+    if gas:
+        group = own.create_group("gas")
+        gas_table = _write_points(group.create_group("VTKHDF"), group, gas)
+    for name in ("record", "scene", "provenance"):
+        write_text(own, name, getattr(texts, name))
+    looks = own.create_group("looks")
+    for name, column in table.looks.items():
+        looks[name] = column
+    if checkpoint:
+        write_checkpoint(own.create_group("checkpoint"), checkpoint)
+    version, digest = format_of(bool(gas)), checkpoint.digest if checkpoint else b""
+    own.attrs["format"] = version
+    own.attrs["seal"] = as_attribute(table.seal(version, texts, digest, gas_table))
 
 
 def clear_parts(folder: Path) -> None:

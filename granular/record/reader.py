@@ -14,11 +14,12 @@ from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
 from granular.record.frame import BODY, Frame, body_names, looks_of
 from granular.record.index import Contents, load
-from granular.record.layout import FORMAT, RecordError
+from granular.record.layout import RecordError, format_of, reading
 
 if TYPE_CHECKING:
     from granular.monitor import Health
     from granular.scene import Scene
+    from granular.sph.gas import GasState
     from granular.state import State
 
 SERIES = ("time", "step", "dt", "n", "mass")
@@ -48,6 +49,11 @@ class Trajectory:
     def has_checkpoint(self) -> bool:
         """Whether a run can go on from this record."""
         return self._contents.has_checkpoint
+
+    @property
+    def has_gas(self) -> bool:
+        """Whether there are frames with the points of a gas, as their attribute `gas`."""
+        return any(frame.gas for frame in self._frames)
 
     @cached_property
     def scene(self) -> "Scene":
@@ -133,7 +139,15 @@ class Trajectory:
             step=frame.step,
             dt=frame.dt,
             fields=frame.read(),
+            **({"gas": self._gas(frame.gas)} if frame.gas else {}),
         )
+
+    def _gas(self, frame: Frame) -> "GasState":
+        from granular.sph.gas import GasState  # a record without gas needs no such method
+
+        fields = frame.read()
+        with reading(self.path):
+            return GasState(time=frame.time, **fields)
 
     def __iter__(self) -> "Iterator[State]":
         for i in range(len(self)):
@@ -154,7 +168,8 @@ class Trajectory:
         found = []
         for frame in self._frames:
             try:
-                frame.read()
+                for part in filter(None, (frame, frame.gas)):
+                    part.read()
             except RecordError as error:
                 found.append(str(error))
         try:
@@ -239,7 +254,7 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
             step = None
         return {
             "path": str(record.path),
-            "format": FORMAT,
+            "format": format_of(record.has_gas),
             "scene": record.scene.name,
             "frames": len(record),
             "times": ends("time"),

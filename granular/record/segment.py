@@ -23,7 +23,7 @@ import numpy as np
 from granular.record.checkpoint import Checkpoint, number
 from granular.record.chunks import Packed
 from granular.record.frame import Frame, Texts
-from granular.record.layout import DTYPES, FORMAT, check_format, reading, seal
+from granular.record.layout import DTYPES, check_format, format_of, reading, seal
 from granular.record.storage import replacing, write_all
 
 MAGIC = b"granular"
@@ -45,6 +45,11 @@ class Memory:
 
     path: Path
     packed: Mapping[str, Packed]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes held."""
+        return sum(field.nbytes for field in self.packed.values())
 
     @contextmanager
     def fields(self) -> Iterator[Mapping[str, Packed]]:
@@ -78,9 +83,15 @@ class Stretch:
         yield packed
 
 
-def _write(fd: int, record: str, header: Mapping[str, Any], data: Collection[bytes] = ()) -> None:
-    size = sum(len(piece) for piece in data)
-    text = json.dumps({"format": FORMAT, "record": record, "size": size, **header}).encode("ascii")
+def _write(
+    fd: int,
+    record: str,
+    header: Mapping[str, Any],
+    data: Collection[bytes] = (),
+    gas: bool = False,
+) -> None:
+    start = {"format": format_of(gas), "record": record, "size": sum(map(len, data))}
+    text = json.dumps(start | dict(header)).encode("ascii")
     for piece in (START.pack(MAGIC, len(text), seal(text)), text, *data):
         write_all(fd, piece)
 
@@ -117,20 +128,26 @@ def read_head(path: Path) -> Texts:
 
 def write_frames(path: Path, record: str, frames: Sequence[Frame]) -> None:
     """Store frames that wait in memory."""
-    heads, data = [], []
-    for frame in frames:
-        layout = {}
-        with frame.source.fields() as fields:
-            for name, field in fields.items():
-                chunks = [field.raw(corner) for corner in field.corners]
-                sizes = [(mask, len(raw)) for mask, raw in chunks]
-                layout[name] = field.dtype, field.columns, field.chunk, sizes
-                data += [raw for _, raw in chunks]
-        scalars = SCALARS.pack(frame.time, frame.step, frame.dt, frame.mass, frame.n)
-        looks = {name: value.hex() for name, value in frame.looks.items()}
-        heads.append((scalars.hex(), frame.digest.hex(), layout, looks))
+    data: list[bytes] = []
+    heads = [_pack_frame(frame, data) for frame in frames]
+    gas = any(frame.gas for frame in frames)
     with replacing(path, path.with_suffix(".tmp")) as fd:
-        _write(fd, record, {"frames": heads}, data)
+        _write(fd, record, {"frames": heads}, data, gas)
+
+
+def _pack_frame(frame: Frame, data: list[bytes]) -> tuple[Any, ...]:
+    """What the header tells of a frame, that of its gas last; what it holds goes to the data."""
+    layout = {}
+    with frame.source.fields() as fields:
+        for name, field in fields.items():
+            chunks = [field.raw(corner) for corner in field.corners]
+            sizes = [(mask, len(raw)) for mask, raw in chunks]
+            layout[name] = field.dtype, field.columns, field.chunk, sizes
+            data += [raw for _, raw in chunks]
+    scalars = SCALARS.pack(frame.time, frame.step, frame.dt, frame.mass, frame.n)
+    looks = {name: value.hex() for name, value in frame.looks.items()}
+    head = (scalars.hex(), frame.digest.hex(), layout, looks)
+    return (*head, _pack_frame(frame.gas, data)) if frame.gas else head
 
 
 def read_frames(path: Path, record: str) -> list[Frame]:
@@ -140,24 +157,43 @@ def read_frames(path: Path, record: str) -> list[Frame]:
         header, offset = _read(path)
         if header["record"] != record:
             raise ValueError("the segment is of another record")
-        for scalars, digest, layout, looks in header["frames"]:
-            time, step, dt, mass, n = SCALARS.unpack(bytes.fromhex(scalars))
-            source = Stretch(path, offset, n, layout)
-            frames.append(
-                Frame(
-                    time=time,
-                    step=step,
-                    dt=dt,
-                    mass=mass,
-                    n=n,
-                    digest=bytes.fromhex(digest),
-                    row=0,
-                    source=source,
-                    looks={name: float.fromhex(value) for name, value in looks.items()},
-                )
-            )
-            offset += source.size
+        for head in header["frames"]:
+            frame, offset = _unpack_frame(path, offset, *head)
+            frames.append(frame)
     return frames
+
+
+def _unpack_frame(
+    path: Path,
+    offset: int,
+    scalars: str,
+    digest: str,
+    layout: Mapping[str, Any],
+    looks: Mapping[str, str],
+    *gas: Sequence[Any],
+) -> tuple[Frame, int]:
+    """A frame whose data begin at a byte, from what `_pack_frame` told of it; and their end."""
+    time, step, dt, mass, n = SCALARS.unpack(bytes.fromhex(scalars))
+    source = Stretch(path, offset, n, layout)
+    offset += source.size
+    below = None
+    if gas:
+        (head,) = gas
+        scalars_of, digest_of, layout_of, looks_of = head  # a gas has none of its own
+        below, offset = _unpack_frame(path, offset, scalars_of, digest_of, layout_of, looks_of)
+    frame = Frame(
+        time=time,
+        step=step,
+        dt=dt,
+        mass=mass,
+        n=n,
+        digest=bytes.fromhex(digest),
+        row=0,
+        source=source,
+        looks={name: float.fromhex(value) for name, value in looks.items()},
+        gas=below,
+    )
+    return frame, offset
 
 
 def write_restart(path: Path, record: str, checkpoint: Checkpoint) -> None:

@@ -8,7 +8,7 @@ import time
 import uuid
 from bisect import bisect_left
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -70,10 +70,10 @@ def _unlock(fd: int | None) -> None:
         os.close(fd)
 
 
-def _check_fields(state: StateLike) -> dict[str, np.ndarray]:
-    """Fields of a state as contiguous arrays that can be stored without loss."""
+def _check_fields(given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Fields of points as contiguous arrays that can be stored without loss."""
     fields: dict[str, np.ndarray] = {}
-    for name, array in state.fields.items():
+    for name, array in given.items():
         if not name.isidentifier() or not name.isascii():
             raise ValueError(f"field name {name!r} must be an ASCII identifier")
         if not isinstance(array, np.ndarray) or array.dtype.str not in DTYPES:
@@ -94,6 +94,53 @@ def _check_fields(state: StateLike) -> dict[str, np.ndarray]:
         if len(array) != len(x):
             raise ValueError(f"field {name} has {len(array)} rows, x has {len(x)}")
     return fields
+
+
+@dataclass
+class _Layout:
+    """What the frames of one set of points share: types and columns of fields, rows of a chunk."""
+
+    spec: dict[str, tuple[str, int]] | None = None
+    chunk: int | None = None
+    packer: Packer = field(default_factory=Packer)
+
+    @classmethod
+    def of(cls, frame: Frame | None) -> Self:
+        """That of a stored frame, or one that the first frame will determine."""
+        if frame is None:
+            return cls()
+        with frame.source.fields() as stored:
+            spec = {name: (field.dtype, field.columns) for name, field in stored.items()}
+            return cls(spec, stored["x"].chunk)
+
+    def check(self, fields: Mapping[str, np.ndarray]) -> dict[str, tuple[str, int]]:
+        """The types and columns of some fields, ValueError if others were stored before."""
+        spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
+        if self.spec is not None and spec != self.spec:
+            raise ValueError(f"fields = {spec} must be those of frame 0: {self.spec}")
+        return spec
+
+    def packed(
+        self, path: Path, head: Mapping[str, Any], fields: Mapping[str, np.ndarray], **more: Any
+    ) -> Frame:
+        """A frame that waits in memory."""
+        self.chunk = self.chunk or chunk_rows(head["n"])
+        packed = {
+            name: Packed.of(array, self.chunk, self.packer, name) for name, array in fields.items()
+        }
+        return Frame(**head, row=0, source=Memory(path, packed), **more)
+
+
+def _head(state: StateLike, fields: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Numbers and digest of a frame."""
+    scalars = {
+        "time": float(state.time),
+        "step": int(state.step),
+        "dt": float(state.dt),
+        "mass": float(np.sum(fields["mass"])),
+    }
+    digest = frame_digest(*scalars.values(), fields)
+    return scalars | {"n": len(fields["x"]), "digest": digest}
 
 
 class TrajectoryWriter:
@@ -145,10 +192,9 @@ class TrajectoryWriter:
                 )
         text = origin.to_json(origin.collect(provenance))
         self._begin(path, Texts(uuid.uuid4().hex, scene.to_json(), text))
-        self._recorded: list[tuple[int, bytes]] = []  # step and digest of each frame
+        self._recorded: list[tuple[int, bytes]] = []  # step and mark of each frame
         self._cursor = 0
-        self._spec: dict[str, tuple[str, int]] | None = None
-        self._chunk: int | None = None
+        self._layout, self._gas_layout = _Layout(), _Layout()
 
     @classmethod
     def resume(
@@ -183,16 +229,13 @@ class TrajectoryWriter:
         return writer
 
     def _continue(self, contents: Contents, extra: Mapping[str, Any] | None) -> None:
-        self._recorded = [(frame.step, frame.digest) for frame in contents.frames]
+        self._recorded = [(frame.step, frame.mark) for frame in contents.frames]
         self._cursor = 0
-        self._spec = self._chunk = None
-        parent = None
-        if contents.frames:
-            last = contents.frames[-1]
-            parent = last.digest.hex()
-            with last.source.fields() as stored:
-                self._chunk = stored["x"].chunk
-                self._spec = {name: (field.dtype, field.columns) for name, field in stored.items()}
+        last = contents.frames[-1] if contents.frames else None
+        parent = last.digest.hex() if last else None
+        self._layout = _Layout.of(last)
+        gases = (frame.gas for frame in reversed(contents.frames) if frame.gas)
+        self._gas_layout = _Layout.of(next(gases, None))
         if contents.has_checkpoint:
             parent = contents.checkpoint().digest.hex()
         before = json.loads(contents.texts.provenance)
@@ -206,7 +249,6 @@ class TrajectoryWriter:
         self._frames: list[Frame] = []  # that wait, the last of those recorded
         self._bytes = 0  # of them
         self._checkpoint: Checkpoint | None = None  # that waits
-        self._packer = Packer()
         self._stored = -math.inf  # time.monotonic() when something last went to the disk
         head = self._folder / "head.part"
         old = _lock(head) if head.exists() else None
@@ -242,15 +284,16 @@ class TrajectoryWriter:
         state: StateLike,
         checkpoint: Checkpoint | None = None,
         *,
+        gas: Mapping[str, np.ndarray] | None = None,
         looks: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
         may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time; they are on the disk when this returns.
 
-        `looks` is what monitors told of the frame, `bodies` (count, numbers) the state of its rigid
-        bodies. A frame equal to the recorded one of the same
-        step is taken for it. What `may_wait` is stored by and by, see `store`.
+        `gas` are the fields of the points of a gas, `looks` what monitors told of the frame,
+        `bodies` (count, numbers) the state of its rigid bodies. A frame equal to the recorded one
+        of the same step is taken for it. What `may_wait` is stored by and by, see `store`.
 
         Raises
         ------
@@ -263,46 +306,43 @@ class TrajectoryWriter:
             attempt.
         """
         self._check_open()
-        fields = _check_fields(state)
-        spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
-        if self._spec is not None and spec != self._spec:
-            raise ValueError(f"fields = {spec} must be those of frame 0: {self._spec}")
+        fields = _check_fields(state.fields)
+        spec = self._layout.check(fields)
+        if gas is not None:
+            gas = _check_fields(gas)
+            gas_spec = self._gas_layout.check(gas)
         told = dict(looks or {})
         if bodies is not None:
             told |= zip(body_names(*bodies.shape), bodies.ravel().tolist(), strict=True)
-        self._add(state, fields, told)
-        self._spec = spec
+        self._add(state, fields, gas, told)
+        self._layout.spec = spec
+        if gas is not None:
+            self._gas_layout.spec = gas_spec
         self._checkpoint = checkpoint or self._checkpoint
         self.store(may_wait=may_wait)
 
     def _add(
-        self, state: StateLike, fields: Mapping[str, np.ndarray], looks: Mapping[str, float]
+        self,
+        state: StateLike,
+        fields: Mapping[str, np.ndarray],
+        gas: Mapping[str, np.ndarray] | None,
+        looks: Mapping[str, float],
     ) -> None:
         """Let a frame wait, if it is not recorded already."""
-        scalars = {
-            "time": float(state.time),
-            "step": int(state.step),
-            "dt": float(state.dt),
-            "mass": float(np.sum(fields["mass"])),
-        }
-        step, digest = scalars["step"], frame_digest(*scalars.values(), fields)
+        head, below = _head(state, fields), None if gas is None else _head(state, gas)
+        step, mark = head["step"], head["digest"] + (below["digest"] if below else b"")
         index = bisect_left(self._recorded, step, key=lambda old: old[0])
-        if self._recorded[index : index + 1] == [(step, digest)]:
+        if self._recorded[index : index + 1] == [(step, mark)]:
             self._cursor = max(self._cursor, index + 1)
             return
         if index < self._cursor:
             last = self._recorded[self._cursor - 1][0]
             raise ValueError(f"step = {step} must exceed the last recorded step {last}")
-        n = len(fields["x"])
-        self._chunk = self._chunk or chunk_rows(n)
-        packed = {
-            name: Packed.of(array, self._chunk, self._packer, name)
-            for name, array in fields.items()
-        }
-        source = Memory(self.path, packed)
-        self._frames.append(Frame(**scalars, n=n, digest=digest, row=0, source=source, looks=looks))
-        self._bytes += sum(field.nbytes for field in packed.values())
-        self._recorded[index:] = [(step, digest)]
+        inside = None if below is None else self._gas_layout.packed(self.path, below, gas)
+        frame = self._layout.packed(self.path, head, fields, looks=looks, gas=inside)
+        self._frames.append(frame)
+        self._bytes += sum(part.source.nbytes for part in (frame, inside) if part)
+        self._recorded[index:] = [(step, mark)]
         self._cursor = index + 1
 
     def checkpoint(self, checkpoint: Checkpoint) -> None:

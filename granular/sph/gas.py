@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -229,18 +228,16 @@ class GasState:
     p: NDArray[np.float64]
     porosity: NDArray[np.float64]
 
+    def __post_init__(self) -> None:
+        for array in self.fields.values():
+            array.flags.writeable = False
+
     @property
     def n(self) -> int:
         """Number of points."""
         return len(self.id)
 
-    @classmethod
-    def of(cls, time: float, fields: dict[str, Any]) -> GasState:
-        """From the fields of the rows of the gas, in the order of ids."""
-        names = ("id", "x", "v", "a", "mass", "rho", "porosity")
-        p = np.ascontiguousarray(-fields["stress"][:, 0])
-        state = cls(time=time, p=p, **{name: fields[name] for name in names})
-        for array in vars(state).values():
-            if isinstance(array, np.ndarray):
-                array.flags.writeable = False
-        return state
+    @property
+    def fields(self) -> dict[str, NDArray]:
+        """All but the time, by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "time"}

@@ -162,12 +162,20 @@ class Simulation(simulation.Simulation, scenes=Scene):
         AttributeError
             If the scene has no gas.
         """
-        if self.scene.gas is None:
+        gas = self._gas()
+        if gas is None:
             raise AttributeError(f"the scene {self.scene.name} has no gas")
+        return gas
+
+    def _gas(self) -> GasState | None:
+        if self.scene.gas is None:
+            return None
         self._evaluate()
         first = self._rows.gas_first
         rows = slice(first, first + self._engine.scalars()["n_gas"])
-        return GasState.of(self.time, self._ordered(rows, (*SHOWN, "porosity")))
+        fields = self._ordered(rows, ("x", "v", "a", "mass", "rho", "stress", "porosity"))
+        p = np.ascontiguousarray(-fields.pop("stress")[:, 0])
+        return GasState(time=self.time, p=p, **fields)
 
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         self._evaluate()

@@ -39,7 +39,9 @@ def content(path):
     with open_trajectory(path) as record:
         frames = [
             (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
-            for f in record._contents.frames
+            for with_gas in record._contents.frames
+            for f in (with_gas, with_gas.gas)
+            if f
         ]
         checkpoint = record.checkpoint().digest if record._contents.has_checkpoint else None
         texts = record._contents.texts
@@ -91,22 +93,31 @@ def make_record(path, frames=3):
             writer.append(make_state(i))
 
 
-def unfinished(path):
+def unfinished(path, gas=0):
+    """With so many points of a gas in its frames."""
     writer = TrajectoryWriter(path, SCENE)
     for i in range(2):
-        writer.append(make_state(i, n=12))
+        more = {"gas": make_state(i + 5, n=gas - i).fields} if gas else {}
+        writer.append(make_state(i, n=12), **more)
     writer.checkpoint(make_checkpoint(1))
     return writer
 
 
 @pytest.mark.parametrize(
-    ("member", "count"),
-    [("a.h5", 80), ("head.part", 20), ("frames-00000001.part", 40), ("checkpoint.part", 20)],
+    ("member", "count", "gas"),
+    [
+        ("a.h5", 80, 0),
+        ("a.h5", 80, 9),
+        ("head.part", 20, 0),
+        ("frames-00000001.part", 40, 0),
+        ("frames-00000001.part", 40, 9),
+        ("checkpoint.part", 20, 0),
+    ],
 )
-def test_mutants_are_refused_or_harmless(tmp_path, member, count):
+def test_mutants_are_refused_or_harmless(tmp_path, member, count, gas):
     """In a process of its own, so that a crash or a hang of HDF5 is seen too."""
     path = tmp_path / "a.h5"
-    writer = unfinished(path)
+    writer = unfinished(path, gas)
     if member == "a.h5":
         writer.close()
         target = path
@@ -158,7 +169,7 @@ def test_newer_versions_are_refused_with_a_message(tmp_path):
     make_record(path)
     with h5py.File(path, "r+") as file:
         file["granular"].attrs["format"] = layout.FORMAT + 1
-    with pytest.raises(RecordError, match=r"format version 2 is newer than 1.*update granular"):
+    with pytest.raises(RecordError, match=r"format version 3 is newer than 2.*update granular"):
         open_trajectory(path)
 
 

@@ -392,6 +392,37 @@ def test_a_different_frame_supersedes_what_followed(tmp_path, close):
     writer.close()
 
 
+def test_a_frame_with_gas_supersedes_the_same_without(tmp_path):
+    """And is recognised when it is made again."""
+    path, states = tmp_path / "a.h5", [make_state(i, 20) for i in range(3)]
+    write(path, states)
+    gas = {"x": np.random.default_rng(3).random((7, 2)), "mass": np.ones(7)}
+    for _ in range(2):
+        with TrajectoryWriter.resume(path) as writer:
+            writer.append(states[1], gas=gas)
+        with open_trajectory(path) as record:
+            frames = record._contents.frames
+            assert len(frames) == 2 and record.has_gas and frames[0].gas is None
+            assert {k: a.tobytes() for k, a in frames[1].gas.read().items()} == {
+                k: a.tobytes() for k, a in gas.items()
+            }
+            assert record.damage() == []
+
+
+def test_wrong_gas_is_refused(tmp_path):
+    states, x = [make_state(i, 20) for i in range(3)], np.zeros((7, 2))
+    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
+        with pytest.raises(ValueError, match="must have mass"):
+            writer.append(states[0], gas={"x": x})
+        writer.append(states[0], gas={"x": x, "mass": np.ones(7)})
+        with pytest.raises(ValueError, match="must be those of frame 0"):
+            writer.append(states[1], gas={"x": x, "mass": np.ones(7), "rho": np.ones(7)})
+        writer.append(states[1])
+        writer.append(states[2], gas={"x": x[:3], "mass": np.ones(3)})
+    with open_trajectory(tmp_path / "a.h5") as record:
+        assert [f.gas.n if f.gas else None for f in record._contents.frames] == [7, None, 3]
+
+
 def test_the_file_is_what_the_vtkhdf_specification_asks(tmp_path):
     states = [make_state(i, n) for i, n in enumerate([5, 4])]
     write(tmp_path / "a.h5", states)

@@ -4,6 +4,7 @@ import dataclasses
 import math
 from concurrent.futures import ThreadPoolExecutor
 
+import h5py
 import numpy as np
 import pytest
 
@@ -11,6 +12,7 @@ import granular as gr
 from granular import _core, sph
 from granular.cli import main
 from granular.geometry import Box, Fill, Grid
+from granular.trajectory import RecordError, TrajectoryWriter, info
 from granular.walls import Gravity
 
 DX = 0.01
@@ -88,6 +90,109 @@ def test_a_record_goes_on_bitwise(dim, stop, tmp_path):
         assert same(record[-1], through.state)
         assert np.isfinite(record[0].p).all()
         assert record.damage() == [] and len(record) >= 9
+
+
+# ---- gas ----
+
+GAS_FIELDS = {"id", "x", "v", "a", "mass", "rho", "p", "porosity"}
+
+
+def blown(dim=2):
+    """A small bed that is open above, and a jet that blows gas out of the domain."""
+    shape = (8, *(6,) * (dim - 2), 10)
+    ends = tuple(n * DX for n in shape)
+    still = (0.0,) * dim
+    jet = sph.Jet(Box((*still[1:], 0.07), (*(0.03 for _ in still[1:]), 0.1)), (*still[1:], 60.0))
+    return sph.Scene(
+        name="blown",
+        grid=Grid(still, DX, shape, periodic=(*(True for _ in shape[1:]), False)),
+        fills=(Fill(Box(still, (*ends[:-1], 0.05)), 1),),
+        numerics=sph.Numerics(smoothing=1.25),
+        walls=(sph.Wall(dim - 1, 0.0, 1, layers=3),),
+        gas=sph.Gas(fills=(Fill(Box(still, ends), 1),), jets=(jet,)),
+        gravity=Gravity((0.0,), ((*still[1:], -9.81),)),
+        duration=0.004,
+    )
+
+
+def same_gas(a, b):
+    assert set(a.fields) == GAS_FIELDS and a.time == b.time
+    return all(np.array_equal(a.fields[name], b.fields[name]) for name in GAS_FIELDS)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_frames_hold_the_gas(dim, tmp_path):
+    """Bitwise, while the record is open, after it is closed, and where a run has been resumed."""
+    scene, path, seen = blown(dim), tmp_path / "a.h5", []
+
+    def see(simulation):
+        seen.append(simulation.gas)
+        if simulation.time > 0.003 and len(seen) == 4:
+            with gr.open(path) as record:
+                assert not record.finished and record.has_gas
+                assert all(same_gas(f.gas, g) for f, g in zip(record, seen, strict=False))
+
+    through = gr.Simulation(scene).run(every=1e-3, hooks=(seen.append,))
+    assert through.counts["gas_dropped"] > 0
+    seen.clear()
+    gr.Simulation(scene).run(0.003, save=path, every=1e-3, hooks=(see,))
+    gr.Simulation.resume(path).run(hooks=(see,))
+    assert len(seen) == 5 and seen[-1].n < seen[0].n
+    with gr.open(path) as record:
+        assert record.finished and record.damage() == [] and len(record) == 5
+        assert all(same_gas(f.gas, g) for f, g in zip(record, seen, strict=True))
+        assert same_gas(record[-1].gas, through.gas) and same_gas(through.state.gas, through.gas)
+        with pytest.raises(ValueError, match="read-only"):
+            record[-1].gas.p[0] = 0.0
+    assert info(path)["format"] == 2
+
+
+def test_frames_without_gas_are_as_they_were(tmp_path):
+    """And a run that goes on with the gas may follow, as it does on records of earlier versions."""
+    path = tmp_path / "a.h5"
+    gr.Simulation(blown()).run(0.002, save=path, every=1e-3, gas=False)
+    with h5py.File(path) as file:
+        assert file["granular"].attrs["format"] == 1 and "gas" not in file["granular"]
+    with gr.open(path) as record:
+        assert not record.has_gas and not hasattr(record[-1], "gas")
+    simulation = gr.Simulation.resume(path).run()
+    with gr.open(path) as record:
+        assert [hasattr(state, "gas") for state in record] == [False, False, False, True, True]
+        assert same_gas(record[-1].gas, simulation.gas) and record.damage() == []
+
+
+def test_damaged_gas_is_found(tmp_path):
+    path = tmp_path / "a.h5"
+    gr.Simulation(blown()).run(0.001, save=path, every=1e-3)
+    with h5py.File(path, "r+") as file:
+        data = file["granular/gas/VTKHDF/PointData/p"]
+        data[3] = data[3] + 1.0
+    with gr.open(path) as record:
+        assert len(record.damage()) == 1 and "does not match its digest" in record.damage()[0]
+        with pytest.raises(RecordError, match="step 0 does not match"):
+            _ = record[0]
+        assert record[1].gas.n > 0
+
+
+def test_foreign_gas_is_refused(tmp_path):
+    simulation = gr.Simulation(blown())
+    with TrajectoryWriter(tmp_path / "a.h5", simulation.scene) as writer:
+        writer.append(simulation.state, gas={"x": np.zeros((3, 2)), "mass": np.ones(3)})
+    with gr.open(tmp_path / "a.h5") as record, pytest.raises(RecordError, match="missing"):
+        _ = record[0]
+
+
+def test_paraview_reads_the_gas_by_a_link(tmp_path):
+    vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
+    path, link = tmp_path / "a.h5", tmp_path / "gas.vtkhdf"
+    simulation = gr.Simulation(blown()).run(0.001, save=path, every=1e-3)
+    with h5py.File(link, "w") as file:
+        file["VTKHDF"] = h5py.ExternalLink(path.name, "/granular/gas/VTKHDF")
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(link))
+    reader.SetStep(1)
+    reader.Update()
+    assert reader.GetOutput().GetNumberOfPoints() == simulation.gas.n
 
 
 def test_gate_moves_on_time_and_goes():

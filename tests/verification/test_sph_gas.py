@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from oracle_sph import images, kernel
 
 from granular import sph
 from granular.geometry import Box, Fill, Grid
@@ -96,7 +97,8 @@ def test_drag_far_beyond_the_explicit_limit(rho0, grain_density):
 def test_flux_is_that_of_darcy(jitter, within):
     """Gas driven around a ring of grains: -(k/eta) dp/dx is e v away from where it is driven.
 
-    Disorder of both sets of points costs another percent: 1.3 % was found.
+    Disorder of both sets of points costs another percent: 1.3 % was found, -2 to 1 % for other
+    seeds, by the disorder of the gas alone: see `test_disorder_has_a_rate_of_its_own`.
     """
     columns = 40
     scene = porous_box((columns, 6), heavy=HEAVY, sound_speed=100.0, jitter=jitter)
@@ -117,17 +119,37 @@ def test_flux_is_that_of_darcy(jitter, within):
     assert darcy == pytest.approx(np.mean(fluxes), rel=within)
 
 
-def decay_rate(columns, steps):
-    """Rate at which a cosine of pressure in grains at rest decays, over D q^2."""
-    scene = porous_box((columns, 6), heavy=HEAVY, permeability=2e-11)
+def soaked(columns, jitter=0.0, ordering=0):
+    """Grains at rest and a gas, whose disorder a pressure above the ambient one has worked on for
+    some steps before."""
+    scene = porous_box((columns, 6), heavy=HEAVY, permeability=2e-11, jitter=jitter)
     simulation = sph.Simulation(scene)
-    q, ambient = 2 * math.pi / (columns * DX), scene.gas.pressure
-    rows = slice(simulation._rows.gas_first, simulation._rows.gas_first + simulation._rows.gas)
-    simulation.buffers["rho"][0, rows] *= 1 + 0.01 * np.cos(q * simulation.buffers["x"][0, rows])
+    if ordering:
+        gas, (fill,) = scene.gas, scene.gas.fills
+        fills = (replace(fill, density=gas.density),)
+        pressed = replace(gas, fills=fills, pressure=0.95 * gas.pressure, damping=2.0)
+        earlier = sph.Simulation(scene.replace(gas=pressed))
+        earlier.step(ordering)
+        rows = simulation._rows
+        simulation.buffers["x"][:, rows.gas_first : rows.gas_first + rows.gas] = earlier.gas.x.T
+        simulation._bind(rows, fresh=True)
+    return simulation
+
+
+def decay_rate(simulation, steps):
+    """Rate at which a cosine of pressure decays, over D q^2."""
+    scene, rows = simulation.scene, simulation._rows
+    q, ambient = 2 * math.pi / (scene.grid.shape[0] * DX), scene.gas.pressure
+    points = slice(rows.gas_first, rows.gas_first + rows.gas)
+    simulation.buffers["rho"][0, points] *= 1 + 0.01 * np.cos(
+        q * simulation.buffers["x"][0, points]
+    )
 
     def wave():
+        """By least squares beside a constant, as points that come to order take more room."""
         gas = simulation.gas
-        return simulation.time, np.mean((gas.p / ambient - 1) * np.cos(q * gas.x[:, 0]))
+        waves = np.stack([f(q * gas.x[:, 0]) for f in (np.ones_like, np.cos, np.sin)], axis=1)
+        return simulation.time, np.linalg.lstsq(waves, gas.p / ambient, rcond=None)[0][1]
 
     simulation.step(60)
     begin = wave()
@@ -137,9 +159,39 @@ def decay_rate(columns, steps):
     return rate / (scene.gas.diffusivity(scene.material.rho0) * q**2)
 
 
+def disorder(simulation):
+    """Root of the mean of (h E/V)^2, -p E being the force that a uniform pressure p above the
+    ambient one makes: E = sum_b (V_a/n_a + V_b/n_b) grad W, V = 1/n."""
+    rows, h = simulation._rows, simulation.scene.h
+    x = simulation.buffers["x"][:, rows.gas_first : rows.gas_first + rows.gas].T
+    parts = [kernel(2, h, x[None] + shift - x[:, None]) for shift in images(simulation.scene, x)]
+    n = sum(w.sum(1) for w, _ in parts)
+    spread = n[:, None] ** -2 + n[None] ** -2
+    E = sum((spread[..., None] * grad).sum(1) for _, grad in parts)
+    return h * math.sqrt(np.mean((E**2).sum(1) * n**2))
+
+
 def test_pore_pressure_diffuses():
     """D = k p/(e eta); the inertia of the gas adds D q^2 t_s = 3e-4 to the rate."""
-    assert decay_rate(64, 1000) == pytest.approx(1.0, abs=0.02)
+    assert decay_rate(soaked(64), 1000) == pytest.approx(1.0, abs=0.02)
+
+
+def test_pore_pressure_diffuses_in_a_gas_that_has_come_to_order():
+    """As disordered as the gas in the beds of the ready scenes, .02 to .03."""
+    simulation = soaked(48, jitter=0.3, ordering=1000)
+    assert 0.02 < disorder(simulation) < 0.03
+    assert decay_rate(simulation, 1000) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("columns", [48, 64, 96])
+def test_disorder_has_a_rate_of_its_own(columns):
+    """Points that a pressure moves by -p E come to more or less order and so to more or less room:
+    the pressure decays at D (h E/V)^2/h^2 besides D q^2, however long its wave is. That is the
+    most, where exchange takes all pressures away that stand against E; .72 to .91 was found."""
+    simulation = soaked(columns, jitter=0.3)
+    q_h = 2 * math.pi / (columns * DX) * simulation.scene.h
+    most = (disorder(simulation) / q_h) ** 2
+    assert 0.6 * most < decay_rate(simulation, 1000) - 1.0 < most
 
 
 # ---- fluidisation ----
