@@ -128,8 +128,8 @@ GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal,
     return v_select(v_gt(height, zero), z, largest);
 }
 
-/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D, the first three halved, and, where the material is
- * elastic, V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
+/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D, the first three halved,
+ * and, where the material is elastic, V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
 GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph *s, int64_t a, int64_t first, int64_t last,
                              vd *D, vd *spin)
 {
@@ -238,9 +238,9 @@ GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t f
     }
 }
 
-/* Stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. Below its strength
- * the material has the largest viscosity eta and, beside it, the shear modulus G:
- * |T| <= mu p + c of T = E + eta D + G dt dev D, E the elastic stress so far. */
+/* Stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. Below its strength the material has the largest
+ * viscosity eta and, beside it, the shear modulus G: |T| <= mu p + c of T = E + eta D + G dt dev D, E the elastic stress so
+ * far. */
 GR_INLINE void sph_stresses_of(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last, double (*rates)[9])
 {
     double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
