@@ -19,13 +19,14 @@ static const double sph_least_open = 0.05;     /* share of its surroundings that
  * is 0 if they are impermeable. */
 GR_INLINE double sph_gas_count(int dim, const struct gr_sph *s, const double *porosity, int64_t a, int walls)
 {
-    const double per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const double h = s->config.parameter[GR_SPH_P_h];
     const int64_t first = walls ? s->middle[a] : s->end[a], last = walls ? s->end[a] : s->gas->end[a];
+    struct sph_place place = {.shift = -1};
     vd sum = v_set(0.0), d[3];
     for (int64_t k = first; k < last; k++) {
         const struct gr_block block = s->block[k];
-        const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
-        const vd w = sph_weight(r2, per_h);
+        const vd r2 = sph_ways(dim, s, a, block, &place, d);
+        const vd w = sph_weight(r2, h);
         sum = walls ? v_fma(v_set(1.0) - v_load(porosity + block.row), w, sum) : v_add(sum, w);
     }
     return v_sum(sum);
@@ -47,7 +48,7 @@ GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t
 {
     const struct gr_sph_gas *gas = s->gas;
     const double *p = gas->parameter, *grain = gr_sph_rows(s, GR_SPH_FIELD_mass)[0];
-    const double norm = sph_norm(dim, s->config.parameter[GR_SPH_P_h]);
+    const double norm = sph_weight_norm(dim, s->config.parameter[GR_SPH_P_h]);
     const double c2 = p[GR_SPH_GAS_P_sound_speed] * p[GR_SPH_GAS_P_sound_speed];
     double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
     double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
@@ -83,19 +84,20 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
     const struct gr_sph_gas *gas = s->gas;
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0];
-    const double h = s->config.parameter[GR_SPH_P_h], per_h = 1.0 / h, scale = sph_norm(dim, h) / (h * h);
+    const double h = s->config.parameter[GR_SPH_P_h], per_h = 1.0 / h, scale = sph_slope_norm(dim, h);
     const double alpha = gas->parameter[GR_SPH_GAS_P_damping], c = gas->parameter[GR_SPH_GAS_P_sound_speed];
     double *const *normal = gr_sph_rows(s, GR_SPH_FIELD_normal);
     const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0];
     const vd one = v_set(1.0), zero = v_set(0.0), wall = v_set(gas->parameter[GR_SPH_GAS_P_wall_volume]);
     for (int64_t a = first; a < last; a++) {
         const vd own = v_set(gas->own_pull[a]), m = v_set(mass[a]), volume = v_set(gas->volume[a]);
+        struct sph_place place = {.shift = -1};
         vd sum[3] = {zero, zero, zero}, walls[3] = {zero, zero, zero}, stop[3] = {zero, zero, zero}, wall_sum = zero, d[3];
         for (int64_t k = s->middle[a]; k < s->end[a]; k++) {
             const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
-            const vd sealed = one - v_load(porosity + block.row), w = sealed * sph_weight(r2, per_h);
-            const vd weight = wall * sealed * sph_slope(r2, per_h);
+            const vd r2 = sph_ways(dim, s, a, block, &place, d);
+            const vd sealed = one - v_load(porosity + block.row), w = sealed * sph_weight(r2, h);
+            const vd weight = wall * sealed * sph_slope(r2, h);
             vd height = zero - v_load(depth + block.row);
             for (int i = 0; i < dim; i++) height = v_fnma(v_load(normal[i] + block.row), d[i], height);
             const vd lack = w * v_max(one - height * v_set(per_h / sph_nearest), zero);
@@ -107,7 +109,7 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
         }
         for (int64_t k = s->end[a]; k < gas->end[a]; k++) {
             const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
+            const vd r2 = sph_ways(dim, s, a, block, &place, d);
             const vd mb = v_load(mass + block.row), vb = v_load(gas->volume + block.row);
             vd way = zero;
             for (int i = 0; i < dim; i++) way = v_fma(v_load(v[i] + block.row) - v_set(v[i][a]), d[i], way);
@@ -115,7 +117,7 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
             /* m_a m_b/R = 2 m_a m_b V_a V_b/(m_a V_b + m_b V_a), zero for spare rows */
             const vd both = v_set(2.0) * m * mb * volume * vb / v_max(m * vb + mb * volume, v_set(1e-290));
             const vd q = v_set(alpha) * both * u * v_fma(v_set(2.0), u, v_set(-c));
-            const vd weight = (own + v_load(gas->own_pull + block.row) + q) * sph_slope(r2, per_h);
+            const vd weight = (own + v_load(gas->own_pull + block.row) + q) * sph_slope(r2, h);
             for (int i = 0; i < dim; i++) sum[i] = v_fma(weight, d[i], sum[i]);
         }
         const double about = v_sum(wall_sum), stiff = about > 0.0 ? mass[a] * c * c * per_h / about : 0.0;
@@ -128,13 +130,14 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
 GR_INLINE void sph_gas_loads(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
-    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], h = s->config.parameter[GR_SPH_P_h];
     for (int64_t j = first; j < last; j++) {
+        struct sph_place place = {.shift = -1};
         vd sum = v_set(0.0), d[3];
         for (int64_t k = s->end[j]; k < gas->end[j]; k++) {
             const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s->row, j, s->shift[block.shift], block.row, d);
-            sum = v_fma(v_load(mass + block.row) * v_load(gas->per_mass + block.row), sph_weight(r2, per_h), sum);
+            const vd r2 = sph_ways(dim, s, j, block, &place, d);
+            sum = v_fma(v_load(mass + block.row) * v_load(gas->per_mass + block.row), sph_weight(r2, h), sum);
         }
         gas->load[j] = v_sum(sum);
     }
@@ -147,14 +150,15 @@ GR_INLINE void sph_gas_hand_over(int dim, struct gr_sph *s, int64_t first, int64
 {
     const struct gr_sph_gas *gas = s->gas;
     double *const *f = is_push ? gas->push : gas->drag, *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a);
-    const double *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const double *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0], h = s->config.parameter[GR_SPH_P_h];
     for (int64_t j = first; j < last; j++) {
+        struct sph_place place = {.shift = -1};
         vd sum[3] = {v_set(0.0), v_set(0.0), v_set(0.0)}, d[3];
         double square = 0.0;
         for (int64_t k = s->end[j]; k < gas->end[j]; k++) {
             const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s->row, j, s->shift[block.shift], block.row, d);
-            vd w = v_load(gas->per_mass + block.row) * sph_weight(r2, per_h);
+            const vd r2 = sph_ways(dim, s, j, block, &place, d);
+            vd w = v_load(gas->per_mass + block.row) * sph_weight(r2, h);
             w = is_push ? w * (v_set(1.0) - v_load(porosity + block.row)) : v_set(0.0) - w;
             for (int i = 0; i < dim; i++) sum[i] = v_fma(w, v_load(f[i] + block.row), sum[i]);
         }
@@ -175,19 +179,20 @@ GR_INLINE void sph_gas_exchange(int dim, struct gr_sph *s, int64_t first, int64_
     const struct gr_sph_gas *gas = s->gas;
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     const double *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0], *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
-    const double *p = gas->parameter, h = s->config.parameter[GR_SPH_P_h], per_h = 1.0 / h, c = p[GR_SPH_GAS_P_sound_speed];
-    const double scale = p[GR_SPH_GAS_P_diffusion] * sph_norm(dim, h) / (h * c);
+    const double *p = gas->parameter, h = s->config.parameter[GR_SPH_P_h], c = p[GR_SPH_GAS_P_sound_speed];
+    const double scale = p[GR_SPH_GAS_P_diffusion] * sph_slope_norm(dim, h) * h / c;
     for (int64_t a = first; a < last; a++) {
+        struct sph_place place = {.shift = -1};
         vd sum = v_set(0.0), carry[3] = {sum, sum, sum}, d[3], slope[3];
         for (int i = 0; i < dim; i++) slope[i] = v_set(gas->push[i][a] / gas->volume[a]);
         for (int64_t k = s->end[a]; k < gas->end[a]; k++) {
             const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
+            const vd r2 = sph_ways(dim, s, a, block, &place, d);
             const vd volume = v_max(v_load(gas->volume + block.row), v_set(1e-290));
             vd jump = v_set(c * c) * (v_load(rho + block.row) - v_set(rho[a]));
             for (int i = 0; i < dim; i++)
                 jump = v_fma(v_set(0.5) * (slope[i] + v_load(gas->push[i] + block.row) / volume), d[i], jump);
-            const vd gain = (v_set(porosity[a]) + v_load(porosity + block.row)) * volume * jump * sph_slope(r2, per_h);
+            const vd gain = (v_set(porosity[a]) + v_load(porosity + block.row)) * volume * jump * sph_slope(r2, h);
             sum = sum + gain;
             for (int i = 0; i < dim; i++) carry[i] = v_fma(gain, v_set(v[i][a]) + v_load(v[i] + block.row), carry[i]);
         }
@@ -221,15 +226,16 @@ GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t la
     const struct gr_sph_gas *gas = s->gas;
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a);
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
-    const double *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const double *porosity = gr_sph_rows(s, GR_SPH_FIELD_porosity)[0], h = s->config.parameter[GR_SPH_P_h];
     for (int64_t a = first; a < last; a++) {
+        struct sph_place place = {.shift = -1};
         vd sum[3], rate[3], d[3], most = v_set(0.0);
         double r[3], f[3], speed2 = 0.0;
         for (int i = 0; i < dim; i++) sum[i] = rate[i] = v_set(0.0);
         for (int64_t k = s->begin[a]; gas->per_mass[a] > 0.0 && k < s->middle[a]; k++) {
             const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s->row, a, s->shift[block.shift], block.row, d);
-            const vd w = v_load(mass + block.row) * sph_weight(r2, per_h);
+            const vd r2 = sph_ways(dim, s, a, block, &place, d);
+            const vd w = v_load(mass + block.row) * sph_weight(r2, h);
             for (int i = 0; i < dim; i++) {
                 sum[i] = v_fma(w, v_load(v[i] + block.row), sum[i]);
                 rate[i] = v_fma(w, v_load(acceleration[i] + block.row), rate[i]);

@@ -129,28 +129,48 @@ struct search {
     int64_t n; /* of blocks; those beyond the stride are only counted */
 };
 
+/* Which of the GR_LANES rows from b on are near enough, one bit for each. */
+GR_INLINE unsigned near_rows(int dim, const struct gr_sph *s, const struct search *q, double *const *anchor, int64_t b,
+                             int shift)
+{
+    unsigned near = 0;
+    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+        vd r2 = v_zero();
+        for (int d = 0; d < dim; d++) {
+            const vd r = v_load(anchor[d] + b + lane) + v_set(s->shift[shift][d]) - v_set(q->at[d]);
+            r2 = r2 + r * r;
+        }
+        near |= m_bits(v_ge(v_set(s->reach * s->reach), r2)) << lane;
+    }
+    return near;
+}
+
 /* The rows of a run of cells that are near enough, as images moved by a shift. */
-static void search_run(const struct gr_sph *s, struct search *q, int kind, int64_t first_cell, int64_t last_cell, int shift)
+GR_INLINE void search_rows(int dim, const struct gr_sph *s, struct search *q, int64_t b, int64_t last, int shift)
 {
     double *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
-    const int dim = s->config.dim;
-    const int32_t *start = s->start[kind];
-    int64_t b = start[first_cell];
-    if (b < q->covered[shift]) b = q->covered[shift];
-    while (b < start[last_cell + 1]) {
-        double r2 = 0;
-        for (int d = 0; d < dim; d++) {
-            const double r = anchor[d][b] + s->shift[shift][d] - q->at[d];
-            r2 += r * r;
-        }
-        if (r2 > s->reach * s->reach) {
-            b++;
+    while (b < last) {
+        unsigned near = near_rows(dim, s, q, anchor, b, shift);
+        if (last - b < GR_LANES) near &= (1u << (last - b)) - 1u;
+        if (!near) {
+            b += GR_LANES;
             continue;
         }
+        b += __builtin_ctz(near);
         if (q->n < s->stride) q->out[q->n] = (struct gr_block){(int32_t)b, shift};
         q->n++;
         b = q->covered[shift] = b + s->lanes;
     }
+}
+
+static void search_run(const struct gr_sph *s, struct search *q, int kind, int64_t first_cell, int64_t last_cell, int shift)
+{
+    const int64_t first = s->start[kind][first_cell], last = s->start[kind][last_cell + 1];
+    const int64_t b = first < q->covered[shift] ? q->covered[shift] : first;
+    if (s->config.dim == 2)
+        search_rows(2, s, q, b, last, shift);
+    else
+        search_rows(3, s, q, b, last, shift);
 }
 
 /* All runs of a row of cells along x; `before` is the row's first cell, `shift` that of the other axes. */

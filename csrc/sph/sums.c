@@ -1,54 +1,70 @@
 /* The sums over neighbours of one step, in their order; included by kernels.c.
  *
  * The kernel is the cubic spline, W = c w(q) with q = r/h, w = (2 - q)+^3/4 - (1 - q)+^3 (eq. 5.14), and its gradient
- * at a point is c/h^2 G(q) d with d the way to the neighbour, G = 3 - 9 q/4 for q < 1, 3 (2 - q)+^2/(4 q) beyond. */
+ * at a point is c/h^2 G(q) d with d the way to the neighbour, G = 3 - 9 q/4 for q < 1, 3 (2 - q)+^2/(4 q) beyond.
+ * What the blocks have in common is left to the factors of the sums: W = weight norm x (4 h^3 w), and the gradient is
+ * slope norm x (4 h G/3) d. */
 #include "core/simd.h"
 #include "sph/sph.h"
 
 static const double sph_least_square = 1e-200; /* of a distance, so that a point has no distance 0 from itself */
 
-/* c of the kernel, 1/m^dim. */
-static double sph_norm(int dim, double h)
+/* c/(4 h^3), 1/m^(dim + 3). */
+static double sph_weight_norm(int dim, double h)
 {
-    const double pi = 3.14159265358979323846;
-    return dim == 2 ? 10.0 / (7.0 * pi * h * h) : 1.0 / (pi * h * h * h);
+    const double pi = 3.14159265358979323846, c = dim == 2 ? 10.0 / (7.0 * pi * h * h) : 1.0 / (pi * h * h * h);
+    return c / (4.0 * h * h * h);
 }
 
-/* Ways d from the point at x to the points of a block. Returned: their squares. */
-GR_INLINE vd sph_ways(int dim, double *const *x, int64_t a, const double *shift, int64_t b, vd *d)
+/* 3 c/(4 h^3), 1/m^(dim + 3). */
+static double sph_slope_norm(int dim, double h) { return 3.0 * sph_weight_norm(dim, h); }
+
+/* Where a point is, seen from the blocks of one shift. */
+struct sph_place {
+    vd at[3];
+    int32_t shift; /* -1: not known yet */
+};
+
+/* Ways d from a point to those of a block. Returned: their squares. */
+GR_INLINE vd sph_ways(int dim, const struct gr_sph *s, int64_t a, struct gr_block block, struct sph_place *place, vd *d)
 {
-    vd r2 = v_set(0.0);
+    vd r2 = v_set(sph_least_square);
+    if (block.shift != place->shift) { /* rare: most points see no image */
+        place->shift = block.shift;
+        for (int k = 0; k < dim; k++) place->at[k] = v_set(s->row[k][a] - s->shift[block.shift][k]);
+    }
     for (int k = 0; k < dim; k++) {
-        d[k] = v_load(x[k] + b) - v_set(x[k][a] - shift[k]);
+        d[k] = v_load(s->row[k] + block.row) - place->at[k];
         r2 = v_fma(d[k], d[k], r2);
     }
-    return v_max(v_set(sph_least_square), r2);
+    return r2;
 }
 
-GR_INLINE vd sph_weight(vd r2, double per_h)
+/* 4 h^3 w, m^3. */
+GR_INLINE vd sph_weight(vd r2, double h)
 {
-    const vd zero = v_set(0.0), q = v_sqrt_fast(r2) * v_set(per_h);
-    const vd t = v_max(v_set(2.0) - q, zero), u = v_max(v_set(1.0) - q, zero);
-    return v_fnma(u * u, u, v_set(0.25) * t * t * t);
+    const vd r = v_sqrt_fast(r2), t = v_max(v_set(2.0 * h) - r, v_set(0.0));
+    const vd inner = v_fma(r2, v_fma(v_set(3.0), r, v_set(-6.0 * h)), v_set(4.0 * h * h * h));
+    return v_select(v_gt(v_set(h), r), inner, t * t * t);
 }
 
-GR_INLINE vd sph_slope(vd r2, double per_h)
+/* 4 h G/3, m. */
+GR_INLINE vd sph_slope(vd r2, double h)
 {
-    const vd per_r = v_rsqrt(r2), q = r2 * per_r * v_set(per_h), t = v_max(v_set(2.0) - q, v_set(0.0));
-    const vd outer = v_set(0.75 / per_h) * t * t * per_r;
-    return v_select(v_gt(v_set(1.0), q), v_fnma(v_set(2.25), q, v_set(3.0)), outer);
+    const vd per_r = v_rsqrt(r2), r = r2 * per_r, t = v_max(v_set(2.0 * h) - r, v_set(0.0));
+    return v_select(v_gt(v_set(h), r), v_fnma(v_set(3.0), r, v_set(4.0 * h)), t * t * per_r);
 }
 
 /* sum_b of f_b w over some blocks of the neighbours of a point. */
 GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, int64_t a, int64_t first, int64_t last)
 {
-    double *const *x = s->row;
-    const double per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const double h = s->config.parameter[GR_SPH_P_h];
     vd sum = v_set(0.0), d[3];
+    struct sph_place place = {.shift = -1};
     for (int64_t k = first; k < last; k++) {
         const struct gr_block block = s->block[k];
-        const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
-        sum = v_fma(v_load(f + block.row), sph_weight(r2, per_h), sum);
+        const vd r2 = sph_ways(dim, s, a, block, &place, d);
+        sum = v_fma(v_load(f + block.row), sph_weight(r2, h), sum);
     }
     return v_sum(sum);
 }
@@ -59,29 +75,36 @@ GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64
     return sph_sum_of(dim, s, f, a, s->begin[a], s->end[a]);
 }
 
+enum { SPH_TILE = 64 }; /* points of which sums are found before what follows from them, so that neither waits */
+
 /* rho~ = sum_b m_b W (eq. 5.17), and m/rho~. */
 GR_INLINE void sph_densities(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
-    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], norm = sph_norm(dim, s->config.parameter[GR_SPH_P_h]);
-    for (int64_t a = first; a < last; a++) {
-        s->rho_plain[a] = norm * sph_sum(dim, s, mass, a);
-        s->lump[a] = mass[a] / s->rho_plain[a];
-    }
+    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], norm = sph_weight_norm(dim, s->config.parameter[GR_SPH_P_h]);
+    for (int64_t a = first; a < last; a++) s->rho_plain[a] = norm * sph_sum(dim, s, mass, a);
+    for (int64_t a = first; a < last; a++) s->lump[a] = mass[a] / s->rho_plain[a];
 }
 
 /* rho = rho~/sum_b (m_b/rho~_b) W, the Shepard filter (eq. 5.18); m/rho; the speed of sound, c^2 = K/rho (eq. 5.6). */
 GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *p = s->config.parameter;
-    const double norm = sph_norm(dim, p[GR_SPH_P_h]);
+    const double norm = sph_weight_norm(dim, p[GR_SPH_P_h]);
     double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
     const double rho0 = first < s->wall_first ? p[GR_SPH_P_rho0] : p[GR_SPH_P_rho0_wall];
-    for (int64_t a = first; a < last; a++) {
-        rho[a] = s->rho_plain[a] / (norm * sph_sum(dim, s, s->lump, a));
-        s->volume[a] = mass[a] / rho[a];
-        const double ratio = rho[a] / rho0;
-        const double c2 = (1.5 * p[GR_SPH_P_kappa] * ratio * sqrt(ratio) + 4.0 / 3.0 * p[GR_SPH_P_shear_modulus]) / rho[a];
-        if (c2 > found->speed2) found->speed2 = c2;
+    const double stiff = 1.5 * p[GR_SPH_P_kappa], shear = 4.0 / 3.0 * p[GR_SPH_P_shear_modulus];
+    for (int64_t tile = first; tile < last; tile += SPH_TILE) {
+        const int64_t end = tile + SPH_TILE < last ? tile + SPH_TILE : last;
+        double c2[SPH_TILE], most = found->speed2;
+        for (int64_t a = tile; a < end; a++) c2[a - tile] = norm * sph_sum(dim, s, s->lump, a);
+        for (int64_t a = tile; a < end; a++) {
+            rho[a] = s->rho_plain[a] / c2[a - tile];
+            s->volume[a] = mass[a] / rho[a];
+            const double ratio = rho[a] / rho0;
+            c2[a - tile] = (stiff * ratio * sqrt(ratio) + shear) / rho[a];
+        }
+        for (int64_t a = tile; a < end; a++) most = c2[a - tile] > most ? c2[a - tile] : most;
+        found->speed2 = most;
     }
 }
 
@@ -105,23 +128,24 @@ GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal,
     return v_select(v_gt(height, zero), z, largest);
 }
 
-/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D and, where the material is
- * elastic, V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
+/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D, the first three halved,
+ * and, where the material is elastic, V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
 GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph *s, int64_t a, int64_t first, int64_t last,
                              vd *D, vd *spin)
 {
-    double *const *x = s->row, *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
+    double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     double *const *normal = gr_sph_rows(s, GR_SPH_FIELD_normal);
-    const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0], h = s->config.parameter[GR_SPH_P_h];
+    struct sph_place place = {.shift = -1};
     const int artificial = pair != SPH_SAME && s->config.parameter[GR_SPH_P_z_max] > 1.0;
     for (int64_t k = first; k < last; k++) {
         const struct gr_block block = s->block[k];
         vd d[3], dv[3];
-        const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
-        vd weight = v_load(s->volume + block.row) * sph_slope(r2, per_h);
+        const vd r2 = sph_ways(dim, s, a, block, &place, d);
+        vd weight = v_load(s->volume + block.row) * sph_slope(r2, h);
         if (artificial) weight = weight * sph_factor(pair, s, normal, depth, a, block.row, dim, d);
         for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + block.row) - v_set(v[i][a]));
-        for (int i = 0; i < dim; i++) D[i] = v_fma(v_set(2.0) * dv[i], d[i], D[i]);
+        for (int i = 0; i < dim; i++) D[i] = v_fma(dv[i], d[i], D[i]);
         D[3] = v_fma(dv[0], d[1], v_fma(dv[1], d[0], D[3]));
         if (dim == 3) {
             D[4] = v_fma(dv[1], d[2], v_fma(dv[2], d[1], D[4]));
@@ -196,20 +220,12 @@ GR_INLINE void sph_relax(double stiffness, double eta, double tau, const double 
     for (int k = 0; k < 6; k++) elastic[k] *= kept;
 }
 
-/* Rate of strain (eqs. 5.2, 5.21) and stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. Below its strength
- * the material has the largest viscosity eta and, beside it, the shear modulus G:
- * |T| <= mu p + c of T = E + eta D + G dt dev D, E the elastic stress so far. */
-GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last)
+/* Rates of strain and, where the material is elastic, of spin (eqs. 5.2, 5.21) over the slope norm, of a tile at most. */
+GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t first, int64_t last, double (*rates)[9])
 {
-    double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
-    double *rate = gr_sph_rows(s, GR_SPH_FIELD_shear_rate)[0];
-    double *const *old = gr_sph_rows(s, GR_SPH_FIELD_elastic_stress);
-    const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0], *c = s->config.parameter, h = c[GR_SPH_P_h];
-    const double scale = sph_norm(dim, h) / (h * h), stiffness = c[GR_SPH_P_shear_modulus] * s->dt;
-    const int is_wall = first >= s->wall_first, n_rows = dim == 2 ? 4 : 6;
+    const int is_wall = first >= s->wall_first;
     for (int64_t a = first; a < last; a++) {
         vd sums[9];
-        double D[6], trial[6], kept[6] = {0};
         for (int k = 0; k < 9; k++) sums[k] = v_set(0.0);
         if (is_wall) { /* the points of walls do not strain each other */
             sph_add_rates(dim, SPH_FROM_WALL, elastic, s, a, s->begin[a], s->middle[a], sums, sums + 6);
@@ -218,13 +234,30 @@ GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t firs
             if (s->middle[a] < s->end[a])
                 sph_add_rates(dim, SPH_TO_WALL, elastic, s, a, s->middle[a], s->end[a], sums, sums + 6);
         }
-        for (int k = 0; k < 6; k++) D[k] = scale * v_sum(sums[k]);
+        for (int k = 0; k < (elastic ? 9 : 6); k++) rates[a - first][k] = (k < 3 ? 2.0 : 1.0) * v_sum(sums[k]);
+    }
+}
+
+/* Stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. Below its strength the material has the largest
+ * viscosity eta and, beside it, the shear modulus G: |T| <= mu p + c of T = E + eta D + G dt dev D, E the elastic stress so
+ * far. */
+GR_INLINE void sph_stresses_of(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last, double (*rates)[9])
+{
+    double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
+    double *rate = gr_sph_rows(s, GR_SPH_FIELD_shear_rate)[0];
+    double *const *old = gr_sph_rows(s, GR_SPH_FIELD_elastic_stress);
+    const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0], *c = s->config.parameter, h = c[GR_SPH_P_h];
+    const double scale = sph_slope_norm(dim, h), stiffness = c[GR_SPH_P_shear_modulus] * s->dt;
+    const int n_rows = dim == 2 ? 4 : 6;
+    for (int64_t a = first; a < last; a++) {
+        double D[6], trial[6], kept[6] = {0};
+        for (int k = 0; k < 6; k++) D[k] = scale * rates[a - first][k];
         const double div = 0.5 * (D[0] + D[1] + D[2]), eta = c[GR_SPH_P_regularisation] * h * h * rho[a] / s->dt;
         rate[a] = sph_size(D);
         const struct sph_law law = sph_strength(s, a, rho[a], rate[a], div);
         if (elastic) {
             double spin[3];
-            for (int k = 0; k < 3; k++) spin[k] = 0.5 * scale * v_sum(sums[6 + k]);
+            for (int k = 0; k < 3; k++) spin[k] = 0.5 * scale * rates[a - first][6 + k];
             for (int k = 0; k < n_rows; k++) kept[k] = old[k][a];
             sph_turn(dim, spin, s->dt, kept);
         }
@@ -244,17 +277,27 @@ GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t firs
     }
 }
 
+GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last)
+{
+    double rates[SPH_TILE][9];
+    for (int64_t tile = first; tile < last; tile += SPH_TILE) {
+        const int64_t end = tile + SPH_TILE < last ? tile + SPH_TILE : last;
+        sph_rates(dim, elastic, s, tile, end, rates);
+        sph_stresses_of(dim, elastic, s, tile, end, rates);
+    }
+}
+
 /* Add m_b G (T_a + T_b) d of some blocks, T = sigma/rho^2. */
 GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pull, int64_t a, int64_t first, int64_t last,
                               vd *sum)
 {
-    double *const *x = s->row;
-    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], per_h = 1.0 / s->config.parameter[GR_SPH_P_h];
+    const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], h = s->config.parameter[GR_SPH_P_h];
+    struct sph_place place = {.shift = -1};
     for (int64_t k = first; k < last; k++) {
         const struct gr_block block = s->block[k];
         vd d[3], T[6];
-        const vd r2 = sph_ways(dim, x, a, s->shift[block.shift], block.row, d);
-        const vd weight = v_load(mass + block.row) * sph_slope(r2, per_h);
+        const vd r2 = sph_ways(dim, s, a, block, &place, d);
+        const vd weight = v_load(mass + block.row) * sph_slope(r2, h);
         for (int c = 0; c < (dim == 2 ? 4 : 6); c++)
             if (dim == 3 || c != 2) T[c] = v_load(pull[c] + block.row) + v_set(pull[c][a]);
         for (int i = 0; i < dim; i++) d[i] = weight * d[i];
@@ -273,7 +316,7 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pu
 GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), h = s->config.parameter[GR_SPH_P_h];
-    const double scale = sph_norm(dim, h) / (h * h);
+    const double scale = sph_slope_norm(dim, h);
     for (int64_t a = first; a < last; a++) {
         vd sums[3] = {v_set(0.0), v_set(0.0), v_set(0.0)};
         double square = 0.0;
