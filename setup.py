@@ -26,6 +26,7 @@ INCLUDED = (  # by kernels.c
         "law_hencky.c",
         "diffuse.c",
         "sums.c",
+        "stress.c",
         "gas_sums.c",
     ),
 )

@@ -13,6 +13,7 @@
 #include "mpm/cells.c"
 #include "mpm/gather.c"
 #include "sph/sums.c"
+#include "sph/stress.c"
 #include "sph/gas_sums.c"
 
 #define GR_PASTE2(a, b) a##b

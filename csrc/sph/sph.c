@@ -431,26 +431,44 @@ static void run(struct team *team, int t)
     }
 }
 
-int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads)
+/* The stresses of the last step, for who looks at them: steps themselves need sigma/rho^2. */
+static void show_stresses(struct gr_sph *s)
 {
-    struct team team = {.s = s, .kernels = kernels, .until = until, .steps_left = max_steps};
-    if (s->error) return s->error;
-    if (!s->started)
-        gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time,
-                   s->gravity);
+    double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
+    const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
+    const int64_t n[2] = {s->n_grains, s->n_walls}, first[2] = {0, s->wall_first};
+    for (int kind = 0; kind < 2; kind++)
+        for (int k = 0; k < gr_sph_components(s, GR_SPH_FIELD_stress); k++)
+            for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) stress[k][a] = rho[a] * rho[a] * s->pull[k][a];
+}
+
+static void run_all(struct team *team, int threads)
+{
 #ifdef _OPENMP
     if (threads > 1) {
 #pragma omp parallel num_threads(threads)
         {
 #pragma omp single
-            team.barrier.threads = omp_get_num_threads();
-            run(&team, omp_get_thread_num());
+            team->barrier.threads = omp_get_num_threads();
+            run(team, omp_get_thread_num());
         }
-        return s->error;
+        return;
     }
 #endif
     (void)threads;
-    team.barrier.threads = 1;
-    run(&team, 0);
+    team->barrier.threads = 1;
+    run(team, 0);
+}
+
+int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads)
+{
+    struct team team = {.s = s, .kernels = kernels, .until = until, .steps_left = max_steps};
+    const int64_t step = s->step, started = s->started;
+    if (s->error) return s->error;
+    if (!started)
+        gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time,
+                   s->gravity);
+    run_all(&team, threads);
+    if (!s->error && (s->step > step || !started)) show_stresses(s);
     return s->error;
 }

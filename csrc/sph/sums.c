@@ -160,68 +160,9 @@ GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph
     }
 }
 
-struct sph_law {
-    double p, tau, tau_wall; /* pressure, shear strengths in the bulk and against walls */
-};
-
-/* Pressure and strength (eqs. 5.5, 5.7, 5.8). */
-static struct sph_law sph_strength(const struct gr_sph *s, int64_t a, double rho, double rate, double div)
-{
-    const double *c = s->config.parameter;
-    const double ratio = rho / (a < s->wall_first ? c[GR_SPH_P_rho0] : c[GR_SPH_P_rho0_wall]);
-    const double p = ratio > 1.0 ? c[GR_SPH_P_kappa] * (ratio * sqrt(ratio) - 1.0) : 0.0;
-    const double mu = c[GR_SPH_P_mu_l] + (c[GR_SPH_P_mu_h] - c[GR_SPH_P_mu_l]) * rate / (c[GR_SPH_P_D_star] + rate);
-    double beta = rate > 0.0 ? div / rate : 0.0;
-    beta = beta < 0.0 ? 0.0 : beta > c[GR_SPH_P_dilation] ? c[GR_SPH_P_dilation] : beta;
-    const double mu_wall = s->config.wall_friction ? c[GR_SPH_P_mu_wall] : mu;
-    return (struct sph_law){p, (mu + beta) * p + c[GR_SPH_P_cohesion], (mu_wall + beta) * p + c[GR_SPH_P_cohesion]};
-}
-
-/* |T| = sqrt(T:T/2). */
-GR_INLINE double sph_size(const double *T)
-{
-    return sqrt(0.5 * (T[0] * T[0] + T[1] * T[1] + T[2] * T[2]) + T[3] * T[3] + T[4] * T[4] + T[5] * T[5]);
-}
-
-/* Of a trial stress so much that it is not more than the strength. */
-static double sph_share(double tau, double size) { return tau >= size ? 1.0 : tau / size; }
-
-/* A stress turned as the material has in a step: Q T Q^T with Q of the quaternion (1, spin dt/2). */
-GR_INLINE void sph_turn(int dim, const double *spin, double dt, double *T)
-{
-    static const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
-    const double x = dim == 3 ? 0.5 * dt * spin[1] : 0.0, y = dim == 3 ? 0.5 * dt * spin[2] : 0.0, z = 0.5 * dt * spin[0];
-    const double per = 2.0 / (1.0 + x * x + y * y + z * z);
-    const double Q[3][3] = {{1.0 - per * (y * y + z * z), per * (x * y - z), per * (x * z + y)},
-                            {per * (x * y + z), 1.0 - per * (x * x + z * z), per * (y * z - x)},
-                            {per * (x * z - y), per * (y * z + x), 1.0 - per * (x * x + y * y)}};
-    double half[3][3], turned[6];
-    for (int i = 0; i < dim; i++)
-        for (int j = 0; j < dim; j++) {
-            half[i][j] = 0.0;
-            for (int k = 0; k < dim; k++) half[i][j] += Q[i][k] * T[place[k][j]];
-        }
-    for (int i = 0; i < dim; i++)
-        for (int j = i; j < dim; j++) {
-            turned[place[i][j]] = 0.0;
-            for (int k = 0; k < dim; k++) turned[place[i][j]] += half[i][k] * Q[j][k];
-        }
-    for (int i = 0; i < dim; i++)
-        for (int j = i; j < dim; j++) T[place[i][j]] = turned[place[i][j]];
-}
-
-/* The elastic stress after a step, from that before it, the shear stress and its viscosity: the strain that is not
- * plastic strains spring and dashpot alike. Never more than the strength, so that what comes apart forgets. */
-GR_INLINE void sph_relax(double stiffness, double eta, double tau, const double *shear, double *elastic)
-{
-    const double mean = (shear[0] + shear[1] + shear[2]) / 3.0, share = stiffness / (stiffness + eta);
-    for (int k = 0; k < 6; k++) elastic[k] += share * (shear[k] - (k < 3 ? mean : 0.0) - elastic[k]);
-    const double kept = sph_share(tau, sph_size(elastic));
-    for (int k = 0; k < 6; k++) elastic[k] *= kept;
-}
-
 /* Rates of strain and, where the material is elastic, of spin (eqs. 5.2, 5.21) over the slope norm, of a tile at most. */
-GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t first, int64_t last, double (*rates)[9])
+GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t first, int64_t last,
+                         double (*rates)[SPH_TILE])
 {
     const int is_wall = first >= s->wall_first;
     for (int64_t a = first; a < last; a++) {
@@ -234,56 +175,7 @@ GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t f
             if (s->middle[a] < s->end[a])
                 sph_add_rates(dim, SPH_TO_WALL, elastic, s, a, s->middle[a], s->end[a], sums, sums + 6);
         }
-        for (int k = 0; k < (elastic ? 9 : 6); k++) rates[a - first][k] = (k < 3 ? 2.0 : 1.0) * v_sum(sums[k]);
-    }
-}
-
-/* Stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2. Below its strength the material has the largest
- * viscosity eta and, beside it, the shear modulus G: |T| <= mu p + c of T = E + eta D + G dt dev D, E the elastic stress so
- * far. */
-GR_INLINE void sph_stresses_of(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last, double (*rates)[9])
-{
-    double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
-    double *rate = gr_sph_rows(s, GR_SPH_FIELD_shear_rate)[0];
-    double *const *old = gr_sph_rows(s, GR_SPH_FIELD_elastic_stress);
-    const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0], *c = s->config.parameter, h = c[GR_SPH_P_h];
-    const double scale = sph_slope_norm(dim, h), stiffness = c[GR_SPH_P_shear_modulus] * s->dt;
-    const int n_rows = dim == 2 ? 4 : 6;
-    for (int64_t a = first; a < last; a++) {
-        double D[6], trial[6], kept[6] = {0};
-        for (int k = 0; k < 6; k++) D[k] = scale * rates[a - first][k];
-        const double div = 0.5 * (D[0] + D[1] + D[2]), eta = c[GR_SPH_P_regularisation] * h * h * rho[a] / s->dt;
-        rate[a] = sph_size(D);
-        const struct sph_law law = sph_strength(s, a, rho[a], rate[a], div);
-        if (elastic) {
-            double spin[3];
-            for (int k = 0; k < 3; k++) spin[k] = 0.5 * scale * rates[a - first][6 + k];
-            for (int k = 0; k < n_rows; k++) kept[k] = old[k][a];
-            sph_turn(dim, spin, s->dt, kept);
-        }
-        for (int k = 0; k < 6; k++) trial[k] = kept[k] + (eta + stiffness) * D[k] - (k < 3 ? stiffness * div / 1.5 : 0.0);
-        const double size = sph_size(trial), share = sph_share(law.tau, size), wall_share = sph_share(law.tau_wall, size);
-        const double per_rho2 = 1.0 / (rho[a] * rho[a]);
-        for (int k = 0; k < n_rows; k++) {
-            const double p = k < 3 ? law.p : 0.0;
-            stress[k][a] = share * trial[k] - p;
-            s->pull[k][a] = per_rho2 * stress[k][a];
-            s->wall_pull[k][a] = per_rho2 * (wall_share * trial[k] - p);
-        }
-        if (!elastic) continue;
-        for (int k = 0; k < 6; k++) trial[k] *= share;
-        sph_relax(stiffness, eta, law.tau, trial, kept);
-        for (int k = 0; k < n_rows; k++) old[k][a] = kept[k];
-    }
-}
-
-GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last)
-{
-    double rates[SPH_TILE][9];
-    for (int64_t tile = first; tile < last; tile += SPH_TILE) {
-        const int64_t end = tile + SPH_TILE < last ? tile + SPH_TILE : last;
-        sph_rates(dim, elastic, s, tile, end, rates);
-        sph_stresses_of(dim, elastic, s, tile, end, rates);
+        for (int k = 0; k < (elastic ? 9 : 6); k++) rates[k][a - first] = (k < 3 ? 2.0 : 1.0) * v_sum(sums[k]);
     }
 }
 
@@ -316,12 +208,13 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pu
 GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), h = s->config.parameter[GR_SPH_P_h];
+    double *const *walls_pull = s->config.wall_friction ? s->wall_pull : s->pull;
     const double scale = sph_slope_norm(dim, h);
     for (int64_t a = first; a < last; a++) {
         vd sums[3] = {v_set(0.0), v_set(0.0), v_set(0.0)};
         double square = 0.0;
         sph_add_forces(dim, s, s->pull, a, s->begin[a], s->middle[a], sums);
-        if (s->middle[a] < s->end[a]) sph_add_forces(dim, s, s->wall_pull, a, s->middle[a], s->end[a], sums);
+        if (s->middle[a] < s->end[a]) sph_add_forces(dim, s, walls_pull, a, s->middle[a], s->end[a], sums);
         for (int i = 0; i < dim; i++) {
             acceleration[i][a] = scale * v_sum(sums[i]) + s->gravity[i];
             square += acceleration[i][a] * acceleration[i][a];
