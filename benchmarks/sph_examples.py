@@ -278,7 +278,7 @@ def in_space() -> Iterator[Case]:
             of = {"material": "grit", "dilation": dilation, "aspect": aspect}
             yield "column", of | {"width": 0.06}
     for dilation in BETAS:
-        of = {"phi_deg": 30.0, "dilation": dilation, "duration": 12.0}
+        of = {"phi_deg": 30.0, "dilation": dilation, "duration": 9.0}
         yield "repose", of | {"width": 0.06}
 
 
