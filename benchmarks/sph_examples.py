@@ -3,7 +3,7 @@
     python benchmarks/sph_examples.py [--quick] [--only repose] [--threads 1] [--out FILE]
 
 Runs every case that the table does not hold yet and writes it after each: a benchmark that was
-stopped goes on where it was. Then the orderings and exponents are computed. docs/sph.md has them.
+stopped goes on where it was. Then the orderings and exponents are computed. docs/sph_examples.md has them.
 """
 
 from __future__ import annotations

@@ -52,6 +52,21 @@ def test_steady_shear_is_uniform(angle, seconds, rate):
     assert misfit(simulation.state, 1.0) < misfit(simulation.state, 1.5)
 
 
+def test_layers_come_nearer_to_the_law_with_finer_points():
+    """At 24 deg, of 26.9 1/s a fifth is lost to layers that slip: in proportion to the spacing."""
+    lost, slip = [], []
+    for spacing in (0.01, 0.005):
+        scene = sph.scenes.incline(angle_deg=24, spacing=spacing, columns=6)
+        simulation = sph.Simulation(scene)
+        simulation.run(7.0)
+        lost.append(uniform_rate(scene.material, 24) - mean_rate(simulation))
+        state = simulation.state
+        slip.append(state.v[state.x[:, 1] < spacing, 0].mean())
+    assert 3.0 < lost[0] < 7.0
+    assert np.log2(lost[0] / lost[1]) == pytest.approx(1.0, abs=0.3)
+    assert np.log2(slip[0] / slip[1]) == pytest.approx(1.0, abs=0.3)
+
+
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(12, 4.0, 1e-6), (15, 8.0, 0.05)])
 def test_below_the_friction_nothing_moves(angle, seconds, rate):
     """At 15 deg the slope is that of mu_l to 1e-4: what moves there comes to rest slowly."""
@@ -118,7 +133,7 @@ def test_pressure_of_a_bed_is_its_overburden(nu):
     # the lowered rho0 of the wall: the first row bears less and the second more
     assert wall[0] == pytest.approx(0.75, abs=0.05) and wall[1] == pytest.approx(1.15, abs=0.05)
     elastic = nu / (1 - nu)  # of a layer that is not strained sideways
-    assert elastic < np.mean(sideways[3:]) < elastic + (0.1 if nu < 0.5 else 0.01)
+    assert elastic - 0.01 < np.mean(sideways[3:]) < elastic + (0.1 if nu < 0.5 else 0.01)
     assert np.abs(state.v).max() < 0.03
 
 
