@@ -3,7 +3,8 @@
     python benchmarks/sph_examples.py [--quick] [--only repose] [--threads 1] [--out FILE]
 
 Runs every case that the table does not hold yet and writes it after each: a benchmark that was
-stopped goes on where it was. Then the orderings and exponents are computed. docs/sph_examples.md has them.
+stopped goes on where it was. Then the orderings and exponents are computed.
+docs/sph_examples.md has them.
 """
 
 from __future__ import annotations
@@ -272,14 +273,11 @@ FINE = {"length": 0.025, "spacing": 0.005}
 
 
 def in_space() -> Iterator[Case]:
-    """Columns and a slope with a periodic width, as in the thesis."""
+    """Columns with a periodic width, as in the thesis."""
     for dilation in BETAS:
         for aspect in GRIT[::2]:
             of = {"material": "grit", "dilation": dilation, "aspect": aspect}
             yield "column", of | {"width": 0.06}
-    for dilation in BETAS:
-        of = {"phi_deg": 30.0, "dilation": dilation, "duration": 9.0}
-        yield "repose", of | {"width": 0.06}
 
 
 def studies() -> Iterator[Case]:

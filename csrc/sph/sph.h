@@ -60,6 +60,7 @@ extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
     X(dilation, 1, "1", "largest rate of dilation that adds to the friction")                 \
     X(regularisation, 0, "1", "largest viscosity, in rho h^2/dt")                             \
     X(z_max, 0, "1", "largest factor of the artificial velocity of walls")                    \
+    X(gradient, 0, "1", "gradient that the kernel finds of a linear field on a lattice")      \
     X(cfl, 0, "1", "share of the limits of the time step that is taken")                      \
     X(dt, 1, "s", "time step; 0: the limits choose it")
 

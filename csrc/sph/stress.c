@@ -85,7 +85,7 @@ GR_INLINE void sph_relax(vd stiffness, vd eta, vd tau, const vd *shear, vd *elas
  * T = E + eta D + G dt dev D, E the elastic stress so far. */
 GR_INLINE void sph_stress_of(int dim, int elastic, const struct gr_sph *s, double rho0, struct sph_tile *tile, int i)
 {
-    const double *c = s->config.parameter, h = c[GR_SPH_P_h], scale = sph_slope_norm(dim, h);
+    const double *c = s->config.parameter, h = c[GR_SPH_P_h], scale = sph_gradient_norm(dim, s);
     const vd rho = v_load(tile->rho + i), stiffness = v_set(c[GR_SPH_P_shear_modulus] * s->dt);
     const vd eta = v_set(c[GR_SPH_P_regularisation] * h * h / s->dt) * rho, per_rho2 = v_set(1.0) / (rho * rho);
     vd D[6], T[6], E[6];

@@ -19,6 +19,12 @@ static double sph_weight_norm(int dim, double h)
 /* 3 c/(4 h^3), 1/m^(dim + 3). */
 static double sph_slope_norm(int dim, double h) { return 3.0 * sph_weight_norm(dim, h); }
 
+/* That of the grains, such that on a lattice gradients of linear fields are exact. */
+static double sph_gradient_norm(int dim, const struct gr_sph *s)
+{
+    return sph_slope_norm(dim, s->config.parameter[GR_SPH_P_h]) / s->config.parameter[GR_SPH_P_gradient];
+}
+
 /* Where a point is, seen from the blocks of one shift. */
 struct sph_place {
     vd at[3];
@@ -207,9 +213,8 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pu
 /* a = sum_b m_b (sigma_a/rho_a^2 + sigma_b/rho_b^2) grad W + g of the grains (eq. 5.20, whose sum lacks m_b). */
 GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
-    double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), h = s->config.parameter[GR_SPH_P_h];
+    double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), scale = sph_gradient_norm(dim, s);
     double *const *walls_pull = s->config.wall_friction ? s->wall_pull : s->pull;
-    const double scale = sph_slope_norm(dim, h);
     for (int64_t a = first; a < last; a++) {
         vd sums[3] = {v_set(0.0), v_set(0.0), v_set(0.0)};
         double square = 0.0;

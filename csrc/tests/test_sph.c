@@ -42,6 +42,7 @@ static void set_out(struct bed *bed, double shake)
                                                        [GR_SPH_P_dilation] = 0.5,
                                                        [GR_SPH_P_regularisation] = 1,
                                                        [GR_SPH_P_z_max] = 1.5,
+                                                       [GR_SPH_P_gradient] = 0.991,
                                                        [GR_SPH_P_cfl] = 1},
                                          .n_gravity = 1,
                                          .gravity_times = bed->times,

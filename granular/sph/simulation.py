@@ -13,7 +13,7 @@ from granular import _core, simulation, stability
 from granular.checks import integer
 from granular.engine import allocate, default_isa
 from granular.sph.gas import GasState
-from granular.sph.scene import Scene
+from granular.sph.scene import Scene, lattice_gradient
 from granular.sph.walls import wall_rows
 from granular.state import State
 from granular.trajectory import Checkpoint
@@ -78,6 +78,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
             "dilation": material.dilation,
             "regularisation": numerics.regularisation,
             "z_max": numerics.z_max,
+            "gradient": lattice_gradient(grid.dim, numerics.smoothing),
             "cfl": numerics.cfl,
             "dt": numerics.dt or 0.0,
         },
