@@ -24,6 +24,10 @@ DOCUMENTED = (TypeError, ValueError, OverflowError, RuntimeError, MemoryError)
         (lambda: sph.Viscoplastic(mu_l=-0.1), r"mu_l = -0\.1"),
         (lambda: sph.Viscoplastic(D_star=0.0), "D_star"),
         (lambda: sph.Viscoplastic(dilation=2.0), r"dilation = 2\.0 must be in \[0\.0, 1\.0\]"),
+        (lambda: sph.Viscoplastic(nu=0.6), r"nu = 0\.6 must be in \[0\.0, 0\.5\]"),
+        (lambda: sph.Viscoplastic(nu=math.nan), "nu = nan"),
+        (lambda: sph.Numerics(wall_density=0.5), r"wall_density = 0\.5 must be in \[0\.9, 1\.0\]"),
+        (lambda: sph.Numerics(z_max=0.5), r"z_max = 0\.5 must be in \[1\.0, 2\.0\]"),
         (lambda: sph.Numerics(smoothing=0.5), r"smoothing = 0\.5 must be in \[1\.0, 2\.0\]"),
         (lambda: sph.Numerics(regularisation=2.0), "regularisation"),
         (lambda: sph.Numerics(dt=-1.0), "dt = -1"),
@@ -54,6 +58,20 @@ DOCUMENTED = (TypeError, ValueError, OverflowError, RuntimeError, MemoryError)
 def test_wrong_arguments_are_named(change, words):
     with pytest.raises((TypeError, ValueError), match=words):
         change()
+
+
+def test_elastic_grains_need_their_elastic_stress():
+    """A buffer, and in a checkpoint, that grains without a spring do not have."""
+    simulation = sph.Simulation(SCENE)
+    buffers, rows = simulation.buffers, simulation._rows
+    del buffers["elastic_stress"]
+    with pytest.raises(ValueError, match="the buffer elastic_stress is missing"):
+        simulation._engine.bind(buffers, rows.grains, rows.wall_first, rows.walls, True)
+    without = SCENE.replace(material=SCENE.material.replace(nu=0.5))
+    other = sph.Simulation(without)
+    assert "elastic_stress" not in other.buffers
+    with pytest.raises(ValueError, match="does not hold elastic_stress"):
+        sph.Simulation._restored(SCENE, other.checkpoint(), None, None)
 
 
 def test_checkpoint_of_another_scene_is_refused():
