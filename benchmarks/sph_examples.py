@@ -233,7 +233,7 @@ RUNS = {"repose": repose, "column": column, "inclined": inclined, "incline": lay
 
 def cases() -> Iterator[Case]:
     """All cases in the order in which they are run."""
-    for way in ({}, CREEPING):
+    for way in ({}, *OTHERS, CREEPING):
         for material, aspects, size in (("grit", GRIT, {}), ("glass", GLASS, FINE)):
             for dilation in BETAS:
                 for aspect in aspects:
@@ -269,6 +269,8 @@ def cases() -> Iterator[Case]:
 
 CREEPING = {"creeping": True, "cfl": 0.25}
 """Without a spring, stopped at rest; a quarter of the time step, so that there is less creep."""
+OTHERS = tuple({"settle": t} for t in (0.55, 0.6, 0.65))
+"""Other times to settle than .5 s: how far the last grains run differs by chance."""
 FINE = {"length": 0.025, "spacing": 0.005}
 
 
