@@ -134,7 +134,8 @@ class Viscoplastic:
         return replace(self, **changes)
 
     def stored_energy(self, rho: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Energy stored at a density [J/kg]: the integral of p/rho^2 from rho0 on."""
+        """Energy stored at a density [J/kg]: the integral of p/rho^2 from rho0 on. That of the
+        spring of shear is not counted."""
         ratio = np.maximum(rho / self.rho0, 1.0)
         return self.kappa / self.rho0 * (2.0 * np.sqrt(ratio) + 1.0 / ratio - 3.0)
 

@@ -40,8 +40,8 @@ def slump(
 
     Left open by the thesis: how the grains settle (here for 0.5 s over a closed orifice, whose
     floor is then taken away), how long the slope is given (it is said to rest below 1e-5 J/m3,
-    which is never reached: a slope creeps at a rate in proportion to the time step; here 6 s), and
-    what is below the floor (here nothing: grains are dropped).
+    which is not reached as long as grains roll on it; here 6 s), and what is below the floor (here
+    nothing: grains are dropped).
 
     Parameters
     ----------
