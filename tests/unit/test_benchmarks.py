@@ -70,6 +70,7 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
         assert f"{name} cannot be imported" in script.run(case, 1.0)["left_out"]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     """A time for each scheme and state with one thread and with two."""
@@ -83,6 +84,7 @@ def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2 + len(table["space"])
 
 
+@pytest.mark.slow
 def test_a_quick_table_in_space_is_written(module, tmp_path, capsys):
     script, out = module("speed_in_space"), tmp_path / "speed.json"
     script.main(["--quick", "--out", str(out)])

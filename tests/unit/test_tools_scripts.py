@@ -34,6 +34,7 @@ def runs(monkeypatch, tmp_path):
     return script
 
 
+@pytest.mark.slow
 def test_runs_and_pictures(runs, monkeypatch, tmp_path, capsys):
     runs.main([*runs.CASES, "--records", str(tmp_path / "records")])
     table = json.loads((tmp_path / "results.json").read_text())

@@ -52,6 +52,7 @@ def test_steady_shear_is_uniform(angle, seconds, rate):
     assert misfit(simulation.state, 1.0) < misfit(simulation.state, 1.5)
 
 
+@pytest.mark.slow
 def test_layers_come_nearer_to_the_law_with_finer_points():
     """At 24 deg, of 26.9 1/s a fifth is lost to layers that slip: in proportion to the spacing."""
     lost, slip = [], []
