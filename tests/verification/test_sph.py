@@ -68,9 +68,9 @@ def test_layers_come_nearer_to_the_law_with_finer_points():
     assert np.log2(slip[0] / slip[1]) == pytest.approx(1.0, abs=0.3)
 
 
-@pytest.mark.parametrize(("angle", "seconds", "rate"), [(12, 4.0, 1e-6), (15, 8.0, 0.05)])
+@pytest.mark.parametrize(("angle", "seconds", "rate"), [(12, 4.0, 1e-6), (15, 8.0, 0.1)])
 def test_below_the_friction_nothing_moves(angle, seconds, rate):
-    """At 15 deg the slope is that of mu_l to 1e-4: what moves there comes to rest slowly."""
+    """At 15 deg the slope is that of mu_l to 1e-4: half a per cent less friction makes .1 1/s."""
     simulation = sph.Simulation(sph.scenes.incline(angle_deg=angle, columns=6))
     simulation.run(seconds)
     assert abs(mean_rate(simulation, 0.5)) < rate
@@ -91,7 +91,7 @@ def test_without_a_spring_slopes_creep(angle):
         a = math.radians(angle)
         # tau/eta at half the depth, by the weight of the layer
         creep = G * math.sin(a) * 0.075 * simulation.dt / (numerics.regularisation * scene.h**2)
-        assert rates[-1] == pytest.approx(creep, rel=0.25)
+        assert rates[-1] == pytest.approx(creep, rel=0.1)
     assert rates[1] == pytest.approx(0.5 * rates[0], rel=0.05)
     assert rates[0] < 1.0
 
@@ -106,7 +106,7 @@ def test_too_steep_a_layer_accelerates():
     simulation.run(8.5, every=1.0, hooks=(lambda s: speeds.append(s.state.v[:, 0].mean()),))
     accelerations = np.diff(speeds[1:])[[0, 1, 3, 6]]
     assert (np.diff(accelerations) < 0).all()
-    assert limit < accelerations[-1] < 1.6 * limit
+    assert limit < accelerations[-1] < 1.8 * limit
 
 
 @pytest.mark.parametrize("nu", [0.5, 0.45])
