@@ -208,3 +208,31 @@ def test_an_empty_box_costs_next_to_nothing(module, tmp_path, capsys):
         tight, wide = rows[law, 1], rows[law, 64]
         assert wide["ns"] < 1.5 * tight["ns"]
         assert wide["bytes_per_point"] < tight["bytes_per_point"] + 250
+
+
+def test_digests_of_bits(module, tmp_path, monkeypatch, capsys):
+    """Any number of threads has the same digests; one bit, a lost name or case is a difference."""
+    cases, bits = module("bits_cases"), module("bits")
+    out = tmp_path / "digests.json"
+    monkeypatch.setattr(sys, "argv", ["bits_cases.py", "--out", str(out), "--only", "slug"])
+    cases.main()
+    before = json.loads(out.read_text())
+    assert {"state x", "array x", "number dt"} <= before["slug, baseline, 1"].keys()
+    assert before["slug, baseline, 1"] == before["slug, baseline, 2"]
+    array = np.array([1.0, 2.0])
+    assert cases.digest(array) != cases.digest(np.nextafter(array, 3.0))
+
+    assert bits.compare(before, before, []) == 0
+    after = {case: dict(names) for case, names in before.items()}
+    for names in after.values():
+        names["state place"] = names.pop("state x")
+    assert bits.compare(before, after, []) == 0
+    assert "renamed: state x -> state place" in capsys.readouterr().out
+    for names in after.values():
+        del names["state v"]
+    assert bits.compare(before, after, []) == 1
+    assert bits.compare(before, after, ["state v"]) == 0
+    after["slug, baseline, 2"]["array mass"] = "another"
+    assert bits.compare(before, after, ["state v"]) == 1
+    del after["slug, baseline, 1"]
+    assert bits.compare(before, after, ["state v"]) == 2

@@ -1,0 +1,184 @@
+"""Digests of state and checkpoint of every quick scene; `benchmarks/bits.py` compares two commits.
+
+    python benchmarks/bits_cases.py --out digests.json [--only WORD]
+
+Every case is run with each instruction set of the machine, by one thread and by two. Digests hold
+for one machine and one build: elementary functions come from its C library.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import importlib.util
+import json
+import time
+import warnings
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+
+import granular as gr
+from granular import materials, scenes, schemes, sph
+from granular.schemes import Fluidity
+
+TESTS = Path(__file__).resolve().parents[1] / "tests"
+ISAS = ("baseline", "avx2", "avx512")
+
+READY = {
+    "column_collapse": {"cell": 0.05, "points_per_cell": 4},
+    "silo": {"cell": 0.05, "jitter": 0.3},
+    "hourglass": {"fill_height": 0.1, "drop": 0.2},
+    "incline": {"columns": 3, "jitter": 0.4},
+    "slug": {"cell": 0.03},
+    "cylinder_collapse": {"cell": 0.1},
+    "chute_ngf": {"columns": 2},
+    "clogging_silo": {"points_per_cell": 4},
+    "silo_3d": {"cell": 0.0125},
+    "couette": {"cell": 0.02},
+    "excavation": {"cell": 0.025},
+    "wheel": {},
+    "excavator": {"cell": 0.025},
+}
+"""Ready scenes of the material point method, coarse."""
+
+READY_SPH = {
+    "slump_sph": {"length": 0.1, "height": 0.06, "orifice": 0.03, "dilation": 0.2},
+    "incline_sph": {"height": 0.05},
+    "inclined_collapse": {"length": 0.06, "height": 0.06, "width": 0.06, "reach": 0.15},
+    "fluidised_bed": {"height": 0.05, "plenum": 0.05, "columns": 4},
+    "jet_on_bed": {
+        "width": 0.2,
+        "depth": 0.1,
+        "headroom": 0.1,
+        "nozzle": 0.05,
+        "spacing": 0.025,
+    },
+}
+
+
+def _tests() -> object:
+    """The module of the tests that makes small scenes in every scheme."""
+    spec = importlib.util.spec_from_file_location("scenes_of_tests", TESTS / "conftest.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def _ngf(E: float = 1e6, **changes: object) -> materials.NGF:
+    return materials.NGF(E=E, d=0.02, A=0.5, t0=1e-2, **changes)
+
+
+def small() -> Iterator[tuple[str, gr.Scene, int]]:
+    """Every scheme; every law, both elasticities, and every way to diffuse the fluidity."""
+    tests = _tests()
+    for scheme, kind, dim in product(tests.COMBINATIONS, tests.KINDS, (2, 3)):
+        yield f"{'-'.join(scheme)} {kind} {dim}D", tests.make_scene(kind, dim, scheme, E=1e5), 60
+    grains = {
+        "elastic": materials.Elastic(E=1e5),
+        "drucker-prager": materials.DruckerPrager(E=1e5),
+        "hencky elastic": materials.Elastic(E=1e5, elasticity="hencky"),
+        "hencky drucker-prager": materials.DruckerPrager(E=1e5, elasticity="hencky"),
+        "hencky mu(I)": materials.MuI(E=1e5, elasticity="hencky"),
+        "hardening": materials.HardeningDruckerPrager(E=1e5),
+        "hencky linear": materials.NGF(
+            E=1e5, A=0.0, elasticity="hencky", rheology="linear", mu_2=np.inf, b=1.0
+        ),
+    }
+    for (label, material), scheme, dim in product(grains.items(), tests.COMBINATIONS[-2:], (2, 3)):
+        scene = tests.make_scene("walls", dim, scheme).replace(material=material)
+        yield f"{label} {'-'.join(scheme)} {dim}D", scene, 60
+    laws = {
+        "ngf": _ngf(1e5),
+        "hencky ngf": _ngf(1e5, elasticity="hencky"),
+        "hencky linear ngf": _ngf(1e5, elasticity="hencky", rheology="linear"),
+    }
+    ways = list(product(("explicit", "implicit", "rkl2"), ("faces", "isotropic"), (1, 3)))
+    bases = (tests.COMBINATIONS[0], *tests.COMBINATIONS[-2:])
+    for (label, material), way, basis in product(laws.items(), ways, bases):
+        method, stencil, substeps = way
+        dim = 3 if stencil == "isotropic" and substeps == 3 else 2
+        diffusion = Fluidity(method=method, stencil=stencil, substeps=substeps, seed=0.5)
+        scene = tests.make_scene("walls", dim, basis)
+        scheme = scene.scheme.replace(fluidity=diffusion, dt=2e-4)
+        scene = scene.replace(material=material, scheme=scheme)
+        yield f"{label} {'-'.join(map(str, (*way, *basis)))} {dim}D", scene, 40
+
+
+def ready() -> Iterator[tuple[str, object, int]]:
+    """The ready scenes of both methods, with the scheme of each and with others."""
+    for name, numbers in READY.items():
+        yield name, scenes.registry[name](**numbers), 100
+    for label, scheme in {
+        "published": schemes.published.replace(dt=None),
+        "cell averaged": schemes.cell_averaged,
+    }.items():
+        for name in ("column_collapse", "silo", "hourglass"):
+            yield f"{name} {label}", scenes.registry[name](**READY[name], scheme=scheme), 100
+    for name, numbers in READY_SPH.items():
+        yield name, scenes.sph_registry[name](**numbers), 60
+    yield "column_collapse_sph", sph.scenes.column_collapse(spacing=0.03), 60
+    column = scenes.column_collapse(**READY["column_collapse"], method="sph")
+    yield "column_collapse both", column, 60
+
+
+def digest(array: np.ndarray) -> str:
+    """Digest of the bits of an array, its type and its shape."""
+    array = np.ascontiguousarray(array)
+    head = f"{array.dtype.str} {array.shape}".encode()
+    return hashlib.sha256(head + array.tobytes()).hexdigest()[:20]
+
+
+def digests(scene: object, steps: int, threads: int, isa: str) -> dict[str, str]:
+    """Digest of each field of the state, and of each number and array of the checkpoint.
+
+    Some schemes are known to fail: then also of the step and the point at which they do.
+    """
+    sim = gr.Simulation(scene, threads=threads, isa=isa)
+    found = {}
+    try:
+        sim.step(steps)
+    except gr.SimulationError as error:
+        found["failure"] = f"step {error.step}, point {error.point}"
+    state, checkpoint = sim.state, sim.checkpoint()
+    found |= {f"state {name}": digest(values) for name, values in state.fields.items()}
+    for name, values in getattr(getattr(state, "gas", None), "fields", {}).items():
+        found[f"gas {name}"] = digest(values)
+    for name, value in checkpoint.scalars.items():
+        found[f"number {name}"] = digest(np.array(value))
+    return found | {f"array {name}": digest(a) for name, a in checkpoint.arrays.items()}
+
+
+def available() -> list[str]:
+    """Instruction sets of this machine."""
+    found = []
+    for isa in ISAS:
+        try:
+            gr._core.build_info(isa)
+        except ValueError:
+            continue
+        found.append(isa)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--only", default="", help="cases whose name holds this word")
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    begin, table = time.perf_counter(), {}
+    for make in (small, ready):
+        for name, scene, steps in make():
+            if options.only not in name:
+                continue
+            for isa, threads in product(available(), (1, 2)):
+                table[f"{name}, {isa}, {threads}"] = digests(scene, steps, threads, isa)
+    options.out.write_text(json.dumps(table, indent=1))
+    print(f"{len(table)} runs, {time.perf_counter() - begin:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
