@@ -31,10 +31,12 @@ def unpack(commit: str | None, folder: Path) -> None:
     """The files of a commit, or of the working tree, in an empty folder."""
     if commit is None:
         listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-        names = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True).stdout.split(b"\0")
-        there = b"\0".join(name for name in names if name and (ROOT / os.fsdecode(name)).exists())
+        names = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True).stdout
+        there = [name for name in names.split(b"\0") if (ROOT / os.fsdecode(name)).is_file()]
         pack = ["tar", "--null", "-T", "-", "-c"]
-        packed = subprocess.run(pack, cwd=ROOT, check=True, input=there, capture_output=True)
+        packed = subprocess.run(
+            pack, cwd=ROOT, check=True, input=b"\0".join(there), capture_output=True
+        )
     else:
         pack = ["git", "archive", commit]
         packed = subprocess.run(pack, cwd=ROOT, check=True, capture_output=True)
@@ -59,7 +61,7 @@ def digests_of(source: str | None, only: str) -> Digests:
 
 
 def renamed(before: Digests, after: Digests) -> dict[str, str]:
-    """Names of BEFORE that AFTER has not, each with the new name that has its bits in every case."""
+    """Names that AFTER lacks, each with the new name that has its bits in every case."""
     old, new = ({name for case in table.values() for name in case} for table in (before, after))
     found = {}
     for name in sorted(old - new):
