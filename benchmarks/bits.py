@@ -46,7 +46,8 @@ def unpack(commit: str | None, folder: Path) -> None:
 def digests_of(source: str | None, only: str) -> Digests:
     """Digests of a commit, of the working tree (None) or of a file."""
     if source and source.endswith(".json"):
-        return json.loads(Path(source).read_text())
+        table = json.loads(Path(source).read_text())
+        return {case: names for case, names in table.items() if only in case}
     with tempfile.TemporaryDirectory() as name:
         tree, site, out = (Path(name, part) for part in ("tree", "site", "digests.json"))
         tree.mkdir()
