@@ -15,26 +15,10 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 ROOT = Path(__file__).parent
-INCLUDED = (  # by kernels.c
-    *(
-        "scatter.c",
-        "cells.c",
-        "gather.c",
-        "law_elastic.c",
-        "law_frictional.c",
-        "law_ngf.c",
-        "law_hencky.c",
-        "diffuse.c",
-        "sums.c",
-        "stress.c",
-        "gas_sums.c",
-    ),
-)
 SOURCES = [
     str(path.relative_to(ROOT))
     for folder in ("core", "law", "fluidity", "body", "mpm", "sph", "python")
     for path in sorted((ROOT / "csrc" / folder).glob("*.c"))
-    if path.name not in INCLUDED
 ]
 SOURCES.append("csrc/dispatch.c")
 # -ffp-contract=off: the bits must not depend on where a compiler chooses to fuse.
@@ -116,7 +100,7 @@ setup(
             "granular._core",
             sources=SOURCES,
             include_dirs=["csrc", numpy.get_include()],
-            depends=[str(p.relative_to(ROOT)) for p in sorted((ROOT / "csrc").rglob("*.[ch]"))],
+            depends=[str(p.relative_to(ROOT)) for p in sorted((ROOT / "csrc").rglob("*.[chi]*"))],
         )
     ],
     cmdclass={"build_ext": BuildCore},

@@ -21,8 +21,9 @@ from pathlib import Path
 import numpy as np
 
 import granular as gr
-from granular import materials, scenes, schemes, sph
-from granular.schemes import Fluidity
+from granular import materials, scenes
+from granular.mpm import schemes
+from granular.mpm.schemes import Fluidity
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 ISAS = ("baseline", "avx2", "avx512")
@@ -85,7 +86,7 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
         "hencky mu(I)": materials.MuI(E=1e5, elasticity="hencky"),
         "hardening": materials.HardeningDruckerPrager(E=1e5),
         "hencky linear": materials.NGF(
-            E=1e5, A=0.0, elasticity="hencky", rheology="linear", mu_2=np.inf, b=1.0
+            E=1e5, A=0.0, elasticity="hencky", rheology="linear_mu_I", mu_2=np.inf, b=1.0
         ),
     }
     for (label, material), (k, scheme), dim in product(grains.items(), numbered[-2:], (2, 3)):
@@ -94,14 +95,14 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
     laws = {
         "ngf": _ngf(1e5),
         "hencky ngf": _ngf(1e5, elasticity="hencky"),
-        "hencky linear ngf": _ngf(1e5, elasticity="hencky", rheology="linear"),
+        "hencky linear ngf": _ngf(1e5, elasticity="hencky", rheology="linear_mu_I"),
     }
     ways = list(product(("explicit", "implicit", "rkl2"), ("faces", "isotropic"), (1, 3)))
     chosen = (numbered[0], *numbered[-2:])
     for (label, material), way, (k, basis) in product(laws.items(), ways, chosen):
         method, stencil, substeps = way
         dim = 3 if stencil == "isotropic" and substeps == 3 else 2
-        diffusion = Fluidity(method=method, stencil=stencil, substeps=substeps, seed=0.5)
+        diffusion = Fluidity(method=method, stencil=stencil, substeps=substeps, initial=0.5)
         scene = tests.make_scene("walls", dim, basis)
         scheme = scene.scheme.replace(fluidity=diffusion, dt=2e-4)
         scene = scene.replace(material=material, scheme=scheme)
@@ -113,14 +114,14 @@ def ready() -> Iterator[tuple[str, object, int]]:
     for name, numbers in READY.items():
         yield name, scenes.registry[name](**numbers), 100
     for label, scheme in {
-        "published": schemes.published.replace(dt=None),
+        "published": schemes.dunatunga_kamrin_2015.replace(dt=None),
         "cell averaged": schemes.cell_averaged,
     }.items():
         for name in ("column_collapse", "silo", "hourglass"):
             yield f"{name} {label}", scenes.registry[name](**READY[name], scheme=scheme), 100
     for name, numbers in READY_SPH.items():
         yield name, scenes.sph_registry[name](**numbers), 60
-    yield "column_collapse_sph", sph.scenes.column_collapse(spacing=0.03), 60
+    yield "column_collapse_sph", scenes.column_collapse_sph(spacing=0.03), 60
     column = scenes.column_collapse(**READY["column_collapse"], method="sph")
     yield "column_collapse both", column, 60
 

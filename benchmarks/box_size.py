@@ -21,9 +21,10 @@ from speed import best_time
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import NGF, MuI
-from granular.schemes import Fluidity
-from granular.walls import Gravity, Wall
+from granular.mpm.schemes import Fluidity
+from granular.mpm.walls import Wall
 
 FRICTION = {"mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "d": 4e-3, "rho_s": 2550.0}
 LAWS = {
@@ -42,11 +43,11 @@ def heap(law: str, cells: int, times: int) -> gr.Scene:
         fills=(Fill(Box((0.0,) * 3, (edge, edge, 0.75 * edge)), 8, lithostatic=True),),
         material=LAWS[law],
         scheme=gr.Scheme(
-            transfer="apic", density="tracked", fluidity=Fluidity(method="implicit", seed=1.0)
+            transfer="apic", density="particle", fluidity=Fluidity(method="implicit", initial=1.0)
         ),
         walls=(
-            Wall(2, 0.0, kind="rough"),
-            *(Wall(axis, 0.0, kind="frictionless") for axis in (0, 1)),
+            Wall(2, 0.0, kind="no_slip"),
+            *(Wall(axis, 0.0, kind="free_slip") for axis in (0, 1)),
         ),
         gravity=Gravity((0.0,), ((0.0, 0.0, -9.81),)),
         duration=1.0,

@@ -27,7 +27,7 @@ OUT = Path("benchmarks/results/economy.json")
 
 SCHEMES = {
     "default": gr.schemes.default,
-    "published": gr.schemes.published.replace(dt=None),
+    "published": gr.schemes.dunatunga_kamrin_2015.replace(dt=None),
 }
 
 COARSE_HOURGLASS = {
@@ -50,7 +50,7 @@ class Case:
     scheme: str = "default"
     held: float | None = None
     changes: dict[str, Any] = field(default_factory=dict)
-    law: str = "mu_i"
+    law: str = "mu_I"
 
     @property
     def key(self) -> str:

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from granular import dem, friction_law
-from granular.friction_law import SteadyShear
+from granular.grain_scale import dem, friction_law
+from granular.grain_scale.friction_law import SteadyShear
 
 RESULTS = Path(__file__).parent / "results" / "friction_law.json"
 PRESSURE = 1e3

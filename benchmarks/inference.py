@@ -1,4 +1,4 @@
-"""Error against time of the solvers of `granular.inference`.
+"""Error against time of the solvers of `granular.grain_scale.inference`.
 
     python benchmarks/inference.py [--quick] [--out FILE] [--figure FILE]
 
@@ -25,8 +25,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 import numpy as np
 from matplotlib.axes import Axes
 
-from granular import inference
-from granular.inference import InferenceWarning
+from granular.grain_scale import inference
+from granular.grain_scale.inference import InferenceWarning
 from granular.plot import Picture
 
 sys.path.append(str(Path(__file__).parents[1] / "tests" / "unit"))
@@ -134,7 +134,7 @@ def main(argv: list[str] | None = None) -> None:
     repeat = 0.0 if chosen.quick else REPEAT
     table = [] if chosen.quick else rows("58 discs", grains.pressed_discs()[0], 0.5, repeat)
     for shape in QUICK if chosen.quick else LATTICES:
-        table += rows("x".join(map(str, shape)), grains.shaken_lattice(shape), 0.3, repeat)
+        table += rows("x".join(map(str, shape)), grains.jittered_grid(shape), 0.3, repeat)
     chosen.out.write_text(json.dumps(table, indent=1) + "\n")
     chart(table).savefig(chosen.figure, dpi=110)
 

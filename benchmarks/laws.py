@@ -4,7 +4,7 @@
 
 Points as in a flow: elastic strains of about 1e-3, strains of a step of about 1e-4; or of 0.1,
 beyond the short series of the finite-strain law. 4,096 points, all in the second-level cache.
-Processor time, best of several batches. mu_i is the hypoelastic law, for comparison; "loose" are
+Processor time, best of several batches. mu_I is the hypoelastic law, for comparison; "loose" are
 points that bear no stress: the time of the call and of its checks, which is in the others too.
 """
 
@@ -24,9 +24,9 @@ from granular import _core
 
 PARAMETERS = {
     "K": 1e6, "G": 5e5, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28, "rho_s": 2500.0, "d": 4e-3,
-    "t0": 1e-3, "p_spread": 0.0, "g_min": 1e-6, "kindling": 1.0, "xi": 0.28 / (4e-3 * 50.0),
+    "t0": 1e-3, "p_averaging": 0.0, "g_min": 1e-6, "reconnect_fluidity": 1.0, "xi": 0.28 / (4e-3 * 50.0),
 }  # fmt: skip
-FLOWS = ("drucker_prager", "local_saturating", "nonlocal_linear", "nonlocal_saturating")
+FLOWS = ("drucker_prager", "mu_I", "linear_ngf", "ngf")
 ISAS = ("baseline", "avx2", "avx512")
 POINTS, DT = 4096, 1e-4
 
@@ -58,7 +58,7 @@ def hypoelastic(dim: int, strain: float, isa: str) -> Callable[[], None]:
     arrays, lanes = state(dim, strain), _core.build_info(isa)["lanes"]
     blocks = arrays["gradient"].reshape(dim * dim, -1, lanes).transpose(1, 0, 2).copy()
     rest = arrays["log_density"], arrays["stress"], arrays["shear_rate"]
-    return lambda: _core.law_update("mu_i", dim, PARAMETERS, DT, 1, blocks, *rest, isa)
+    return lambda: _core.law_update("mu_I", dim, PARAMETERS, DT, 1, blocks, *rest, isa)
 
 
 def best_time(call: Callable[[], None], batches: int) -> float:
@@ -92,13 +92,13 @@ def main(argv: list[str] | None = None) -> None:
     batches, build, rows = 2 if arguments.quick else 40, gr.show_config(), []
     print(f"{platform.machine()}, compiler {build['compiler']}; ns/point")
     print(f"{'law':24s}{'strain':>8s}{'isa':>10s}{'plane':>8s}{'space':>8s}")
-    for law, strain in [*((name, 1e-4) for name in ("mu_i", "loose", *FLOWS)), (FLOWS[-1], 0.1)]:
+    for law, strain in [*((name, 1e-4) for name in ("mu_I", "loose", *FLOWS)), (FLOWS[-1], 0.1)]:
         for isa in available():
             times = []
             for dim in (2, 3):
                 call = (
                     hypoelastic(dim, strain, isa)
-                    if law == "mu_i"
+                    if law == "mu_I"
                     else finite_strain(law, dim, strain, isa)
                 )
                 times.append(best_time(call, batches))

@@ -19,7 +19,7 @@ import numpy as np
 from speed import best_time
 
 import granular as gr
-from granular.schemes import Fluidity
+from granular.mpm.schemes import Fluidity
 
 CASES = {
     "local": (0.0, Fluidity()),

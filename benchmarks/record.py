@@ -25,7 +25,7 @@ from unittest import mock
 import numpy as np
 
 import granular as gr
-from granular.trajectory import TrajectoryWriter
+from granular.record import TrajectoryWriter
 
 PARTS = (
     (gr.Simulation, "_advance", "kernels"),

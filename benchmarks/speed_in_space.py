@@ -22,18 +22,19 @@ import numpy as np
 from speed import best_time
 
 import granular as gr
-from granular import bodies
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import NGF
-from granular.schemes import Fluidity
-from granular.walls import Gravity, Wall
+from granular.mpm import bodies
+from granular.mpm.schemes import Fluidity
+from granular.mpm.walls import Wall
 
 CELL, SLOPE = 0.01, math.radians(38.0)
 SOIL = NGF(
     E=1.5e5, elasticity="hencky", A=0.48, t0=1e-3, mu_s=0.3819, mu_2=0.6435, I0=0.278, d=4e-3,
     rho_s=2550.0,
 )  # fmt: skip
-MLS = gr.Scheme(transfer="apic", density="tracked")
+MLS = gr.Scheme(transfer="apic", density="particle")
 
 
 def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | None) -> gr.Scene:
@@ -46,8 +47,8 @@ def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | Non
         grid=Grid((0.0,) * 3, CELL, (edge, edge, edge + 10), periodic=(True, True, False)),
         fills=(Fill(Box((0.0,) * 3, (length,) * 3), 8),),
         material=SOIL.replace(A=A),
-        scheme=scheme.replace(fluidity=Fluidity(method="implicit", stencil=stencil, seed=1.0)),
-        walls=(Wall(2, 0.0, kind="rough"),),
+        scheme=scheme.replace(fluidity=Fluidity(method="implicit", stencil=stencil, initial=1.0)),
+        walls=(Wall(2, 0.0, kind="no_slip"),),
         bodies=(bodies.Body(shape, middle, friction=0.4),) if shape else (),
         gravity=Gravity((0.0,), ((9.81 * math.sin(SLOPE), 0.0, -9.81 * math.cos(SLOPE)),)),
         duration=10.0,

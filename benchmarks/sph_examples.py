@@ -122,7 +122,7 @@ def repose(
 ) -> dict[str, Any]:
     """Angle at the end as a mean of a second, its fall in two seconds before, and the largest."""
     numerics, changes = choices(creeping, cfl)
-    scene = sph.scenes.slump(numerics=numerics, **keywords)
+    scene = gr.scenes.slump_sph(numerics=numerics, **keywords)
     scene = scene.replace(material=scene.material.replace(**changes))
 
     def look(state: gr.State) -> tuple[float, float]:
@@ -149,7 +149,7 @@ def column(threads: int, material: str, dilation: float, **keywords: Any) -> dic
     if "mu_l" in changes:
         changes["mu_h"] = changes["mu_l"]
     grains = getattr(sph, material).replace(dilation=dilation, **changes)
-    scene = sph.scenes.column_collapse(material=grains, numerics=numerics, **keywords)
+    scene = gr.scenes.column_collapse_sph(material=grains, numerics=numerics, **keywords)
     if creeping:
         return at_rest(scene, threads)
     _, times, looks, row = watched(scene, threads, 0.1, far)
@@ -175,7 +175,7 @@ def at_rest(scene: sph.Scene, threads: int) -> dict[str, Any]:
 
 def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
     """Run-out at three times after the gate lifts, and the height at the upper wall."""
-    scene = sph.scenes.inclined_collapse(**keywords)
+    scene = gr.scenes.inclined_collapse(**keywords)
     simulation, times, looks, row = watched(scene, threads, 0.1, far)
     settle = scene.parameters["settle"]
     late = [looks[int(np.searchsorted(times, settle + t - 1e-6))] for t in (0.2, 0.4, 0.8)]
@@ -192,7 +192,7 @@ def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
 
 def layer(threads: int, angle_deg: float, dilation: float, duration: float) -> dict[str, Any]:
     """Shear rate, profiles, slip, and the acceleration with its fit (figures 5.3 and 5.4)."""
-    scene = sph.scenes.incline(
+    scene = gr.scenes.incline_sph(
         angle_deg=angle_deg,
         headroom=20,
         duration=duration,

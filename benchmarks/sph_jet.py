@@ -19,7 +19,7 @@ EVERY = 0.0075
 """Time between frames [s]; one of three is drawn, from the second on."""
 
 
-def picture(record: gr.trajectory.Trajectory, ambient: float = 1e5) -> Figure:
+def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
     """Speed of the grains, and pressure of the gas above the initial one."""
     frames = record[1::3]
     figure = Figure(figsize=(8.0, 2.4 * len(frames)), layout="constrained")

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from granular import sph
+from granular import scenes, sph
 
 CASES = {
     "2D at rest": (dict(angle_deg=0.0, columns=100, height=1.0), 0.01, 300),
@@ -25,7 +25,7 @@ CASES = {
 
 def nanoseconds(arguments: dict, seconds: float, steps: int, isa: str, repeats: int) -> float:
     """Processor time per point and step after `seconds` of the scene [ns]."""
-    make = sph.scenes.jet_on_bed if "depth" in arguments else sph.scenes.incline
+    make = scenes.jet_on_bed if "depth" in arguments else scenes.incline_sph
     simulation = sph.Simulation(make(**arguments), isa=isa)
     simulation.run(seconds)
     points = simulation.n_points + simulation.walls.n

@@ -3,18 +3,18 @@
  * Every combination of dimension, basis, transfer and density has a body of its own, made from one
  * inline function with literal arguments; the choice is made once, when a kernel is called for a run
  * of cells. */
-#include "law/law_elastic.c"
-#include "law/law_frictional.c"
-#include "law/law_ngf.c"
-#include "law/law_hencky.c"
-#include "fluidity/diffuse.c"
+#include "law/law_elastic.inl"
+#include "law/law_frictional.inl"
+#include "law/law_ngf.inl"
+#include "law/law_hencky.inl"
+#include "fluidity/diffuse.inl"
 #include "mpm/migrate.h"
-#include "mpm/scatter.c"
-#include "mpm/cells.c"
-#include "mpm/gather.c"
-#include "sph/sums.c"
-#include "sph/stress.c"
-#include "sph/gas_sums.c"
+#include "mpm/p2g.inl"
+#include "mpm/cell_averaged.inl"
+#include "mpm/g2p.inl"
+#include "sph/sums.inl"
+#include "sph/stress.inl"
+#include "sph/gas_sums.inl"
 
 #define GR_PASTE2(a, b) a##b
 #define GR_PASTE(a, b) GR_PASTE2(a, b)
@@ -33,7 +33,7 @@ static gr_law_update *const laws[GR_LAW_COUNT][2] = {
 #undef GR_X
 };
 
-/* X(dim, basis, affine, diffused, shared): what can be built. The diffused density goes with the quadratic basis, the
+/* X(dim, basis, affine, smoothed, cell_averaged): what can be built. The smoothed density goes with the quadratic basis, the
  * shared one with the linear basis. */
 #define GR_VARIANTS_OF(X, dim)                     \
     X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 1)    \
@@ -50,12 +50,12 @@ static gr_law_update *const laws[GR_LAW_COUNT][2] = {
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
 #define GR_X(d, b, a, q, u)                                                                                       \
-    static __attribute__((noinline)) void scatter_##d##b##a##q##u(struct gr_engine *e, int64_t index)             \
+    static __attribute__((noinline)) void p2g_##d##b##a##q##u(struct gr_engine *e, int64_t index)                 \
     {                                                                                                             \
-        scatter_points(d, b, a > 0, q, u, e, index);                                                              \
+        p2g_points(d, b, a > 0, q, u, e, index);                                                                  \
     }                                                                                                             \
     static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last, \
-                                                                struct gr_leavers *out, int fused)                \
+                                                                struct gr_migrants *out, int fused)               \
     {                                                                                                             \
         sweep_cells(d, b, a, q, u, e, first, last, out, fused, laws[e->config.law][d - 2]);                       \
     }
@@ -63,24 +63,24 @@ GR_VARIANTS(GR_X)
 #undef GR_X
 
 #define GR_IS(e, d, b, a, q, u)                                                                                \
-    ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.diffused == q && \
-     (e)->config.shared == u)
+    ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.smoothed == q && \
+     (e)->config.cell_averaged == u)
 
-static void scatter(struct gr_engine *e, int64_t first, int64_t last)
+static void p2g(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_X(d, b, a, q, u)      \
     if (GR_IS(e, d, b, a, q, u)) \
-        for (int64_t i = first; i < last; i++) scatter_##d##b##a##q##u(e, i);
+        for (int64_t i = first; i < last; i++) p2g_##d##b##a##q##u(e, i);
     GR_VARIANTS(GR_X)
 #undef GR_X
 }
 
-static void scatter_list(struct gr_engine *e, const int64_t *list, int64_t first, int64_t last)
+static void p2g_list(struct gr_engine *e, const int64_t *list, int64_t first, int64_t last)
 {
-    for (int64_t k = first; k < last; k++) scatter(e, list[k], list[k] + 1);
+    for (int64_t k = first; k < last; k++) p2g(e, list[k], list[k] + 1);
 }
 
-static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_leavers *out, int fused)
+static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused)
 {
 #define GR_X(d, b, a, q, u) \
     if (GR_IS(e, d, b, a, q, u)) sweep_##d##b##a##q##u(e, first, last, out, fused);
@@ -88,14 +88,14 @@ static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_le
 #undef GR_X
 }
 
-static void press(struct gr_engine *e, int64_t first, int64_t last)
+static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_PRESS(d)         \
+#define GR_CELL_FORCES(d)   \
     if (e->config.dim == d) \
-        for (int64_t i = first; i < last; i++) press_cell(d, e, i);
-    GR_PRESS(2)
-    GR_PRESS(3)
-#undef GR_PRESS
+        for (int64_t i = first; i < last; i++) apply_cell_forces(d, e, i);
+    GR_CELL_FORCES(2)
+    GR_CELL_FORCES(3)
+#undef GR_CELL_FORCES
 }
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
@@ -125,11 +125,11 @@ static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
-static void set_out(struct gr_engine *e, int64_t first, int64_t last)
+static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_SET_OUT(d, b, u)                                                  \
-    if (e->config.dim == d && e->config.basis == b && e->config.shared == u) \
-        set_out_cells(d, b, u, e, first, last, laws[e->config.law][d - 2]);
+#define GR_SET_OUT(d, b, u)                                                         \
+    if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
+        begin_substeps_of_cells(d, b, u, e, first, last, laws[e->config.law][d - 2]);
     GR_SET_OUT(2, GR_LINEAR, 0)
     GR_SET_OUT(2, GR_LINEAR, 1)
     GR_SET_OUT(2, GR_QUADRATIC, 0)
@@ -139,16 +139,16 @@ static void set_out(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SET_OUT
 }
 
-static void relax(struct gr_engine *e, int64_t first, int64_t last)
+static void substep(struct gr_engine *e, int64_t first, int64_t last)
 {
     const double *p = e->config.parameter, *hencky = p + GR_HENCKY_NGF_POINT;
     const double g_min = hencky[GR_HENCKY_P_g_min];
     if (e->config.law == GR_LAW_ngf)
-        relax_cells(0, e, first, last, p + GR_NGF_POINT, 0);
+        substep_cells(0, e, first, last, p + GR_NGF_POINT, 0);
     else if (e->config.law == GR_LAW_hencky_ngf)
-        relax_cells(0, e, first, last, hencky + GR_HENCKY_P_G, g_min);
-    else if (e->config.law == GR_LAW_hencky_ngf_linear)
-        relax_cells(1, e, first, last, hencky + GR_HENCKY_P_G, g_min);
+        substep_cells(0, e, first, last, hencky + GR_HENCKY_P_G, g_min);
+    else if (e->config.law == GR_LAW_hencky_linear_ngf)
+        substep_cells(1, e, first, last, hencky + GR_HENCKY_P_G, g_min);
 }
 
 static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law][dim - 2](call); }
@@ -203,14 +203,14 @@ extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
 const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .isa = GR_STRING(GR_ISA),
     .lanes = GR_W,
-    .scatter = scatter,
-    .scatter_list = scatter_list,
+    .p2g = p2g,
+    .p2g_list = p2g_list,
     .sweep = sweep,
-    .press = press,
+    .apply_cell_forces = cell_forces,
     .smooth = smooth,
     .mean_pairs = mean_pairs,
-    .set_out = set_out,
-    .relax = relax,
+    .begin_substeps = begin_substeps,
+    .substep = substep,
     .update_law = update_law,
     .update_fluidity = update_fluidity,
     .update_hencky = update_hencky,

@@ -3,30 +3,22 @@
 from importlib import import_module
 from types import ModuleType
 
-from granular import (
-    bodies,
-    dem,
-    economy,
-    friction_law,
-    froude,
-    inference,
-    material_points,
-    materials,
-    measure,
-    scenes,
-    schemes,
-    sph,
-    theory,
-)
-from granular.engine import show_config
-from granular.scene import Scene
-from granular.schemes import Scheme
+from granular import economy, grain_scale, materials, measure, scenes, sph, theory
+from granular.diagnostics import StabilityWarning, scene_warnings
+from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
+from granular.gravity import Gravity
+from granular.materials import NGF, DruckerPrager, Elastic, HardeningDruckerPrager, MuI
+from granular.mpm import bodies, scaling, schemes
+from granular.mpm.bodies import Body, Motion
+from granular.mpm.engine import show_config
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Fluidity, Scheme
+from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.record import Trajectory, open_trajectory
+from granular.record import open_trajectory as open
 from granular.simulation import Simulation, SimulationError
-from granular.stability import StabilityWarning
 from granular.state import State
 from granular.sweeping import sweep
-from granular.trajectory import Trajectory, open_trajectory
-from granular.trajectory import open_trajectory as open
 
 __version__ = "0.1.0"
 
@@ -38,25 +30,43 @@ def __getattr__(name: str) -> ModuleType:
 
 
 __all__ = [
+    "NGF",
+    "Body",
+    "Box",
+    "Cylinder",
+    "Difference",
+    "Disc",
+    "DruckerPrager",
+    "Elastic",
+    "Fill",
+    "Fluidity",
+    "Gravity",
+    "Grid",
+    "HardeningDruckerPrager",
+    "Intersection",
+    "Motion",
+    "MuI",
     "Scene",
     "Scheme",
     "Simulation",
     "SimulationError",
+    "Solid",
+    "SpongeLayer",
     "StabilityWarning",
     "State",
     "Trajectory",
+    "Union",
+    "Wall",
     "bodies",
-    "dem",
     "economy",
-    "friction_law",
-    "froude",
-    "inference",
-    "material_points",
+    "grain_scale",
     "materials",
     "measure",
     "open",
     "open_trajectory",
     "plot",
+    "scaling",
+    "scene_warnings",
     "scenes",
     "schemes",
     "show_config",

@@ -110,7 +110,7 @@ def body_distance(
     /,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 def node_positions(
-    basis: int, n_cells: int, periodic: bool, creases: NDArray[np.int32], /
+    basis: int, n_cells: int, periodic: bool, c0_lines: NDArray[np.int32], /
 ) -> NDArray[np.float64]: ...
 
 Array = NDArray[np.float64]
@@ -136,8 +136,8 @@ class Engine:
         periodic: tuple[bool, ...],
         open_low: tuple[bool, ...],
         open_high: tuple[bool, ...],
-        creases: tuple[NDArray[np.int32], ...],
-        absorbers: tuple[tuple[float, float], ...],
+        c0_lines: tuple[NDArray[np.int32], ...],
+        sponge_layers: tuple[tuple[float, float], ...],
         walls: list[tuple[int, float, int, int, float, int]],
         node_codes: NDArray[np.uint8],
         cell_flags: NDArray[np.uint8] | None,

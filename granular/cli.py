@@ -226,8 +226,9 @@ def _shown(value: Any) -> str:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from granular import Simulation, StabilityWarning, schemes
-    from granular.stability import doubts
+    from granular import Simulation, StabilityWarning
+    from granular.diagnostics import scene_warnings
+    from granular.mpm import schemes
 
     given = {
         name.removeprefix("scene_"): value
@@ -245,7 +246,7 @@ def _run(arguments: argparse.Namespace) -> int:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StabilityWarning)  # said in a line of our own
         simulation = Simulation(scene, threads=arguments.threads)
-    for doubt in doubts(scene):
+    for doubt in scene_warnings(scene):
         print(f"granular: warning: {doubt}", file=sys.stderr)
     if arguments.picture or arguments.gif:
         _check_color(simulation.state, arguments.color)
@@ -288,7 +289,7 @@ def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str,
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from granular.trajectory import info, open_trajectory
+    from granular.record import info, open_trajectory
 
     found = info(arguments.file)
     provenance = found.pop("provenance")

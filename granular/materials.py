@@ -155,7 +155,7 @@ class MuI(Material):
     I0: float | None = None
     d: float | None = None
 
-    flow = "mu_i"
+    flow = "mu_I"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -200,7 +200,7 @@ class NGF(Material):
     ``t0 dg/dt = A^2 d^2 lap g - dmu (mu_s - mu)/(mu_2 - mu) g - b sqrt(rho_s d^2/p) mu g^2``
 
     with dmu = mu_2 - mu_s and b = dmu/I0; without the first term, in steady flow, this is the law
-    of `MuI`. How g is diffused: `granular.schemes.Fluidity`.
+    of `MuI`. How g is diffused: `granular.mpm.schemes.Fluidity`.
 
     Parameters
     ----------
@@ -222,8 +222,8 @@ class NGF(Material):
         Reference inertial number, > 0; .279 if neither it nor `b` is given.
     b : float, optional
         Slope of mu(I) at rest, (mu_2 - mu_s)/I0, > 0, in place of `I0`.
-    rheology : {"saturating", "linear"}
-        "linear" is mu = mu_s + b I without an end, with ``-(mu_s - mu) g - b sqrt(rho_s d^2/p) mu
+    rheology : {"mu_I", "linear_mu_I"}
+        "linear_mu_I" is mu = mu_s + b I without an end, with ``-(mu_s - mu) g - b sqrt(rho_s d^2/p) mu
         g^2`` as the local terms of the fluidity (Haeri & Skonieczny 2021, eqs 5 and 6); for Hencky
         elasticity alone.
 
@@ -243,14 +243,14 @@ class NGF(Material):
     rho_s: float = 2450.0
     I0: float = None  # type: ignore[assignment]  # a float once made
     b: float = None  # type: ignore[assignment]
-    rheology: str = "saturating"
+    rheology: str = "mu_I"
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if one_of("rheology", self.rheology, ("saturating", "linear")) == "linear" and (
+        if one_of("rheology", self.rheology, ("mu_I", "linear_mu_I")) == "linear_mu_I" and (
             self.elasticity != "hencky"
         ):
-            raise ValueError('rheology = "linear" must go with elasticity = "hencky"')
+            raise ValueError('rheology = "linear_mu_I" must go with elasticity = "hencky"')
         self._set("A", non_negative("A", self.A))
         self._set("d", positive("d", self.d))
         self._set("t0", positive("t0", self.t0))
@@ -279,9 +279,9 @@ class NGF(Material):
     @property
     def flow(self) -> str:  # type: ignore[override]
         """How it flows, in the core's words: without a nonlocal amplitude as `MuI`."""
-        if self.rheology == "linear":
-            return "ngf_linear" if self.A else "linear"
-        return "ngf" if self.A else "mu_i"
+        if self.rheology == "linear_mu_I":
+            return "linear_ngf" if self.A else "linear_mu_I"
+        return "ngf" if self.A else "mu_I"
 
     @property
     def xi(self) -> float:
@@ -373,7 +373,7 @@ class HardeningDruckerPrager(Material):
     h3_deg: float = 10.0
     rho_s: float = 2450.0
 
-    flow = "drucker_prager_hardening"
+    flow = "hardening_drucker_prager"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -432,13 +432,13 @@ wide as their opening."""
 
 couette_beads = NGF(
     E=90 / 31 * 1e6, nu=14 / 31, mu_s=0.3819, mu_2=0.6435, rho_s=2550.0, rho_c=0.645 * 2550.0,
-    I0=0.278, A=0.48, t0=1e-4, d=4e-3, rheology="linear", elasticity="hencky",
+    I0=0.278, A=0.48, t0=1e-4, d=4e-3, rheology="linear_mu_I", elasticity="hencky",
 )  # fmt: skip
 """Beads between cylinders of Haeri & Skonieczny 2021, table 1: S = 1, B = 10 MPa, 64.5 % full."""
 
 grc_1 = NGF(
     E=15e6, nu=0.3, mu_s=0.70, mu_2=0.96, rho_s=2583.0, rho_c=0.67 * 2583.0,
-    I0=0.278, A=0.48, t0=1e-4, d=3e-4, rheology="linear", elasticity="hencky",
+    I0=0.278, A=0.48, t0=1e-4, d=3e-4, rheology="linear_mu_I", elasticity="hencky",
 )  # fmt: skip
 """Soil simulant GRC-1 of Haeri & Skonieczny 2021, table 1 (S = 5.8, B = 12.5 MPa), 67 % full."""
 

@@ -18,11 +18,11 @@ from tqdm.auto import tqdm
 
 from granular import _core
 from granular.checks import integer, positive
-from granular.monitor import Health, Monitor, health
+from granular.diagnostics import Health, Monitor, health
 from granular.notebook import table
+from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
+from granular.serializable import Serializable
 from granular.state import State
-from granular.trajectory import Checkpoint, TrajectoryWriter, open_trajectory
-from granular.writing import Written
 
 if TYPE_CHECKING:
     from granular.sph.gas import GasState
@@ -48,7 +48,7 @@ _METHODS: dict[type, type[Simulation]] = {}
 class Simulation(ABC):
     """Steps the points of a scene by the method that the scene is made for.
 
-    A `granular.Scene` is solved by the material point method (`granular.material_points`), a
+    A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
     `granular.sph.Scene` by smoothed particle hydrodynamics (`granular.sph`).
 
     Parameters
@@ -71,7 +71,7 @@ class Simulation(ABC):
     Warns
     -----
     StabilityWarning
-        For what is known to go wrong without a word, see `granular.stability.doubts`.
+        For what is known to go wrong without a word, see `granular.scene_warnings`.
     """
 
     def __init_subclass__(cls, *, scenes: type | None = None) -> None:
@@ -91,7 +91,7 @@ class Simulation(ABC):
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
 
-    def _start(self, scene: Written, engine: Any, threads: int | None) -> None:
+    def _start(self, scene: Serializable, engine: Any, threads: int | None) -> None:
         """What every simulation has; subclasses make the engine and the buffers."""
         self.scene = scene
         self._engine = engine
@@ -101,7 +101,7 @@ class Simulation(ABC):
         self._chunk = 1
         self.record: Path | None = None
         self._every = EVERY
-        self._monitor = Monitor()
+        self._monitor = Monitor(scene)
 
     # ---- what a method must know ----
 
@@ -114,7 +114,7 @@ class Simulation(ABC):
         """The fields of a state, ordered by id; `kept`: those of a frame of a record."""
 
     @abstractmethod
-    def _kept(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         """The numbers and arrays of a checkpoint."""
 
     @classmethod
@@ -137,10 +137,9 @@ class Simulation(ABC):
         """The points of a gas; None for a scene without any."""
         return None
 
-    @property
-    def _stopped(self) -> float:
-        """How often grains were stopped in walls; nan for a method that need not do so."""
-        return np.nan
+    def _indicators(self, state: State) -> dict[str, float]:
+        """The numbers of a sample that the method has of its own, see `Scene.indicators`."""
+        return {}
 
     # ---- looking ----
 
@@ -247,7 +246,7 @@ class Simulation(ABC):
         hooks : sequence of callables
             Called with the simulation at each frame; what they raise ends the run.
         monitor : bool
-            Look at frames for signs of failure, for `health` and the record; the looks are so far
+            Look at frames for indicators of failure, for `health` and the record; the samples are so far
             apart that they take less than a fiftieth of the run.
         gas : bool
             Keep the gas of a scene that has one in the frames of the record; checkpoints hold it
@@ -295,13 +294,13 @@ class Simulation(ABC):
         due = monitor and self._monitor.due(self.steps, self.n_points)
         if writer or due:
             state = self._snapshot(kept=True)
-            looks = self._monitor.look(state, self._stopped) if due else {}
+            samples = self._monitor.sample(state, self._indicators(state)) if due else {}
         if writer:
             writer.append(
                 state,
                 self.checkpoint(),
                 gas=state.gas.fields if gas and hasattr(state, "gas") else None,
-                looks=looks,
+                samples=samples,
                 bodies=self._body_rows(),
                 may_wait=True,
             )
@@ -314,9 +313,10 @@ class Simulation(ABC):
         Returns
         -------
         Health
-            Value, limit and verdict of each sign; see `granular.monitor`.
+            Value, limit and verdict of each indicator; see `granular.diagnostics`.
         """
-        last = self._monitor.peek(self.state, self._stopped) if self.steps else None
+        state = self.state
+        last = self._monitor.peek(state, self._indicators(state)) if self.steps else None
         return health(self.scene, self._monitor.columns(last))
 
     @contextmanager
@@ -351,7 +351,7 @@ class Simulation(ABC):
 
     def checkpoint(self) -> Checkpoint:
         """All that a bitwise restart needs: the points in the order of rows, and the clock."""
-        scalars, arrays = self._kept()
+        scalars, arrays = self._checkpoint_data()
         return Checkpoint(
             time=scalars["time"],
             step=scalars["step"],
@@ -363,7 +363,7 @@ class Simulation(ABC):
     @classmethod
     def from_checkpoint(
         cls,
-        scene: Written,
+        scene: Serializable,
         checkpoint: Checkpoint,
         *,
         threads: int | None = None,
@@ -393,7 +393,7 @@ class Simulation(ABC):
             self = cls.from_checkpoint(record.scene, record.checkpoint(), threads=threads, isa=isa)
             self._every = record.provenance.get("every", EVERY)
             past = record.series["step"] <= self.steps
-            self._monitor.recall({name: v[past] for name, v in record.looks.items()})
+            self._monitor.recall({name: v[past] for name, v in record.samples.items()})
         self.record = Path(path)
         return self
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from granular.notebook import table
 
 if TYPE_CHECKING:
-    from granular.scene import Scene
+    from granular.mpm.scene import Scene
     from granular.sph.gas import GasState
 
 __all__ = ["State"]
@@ -95,10 +95,10 @@ class State:
         """Volume that the stress of a point stands for in the balance of forces, shape (n,).
 
         `volume` times the weight of the point, where the scheme gives it one
-        (`Scheme.weighting`): force, power and energy of stresses are sums over these volumes.
+        (`Scheme.weight_correction`): force, power and energy of stresses are sums over these volumes.
         """
-        if "overweight" in self.fields:
-            return (1.0 + self.overweight) * self.volume
+        if "weight_correction" in self.fields:
+            return (1.0 + self.weight_correction) * self.volume
         return self.volume
 
     @cached_property

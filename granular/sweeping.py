@@ -26,9 +26,9 @@ from typing import Any, Protocol
 from tqdm.auto import tqdm
 
 from granular.checks import integer, positive
+from granular.record import RecordError, Trajectory, open_trajectory
+from granular.serializable import Serializable
 from granular.simulation import Simulation
-from granular.trajectory import RecordError, Trajectory, open_trajectory
-from granular.writing import Written
 
 __all__ = ["Executor", "Sweep", "sweep"]
 
@@ -97,7 +97,7 @@ class Sweep(Sequence):
 
 
 def sweep(
-    cases: Iterable[Written] | Mapping[Hashable, Written],
+    cases: Iterable[Serializable] | Mapping[Hashable, Serializable],
     executor: Executor | None = None,
     *,
     measure: Measure | None = None,
@@ -194,7 +194,7 @@ def sweep(
 # ---- what is asked for ----
 
 
-def _scenes(cases: object) -> dict[Hashable, Written]:
+def _scenes(cases: object) -> dict[Hashable, Serializable]:
     wanted = "an iterable of Scene or a mapping to Scene"
     if isinstance(cases, (str, bytes)) or not isinstance(cases, Iterable):
         raise TypeError(f"cases = {cases!r} must be {wanted}")
@@ -202,7 +202,7 @@ def _scenes(cases: object) -> dict[Hashable, Written]:
     if not scenes:
         raise ValueError(f"cases = {cases!r} must hold at least one Scene")
     for key, scene in scenes.items():
-        if not isinstance(scene, Written):
+        if not isinstance(scene, Serializable):
             raise TypeError(f"cases[{key!r}] = {scene!r} must be a Scene")
     return scenes
 
@@ -275,7 +275,7 @@ def _folder(folder: object) -> tuple[Path, bool]:
 @dataclass(frozen=True)
 class _Case:
     key: Hashable
-    scene: Written
+    scene: Serializable
     path: Path
     every: float | None
     measure: Measure | None

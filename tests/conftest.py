@@ -4,14 +4,15 @@ import pytest
 
 import granular as gr
 from granular.geometry import Box, Difference, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.walls import Absorber, Gravity, Solid, Wall
+from granular.mpm.walls import Solid, SpongeLayer, Wall
 
 COMBINATIONS = [
-    (basis, transfer, "tracked")
+    (basis, transfer, "particle")
     for basis in ("linear", "ugimp", "quadratic")
     for transfer in ("flip", "apic", "tpic", "xpic")
-] + [("quadratic", "tpic", "diffused"), ("linear", "tpic", "shared")]
+] + [("quadratic", "tpic", "smoothed"), ("linear", "tpic", "cell_averaged")]
 
 CELL = 0.1
 
@@ -39,19 +40,19 @@ def _box(dim, lower, upper):
 
 
 def _walls(dim):
-    """Rough floor, Coulomb and frictionless sides, an inner wall, an absorber and a solid step."""
+    """Rough floor, Coulomb and free_slip sides, an inner wall, an sponge and a solid step."""
     last, up = dim - 1, 5 * CELL
     beside = ((0.0, 3 * CELL),) * (dim - 2)
     walls = [
-        Wall(last, 0.0, kind="rough"),
-        Wall(last, up, kind="frictionless"),
-        Wall(0, 0.0, kind="frictionless"),
+        Wall(last, 0.0, kind="no_slip"),
+        Wall(last, up, kind="free_slip"),
+        Wall(0, 0.0, kind="free_slip"),
         Wall(0, 6 * CELL, kind="coulomb", friction=0.4),
-        Wall(0, 3 * CELL, kind="frictionless", span=(*beside, (0.0, 2 * CELL))),
+        Wall(0, 3 * CELL, kind="free_slip", span=(*beside, (0.0, 2 * CELL))),
         Solid((5 * CELL,) + (0.0,) * last, (6 * CELL,) + (3 * CELL,) * (dim - 2) + (CELL,)),
     ]
     if dim == 3:
-        walls += [Wall(1, 0.0, kind="rough"), Wall(1, 3 * CELL, kind="coulomb", friction=0.2)]
+        walls += [Wall(1, 0.0, kind="no_slip"), Wall(1, 3 * CELL, kind="coulomb", friction=0.2)]
     region = Difference(
         _box(dim, (0, 0, 0), (6, 3, 4) if dim == 3 else (6, 6, 4)),
         _box(dim, (5, 0, 0) if dim == 3 else (0, 5, 0), (6, 3, 1) if dim == 3 else (0, 6, 1)),
@@ -61,7 +62,7 @@ def _walls(dim):
         "grid": grid,
         "region": region,
         "walls": walls,
-        "absorbers": (Absorber(last, 0.35, 200.0),),
+        "sponge_layers": (SpongeLayer(last, 0.35, 200.0),),
     }
 
 
@@ -74,8 +75,8 @@ def _periodic(dim):
             tuple(0.3 for _ in range(dim)), CELL, shape, periodic=(True,) * last + (False,)
         ),
         "region": Box((0.3,) * dim, (*(0.3 + CELL * n for n in shape[:last]), 0.3 + 4 * CELL)),
-        "walls": [Wall(last, 0.3, kind="rough")],
-        "absorbers": (),
+        "walls": [Wall(last, 0.3, kind="no_slip")],
+        "sponge_layers": (),
     }
 
 
@@ -86,17 +87,17 @@ def _outlet(dim):
     hole = ((0.0, 2 * CELL),) + ((0.0, 3 * CELL),) * (dim - 2)
     rest = ((2 * CELL, 6 * CELL),) + ((0.0, 3 * CELL),) * (dim - 2)
     walls = [
-        Wall(last, 0.0, kind="rough", span=hole, opens_at=0.05),
-        Wall(last, 0.0, kind="rough", span=rest),
+        Wall(last, 0.0, kind="no_slip", span=hole, opens_at=0.05),
+        Wall(last, 0.0, kind="no_slip", span=rest),
     ]
     for axis in range(last):
-        walls += [Wall(axis, 0.0, kind="frictionless")]
-        walls += [Wall(axis, CELL * shape[axis], kind="frictionless")]
+        walls += [Wall(axis, 0.0, kind="free_slip")]
+        walls += [Wall(axis, CELL * shape[axis], kind="free_slip")]
     return {
         "grid": Grid((0.0,) * dim, CELL, shape, open_sides=frozenset({"xyz"[last] + "-"})),
         "region": _box(dim, (0, 0, 0), tuple(shape) if dim == 3 else (0, *shape)),
         "walls": walls,
-        "absorbers": (),
+        "sponge_layers": (),
     }
 
 
@@ -115,7 +116,7 @@ def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, 
         material=MuI(E=E),
         scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **scheme),
         walls=tuple(parts["walls"]),
-        absorbers=parts["absorbers"],
+        sponge_layers=parts["sponge_layers"],
         gravity=Gravity((0.0, 0.1), ((*side, -4.0), (0.0,) * (dim - 1) + (-9.8,))),
         duration=1.0,
         seed=7,

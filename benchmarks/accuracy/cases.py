@@ -8,13 +8,13 @@ from typing import Any
 
 import granular as gr
 
-SOFT_STEP = gr.schemes.published.replace(dt=None)
+SOFT_STEP = gr.schemes.dunatunga_kamrin_2015.replace(dt=None)
 """The published scheme with the time step at half its limit: 3e-6 s belongs to 1 GPa."""
 
 SCHEMES = {
     "default": gr.schemes.default,
     "cell_averaged": gr.schemes.cell_averaged,
-    "published": gr.schemes.published,
+    "published": gr.schemes.dunatunga_kamrin_2015,
     "linear flip": SOFT_STEP,
     "linear xpic": SOFT_STEP.replace(transfer="xpic"),
     "linear apic": SOFT_STEP.replace(transfer="apic"),
@@ -25,7 +25,7 @@ SCHEMES = {
     "quadratic apic": SOFT_STEP.replace(basis="quadratic", transfer="apic"),
     "quadratic tpic": SOFT_STEP.replace(basis="quadratic", transfer="tpic"),
 }
-"""By the names that the chart gives them. "quadratic tpic" is the default without its cure."""
+"""By the names that the chart gives them. "quadratic tpic" is the default without its density_correction."""
 
 HYDRODYNAMICS = "sph"
 """The scheme of cases by particle hydrodynamics, with as many points and as stiff."""

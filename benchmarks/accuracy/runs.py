@@ -81,7 +81,7 @@ def hydrodynamics_of(case: Case) -> sph.Scene:
     per = math.isqrt(case.points)
     across = math.cos(math.radians(case.angle_deg))
     pressure = 0.5 * beads.rho_c * GRAVITY * across * HEIGHT
-    return sph.scenes.incline(
+    return gr.scenes.incline_sph(
         angle_deg=case.angle_deg,
         height=HEIGHT,
         spacing=case.cell / per,

@@ -21,7 +21,7 @@ PUBLISHED_E = 1e9
 SCHEMES = {
     "default": gr.schemes.default,
     # The published step of 3e-6 s belongs to 1 GPa; softer material needs no such small one.
-    "published": gr.schemes.published.replace(dt=None),
+    "published": gr.schemes.dunatunga_kamrin_2015.replace(dt=None),
 }
 
 
@@ -82,10 +82,10 @@ def options(
 
 
 def simulation_of(scene: gr.Scene, chosen: argparse.Namespace) -> gr.Simulation:
-    """A simulation of the scene, or with --tolerance of the thriftier one that is advised."""
+    """A simulation of the scene, or with --tolerance of the cheaper one that is advised."""
     if getattr(chosen, "tolerance", None) is not None:
-        advice = gr.economy.advise(scene, chosen.tolerance)
-        scene = gr.economy.apply(scene, advice)
+        suggestion = gr.economy.suggest(scene, chosen.tolerance)
+        scene = gr.economy.apply(scene, suggestion)
     return gr.Simulation(scene, threads=chosen.threads)
 
 

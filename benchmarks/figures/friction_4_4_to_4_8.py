@@ -9,7 +9,7 @@ from common import OUT, save
 
 import granular as gr
 from granular import plot
-from granular.friction_law import SteadyShear
+from granular.grain_scale.friction_law import SteadyShear
 
 TABLE = Path(__file__).parents[1] / "results" / "friction_law.json"
 NAMES = {"low": "e = .5", "high": "e = .85", "walls": "walls, e = .5"}

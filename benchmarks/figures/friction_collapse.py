@@ -12,8 +12,9 @@ import numpy as np
 from common import options, save
 
 import granular as gr
-from granular import friction_law, plot
-from granular.friction_law import SteadyShear
+from granular import plot
+from granular.grain_scale import friction_law
+from granular.grain_scale.friction_law import SteadyShear
 
 TABLE = Path(__file__).parents[1] / "results" / "friction_law.json"
 
@@ -38,7 +39,7 @@ def main(argv: list[str] | None = None) -> None:
     chosen = options(__doc__, argv, without=("scheme", "threads", "tolerance"))
     fit, grains = rheology()
     # The diameter of a sphere of the mean volume, as in the inertial numbers of the table.
-    d = gr.dem.Grains(**grains).d_volume
+    d = gr.grain_scale.dem.Grains(**grains).d_volume
     materials = {
         "sheared grains": fit.material(d=d, rho_s=grains["rho_s"], E=chosen.E),
         "glass beads": gr.materials.glass_beads_5mm.replace(E=chosen.E),
@@ -47,8 +48,8 @@ def main(argv: list[str] | None = None) -> None:
     left, right = fig.subplots(1, 2, width_ratios=(2, 3))
     inertial, end = np.geomspace(1e-3, 1.0, 200), 0.0
     for name, material in materials.items():
-        mu_i = friction_law.MuIFit(material.mu_s, material.mu_2, material.I0, {}, np.zeros(0))
-        left.plot(inertial, mu_i(inertial), label=name)
+        mu_I = friction_law.MuIFit(material.mu_s, material.mu_2, material.I0, {}, np.zeros(0))
+        left.plot(inertial, mu_I(inertial), label=name)
         state = heap(material, chosen.quick)
         runout, surface = gr.measure.runout(state), gr.measure.surface(state)
         right.plot(surface.x, surface.height, label=f"{name}: run-out {runout.quantile:.2f}")

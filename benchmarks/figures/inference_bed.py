@@ -10,7 +10,8 @@ import numpy as np
 from inference_common import chosen_options, grains, quietly, relative_error, with_noise
 
 from common import save  # isort: skip
-from granular import inference, plot
+from granular import plot
+from granular.grain_scale import inference
 
 MU, STIFFNESS, DENSITY = 0.6, 9e6, 1100.0
 RADII = (0.0127, 0.015875)

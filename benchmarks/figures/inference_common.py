@@ -14,7 +14,7 @@ import numpy as np
 from common import OUT
 from numpy.typing import NDArray
 
-from granular.inference import InferenceWarning, Packing
+from granular.grain_scale.inference import InferenceWarning, Packing
 
 # The discrete element method is no part of the package: the tests have a small one.
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "unit"))

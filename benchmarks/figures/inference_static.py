@@ -6,7 +6,8 @@ import numpy as np
 from inference_common import chosen_options, grains, quietly, relative_error, with_noise
 
 from common import save  # isort: skip
-from granular import inference, plot
+from granular import plot
+from granular.grain_scale import inference
 
 MU = 0.5
 WINDOW = 6

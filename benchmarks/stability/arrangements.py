@@ -51,7 +51,7 @@ def largest_eigenvalue(
     shape: Callable,
     cells: int,
     volume: float,
-    overweight: np.ndarray | None = None,
+    weight_correction: np.ndarray | None = None,
 ) -> float:
     """Of M^-1 K for points at x (n, dim) in a box of so many cells with two empty ones around.
 
@@ -75,10 +75,10 @@ def largest_eigenvalue(
     mass = volume * weight.sum(axis=0)
     used = mass > LIGHTEST * volume
     B = [g[:, used] for g in slope]
-    if overweight is not None:
+    if weight_correction is not None:
         share = weight[:, used]
-        excess = overweight - share @ (overweight @ share / share.sum(axis=0))
-        most = abs(overweight).max()
+        excess = weight_correction - share @ (weight_correction @ share / share.sum(axis=0))
+        most = abs(weight_correction).max()
         stiffer = np.sqrt(1 + np.clip(excess, -most, most))
         B = [stiffer[:, None] * g for g in B]
     own = sum(volume * SHEAR * g.T @ g for g in B)
@@ -113,8 +113,8 @@ def smallest_step(
             if i % 3 == 2:
                 x = np.vstack([x, rng.uniform(0, cells + 1, dim)])
         x = np.clip(x, 0.0, cells + 1.0 - 1e-9)
-        overweight = limit * rng.choice([-1.0, 1.0], len(x)) if limit else None
-        found = largest_eigenvalue(x, shape, cells + 1, per_axis**-dim, overweight)
+        weight_correction = limit * rng.choice([-1.0, 1.0], len(x)) if limit else None
+        found = largest_eigenvalue(x, shape, cells + 1, per_axis**-dim, weight_correction)
         steps.append(2 / np.sqrt(found))
     return float(min(steps)), {"1 %": float(np.quantile(steps, 0.01)), "tries": tries}
 
@@ -131,7 +131,7 @@ def arrangements(quick: bool) -> Map:
         least=True,
     )
     rows = {basis: (basis, 0.0) for basis in ("linear", "ugimp", "quadratic")}
-    rows["quadratic, weighted"] = "quadratic", gr.schemes.default.weight_limit
+    rows["quadratic, weighted"] = "quadratic", gr.schemes.default.weight_correction_limit
     for row, (basis, limit) in rows.items():
         for dim in (1, 2, 3):
             for per_axis in (1, 2) if quick or dim == 3 else (1, 2, 3):

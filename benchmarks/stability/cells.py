@@ -12,7 +12,7 @@ from typing import Any
 from unittest import mock
 
 import granular as gr
-from granular import stability
+from granular.mpm import limits
 
 STABLE, DEGRADED, REFUSED = "stable", "degraded", "refused"
 
@@ -75,7 +75,7 @@ class Map:
 @contextmanager
 def lifted() -> Iterator[None]:
     """Without the limits of the time step, to see what they spare."""
-    with mock.patch.object(stability, "courant_limit", lambda scene: math.inf):
+    with mock.patch.object(limits, "courant_limit", lambda scene: math.inf):
         yield
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 import granular as gr
 from granular.geometry import Box, Cylinder, Disc, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
-from granular.walls import Gravity
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 
 CELL = 0.1
@@ -67,7 +67,7 @@ def patch_error(basis: str, points: int, jitter: float, seed: int) -> float:
     while sim.time < 0.25 * CELL:
         sim.step()
     sim.buffers["stress"][:3, places(sim)] = -100.0
-    sim._engine.scatter()
+    sim._engine.p2g()
     nodes = sim._engine.nodes()
     inside = ((nodes["x"] > 0.55) & (nodes["x"] < 1.75)).all(axis=1)
     return float(abs(nodes["force"][inside]).max() / (100.0 * CELL))

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 import granular as gr
+from granular.diagnostics import Monitor, health
 from granular.materials import MuI, glass_beads
-from granular.monitor import Monitor, health
-from granular.walls import Wall
+from granular.mpm.walls import Wall
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 
 HEIGHT = 0.2
@@ -256,9 +256,9 @@ def layer_at_rest(scheme: gr.Scheme, angle: float, material: MuI) -> gr.Scene:
 
 
 def column_at_rest(scheme: gr.Scheme, material: MuI) -> gr.Scene:
-    """The level layer between frictionless walls in place of periodic ends."""
+    """The level layer between free_slip walls in place of periodic ends."""
     scene = layer_at_rest(scheme, 0.0, material)
-    walls = [Wall(0, at, kind="frictionless") for at in (0.0, scene.grid.upper[0])]
+    walls = [Wall(0, at, kind="free_slip") for at in (0.0, scene.grid.upper[0])]
     grid = replace(scene.grid, periodic=(False, False))
     return scene.replace(name="column", grid=grid, walls=(*scene.walls, *walls))
 

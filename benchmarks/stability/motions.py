@@ -9,8 +9,9 @@ import numpy as np
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import Elastic
-from granular.walls import Gravity, Wall
+from granular.mpm.walls import Wall
 from stability.cells import SCHEMES, Map, chosen, simulate
 from stability.elastic import WEIGHTLESS, body, own_energy, places
 
@@ -22,7 +23,7 @@ TRANSFERS = {
     "pic (xpic(1))": gr.Scheme(transfer="xpic", xpic_order=1),
     "xpic(2)": gr.Scheme(transfer="xpic"),
     "apic": gr.Scheme(transfer="apic"),
-    "tpic": gr.Scheme(transfer="tpic", density="tracked"),
+    "tpic": gr.Scheme(transfer="tpic", density="particle"),
     "tpic, diffused (default)": gr.schemes.default,
     "cell_averaged": gr.schemes.cell_averaged,
 }
@@ -120,7 +121,7 @@ def settlement(scheme: gr.Scheme, nu: float, cell: float) -> float:
         fills=(Fill(Box((0.0, 0.0), (0.4, 0.8)), 9),),
         material=material,
         scheme=scheme,
-        walls=(Wall(1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless")),
+        walls=(Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip")),
         gravity=Gravity((0.0, slow), ((0.0, 0.0), (0.0, -1.0))),
         duration=4 * slow,
     )

@@ -6,10 +6,10 @@
 
 #include "core/error.h"
 
-static int is_crease(const int32_t *creases, int n_creases, int line)
+static int is_c0_line(const int32_t *c0_lines, int n_c0_lines, int line)
 {
-    for (int k = 0; k < n_creases; k++)
-        if (creases[k] == line) return 1;
+    for (int k = 0; k < n_c0_lines; k++)
+        if (c0_lines[k] == line) return 1;
     return 0;
 }
 
@@ -36,7 +36,7 @@ static void build_linear(struct gr_axis *axis, int n)
 }
 
 /* Cell j is centred on node j; xi = 1/2 is the node, so the half-cells at the ends lie within [1/2, 1) and [0, 1/2). */
-static void build_ugimp(struct gr_axis *axis, int n, const int32_t *creases, int n_creases)
+static void build_ugimp(struct gr_axis *axis, int n, const int32_t *c0_lines, int n_c0_lines)
 {
     const int nodes = axis->periodic ? n : n + 1;
     axis->n_cells = axis->n_nodes = nodes;
@@ -49,7 +49,7 @@ static void build_ugimp(struct gr_axis *axis, int n, const int32_t *creases, int
         cell->node[0] = first ? j : (j + nodes - 1) % nodes; /* the weight of a node beyond an end is zero */
         cell->node[1] = j;
         cell->node[2] = last ? j : (j + 1) % nodes;
-        cell->clip = first || last || is_crease(creases, n_creases, j);
+        cell->clip = first || last || is_c0_line(c0_lines, n_c0_lines, j);
         cell->integral[1] = first || last ? 0.5 : 1; /* lumped */
     }
 }
@@ -65,7 +65,7 @@ static void bspline_span(const double t[6], double c[3][3])
     c[1][0] = a / left, c[1][1] = (1 - a) / left + b / right, c[1][2] = -1 / left - 1 / right;
 }
 
-static int build_quadratic(struct gr_axis *axis, int n, const int32_t *creases, int n_creases)
+static int build_quadratic(struct gr_axis *axis, int n, const int32_t *c0_lines, int n_c0_lines)
 {
     if (axis->periodic) {
         static const double uniform[6] = {-2, -1, 0, 1, 2, 3};
@@ -82,18 +82,18 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *creases, 
         }
         return GR_OK;
     }
-    const int n_knots = n + 5 + n_creases;
+    const int n_knots = n + 5 + n_c0_lines;
     double *knot = malloc(sizeof(double) * (size_t)n_knots);
     if (!knot) return GR_ERR_MEMORY;
     int k = 0;
     knot[k++] = 0, knot[k++] = 0;
     for (int line = 0; line <= n; line++) {
         knot[k++] = line;
-        if (is_crease(creases, n_creases, line)) knot[k++] = line;
+        if (is_c0_line(c0_lines, n_c0_lines, line)) knot[k++] = line;
     }
     knot[k++] = n, knot[k++] = n;
     axis->n_cells = n;
-    axis->n_nodes = n + 2 + n_creases;
+    axis->n_nodes = n + 2 + n_c0_lines;
     for (int i = 0; i < axis->n_nodes; i++) axis->node_position[i] = 0.5 * (knot[i + 1] + knot[i + 2]);
     for (int c = 0, s = 2; c < n; c++, s++) { /* s: the last knot at line c */
         while (knot[s + 1] <= c) s++;
@@ -135,30 +135,30 @@ int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x)
     return at;
 }
 
-int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases, double lambda,
-                  double origin, double dx)
+int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
+                  double lambda, double origin, double dx)
 {
     int error = GR_ERR_CONFIG;
     memset(axis, 0, sizeof *axis);
-    if (n < 1 || (periodic && basis == GR_QUADRATIC && n_creases) || n_creases < 0 || n_creases >= n) goto out;
+    if (n < 1 || (periodic && basis == GR_QUADRATIC && n_c0_lines) || n_c0_lines < 0 || n_c0_lines >= n) goto out;
     if (basis == GR_UGIMP && !(lambda > 0 && lambda <= 0.5)) goto out;
-    for (int k = 0; k < n_creases; k++)
-        if (creases[k] <= 0 || creases[k] >= n || (k && creases[k] <= creases[k - 1])) goto out;
+    for (int k = 0; k < n_c0_lines; k++)
+        if (c0_lines[k] <= 0 || c0_lines[k] >= n || (k && c0_lines[k] <= c0_lines[k - 1])) goto out;
     axis->periodic = periodic;
     axis->origin = origin;
     axis->length = n * dx;
     error = GR_ERR_MEMORY;
     axis->cell = calloc((size_t)n + 1, sizeof *axis->cell);
-    axis->node_position = calloc((size_t)(n + 2 + n_creases), sizeof(double));
-    axis->node_integral = calloc((size_t)(n + 2 + n_creases), sizeof(double));
+    axis->node_position = calloc((size_t)(n + 2 + n_c0_lines), sizeof(double));
+    axis->node_integral = calloc((size_t)(n + 2 + n_c0_lines), sizeof(double));
     if (!axis->cell || !axis->node_position || !axis->node_integral) goto out;
     error = GR_OK;
     if (basis == GR_LINEAR)
         build_linear(axis, n);
     else if (basis == GR_UGIMP)
-        build_ugimp(axis, n, creases, n_creases);
+        build_ugimp(axis, n, c0_lines, n_c0_lines);
     else
-        error = build_quadratic(axis, n, creases, n_creases);
+        error = build_quadratic(axis, n, c0_lines, n_c0_lines);
     if (!error) place_cells(axis, dx);
     for (int c = 0; !error && c < axis->n_cells; c++)
         for (int a = 0; a < gr_basis_nodes_1d(basis); a++)

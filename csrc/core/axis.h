@@ -7,9 +7,9 @@
  *
  *   linear     nodes on the grid lines; cells as the grid's; 2 nodes a cell.
  *   quadratic  B-splines of degree 2 with knots on the grid lines, triple at the ends and double on
- *              creases (inner walls, orifice edges), so that a wall's nodes interpolate; 3 nodes a cell.
+ *              c0_lines (inner walls, orifice edges), so that a wall's nodes interpolate; 3 nodes a cell.
  *   ugimp      points of fixed half-width lambda (in cells); grouped in cells centred on the nodes, so
- *              that a point touches 3 nodes; at walls and creases the extent of a point is clipped. */
+ *              that a point touches 3 nodes; at walls and c0_lines the extent of a point is clipped. */
 #ifndef GR_CORE_AXIS_H
 #define GR_CORE_AXIS_H
 
@@ -48,11 +48,11 @@ int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x);
 static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
 /* Build the tables of one axis.
- * Given: basis, n (grid cells), periodic, creases[n_creases] (interior grid lines, ascending), lambda
+ * Given: basis, n (grid cells), periodic, c0_lines[n_c0_lines] (interior grid lines, ascending), lambda
  * (ugimp: half-width of a point in cells, 0 < lambda <= 1/2), origin and dx in m.
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
-int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *creases, int n_creases, double lambda,
-                  double origin, double dx);
+int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
+                  double lambda, double origin, double dx);
 void gr_axis_free(struct gr_axis *axis);
 
 #endif

@@ -7,7 +7,7 @@
 #define GR_CORE_FIELD_H
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
+enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
 
 /* X(name, kind, needed by, unit, description) */
 #define GR_FIELDS(X)                                                                                                 \
@@ -18,9 +18,9 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_DIFFUSED, GR_NONLOCAL, GR_BALANCED, GR_S
     X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                                    \
     X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run")                 \
     X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")                              \
-    X(density_gradient, GR_VECTOR, GR_DIFFUSED, "1/m", "gradient of log_density for its averaging")                  \
-    X(shift_velocity, GR_VECTOR, GR_DIFFUSED, "m/s", "velocity gained by the shift of a point")                      \
-    X(overweight, GR_SCALAR, GR_DIFFUSED, "1", "part by which a point counts more than its volume")                  \
+    X(density_gradient, GR_VECTOR, GR_SMOOTHED, "1/m", "gradient of log_density for its averaging")                  \
+    X(shift_velocity, GR_VECTOR, GR_SMOOTHED, "m/s", "velocity gained by the shift of a point")                      \
+    X(weight_correction, GR_SCALAR, GR_SMOOTHED, "1", "part by which a point counts more than its volume")           \
     X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu where it flows; 0 where it bears nothing") \
     X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "what the law has added to the diffused fluidity in its last substep")  \
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body on which it is, 1 or -1; 0 away from it")                 \

@@ -7,7 +7,7 @@
  * second order in dx. Source: Dunatunga & Kamrin, Modelling silo clogging with nonlocal granular rheology, eq. 2.1, 5.1
  * and 5.3. With the isotropic stencil cells across edges and corners take part, see links.c.
  *
- * About a plate a cell may have two values, one for each side: a copy of it at the back has a place of its own. Which of
+ * About a thin a cell may have two values, one for each side: a copy of it at the back has a place of its own. Which of
  * them exchange is told before each step (gr_cut_of).
  *
  * Only the cells that are asked for have places, in pages of GR_PAGE cells that follow each other in the box: memory and
@@ -24,7 +24,7 @@
 /* What stands at a face, as seen from one of its cells. Two cells are linked if both say so. */
 enum gr_face { GR_FACE_LINK, GR_FACE_OPEN, GR_FACE_ROUGH, GR_FACE_COUNT };
 
-/* How a step is made (diffuse.c). */
+/* How a step is made (diffuse.inl). */
 #define GR_DIFFUSIONS(X) X(explicit) X(implicit) X(rkl2)
 
 enum gr_diffusion {
@@ -64,17 +64,17 @@ struct gr_fluidity_config {
 /* The same, agreed upon by both cells; nothing lies behind the ends of the box. */
 enum gr_side { GR_SIDE_CLOSED, GR_SIDE_LINKED, GR_SIDE_ROUGH };
 
-/* Where a cell is to the bodies: bits. A copy that is apart has the value of one side of a plate, that which is BEHIND or
+/* Where a cell is to the bodies: bits. A copy that is apart has the value of one side of a thin, that which is BEHIND or
  * not; any other cell has one value, and that bit tells on which side its middle is; its copy at the back is hidden.
- * BEYOND: the middle of a copy that is apart lies on the other side of a rough plate. */
-enum gr_inside { GR_INSIDE_BODY = 1, GR_BEHIND_PLATE = 2, GR_APART = 4, GR_HIDDEN = 8, GR_BEYOND_ROUGH_PLATE = 16 };
+ * BEYOND: the middle of a copy that is apart lies on the other side of a rough thin. */
+enum gr_inside { GR_INSIDE_BODY = 1, GR_BEHIND = 2, GR_SEPARATED = 4, GR_HIDDEN = 8, GR_BEYOND_ROUGH = 16 };
 
 /* What the bodies make of a face between two cells. With a copy that is apart only its own side exchanges, so that each has
- * one partner behind a face at most; g = 0 where a rough body ends, or stands nearest to a rough plate. */
+ * one partner behind a face at most; g = 0 where a rough body ends, or stands nearest to a rough thin. */
 static inline int gr_cut_of(uint8_t a, uint8_t b)
 {
-    if (((a | b) & GR_HIDDEN) || (((a | b) & GR_APART) && ((a ^ b) & GR_BEHIND_PLATE))) return GR_SIDE_CLOSED;
-    return (a ^ b) & (GR_INSIDE_BODY | GR_BEYOND_ROUGH_PLATE) ? GR_SIDE_ROUGH : GR_SIDE_LINKED;
+    if (((a | b) & GR_HIDDEN) || (((a | b) & GR_SEPARATED) && ((a ^ b) & GR_BEHIND))) return GR_SIDE_CLOSED;
+    return (a ^ b) & (GR_INSIDE_BODY | GR_BEYOND_ROUGH) ? GR_SIDE_ROUGH : GR_SIDE_LINKED;
 }
 
 /* A link to a place that is not beside: across a periodic end, or to the other copy. From the side of one of its cells. */
@@ -103,7 +103,7 @@ struct gr_fluidity {
     struct gr_table side;            /* per cell of the box, 2 bits for each face: enum gr_side ^ GR_SIDE_LINKED */
     struct gr_table page_of;         /* per page of the box, and again at the back: its number here + 1, 0 for none */
     /* of the pages: cell k of page q has the place GR_PAGE q + k. Arrays of places have a page of zeros at both ends. */
-    int64_t n_pages, page_room, n_chunks, n_wraps, wrap_room;
+    int64_t n_pages, page_capacity, n_chunks, n_wraps, wrap_capacity;
     int64_t *page;                    /* number in the box, ascending; + box_pages at the back */
     int64_t *chunk_first;             /* n_chunks + 1: pages of a chunk */
     int32_t *near;                    /* per page, link and side (low, high): place of the cell beside the first one */
@@ -153,10 +153,10 @@ static inline int gr_fluidity_side(const struct gr_fluidity *f, int64_t cell, in
     return (gr_table_get(&f->side, cell) >> 2 * k & 3) ^ GR_SIDE_LINKED;
 }
 
-/* lattice.c: take over the faces of the box, a part of gr_fluidity_new. Returned: 0 or GR_ERR_MEMORY. */
+/* pages.c: take over the faces of the box, a part of gr_fluidity_new. Returned: 0 or GR_ERR_MEMORY. */
 int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face);
 
-/* lattice.c: give places to n cells of the box, ascending, and to none else but the rest of their pages; or to all of the
+/* pages.c: give places to n cells of the box, ascending, and to none else but the rest of their pages; or to all of the
  * box, in its order, where `cells` is NULL. A cell whose `sides` is -1 is a copy at the back of the one before it; NULL
  * without any. No cell is dense. Returned: 0, or GR_ERR_MEMORY and there are no places. */
 int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n);

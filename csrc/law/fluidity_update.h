@@ -38,7 +38,7 @@
 /* The numbers of a step. */
 struct gr_fluidity_numbers {
     vd mu_s, mu_2, below_mu_2, dmu_over_mu_2, inv_mu_2; /* friction */
-    vd G_dt, inv_G_dt, p_spread;                        /* Pa s; Pa */
+    vd G_dt, inv_G_dt, p_averaging;                     /* Pa s; Pa */
     /* times GR_FLUIDITY_UNIT */
     vd one, start;        /* 1; G dt */
     vd phi, a_phi;        /* f/mu_2, phi mu_s */
@@ -65,7 +65,7 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
         .inv_mu_2 = v_set(1 / mu_2),
         .G_dt = v_set(G * dt),
         .inv_G_dt = v_set(1 / (G * dt)),
-        .p_spread = v_set(p_spread),
+        .p_averaging = v_set(p_averaging),
         .one = v_set(unit),
         .start = v_set(unit * (G * dt)),
         .phi = v_set(phi),
@@ -86,7 +86,7 @@ static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_flui
 {
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
     /* One by the division unit, one beside it. */
-    const vd roots = v_sqrt_fast(p + n->p_spread) + v_sqrt(v_max(v_zero(), p - n->p_spread));
+    const vd roots = v_sqrt_fast(p + n->p_averaging) + v_sqrt(v_max(v_zero(), p - n->p_averaging));
     const vd inverse = v_set(1.0) / (p * roots);
     return (struct gr_inverse_pressure){inverse * roots, n->twice_sink * (p * inverse), p * n->inv_G_dt};
 }

@@ -27,7 +27,7 @@ struct gr_hencky_numbers {
     struct gr_fluidity_numbers fluidity;
     struct gr_flow_numbers flow;
     vd K, twoG, inv_twoG, mu_s, g_min, to_rate; /* to_rate = 1/(G dt) */
-    vd kindling;                                /* sqrt(2) kindling/(mu_2 dt) */
+    vd reconnect_fluidity;                      /* sqrt(2) reconnect_fluidity/(mu_2 dt) */
     const double *hardening;                    /* h of hardening.h, from which mu_s is made for each block; or NULL */
 };
 
@@ -41,7 +41,7 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
 #define GR_X(name, unit, doc) const double name = parameter[GR_HENCKY_P_##name];
     GR_HENCKY_PARAMETERS(GR_X)
 #undef GR_X
-    (void)t0, (void)p_spread; /* gr_fluidity_numbers_of looks at them */
+    (void)t0, (void)p_averaging; /* gr_fluidity_numbers_of looks at them */
     return (struct gr_hencky_numbers){
         .fluidity = gr_fluidity_numbers_of(parameter + GR_HENCKY_P_G, dt),
         .flow = gr_flow_numbers_of(mu_s, mu_2, I0 / (d * sqrt(rho_s)) * G * dt),
@@ -51,7 +51,7 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
         .mu_s = v_set(mu_s),
         .g_min = v_set(g_min),
         .to_rate = v_set(1 / (G * dt)),
-        .kindling = v_set(1.4142135623730951 * kindling / (mu_2 * dt)),
+        .reconnect_fluidity = v_set(1.4142135623730951 * reconnect_fluidity / (mu_2 * dt)),
     };
 }
 
@@ -96,51 +96,51 @@ GR_INLINE struct gr_hencky_return gr_hencky_local(const int flow, const struct g
     const vd one = v_set(1.0), S0 = n->mu_s * p;
     const vm flows = v_gt(trial, S0);
     vd share = S0 / trial;
-    if (flow == GR_HENCKY_local_linear) share = gr_flow_linear(&n->flow, trial, p, S0);
-    if (flow == GR_HENCKY_local_saturating) share = gr_flow_saturating(&n->flow, trial, p, S0);
+    if (flow == GR_HENCKY_linear_mu_I) share = gr_flow_linear_mu_I(&n->flow, trial, p, S0);
+    if (flow == GR_HENCKY_mu_I) share = gr_flow_mu_I(&n->flow, trial, p, S0);
     share = v_select(flows, share, one);
     const vd rate = v_keep(flows, v_fnma(share, trial, trial) * n->to_rate);
     return (struct gr_hencky_return){.share = share, .rate = rate, .g = v_keep(flows, rate * p / (share * trial))};
 }
 
-/* Where `before`, the material was connected already; `kindled` is the fluidity elsewhere. */
+/* Where `before`, the material was connected already; `reconnected` is the fluidity elsewhere. */
 GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p,
-                                                     vm before, vd kindled, vd g_star, vd rate)
+                                                     vm before, vd reconnected, vd g_star, vd rate)
 {
     const struct gr_inverse_pressure inverse = gr_invert_pressure(&n->fluidity, p);
     const vd one = v_set(1.0), m = trial * inverse.p, start = gr_fluidity_start(&n->fluidity, v_max(n->g_min, g_star));
     struct gr_fluidity_point point;
-    if (flow == GR_HENCKY_nonlocal_linear)
+    if (flow == GR_HENCKY_linear_ngf)
         point = gr_fluidity_update_linear(&n->fluidity, m, inverse, start, rate);
     else
         point = gr_fluidity_update(&n->fluidity, m, inverse, start, rate);
-    const vd scale = one / v_fma(n->fluidity.G_dt * kindled, inverse.p, one);
-    const vd share = v_select(before, point.scale, scale), g = v_select(before, point.g, kindled);
+    const vd scale = one / v_fma(n->fluidity.G_dt * reconnected, inverse.p, one);
+    const vd share = v_select(before, point.scale, scale), g = v_select(before, point.g, reconnected);
     return (struct gr_hencky_return){.share = share, .g = g, .rate = v_select(before, point.mu, m * scale) * g};
 }
 
 /* The flow of a step. Given: the deviator of the trial stress, and p at the end of the step; for the rest see
  * gr_hencky_nonlocal. */
 GR_INLINE struct gr_hencky_point gr_hencky_flow(const int dim, const int flow, const struct gr_hencky_numbers *n,
-                                                const struct gr_stress *trial, vd p, vm before, vd kindled, vd g_star,
+                                                const struct gr_stress *trial, vd p, vm before, vd reconnected, vd g_star,
                                                 vd rate)
 {
     const vd zero = v_zero();
-    const vm loose = v_ge(zero, p); /* NaN is not: it goes into the stress */
+    const vm disconnected = v_ge(zero, p); /* NaN is not: it goes into the stress */
     const int solid = flow == GR_HENCKY_elastic;
     struct gr_hencky_point out = {.g = zero, .rate = zero};
     struct gr_hencky_return r = {.share = v_set(1.0), .g = zero, .rate = zero};
     if (!solid) {
         const vd tau = v_sqrt_fast(gr_tau_squared(dim, trial)), pressed = v_max(v_set(GR_LEAST_PRESSURE), p);
-        if (flow == GR_HENCKY_nonlocal_linear || flow == GR_HENCKY_nonlocal_saturating)
-            r = gr_hencky_nonlocal(flow, n, tau, pressed, before, kindled, g_star, rate);
+        if (flow == GR_HENCKY_linear_ngf || flow == GR_HENCKY_ngf)
+            r = gr_hencky_nonlocal(flow, n, tau, pressed, before, reconnected, g_star, rate);
         else
             r = gr_hencky_local(flow, n, tau, pressed);
-        out.g = v_select(loose, zero, r.g), out.rate = v_select(loose, zero, r.rate);
+        out.g = v_select(disconnected, zero, r.g), out.rate = v_select(disconnected, zero, r.rate);
     }
     for (int i = 0; i < GR_STRESSES(dim); i++) {
         const vd s = i < 3 ? v_fma(r.share, trial->s[i], -p) : v_mul(r.share, trial->s[i]);
-        out.stress.s[i] = solid ? s : v_select(loose, zero, s);
+        out.stress.s[i] = solid ? s : v_select(disconnected, zero, s);
     }
     return out;
 }
@@ -159,8 +159,8 @@ GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow,
     const vd p = n->K * c;
     if (flow != GR_HENCKY_elastic && m_bits(v_ge(v_zero(), p)) == GR_ALL_LANES) return (struct gr_hencky_point){0};
     const struct gr_stress trial = gr_hencky_trial(dim, n, L, stress);
-    const vd kindled = n->kindling * gr_stretch_norm(dim, L);
-    return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_bears(stress), kindled, g_star, rate);
+    const vd reconnected = n->reconnect_fluidity * gr_stretch_norm(dim, L);
+    return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_bears(stress), reconnected, g_star, rate);
 }
 
 /* ---- arrays of points: `flow` is no literal here, for one body of the trial in place of six ---- */

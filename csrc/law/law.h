@@ -12,15 +12,15 @@
 #define GR_LAWS(X)                     \
     X(elastic)                         \
     X(drucker_prager)                  \
-    X(mu_i)                            \
+    X(mu_I)                            \
     X(ngf)                             \
     X(hencky_elastic)                  \
     X(hencky_drucker_prager)           \
-    X(hencky_drucker_prager_hardening) \
-    X(hencky_mu_i)                     \
-    X(hencky_linear)                   \
+    X(hencky_hardening_drucker_prager) \
+    X(hencky_mu_I)                     \
+    X(hencky_linear_mu_I)              \
     X(hencky_ngf)                      \
-    X(hencky_ngf_linear)
+    X(hencky_linear_ngf)
 
 enum gr_law_id {
 #define GR_X(name) GR_LAW_##name,
@@ -49,46 +49,46 @@ extern const struct gr_law_info gr_law_table[GR_LAW_COUNT];
  *   increment of the velocity gradient over a step, row-major components of GR_W lanes each; dt in s;
  *   log_density at the end of the step; parameter values in the law's own order.
  *   g_star[k], the fluidity of block k after its diffusion, 1/s; NULL in the local phase of a nonlocal law.
- *   path, where a nonlocal law makes the step in parts (law/path.h), NULL where in one; dt is that of a part, which is
- *   `part` of the step. With `sets_out` the paths are made, from a log-density before the step, and their first part;
+ *   path, where a nonlocal law makes the step in parts (law/substep.h), NULL where in one; dt is that of a part, which is
+ *   `part` of the step. With `begins` the paths are made, from a log-density before the step, and their first part;
  *   without, the last.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL.
  *   plastic_strain, 1, of a law that hardens, where the pointer is not NULL: 0 else.
- * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL; g means nothing where a path is loose.
+ * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL; g means nothing where a path is disconnected.
  * Nonlocal laws need shear_rate and g. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
     const double *gradient;
-    double dt, part;
+    double dt, fraction;
     int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (3.10) */
     const double *parameter;
     const double *log_density;
     const double *g_star;
-    double *path;
-    int sets_out;
+    double *substeps;
+    int begins;
     double *stress[6];
     double *shear_rate, *g, *gain, *plastic_strain;
 };
 
-/* What is kept of a block of points on its path through the parts of a step (law/path.h), in runs of GR_W. X(name, doc) */
-#define GR_PATH(X)                                             \
-    X(turned, "R:R/2 over p^2")                                \
-    X(across, "R:D over p^2")                                  \
-    X(strained, "D:D/2 over p^2")                              \
-    X(of_turned, "a")                                          \
-    X(of_strained, "b")                                        \
-    X(p, "pressure at the end of the step, 0 where loose, Pa") \
-    X(inverse_p, "see gr_inverse_pressure")                    \
-    X(sink, "see gr_inverse_pressure")                         \
-    X(unit_g, "see gr_inverse_pressure")                       \
-    X(weight, "share of the point in its cell's fluidity; 0 where loose")
+/* What is kept of a block of points on its path through the parts of a step (law/substep.h), in runs of GR_W. X(name, doc) */
+#define GR_SUBSTEP_STATE(X)                                           \
+    X(turned, "R:R/2 over p^2")                                       \
+    X(across, "R:D over p^2")                                         \
+    X(strained, "D:D/2 over p^2")                                     \
+    X(of_turned, "a")                                                 \
+    X(of_strained, "b")                                               \
+    X(p, "pressure at the end of the step, 0 where disconnected, Pa") \
+    X(inverse_p, "see gr_inverse_pressure")                           \
+    X(sink, "see gr_inverse_pressure")                                \
+    X(unit_g, "see gr_inverse_pressure")                              \
+    X(weight, "share of the point in its cell's fluidity; 0 where disconnected")
 
-enum gr_path_number {
-#define GR_X(name, doc) GR_PATH_##name,
-    GR_PATH(GR_X)
+enum gr_substep_number {
+#define GR_X(name, doc) GR_SUBSTEP_##name,
+    GR_SUBSTEP_STATE(GR_X)
 #undef GR_X
-        GR_PATH_COUNT
+        GR_SUBSTEP_COUNT
 };
 
 /* Where the parameters of the nonlocal law are; those of its update at a point come last, all together. */
@@ -104,7 +104,7 @@ enum { GR_HENCKY_NGF_A, GR_HENCKY_NGF_POINT };
     X(rho_s, "kg/m^3", "density of a grain")                                    \
     X(d, "m", "diameter of a grain")                                            \
     X(t0, "s", "time scale of the fluidity")                                    \
-    X(p_spread, "Pa", "1/sqrt(p) in the law is its mean from p less this to p more this; 0: its value at p")
+    X(p_averaging, "Pa", "1/sqrt(p) in the law is its mean from p less this to p more this; 0: its value at p")
 
 enum gr_fluidity_parameter {
 #define GR_X(name, unit, doc) GR_FLUIDITY_##name,
@@ -127,13 +127,13 @@ struct gr_fluidity_call {
 };
 
 /* How the finite-strain law (hencky.h) flows. X(name, description) */
-#define GR_HENCKY_FLOWS(X)                                                                 \
-    X(elastic, "not at all; bears tension")                                                \
-    X(drucker_prager, "tau = mu_s p at most")                                              \
-    X(local_linear, "mu = mu_s + (mu_2 - mu_s) I/I0")                                      \
-    X(local_saturating, "mu(I)")                                                           \
-    X(nonlocal_linear, "by the fluidity; mu = mu_s + (mu_2 - mu_s) I/I0 where it is even") \
-    X(nonlocal_saturating, "by the fluidity; mu(I) where it is even")
+#define GR_HENCKY_FLOWS(X)                                                            \
+    X(elastic, "not at all; bears tension")                                           \
+    X(drucker_prager, "tau = mu_s p at most")                                         \
+    X(linear_mu_I, "mu = mu_s + (mu_2 - mu_s) I/I0")                                  \
+    X(mu_I, "mu(I)")                                                                  \
+    X(linear_ngf, "by the fluidity; mu = mu_s + (mu_2 - mu_s) I/I0 where it is even") \
+    X(ngf, "by the fluidity; mu(I) where it is even")
 
 enum gr_hencky_flow {
 #define GR_X(name, doc) GR_HENCKY_##name,
@@ -145,10 +145,10 @@ enum gr_hencky_flow {
 extern const char *const gr_hencky_flow_names[GR_HENCKY_FLOW_COUNT];
 
 /* Its parameters; those of the fluidity come last, in their order. */
-#define GR_HENCKY_PARAMETERS(X)                                                                              \
-    X(K, "Pa", "bulk modulus")                                                                               \
-    X(g_min, "1/s", "fluidity below which none falls by decay, so that it can grow again; 0: none")          \
-    X(kindling, "1", "fluidity of what reconnects: this times the shear rate |2 D:D|^1/2 over mu_2; 0 or 1") \
+#define GR_HENCKY_PARAMETERS(X)                                                                                        \
+    X(K, "Pa", "bulk modulus")                                                                                         \
+    X(g_min, "1/s", "fluidity below which none falls by decay, so that it can grow again; 0: none")                    \
+    X(reconnect_fluidity, "1", "fluidity of what reconnects: this times the shear rate |2 D:D|^1/2 over mu_2; 0 or 1") \
     GR_FLUIDITY_PARAMETERS(X)
 
 enum gr_hencky_parameter {

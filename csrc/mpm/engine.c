@@ -4,23 +4,23 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "body/contact.h"
+#include "mpm/contact.h"
 
 int gr_engine_uses(const struct gr_config *config, int field)
 {
     switch (gr_field_table[field].need) {
     case GR_AFFINE:
         return config->affine != GR_AFFINE_NONE;
-    case GR_DIFFUSED:
-        return config->diffused;
+    case GR_SMOOTHED:
+        return config->smoothed;
     case GR_NONLOCAL:
         return gr_law_table[config->law].nonlocal;
     case GR_BALANCED:
         return gr_law_table[config->law].nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit;
     case GR_SIDED:
-        return gr_has_plates(config);
+        return gr_has_thin(config);
     case GR_HARDENING:
-        return config->law == GR_LAW_hencky_drucker_prager_hardening;
+        return config->law == GR_LAW_hencky_hardening_drucker_prager;
     case GR_ALWAYS:
     default:
         return 1;
@@ -79,7 +79,7 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     error |= gr_table_of_bytes(&e->node_codes, c->node_codes, n_nodes);
     error |= gr_table_of_bytes(&e->cell_flags, c->cell_flags, n_cells);
     c->node_codes = c->cell_flags = 0;
-    for (int d = 0; d < 3; d++) c->creases[d] = 0;
+    for (int d = 0; d < 3; d++) c->c0_lines[d] = 0;
     c->nonlocal.face = 0;
     return error ? GR_ERR_MEMORY : GR_OK;
 }
@@ -128,9 +128,9 @@ static int config_is_valid(const struct gr_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
     if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || c->law < 0 || c->law >= GR_LAW_COUNT) return 0;
-    if (c->diffused && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
-    if (c->diffused && c->cure.interval < 1) return 0;
-    if (c->shared && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
+    if (c->smoothed && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
+    if (c->smoothed && c->density.interval < 1) return 0;
+    if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
     if (gr_law_table[c->law].nonlocal && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
@@ -166,7 +166,7 @@ static int build_fluidity(struct gr_engine *e)
                                         .t0 = parameter_of(&e->config, "t0"),
                                         .tolerance = nonlocal->tolerance,
                                         .max_iterations = MAX_ITERATIONS,
-                                        .two_sided = gr_has_plates(&e->config),
+                                        .two_sided = gr_has_thin(&e->config),
                                         .face = nonlocal->face};
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
@@ -185,11 +185,11 @@ static int build_bodies(struct gr_engine *e)
 {
     e->body = calloc((size_t)e->config.n_bodies, sizeof *e->body);
     e->body_next = calloc((size_t)e->config.n_bodies, sizeof *e->body_next);
-    e->n_plates = gr_list_plates(&e->config, 0);
-    e->plate = calloc((size_t)e->n_plates + 1, sizeof *e->plate);
+    e->n_thin = gr_list_thin(&e->config, 0);
+    e->thin = calloc((size_t)e->n_thin + 1, sizeof *e->thin);
     e->split = calloc((size_t)e->config.n_bodies, sizeof *e->split);
-    if (!e->body || !e->body_next || !e->plate || !e->split) return GR_ERR_MEMORY;
-    (void)gr_list_plates(&e->config, e->plate);
+    if (!e->body || !e->body_next || !e->thin || !e->split) return GR_ERR_MEMORY;
+    (void)gr_list_thin(&e->config, e->thin);
     gr_bodies_start(e);
     return GR_OK;
 }
@@ -204,8 +204,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->config = *config;
     int64_t n_cells = 1, n_nodes = 1;
     for (int d = 0; d < config->dim; d++) {
-        error = gr_axis_build(&e->axis[d], config->basis, config->shape[d], config->periodic[d], config->creases[d],
-                              config->n_creases[d], config->lambda, config->lower[d], config->dx);
+        error = gr_axis_build(&e->axis[d], config->basis, config->shape[d], config->periodic[d], config->c0_lines[d],
+                              config->n_c0_lines[d], config->lambda, config->lower[d], config->dx);
         if (error) goto shallow;
         n_cells *= e->axis[d].n_cells;
         n_nodes *= e->axis[d].n_nodes;
@@ -215,10 +215,10 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     /* whole lines, and room for the whole groups that lane sums are written in */
-    e->sum_stride = GR_NODE_SUMS(config->dim, config->diffused) * e->K;
-    if (config->shared) e->sum_stride += (int)(sizeof(struct gr_shared) / sizeof(double));
+    e->sum_stride = GR_NODE_SUMS(config->dim, config->smoothed) * e->K;
+    if (config->cell_averaged) e->sum_stride += (int)(sizeof(struct gr_cell_average) / sizeof(double));
     e->sum_stride = (e->sum_stride + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
-    e->node_stride = (GR_NODE_FIELDS(config->dim, config->diffused) + 3) / 4 * 4;
+    e->node_stride = (GR_NODE_FIELDS(config->dim, config->smoothed) + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
     error = copy_config(e, n_nodes, n_cells);
@@ -229,8 +229,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     error = count_solids(e, n_nodes, n_cells);
     if (!error && config->n_bodies) error = build_bodies(e);
     e->dt = config->dt;
-    e->lent_dt = 1; /* until a shift has been made */
-    e->lent_scale = -1;
+    e->shift_dt = 1; /* until a shift has been made */
+    e->shift_scale = -1;
     e->inv_dx = 1.0 / config->dx;
     e->force_scale = -1.0 / (config->rho_c * config->dx);
     e->mass_scale = 1.0 / (config->rho_c * pow(config->dx, config->dim));
@@ -273,16 +273,16 @@ void gr_engine_free(struct gr_engine *e)
                      e->node_mass,
                      e->node_v,
                      e->solid,
-                     e->path,
+                     e->substeps,
                      e->body,
                      e->body_next,
                      e->touched,
-                     e->plate,
+                     e->thin,
                      e->split,
-                     e->mesh.twin,
-                     e->mesh.apart,
+                     e->mesh.duplicate,
+                     e->mesh.separated,
                      e->mesh.paired,
-                     e->leaver,
+                     e->migrant,
                      e->pending,
                      e->pending_id,
                      e->dirty};

@@ -5,7 +5,7 @@
 #include <stdint.h>
 
 #include "body/body.h"
-#include "body/sides.h"
+#include "mpm/thin_bodies.h"
 #include "core/axis.h"
 #include "core/barrier.h"
 #include "core/error.h"
@@ -28,21 +28,21 @@ struct gr_wall {
 
 enum gr_affine { GR_AFFINE_NONE, GR_AFFINE_GRADIENT, GR_AFFINE_MOMENT, GR_AFFINE_COUNT };
 
-/* Numbers of the density averaging and the shift; formulas at their use in mpm/gather.c. */
-struct gr_cure {
-    double diffusion;        /* 1: rate of averaging in c/dx */
-    double strain_diffusion; /* 1: rate of averaging in shear rates over c */
-    double feedback;         /* 1: rate of the pull to the geometric density per shear rate */
-    double feedback_limit;   /* 1/s: its largest rate for what may be noise */
-    double feedback_noise;   /* gap of log-density that may be */
-    double feedback_crowd;   /* 1: rate of the pull per shear rate for what it exceeds that by */
-    double shift;            /* 1: strength of the shift */
-    double shift_limit;      /* largest shift in a step, cells */
-    double reach;            /* points looser than -reach take no part in the averaging */
-    double weighting;        /* part of the unevenness of the points that their weights take away in an averaging */
-    double weight_limit;     /* largest overweight of a point, and the least */
-    double weight_decay;     /* part of its overweight that a point loses in an averaging */
-    int interval;            /* steps between two averagings, each of which stands for so many steps */
+/* Numbers of the density averaging and the shift; formulas at their use in mpm/g2p.inl. */
+struct gr_density_correction {
+    double diffusion;         /* 1: rate of averaging in c/dx */
+    double strain_diffusion;  /* 1: rate of averaging in shear rates over c */
+    double relaxation;        /* 1: rate of the pull to the geometric density per shear rate */
+    double relaxation_limit;  /* 1/s: its largest rate for what may be noise */
+    double dead_band;         /* gap of log-density that may be */
+    double compression_rate;  /* 1: rate of the pull per shear rate for what it exceeds that by */
+    double shifting;             /* 1: strength of the shift */
+    double shifting_limit;    /* largest shift in a step, cells */
+    double reach;             /* points looser than -reach take no part in the averaging */
+    double weight_correction; /* part of the residual_force of the points that their weights take away in an averaging */
+    double weight_correction_limit; /* largest weight_correction of a point, and the least */
+    double weight_correction_decay; /* part of its weight_correction that a point loses in an averaging */
+    int interval;                   /* steps between two averagings, each of which stands for so many steps */
 };
 
 /* How the fluidity of a nonlocal law is diffused. */
@@ -57,15 +57,15 @@ struct gr_nonlocal {
 };
 
 struct gr_config {
-    int dim, basis, affine, diffused, shared, xpic_order, law;
+    int dim, basis, affine, smoothed, cell_averaged, xpic_order, law;
     int shape[3], periodic[3], open_low[3], open_high[3];
     double lower[3], dx, lambda;
-    int n_creases[3];
-    const int32_t *creases[3];
+    int n_c0_lines[3];
+    const int32_t *c0_lines[3];
     double keep_velocity_rate; /* 1/s: f = exp(-rate dt) of FLIP survives a step; < 0: nothing survives (PIC, APIC) */
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* dt > 0: fixed */
     double parameter[GR_LAW_MAX_PARAMETERS];
-    struct gr_cure cure;
+    struct gr_density_correction density;
     struct gr_nonlocal nonlocal;
     int pressure_from_density;
     int n_gravity;
@@ -74,8 +74,8 @@ struct gr_config {
     int n_walls;
     const struct gr_wall *walls; /* row 0 is the free node */
     const uint8_t *node_codes;   /* per node of the grid, x fastest; the engine keeps them in a table */
-    int absorbs; /* bit d: points beyond above[d], m, that rise along axis d are slowed at the rate rising[d], 1/s */
-    double above[3], rising[3];
+    int has_sponge; /* bit d: points beyond above[d], m, that rise along axis d are slowed at the rate sponge_damping[d], 1/s */
+    double above[3], sponge_damping[3];
     const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; as well */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
@@ -98,7 +98,7 @@ struct gr_cell {
 
 /* The part of the grid that material may touch before the next regrouping. */
 struct gr_mesh {
-    int64_t n_cells, n_nodes, cell_room, node_room;
+    int64_t n_cells, n_nodes, cell_capacity, node_capacity;
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
     int32_t *place;       /* of its cells on the lattice of the fluidity; NULL without one */
@@ -108,21 +108,21 @@ struct gr_mesh {
     int64_t *node_id;                 /* index in the whole grid */
     struct gr_table cell_of, node_of; /* whole grid: active index + 1, 0 for none */
     struct gr_table next_of;          /* cell_of of the regrouping that is being made */
-    /* with thin bodies, see body/sides.h; cell_of and node_of tell of the front, the back comes next */
-    int32_t *twin;   /* per node: its copy of the other side, or -1 */
-    uint8_t *apart;  /* per node with a twin: whether they move apart */
-    int64_t *paired; /* fronts of the double cells */
+    /* with thin bodies, see mpm/thin_bodies.h; cell_of and node_of tell of the front, the back comes next */
+    int32_t *duplicate; /* per node: its copy of the other side, or -1 */
+    uint8_t *separated; /* per node with a duplicate: whether they move separated */
+    int64_t *paired;    /* fronts of the double cells */
     int64_t n_paired;
 };
 
 /* Where a point was that left its cell. */
-struct gr_leaver {
+struct gr_migrant {
     int64_t cell, slot;
 };
 
 /* The points that leave the cells of a thread in a step, in the order of cells and places: listed, then lifted. */
-struct gr_leavers {
-    struct gr_leaver *from;
+struct gr_migrants {
+    struct gr_migrant *from;
     double *record; /* count x n_components; room for one more */
     int64_t *id, count;
 };
@@ -148,30 +148,31 @@ struct gr_engine {
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the step that is being made */
     uint8_t *touched;                       /* per node: whether it lies within one */
-    int n_plates;
-    struct gr_plate *plate;
+    int n_thin;
+    struct gr_thin_part *thin;
     struct gr_split_pose *split; /* per body */
-    /* leavers of a step, by thread; their records become those of the points that wait for a place */
-    struct gr_leaver *leaver;
-    int64_t n_pending, pending_room, needed_capacity;
+    /* migrants of a step, by thread; their records become those of the points that wait for a place */
+    struct gr_migrant *migrant;
+    int64_t n_pending, pending_capacity, needed_capacity;
     double *pending; /* n_pending x n_components */
     int64_t *pending_id;
     int64_t *dirty, n_dirty;
     /* progress */
-    double time, dt, time_anchor;                   /* time = time_anchor + (step - step_anchor) dt */
-    double lent_dt;                                 /* dt of the step that made shift_velocity */
-    double inv_dx, inv_dt, force_scale, lent_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/lent_dt: no division in a kernel */
-    double mass_scale;                              /* 1/(rho_c dx^dim) */
-    double keep_rising[3];                          /* the part of a rising velocity that an absorber leaves in this step */
-    double keep_velocity;                           /* the part f of the old velocity that survives this step */
+    double time, dt, time_anchor;                    /* time = time_anchor + (step - step_anchor) dt */
+    double shift_dt;                                 /* dt of the step that made shift_velocity */
+    double inv_dx, inv_dt, force_scale, shift_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/shift_dt: no division in a kernel */
+    double mass_scale;                               /* 1/(rho_c dx^dim) */
+    double sponge_factor[3]; /* the part of a sponge_damping velocity that an sponge leaves in this step */
+    double keep_velocity;    /* the part f of the old velocity that survives this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
     int sums_valid, record_rates, disconnected;
-    int sums_average, sums_take_back; /* what the sums of the next step hold, see gr_plan_sums */
-    /* nonlocal law: the means of the cells' dense points, which are diffused in place; NULL without one */
+    int sums_average, sums_correct_shift; /* what the sums of the next step hold, see gr_plan_sums */
+    /* nonlocal law: the means of the cells' dense points, which are smoothed in place; NULL without one */
     struct gr_fluidity *fluidity;
-    double *path; /* of the points through the substeps (law/path.h), path_room numbers; NULL where there is one */
-    int64_t path_room;
+    double *
+        substeps; /* of the points through the substeps (law/substep.h), substep_capacity numbers; NULL where there is one */
+    int64_t substep_capacity;
     int diffuses; /* the law of this step is past its local phase */
     int64_t cg_iterations, clamped_cells;
     /* failure */
@@ -183,10 +184,10 @@ struct gr_engine {
 /* Whether the gather of a step averages the density. */
 static inline int gr_averages(const struct gr_engine *e, int64_t step)
 {
-    return e->config.diffused && step % e->config.cure.interval == 0;
+    return e->config.smoothed && step % e->config.density.interval == 0;
 }
 
-/* Whether the diffusion knows what the law has added to the fluidity of a cell (scatter.c): it is in fluidity->gain. */
+/* Whether the diffusion knows what the law has added to the fluidity of a cell (p2g.inl): it is in fluidity->gain. */
 static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.nonlocal.method == GR_DIFFUSION_implicit; }
 
 /* The sums to come are those of `step`: with the density if it averages, and less the momentum that the shift
@@ -194,24 +195,24 @@ static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.n
 static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
 {
     e->sums_average = gr_averages(e, step);
-    e->sums_take_back = gr_averages(e, step - 1);
+    e->sums_correct_shift = gr_averages(e, step - 1);
 }
 
 /* Sums of a node over the points of a cell: m, p, f, and where the density is averaged its mass, the same by weights,
- * its moment by weights, and the unevenness. */
-#define GR_NODE_SUMS(dim, diffused) (1 + 2 * (dim) + (3 + (dim)) * (diffused))
+ * its moment by weights, and the residual_force. */
+#define GR_NODE_SUMS(dim, smoothed) (1 + 2 * (dim) + (3 + (dim)) * (smoothed))
 
-/* Behind them, where the density is shared, what is the cell's own (mpm/cells.c): all doubles. */
-struct gr_shared {
-    double mc, stress[6];      /* sum m c, sum m sigma (xx, yy, zz, xy, yz, xz; in the plane xx, yy, xy) */
-    double c, log_phi, inside; /* log-density of its points, logarithm of its fullness; 0 at a surface to 1 inside */
-    double at[3], crowding[3]; /* local coordinates where it is integrated; what its points shift away from */
+/* Behind them, where the density is shared, what is the cell's own (mpm/cell_averaged.inl): all doubles. */
+struct gr_cell_average {
+    double mc, stress[6];              /* sum m c, sum m sigma (xx, yy, zz, xy, yz, xz; in the plane xx, yy, xy) */
+    double c, log_phi, inside;         /* log-density of its points, logarithm of its fullness; 0 at a surface to 1 inside */
+    double at[3], over_compression[3]; /* local coordinates where it is integrated; what its points shift away from */
 };
 
 /* What node_data holds of a node: v^{n+1}, w, and where the density is averaged the gap ln phi - cbar averaged over the
- * nodes around (0 at a surface), cbar, max(0, phi - 1), the mean weight in excess of what fills the room, the unevenness,
+ * nodes around (0 at a surface), cbar, max(0, phi - 1), the mean weight in excess of what fills the room, the residual_force,
  * and the gap of the node itself. */
-#define GR_NODE_FIELDS(dim, diffused) (2 * (dim) + (5 + (dim)) * (diffused))
+#define GR_NODE_FIELDS(dim, smoothed) (2 * (dim) + (5 + (dim)) * (smoothed))
 
 /* The kernels of one instruction set (kernels.c). */
 struct gr_sph_kernels;
@@ -219,14 +220,14 @@ struct gr_sph_kernels;
 struct gr_kernels {
     const char *isa;
     int lanes;
-    void (*scatter)(struct gr_engine *, int64_t first, int64_t last);
-    void (*scatter_list)(struct gr_engine *, const int64_t *list, int64_t first, int64_t last);
-    void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_leavers *out, int fused);
-    void (*press)(struct gr_engine *, int64_t first, int64_t last);
+    void (*p2g)(struct gr_engine *, int64_t first, int64_t last);
+    void (*p2g_list)(struct gr_engine *, const int64_t *list, int64_t first, int64_t last);
+    void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
+    void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
-    void (*set_out)(struct gr_engine *, int64_t first, int64_t last);
-    void (*relax)(struct gr_engine *, int64_t first, int64_t last);
+    void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
+    void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
@@ -241,15 +242,15 @@ int gr_engine_uses(const struct gr_config *config, int field); /* 1 if the scene
 /* Lend the buffers of the points; rows [0, n_points) hold them, in any order, on the first call. */
 void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity);
 
-/* mesh.c: group the points by cell, in their present order within each; needed_capacity tells what
+/* grouping.c: group the points by cell, in their present order within each; needed_capacity tells what
  * GR_ERR_CAPACITY asks for. */
 int gr_regroup(struct gr_engine *e);
 
-/* advance.c: the step and its stages. */
+/* step.c: the step and its stages. */
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads);
-int gr_scatter(struct gr_engine *e, const struct gr_kernels *kernels);
+int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels);
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels);
-int gr_gather(struct gr_engine *e, const struct gr_kernels *kernels);
+int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels);
 double gr_stable_dt(const struct gr_engine *e);
 
 /* The longest time step that the engine will make, s. */

@@ -5,7 +5,7 @@
 #include "mpm/migrate.h"
 
 /* Rooms of nodes, of dx^dim, that are round-off. */
-#define NO_ROOM 1e-12
+#define NO_VOLUME 1e-12
 
 /* Gaps 2 (phi - 1)/(phi + 1) - cbar, of a node that is empty and of one that is .6 full. */
 #define EMPTY_GAP -2.0
@@ -34,10 +34,10 @@ static void apply_wall(const struct gr_wall *wall, int dim, double *v, double *n
     }
 }
 
-/* The sums of node n over its cells, in the order of cells. They lie far apart, and those of a later node are asked for: in
+/* The sums of node n over its cells, in the order of cells. They lie far separated, and those of a later node are asked for: in
  * space, where they fill no cache, the processor waited a fifth of the step for them. */
-static inline __attribute__((always_inline)) void gather_sums(const int K, const int rows, const struct gr_engine *e,
-                                                              int64_t n, double *sum)
+static inline __attribute__((always_inline)) void sum_over_cells(const int K, const int rows, const struct gr_engine *e,
+                                                                 int64_t n, double *sum)
 {
     enum { AHEAD = 4 };
     const int64_t *source = e->mesh.node_source + n * K, ahead = n + AHEAD < e->mesh.n_nodes ? AHEAD * K : 0;
@@ -49,13 +49,13 @@ static inline __attribute__((always_inline)) void gather_sums(const int K, const
     }
 }
 
-/* Copies of a node on two sides of a thin body that are not apart there move as one: by the sums of both. */
-static inline __attribute__((always_inline)) void join_twin(const int K, const int rows, const struct gr_engine *e,
-                                                            int64_t n, double *sum)
+/* Copies of a node on two sides of a thin body that are not separated there move as one: by the sums of both. */
+static inline __attribute__((always_inline)) void join_duplicate(const int K, const int rows, const struct gr_engine *e,
+                                                                 int64_t n, double *sum)
 {
     double other[GR_NODE_SUMS(3, 1)];
-    if (e->mesh.twin[n] < 0 || e->mesh.apart[n]) return;
-    gather_sums(K, rows, e, e->mesh.twin[n], other);
+    if (e->mesh.duplicate[n] < 0 || e->mesh.separated[n]) return;
+    sum_over_cells(K, rows, e, e->mesh.duplicate[n], other);
     for (int q = 0; q < rows; q++) sum[q] += other[q];
 }
 
@@ -68,7 +68,7 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
-static inline __attribute__((always_inline)) void grid_nodes(const int dim, const int K, const int diffused,
+static inline __attribute__((always_inline)) void grid_nodes(const int dim, const int K, const int smoothed,
                                                              struct gr_engine *e, int64_t first, int64_t last,
                                                              const double g[3])
 {
@@ -77,13 +77,13 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
     for (int64_t n = first; n < last; n++) {
         double sum[GR_NODE_SUMS(3, 1)], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
-        gather_sums(K, GR_NODE_SUMS(dim, diffused), e, n, sum);
+        sum_over_cells(K, GR_NODE_SUMS(dim, smoothed), e, n, sum);
         e->node_mass[n] = sum[0];
-        if (e->n_plates) join_twin(K, GR_NODE_SUMS(dim, diffused), e, n, sum);
+        if (e->n_thin) join_duplicate(K, GR_NODE_SUMS(dim, smoothed), e, n, sum);
         const double m = sum[0];
         if (!(m > cutoff) && m == m) { /* NaN goes on, to be found at the points */
-            for (int q = 0; q < GR_NODE_FIELDS(dim, diffused); q++) out[q] = 0;
-            if (diffused) out[3 * dim + 4] = EMPTY_GAP;
+            for (int q = 0; q < GR_NODE_FIELDS(dim, smoothed); q++) out[q] = 0;
+            if (smoothed) out[3 * dim + 4] = EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
             continue;
         }
@@ -99,9 +99,9 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
         }
         if (e->config.xpic_order > 0) /* first pass: m v, and the increment */
             for (int d = 0; d < dim; d++) out[dim + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (diffused) {
+        if (smoothed) {
             const double room = e->mesh.node_volume[n]; /* none within a solid, which a point may have entered */
-            const double phi = room > NO_ROOM ? m / (cell_mass * room) : 0;
+            const double phi = room > NO_VOLUME ? m / (cell_mass * room) : 0;
             double *mean = out + 2 * dim;
             mean[1] = sum[2 + 2 * dim] > 0 ? sum[3 + 2 * dim] / sum[2 + 2 * dim] : 0;
             mean[2] = fmax(phi - 1, 0);

@@ -4,7 +4,7 @@
 
 #include "mpm/engine.h"
 
-/* The masses of nodes alone, to node_mass, where the forces need them (mpm/cells.c). */
+/* The masses of nodes alone, to node_mass, where the forces need them (mpm/cell_averaged.inl). */
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
 
 /* Momentum balance on the nodes [first, last) with gravity g:
@@ -13,7 +13,7 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
 void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3]);
 
 /* After gr_grid_nodes for all nodes, what needs those next to a node: the gap to the fullness, averaged over them; the mean
- * weight of the points less the one that would fill the room; and the unevenness is left only where a uniform pressure
+ * weight of the points less the one that would fill the room; and the residual_force is left only where a uniform pressure
  * should make no force, inside the material: elsewhere it is the force on the surface, or a wall bears it. */
 void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last);
 

@@ -56,14 +56,14 @@ static int fail(struct gr_engine *e, int code, const double *record, int64_t id)
 }
 
 /* Copy a point out of its place: all components, x first. */
-static void lift(const struct gr_engine *e, int64_t slot, double *record)
+static void pack(const struct gr_engine *e, int64_t slot, double *record)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
             *record++ = e->field[f][c * e->capacity + slot];
 }
 
-static void lower(struct gr_engine *e, int64_t slot, const double *record, int64_t id)
+static void unpack(struct gr_engine *e, int64_t slot, const double *record, int64_t id)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
@@ -73,7 +73,7 @@ static void lower(struct gr_engine *e, int64_t slot, const double *record, int64
 
 int gr_reserve_pending(struct gr_engine *e, int64_t n)
 {
-    if (n <= e->pending_room) return GR_OK;
+    if (n <= e->pending_capacity) return GR_OK;
     const int64_t room = n + n / 2 + 64;
     double *pending = realloc(e->pending, sizeof(double) * (size_t)(room * e->n_components));
     if (!pending) return GR_ERR_MEMORY;
@@ -81,10 +81,10 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n)
     int64_t *ids = realloc(e->pending_id, sizeof(int64_t) * (size_t)room);
     if (!ids) return GR_ERR_MEMORY;
     e->pending_id = ids;
-    struct gr_leaver *leaver = realloc(e->leaver, sizeof *leaver * (size_t)room);
-    if (!leaver) return GR_ERR_MEMORY;
-    e->leaver = leaver;
-    e->pending_room = room;
+    struct gr_migrant *migrant = realloc(e->migrant, sizeof *migrant * (size_t)room);
+    if (!migrant) return GR_ERR_MEMORY;
+    e->migrant = migrant;
+    e->pending_capacity = room;
     return GR_OK;
 }
 
@@ -93,17 +93,17 @@ static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot, 
 {
     const int64_t last = cell->offset + --cell->count;
     if (slot != last) {
-        lift(e, last, record);
-        lower(e, slot, record, e->id[last]);
+        pack(e, last, record);
+        unpack(e, slot, record, e->id[last]);
     }
     gr_clear_place(e, cell, last);
 }
 
-void gr_lift_leavers(struct gr_engine *e, struct gr_leavers *out, int64_t first)
+void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first)
 {
     double *scratch = out->record + out->count * e->n_components;
     for (int64_t k = first; k < out->count; k++) {
-        lift(e, out->from[k].slot, out->record + k * e->n_components);
+        pack(e, out->from[k].slot, out->record + k * e->n_components);
         out->id[k] = e->id[out->from[k].slot];
     }
     for (int64_t k = out->count - 1; k >= first; k--)
@@ -118,7 +118,7 @@ int gr_component_of(const struct gr_engine *e, int field)
 }
 
 /* Whether a point that left its cell is sound: finite, and in a neighbour of the cell. */
-static int check_leaver(struct gr_engine *e, const struct gr_cell *cell, const double *record, int64_t id)
+static int check_migrant(struct gr_engine *e, const struct gr_cell *cell, const double *record, int64_t id)
 {
     for (int c = 0; c < e->n_components; c++)
         if (!isfinite(record[c])) return fail(e, GR_ERR_NOT_FINITE, record, id);
@@ -130,21 +130,21 @@ static int check_leaver(struct gr_engine *e, const struct gr_cell *cell, const d
 }
 
 /* Back to the cells they left, where their places are free. */
-static void put_back(struct gr_engine *e, const struct gr_leavers *list, int lists)
+static void put_back(struct gr_engine *e, const struct gr_migrants *list, int lists)
 {
     for (int t = 0; t < lists; t++)
         for (int64_t k = 0; k < list[t].count; k++) {
             struct gr_cell *cell = &e->mesh.cell[list[t].from[k].cell];
-            lower(e, cell->offset + cell->count++, list[t].record + k * e->n_components, list[t].id[k]);
+            unpack(e, cell->offset + cell->count++, list[t].record + k * e->n_components, list[t].id[k]);
         }
 }
 
 /* Into a cell, -1 for none that there is. */
-static void settle(struct gr_engine *e, int64_t index, double *record, int64_t id)
+static void insert(struct gr_engine *e, int64_t index, double *record, int64_t id)
 {
     struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
     if (cell && cell->count < cell->capacity) {
-        lower(e, cell->offset + cell->count++, record, id);
+        unpack(e, cell->offset + cell->count++, record, id);
         if (!cell->dirty) e->dirty[e->n_dirty++] = index;
         cell->dirty = 1;
     } else { /* the waiting come before the record that is looked at: nothing is overwritten */
@@ -163,7 +163,7 @@ static int find_side(const struct gr_engine *e, const struct gr_cell *cell, doub
 }
 
 /* Into the cell where the point is now; or out of the domain; or, without a place, to those that wait. */
-static void settle_leaver(struct gr_engine *e, const struct gr_cell *from, double *record, int64_t id)
+static void insert_migrant(struct gr_engine *e, const struct gr_cell *from, double *record, int64_t id)
 {
     const int dim = e->config.dim;
     int64_t at[3];
@@ -177,25 +177,25 @@ static void settle_leaver(struct gr_engine *e, const struct gr_cell *from, doubl
     }
     for (int d = 0; d < dim; d++) to[d] = (int32_t)at[d];
     int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
-    if (e->n_plates && index >= 0) index += find_side(e, &e->mesh.cell[index], record);
-    settle(e, index, record, id);
+    if (e->n_thin && index >= 0) index += find_side(e, &e->mesh.cell[index], record);
+    insert(e, index, record, id);
 }
 
-int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists)
+int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists)
 {
     int error = GR_OK;
     e->n_dirty = 0;
     for (int t = 0; t < lists; t++)
         for (int64_t k = 0; !error && k < list[t].count; k++)
             error =
-                check_leaver(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
+                check_migrant(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
     if (error) { /* as if nobody had left */
         put_back(e, list, lists);
         return error;
     }
     for (int t = 0; t < lists; t++)
         for (int64_t k = 0; k < list[t].count; k++)
-            settle_leaver(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
+            insert_migrant(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
     return GR_OK;
 }
 
@@ -204,18 +204,18 @@ void gr_change_sides(struct gr_engine *e)
     for (int64_t k = 0; k < 2 * e->mesh.n_paired; k++) {
         const int64_t index = e->mesh.paired[k / 2] + k % 2;
         struct gr_cell *cell = &e->mesh.cell[index];
-        if (!cell->count || gr_cell_faces_plate(e, cell->at)) continue;
+        if (!cell->count || gr_cell_faces_thin(e, cell->at)) continue;
         for (int64_t slot = cell->offset; slot < cell->offset + cell->count; slot++) {
             double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
             for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
             if (gr_point_side(e, x, cell->side) == cell->side) continue;
             const int64_t id = e->id[slot];
-            lift(e, slot, record);
+            pack(e, slot, record);
             close_hole(e, cell, slot--, record + e->n_components);
             if (!cell->dirty) e->dirty[e->n_dirty++] = index;
             cell->dirty = 1;
             record[gr_component_of(e, GR_FIELD_side)] = -cell->side;
-            settle(e, index + cell->side, record, id);
+            insert(e, index + cell->side, record, id);
         }
     }
 }

@@ -12,17 +12,17 @@ static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
 }
 
 /* Place of the fluidity of a cell. A double cell has two, but uses that of the front alone where its middle does not face
- * the plate. */
+ * the thin. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
     const int32_t *own = e->mesh.place + (cell - e->mesh.cell);
-    return cell->side != -1 || (*own >= 0 && e->fluidity->inside[*own] & GR_APART) ? own[0] : own[-1];
+    return cell->side != -1 || (*own >= 0 && e->fluidity->inside[*own] & GR_SEPARATED) ? own[0] : own[-1];
 }
 
 /* How many cells, from this one on, have one fluidity together: 0 for a back that has none of its own. */
 static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    if (!GR_IS_DOUBLE(cell) || e->fluidity->inside[gr_place_of_cell(e, cell)] & GR_APART) return 1;
+    if (!GR_IS_DOUBLE(cell) || e->fluidity->inside[gr_place_of_cell(e, cell)] & GR_SEPARATED) return 1;
     return cell->side == 1 ? 2 : 0;
 }
 
@@ -51,13 +51,13 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
 }
 
 /* Copy the listed points from number `first` on out of their cells, and close the holes they leave. */
-void gr_lift_leavers(struct gr_engine *e, struct gr_leavers *out, int64_t first);
+void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first);
 
 /* Bring the lifted points (lists in the order of cells and places) to their new cells; drop those that leave
  * through an open side; those without a place wait. Cells that have gained points are listed in dirty. */
-int gr_migrate(struct gr_engine *e, struct gr_leavers *list, int lists);
+int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists);
 
-/* Points of double cells that have come to the other side where they do not face the plate. */
+/* Points of double cells that have come to the other side where they do not face the thin. */
 void gr_change_sides(struct gr_engine *e);
 
 /* Where a field begins in a record. */

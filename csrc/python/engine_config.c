@@ -4,14 +4,14 @@
 #include "python/arrays.h"
 
 static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyObject *periodic, PyObject *open_low,
-                     PyObject *open_high, PyObject *creases, PyObject *above)
+                     PyObject *open_high, PyObject *c0_lines, PyObject *above)
 {
-    PyObject *const lists[] = {shape, lower, periodic, open_low, open_high, creases, above};
+    PyObject *const lists[] = {shape, lower, periodic, open_low, open_high, c0_lines, above};
     for (int k = 0; k < 7; k++)
         if (!PyTuple_Check(lists[k]) || PyTuple_GET_SIZE(lists[k]) != c->dim) {
             PyErr_SetString(
                 PyExc_ValueError,
-                "shape, lower, periodic, open_low, open_high, creases and absorbers must be tuples of length dim");
+                "shape, lower, periodic, open_low, open_high, c0_lines and sponge_layers must be tuples of length dim");
             return -1;
         }
     int64_t nodes = 1;
@@ -28,25 +28,26 @@ static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyOb
         c->open_low[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_low, d));
         c->open_high[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_high, d));
         if (!PyTuple_Check(PyTuple_GET_ITEM(above, d))) {
-            PyErr_Format(PyExc_TypeError, "absorbers[%d] must be a tuple", d);
+            PyErr_Format(PyExc_TypeError, "sponge_layers[%d] must be a tuple", d);
             return -1;
         }
-        if (!PyArg_ParseTuple(PyTuple_GET_ITEM(above, d), "dd;an absorber is (above, rate)", &c->above[d], &c->rising[d]))
+        if (!PyArg_ParseTuple(PyTuple_GET_ITEM(above, d), "dd;an sponge is (above, rate)", &c->above[d],
+                              &c->sponge_damping[d]))
             return -1;
-        if (!(c->rising[d] >= 0)) {
-            PyErr_Format(PyExc_ValueError, "absorbers[%d]: rate must not be negative", d);
+        if (!(c->sponge_damping[d] >= 0)) {
+            PyErr_Format(PyExc_ValueError, "sponge_layers[%d]: rate must not be negative", d);
             return -1;
         }
-        c->absorbs |= (c->above[d] < INFINITY) << d; /* NaN absorbs nothing */
+        c->has_sponge |= (c->above[d] < INFINITY) << d; /* NaN has_sponge nothing */
         const npy_intp any[1] = {-1};
-        PyArrayObject *lines = gr_array(PyTuple_GET_ITEM(creases, d), "creases", NPY_INT32, 1, any, 0);
+        PyArrayObject *lines = gr_array(PyTuple_GET_ITEM(c0_lines, d), "c0_lines", NPY_INT32, 1, any, 0);
         if (!lines || PyErr_Occurred()) return -1;
         if (!isfinite(c->lower[d])) {
             PyErr_Format(PyExc_ValueError, "lower[%d] is not finite", d);
             return -1;
         }
-        c->n_creases[d] = (int)PyArray_DIM(lines, 0);
-        c->creases[d] = PyArray_DATA(lines);
+        c->n_c0_lines[d] = (int)PyArray_DIM(lines, 0);
+        c->c0_lines[d] = PyArray_DATA(lines);
     }
     return 0;
 }
@@ -81,7 +82,7 @@ static int take_walls(struct gr_config *c, PyObject *walls, struct gr_wall *tabl
 static int64_t count_along(const struct gr_config *c, int d, int nodes)
 {
     const int n = c->shape[d];
-    if (c->basis == GR_QUADRATIC) return !nodes || c->periodic[d] ? n : n + 2 + c->n_creases[d];
+    if (c->basis == GR_QUADRATIC) return !nodes || c->periodic[d] ? n : n + 2 + c->n_c0_lines[d];
     return (nodes || c->basis == GR_UGIMP) && !c->periodic[d] ? n + 1 : n;
 }
 
@@ -179,21 +180,21 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("mass_cutoff", mass_cutoff)
     GR_TAKE("cfl", cfl)
     GR_TAKE("dt", dt)
-    GR_TAKE("diffusion", cure.diffusion)
-    GR_TAKE("strain_diffusion", cure.strain_diffusion)
-    GR_TAKE("feedback", cure.feedback)
-    GR_TAKE("feedback_limit", cure.feedback_limit)
-    GR_TAKE("feedback_noise", cure.feedback_noise)
-    GR_TAKE("feedback_crowd", cure.feedback_crowd)
-    GR_TAKE("shift", cure.shift)
-    GR_TAKE("shift_limit", cure.shift_limit)
-    GR_TAKE("tension_reach", cure.reach)
-    GR_TAKE("weighting", cure.weighting)
-    GR_TAKE("weight_limit", cure.weight_limit)
-    GR_TAKE("weight_decay", cure.weight_decay)
+    GR_TAKE("diffusion", density.diffusion)
+    GR_TAKE("strain_diffusion", density.strain_diffusion)
+    GR_TAKE("relaxation", density.relaxation)
+    GR_TAKE("relaxation_limit", density.relaxation_limit)
+    GR_TAKE("dead_band", density.dead_band)
+    GR_TAKE("compression_rate", density.compression_rate)
+    GR_TAKE("shifting", density.shifting)
+    GR_TAKE("shifting_limit", density.shifting_limit)
+    GR_TAKE("separation_strain", density.reach)
+    GR_TAKE("weight_correction", density.weight_correction)
+    GR_TAKE("weight_correction_limit", density.weight_correction_limit)
+    GR_TAKE("weight_correction_decay", density.weight_correction_decay)
     GR_TAKE("fluidity_begins_at", nonlocal.begins_at)
     GR_TAKE("fluidity_tolerance", nonlocal.tolerance)
-    GR_TAKE("fluidity_least", nonlocal.least)
+    GR_TAKE("fluidity_floor", nonlocal.least)
 #undef GR_TAKE
     const struct gr_law_info *law = &gr_law_table[c->law];
     for (int k = 0; k < law->n_parameters; k++)
@@ -225,8 +226,8 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "periodic",
                             "open_low",
                             "open_high",
-                            "creases",
-                            "absorbers",
+                            "c0_lines",
+                            "sponge_layers",
                             "walls",
                             "node_codes",
                             "cell_flags",
@@ -243,22 +244,22 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     struct gr_config c = {0};
     int density;
     const char *law, *method, *stencil;
-    PyObject *shape, *lower, *periodic, *open_low, *open_high, *creases, *above, *walls, *codes, *flags, *times, *vectors;
+    PyObject *shape, *lower, *periodic, *open_low, *open_high, *c0_lines, *above, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *parameters, *faces, *bodies;
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOOO!O!ssiOO", names, &c.dim, &c.basis, &c.affine,
-                                     &density, &c.cure.interval, &c.xpic_order, &c.pressure_from_density, &law, isa, &shape,
-                                     &lower, &periodic, &open_low, &open_high, &creases, &above, &walls, &codes, &flags,
-                                     &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method, &stencil,
-                                     &c.nonlocal.substeps, &faces, &bodies))
+                                     &density, &c.density.interval, &c.xpic_order, &c.pressure_from_density, &law, isa,
+                                     &shape, &lower, &periodic, &open_low, &open_high, &c0_lines, &above, &walls, &codes,
+                                     &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method,
+                                     &stencil, &c.nonlocal.substeps, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
         PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2");
         return -1;
     }
-    c.diffused = density == 1, c.shared = density == 2; /* 0: tracked */
+    c.smoothed = density == 1, c.cell_averaged = density == 2; /* 0: tracked */
     c.law = law_index(law);
     if (c.law < 0) return -1;
-    if (take_axes(&c, shape, lower, periodic, open_low, open_high, creases, above) || take_walls(&c, walls, tables->wall) ||
+    if (take_axes(&c, shape, lower, periodic, open_low, open_high, c0_lines, above) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
         gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) ||
         take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method, stencil) ||

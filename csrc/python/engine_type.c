@@ -197,10 +197,10 @@ static PyObject *run_stage(struct engine_object *self, int (*stage)(struct gr_en
     return error ? gr_raise(error, e) : PyLong_FromLong(0);
 }
 
-static PyObject *engine_scatter(struct engine_object *self, PyObject *unused)
+static PyObject *engine_p2g(struct engine_object *self, PyObject *unused)
 {
     (void)unused;
-    return run_stage(self, gr_scatter);
+    return run_stage(self, gr_p2g);
 }
 
 static PyObject *engine_grid(struct engine_object *self, PyObject *unused)
@@ -209,10 +209,10 @@ static PyObject *engine_grid(struct engine_object *self, PyObject *unused)
     return run_stage(self, gr_grid);
 }
 
-static PyObject *engine_gather(struct engine_object *self, PyObject *unused)
+static PyObject *engine_g2p(struct engine_object *self, PyObject *unused)
 {
     (void)unused;
-    return run_stage(self, gr_gather);
+    return run_stage(self, gr_g2p);
 }
 
 /* ---- looking in ---- */
@@ -274,7 +274,7 @@ static PyObject *engine_cells(struct engine_object *self, PyObject *unused)
 }
 
 /* The numbers of the engine that a restart needs, name and place. */
-#define GR_FLOATS(X) X(time) X(dt) X(time_anchor) X(lent_dt) X(dropped_mass)
+#define GR_FLOATS(X) X(time) X(dt) X(time_anchor) X(shift_dt) X(dropped_mass)
 #define GR_INTEGERS(X) X(step) X(step_anchor) X(dropped) X(clamped) X(n_points)
 
 static PyObject *engine_scalars(struct engine_object *self, PyObject *unused)
@@ -324,7 +324,7 @@ static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
 #undef GR_X
     if (integer_n_points != e->n_points)
         return PyErr_Format(PyExc_ValueError, "n_points = %lld does not agree with the points bound", integer_n_points);
-    if (!isfinite(float_time) || !isfinite(float_time_anchor) || !(float_dt >= 0) || !(float_lent_dt > 0) ||
+    if (!isfinite(float_time) || !isfinite(float_time_anchor) || !(float_dt >= 0) || !(float_shift_dt > 0) ||
         integer_step < integer_step_anchor)
         return PyErr_Format(PyExc_ValueError, "the scalars of the restart are not valid");
 #define GR_X(name) e->name = float_##name;
@@ -333,7 +333,7 @@ static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
 #define GR_X(name) e->name = integer_##name;
     GR_INTEGERS(GR_X)
 #undef GR_X
-    e->lent_scale = -1.0 / e->lent_dt;
+    e->shift_scale = -1.0 / e->shift_dt;
     e->sums_valid = 0;
     Py_RETURN_NONE;
 }
@@ -424,9 +424,9 @@ static PyMethodDef methods[] = {
      "regroup()\n--\n\nGroup the points by cell; returns the capacity needed if the buffers are too small, else 0."},
     {"advance", (PyCFunction)engine_advance, METH_VARARGS,
      "advance(max_steps, until, threads)\n--\n\nRun steps until a count or a time, the GIL released; returns as regroup."},
-    {"scatter", (PyCFunction)engine_scatter, METH_NOARGS, "scatter()\n--\n\nP2G alone: the sums of all cells."},
+    {"p2g", (PyCFunction)engine_p2g, METH_NOARGS, "p2g()\n--\n\nP2G alone: the sums of all cells."},
     {"grid", (PyCFunction)engine_grid, METH_NOARGS, "grid()\n--\n\nThe grid stage alone: nodal velocities of this step."},
-    {"gather", (PyCFunction)engine_gather, METH_NOARGS, "gather()\n--\n\nG2P and stress update alone; completes the step."},
+    {"g2p", (PyCFunction)engine_g2p, METH_NOARGS, "g2p()\n--\n\nG2P and stress update alone; completes the step."},
     {"nodes", (PyCFunction)engine_nodes, METH_NOARGS,
      "nodes()\n--\n\nCopies of the nodal arrays: x, mass, momentum, force, v, w."},
     {"cells", (PyCFunction)engine_cells, METH_NOARGS, "cells()\n--\n\n(offset, count) of the cells in the point arrays."},

@@ -5,7 +5,7 @@
 
 static int take_parameters(PyObject *dict, double parameter[GR_FLUIDITY_PARAMETER_COUNT])
 {
-    const unsigned may_be_zero = 1u << GR_FLUIDITY_mu_s | 1u << GR_FLUIDITY_p_spread;
+    const unsigned may_be_zero = 1u << GR_FLUIDITY_mu_s | 1u << GR_FLUIDITY_p_averaging;
     if (gr_take_parameters(dict, gr_fluidity_parameter_table, GR_FLUIDITY_PARAMETER_COUNT, may_be_zero, parameter))
         return -1;
     return gr_refuse_frictions(parameter[GR_FLUIDITY_mu_s], parameter[GR_FLUIDITY_mu_2]);

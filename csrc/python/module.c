@@ -66,7 +66,7 @@ static PyObject *law_update(PyObject *module, PyObject *args)
                                .slot = slot,
                                .gradient = PyArray_DATA(gradient),
                                .dt = dt,
-                               .part = 1,
+                               .fraction = 1,
                                .pressure_from_density = eos,
                                .parameter = parameter,
                                .log_density = PyArray_DATA(arrays[1]),
@@ -111,7 +111,7 @@ static PyObject *build_info(PyObject *module, PyObject *args)
                          GR_OPENMP ? Py_True : Py_False, "compiler", __VERSION__, "flags", GR_FLAGS);
 }
 
-/* node_positions(basis, n_cells, periodic, creases) -> positions of the nodes along one axis, in cells. */
+/* node_positions(basis, n_cells, periodic, c0_lines) -> positions of the nodes along one axis, in cells. */
 static PyObject *node_positions(PyObject *module, PyObject *args)
 {
     (void)module;
@@ -119,13 +119,13 @@ static PyObject *node_positions(PyObject *module, PyObject *args)
     PyObject *object;
     if (!PyArg_ParseTuple(args, "iipO", &basis, &n, &periodic, &object)) return NULL;
     const npy_intp any[1] = {-1};
-    PyArrayObject *creases = gr_array(object, "creases", NPY_INT32, 1, any, 0);
-    if (!creases) return NULL;
+    PyArrayObject *c0_lines = gr_array(object, "c0_lines", NPY_INT32, 1, any, 0);
+    if (!c0_lines) return NULL;
     if (basis < 0 || basis >= GR_BASIS_COUNT || n < 1 || n > 100000000)
         return PyErr_Format(PyExc_ValueError, "basis = %d or n_cells = %d is not valid", basis, n);
     struct gr_axis axis;
     const int error =
-        gr_axis_build(&axis, basis, n, periodic, PyArray_DATA(creases), (int)PyArray_DIM(creases, 0), 0.25, 0, 1);
+        gr_axis_build(&axis, basis, n, periodic, PyArray_DATA(c0_lines), (int)PyArray_DIM(c0_lines, 0), 0.25, 0, 1);
     if (error) return gr_raise(error, NULL);
     const npy_intp shape[1] = {axis.n_nodes};
     PyObject *out = PyArray_SimpleNew(1, shape, NPY_DOUBLE);
@@ -162,7 +162,7 @@ static PyMethodDef functions[] = {
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},
     {"node_positions", node_positions, METH_VARARGS,
-     "node_positions(basis, n_cells, periodic, creases)\n--\n\nNodes along one axis, in cells from its lower end."},
+     "node_positions(basis, n_cells, periodic, c0_lines)\n--\n\nNodes along one axis, in cells from its lower end."},
     {NULL, NULL, 0, NULL}};
 
 static int exec_module(PyObject *module)

@@ -143,27 +143,27 @@ static int take_buffers(const struct gr_sph *s, PyObject *buffers, PyArrayObject
     return gr_refuse_overlap(arrays, names, n) ? -1 : n;
 }
 
-/* bind(buffers, n_grains, wall_first, n_walls, fresh, gas_first, n_gas) */
+/* bind(buffers, n_particles, wall_first, n_walls, fresh, gas_first, n_gas) */
 static PyObject *sph_bind(struct sph_object *self, PyObject *args)
 {
     PyObject *buffers;
-    Py_ssize_t n_grains, wall_first, n_walls, gas_first = 0, n_gas = 0;
+    Py_ssize_t n_particles, wall_first, n_walls, gas_first = 0, n_gas = 0;
     int fresh;
     PyArrayObject *arrays[GR_SPH_FIELD_COUNT + 1];
     double *row[GR_SPH_MAX_ROWS] = {0};
-    if (!PyArg_ParseTuple(args, "O!nnnp|nn", &PyDict_Type, &buffers, &n_grains, &wall_first, &n_walls, &fresh, &gas_first,
+    if (!PyArg_ParseTuple(args, "O!nnnp|nn", &PyDict_Type, &buffers, &n_particles, &wall_first, &n_walls, &fresh, &gas_first,
                           &n_gas))
         return NULL;
     struct gr_sph *s = ready(self, 0);
     const int n_arrays = s ? take_buffers(s, buffers, arrays, row) : -1;
     if (n_arrays < 0) return NULL;
     const npy_intp capacity = PyArray_DIM(arrays[n_arrays - 1], 0);
-    if (n_grains < 0 || n_walls < 0 || capacity > INT32_MAX || wall_first < GR_LANES || wall_first > capacity ||
-        n_grains > wall_first - GR_LANES || n_walls > capacity - wall_first - GR_LANES)
+    if (n_particles < 0 || n_walls < 0 || capacity > INT32_MAX || wall_first < GR_LANES || wall_first > capacity ||
+        n_particles > wall_first - GR_LANES || n_walls > capacity - wall_first - GR_LANES)
         return PyErr_Format(PyExc_ValueError,
                             "%zd grains and %zd wall points from row %zd on do not fit buffers of %zd places with %d spare "
                             "ones behind each",
-                            n_grains, n_walls, wall_first, (Py_ssize_t)capacity, GR_LANES);
+                            n_particles, n_walls, wall_first, (Py_ssize_t)capacity, GR_LANES);
     if (gr_refuse_gas_rows(s, wall_first + n_walls, gas_first, n_gas, capacity)) return NULL;
     for (int k = 0; k < n_arrays; k++) {
         Py_INCREF(arrays[k]);
@@ -171,7 +171,7 @@ static PyObject *sph_bind(struct sph_object *self, PyObject *args)
     }
     gr_sph_place_gas(s, gas_first, n_gas);
     const int error =
-        gr_sph_bind(s, row, PyArray_DATA(arrays[n_arrays - 1]), capacity, n_grains, wall_first, n_walls, fresh);
+        gr_sph_bind(s, row, PyArray_DATA(arrays[n_arrays - 1]), capacity, n_particles, wall_first, n_walls, fresh);
     if (error) return gr_raise(error, NULL);
     Py_RETURN_NONE;
 }
@@ -227,7 +227,7 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
             GR_INTEGERS(GR_X)
 #undef GR_X
                 "n_points",
-        (long long)s->n_grains, "n_walls", (long long)s->n_walls, "n_gas", (long long)s->n_gas, "rebuilds",
+        (long long)s->n_particles, "n_walls", (long long)s->n_walls, "n_gas", (long long)s->n_gas, "rebuilds",
         (long long)s->rebuilds);
 }
 
@@ -288,7 +288,7 @@ static PyObject *sph_isa(struct sph_object *self, void *unused)
 
 static PyMethodDef methods[] = {
     {"bind", (PyCFunction)sph_bind, METH_VARARGS,
-     "bind(buffers, n_grains, wall_first, n_walls, fresh, gas_first=0, n_gas=0)\n--\n\nLend {name: float64 (component, capacity)} and id: int64 (capacity,). Nothing is copied."},
+     "bind(buffers, n_particles, wall_first, n_walls, fresh, gas_first=0, n_gas=0)\n--\n\nLend {name: float64 (component, capacity)} and id: int64 (capacity,). Nothing is copied."},
     {"advance", (PyCFunction)sph_advance, METH_VARARGS,
      "advance(max_steps, until, threads)\n--\n\nRun steps until a count or a time, the GIL released."},
     {"scalars", (PyCFunction)sph_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs, and counts."},

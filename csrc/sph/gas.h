@@ -1,4 +1,4 @@
-/* Gas in the pores of the grains and above them: a second set of points; see gas_sums.c for its equations.
+/* Gas in the pores of the grains and above them: a second set of points; see gas_sums.inl for its equations.
  *
  * Its points are the rows [gas_first, gas_first + n_gas) of the lent arrays, sorted and listed as grains and walls are.
  * A scene without gas has no such rows, no such list and none of this memory. */

@@ -96,7 +96,7 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0];
-    const int64_t n[3] = {s->n_grains, s->n_walls, s->n_gas}, first[3] = {0, s->wall_first, s->gas_first};
+    const int64_t n[3] = {s->n_particles, s->n_walls, s->n_gas}, first[3] = {0, s->wall_first, s->gas_first};
     for (int kind = 0; kind < 3; kind++)
         for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) {
             const int in_domain = !fresh || wrap(s, a), stays = kind == 1 ? !gr_sph_is_gone(s, a) : in_domain;
@@ -111,10 +111,10 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
             else
                 s->gas_dropped++;
         }
-    s->n_grains = sort_rows(s, 0, n[0], s->start[0]);
+    s->n_particles = sort_rows(s, 0, n[0], s->start[0]);
     s->n_walls = sort_rows(s, s->wall_first, n[1], s->start[1]);
     if (s->gas) s->n_gas = sort_rows(s, s->gas_first, n[2], s->start[2]);
-    make_spare(s, s->n_grains, s->wall_first);
+    make_spare(s, s->n_particles, s->wall_first);
     make_spare(s, s->wall_first + s->n_walls, s->gas_first);
     make_spare(s, s->gas_first + s->n_gas, s->capacity);
 }

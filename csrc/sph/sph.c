@@ -140,7 +140,7 @@ static int make_list(struct gr_sph *s, int fresh)
 {
     gr_sph_sort(s, fresh);
     for (;;) {
-        const int64_t grains = gr_sph_list_blocks(s, 0, s->n_grains);
+        const int64_t grains = gr_sph_list_blocks(s, 0, s->n_particles);
         const int64_t walls = gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
         const int64_t gas = gr_sph_list_blocks(s, s->gas_first, s->gas_first + s->n_gas);
         const int64_t most = largest(grains, walls, gas);
@@ -152,13 +152,13 @@ static int make_list(struct gr_sph *s, int fresh)
 
 void gr_sph_place_gas(struct gr_sph *s, int64_t gas_first, int64_t n_gas) { s->gas_first = gas_first, s->n_gas = n_gas; }
 
-int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_grains, int64_t wall_first,
+int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_particles, int64_t wall_first,
                 int64_t n_walls, int fresh)
 {
     int n_rows = 0;
     for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) n_rows += gr_sph_components(s, f);
     if (!s->gas) gr_sph_place_gas(s, capacity, 0);
-    if (n_grains < 0 || n_walls < 0 || s->n_gas < 0 || n_grains + GR_LANES > wall_first || capacity > INT32_MAX ||
+    if (n_particles < 0 || n_walls < 0 || s->n_gas < 0 || n_particles + GR_LANES > wall_first || capacity > INT32_MAX ||
         wall_first + n_walls + GR_LANES > s->gas_first || s->gas_first + s->n_gas + (s->gas ? GR_LANES : 0) > capacity)
         return GR_ERR_CONFIG;
     s->id = NULL; /* until all is well */
@@ -166,7 +166,7 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
     if (error) return error;
     memset(s->row, 0, sizeof s->row);
     for (int r = 0; r < n_rows; r++) s->row[r] = row[r];
-    s->capacity = capacity, s->n_grains = n_grains, s->wall_first = wall_first, s->n_walls = n_walls;
+    s->capacity = capacity, s->n_particles = n_particles, s->wall_first = wall_first, s->n_walls = n_walls;
     s->id = id;
     return s->error = make_list(s, fresh);
 }
@@ -311,7 +311,7 @@ struct share {
 static struct share share_of(const struct gr_sph *s, int t, int threads)
 {
     struct share own;
-    gr_share(s->n_grains, t, threads, &own.grains[0], &own.grains[1]);
+    gr_share(s->n_particles, t, threads, &own.grains[0], &own.grains[1]);
     gr_share(s->n_walls, t, threads, &own.walls[0], &own.walls[1]);
     gr_share(s->n_gas, t, threads, &own.gas[0], &own.gas[1]);
     own.walls[0] += s->wall_first, own.walls[1] += s->wall_first;
@@ -436,7 +436,7 @@ static void show_stresses(struct gr_sph *s)
 {
     double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
     const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
-    const int64_t n[2] = {s->n_grains, s->n_walls}, first[2] = {0, s->wall_first};
+    const int64_t n[2] = {s->n_particles, s->n_walls}, first[2] = {0, s->wall_first};
     for (int kind = 0; kind < 2; kind++)
         for (int k = 0; k < gr_sph_components(s, GR_SPH_FIELD_stress); k++)
             for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) stress[k][a] = rho[a] * rho[a] * s->pull[k][a];

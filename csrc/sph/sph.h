@@ -1,6 +1,6 @@
 /* Smoothed particle hydrodynamics of a dilative viscoplastic material (Hurley, thesis, chapter 5).
  *
- * Rows [0, n_grains) of the lent arrays hold the grains, rows from wall_first on the n_walls points that walls are made
+ * Rows [0, n_particles) of the lent arrays hold the grains, rows from wall_first on the n_walls points that walls are made
  * of, rows from gas_first on the n_gas points of a gas; all others are spare, with zero mass and far away. All are sorted by cell, so that the neighbours of a
  * point lie in a few short runs of rows: the Verlet list names blocks of as many rows as a vector has lanes, which are
  * loaded without gathering, and what in them is no neighbour has no weight. Each point sums its own neighbours, in the
@@ -114,7 +114,7 @@ struct gr_sph {
     double reach, shift[GR_SPH_SHIFTS][3];
     int shape[3];
     double per_cell[3]; /* 1/m */
-    int64_t n_cells, capacity, n_grains, wall_first, n_walls, gas_first, n_gas;
+    int64_t n_cells, capacity, n_particles, wall_first, n_walls, gas_first, n_gas;
     /* lent */
     double *row[GR_SPH_MAX_ROWS]; /* of all fields, one after the other */
     int64_t *id;
@@ -151,7 +151,7 @@ static inline double *const *gr_sph_rows(const struct gr_sph *s, int field)
     return s->row + first;
 }
 
-/* The kernels of one instruction set, for the rows [first, last); see sums.c. */
+/* The kernels of one instruction set, for the rows [first, last); see sums.inl. */
 struct gr_sph_kernels {
     void (*densities)(struct gr_sph *s, int64_t first, int64_t last);
     void (*filter)(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found);
@@ -169,7 +169,7 @@ void gr_sph_place_gas(struct gr_sph *s, int64_t gas_first, int64_t n_gas);
 
 /* Lend the arrays. fresh: the list is made for the positions x; else for the anchors, as it was before a restart. At
  * least GR_LANES spare rows must follow the grains, the wall points and those of gas. */
-int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_grains, int64_t wall_first,
+int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_particles, int64_t wall_first,
                 int64_t n_walls, int fresh);
 
 /* Steps up to a number of them or a time, the first step at or past it. */

@@ -28,12 +28,8 @@ x86_64 | amd64 | i686)
     ;;
 esac
 
-# The sources of the core as setup.py lists them: without Python, and without what kernels.c includes.
-core=(csrc/core/*.c csrc/law/law.c csrc/body/*.c csrc/sph/sph.c csrc/sph/neighbours.c csrc/sph/walls.c csrc/sph/gas.c
-    csrc/dispatch.c)
-for source in csrc/fluidity/*.c csrc/mpm/*.c; do
-    case $source in */diffuse.c | */scatter.c | */cells.c | */gather.c) ;; *) core+=("$source") ;; esac
-done
+# The core is all that does not know Python; kernels.c includes the *.inl.
+core=(csrc/{core,law,fluidity,body,mpm,sph}/*.c csrc/dispatch.c)
 
 tests=("$@")
 if [ $# = 0 ]; then

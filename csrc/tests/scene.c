@@ -14,12 +14,12 @@ double scene_random(double a, double b)
     return a + (b - a) * (double)(seed >> 11) * 0x1p-53;
 }
 
-void scene_default(struct scene *s, int dim, int basis, int affine, int diffused)
+void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed)
 {
     memset(s, 0, sizeof *s);
     struct gr_config *c = &s->config;
-    c->dim = dim, c->basis = basis, c->affine = affine, c->diffused = diffused, c->law = GR_LAW_mu_i;
-    c->pressure_from_density = diffused;
+    c->dim = dim, c->basis = basis, c->affine = affine, c->smoothed = smoothed, c->law = GR_LAW_mu_I;
+    c->pressure_from_density = smoothed;
     for (int d = 0; d < dim; d++) c->shape[d] = 6;
     c->lower[0] = -1, c->lower[1] = 2, c->lower[2] = 0.5;
     c->dx = 0.1, c->lambda = 0.25;
@@ -28,19 +28,19 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int diffused
     const double parameter[] = {1e6 / 1.2, 1e6 / 2.6, 0.38, 0.64, 1.12};
     memcpy(c->parameter, parameter, sizeof parameter);
     c->wave_speed = sqrt((parameter[0] + 4 * parameter[1] / 3) / c->rho_c);
-    c->cure = (struct gr_cure){.diffusion = 0.1,
-                               .strain_diffusion = 10,
-                               .feedback = 0.7,
-                               .feedback_limit = 0.1,
-                               .feedback_noise = 0.05,
-                               .feedback_crowd = 2.0,
-                               .shift = 5,
-                               .shift_limit = 0.05,
-                               .reach = 0.02,
-                               .weighting = 0.7,
-                               .weight_limit = 0.5,
-                               .weight_decay = 0.02,
-                               .interval = 1};
+    c->density = (struct gr_density_correction){.diffusion = 0.1,
+                                                .strain_diffusion = 10,
+                                                .relaxation = 0.7,
+                                                .relaxation_limit = 0.1,
+                                                .dead_band = 0.05,
+                                                .compression_rate = 2.0,
+                                                .shifting = 5,
+                                                .shifting_limit = 0.05,
+                                                .reach = 0.02,
+                                                .weight_correction = 0.7,
+                                                .weight_correction_limit = 0.5,
+                                                .weight_correction_decay = 0.02,
+                                                .interval = 1};
     s->walls[0] = (struct gr_wall){.normal = -1, .opens_at = INFINITY};
     c->n_walls = 1;
     c->n_gravity = 1;
@@ -50,7 +50,7 @@ static int64_t axis_nodes(const struct gr_config *c, int d)
 {
     const int n = c->shape[d];
     if (c->periodic[d]) return n;
-    return c->basis == GR_QUADRATIC ? n + 2 + c->n_creases[d] : n + 1;
+    return c->basis == GR_QUADRATIC ? n + 2 + c->n_c0_lines[d] : n + 1;
 }
 
 int64_t scene_grid_nodes(const struct scene *s)
@@ -81,7 +81,7 @@ static void fill(struct scene *s, int64_t n, double low, double high)
         for (int d = 0; d < c->dim; d++) {
             *scene_at(s, GR_FIELD_x, d, k) = c->lower[d] + c->shape[d] * c->dx * scene_random(low, high);
             *scene_at(s, GR_FIELD_v, d, k) = scene_random(-1, 1);
-            if (c->diffused) *scene_at(s, GR_FIELD_density_gradient, d, k) = scene_random(-1e-3, 1e-3);
+            if (c->smoothed) *scene_at(s, GR_FIELD_density_gradient, d, k) = scene_random(-1e-3, 1e-3);
         }
         const double p = scene_random(0, 2000);
         for (int q = 0; q < gr_field_components(GR_FIELD_stress, c->dim); q++)

@@ -18,7 +18,7 @@ struct scene {
 };
 
 /* A valid configuration: 6 cells of 0.1 m along each axis from (-1, 2, 0.5), mu(I) material, no walls, no gravity. */
-void scene_default(struct scene *s, int dim, int basis, int affine, int diffused);
+void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed);
 /* Number of nodes of the whole grid for the present configuration. */
 int64_t scene_grid_nodes(const struct scene *s);
 /* Put wall row `row` on all nodes of the lower (upper: high = 1) face of an axis. Call scene_codes first. */
@@ -35,7 +35,7 @@ void scene_seed(uint64_t seed);
 
 /* Component c of a field at a place. */
 double *scene_at(const struct scene *s, int field, int c, int64_t slot);
-/* Sums of a node in row q (see mpm/scatter.c), and its position in m. */
+/* Sums of a node in row q (see mpm/p2g.inl), and its position in m. */
 double scene_sum(const struct scene *s, int64_t node, int q);
 double scene_node_x(const struct scene *s, int64_t node, int d);
 /* The place of the point with this id, -1 if there is none. */

@@ -8,7 +8,7 @@
 #include "tests/check.h"
 
 enum { N = 9 };
-static const int32_t creases[] = {3, 4, 7};
+static const int32_t c0_lines[] = {3, 4, 7};
 
 static double value(const struct gr_axis_cell *cell, int a, double xi)
 {
@@ -73,12 +73,12 @@ static void quadratic_reproduces(void)
         }
 }
 
-/* Against the recursion on the whole knot vector, creases and open ends included. */
+/* Against the recursion on the whole knot vector, c0_lines and open ends included. */
 static void quadratic_is_the_spline(void)
 {
     const double knot[] = {0, 0, 0, 1, 2, 3, 3, 4, 4, 5, 6, 7, 7, 8, 9, 9, 9};
     struct gr_axis axis;
-    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, creases, 3, 0, 0, 1) == GR_OK);
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, c0_lines, 3, 0, 0, 1) == GR_OK);
     CHECK(axis.n_nodes == N + 2 + 3);
     check_sums(&axis, 3, N);
     for (int c = 0; c < N; c++)
@@ -92,11 +92,11 @@ static void quadratic_is_the_spline(void)
     gr_axis_free(&axis);
 }
 
-/* At an open end and on a crease one node holds all the weight: walls there are sharp. */
+/* At an open end and on a c0_line one node holds all the weight: walls there are sharp. */
 static void walls_interpolate(void)
 {
     struct gr_axis axis;
-    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, creases, 3, 0, 0, 1) == GR_OK);
+    CHECK(gr_axis_build(&axis, GR_QUADRATIC, N, 0, c0_lines, 3, 0, 0, 1) == GR_OK);
     const int at[] = {0, 3, 4, 7};
     for (int k = 0; k < 4; k++) {
         CHECK_NEAR(value(&axis.cell[at[k]], 0, 0), 1, 1e-15);
@@ -114,8 +114,8 @@ static void integrals_fill_the_domain(void)
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int periodic = 0; periodic < 2; periodic++) {
             struct gr_axis axis;
-            const int n_creases = basis == GR_QUADRATIC && periodic ? 0 : 3;
-            CHECK(gr_axis_build(&axis, basis, N, periodic, creases, n_creases, 0.25, 0, 1) == GR_OK);
+            const int n_c0_lines = basis == GR_QUADRATIC && periodic ? 0 : 3;
+            CHECK(gr_axis_build(&axis, basis, N, periodic, c0_lines, n_c0_lines, 0.25, 0, 1) == GR_OK);
             double sum = 0, least = 1;
             for (int i = 0; i < axis.n_nodes; i++) {
                 sum += axis.node_integral[i];
@@ -157,12 +157,12 @@ static void ugimp_averages_hats(void)
 {
     struct gr_axis axis;
     const double lambda = 0.25;
-    CHECK(gr_axis_build(&axis, GR_UGIMP, N, 0, creases, 3, lambda, 0, 1) == GR_OK);
+    CHECK(gr_axis_build(&axis, GR_UGIMP, N, 0, c0_lines, 3, lambda, 0, 1) == GR_OK);
     CHECK(axis.n_cells == N + 1 && axis.n_nodes == N + 1);
     for (int c = 0; c <= N; c++) {
         const struct gr_axis_cell *cell = &axis.cell[c];
-        const int is_crease = c == 3 || c == 4 || c == 7;
-        CHECK(cell->clip == (c == 0 || c == N || is_crease));
+        const int is_c0_line = c == 3 || c == 4 || c == 7;
+        CHECK(cell->clip == (c == 0 || c == N || is_c0_line));
         CHECK_NEAR(cell->begin - cell->edge, c == 0 ? 0.5 : 0, 0);
         CHECK_NEAR(cell->end - cell->edge, c == N ? 0.5 : 1, 0);
         for (double xi = cell->begin - cell->edge + 1.0 / 128; xi < cell->end - cell->edge; xi += 1.0 / 64) {
@@ -189,7 +189,7 @@ static void blocks_agree(void)
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
         if (basis == GR_UGIMP) continue;
         struct gr_axis axis;
-        CHECK(gr_axis_build(&axis, basis, N, 0, creases, 3, 0.25, 0, 1) == GR_OK);
+        CHECK(gr_axis_build(&axis, basis, N, 0, c0_lines, 3, 0.25, 0, 1) == GR_OK);
         for (int c = 0; c < N; c++)
             for (double xi = 0; xi < 1; xi += 1.0 / 32) {
                 vd w[3], g[3];

@@ -26,7 +26,7 @@ static void owns_its_config(void)
     CHECK(scene_build(&s, 10, 0.1, 0.9) == GR_OK);
     CHECK(s.engine->config.walls != s.walls && s.engine->config.node_codes != s.codes);
     CHECK(s.engine->config.gravity_times != s.gravity_times && s.engine->config.gravity_vectors != s.gravity_vectors);
-    CHECK(!s.engine->config.cell_flags && !s.engine->config.creases[0]);
+    CHECK(!s.engine->config.cell_flags && !s.engine->config.c0_lines[0]);
     scene_free(&s);
 }
 
@@ -38,7 +38,7 @@ static void fields_by_need(void)
     CHECK(!gr_engine_uses(&s.config, GR_FIELD_affine) && !gr_engine_uses(&s.config, GR_FIELD_shift_velocity));
     s.config.affine = GR_AFFINE_MOMENT;
     CHECK(gr_engine_uses(&s.config, GR_FIELD_affine));
-    s.config.diffused = 1;
+    s.config.smoothed = 1;
     CHECK(gr_engine_uses(&s.config, GR_FIELD_density_gradient) && gr_engine_uses(&s.config, GR_FIELD_shift_velocity));
 }
 
@@ -63,10 +63,10 @@ static void refuses_kinds(void)
     REFUSED(s.config.affine = GR_AFFINE_COUNT);
     REFUSED(s.config.law = -1);
     REFUSED(s.config.law = GR_LAW_COUNT);
-    REFUSED(s.config.diffused = 1); /* needs splines and the gradient */
+    REFUSED(s.config.smoothed = 1); /* needs splines and the gradient */
     REFUSED(s.config.xpic_order = -1);
-    REFUSED((s.config.diffused = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,
-             s.config.cure.interval = 0));
+    REFUSED((s.config.smoothed = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,
+             s.config.density.interval = 0));
     REFUSED(s.config.xpic_order = 11);
     REFUSED((s.config.xpic_order = 2, s.config.affine = GR_AFFINE_MOMENT));
 }

@@ -1,4 +1,4 @@
-/* fluidity/fluidity.c, fluidity/diffuse.c, law/fluidity_update.h: by hand, against bad input, and without memory. */
+/* fluidity/fluidity.c, fluidity/diffuse.inl, law/fluidity_update.h: by hand, against bad input, and without memory. */
 #include "fluidity/fluidity.h"
 
 #include <string.h>
@@ -105,9 +105,9 @@ static void two_sides(void)
             const int64_t front = gr_fluidity_place(f, 1, 0), back = gr_fluidity_place(f, 1, 1);
             CHECK(f->n_pages == 2 && front != back);
             f->has_inside = 1;
-            f->inside[2] = GR_BEHIND_PLATE;
-            f->inside[front] = apart ? GR_APART : 0;
-            f->inside[back] = apart ? GR_APART | GR_BEHIND_PLATE : GR_HIDDEN;
+            f->inside[2] = GR_BEHIND;
+            f->inside[front] = apart ? GR_SEPARATED : 0;
+            f->inside[back] = apart ? GR_SEPARATED | GR_BEHIND : GR_HIDDEN;
             f->dense[0] = f->dense[front] = f->dense[2] = 1, f->dense[back] = (uint8_t)apart;
             f->g[0] = 1, f->g[front] = 4, f->g[back] = apart ? 3 : 0, f->g[2] = 8;
             CHECK(run(f, "", GR_DIFFUSION_explicit, k, 1, 1) == GR_OK);

@@ -34,7 +34,7 @@ static void prepare(struct scene *s, int dim, struct gr_wall wall, int walled)
     scene_codes(s);
     if (walled) scene_face(s, dim - 1, 0, 1);
     CHECK(scene_build(s, 400, 0.01, 0.7) == GR_OK);
-    CHECK(gr_scatter(s->engine, gr_kernels_select("baseline")) == GR_OK);
+    CHECK(gr_p2g(s->engine, gr_kernels_select("baseline")) == GR_OK);
     CHECK(gr_grid(s->engine, gr_kernels_select("baseline")) == GR_OK);
 }
 
@@ -61,7 +61,7 @@ static void free_nodes_follow_newton(void)
     }
 }
 
-/* Rough and frictionless walls, fixed component by component: no velocity and no increment. */
+/* Rough and free_slip walls, fixed component by component: no velocity and no increment. */
 static void fixed_components_rest(void)
 {
     for (int fixed = 1; fixed < 4; fixed++) {
@@ -162,7 +162,7 @@ static void cutoff_spares_nan(void)
     s.config.dt = 1e-4;
     s.config.mass_cutoff = 1e9;
     CHECK(scene_build(&s, 100, 0.1, 0.9) == GR_OK);
-    CHECK(gr_scatter(s.engine, gr_kernels_select("")) == GR_OK);
+    CHECK(gr_p2g(s.engine, gr_kernels_select("")) == GR_OK);
     s.engine->sums[0] = NAN;
     CHECK(gr_grid(s.engine, gr_kernels_select("")) == GR_OK);
     int found = 0;

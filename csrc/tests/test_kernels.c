@@ -43,12 +43,12 @@ static void sets_agree(void)
     for (int dim = 2; dim <= 3; dim++)
         for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
             for (int affine = 0; affine < GR_AFFINE_COUNT; affine++)
-                for (int diffused = 0; diffused <= (basis == GR_QUADRATIC && affine == GR_AFFINE_GRADIENT); diffused++) {
+                for (int smoothed = 0; smoothed <= (basis == GR_QUADRATIC && affine == GR_AFFINE_GRADIENT); smoothed++) {
                     struct scene s[3];
                     for (int k = 0; k < 3; k++) {
                         const struct gr_kernels *kernels = gr_kernels_select(sets[k]);
                         scene_seed(47);
-                        scene_default(&s[k], dim, basis, affine, diffused);
+                        scene_default(&s[k], dim, basis, affine, smoothed);
                         CHECK(scene_build(&s[k], 150, 0.2, 0.7) == GR_OK);
                         if (kernels) CHECK(gr_advance(s[k].engine, kernels, 3, INFINITY, 1) == GR_OK);
                         if (!k || !kernels) continue;
@@ -68,22 +68,22 @@ static void fused_is_separate(void)
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int variant = 0; variant < 5; variant++) {
             const int affine = variant == 4 ? GR_AFFINE_GRADIENT : variant % 3, xpic = variant == 3 ? 2 : 0;
-            const int diffused = variant == 4 && basis == GR_QUADRATIC, shared = variant == 4 && basis == GR_LINEAR;
+            const int smoothed = variant == 4 && basis == GR_QUADRATIC, cell_averaged = variant == 4 && basis == GR_LINEAR;
             struct scene a, b;
             for (int copy = 0; copy < 2; copy++) {
                 struct scene *one = copy ? &b : &a;
                 scene_seed(53);
-                scene_default(one, 2, basis, affine, diffused);
+                scene_default(one, 2, basis, affine, smoothed);
                 one->config.xpic_order = xpic;
-                one->config.shared = shared;
+                one->config.cell_averaged = cell_averaged;
                 CHECK(scene_build(one, 200, 0.1, 0.9) == GR_OK);
             }
             const struct gr_kernels *kernels = gr_kernels_select("");
             CHECK(gr_advance(a.engine, kernels, 20, INFINITY, 1) == GR_OK);
             for (int step = 0; step < 20; step++) {
-                CHECK(gr_scatter(b.engine, kernels) == GR_OK);
+                CHECK(gr_p2g(b.engine, kernels) == GR_OK);
                 CHECK(gr_grid(b.engine, kernels) == GR_OK);
-                CHECK(gr_gather(b.engine, kernels) == GR_OK);
+                CHECK(gr_g2p(b.engine, kernels) == GR_OK);
             }
             CHECK(a.engine->step == 20 && b.engine->step == 20 && a.engine->time == b.engine->time);
             CHECK(!scene_differs(&a, &b));

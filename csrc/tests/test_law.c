@@ -1,4 +1,4 @@
-/* law/law.c, law_elastic.c, law_frictional.c: the update of the stress, at the portable instruction set and at the best. */
+/* law/law.c, law_elastic.inl, law_frictional.inl: the update of the stress, at the portable instruction set and at the best. */
 #include "law/law.h"
 
 #include <string.h>
@@ -36,9 +36,9 @@ static double parameter_named(const char *name)
     static const struct {
         const char *name;
         double value;
-    } known[] = {{"K", K},     {"G", G},        {"mu_s", MU_S}, {"mu", MU_S},   {"mu_2", MU_2},
-                 {"xi", XI},   {"A", 0.5},      {"I0", XI},     {"rho_s", 1},   {"d", 1},
-                 {"t0", 1e-3}, {"p_spread", 0}, {"g_min", 0},   {"h0_deg", 30}, {"h2", 1}};
+    } known[] = {{"K", K},     {"G", G},           {"mu_s", MU_S}, {"mu", MU_S},   {"mu_2", MU_2},
+                 {"xi", XI},   {"A", 0.5},         {"I0", XI},     {"rho_s", 1},   {"d", 1},
+                 {"t0", 1e-3}, {"p_averaging", 0}, {"g_min", 0},   {"h0_deg", 30}, {"h2", 1}};
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (!strcmp(known[k].name, name)) return known[k].value;
     return 0;
@@ -57,7 +57,7 @@ static void update(const struct gr_kernels *kernels, int law, struct points *p, 
                                .slot = slot,
                                .gradient = gradient,
                                .dt = DT,
-                               .part = 1,
+                               .fraction = 1,
                                .pressure_from_density = from_density,
                                .parameter = parameter,
                                .log_density = log_density,
@@ -133,14 +133,14 @@ static void check_elastic(const struct gr_kernels *kernels, int dim)
 static void elastic_is_the_jaumann_rate(void) { each_isa(check_elastic); }
 
 /* mu(I): on the yield surface or inside; with the flow rule gdot = xi sqrt(p) (mu - mu_s)/(mu_2 - mu) (eq. 2.13). */
-static void check_mu_i(const struct gr_kernels *kernels, int dim)
+static void check_mu_I(const struct gr_kernels *kernels, int dim)
 {
     for (int from_density = 0; from_density < 2; from_density++) {
         struct points q, old;
         int elastic = 0, flowing = 0;
         random_points(&q, dim, MOST, 1e-3);
         old = q;
-        update(kernels, GR_LAW_mu_i, &q, from_density);
+        update(kernels, GR_LAW_mu_I, &q, from_density);
         for (int k = 0; k < MOST; k++) {
             double t[6], p, tau, p_trial, tau_trial;
             trial(old.gradient[k], old.stress[k], dim, t);
@@ -167,7 +167,7 @@ static void check_mu_i(const struct gr_kernels *kernels, int dim)
     }
 }
 
-static void mu_i_flows(void) { each_isa(check_mu_i); }
+static void mu_I_flows(void) { each_isa(check_mu_I); }
 
 static void check_drucker_prager(const struct gr_kernels *kernels, int dim)
 {
@@ -243,7 +243,7 @@ static void nan_stays_in_its_lane(void) { each_isa(check_nan); }
 
 static void laws_are_described(void)
 {
-    const char *const names[] = {"elastic", "drucker_prager", "mu_i", "ngf", "hencky_elastic"};
+    const char *const names[] = {"elastic", "drucker_prager", "mu_I", "ngf", "hencky_elastic"};
     for (int law = 0; law < GR_LAW_COUNT; law++) {
         const struct gr_law_info *info = &gr_law_table[law];
         CHECK(info->n_parameters >= 2 && info->n_parameters <= GR_LAW_MAX_PARAMETERS);
@@ -257,7 +257,7 @@ static void laws_are_described(void)
 int main(void)
 {
     RUN(elastic_is_the_jaumann_rate);
-    RUN(mu_i_flows);
+    RUN(mu_I_flows);
     RUN(drucker_prager_returns);
     RUN(disconnected_is_stress_free);
     RUN(rest_is_rest);

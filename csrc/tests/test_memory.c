@@ -52,14 +52,14 @@ static void config(struct scene *s, int basis, int kind)
 
 static void axis_build_fails(void)
 {
-    const int32_t creases[] = {2, 3};
+    const int32_t c0_lines[] = {2, 3};
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
         long n = 0;
         int error;
         do {
             struct gr_axis axis;
             faults_at(++n);
-            error = gr_axis_build(&axis, basis, 6, 0, creases, 2, 0.25, 0, 1);
+            error = gr_axis_build(&axis, basis, 6, 0, c0_lines, 2, 0.25, 0, 1);
             const int hit = faults_hit();
             faults_at(0);
             CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));

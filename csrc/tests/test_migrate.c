@@ -103,14 +103,14 @@ static void open_sides(void)
 enum { ROOM = 400 };
 
 /* A list with room for ROOM points of the scene. */
-static struct gr_leavers list_new(const struct scene *s)
+static struct gr_migrants list_new(const struct scene *s)
 {
-    return (struct gr_leavers){malloc(sizeof(struct gr_leaver) * ROOM),
-                               malloc(sizeof(double) * (size_t)((ROOM + 1) * s->engine->n_components)),
-                               malloc(sizeof(int64_t) * (ROOM + 1)), 0};
+    return (struct gr_migrants){malloc(sizeof(struct gr_migrant) * ROOM),
+                                malloc(sizeof(double) * (size_t)((ROOM + 1) * s->engine->n_components)),
+                                malloc(sizeof(int64_t) * (ROOM + 1)), 0};
 }
 
-static void list_free(struct gr_leavers *list)
+static void list_free(struct gr_migrants *list)
 {
     free(list->from);
     free(list->record);
@@ -129,7 +129,7 @@ static void moves_between_cells(void)
         CHECK(scene_build(one, 300, 0.05, 0.95) == GR_OK);
         CHECK(gr_regroup(one->engine) == GR_OK);
     }
-    struct gr_leavers list[2] = {list_new(&s), list_new(&s)};
+    struct gr_migrants list[2] = {list_new(&s), list_new(&s)};
     int64_t gone = 0;
     double mass = 0;
     struct gr_engine *e = s.engine;
@@ -142,10 +142,10 @@ static void moves_between_cells(void)
             *scene_at(&before, GR_FIELD_x, 1, scene_find(&before, s.id[k])) = *y;
             if (*y >= 2.6) gone++, mass += *scene_at(&s, GR_FIELD_mass, 0, k), before.id[scene_find(&before, s.id[k])] = -1;
             const int t = c >= e->mesh.n_cells / 2;
-            list[t].from[list[t].count++] = (struct gr_leaver){c, k};
+            list[t].from[list[t].count++] = (struct gr_migrant){c, k};
         }
     CHECK(gone > 0);
-    for (int t = 0; t < 2; t++) gr_lift_leavers(e, &list[t], 0);
+    for (int t = 0; t < 2; t++) gr_pack_migrants(e, &list[t], 0);
     CHECK(gr_migrate(e, list, 2) == GR_OK);
     CHECK(e->dropped == gone && e->n_points == 300 - gone);
     CHECK_NEAR(e->dropped_mass, mass, 1e-12);
@@ -173,16 +173,16 @@ static void refuses_bad_points(void)
         scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
         CHECK(scene_build(&s, 20, 0.3, 0.5) == GR_OK);
         CHECK(gr_regroup(s.engine) == GR_OK);
-        struct gr_leavers list = list_new(&s);
+        struct gr_migrants list = list_new(&s);
         const int64_t victim = 7;
         *scene_at(&s, GR_FIELD_x, 1, scene_find(&s, victim)) += bad[k];
         for (int again = 0; again < 40; again++) {
             list.count = 0;
             for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
                 for (int32_t i = 0; i < s.engine->mesh.cell[c].count; i++)
-                    list.from[list.count++] = (struct gr_leaver){c, s.engine->mesh.cell[c].offset + i};
+                    list.from[list.count++] = (struct gr_migrant){c, s.engine->mesh.cell[c].offset + i};
             CHECK(list.count == 20);
-            gr_lift_leavers(s.engine, &list, 0);
+            gr_pack_migrants(s.engine, &list, 0);
             CHECK(gr_migrate(s.engine, &list, 1) == (k < 2 ? GR_ERR_NOT_FINITE : GR_ERR_RUNAWAY));
             CHECK(s.engine->error_id == victim);
         }

@@ -22,7 +22,7 @@ struct bed {
     int64_t id[CAPACITY];
 };
 
-static void set_out(struct bed *bed, double shake)
+static void begin_substeps(struct bed *bed, double shake)
 {
     memset(bed, 0, sizeof *bed);
     const double length = SIDE * spacing;
@@ -69,7 +69,7 @@ static void set_out(struct bed *bed, double shake)
 static struct gr_sph *started(struct bed *bed, double shake)
 {
     struct gr_sph *s = NULL;
-    set_out(bed, shake);
+    begin_substeps(bed, shake);
     CHECK(gr_sph_new(&s, &bed->config, gr_kernels_select("")->lanes) == GR_OK);
     CHECK(gr_sph_bind(s, bed->row, bed->id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1) == GR_OK);
     return s;
@@ -114,10 +114,10 @@ static void wrong_configurations_are_refused(void)
 {
     static struct bed bed;
     struct gr_sph *s;
-    set_out(&bed, 0.0);
+    begin_substeps(&bed, 0.0);
     bed.config.upper[0] = 2 * spacing; /* a period shorter than the list reaches */
     CHECK(gr_sph_new(&s, &bed.config, 8) == GR_ERR_CONFIG && !s);
-    set_out(&bed, 0.0);
+    begin_substeps(&bed, 0.0);
     bed.config.upper[1] = 1e9; /* cells without number */
     CHECK(gr_sph_new(&s, &bed.config, 8) == GR_ERR_CONFIG && !s);
     s = started(&bed, 0.0);
@@ -133,7 +133,7 @@ static void allocations_fail(void)
     int error;
     do {
         struct gr_sph *s = NULL;
-        set_out(&bed, 0.3);
+        begin_substeps(&bed, 0.3);
         faults_at(++n);
         error = gr_sph_new(&s, &bed.config, gr_kernels_select("")->lanes);
         if (!error) error = gr_sph_bind(s, bed.row, bed.id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1);
@@ -158,7 +158,7 @@ static void steps_do_not_allocate(void)
         CHECK(gr_sph_advance(s, kernels->sph, 200, 1e9, 1) == GR_OK);
         if (k == 0) CHECK(faults_calls() == 0);
         faults_at(0);
-        CHECK(s->step == 400 && s->rebuilds > rebuilds && s->n_grains == GRAINS);
+        CHECK(s->step == 400 && s->rebuilds > rebuilds && s->n_particles == GRAINS);
         gr_sph_free(s);
     }
     CHECK(!memcmp(bed[0].numbers, bed[1].numbers, sizeof bed[0].numbers));
@@ -171,7 +171,7 @@ static void walls_move_and_go(void)
     const struct gr_kernels *kernels = gr_kernels_select("");
     const double from = 0.0123, until = 0.05, speed = -0.1;
     struct gr_sph *s = NULL;
-    set_out(&bed, 0.0);
+    begin_substeps(&bed, 0.0);
     bed.config.n_walls = 1;
     bed.config.wall[0] = (struct gr_sph_wall){.lower = {-INFINITY, -3 * spacing},
                                               .upper = {INFINITY, 0},
@@ -192,7 +192,7 @@ static void walls_move_and_go(void)
     CHECK_NEAR(highest, -0.5 * spacing + speed * (s->time - from), 1e-14);
     CHECK(v[1][WALL_FIRST] == speed && s->n_walls == WALLS);
     CHECK(gr_sph_advance(s, kernels->sph, 1000, 1.01 * until, 3) == GR_OK);
-    CHECK(s->n_walls == 0 && s->n_grains == GRAINS);
+    CHECK(s->n_walls == 0 && s->n_particles == GRAINS);
     gr_sph_free(s);
 }
 

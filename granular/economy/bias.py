@@ -14,9 +14,9 @@ from types import MappingProxyType
 import numpy as np
 
 from granular.materials import Material, MuI
-from granular.scene import Scene
-from granular.schemes import Scheme, default, published
-from granular.stability import damps_by_step, height
+from granular.mpm.limits import damps_by_step, height
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme, default, dunatunga_kamrin_2015
 from granular.theory import transient
 
 __all__ = [
@@ -101,11 +101,11 @@ def kind(scheme: Scheme) -> str:
     The default scheme may have the rate of its decay held from stiffer grains (`held_decay`); with
     a fixed step it was not measured.
     """
-    if scheme.density == "diffused":
+    if scheme.density == "smoothed":
         own = scheme.replace(decay=default.decay) if scheme.decay > default.decay else scheme
         return "default" if scheme.dt is None and with_numbers_of_default(own) else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
-    return "published" if plain and scheme.mass_cutoff == published.mass_cutoff else ""
+    return "published" if plain and scheme.mass_cutoff == dunatunga_kamrin_2015.mass_cutoff else ""
 
 
 def gravity(scene: Scene) -> float:
@@ -176,7 +176,7 @@ def incline_error(scene: Scene, material: MuI) -> float:
     if scene.parameters["ramp"] != 0.1:
         return math.nan
     scheme = scene.scheme
-    if damps_by_step(scheme) or (scheme.density == "tracked" and not one_column(scene)):
+    if damps_by_step(scheme) or (scheme.density == "particle" and not one_column(scene)):
         return math.nan
     flow = incline_flow(scene)
     if flow <= 0.0:
@@ -219,7 +219,7 @@ def law_of(scene: Scene, name: str) -> StiffnessLaw | None:
     law = LAWS.get((name, kind(scheme)))
     if law is None or grid_damping(scene) > law.damping:
         return None
-    damped_more = scheme.density == "diffused" and scheme.decay > default.decay
+    damped_more = scheme.density == "smoothed" and scheme.decay > default.decay
     return None if damped_more and not law.held else law
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular.scene import Scene
-from granular.schemes import Scheme
-from granular.stability import check_time_step
+from granular.mpm.limits import check_time_step
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
 
 __all__ = ["Cost", "cost", "nanoseconds", "time_step"]
 
@@ -73,7 +73,7 @@ def time_step(scene: Scene) -> float:
 
 def nanoseconds(scheme: Scheme, dim: int) -> float:
     """Time of a point and step of a scheme on one core, about [ns]."""
-    if scheme.density == "shared":
+    if scheme.density == "cell_averaged":
         return _SHARED[dim]
     known = _NANOSECONDS[dim]
     measured = known.get((scheme.basis, scheme.transfer))

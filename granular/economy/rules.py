@@ -1,4 +1,4 @@
-"""The pieces of advice: each looks at one side of a scene, and takes what the tolerance leaves."""
+"""The pieces of suggestion: each looks at one side of a scene, and takes what the tolerance leaves."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from granular import engine
 from granular.checks import in_range
 from granular.economy import bias
-from granular.economy.advice import Advice, AdviceList, changed, saving, scene_function
 from granular.economy.cost import nanoseconds
+from granular.economy.suggestion import Suggestion, Suggestions, changed, saving, scene_function
 from granular.economy.symmetry import obstacle
 from granular.materials import MuI
-from granular.scene import Scene
-from granular.schemes import Scheme, default
-from granular.stability import check_time_step, courant_limit, damps_by_step, height
+from granular.mpm import engine
+from granular.mpm.limits import check_time_step, courant_limit, damps_by_step, height
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme, default
 from granular.theory.stopping import stopping_height
 from granular.theory.well_posed import scaled_inertial_number_of_slope
 
-__all__ = ["advise"]
+__all__ = ["suggest"]
 
 NONLOCAL_AMPLITUDE = (0.48, 0.9)
 """A of the nonlocal law for glass beads: the size of grains is felt over lengths of A d."""
@@ -66,17 +66,17 @@ class _Asked:
     name: str
     tolerance: float
 
-    def take(self, item: Advice) -> _Asked:
+    def take(self, item: Suggestion) -> _Asked:
         if not item.changes:
             return self
         scene = changed(self.scene, item.changes)
         return _Asked(self.given, scene, self.name, self.tolerance - item.error)
 
-    def advice(
+    def suggestion(
         self, topic: str, reason: str, error: float = 0.0, changes: Mapping[str, Any] | None = None
-    ) -> Advice:
+    ) -> Suggestion:
         gain = saving(self.scene, changes) if changes else 1.0
-        return Advice(
+        return Suggestion(
             topic=topic,
             reason=reason,
             error=error,
@@ -91,61 +91,61 @@ def _flat(asked: _Asked) -> bool:
     return asked.name == "incline" and bias.one_column(asked.scene)
 
 
-def _columns(asked: _Asked) -> Advice:
+def _columns(asked: _Asked) -> Suggestion:
     """Of an incline: to one column."""
     scene = asked.scene
     if _flat(asked):
-        return asked.advice("dimension", "One column of cells is the least there is.")
+        return asked.suggestion("dimension", "One column of cells is the least there is.")
     if scene.dim == 3:
         reason = (
             "The flow is the same all across as well: the plane shows it (columns_across = 0)."
             " What that changes has not been measured."
         )
-        return asked.advice("dimension", reason, math.nan)
+        return asked.suggestion("dimension", reason, math.nan)
     if SHARE * asked.tolerance < ONE_COLUMN:
         reason = f"One column would change the flow by about {ONE_COLUMN:.2g}."
-        return asked.advice("dimension", reason)
+        return asked.suggestion("dimension", reason)
     reason = (
         "The flow is the same all along the slope: one periodic column shows it. It cannot"
         " show waves on the surface, nor a scheme that fails in two dimensions."
     )
-    if scene.scheme.density == "tracked":
+    if scene.scheme.density == "particle":
         reason += (
             " This one does: what it makes of many columns is not within this error"
             " (off by .16 on 8, linear functions), of one it is."
         )
-    return asked.advice("dimension", reason, ONE_COLUMN, {"columns": 1})
+    return asked.suggestion("dimension", reason, ONE_COLUMN, {"columns": 1})
 
 
-def _dimension(asked: _Asked) -> Advice:
+def _dimension(asked: _Asked) -> Suggestion:
     scene, called = asked.scene, asked.scene.parameters
     if asked.name == "incline":
         return _columns(asked)
     if called.get("half", False):
         where = "In the plane, and half" if scene.dim == 2 else "Half"
-        return asked.advice("dimension", f"{where} by symmetry: all there is.")
+        return asked.suggestion("dimension", f"{where} by symmetry: all there is.")
     if called.get("quarter", False):
         reason = "A quarter by symmetry. It spreads in two directions: the plane is another flow."
-        return asked.advice("dimension", reason)
+        return asked.suggestion("dimension", reason)
     reason = obstacle(scene)
     if reason:
-        return asked.advice("dimension", f"It cannot be halved: {reason}.")
+        return asked.suggestion("dimension", f"It cannot be halved: {reason}.")
     error = 0.0 if scene.scheme.basis == "linear" else HALVED
     if SHARE * asked.tolerance < error:
         reason = f"It is its own mirror image, but half of it would change the flow by {error:.2g}."
-        return asked.advice("dimension", reason)
-    reason = "The scene is its own mirror image: half of it, before a frictionless wall, is enough."
-    return asked.advice("dimension", reason, error, {"half": True})
+        return asked.suggestion("dimension", reason)
+    reason = "The scene is its own mirror image: half of it, before a free_slip wall, is enough."
+    return asked.suggestion("dimension", reason, error, {"half": True})
 
 
 _LINEAR = Scheme(basis="linear")
 
 
-def _basis(asked: _Asked) -> Advice:
+def _basis(asked: _Asked) -> Suggestion:
     scheme, dim = asked.scene.scheme, asked.scene.dim
     flat = _flat(asked)
-    if scheme.density == "shared":
-        return asked.advice("basis", "Linear functions that keep shear flows: none is cheaper.")
+    if scheme.density == "cell_averaged":
+        return asked.suggestion("basis", "Linear functions that keep shear flows: none is cheaper.")
     if scheme.basis == "linear":
         dearer = nanoseconds(default, dim) / nanoseconds(scheme, dim)
         reason = "Linear functions are the cheapest." + (
@@ -154,26 +154,26 @@ def _basis(asked: _Asked) -> Advice:
             else " They lose two-dimensional shear flows; a scheme that keeps them costs"
             f" {dearer:.2g} times as much for a point and step."
         )
-        return asked.advice("basis", reason)
+        return asked.suggestion("basis", reason)
     share = nanoseconds(_LINEAR, dim) / nanoseconds(scheme, dim)
     if not flat:
         reason = (
             f"Kept: linear functions cost {share:.2g} of it, but the layers they shear in two"
             " dimensions collapse; on the incline of 8 columns the profile is off by .16 in 4 s."
         )
-        return asked.advice("basis", reason)
+        return asked.suggestion("basis", reason)
     if not bias.with_numbers_of_default(scheme):
         reason = "Kept: what linear functions change was measured against the default scheme alone."
-        return asked.advice("basis", reason, math.nan)
+        return asked.suggestion("basis", reason, math.nan)
     if SHARE * asked.tolerance < LINEAR_COLUMN:
         reason = f"Kept: linear functions change the flow by about {LINEAR_COLUMN:.2g}."
-        return asked.advice("basis", reason)
+        return asked.suggestion("basis", reason)
     reason = "One column cannot fail in two dimensions: linear functions serve as well."
-    changes = {"basis": "linear", "transfer": "flip", "density": "tracked"}
-    return asked.advice("basis", reason, LINEAR_COLUMN, changes)
+    changes = {"basis": "linear", "transfer": "flip", "density": "particle"}
+    return asked.suggestion("basis", reason, LINEAR_COLUMN, changes)
 
 
-def _resolution(asked: _Asked) -> Advice:
+def _resolution(asked: _Asked) -> Suggestion:
     scene, called = asked.scene, asked.scene.parameters
     if asked.name != "incline":
         reason = (
@@ -181,22 +181,22 @@ def _resolution(asked: _Asked) -> Advice:
             " is told to a cell: other cells are another answer. Fewer points a cell: see"
             " docs/economy.md."
         )
-        return asked.advice("resolution", reason)
+        return asked.suggestion("resolution", reason)
     scheme, grains = scene.scheme, scene.material
     if not _flat(asked) or damps_by_step(scheme) or not isinstance(grains, MuI):
         reason = (
             "Cells are kept: what larger ones change was measured in one column, with the mu(I)"
             " law and a damping that does not depend on the step."
         )
-        return asked.advice("resolution", reason, math.nan)
+        return asked.suggestion("resolution", reason, math.nan)
     rows = round(called["height"] / called["cell"])
     for coarse in (n for n in range(LEAST_ROWS, rows) if rows % n == 0):
         cell = called["cell"] * (rows // coarse)
         error = bias.incline_resolution_error(scene, cell)
         if error <= SHARE * asked.tolerance:
             reason = f"{coarse} cells over the height are enough: the error falls as their square."
-            return asked.advice("resolution", reason, error, {"cell": cell})
-    return asked.advice("resolution", f"{rows} cells over the height are none too many.")
+            return asked.suggestion("resolution", reason, error, {"cell": cell})
+    return asked.suggestion("resolution", f"{rows} cells over the height are none too many.")
 
 
 def _rounded(E: float) -> float:
@@ -220,24 +220,24 @@ def softest(scene: Scene, name: str, tolerance: float) -> float:
     return _rounded(high)
 
 
-def _stiffness(asked: _Asked) -> Advice:
+def _stiffness(asked: _Asked) -> Suggestion:
     scene = asked.scene
     own = bias.stiffness_error(scene, asked.name, scene.material)
     if math.isnan(own):
         reason = "What softer grains would change here has not been measured: E is kept."
-        return asked.advice("stiffness", reason, math.nan)
+        return asked.suggestion("stiffness", reason, math.nan)
     E = softest(scene, asked.name, asked.tolerance)
     if math.isnan(E):
         reason = (
             f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."
         )
-        return asked.advice("stiffness", reason, own)
+        return asked.suggestion("stiffness", reason, own)
     if E >= scene.material.E:
         reason = (
             f"E = {scene.material.E:.2g} Pa is soft enough: its own error is about {own:.2g},"
             f" and the tolerance asks for {E:.2g} Pa or more."
         )
-        return asked.advice("stiffness", reason, own)
+        return asked.suggestion("stiffness", reason, own)
     error = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E))
     softer = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E / 10))
     beyond = "not known" if not math.isfinite(softer) else f"about {softer:.2g}"
@@ -249,30 +249,30 @@ def _stiffness(asked: _Asked) -> Advice:
     changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
         reason += " The damping of the scheme, which goes with the stiffness, is held."
-    return asked.advice("stiffness", reason, error, changes)
+    return asked.suggestion("stiffness", reason, error, changes)
 
 
-def _time_step(asked: _Asked) -> Advice:
+def _time_step(asked: _Asked) -> Suggestion:
     scene, scheme = asked.scene, asked.scene.scheme
     if scheme.dt is None:
         reason = f"Adaptive at {scheme.cfl:g} of dx/c already; beyond it runs can fail silently."
-        return asked.advice("time step", reason)
+        return asked.suggestion("time step", reason)
     if damps_by_step(scheme):
         reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
-        return asked.advice("time step", reason, math.nan)
-    if scheme.density != "tracked":
+        return asked.suggestion("time step", reason, math.nan)
+    if scheme.density != "particle":
         reason = "Kept: the density is averaged each so many steps, less often if they are longer."
-        return asked.advice("time step", reason, math.nan)
+        return asked.suggestion("time step", reason, math.nan)
     limit = courant_limit(scene)
     if scheme.cfl > limit:
         reason = f"Kept: the adaptive step would be beyond its limit, cfl = {scheme.cfl} > {limit}."
-        return asked.advice("time step", reason)
+        return asked.suggestion("time step", reason)
     adaptive = scheme.cfl * scene.grid.cell / scene.material.wave_speed
     if adaptive <= scheme.dt:
         reason = f"{scheme.dt:.2g} s is no less than the adaptive step of {adaptive:.2g} s."
-        return asked.advice("time step", reason)
+        return asked.suggestion("time step", reason)
     reason = f"Adaptive at {scheme.cfl:g} of dx/c: {adaptive:.2g} s in place of {scheme.dt:.2g} s."
-    return asked.advice("time step", reason, 0.0, {"dt": None})
+    return asked.suggestion("time step", reason, 0.0, {"dt": None})
 
 
 def inertia(scene: Scene, name: str) -> float:
@@ -288,29 +288,29 @@ def inertia(scene: Scene, name: str) -> float:
     return 1.0 / (grains.xi * math.sqrt(grains.rho_c) * (opening or height(scene)))
 
 
-def _rate(asked: _Asked) -> Advice:
+def _rate(asked: _Asked) -> Suggestion:
     grains = asked.scene.material
     if not isinstance(grains, MuI):
-        return asked.advice("rate", "The material does not depend on the rate.")
+        return asked.suggestion("rate", "The material does not depend on the rate.")
     ratio = inertia(asked.scene, asked.name)
     share = 1.0 if math.isinf(ratio) else ratio / (1 + ratio)
     gain = (grains.mu_2 - grains.mu_s) / grains.mu_s * share
     about = f"I/I0 is about {ratio:.2g}, friction {gain:.1%} above mu_s"
     if asked.name == "incline" and ratio > 0.0:
-        return asked.advice("rate", f"It decides how fast the layer flows: {about}.", math.inf)
+        return asked.suggestion("rate", f"It decides how fast the layer flows: {about}.", math.inf)
     error = FRICTION_SHARE * gain
     if error > asked.tolerance:
-        return asked.advice("rate", f"It matters: {about}.", error)
+        return asked.suggestion("rate", f"It matters: {about}.", error)
     reason = f"It does not matter: {about}. Coulomb friction mu_s would do, and costs as much."
-    return asked.advice("rate", reason, error)
+    return asked.suggestion("rate", reason, error)
 
 
-def _grains(asked: _Asked) -> Advice:
+def _grains(asked: _Asked) -> Suggestion:
     scene, called = asked.scene, asked.scene.parameters
     d = getattr(scene.material, "d", None)
     if d is None:
         reason = "The material has no grain size; with I0 and d in place of xi it can be judged."
-        return asked.advice("grains", reason, math.nan)
+        return asked.suggestion("grains", reason, math.nan)
     low, high = (d * amplitude for amplitude in NONLOCAL_AMPLITUDE)
     opening = called.get("orifice", 2 * called.get("orifice_radius", 0.0))
     size, what = (opening, "opening") if opening else (height(scene), "layer")
@@ -321,7 +321,7 @@ def _grains(asked: _Asked) -> Advice:
     if asked.name == "incline":
         text += _stopping_height(scene, d)
     verdict = "The local law leaves it out" if high / size > asked.tolerance else "Negligible"
-    return asked.advice("grains", f"{text}. {verdict}.", high / size)
+    return asked.suggestion("grains", f"{text}. {verdict}.", high / size)
 
 
 def _stopping_height(scene: Scene, d: float) -> str:
@@ -346,7 +346,7 @@ _WANTED = {
 }
 
 
-def _fields(asked: _Asked) -> Advice:
+def _fields(asked: _Asked) -> Suggestion:
     scene = asked.scene
     carried = engine.build(scene, 1.0).fields()
     numbers = sum(components for _, components, _, _ in carried)
@@ -355,10 +355,10 @@ def _fields(asked: _Asked) -> Advice:
     if asked.name in _WANTED:
         quantity, needed = _WANTED[asked.name]
         text += f"; for {quantity} it is enough to look at {needed}"
-    return asked.advice("fields", f"{text}.")
+    return asked.suggestion("fields", f"{text}.")
 
 
-_RULES: tuple[Callable[[_Asked], Advice], ...] = (
+_RULES: tuple[Callable[[_Asked], Suggestion], ...] = (
     _dimension,
     _basis,
     _resolution,
@@ -370,7 +370,7 @@ _RULES: tuple[Callable[[_Asked], Advice], ...] = (
 )
 
 
-def advise(scene: Scene, tolerance: float = 0.02) -> AdviceList:
+def suggest(scene: Scene, tolerance: float = 0.02) -> Suggestions:
     """How little is enough for a scene, with a reason and an expected error for each piece.
 
     Parameters
@@ -383,7 +383,7 @@ def advise(scene: Scene, tolerance: float = 0.02) -> AdviceList:
 
     Returns
     -------
-    AdviceList
+    Suggestions
         The errors of what would be changed add up to no more than the tolerance. Nothing is
         changed until `apply` is asked to.
 
@@ -402,4 +402,4 @@ def advise(scene: Scene, tolerance: float = 0.02) -> AdviceList:
     for rule in _RULES:
         items.append(rule(asked))
         asked = asked.take(items[-1])
-    return AdviceList(items)
+    return Suggestions(items)

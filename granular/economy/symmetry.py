@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from granular.boundaries import Solid, Wall
 from granular.geometry import (
     LINE_TOLERANCE,
     Box,
@@ -16,9 +15,10 @@ from granular.geometry import (
     Region,
     Union,
 )
-from granular.scene import Scene
+from granular.mpm.scene import Scene
+from granular.mpm.walls import Solid, Wall
 
-__all__ = ["half", "obstacle"]
+__all__ = ["mirror_half", "obstacle"]
 
 _DIGITS = 9
 """Of a length in cells, to which two places are the same."""
@@ -44,7 +44,7 @@ class _Mirror:
 
     def divides(self, wall: Wall | Solid) -> bool:
         """Whether a wall stands on the plane, and is more than the plane itself."""
-        if isinstance(wall, Solid) or wall.axis != 0 or wall.kind == "frictionless":
+        if isinstance(wall, Solid) or wall.axis != 0 or wall.kind == "free_slip":
             return False
         return self.key(self.place(wall.at, 1)) == (0.0,)
 
@@ -98,7 +98,7 @@ def obstacle(scene: Scene) -> str:
         return "gravity has a component along x"
     if len({"x-", "x+"} & grid.open_sides) == 1:
         return "one of the sides is open"
-    if any(absorber.axis == 0 for absorber in scene.absorbers):
+    if any(sponge.axis == 0 for sponge in scene.sponge_layers):
         return "waves are absorbed on one side"
     if any(mirror.divides(wall) for wall in scene.walls):
         return "a wall stands on the plane of symmetry"
@@ -115,8 +115,8 @@ def obstacle(scene: Scene) -> str:
     return ""
 
 
-def half(scene: Scene) -> Scene:
-    """The right half of a symmetric scene, with a frictionless wall on the plane of symmetry.
+def mirror_half(scene: Scene) -> Scene:
+    """The right half of a symmetric scene, with a free_slip wall on the plane of symmetry.
 
     With linear functions this is the same flow, to round-off; other bases see a wall where there
     was none. The parameter `half` is set, which tells measures of the mass to double it.
@@ -148,7 +148,7 @@ def half(scene: Scene) -> Scene:
             open_sides=grid.open_sides - {"x-"},
         ),
         fills=tuple(fills),
-        walls=(Wall(0, middle, kind="frictionless"), *walls),
+        walls=(Wall(0, middle, kind="free_slip"), *walls),
         parameters={**scene.parameters, "half": True},
     )
 

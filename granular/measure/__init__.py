@@ -41,12 +41,6 @@ from granular.measure.fields import (
     smooth,
 )
 from granular.measure.flow_threshold import FlowThreshold, flow_threshold
-from granular.measure.health import (
-    layer_height,
-    mean_pressure_error,
-    occupied_area,
-    speed_percentile,
-)
 from granular.measure.heap import Repose, Runout, Surface, repose_angle, runout, surface
 from granular.measure.kinetic import (
     MassBalance,
@@ -54,6 +48,12 @@ from granular.measure.kinetic import (
     mass_balance_error,
     packing_fraction,
     stress_free_error,
+)
+from granular.measure.layers import (
+    layer_height,
+    mean_pressure_error,
+    occupied_area,
+    speed_percentile,
 )
 from granular.measure.opening import Opening
 from granular.measure.profiles import (

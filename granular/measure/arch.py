@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from granular.measure.lattice import Array, require_points
+from granular.measure.averaging_grid import Array, require_points
 from granular.measure.opening import Opening, each_state, opening_of
 
 _LEVEL = 0.25

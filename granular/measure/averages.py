@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import integer, one_of
-from granular.measure.lattice import (
+from granular.measure.averaging_grid import (
     Array,
     cells_of,
     node_shape,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.bodies import split
 from granular.checks import integer
+from granular.mpm.bodies import split
 
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.measure.averaging_grid import Array
 from granular.measure.energy import elastic_of, kinetic_of, plastic_power
-from granular.measure.lattice import Array
-from granular.nodes import creases, node_codes, node_positions
+from granular.mpm.node_codes import c0_lines, node_codes, node_positions
 
 if TYPE_CHECKING:
-    from granular.scene import Scene
+    from granular.mpm.scene import Scene
     from granular.simulation import Simulation
 
 __all__ = ["StepBudget", "step_budget"]
@@ -38,7 +38,7 @@ class StepBudget:
         Of the nodes, before and after the forces.
     p2g_loss, g2p_loss : float
         What the points had and the grid did not get, and what the grid had and the points did
-        not get, or lost to an absorber. The affine motion of "apic" and "tpic" is not counted as
+        not get, or lost to an sponge. The affine motion of "apic" and "tpic" is not counted as
         energy of the points, so a p2g_loss may be negative there.
     internal_work, external_work : float
         Of the stresses (and of the momentum that a shift had lent) and of gravity on the grid,
@@ -85,7 +85,7 @@ def _ruled_nodes(scene: "Scene") -> tuple[list[Array], Array]:
     """Node positions along each axis [cells], and which nodes a wall may rule, flat, x fastest."""
     grid = scene.grid
     positions = [
-        node_positions(scene.scheme.basis, n, periodic, creases(grid, scene.walls, axis))
+        node_positions(scene.scheme.basis, n, periodic, c0_lines(grid, scene.walls, axis))
         for axis, (n, periodic) in enumerate(zip(grid.shape, grid.periodic, strict=True))
     ]
     return positions, node_codes(scene)[0].ravel() > 0
@@ -133,13 +133,13 @@ def step_budget(sim: "Simulation") -> StepBudget:
         As `Simulation.step`.
     """
     engine, scene, before = sim._engine, sim.scene, sim.state
-    engine.scatter()
+    engine.p2g()
     sums = engine.nodes()
     engine.grid()
     nodes, dt = engine.nodes(), engine.scalars()["dt"]
-    if scene.scheme.density == "diffused":  # where dt has changed the sums were made anew for it
+    if scene.scheme.density == "smoothed":  # where dt has changed the sums were made anew for it
         sums = nodes
-    sim._grow(engine.gather())
+    sim._grow(engine.g2p())
     after = sim.state
 
     used = sums["mass"] > scene.scheme.mass_cutoff * sim._mean_mass

@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import integer, non_negative
-from granular.measure.lattice import Array, cells_of
+from granular.measure.averaging_grid import Array, cells_of
 from granular.measure.profiles import scaled_inertial_number
+from granular.mpm.walls import Solid
 from granular.theory.well_posed import ill_posedness
-from granular.walls import Solid
 
 FILLED = 0.5
 """A cell counts as filled from this share of the mass it holds at rho_c."""

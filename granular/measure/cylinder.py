@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import finite, vector
-from granular.measure.lattice import Array
+from granular.measure.averaging_grid import Array
 from granular.measure.opening import each_state
 
 

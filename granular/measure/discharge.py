@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import non_negative, positive
-from granular.measure.lattice import Array
+from granular.measure.averaging_grid import Array
 from granular.measure.opening import modelled_share
 
 WINDOW = (1200.0, 900.0)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from granular.measure.lattice import Array, require_points
+from granular.measure.averaging_grid import Array, require_points
 from granular.measure.stress import deviator_squared, pressure
 
 

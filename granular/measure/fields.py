@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import in_range, non_negative, one_of
-from granular.measure.lattice import (
+from granular.measure.averaging_grid import (
     Array,
     Indices,
     cell_mass,

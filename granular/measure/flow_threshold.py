@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import one_of
-from granular.measure.lattice import Array
+from granular.measure.averaging_grid import Array
 from granular.measure.silo_flow import VERDICTS
 
 

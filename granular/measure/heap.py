@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from granular.checks import finite, integer, one_of, positive
-from granular.measure.lattice import Array, require_points
+from granular.measure.averaging_grid import Array, require_points
 
 QUANTILE = 0.999
 """Share of the mass within the run-out; the farthest point alone is noise."""

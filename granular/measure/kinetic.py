@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from granular.checks import in_range, positive
-from granular.measure.fields import nodal
-from granular.measure.lattice import (
+from granular.measure.averaging_grid import (
     Array,
     Indices,
     cell_mass,
@@ -20,6 +19,7 @@ from granular.measure.lattice import (
     require_points,
     values,
 )
+from granular.measure.fields import nodal
 from granular.measure.profiles import grain_diameter, inertial_number
 
 

@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from granular.checks import finite, positive
-from granular.measure.lattice import Array
+from granular.measure.averaging_grid import Array
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import integer, one_of, positive
-from granular.measure.lattice import Array, require_points, values
+from granular.measure.averaging_grid import Array, require_points, values
 from granular.measure.stress import friction_of
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import in_range, positive
-from granular.measure.lattice import Array
+from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
 
 VERDICTS = ("static", "flowing", "unsure")

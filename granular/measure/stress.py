@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from granular.measure.lattice import Array, values
+from granular.measure.averaging_grid import Array, values
 
 
 def pressure(stress: Array) -> Array:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import finite, in_range, positive
+from granular.measure.averaging_grid import require_points
 from granular.measure.body import body_force, body_motion
-from granular.measure.lattice import require_points
 from granular.measure.opening import each_state
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from scipy.optimize import minimize_scalar
 
 from granular.checks import positive
 from granular.measure.averages import frame_average
-from granular.measure.lattice import Array
+from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
 
 HEIGHTS = (1.5, 2.0, 2.5)

@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from granular.boundaries import Solid, Wall
 from granular.checks import finite, integer
 from granular.geometry import AXES
+from granular.mpm.walls import Solid, Wall
 from granular.plot.fields import Brush
 
 __all__ = ["Picture", "Points", "View", "color_bar", "scenery"]
@@ -25,8 +25,8 @@ __all__ = ["Picture", "Points", "View", "color_bar", "scenery"]
 Extent = tuple[tuple[float, float], tuple[float, float]]
 
 WALL_STYLES = {
-    "rough": {"color": "black", "linewidth": 2.5},
-    "frictionless": {"color": "#555555", "linewidth": 1.2},
+    "no_slip": {"color": "black", "linewidth": 2.5},
+    "free_slip": {"color": "#555555", "linewidth": 1.2},
     "coulomb": {"color": "black", "linewidth": 2.5, "linestyle": (0, (3, 1))},
 }
 SYMMETRY_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (5, 3))}
@@ -195,7 +195,7 @@ def _is_symmetry(scene: Any, wall: Wall) -> bool:
     cut = scene.parameters.get("half") or scene.parameters.get("quarter")
     return (
         bool(cut)
-        and wall.kind == "frictionless"
+        and wall.kind == "free_slip"
         and wall.axis < scene.grid.dim - 1
         and (wall.at == 0.0)
     )
@@ -231,7 +231,7 @@ def _layers(ax: Axes, grid: Any, wall: Any, view: View) -> tuple[Artist, float, 
 def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float]]:
     """Draw the walls, blocks and outlets of a scene.
 
-    Rough walls are thick, frictionless ones thin, planes of symmetry dashed; an outlet is dotted
+    Rough walls are thick, free_slip ones thin, planes of symmetry dashed; an outlet is dotted
     once it is open. Walls made of layers of points are blocks, and seen until they move or go.
 
     Returns

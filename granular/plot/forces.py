@@ -14,7 +14,7 @@ from matplotlib.collections import EllipseCollection, LineCollection
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
-from granular.inference import ForceStatistics, Packing, ParetoFront
+from granular.grain_scale.inference import ForceStatistics, Packing, ParetoFront
 from granular.plot.canvas import Picture
 
 __all__ = [
@@ -227,7 +227,7 @@ def force_distances(curves: Mapping[str, ArrayLike], bin_width: float) -> Pictur
     Parameters
     ----------
     curves : mapping of str to array_like
-        What `granular.inference.largest_by_distance` found, by name of the experiment.
+        What `granular.grain_scale.inference.largest_by_distance` found, by name of the experiment.
     bin_width : float
         [m], > 0.
     """

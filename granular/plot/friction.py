@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike, NDArray
 
-from granular import friction_law
-from granular.friction_law import SteadyShear
+from granular.grain_scale import friction_law
+from granular.grain_scale.friction_law import SteadyShear
 from granular.plot.canvas import Picture
 from granular.plot.curves import MARKERS
 
@@ -56,7 +56,7 @@ def friction_and_packing(
     """Figure 4.4: friction and packing fraction against the inertial number, with mu(I), phi(I).
 
     Friction and inertial number are those of the invariants of the stress, as the fit takes them
-    (`granular.friction_law.fit_rheology`, of the first set). Bars are standard deviations in time.
+    (`granular.grain_scale.friction_law.fit_rheology`, of the first set). Bars are standard deviations in time.
 
     Parameters
     ----------

@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from numpy.typing import ArrayLike, NDArray
 
-from granular.bodies import BodyState, state_of
 from granular.checks import in_range, integer, one_of
+from granular.mpm.bodies import BodyState, state_of
 from granular.plot.fields import MISSING, Brush
+from granular.record import Trajectory
 from granular.record.surfaces import surface
 from granular.simulation import Simulation
-from granular.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from granular.state import State

@@ -13,14 +13,7 @@ from typing import Self
 import h5py
 import numpy as np
 
-from granular.record.layout import (
-    DTYPES,
-    MAX_CHUNK_ROWS,
-    MAX_COLUMNS,
-    attribute,
-    checked,
-    rows_of,
-)
+from granular.record.layout import DTYPES, MAX_CHUNK_ROWS, MAX_COLUMNS, attribute, checked, rows_of
 
 LEVEL = 1
 SAMPLE = 64

@@ -27,7 +27,7 @@ class Source(Protocol):
 class Frame:
     """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``.
 
-    ``looks`` is what monitors told of it, if they looked, and the numbers of its bodies by the
+    ``samples`` is what monitors told of it, if they looked, and the numbers of its bodies by the
     names of `body_names`. ``gas`` are the points of a gas at the same time, a frame of their own.
     """
 
@@ -39,7 +39,7 @@ class Frame:
     digest: bytes
     row: int
     source: Source
-    looks: Mapping[str, float] = field(default_factory=dict)
+    samples: Mapping[str, float] = field(default_factory=dict)
     gas: "Frame | None" = None
 
     @property
@@ -89,24 +89,24 @@ class Table:
     dt: np.ndarray
     mass: np.ndarray
     digest: np.ndarray
-    looks: Mapping[str, np.ndarray]
+    samples: Mapping[str, np.ndarray]
 
-    def look(self, i: int) -> dict[str, float]:
+    def sample(self, i: int) -> dict[str, float]:
         """What monitors told of a frame; nothing where they did not look."""
-        row = {name: float(column[i]) for name, column in self.looks.items()}
+        row = {name: float(column[i]) for name, column in self.samples.items()}
         return {} if all(math.isnan(value) for value in row.values()) else row
 
     @property
     def columns(self) -> tuple[np.ndarray, ...]:
-        """All but the looks."""
+        """All but the samples."""
         return (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
 
     def seal(self, version: int, texts: Texts, checkpoint: bytes, gas: "Table | None") -> bytes:
         """Digest of everything in the file that no other digest covers."""
         texts_of = (texts.record, texts.scene, texts.provenance)
-        looks = [part for name in sorted(self.looks) for part in (name, self.looks[name])]
+        samples = [part for name in sorted(self.samples) for part in (name, self.samples[name])]
         more = gas.columns if gas else ()
-        return seal(str(version), *texts_of, checkpoint, *self.columns, *looks, *more)
+        return seal(str(version), *texts_of, checkpoint, *self.columns, *samples, *more)
 
 
 BODY = "body"
@@ -118,7 +118,7 @@ def body_names(count: int, numbers: int) -> list[str]:
     return [f"{BODY}{b}_{k:02d}" for b in range(count) for k in range(numbers)]
 
 
-def looks_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:
+def samples_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:
     """What monitors told of frames, one column a name; nan where they did not look."""
-    names = sorted({name for frame in frames for name in frame.looks})
-    return {name: np.array([f.looks.get(name, math.nan) for f in frames]) for name in names}
+    names = sorted({name for frame in frames for name in frame.samples})
+    return {name: np.array([f.samples.get(name, math.nan) for f in frames]) for name in names}

@@ -25,11 +25,11 @@ from granular.record.segment import read_frames, read_head, read_restart
 from granular.record.storage import open_hdf5
 
 
-def _looks(own: h5py.Group) -> dict[str, np.ndarray]:
+def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
     """What monitors told, one column a name; records of earlier versions have none."""
-    if "looks" not in own:
+    if "samples" not in own:
         return {}
-    group = hard(own, "looks", h5py.Group)
+    group = hard(own, "samples", h5py.Group)
     return {name: checked(group, name, ("<f8",), 1)[:] for name in group}
 
 
@@ -47,7 +47,7 @@ class Points:
             dt=checked(own, "dt", ("<f8",), 1)[:],
             mass=checked(own, "mass", ("<f8",), 1)[:],
             digest=checked(own, "digest", ("|u1",), 2)[:],
-            looks=_looks(own),
+            samples=_samples(own),
         )
 
     @contextmanager
@@ -73,7 +73,7 @@ class Points:
                 digest=table.digest[i].tobytes(),
                 row=int(table.row[i]),
                 source=self,
-                looks=table.look(i),
+                samples=table.sample(i),
                 gas=gas.get(int(table.step[i])),
             )
             for i in range(len(table.time))

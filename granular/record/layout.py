@@ -10,7 +10,7 @@ The finished file::
         scene, provenance   JSON
         step, dt, mass      one value a frame
         digest              (frames, 32) of each frame's content
-        looks/<name>        what monitors told of each frame, nan where they did not look, and the
+        samples/<name>        what monitors told of each frame, nan where they did not look, and the
                             numbers of rigid bodies (body<index>_<number>)
         gas                 of scenes with a gas, frames of its points in the same form: a group
                             VTKHDF, and step, dt, mass and digest of the frames that have them

@@ -9,7 +9,7 @@ import numpy as np
 
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
-from granular.record.frame import Frame, Table, Texts, looks_of
+from granular.record.frame import Frame, Table, Texts, samples_of
 from granular.record.index import load, parts_folder
 from granular.record.layout import (
     DIGEST_SIZE,
@@ -83,7 +83,7 @@ def _table(frames: Sequence[Frame], chunk: int) -> Table:
         dt=column("dt", "<f8"),
         mass=column("mass", "<f8"),
         digest=np.frombuffer(digests, dtype=np.uint8).reshape(-1, DIGEST_SIZE),
-        looks=looks_of(frames),
+        samples=samples_of(frames),
     )
 
 
@@ -127,9 +127,9 @@ def write_record(
         gas_table = _write_points(group.create_group("VTKHDF"), group, gas)
     for name in ("record", "scene", "provenance"):
         write_text(own, name, getattr(texts, name))
-    looks = own.create_group("looks")
-    for name, column in table.looks.items():
-        looks[name] = column
+    samples = own.create_group("samples")
+    for name, column in table.samples.items():
+        samples[name] = column
     if checkpoint:
         write_checkpoint(own.create_group("checkpoint"), checkpoint)
     version, digest = format_of(bool(gas)), checkpoint.digest if checkpoint else b""

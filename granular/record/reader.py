@@ -12,13 +12,13 @@ import numpy as np
 
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.frame import BODY, Frame, body_names, looks_of
+from granular.record.frame import BODY, Frame, body_names, samples_of
 from granular.record.index import Contents, load
 from granular.record.layout import RecordError, format_of, reading
 
 if TYPE_CHECKING:
-    from granular.monitor import Health
-    from granular.scene import Scene
+    from granular.diagnostics import Health
+    from granular.mpm.scene import Scene
     from granular.sph.gas import GasState
     from granular.state import State
 
@@ -58,10 +58,12 @@ class Trajectory:
     @cached_property
     def scene(self) -> "Scene":
         """The scene of the run, of the method by which it was run."""
-        from granular.writing import Written  # a scene needs the whole package, a record does not
+        from granular.serializable import (
+            Serializable,  # a scene needs the whole package, a record does not
+        )
 
         try:
-            return Written.from_json(self._contents.texts.scene)
+            return Serializable.from_json(self._contents.texts.scene)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordError(f"{self.path}: the scene cannot be read: {error}") from error
 
@@ -76,12 +78,12 @@ class Trajectory:
         return {name: np.array([getattr(f, name) for f in self._frames]) for name in SERIES}
 
     @cached_property
-    def looks(self) -> dict[str, np.ndarray]:
-        """What the monitors of the run told of every frame, by the names of `granular.monitor`.
+    def samples(self) -> dict[str, np.ndarray]:
+        """What the monitors of the run told of every frame, by the names of `granular.diagnostics`.
 
         Each of shape (frames,); nan for frames they did not look at, empty if there are none.
         """
-        told = looks_of(self._frames)
+        told = samples_of(self._frames)
         return {name: column for name, column in told.items() if not name.startswith(BODY)}
 
     @cached_property
@@ -90,7 +92,7 @@ class Trajectory:
 
         See `granular.measure.body_motion` and `granular.measure.body_force`.
         """
-        told = looks_of(self._frames)
+        told = samples_of(self._frames)
         names = [name for name in told if name.startswith(BODY)]
         numbers = len([name for name in names if name.startswith(f"{BODY}0_")])
         count = len(names) // max(numbers, 1)
@@ -108,9 +110,11 @@ class Trajectory:
 
     def health(self) -> "Health":
         """What the looks at these frames say of the run."""
-        from granular.monitor import health  # a record needs no more of the package than a reader
+        from granular.diagnostics import (
+            health,  # a record needs no more of the package than a reader
+        )
 
-        return health(self.scene, self.looks)
+        return health(self.scene, self.samples)
 
     @property
     def times(self) -> np.ndarray:

@@ -145,8 +145,8 @@ def _pack_frame(frame: Frame, data: list[bytes]) -> tuple[Any, ...]:
             layout[name] = field.dtype, field.columns, field.chunk, sizes
             data += [raw for _, raw in chunks]
     scalars = SCALARS.pack(frame.time, frame.step, frame.dt, frame.mass, frame.n)
-    looks = {name: value.hex() for name, value in frame.looks.items()}
-    head = (scalars.hex(), frame.digest.hex(), layout, looks)
+    samples = {name: value.hex() for name, value in frame.samples.items()}
+    head = (scalars.hex(), frame.digest.hex(), layout, samples)
     return (*head, _pack_frame(frame.gas, data)) if frame.gas else head
 
 
@@ -169,7 +169,7 @@ def _unpack_frame(
     scalars: str,
     digest: str,
     layout: Mapping[str, Any],
-    looks: Mapping[str, str],
+    samples: Mapping[str, str],
     *gas: Sequence[Any],
 ) -> tuple[Frame, int]:
     """A frame whose data begin at a byte, from what `_pack_frame` told of it; and their end."""
@@ -179,8 +179,8 @@ def _unpack_frame(
     below = None
     if gas:
         (head,) = gas
-        scalars_of, digest_of, layout_of, looks_of = head  # a gas has none of its own
-        below, offset = _unpack_frame(path, offset, scalars_of, digest_of, layout_of, looks_of)
+        scalars_of, digest_of, layout_of, samples_of = head  # a gas has none of its own
+        below, offset = _unpack_frame(path, offset, scalars_of, digest_of, layout_of, samples_of)
     frame = Frame(
         time=time,
         step=step,
@@ -190,7 +190,7 @@ def _unpack_frame(
         digest=bytes.fromhex(digest),
         row=0,
         source=source,
-        looks={name: float.fromhex(value) for name, value in looks.items()},
+        samples={name: float.fromhex(value) for name, value in samples.items()},
         gas=below,
     )
     return frame, offset

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from granular.bodies import split
-from granular.body_shapes import BOX, CYLINDER, Box, Cylinder, HalfSpace, Mesh, Union
+from granular.mpm.bodies import split
+from granular.mpm.body_shapes import BOX, CYLINDER, Box, Cylinder, HalfSpace, Mesh, Union
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.merge import VTKHDF_VERSION
 

@@ -285,13 +285,13 @@ class TrajectoryWriter:
         checkpoint: Checkpoint | None = None,
         *,
         gas: Mapping[str, np.ndarray] | None = None,
-        looks: Mapping[str, float] | None = None,
+        samples: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
         may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time; they are on the disk when this returns.
 
-        `gas` are the fields of the points of a gas, `looks` what monitors told of the frame,
+        `gas` are the fields of the points of a gas, `samples` what monitors told of the frame,
         `bodies` (count, numbers) the state of its rigid bodies. A frame equal to the recorded one
         of the same step is taken for it. What `may_wait` is stored by and by, see `store`.
 
@@ -311,7 +311,7 @@ class TrajectoryWriter:
         if gas is not None:
             gas = _check_fields(gas)
             gas_spec = self._gas_layout.check(gas)
-        told = dict(looks or {})
+        told = dict(samples or {})
         if bodies is not None:
             told |= zip(body_names(*bodies.shape), bodies.ravel().tolist(), strict=True)
         self._add(state, fields, gas, told)
@@ -326,7 +326,7 @@ class TrajectoryWriter:
         state: StateLike,
         fields: Mapping[str, np.ndarray],
         gas: Mapping[str, np.ndarray] | None,
-        looks: Mapping[str, float],
+        samples: Mapping[str, float],
     ) -> None:
         """Let a frame wait, if it is not recorded already."""
         head, below = _head(state, fields), None if gas is None else _head(state, gas)
@@ -339,7 +339,7 @@ class TrajectoryWriter:
             last = self._recorded[self._cursor - 1][0]
             raise ValueError(f"step = {step} must exceed the last recorded step {last}")
         inside = None if below is None else self._gas_layout.packed(self.path, below, gas)
-        frame = self._layout.packed(self.path, head, fields, looks=looks, gas=inside)
+        frame = self._layout.packed(self.path, head, fields, samples=samples, gas=inside)
         self._frames.append(frame)
         self._bytes += sum(part.source.nbytes for part in (frame, inside) if part)
         self._recorded[index:] = [(step, mark)]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from granular.scene import Scene
+from granular.mpm.scene import Scene
 from granular.scenes.chute_ngf import chute_ngf
 from granular.scenes.clogging_silo import clogging_silo
 from granular.scenes.column_collapse import column_collapse
@@ -23,15 +23,18 @@ from granular.scenes.incline import incline
 from granular.scenes.silo import silo
 from granular.scenes.silo_3d import silo_3d
 from granular.scenes.slug import slug
+from granular.scenes.sph_column_collapse import column_collapse_sph
+from granular.scenes.sph_gas import fluidised_bed, jet_on_bed
+from granular.scenes.sph_incline import incline_sph
+from granular.scenes.sph_inclined_collapse import inclined_collapse
+from granular.scenes.sph_slump import slump_sph
 from granular.scenes.wheel import wheel
-from granular.sph.scenes import fluidised_bed, inclined_collapse, jet_on_bed
-from granular.sph.scenes import incline as incline_sph
-from granular.sph.scenes import slump as slump_sph
 
 __all__ = [
     "chute_ngf",
     "clogging_silo",
     "column_collapse",
+    "column_collapse_sph",
     "couette",
     "cylinder_collapse",
     "excavation",

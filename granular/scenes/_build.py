@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from granular.checks import non_negative, positive
-from granular.schemes import Fluidity, Scheme
-from granular.walls import Gravity
+from granular.gravity import Gravity
+from granular.mpm.schemes import Fluidity, Scheme
 
 ROUND_OFF = 1e-9
 """Share of a cell by which a length may miss a whole number of cells."""
@@ -16,15 +16,15 @@ ROUND_OFF = 1e-9
 HEADROOM = 4
 """Empty cells above the initial surface of scenes whose material only falls."""
 
-kindled = Scheme(fluidity=Fluidity(least=1e-6, kindling=True))
+reconnected = Scheme(fluidity=Fluidity(floor=1e-6, reconnect_fluidity=True))
 """What scenes of Haeri & Skonieczny 2021 are run with: what comes to rest can flow again (their
 code begins with a fluidity of 1 1/s), and points that become dense again have that of eq. 23."""
 
-sided = kindled.replace(transfer="tpic", density="tracked")
+sided = reconnected.replace(transfer="tpic", density="particle")
 """The same with the density of which thin bodies have two sides."""
 
 
-def called_with(arguments: Mapping[str, Any]) -> dict[str, Any]:
+def scene_parameters(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """Of the arguments of a scene function those that are not parts of the scene by name."""
     parts = ("duration", "material", "scheme", "seed")
     return {name: value for name, value in arguments.items() if name not in parts}

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from granular.bodies import Motion
 from granular.checks import positive
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
+from granular.mpm.bodies import Motion
+from granular.mpm.limits import THIN, keeps_sides
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
 from granular.scenes._build import whole_cells
-from granular.schemes import Scheme
-from granular.stability import THIN, keeps_sides
-from granular.walls import Gravity, Wall
 
 Leg = tuple[float, tuple[float, ...], float]
 """Duration [s], velocity [m/s], angular velocity about y [rad/s]."""
@@ -87,9 +88,9 @@ def bed(
             ),
         ),
         "walls": (
-            Wall(2, z, kind="rough"),
-            *(Wall(0, at, kind="frictionless") for at in (start, start + x)),
-            *(Wall(1, at, kind="frictionless") for at in (0.0, y)),
+            Wall(2, z, kind="no_slip"),
+            *(Wall(0, at, kind="free_slip") for at in (start, start + x)),
+            *(Wall(1, at, kind="free_slip") for at in (0.0, y)),
         ),
         "gravity": Gravity((0.0,), ((0.0, 0.0, -positive("gravity", gravity)),)),
     }

@@ -5,18 +5,19 @@ from __future__ import annotations
 import warnings
 
 from granular.checks import non_negative, positive
+from granular.diagnostics import StabilityWarning
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import NGF, silo_grains
-from granular.scene import Scene
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import SpongeLayer, Wall
 from granular.scenes._build import HEADROOM, whole_cells
-from granular.schemes import Scheme
-from granular.stability import StabilityWarning
-from granular.walls import Absorber, Gravity, Wall
 
 JAM_FRICTION = 1.0
 """Friction at the face of an arch in the plane: compressed along it, free across."""
 
-hats = Scheme(basis="linear", transfer="flip", density="tracked", dt=1e-4)
+hats = Scheme(basis="linear", transfer="flip", density="particle", dt=1e-4)
 
 
 def clogging_silo(
@@ -30,8 +31,8 @@ def clogging_silo(
     half: bool = True,
     points_per_cell: int = 16,
     jitter: float = 0.0,
-    absorber: float | None = 0.49,
-    absorber_rate: float = 1000.0,
+    sponge: float | None = 0.49,
+    sponge_damping: float = 1000.0,
     gravity: float = 9.81,
     duration: float = 1.5,
     material: NGF = silo_grains,
@@ -67,10 +68,10 @@ def clogging_silo(
         Whether only the right half is modelled, with a symmetry plane at x = 0.
     points_per_cell, jitter
         See `granular.geometry.Fill`.
-    absorber : float or None
+    sponge : float or None
         Height [m] above which upward motion dies out; None for none.
-    absorber_rate : float
-        Its rate [1/s]; infinity as published. See `granular.walls.Absorber`.
+    sponge_damping : float
+        Its rate [1/s]; infinity as published. See `granular.mpm.walls.SpongeLayer`.
     gravity : float
         m/s2, from the start.
     duration : float
@@ -110,12 +111,12 @@ def clogging_silo(
         raise ValueError(f"orifice = {orifice} must be less than width = {width}")
     low, edge, side = 0.0 if half else -n_x * cell, n_open * cell, n_x * cell
     bottoms = [
-        Wall(1, 0.0, kind="rough", span=((edge, side),)),
+        Wall(1, 0.0, kind="no_slip", span=((edge, side),)),
         # Open from the start: what is done near outlets is done near it.
-        Wall(1, 0.0, kind="rough", span=((max(low, -edge), edge),), opens_at=0.0),
+        Wall(1, 0.0, kind="no_slip", span=((max(low, -edge), edge),), opens_at=0.0),
     ]
     if not half:
-        bottoms.append(Wall(1, 0.0, kind="rough", span=((low, -edge),)))
+        bottoms.append(Wall(1, 0.0, kind="no_slip", span=((low, -edge),)))
     top = n_y * cell
     return Scene(
         name="clogging_silo",
@@ -132,10 +133,10 @@ def clogging_silo(
         scheme=scheme,
         walls=(
             *bottoms,
-            Wall(0, low, kind="frictionless"),
-            Wall(0, side, kind="frictionless"),
+            Wall(0, low, kind="free_slip"),
+            Wall(0, side, kind="free_slip"),
         ),
-        absorbers=() if absorber is None else (Absorber(1, absorber, absorber_rate),),
+        sponge_layers=() if sponge is None else (SpongeLayer(1, sponge, sponge_damping),),
         gravity=Gravity((0.0,), ((0.0, -positive("gravity", gravity)),)),
         duration=duration,
         seed=seed,
@@ -149,8 +150,8 @@ def clogging_silo(
             "half": half,
             "points_per_cell": points_per_cell,
             "jitter": jitter,
-            "absorber": absorber,
-            "absorber_rate": absorber_rate,
+            "sponge": sponge,
+            "sponge_damping": sponge_damping,
             "gravity": gravity,
         },
     )

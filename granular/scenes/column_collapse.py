@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from granular import schemes, sph
+from granular import sph
 from granular.checks import one_of, positive
 from granular.geometry import Box, Fill, Grid
 from granular.materials import Material, glass_beads
-from granular.scene import Scene
+from granular.mpm import schemes
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down
-from granular.schemes import Scheme
-from granular.walls import Wall
 
 
 def _expected_runout(aspect: float) -> float:
@@ -38,8 +39,8 @@ def column_collapse(
     """Right half of a column that collapses (Dunatunga & Kamrin 2015, section 4.1).
 
     From the paper: half-width 0.2 m, aspect = height over half-width, cells of 0.0125 m (0.00625 m
-    for aspect 0.5) with 16 points, rough floor, frictionless symmetry plane at x = 0 and
-    frictionless lip at the right, gravity of 9.8 m/s2 ramped in 0.1 s, 2 s.
+    for aspect 0.5) with 16 points, rough floor, free_slip symmetry plane at x = 0 and
+    free_slip lip at the right, gravity of 9.8 m/s2 ramped in 0.1 s, 2 s.
 
     Chosen here: the lip, whose place the paper does not give, stands at 2 + 1.5 R half-widths,
     R being the run-out of the paper's fit (2.28 aspect, or 3.24 aspect^0.66 above 2.83), so that
@@ -48,7 +49,7 @@ def column_collapse(
     By particle hydrodynamics (`method` "sph") the points are as many and the grains those of
     `granular.sph.Viscoplastic.matching` at half the weight of the column. Walls of points are not
     free of friction: that in the plane of symmetry and the lip have the friction of the floor. For
-    the columns of grit and glass of Hurley's thesis see `granular.sph.scenes.column_collapse`.
+    the columns of grit and glass of Hurley's thesis see `granular.scenes.column_collapse_sph`.
 
     Parameters
     ----------
@@ -126,9 +127,9 @@ def column_collapse(
         material=material,
         scheme=scheme,
         walls=(
-            Wall(1, 0.0, kind="rough"),
-            Wall(0, 0.0, kind="frictionless"),
-            Wall(0, n_x * cell, kind="frictionless"),
+            Wall(1, 0.0, kind="no_slip"),
+            Wall(0, 0.0, kind="free_slip"),
+            Wall(0, n_x * cell, kind="free_slip"),
         ),
         gravity=falls,
         duration=duration,

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import math
 
-from granular.bodies import Body, Cylinder, Motion
 from granular.checks import finite, in_range, positive
 from granular.geometry import Cylinder as Upright
 from granular.geometry import Difference, Disc, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import Material, couette_beads
-from granular.scene import Scene
-from granular.scenes._build import HEADROOM, called_with, enough_cells, kindled, whole_cells
-from granular.schemes import Scheme
-from granular.walls import Gravity, Wall
+from granular.mpm.bodies import Body, Cylinder, Motion
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
+from granular.scenes._build import (
+    HEADROOM,
+    enough_cells,
+    reconnected,
+    scene_parameters,
+    whole_cells,
+)
 
 MARGIN = 3
 """Cells between the outer cylinder and the ends of the grid: splines reach over two nodes."""
@@ -35,7 +42,7 @@ def couette(
     gravity: float = 9.81,
     duration: float = 22.0,
     material: Material = soft_beads,
-    scheme: Scheme = kindled,
+    scheme: Scheme = reconnected,
     seed: int = 0,
 ) -> Scene:
     """Taylor-Couette cell (Haeri & Skonieczny 2021, section 4.1, figures 9 and 10).
@@ -43,7 +50,7 @@ def couette(
     From the paper: B = 10 MPa, S = 1 MPa, the beads of its table 1, cells of 4 mm, 22 s; the inner
     cylinder turns, the outer one rests, the top surface is looked at. From the scripts behind
     it: the radii, 0.1 m of height, 0.025 rad/s, cylinders that hold what touches them, a
-    frictionless floor, gravity down. The experiment's outer radius was about 195 mm.
+    free_slip floor, gravity down. The experiment's outer radius was about 195 mm.
 
     Chosen here: S and B a hundred times less, for ten times longer steps: p/B is 1.6 % at the
     bottom, which is denser by as much, and slow flow does not see either modulus. 8 points a cell
@@ -89,7 +96,7 @@ def couette(
     TypeError, ValueError
         Naming argument, value and allowed range; also if the gap has less than 4 cells.
     """
-    called = called_with(locals())
+    called = scene_parameters(locals())
     cell, inner, outer = positive("cell", cell), positive("inner", inner), positive("outer", outer)
     n_z, gravity = whole_cells("height", height, cell), positive("gravity", gravity)
     overlap = in_range("overlap", overlap, 0.0, 1.0)
@@ -111,7 +118,7 @@ def couette(
         grid = Grid((-n * cell, -n * cell, 0.0), cell, (2 * n, 2 * n, n_z + HEADROOM))
         ring = Difference(*(Upright((0.0,) * 3, r, n_z * cell) for r in (outer, inner)))
         fill["lithostatic"] = True
-    walls = () if flat else (Wall(2, 0.0, kind="frictionless"),)
+    walls = () if flat else (Wall(2, 0.0, kind="free_slip"),)
     down = (0.0,) * dim if flat else (0.0, 0.0, -gravity)
     return Scene(
         name="couette",

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from granular import schemes
 from granular.checks import positive
 from granular.geometry import Box, Cylinder, Fill, Grid, Intersection
 from granular.materials import Material, glass_beads
-from granular.scene import Scene
+from granular.mpm import schemes
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down
-from granular.schemes import Scheme
-from granular.walls import Wall
 
 
 def _expected_runout(aspect: float) -> float:
@@ -35,8 +35,8 @@ def cylinder_collapse(
     """A quarter of a cylinder that collapses: the column collapse of section 4.1, in space.
 
     Dunatunga & Kamrin 2015 stay in the plane; this is the experiment of Lube et al. 2004 with
-    the paper's material, gravity ramp and walls: rough floor, frictionless symmetry planes x = 0
-    and y = 0, frictionless lips.
+    the paper's material, gravity ramp and walls: rough floor, free_slip symmetry planes x = 0
+    and y = 0, free_slip lips.
 
     Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being
     the run-out that Lube et al. found (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round
@@ -87,8 +87,8 @@ def cylinder_collapse(
         material=material,
         scheme=scheme,
         walls=(
-            Wall(2, 0.0, kind="rough"),
-            *(Wall(axis, at, kind="frictionless") for axis in (0, 1) for at in (0.0, n * cell)),
+            Wall(2, 0.0, kind="no_slip"),
+            *(Wall(axis, at, kind="free_slip") for axis in (0, 1) for at in (0.0, n * cell)),
         ),
         gravity=gravity_down(3, gravity, ramp),
         duration=duration,

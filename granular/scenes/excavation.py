@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from granular.bodies import Body, Box
 from granular.checks import in_range, non_negative, positive
 from granular.materials import Material, grc_1
-from granular.scene import Scene
-from granular.scenes._build import called_with, sided
+from granular.mpm.bodies import Body, Box
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.scenes._build import scene_parameters, sided
 from granular.scenes._tools import bed, legs, thickness_of
-from granular.schemes import Scheme
 
 soft_grc_1 = grc_1.replace(E=0.15e6)
 
@@ -48,7 +48,7 @@ def excavation(
     a bed of 1.6 x 0.70 x 0.15 m, a blade 0.305 m wide, 0.457 m high and 6 mm thick, 0.025 m/s per
     axis on the way down and up, 0.04 m/s forward, 3.8 deg from the vertical (another has 30.8),
     and a run at a quarter of the size, whose cells of 3.3 mm are 13.3 mm here
-    (`granular.froude` does the same, openly).
+    (`granular.mpm.scaling` does the same, openly).
 
     Chosen here: the softer material; half of the bed, with a symmetry plane at y = 0; cells of
     12.5 mm, which divide the bed; a rough floor and smooth sides; the top of the blade leans
@@ -100,7 +100,7 @@ def excavation(
     TypeError, ValueError
         Naming argument, value and allowed range; also if the blade would leave the bed.
     """
-    called = called_with(locals())
+    called = scene_parameters(locals())
     cell, depth, speed = positive("cell", cell), positive("depth", depth), positive("speed", speed)
     travel, dive = positive("travel", travel), positive("dive_speed", dive_speed)
     rake = in_range("rake_deg", rake_deg, -60.0, 60.0)

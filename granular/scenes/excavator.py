@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
-from granular.bodies import Body, Box, Union
 from granular.checks import finite, non_negative, positive, vector
 from granular.materials import Material, grc_1
-from granular.scene import Scene
-from granular.scenes._build import called_with, kindled
+from granular.mpm.bodies import Body, Box, Union
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.scenes._build import reconnected, scene_parameters
 from granular.scenes._tools import bed, legs, thickness_of
-from granular.schemes import Scheme
 
 excavated = grc_1.replace(E=0.15e6, nu=0.25, rho_c=0.6 * grc_1.rho_s)
 
@@ -37,7 +37,7 @@ def excavator(
     gravity: float = 9.81,
     duration: float = 6.75,
     material: Material = excavated,
-    scheme: Scheme = kindled,
+    scheme: Scheme = reconnected,
     seed: int = 0,
 ) -> Scene:
     """Industrial excavator (Haeri & Skonieczny 2021, section 4.3, figure 1): to be looked at.
@@ -93,7 +93,7 @@ def excavator(
     TypeError, ValueError
         Naming argument, value and allowed range; also if there is no time to come out again.
     """
-    called = called_with(locals())
+    called = scene_parameters(locals())
     cell, speed, depth = positive("cell", cell), positive("speed", speed), positive("depth", depth)
     if depth >= positive("soil", soil):
         raise ValueError(f"depth = {depth} must be less than soil = {soil}")

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular import schemes
 from granular.checks import in_range, non_negative, one_of, positive
 from granular.geometry import Box, Difference, Fill, Grid, Region, Union
 from granular.materials import Material, glass_beads
-from granular.scene import Scene
+from granular.mpm import schemes
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Solid, Wall
 from granular.scenes._build import HEADROOM, gravity_down, whole_cells
-from granular.schemes import Scheme
-from granular.walls import Solid, Wall
 
 WIDTHS = {"flat": 1.0, "sloped": 0.5}
 FLOOR_OVER_WIDTH = 2
@@ -46,7 +46,7 @@ def _stairs(lines: _Lines, slope_deg: float) -> list[Solid]:
         level = min(lines.drop + math.floor((line - lines.neck) * rise + 1e-9), top)
         if level > reached:
             box = lines.box(line, lines.drop, lines.half, level)
-            blocks.append(Solid(box.lower, box.upper, kind="frictionless"))
+            blocks.append(Solid(box.lower, box.upper, kind="free_slip"))
             reached = level
     return blocks
 
@@ -56,11 +56,11 @@ def _walls(lines: _Lines, kind: str, opens_at: float) -> list[Wall]:
     neck, half, drop = lines.at(lines.neck), lines.at(lines.half), lines.at(lines.drop)
     top = lines.at(lines.drop + lines.fill + HEADROOM)
     return [
-        Wall(1, 0.0, kind="rough"),
-        Wall(0, 0.0, kind="frictionless"),
-        Wall(1, drop, kind="frictionless", span=((neck, half),)),
-        Wall(1, drop, kind="frictionless", span=((0.0, neck),), opens_at=opens_at),
-        Wall(0, half, kind="frictionless", span=((drop, top),) if kind == "flat" else None),
+        Wall(1, 0.0, kind="no_slip"),
+        Wall(0, 0.0, kind="free_slip"),
+        Wall(1, drop, kind="free_slip", span=((neck, half),)),
+        Wall(1, drop, kind="free_slip", span=((0.0, neck),), opens_at=opens_at),
+        Wall(0, half, kind="free_slip", span=((drop, top),) if kind == "flat" else None),
     ]
 
 
@@ -89,7 +89,7 @@ def hourglass(
     of 0.01 m with 4 points, rough base, everything else without friction, 10 s; the rest as in
     the silo, whose definition of the opening (the last free node) is kept: the divider begins at
     orifice_radius + cell. Flat: 1 m wide, no side wall below the divider. Sloped: 0.5 m wide,
-    side wall at 0.25 m down to the base, slope as a staircase of frictionless blocks.
+    side wall at 0.25 m down to the base, slope as a staircase of free_slip blocks.
 
     Chosen here: the slope, not given in the paper, rises at 45 deg from the edge of the opening,
     with the upper inner corners of the steps on the line, and is filled up to a level

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
-from granular import schemes
 from granular.checks import in_range, integer, non_negative, positive
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import Material, glass_beads
-from granular.scene import Scene
+from granular.mpm import schemes
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
 from granular.scenes._build import whole_cells
-from granular.schemes import Scheme
-from granular.walls import Gravity, Wall
 
 
 def incline(
@@ -99,7 +100,7 @@ def incline(
         ),
         material=material,
         scheme=scheme,
-        walls=(Wall(len(level), 0.0, kind="rough"),),
+        walls=(Wall(len(level), 0.0, kind="no_slip"),),
         gravity=pull,
         duration=duration,
         seed=seed,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from granular import schemes
 from granular.checks import non_negative, one_of, positive
 from granular.geometry import Box, Fill, Grid
 from granular.materials import Material, glass_beads
-from granular.scene import Scene
+from granular.mpm import schemes
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, gravity_down, whole_cells
-from granular.schemes import Scheme
-from granular.walls import Wall
 
 
 def silo(
@@ -31,12 +31,12 @@ def silo(
 ) -> Scene:
     """Right half of a silo that empties (Dunatunga & Kamrin 2015, section 4.2).
 
-    From the paper: 1 m wide, filled 1 m high, half of it modelled, rough bottom, frictionless
+    From the paper: 1 m wide, filled 1 m high, half of it modelled, rough bottom, free_slip
     sides, cells of 0.01 m with 4 points, the orifice opened at 0.1 s when gravity is full, 40 s.
     Its orifice D reaches from the first to the last vertically free node of the bottom. In the
     whole silo these nodes stand from -D/2 to D/2, so that here those with x <= D/2 are free and
     the bottom begins one cell further, at D/2 + cell: the default `edge`. The exponent fitted to
-    Beverloo's law depends on this definition. Splines, creased where the bottom begins, have their
+    Beverloo's law depends on this definition. Splines, with_c0_lines where the bottom begins, have their
     last free node half a cell before it: by that definition their opening is D + cell.
 
     Chosen here: points leave for good as they cross the bottom, y = 0.
@@ -85,11 +85,11 @@ def silo(
         material=material,
         scheme=scheme,
         walls=(
-            Wall(1, 0.0, kind="rough", span=((begin * cell, n_x * cell),)),
+            Wall(1, 0.0, kind="no_slip", span=((begin * cell, n_x * cell),)),
             # The lid is no wider than the outlet: what is done near outlets is done near it.
-            Wall(1, 0.0, kind="rough", span=((0.0, begin * cell),), opens_at=opens_at),
-            Wall(0, 0.0, kind="frictionless"),
-            Wall(0, n_x * cell, kind="frictionless"),
+            Wall(1, 0.0, kind="no_slip", span=((0.0, begin * cell),), opens_at=opens_at),
+            Wall(0, 0.0, kind="free_slip"),
+            Wall(0, n_x * cell, kind="free_slip"),
         ),
         gravity=gravity_down(2, gravity, ramp),
         duration=duration,

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from granular.checks import positive
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import Material, grc_1
-from granular.scene import Scene
-from granular.scenes._build import HEADROOM, called_with, kindled, whole_cells
-from granular.schemes import Scheme
-from granular.walls import Gravity, Wall
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
+from granular.scenes._build import HEADROOM, reconnected, scene_parameters, whole_cells
 
 soft_grains = grc_1.replace(E=0.15e6, mu_s=0.3819)
 
@@ -25,7 +26,7 @@ def silo_3d(
     gravity: float = 9.81,
     duration: float = 12.0,
     material: Material = soft_grains,
-    scheme: Scheme = kindled,
+    scheme: Scheme = reconnected,
     seed: int = 0,
 ) -> Scene:
     """Silo with a slot at its left wall, across its whole width (Haeri & Skonieczny 2021, section
@@ -63,7 +64,7 @@ def silo_3d(
     TypeError, ValueError
         Naming argument, value and allowed range; also if the slot leaves no bottom.
     """
-    called = called_with(locals())
+    called = scene_parameters(locals())
     cell = positive("cell", cell)
     lengths = (("length", length), ("width", width), ("height", height))
     n_x, n_y, n_z = (whole_cells(name, value, cell) for name, value in lengths)
@@ -81,11 +82,11 @@ def silo_3d(
         material=material,
         scheme=scheme,
         walls=(
-            Wall(2, 0.0, kind="rough", span=((edge, x), across)),
+            Wall(2, 0.0, kind="no_slip", span=((edge, x), across)),
             # Open from the start: what is done near outlets is done near it.
-            Wall(2, 0.0, kind="rough", span=((0.0, edge), across), opens_at=0.0),
-            *(Wall(0, at, kind="frictionless") for at in (0.0, x)),
-            *(Wall(1, at, kind="frictionless") for at in (0.0, y)),
+            Wall(2, 0.0, kind="no_slip", span=((0.0, edge), across), opens_at=0.0),
+            *(Wall(0, at, kind="free_slip") for at in (0.0, x)),
+            *(Wall(1, at, kind="free_slip") for at in (0.0, y)),
         ),
         gravity=Gravity((0.0,), ((0.0, 0.0, -positive("gravity", gravity)),)),
         duration=duration,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from granular import schemes
 from granular.checks import non_negative, positive, vector
 from granular.geometry import Disc, Fill, Grid
 from granular.materials import Material, glass_beads
-from granular.scene import Scene
+from granular.mpm import schemes
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
 from granular.scenes._build import enough_cells, gravity_down
-from granular.schemes import Scheme
-from granular.walls import Wall
 
 
 def slug(
@@ -87,9 +87,9 @@ def slug(
         material=material,
         scheme=scheme,
         walls=(
-            Wall(1, 0.0, kind="rough"),
-            Wall(0, 0.0, kind="frictionless"),
-            Wall(0, n_x * cell, kind="frictionless"),
+            Wall(1, 0.0, kind="no_slip"),
+            Wall(0, 0.0, kind="free_slip"),
+            Wall(0, n_x * cell, kind="free_slip"),
         ),
         gravity=gravity_down(2, gravity, 0.0),
         duration=duration,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from granular.bodies import Body, Cylinder
 from granular.checks import in_range, non_negative, positive
 from granular.materials import Material
-from granular.scene import Scene
-from granular.scenes._build import called_with, kindled
+from granular.mpm.bodies import Body, Cylinder
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.scenes._build import reconnected, scene_parameters
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
-from granular.schemes import Scheme
 
 
 def wheel(
@@ -33,7 +33,7 @@ def wheel(
     gravity: float = 9.81,
     duration: float = 20.0,
     material: Material = soft_grc_1,
-    scheme: Scheme = kindled,
+    scheme: Scheme = reconnected,
     seed: int = 0,
 ) -> Scene:
     """Single wheel in a soil bin (Haeri & Skonieczny 2021, section 4.3, figures 16 to 18).
@@ -82,7 +82,7 @@ def wheel(
     TypeError, ValueError
         Naming argument, value and allowed range; also if the wheel would leave the bed.
     """
-    called = called_with(locals())
+    called = scene_parameters(locals())
     slip = in_range("slip", slip, 0.0, 1.0, open_high=True)
     load, gravity = positive("load", load), positive("gravity", gravity)
     radius, omega = positive("diameter", diameter) / 2, positive("omega", omega)

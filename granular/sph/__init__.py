@@ -1,6 +1,5 @@
 """Smoothed particle hydrodynamics of a dilative viscoplastic material."""
 
-from granular.sph import scenes
 from granular.sph.gas import Gas, GasState, Jet
 from granular.sph.material import Viscoplastic, glass, grit
 from granular.sph.numerics import Numerics
@@ -21,5 +20,4 @@ __all__ = [
     "glass",
     "grit",
     "run_to_rest",
-    "scenes",
 ]

@@ -13,15 +13,16 @@ import numpy as np
 from granular import geometry
 from granular.checks import integer, kinds_of, positive, tuple_of
 from granular.geometry import AXES, Fill, Grid
+from granular.gravity import Gravity
 from granular.notebook import table
+from granular.serializable import Parameters, Serializable, register
+from granular.sph import limits
 from granular.sph.gas import Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall, wall_points
-from granular.walls import Gravity
-from granular.writing import Parameters, Written, register
 
-__all__ = ["Scene", "lattice_gradient", "lattice_weight"]
+__all__ = ["Scene", "seeding_gradient", "seeding_weight"]
 
 
 def _lattice(dim: int, smoothing: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -33,7 +34,7 @@ def _lattice(dim: int, smoothing: float) -> tuple[np.ndarray, np.ndarray, float]
     return ways, np.sqrt((ways**2).sum(axis=1)) / smoothing, norm / smoothing**dim
 
 
-def lattice_weight(dim: int, smoothing: float) -> float:
+def seeding_weight(dim: int, smoothing: float) -> float:
     """Sum of the kernel over a square or cubic lattice, in points per spacing^dim: nearly 1.
 
     The mass of a point is rho0 over this sum, so that a lattice has the density rho0.
@@ -43,7 +44,7 @@ def lattice_weight(dim: int, smoothing: float) -> float:
     return float(norm * w.sum())
 
 
-def lattice_gradient(dim: int, smoothing: float) -> float:
+def seeding_gradient(dim: int, smoothing: float) -> float:
     """Gradient that the kernel finds of a linear field on a lattice, over that of the field.
 
     .991 in the plane and .981 in space with h = 1.2 spacings. Gradients and forces are over this
@@ -53,11 +54,11 @@ def lattice_gradient(dim: int, smoothing: float) -> float:
     inner = 3.0 - 2.25 * q
     outer = 0.75 * np.maximum(2.0 - q, 0.0) ** 2 / np.maximum(q, 1.0)
     slopes = np.where(q < 1.0, inner, outer) / smoothing**2
-    return float(norm * (ways[:, 0] ** 2 * slopes).sum() / lattice_weight(dim, smoothing))
+    return float(norm * (ways[:, 0] ** 2 * slopes).sum() / seeding_weight(dim, smoothing))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene(Written):
+class Scene(Serializable):
     """All that determines a run.
 
     Parameters
@@ -91,6 +92,8 @@ class Scene(Written):
 
     method: ClassVar[str] = "sph"
     """How it is solved."""
+    indicators: ClassVar[tuple[tuple[str, str, float | None, str], ...]] = limits.INDICATORS
+    """What runs are watched for beside what all methods have; see `granular.diagnostics`."""
 
     name: str
     grid: Grid
@@ -161,6 +164,20 @@ class Scene(Written):
         return self.grid.dim
 
     @property
+    def courant_limit(self) -> float:
+        """Largest stable (c + speed) dt/dx."""
+        return limits.courant_limit(self)
+
+    def known_failures(self) -> list[str]:
+        """List what of the scene is known to go wrong without an error, one sentence each."""
+        return limits.known_failures(self)
+
+    @property
+    def knows_all_work(self) -> bool:
+        """Whether energy can be accounted for: never, as what wall points do is not known."""
+        return False
+
+    @property
     def bodies(self) -> tuple[()]:
         """None: what moves are walls."""
         return ()
@@ -185,7 +202,7 @@ class Scene(Written):
     @property
     def point_mass(self) -> float:
         """Mass of a point [kg, per metre of depth in the plane]: a lattice has the density rho0."""
-        weight = lattice_weight(self.dim, self.numerics.smoothing)
+        weight = seeding_weight(self.dim, self.numerics.smoothing)
         return self.material.rho0 * self.grid.cell**self.dim / weight
 
     def points(self) -> geometry.Points:

@@ -9,14 +9,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import _core, simulation, stability
+from granular import _core, diagnostics, simulation
 from granular.checks import integer
-from granular.engine import allocate, default_isa
+from granular.mpm.engine import allocate, default_isa
+from granular.record import Checkpoint
 from granular.sph.gas import GasState
-from granular.sph.scene import Scene, lattice_gradient
+from granular.sph.scene import Scene, seeding_gradient
 from granular.sph.walls import wall_rows
 from granular.state import State
-from granular.trajectory import Checkpoint
 
 __all__ = ["Simulation"]
 
@@ -78,7 +78,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
             "dilation": material.dilation,
             "regularisation": numerics.regularisation,
             "z_max": numerics.z_max,
-            "gradient": lattice_gradient(grid.dim, numerics.smoothing),
+            "gradient": seeding_gradient(grid.dim, numerics.smoothing),
             "cfl": numerics.cfl,
             "dt": numerics.dt or 0.0,
         },
@@ -93,7 +93,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     """Steps the points of a `granular.sph.Scene`; see `granular.Simulation`."""
 
     def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
-        stability.warn(scene)
+        diagnostics.warn(scene)
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         points, walls = scene.points(), scene.wall_points()
         gas = None if scene.gas is None else scene.gas.points(scene.grid, scene.seed)
@@ -131,9 +131,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         names = ("rebuilds", "dropped", "dropped_mass", "stopped", "gas_dropped")
         return {name: scalars[name] for name in names}
 
-    @property
-    def _stopped(self) -> float:
-        return float(self.counts["stopped"])
+    def _indicators(self, state: State) -> dict[str, float]:
+        fastest = float(np.sqrt((state.v**2).sum(axis=1).max(initial=0.0)))
+        mach = fastest / self.scene.material.wave_speed
+        return {"mach": mach, "stopped": float(self.counts["stopped"])}
 
     @property
     def buffers(self) -> dict[str, NDArray]:
@@ -225,7 +226,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     # ---- restart ----
 
-    def _kept(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         scalars, rows = self._engine.scalars(), self._rows
         counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
         places = replace(rows, **{name: scalars[count] for name, count in counts.items()}).places()

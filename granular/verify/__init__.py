@@ -15,8 +15,8 @@ from granular.verify import (  # isort: skip
     hourglass,
     economy,
     invariants,
-    cure,
-    cure_budget,
+    density_correction,
+    density_correction_budget,
 )
 from granular.verify.constitutive import constitutive_path
 from granular.verify.rows import Check, Row, check, checks
@@ -31,8 +31,8 @@ __all__ = [
     "collapse",
     "constitutive",
     "constitutive_path",
-    "cure",
-    "cure_budget",
+    "density_correction",
+    "density_correction_budget",
     "economy",
     "failures",
     "hourglass",

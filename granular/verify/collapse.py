@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from granular import materials, measure, scenes, schemes
+from granular import materials, measure, scenes
+from granular.mpm import schemes
 from granular.simulation import Simulation
 from granular.state import State
 from granular.theory import RUNOUT_LAWS
@@ -23,7 +24,7 @@ REPOSE = math.degrees(math.atan(materials.glass_beads.mu_s))
 KINK = 2.83
 """Aspect at which the regimes of the paper meet."""
 
-PUBLISHED = schemes.published.replace(dt=None)
+PUBLISHED = schemes.dunatunga_kamrin_2015.replace(dt=None)
 
 
 def collapse(aspect: float, E: float, *, until: float = 2.0, **parameters: Any) -> Simulation:

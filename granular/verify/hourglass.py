@@ -8,15 +8,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import materials, measure, scenes, schemes
-from granular.schemes import Scheme
+from granular import materials, measure, scenes
+from granular.mpm import schemes
+from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
 from granular.verify.collapse import REPOSE
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds
 from granular.verify.silo import mass_is_exact
 
-PUBLISHED = schemes.published.replace(dt=None)
+PUBLISHED = schemes.dunatunga_kamrin_2015.replace(dt=None)
 
 STEEPEST = math.degrees(math.asin(materials.glass_beads.mu_s))
 """Largest slope that can be at rest [deg], 22.5: with tau/p = mu_s a slope is in balance up to
@@ -134,7 +135,7 @@ def _friction(rate: float, pressure: float, material: materials.MuI) -> float:
 
 
 def heaps(state: State, name: str, *, bound: bool) -> Iterator[Row]:
-    """Rows of the heap on the base; over the frictionless divider none is left in the end."""
+    """Rows of the heap on the base; over the free_slip divider none is left in the end."""
     repose = heap(state)
     mean, largest = f"mean slope [deg], {name}", f"largest slope over 15 columns [deg], {name}"
     if bound:

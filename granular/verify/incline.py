@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from granular import materials, scenes, schemes
+from granular import materials, scenes
+from granular.mpm import schemes
 from granular.simulation import Simulation
 from granular.state import State
 from granular.theory import bagnold_profile, transient
@@ -19,7 +20,7 @@ HEIGHT = 0.2
 ANGLES = tuple(range(19, 35))
 """Inclinations [deg]."""
 
-ADAPTIVE = schemes.published.replace(dt=None)
+ADAPTIVE = schemes.dunatunga_kamrin_2015.replace(dt=None)
 """The published scheme with the time step at half its limit, close to the paper's 3e-6 s."""
 
 MOVING = 1e-3

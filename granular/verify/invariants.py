@@ -7,20 +7,21 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import materials, measure, scenes, schemes
-from granular.engine import averaging_interval
+from granular import materials, measure, scenes
 from granular.geometry import Box, Fill, Grid
-from granular.scene import Scene
-from granular.schemes import Scheme
+from granular.gravity import Gravity
+from granular.mpm import schemes
+from granular.mpm.engine import averaging_interval
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
 from granular.verify.collapse import mass_is_exact
 from granular.verify.rows import Row, at_most, beside, check, holds
-from granular.walls import Gravity
 
 SOFT = materials.glass_beads.replace(E=1e6)
 
-SCHEMES = {"published": schemes.published.replace(dt=None), "default": schemes.default}
+SCHEMES = {"published": schemes.dunatunga_kamrin_2015.replace(dt=None), "default": schemes.default}
 
 STEPS = 240
 """Steps of the runs that are compared bit by bit; a restart is made at each quarter."""

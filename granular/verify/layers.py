@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import materials, measure, scenes, schemes
-from granular.schemes import Scheme
+from granular import materials, measure, scenes
+from granular.mpm import schemes
+from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
 from granular.theory import bagnold_profile, transient

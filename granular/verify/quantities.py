@@ -1,4 +1,4 @@
-"""What the paper's scenes are run for: the numbers that a thriftier run must keep."""
+"""What the paper's scenes are run for: the numbers that a cheaper run must keep."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular import measure
 from granular.measure.discharge import WINDOW
-from granular.scene import Scene
+from granular.mpm.scene import Scene
 from granular.simulation import Simulation
 from granular.state import State
 

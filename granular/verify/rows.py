@@ -30,7 +30,7 @@ class Row:
 class Check:
     """A registered check: a function that makes rows, and whether it is slow.
 
-    Those of `granular.verify.cure` can be given a scheme; none must be given anything.
+    Those of `granular.verify.density_correction` can be given a scheme; none must be given anything.
     """
 
     name: str

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from granular import materials, measure, scenes, schemes
+from granular import materials, measure, scenes
 from granular.geometry import LINE_TOLERANCE
-from granular.nodes import creases, node_positions
-from granular.schemes import Scheme
+from granular.mpm import schemes
+from granular.mpm.node_codes import c0_lines, node_positions
+from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
 from granular.theory import beverloo_rate
 from granular.verify.rows import Row, beside, check, holds, within
@@ -53,11 +54,11 @@ def empty(until_mass: float = 900.0, **parameters: Any) -> tuple[Simulation, mea
 def free_opening(orifice: float, cell: float, scheme: Scheme) -> float:
     """Distance [m] of the outermost vertically free nodes of the bottom: D of the paper.
 
-    That is `orifice` with the hats of the paper. Splines are creased where the bottom begins, one
+    That is `orifice` with the hats of the paper. Splines are with_c0_lines where the bottom begins, one
     cell further, and have a node there and one half a cell before it: D is larger by a cell.
     """
     scene = scenes.silo(orifice=orifice, cell=cell, scheme=scheme)
-    lines = creases(scene.grid, scene.walls, 0)
+    lines = c0_lines(scene.grid, scene.walls, 0)
     nodes = node_positions(scheme.basis, scene.grid.shape[0], False, lines)
     begin = min(wall.span[0][0] for wall in scene.walls if wall.opens_at == math.inf and wall.span)
     return 2 * cell * float(nodes[nodes < begin / cell - LINE_TOLERANCE].max())
@@ -85,7 +86,7 @@ def silo_quick() -> Iterator[Row]:
     the opening, uncertain by half a cell (1.5/20 of C).
     """
     soft = materials.glass_beads.replace(E=1e6)
-    scheme = schemes.published.replace(dt=None)
+    scheme = schemes.dunatunga_kamrin_2015.replace(dt=None)
     sim, history = empty(orifice=0.2, cell=0.02, material=soft, scheme=scheme)
     run = measure.discharge(history)
     yield holds("mass is exact while points leave", mass_is_exact(sim))
@@ -97,7 +98,7 @@ def silo_quick() -> Iterator[Row]:
 def silo_beverloo() -> Iterator[Row]:
     """Openings .06 to .20 m, E = 1e7, cells of .01 m, `published` with dt = 3e-5 s."""
     stiff = materials.glass_beads.replace(E=MODULUS)
-    rates, spread = _rates(material=stiff, scheme=schemes.published.replace(dt=3e-5))
+    rates, spread = _rates(material=stiff, scheme=schemes.dunatunga_kamrin_2015.replace(dt=3e-5))
     fit = measure.beverloo(ORIFICES, rates, rho=stiff.rho_c)
     yield within("exponent, free fit", fit.exponent_free, 1.5, 0.05)
     yield within("C at exponent 3/2", fit.C, PAPER_C, 0.08 * PAPER_C)

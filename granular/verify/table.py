@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import TextIO
 
 from granular.checks import one_of
-from granular.stability import StabilityWarning
+from granular.diagnostics import StabilityWarning
 from granular.verify.rows import Check, Row, checks
 
 _WIDTHS = (24, 60, 14, 18)

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.bodies import Body, Box, Cylinder, Motion, Union
+from granular.diagnostics import scene_warnings as warnings_of
 from granular.geometry import Box as Region
 from granular.geometry import Difference, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.stability import doubts as doubts_of
-from granular.walls import Gravity, Wall
+from granular.mpm.bodies import Body, Box, Cylinder, Motion, Union
+from granular.mpm.walls import Wall
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
@@ -62,8 +63,8 @@ def scene_of(dim, thin=False):
         grid=Grid((0.0,) * dim, cell, shape),
         fills=(Fill(Region((0.0,) * dim, (*size[:-1], 0.4)), 2**dim, jitter=1.0),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(density="tracked") if thin else gr.Scheme(),
-        walls=(Wall(up, 0.0, kind="rough"),),
+        scheme=gr.Scheme(density="particle") if thin else gr.Scheme(),
+        walls=(Wall(up, 0.0, kind="no_slip"),),
         bodies=bodies,
         gravity=Gravity((0.0,), ((*rest[1:], -9.8),)),
         duration=1.0,
@@ -111,9 +112,9 @@ def test_stages_are_the_step(thin):
     whole, parts = (gr.Simulation(scene, threads=1) for _ in range(2))
     for _ in range(20):
         whole.step()
-        parts._engine.scatter()
+        parts._engine.p2g()
         parts._engine.grid()
-        parts._grow(parts._engine.gather())
+        parts._grow(parts._engine.g2p())
     assert bits(whole) == bits(parts)
 
 
@@ -145,12 +146,12 @@ def test_bodies_in_the_midst_of_a_fill_are_doubted(dim):
     scene = scene_of(dim)
     cell, up = scene.grid.cell, (0.2,) * (dim - 2)
 
-    def doubts(height, fills=scene.fills):
+    def scene_warnings(height, fills=scene.fills):
         body = Body(Box((4 * cell,) * dim), (0.4, *up, height))
-        return [d for d in doubts_of(scene.replace(bodies=(body,), fills=fills)) if "within" in d]
+        return [d for d in warnings_of(scene.replace(bodies=(body,), fills=fills)) if "within" in d]
 
-    assert doubts(0.4 + 1.2 * cell) == []  # half a cell in, as a body that presses is
-    assert len(doubts(0.2)) == 1
+    assert scene_warnings(0.4 + 1.2 * cell) == []  # half a cell in, as a body that presses is
+    assert len(scene_warnings(0.2)) == 1
     hole = Region((0.4 - 2 * cell, *(0.0,) * (dim - 2), 0.0), (0.4 + 2 * cell, *(0.4,) * (dim - 1)))
     rest = replace(scene.fills[0], region=Difference(scene.fills[0].region, hole))
-    assert doubts(0.2, (rest,)) == []
+    assert scene_warnings(0.2, (rest,)) == []

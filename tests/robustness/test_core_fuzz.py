@@ -8,7 +8,7 @@ from spoiled import DOCUMENTED, QUICK, WAYS, numbers, spoiled
 
 import granular as gr
 from granular import _core
-from granular import engine as core
+from granular.mpm import engine as core
 
 
 def arguments(scene, mean_mass=1.0):
@@ -29,7 +29,7 @@ def arguments(scene, mean_mass=1.0):
 
 @pytest.fixture
 def keywords(small_scene):
-    return arguments(small_scene("walls", 2, ("quadratic", "tpic", "diffused")))
+    return arguments(small_scene("walls", 2, ("quadratic", "tpic", "smoothed")))
 
 
 # ---- construction ----
@@ -112,7 +112,7 @@ def bound(scene):
 
 @pytest.mark.parametrize("how", WAYS)
 def test_bind_refuses_wrong_buffers(small_scene, how):
-    scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"))
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"))
     engine, buffers, n = bound(scene)
     for name in buffers:
         with pytest.raises((TypeError, ValueError)):
@@ -125,7 +125,7 @@ def test_bind_refuses_wrong_buffers(small_scene, how):
 
 
 def test_bind_refuses_overlapping_buffers(small_scene):
-    engine, buffers, n = bound(small_scene("walls", 2, ("linear", "flip", "tracked")))
+    engine, buffers, n = bound(small_scene("walls", 2, ("linear", "flip", "particle")))
     for name, other in (("x", "v"), ("mass", "log_density")):
         with pytest.raises(ValueError, match="share memory"):
             engine.bind(buffers | {name: buffers[other]}, n, True)
@@ -137,7 +137,7 @@ def test_bind_refuses_overlapping_buffers(small_scene):
 
 
 def test_the_ids_must_not_share_memory_either(small_scene):
-    engine, buffers, n = bound(small_scene("walls", 2, ("linear", "flip", "tracked")))
+    engine, buffers, n = bound(small_scene("walls", 2, ("linear", "flip", "particle")))
     shared = buffers["mass"].view(np.int64)[0]
     with pytest.raises(ValueError, match="share memory"):
         engine.bind(buffers | {"id": shared}, n, True)
@@ -146,7 +146,7 @@ def test_the_ids_must_not_share_memory_either(small_scene):
 @QUICK
 @given(n=numbers, fresh=numbers)
 def test_bind_refuses_wrong_counts(small_scene, n, fresh):
-    engine, buffers, _ = bound(small_scene("walls", 2, ("linear", "flip", "tracked")))
+    engine, buffers, _ = bound(small_scene("walls", 2, ("linear", "flip", "particle")))
     try:
         engine.bind(buffers, n, fresh)
         engine.regroup()
@@ -158,7 +158,7 @@ def test_bind_refuses_wrong_counts(small_scene, n, fresh):
 @QUICK
 @given(steps=numbers, until=numbers, threads=numbers)
 def test_advance_refuses_wrong_numbers(small_scene, steps, until, threads):
-    sim = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "tracked")), threads=1)
+    sim = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "particle")), threads=1)
     few = steps if not isinstance(steps, int) or abs(steps) < 50 else -abs(steps)
     try:
         sim._engine.advance(few, until, threads)
@@ -170,7 +170,7 @@ def test_advance_refuses_wrong_numbers(small_scene, steps, until, threads):
 @QUICK
 @given(data=st.data())
 def test_restore_refuses_wrong_scalars(small_scene, data):
-    sim = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "tracked")), threads=1)
+    sim = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "particle")), threads=1)
     before = sim._engine.scalars()
     name = data.draw(st.sampled_from(sorted(before)))
     try:
@@ -185,7 +185,7 @@ def test_restore_refuses_wrong_scalars(small_scene, data):
 def test_any_number_at_a_point_is_survived(small_scene, data):
     """A step on NaN, infinity or absurd numbers ends in SimulationError or goes on."""
     combination = data.draw(
-        st.sampled_from([("linear", "flip", "tracked"), ("quadratic", "tpic", "diffused")])
+        st.sampled_from([("linear", "flip", "particle"), ("quadratic", "tpic", "smoothed")])
     )
     sim = gr.Simulation(small_scene("periodic", 2, combination), threads=1)
     at = np.flatnonzero(sim.buffers["id"] >= 0)
@@ -204,7 +204,7 @@ def test_any_number_at_a_point_is_survived(small_scene, data):
 
 def test_an_engine_without_points_says_so(keywords):
     engine = _core.Engine(**keywords)
-    calls = (engine.regroup, engine.scatter, engine.grid, engine.gather, engine.nodes)
+    calls = (engine.regroup, engine.p2g, engine.grid, engine.g2p, engine.nodes)
     for call in (*calls, engine.cells, engine.stable_dt, lambda: engine.advance(1, 1.0, 1)):
         with pytest.raises(RuntimeError, match="bind"):
             call()

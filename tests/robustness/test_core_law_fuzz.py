@@ -12,7 +12,7 @@ from granular import _core
 def law_arguments(n=3, dim=2):
     lanes = _core.build_info()["lanes"]
     return [
-        "mu_i", dim, {"K": 1e6, "G": 1e6, "mu_s": 0.38, "mu_2": 0.64, "xi": 1.1}, 1e-4, 0,
+        "mu_I", dim, {"K": 1e6, "G": 1e6, "mu_s": 0.38, "mu_2": 0.64, "xi": 1.1}, 1e-4, 0,
         np.zeros((n, dim * dim, lanes)), np.zeros(n * lanes),
         np.zeros((4 if dim == 2 else 6, n * lanes)), np.zeros(n * lanes), "",
     ]  # fmt: skip
@@ -41,7 +41,7 @@ def nonlocal_arguments(n=3, dim=2):
     given[0] = "ngf"
     given[2] = dict(
         K=1e6, A=0.5, G=1e6, mu_s=0.38, mu_2=0.64, I0=0.28, rho_s=2450.0, d=0.005, t0=1e-3,
-        p_spread=0.0,
+        p_averaging=0.0,
     )  # fmt: skip
     given[6][:] = 1e-3
     given[7][:3] = -1000.0
@@ -133,7 +133,7 @@ def test_law_update_survives_any_number_in_its_arrays(data):
 
 
 def update_arguments(n=11):
-    names = ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_spread")
+    names = ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_averaging")
     values = (3e5, 0.38, 0.64, 0.28, 2450.0, 5e-3, 1e-3, 0.0)
     arrays = [np.full(n, 0.5) for _ in range(6)]
     return [dict(zip(names, values, strict=True)), 1e-4, *arrays, ""]
@@ -183,7 +183,9 @@ def test_fluidity_diffuse_refuses_wrong_arrays(name, how):
 
 @QUICK
 @given(
-    place=st.sampled_from([0, 1, 8, *("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_spread")]),
+    place=st.sampled_from(
+        [0, 1, 8, *("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0", "p_averaging")]
+    ),
     value=numbers,
 )
 def test_fluidity_update_refuses_wrong_numbers(place, value):
@@ -241,14 +243,14 @@ def test_fluidity_diffuse_survives_any_number_in_its_arrays(data):
 # ---- hencky ----
 
 HENCKY = {
-    "K": 1e6, "G": 5e5, "g_min": 1e-6, "kindling": 1.0, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28,
-    "rho_s": 2550.0, "d": 4e-3, "t0": 1e-4, "p_spread": 0.0,
+    "K": 1e6, "G": 5e5, "g_min": 1e-6, "reconnect_fluidity": 1.0, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28,
+    "rho_s": 2550.0, "d": 4e-3, "t0": 1e-4, "p_averaging": 0.0,
 }  # fmt: skip
 
 
 def hencky_arguments(n=11, dim=2):
     arrays = [np.full(n, 1e-3), np.full((4 if dim == 2 else 6, n), -1.0), np.ones(n), np.ones(n)]
-    return ["nonlocal_linear", dict(HENCKY), 1e-4, np.zeros((dim * dim, n)), *arrays, ""]
+    return ["linear_ngf", dict(HENCKY), 1e-4, np.zeros((dim * dim, n)), *arrays, ""]
 
 
 @pytest.mark.parametrize("place", range(3, 8))
@@ -293,7 +295,7 @@ def test_hencky_update_refuses_wrong_numbers(place, value):
 def test_hencky_update_survives_any_number_in_its_arrays(data):
     dim = data.draw(st.sampled_from([2, 3]))
     chosen = hencky_arguments(data.draw(st.integers(1, 3)), dim)
-    chosen[0] = data.draw(st.sampled_from(["elastic", "local_saturating", "nonlocal_saturating"]))
+    chosen[0] = data.draw(st.sampled_from(["elastic", "mu_I", "ngf"]))
     for place in range(3, 8):
         size = chosen[place].size
         chosen[place].flat = data.draw(st.lists(st.floats(), min_size=size, max_size=size))

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from granular import dem
-from granular.dem import process
+from granular.grain_scale import dem
+from granular.grain_scale.dem import process
 
 SHEAR = dem.Shear(count=60)
 
@@ -64,7 +64,7 @@ def test_a_run_that_hangs_is_ended_with_all_it_started(tmp_path):
 KILLED = """
 import sys, tempfile
 tempfile.tempdir = sys.argv[1]
-from granular import dem
+from granular.grain_scale import dem
 dem.shear(dem.Shear(count=60), command=(sys.executable, "-c", sys.argv[2]))
 """
 

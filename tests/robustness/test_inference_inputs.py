@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from granular import inference
-from granular.inference import BoundaryForce, Packing
+from granular.grain_scale import inference
+from granular.grain_scale.inference import BoundaryForce, Packing
 
 NORMALS = np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]])
 GOOD = {

@@ -11,8 +11,14 @@ import h5py
 import numpy as np
 import pytest
 
-from granular.record import layout, merge
-from granular.trajectory import Checkpoint, RecordError, TrajectoryWriter, open_trajectory
+from granular.record import (
+    Checkpoint,
+    RecordError,
+    TrajectoryWriter,
+    layout,
+    merge,
+    open_trajectory,
+)
 
 SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
 

@@ -15,9 +15,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
 from granular.record.merge import merge
 from granular.record.writer import WAITING_SECONDS
-from granular.trajectory import Checkpoint, TrajectoryWriter, open_trajectory
 
 SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
 

@@ -56,11 +56,11 @@ def test_restart_after_points_have_left(small_scene, combination):
 @pytest.mark.parametrize(
     ("basis", "transfer", "density"),
     [
-        (basis, transfer, "tracked")
+        (basis, transfer, "particle")
         for basis in ("linear", "ugimp", "quadratic")
         for transfer in ("apic", "tpic")
     ]
-    + [("quadratic", "tpic", "diffused"), ("linear", "tpic", "shared")],
+    + [("quadratic", "tpic", "smoothed"), ("linear", "tpic", "cell_averaged")],
 )
 def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
     """1200 steps in which half of it flows out; nothing is faster than a fall from its top."""
@@ -84,7 +84,7 @@ def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
 
 
 def test_frames_leave_out_what_only_a_restart_needs(small_scene, tmp_path):
-    scene, path = small_scene("walls", 2, ("quadratic", "tpic", "diffused")), tmp_path / "run.h5"
+    scene, path = small_scene("walls", 2, ("quadratic", "tpic", "smoothed")), tmp_path / "run.h5"
     sim = gr.Simulation(scene, threads=1).run(until=0.01, save=path, every=0.005)
     carried = {"affine", "density_gradient", "shift_velocity"}
     with gr.open(path) as record:
@@ -113,7 +113,7 @@ def test_restart_by_a_record(small_scene, combination, tmp_path):
 def test_a_domain_that_has_emptied_goes_on(small_scene, basis, tmp_path):
     """All points leave: the run and its frames reach their time, resumed or not."""
     scene = small_scene("outlet", 2, (basis, None, None), E=1e5)
-    scene = scene.replace(walls=tuple(w for w in scene.walls if w.kind == "frictionless"))
+    scene = scene.replace(walls=tuple(w for w in scene.walls if w.kind == "free_slip"))
     whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
     gr.Simulation(scene, threads=1).run(until=1.2, save=whole, every=0.1)
     gr.Simulation(scene, threads=1).run(until=0.8, save=cut, every=0.1)
@@ -133,7 +133,7 @@ def test_a_domain_that_has_emptied_goes_on(small_scene, basis, tmp_path):
 
 def test_frames_go_on_as_they_were_asked_for(small_scene, tmp_path):
     """The time between frames is told by the record, not by its frames: there may be few."""
-    scene, path = small_scene("walls", 2, ("linear", "flip", "tracked"), E=1e5), tmp_path / "a.h5"
+    scene, path = small_scene("walls", 2, ("linear", "flip", "particle"), E=1e5), tmp_path / "a.h5"
     gr.Simulation(scene, threads=1).run(until=0.01, save=path, every=0.035)
     sim = gr.Simulation.resume(path, threads=1).run(until=0.08)
     with gr.open(path) as record:
@@ -159,14 +159,14 @@ def test_nothing_that_the_engine_carries_is_left_out(small_scene, combination, d
     assert set(point.scalars) - set(sim._engine.scalars()) == {"mean_mass"}
     for name in point.arrays:
         rest = {k: a for k, a in point.arrays.items() if k != name}
-        broken = gr.trajectory.Checkpoint(
+        broken = gr.record.Checkpoint(
             time=point.time, step=point.step, dt=point.dt, scalars=point.scalars, arrays=rest
         )
         with pytest.raises(ValueError, match="checkpoint" if name == "id" else name):
             gr.Simulation.from_checkpoint(scene, broken)
     for name in point.scalars:
         rest = {k: v for k, v in point.scalars.items() if k != name}
-        broken = gr.trajectory.Checkpoint(
+        broken = gr.record.Checkpoint(
             time=point.time, step=point.step, dt=point.dt, scalars=rest, arrays=point.arrays
         )
         with pytest.raises(ValueError, match=name):
@@ -183,7 +183,7 @@ def test_a_changed_field_changes_the_run(small_scene, combination):
     for name in set(point.arrays) - {"id", "shear_rate"}:
         arrays = {k: a.copy() for k, a in point.arrays.items()}
         arrays[name] += 1e-6 * np.maximum(abs(arrays[name]), 1e-3)
-        changed = gr.trajectory.Checkpoint(
+        changed = gr.record.Checkpoint(
             time=point.time, step=point.step, dt=point.dt, scalars=point.scalars, arrays=arrays
         )
         other = gr.Simulation.from_checkpoint(scene, changed, threads=1)
@@ -192,22 +192,22 @@ def test_a_changed_field_changes_the_run(small_scene, combination):
 
 
 def test_a_checkpoint_of_another_scene_is_refused(small_scene):
-    flat = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "tracked")), threads=1)
+    flat = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "particle")), threads=1)
     with pytest.raises(ValueError, match="checkpoint"):
         gr.Simulation.from_checkpoint(
-            small_scene("walls", 3, ("linear", "flip", "tracked")), flat.checkpoint()
+            small_scene("walls", 3, ("linear", "flip", "particle")), flat.checkpoint()
         )
     with pytest.raises(ValueError, match="affine"):
         gr.Simulation.from_checkpoint(
-            small_scene("walls", 2, ("linear", "apic", "tracked")), flat.checkpoint()
+            small_scene("walls", 2, ("linear", "apic", "particle")), flat.checkpoint()
         )
 
 
 def test_the_core_saves_all_its_fields_in_some_scheme(small_scene):
     """The scheme that carries the most carries every field the core knows."""
-    scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"))
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"))
     carried = {name for name, *_ in gr.Simulation(scene, threads=1)._engine.fields()}
     assert carried == {
         "x", "v", "stress", "log_density", "mass", "shear_rate", "affine", "density_gradient",
-        "shift_velocity", "overweight",
+        "shift_velocity", "weight_correction",
     }  # fmt: skip

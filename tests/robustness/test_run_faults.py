@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.stability import dt_limit
-from granular.trajectory import TrajectoryWriter
+from granular.mpm.limits import dt_limit
+from granular.record import TrajectoryWriter
 
 ROOT = Path(__file__).parents[2]
-PLAIN = ("linear", "flip", "tracked")
+PLAIN = ("linear", "flip", "particle")
 
 
 def shown(state):
@@ -58,7 +58,7 @@ class Saboteur:
     ],
 )
 @pytest.mark.parametrize(
-    "combination", [PLAIN, ("ugimp", "apic", "tracked"), ("quadratic", "tpic", "diffused")]
+    "combination", [PLAIN, ("ugimp", "apic", "particle"), ("quadratic", "tpic", "smoothed")]
 )
 def test_a_spoilt_point_stops_the_run(small_scene, combination, tmp_path, name, value):
     scene, path = small_scene("walls", 2, combination, E=1e5), tmp_path / "run.h5"
@@ -96,7 +96,7 @@ def test_a_failed_simulation_says_so_again(small_scene):
 
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
 def test_a_time_step_beyond_the_limit_is_refused(small_scene, basis):
-    scene = small_scene("walls", 2, (basis, "flip", "tracked"))
+    scene = small_scene("walls", 2, (basis, "flip", "particle"))
     limit = dt_limit(scene)
     fast = scene.replace(scheme=scene.scheme.replace(dt=1.001 * limit))
     with pytest.raises(ValueError, match=r"dt = .* must be <= "):
@@ -175,7 +175,7 @@ CHILD = textwrap.dedent(
         if len(frames) in due:
             threading.Thread(target=interrupt).start()
 
-    scene = make_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
+    scene = make_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e6, points_per_axis=4)
     sim = gr.Simulation(scene, threads=1)
     for _ in range(5):
         try:
@@ -203,7 +203,7 @@ def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_p
     assert child.returncode == 0, child.stderr
     *latencies, last = [line.split() for line in child.stdout.splitlines()]
     steps, frames = (int(word) for word in last)
-    scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e6, points_per_axis=4)
     with gr.open(path) as record:
         assert len(record) == frames
     resumed = gr.Simulation.resume(path, threads=1)
@@ -226,7 +226,7 @@ def test_the_handler_of_the_user_comes_back(small_scene):
 
 def test_a_point_within_a_solid_does_no_harm(small_scene):
     """Nodes there have no room, and no fullness: a point that is pressed in goes on finite."""
-    scene = small_scene("walls", 2, ("quadratic", "tpic", "diffused"), E=1e6, points_per_axis=4)
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e6, points_per_axis=4)
     sim = gr.Simulation(scene, threads=1)
     sim.step(8)
     x = sim.buffers["x"]

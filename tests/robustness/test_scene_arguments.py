@@ -7,7 +7,7 @@ import pytest
 
 from granular import scenes
 from granular.materials import MuI
-from granular.scene import Scene
+from granular.mpm.scene import Scene
 
 NUMBERS = {
     "column_collapse": ["aspect", "half_width", "cell", "lip", "gravity", "duration"],
@@ -125,7 +125,7 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("clogging_silo", {"half": 1}, TypeError, "half = 1 must be True or False"),
         ("clogging_silo", {"orifice": 0.595}, ValueError, "orifice"),
         ("clogging_silo", {"orifice": 0.63}, ValueError, "orifice = 0.63 must be less than width"),
-        ("clogging_silo", {"absorber": math.nan}, ValueError, "nan"),
+        ("clogging_silo", {"sponge": math.nan}, ValueError, "nan"),
         ("cylinder_collapse", {"lip": 0.1}, ValueError, "lip = 0.1 must not be less than radius"),
         ("silo_3d", {"slot": 0.25}, ValueError, "slot = 0.25 must be less than length = 0.25"),
         ("silo_3d", {"slot": 0.02}, ValueError, "slot = 0.02 must be a whole number of cells"),

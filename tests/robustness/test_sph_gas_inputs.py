@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from granular import _core, sph
+from granular import _core, scenes, sph
 from granular.geometry import Box, Fill, Grid
 from granular.sph.simulation import _build
 
-SOIL = sph.scenes.jet_on_bed(spacing=0.025, nozzle=0.05, width=0.2, depth=0.1, headroom=0.1)
+SOIL = scenes.jet_on_bed(spacing=0.025, nozzle=0.05, width=0.2, depth=0.1, headroom=0.1)
 BOX = Fill(Box((0.0, 0.0), (0.2, 0.2)), 1)
 
 
@@ -46,10 +46,10 @@ def with_gas(fill=BOX, **gas):
         (lambda: SOIL.replace(gas=1), "gas = 1 must be a Gas"),
         (lambda: SOIL.replace(numerics=sph.Numerics(dt=1e-3)), r"dt = 0.001 must be at most"),
         (lambda: sph.Wall(1, 0.0, 1, permeable=1), "permeable = 1"),
-        (lambda: sph.scenes.jet_on_bed(speed=300.0), "speed = 300"),
-        (lambda: sph.scenes.jet_on_bed(nozzle=1.0), "nozzle = 1"),
-        (lambda: sph.scenes.jet_on_bed(pressure=0.0), "pressure = 0"),
-        (lambda: sph.scenes.fluidised_bed(velocity=1.0), "velocity = 1"),
+        (lambda: scenes.jet_on_bed(speed=300.0), "speed = 300"),
+        (lambda: scenes.jet_on_bed(nozzle=1.0), "nozzle = 1"),
+        (lambda: scenes.jet_on_bed(pressure=0.0), "pressure = 0"),
+        (lambda: scenes.fluidised_bed(velocity=1.0), "velocity = 1"),
     ],
 )
 def test_wrong_arguments_are_named(change, words):

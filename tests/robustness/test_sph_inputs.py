@@ -7,12 +7,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from granular import _core, sph
+from granular import _core, scenes, sph
 from granular.geometry import Box, Fill
+from granular.gravity import Gravity
 from granular.sph.simulation import _build
-from granular.walls import Gravity
 
-SCENE = sph.scenes.incline(height=0.04, columns=6)
+SCENE = scenes.incline_sph(height=0.04, columns=6)
 DOCUMENTED = (TypeError, ValueError, OverflowError, RuntimeError, MemoryError)
 
 
@@ -47,7 +47,7 @@ DOCUMENTED = (TypeError, ValueError, OverflowError, RuntimeError, MemoryError)
         (lambda: SCENE.replace(gravity=Gravity((0.0,), ((0.0, 0.0, -9.8),))), "dimension 3"),
         (lambda: SCENE.replace(material=None), "material = None"),
         (lambda: SCENE.replace(duration=0.0), "duration"),
-        (lambda: sph.scenes.incline(columns=2), "the period 0.02 of x must exceed"),
+        (lambda: scenes.incline_sph(columns=2), "the period 0.02 of x must exceed"),
         (lambda: sph.Simulation(None), "scene = None"),
         (lambda: sph.Simulation(SCENE, threads=0), "threads = 0"),
         (lambda: sph.Simulation(SCENE, isa="mmx"), "mmx"),
@@ -78,7 +78,7 @@ def test_checkpoint_of_another_scene_is_refused():
     checkpoint = sph.Simulation(SCENE).checkpoint()
     with pytest.raises(ValueError, match="does not hold"):
         sph.Simulation.from_checkpoint(
-            sph.scenes.incline(height=0.04, columns=6, columns_across=5), checkpoint
+            scenes.incline_sph(height=0.04, columns=6, columns_across=5), checkpoint
         )
 
 
@@ -120,7 +120,9 @@ def test_any_number_in_the_buffers_is_survived(field, place, value, fresh):
 @settings(max_examples=60, deadline=None, derandomize=True)
 @given(
     counts=st.tuples(*[st.integers(-3, 90)] * 3),
-    spoil=st.sampled_from(["none", "float32", "short", "missing", "shared", "read-only", "text"]),
+    spoil=st.sampled_from(
+        ["none", "float32", "short", "missing", "cell_averaged", "read-only", "text"]
+    ),
     name=st.sampled_from(["x", "mass", "stress", "id"]),
 )
 def test_any_binding_is_refused_or_works(counts, spoil, name):
@@ -132,7 +134,7 @@ def test_any_binding_is_refused_or_works(counts, spoil, name):
         buffers[name] = buffers[name][..., :-1].copy()
     elif spoil == "missing":
         del buffers[name]
-    elif spoil == "shared":
+    elif spoil == "cell_averaged":
         buffers["v"] = buffers["x"]
     elif spoil == "read-only":
         buffers[name].flags.writeable = False

@@ -38,7 +38,7 @@ def test_threads_give_the_same_bits(small_scene, combination, dim, kind):
 
 
 def test_threads_give_the_same_bits_when_many_points_leave(small_scene):
-    scene = small_scene("outlet", 2, ("linear", "flip", "tracked"), E=1e5, points_per_axis=4)
+    scene = small_scene("outlet", 2, ("linear", "flip", "particle"), E=1e5, points_per_axis=4)
     one = run(scene, 1, 300)
     expected = bits(one)
     assert expected[0]["dropped"] > 5
@@ -48,7 +48,7 @@ def test_threads_give_the_same_bits_when_many_points_leave(small_scene):
 
 def test_twenty_runs_give_the_same_bits(small_scene):
     """Whatever the order in which the threads come to their work; points change cells and leave."""
-    scene = small_scene("outlet", 2, ("quadratic", "tpic", "diffused"), E=1e5, points_per_axis=4)
+    scene = small_scene("outlet", 2, ("quadratic", "tpic", "smoothed"), E=1e5, points_per_axis=4)
     found = [bits(run(scene, threads, 150)) for threads in (1, 2, 3) for _ in range(20)]
     assert found[0][0]["dropped"] > 0
     assert all(one == found[0] for one in found)
@@ -68,7 +68,7 @@ FORK = textwrap.dedent(
     from conftest import make_scene
     import granular as gr
 
-    scene = make_scene("walls", 2, ("linear", "flip", "tracked"), E=1e5)
+    scene = make_scene("walls", 2, ("linear", "flip", "particle"), E=1e5)
     context = multiprocessing.get_context({method!r})
 
     def digest(threads, answer=None):

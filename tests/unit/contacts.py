@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from granular.dem import Contacts, Frame
+from granular.grain_scale.dem import Contacts, Frame
 
 
 def contacts(frame_x, pairs, force, *, tangential=None, normal_velocity=None, sliding=None):

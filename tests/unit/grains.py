@@ -1,7 +1,7 @@
 """Discs and spheres by the discrete element method, small and plain: packings with known forces.
 
-An oracle for `granular.inference`, shared by its tests and by the scripts in `benchmarks`. Linear
-springs at contacts (tangential ones with memory and a Coulomb limit), frictionless walls, several
+An oracle for `granular.grain_scale.inference`, shared by its tests and by the scripts in `benchmarks`. Linear
+springs at contacts (tangential ones with memory and a Coulomb limit), free_slip walls, several
 boxes beside one another in the same arrays. All is in three components; in the plane the third
 stays zero.
 """
@@ -15,7 +15,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.linalg import lsqr
 from scipy.spatial import cKDTree
 
-from granular.inference import OUTSIDE, Packing
+from granular.grain_scale.inference import OUTSIDE, Packing
 
 
 def cross(a, b):
@@ -238,7 +238,7 @@ def lattice(n, across, spacing, dim, rng):
 
 
 def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, free=5000, damped=4000, mu=0.5):
-    """Grains of 2.5 to 4 mm pressed in boxes by frictionless pistons, one box for each seed."""
+    """Grains of 2.5 to 4 mm pressed in boxes by free_slip pistons, one box for each seed."""
     places, radii, boxes = [], [], []
     across = (int(width / 7.8e-3),) * (dim - 1)
     for k, seed in enumerate(seeds):
@@ -298,7 +298,7 @@ def case_from(table, centroids, R):
     return Case(packing, table["forces"])
 
 
-def shaken_lattice(shape, *, shake=0.05, seed=0):
+def jittered_grid(shape, *, shake=0.05, seed=0):
     """Grains on a square or cubic lattice, shaken, that push about evenly; any number at once.
 
     The outermost layers are walls. Contacts lie halfway between centroids.

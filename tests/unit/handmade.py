@@ -2,8 +2,9 @@
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import glass_beads
-from granular.walls import Gravity, Wall
+from granular.mpm.walls import Wall
 
 
 def full_silo(**changes):
@@ -14,12 +15,12 @@ def full_silo(**changes):
         "grid": Grid((-0.5, 0.0), 0.01, (100, 104), open_sides=frozenset({"y-"})),
         "fills": (Fill(Box((-0.5, 0.0), (0.5, 1.0)), 4),),
         "material": glass_beads,
-        "scheme": gr.schemes.published,
+        "scheme": gr.schemes.dunatunga_kamrin_2015,
         "walls": (
             *floor,
             Wall(1, 0.0, span=((-0.06, 0.06),), opens_at=0.1),
-            Wall(0, -0.5, kind="frictionless"),
-            Wall(0, 0.5, kind="frictionless"),
+            Wall(0, -0.5, kind="free_slip"),
+            Wall(0, 0.5, kind="free_slip"),
         ),
         "gravity": Gravity(),
         "duration": 40.0,

@@ -8,17 +8,17 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
-from oracle_diffused import average, averages, look_around
+from oracle_cell_averaged import flow_of_cells, share
 from oracle_law import components, law, tensor
 from oracle_nonlocal import Path
 from oracle_shapes import Shapes, node_volumes
-from oracle_shared import flow_of_cells, share
+from oracle_smoothed import average, averages, look_around
 from oracle_walls import alone_at_wall
 
-from granular.nodes import node_codes
+from granular.mpm.node_codes import node_codes
 
 
-def scatter(scene, points, step=0, lent_dt=1.0):
+def scatter(scene, points, step=0, shift_dt=1.0):
     """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density,
     and `cells` where they share it."""
     dim = scene.grid.dim
@@ -28,28 +28,28 @@ def scatter(scene, points, step=0, lent_dt=1.0):
     if "affine" in points:
         v = v + np.einsum("pdj,pkj->pkd", points["affine"].reshape(-1, dim, dim), s.r)
     volume = m * np.exp(-points["log_density"]) / scene.material.rho_c
-    if "overweight" in points:
-        volume = (1 + points["overweight"]) * volume
+    if "weight_correction" in points:
+        volume = (1 + points["weight_correction"]) * volume
     stress = tensor(points["stress"], dim)[:, :dim, :dim]
     force = -np.einsum("p,pdj,pkj->pkd", volume, stress, s.g)
     if averages(scene, step - 1):
-        force -= np.einsum("p,pk,pd->pkd", m / lent_dt, s.w, points["shift_velocity"])
+        force -= np.einsum("p,pk,pd->pkd", m / shift_dt, s.w, points["shift_velocity"])
     out = SimpleNamespace(
         shapes=s,
         mass=s.to_nodes(s.w * m[:, None]),
         momentum=s.to_nodes((s.w * m[:, None])[..., None] * v),
         force=s.to_nodes(force),
     )
-    if scene.scheme.density == "shared":
+    if scene.scheme.density == "cell_averaged":
         share(scene, points, out)
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
         c = points["log_density"]
-        joins = np.where(c >= -scene.scheme.tension_reach, m, 0.0)
+        joins = np.where(c >= -scene.scheme.separation_strain, m, 0.0)
         seen = c[:, None] + np.einsum("pj,pkj->pk", points["density_gradient"], s.r)
         joined = s.to_nodes(s.w * joins[:, None])
-        weighted = joins * (1 + points["overweight"])
+        weighted = joins * (1 + points["weight_correction"])
         counted = s.to_nodes(s.w * weighted[:, None])
         out.cbar = _ratio(s.to_nodes(s.w * weighted[:, None] * seen), counted)
         out.excess = np.where(joined > 0, _ratio(counted, joined) - 1, 0.0)
@@ -139,22 +139,22 @@ def _filtered(scene, points, nodes, v, fixed):
 def gather(scene, points, nodes, dt, step=0):
     """Points after the step (3.8-3.16), as a new mapping."""
     new = _moved(scene, points, nodes, dt, step)
-    for absorber in scene.absorbers:
-        a = absorber.axis
-        rises = (points["x"][:, a] >= absorber.above) & (new["v"][:, a] > 0)
-        new["v"][rises, a] *= math.exp(-absorber.rate * dt)
+    for sponge in scene.sponge_layers:
+        a = sponge.axis
+        rises = (points["x"][:, a] >= sponge.above) & (new["v"][:, a] > 0)
+        new["v"][rises, a] *= math.exp(-sponge.damping * dt)
     return new
 
 
 def _moved(scene, points, nodes, dt, step):
-    """The same without absorbers."""
+    """The same without sponge_layers."""
     dim, s = scene.grid.dim, nodes.shapes
     new, keep = dict(points), keepshare(scene, dt)
     v, w = nodes.v[s.node], nodes.w[s.node]
     L = np.einsum("kd,pkj->pdj", v, s.g)
     new["v"] = keep * points["v"] + s.w @ w
     new["x"] = points["x"] + dt * (s.w @ v)
-    if scene.scheme.density == "shared":
+    if scene.scheme.density == "cell_averaged":
         L = flow_of_cells(scene, points, new, nodes, dt)
     else:
         new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
@@ -170,8 +170,8 @@ def _moved(scene, points, nodes, dt, step):
     if averages(scene, step):
         average(scene, points, new, nodes, L, dt)
     if "affine" in new and scene.material.law != "elastic":  # these loose points carry none
-        loose = new["log_density"] < -scene.scheme.tension_reach
-        if scene.scheme.density == "tracked":
+        loose = new["log_density"] < -scene.scheme.separation_strain
+        if scene.scheme.density == "particle":
             loose &= alone_at_wall(scene, points["x"])
         new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
     material = scene.material
@@ -186,7 +186,7 @@ def _moved(scene, points, nodes, dt, step):
         gradient,
         new["log_density"],
         dt,
-        equation_of_state=scene.scheme.density != "tracked",
+        equation_of_state=scene.scheme.density != "particle",
     )
     new["stress"], new["shear_rate"] = components(stress, dim), rate
     return new

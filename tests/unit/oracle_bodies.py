@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
-from granular.bodies import Box, Cylinder, Union
+from granular.mpm.bodies import Box, Cylinder, Union
 
 
 def _turn(rotation_deg):

@@ -133,7 +133,7 @@ def point(q, dt, m, p, g_star, rate):
             Decimal(q[name]) for name in ("G", "mu_s", "mu_2", "I0", "rho_s", "d", "t0")
         )
         dt, m, p, g_star, rate = map(exactly, (dt, m, p, g_star, rate))
-        spread = Decimal(q["p_spread"])
+        spread = Decimal(q["p_averaging"])
         roots = (p + spread).sqrt() + max(p - spread, Decimal(0)).sqrt()
         f = dt * (mu_2 - mu_s) / t0
         growth = 1 + f * rate * d * rho_s.sqrt() * 2 / roots / I0

@@ -14,11 +14,11 @@ from granular import _core
 
 SAND = {
     "K": 1e6, "G": 5e5, "mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "rho_s": 2550.0, "d": 0.004,
-    "t0": 1e-4, "p_spread": 0.0, "g_min": 0.0, "kindling": 1.0,
+    "t0": 1e-4, "p_averaging": 0.0, "g_min": 0.0, "reconnect_fluidity": 1.0,
 }  # fmt: skip
 FLOWS = (
-    "elastic", "drucker_prager", "local_linear", "local_saturating", "nonlocal_linear",
-    "nonlocal_saturating",
+    "elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf",
+    "ngf",
 )  # fmt: skip
 PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
 

@@ -58,7 +58,7 @@ def split_trial(q, stress, L, dt):
 
 def returned(name, q, trial, p, dt):
     """Shear stress after the return: bisection on tau_trial - tau = G dt gamma(tau) (2.13-2.15)."""
-    static = (q["mu_s"] if name == "mu_i" else q["mu"]) * p
+    static = (q["mu_s"] if name == "mu_I" else q["mu"]) * p
     if trial <= static:
         return trial
     if name == "drucker_prager":

@@ -7,20 +7,20 @@ from oracle_law import components, split_trial, tensor
 from scipy.sparse import csc_matrix, eye
 from scipy.sparse.linalg import spsolve
 
-from granular.engine import largest_gravity
-from granular.faces import fluidity_faces
+from granular.mpm.cell_codes import fluidity_faces
+from granular.mpm.engine import largest_gravity
 
 
 def numbers(scene):
     """Parameters of the law in a scene."""
     material, grid = scene.material, scene.grid
-    spread = scene.scheme.fluidity.spread
+    spread = scene.scheme.fluidity.pressure_averaging
     if spread is None:
         spread = 0.5
         if scene.scheme.basis == "quadratic":
             spread /= scene.fills[0].points_per_axis
     weight = material.rho_c * largest_gravity(scene) * grid.cell  # of a layer of cells
-    return vars(material) | {"K": material.K, "G": material.G, "p_spread": spread * weight}
+    return vars(material) | {"K": material.K, "G": material.G, "p_averaging": spread * weight}
 
 
 def root(q, dt, m, p, g_star, rate):
@@ -31,7 +31,7 @@ def root(q, dt, m, p, g_star, rate):
     """
     mu_s, mu_2 = q["mu_s"], q["mu_2"]
     f = dt / q["t0"] * (mu_2 - mu_s)
-    roots = np.sqrt(p + q["p_spread"]) + np.sqrt(np.maximum(p - q["p_spread"], 0.0))
+    roots = np.sqrt(p + q["p_averaging"]) + np.sqrt(np.maximum(p - q["p_averaging"], 0.0))
     k = rate * q["d"] * np.sqrt(q["rho_s"]) / q["I0"] * 2 / roots
     start = q["G"] * dt * np.maximum(g_star, 0.0) / p
     e, below = np.maximum(m / mu_2 - 1, 0.0), np.maximum(mu_2 - m, 0.0)
@@ -133,7 +133,7 @@ class Path:
     def part(self, log_density):
         """A part; points after it, with its stress."""
         scene, now = self.scene, self.points
-        p = pressure(self.q, self.p_trial, log_density, scene.scheme.density != "tracked")
+        p = pressure(self.q, self.p_trial, log_density, scene.scheme.density != "particle")
         g_star = diffused(scene, now, self.dt, self.bears)[cell_of(scene, now["x"])]
         trial = self.deviator + self.strained / self.n
         self.deviator, rate, g, gain = flow(self.q, trial, p, self.dt, g_star, now["shear_rate"])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from granular.nodes import creases
+from granular.mpm.node_codes import c0_lines
 
 
 def _hats(x, lines):
@@ -77,7 +77,7 @@ def axis_functions(basis, n, periodic, lines, half, x):
 def axis_nodes(scene, d):
     """Positions of the true nodes along axis d, in cells from the lower end."""
     grid, basis = scene.grid, scene.scheme.basis
-    lines, middle = creases(grid, scene.walls, d), np.array([0.5])
+    lines, middle = c0_lines(grid, scene.walls, d), np.array([0.5])
     *_, at, real = axis_functions(basis, grid.shape[d], grid.periodic[d], lines, 0.25, middle)
     inside = (at >= 0) & (at < grid.shape[d] if grid.periodic[d] else True)
     positions = np.empty(inside.sum())
@@ -97,7 +97,7 @@ class Shapes:
         half = 0.5 / round(scene.fills[0].points_per_cell ** (1 / grid.dim))
         parts = []
         for d in range(grid.dim):
-            lines = creases(grid, scene.walls, d)
+            lines = c0_lines(grid, scene.walls, d)
             at = (x[:, d] - grid.lower[d]) / grid.cell
             w, g, position, node = axis_functions(
                 scheme.basis, grid.shape[d], grid.periodic[d], lines, half, at

@@ -21,7 +21,7 @@ def kernel(dim, h, d):
     return w, -slope[..., None] * d
 
 
-def lattice_gradient(dim, h, spacing):
+def seeding_gradient(dim, h, spacing):
     """Gradient of a linear field by the kernel on a lattice, over that of the field."""
     ways = np.stack(np.meshgrid(*[np.arange(-4, 5) * spacing] * dim), axis=-1).reshape(1, -1, dim)
     weights, gradient = kernel(dim, h, ways)
@@ -80,7 +80,7 @@ def evaluate(scene, grains, walls, dt, gravity, elastic):
     for shift in images(scene, x):
         d = x[None] + shift - x[:, None]
         weight, gradient = kernel(dim, h, d)
-        pairs.append((d, weight, gradient / lattice_gradient(dim, h, scene.grid.cell)))
+        pairs.append((d, weight, gradient / seeding_gradient(dim, h, scene.grid.cell)))
     plain = sum((mass * w).sum(1) for _, w, _ in pairs)
     rho = plain / sum((mass / plain * w).sum(1) for _, w, _ in pairs)
 

@@ -1,4 +1,4 @@
-"""Where walls and openings are, once more: what the cure and lonely points ask."""
+"""Where walls and openings are, once more: what the density correction and lonely points ask."""
 
 import math
 
@@ -53,8 +53,8 @@ def held_at_walls(scene, x, delta):
 
 
 def near_outlet(scene, x):
-    """Points in cells no farther than shift_outlet_cells from an opening."""
-    reach = scene.scheme.shift_outlet_cells * scene.grid.cell
+    """Points in cells no farther than shifting_outlet_cells from an opening."""
+    reach = scene.scheme.shifting_outlet_cells * scene.grid.cell
     cell = scene.grid.cell
     middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
     near = np.zeros(len(x), dtype=bool)

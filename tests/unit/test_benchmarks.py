@@ -192,7 +192,7 @@ def test_the_laws_are_timed(module, tmp_path, capsys):
     out = tmp_path / "laws.json"
     module("laws").main(["--quick", "--out", str(out)])
     rows = json.loads(out.read_text())["rows"]
-    assert {row["law"] for row in rows} >= {"mu_i", "loose", "nonlocal_linear"}
+    assert {row["law"] for row in rows} >= {"mu_I", "loose", "linear_ngf"}
     assert all(len(row["ns"]) == 2 and min(row["ns"]) > 0 for row in rows)
     assert len(capsys.readouterr().out.splitlines()) == len(rows) + 2
 

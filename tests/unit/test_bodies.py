@@ -8,11 +8,12 @@ import pytest
 
 import granular as gr
 from granular import _core
-from granular.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.walls import Gravity, Wall
+from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
+from granular.mpm.walls import Wall
 
 CELL, DT = 0.04, 4e-4  # no part is thinner than three cells
 
@@ -36,13 +37,13 @@ def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
     """A block of material in a box, with bodies."""
     shape = (15, 8, 13) if dim == 3 else (15, 13)
     upper = tuple(CELL * n for n in shape)
-    walls = [Wall(dim - 1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless")]
+    walls = [Wall(dim - 1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip")]
     return gr.Scene(
         name="bodies",
         grid=Grid((0.0,) * dim, CELL, shape),
         fills=(Fill(Region((0.0,) * dim, (*upper[:-1], 0.4)), 2**dim, jitter=1.0),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="tracked", dt=DT),
+        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="particle", dt=DT),
         walls=tuple(walls),
         bodies=bodies,
         gravity=Gravity((0.0,), ((*(0.0,) * (dim - 1), gravity),)),
@@ -56,7 +57,7 @@ def grid_of(scene):
     sim = gr.Simulation(scene, threads=1)
     v = sim.buffers["v"]
     v[:] = np.random.default_rng(5).normal(size=v.shape)
-    sim._engine.scatter()
+    sim._engine.p2g()
     sim._engine.grid()
     return sim, sim._engine.nodes()
 
@@ -114,7 +115,7 @@ def test_contact_of_all_nodes(shape, contact):
     assert np.abs(v - free["v"]).max() > 0.1
     assert np.allclose(nodes["v"], v, rtol=0, atol=1e-8)
     assert np.allclose(nodes["w"] - free["w"], nodes["v"] - free["v"], rtol=0, atol=1e-13)
-    sim._engine.gather()
+    sim._engine.g2p()
     state = sim.bodies[0]
     impulse = -nodes["mass"][:, None] * (nodes["v"] - free["v"])
     assert np.allclose(state.impulse, impulse.sum(axis=0), rtol=0, atol=1e-10)
@@ -144,7 +145,7 @@ def test_free_body_takes_up_the_impulse(contact, mass):
         body, free, (0.2, -0.5, 0.0), np.zeros(3), gravity, DT
     )
     assert np.allclose(nodes["v"], v[:, :2], rtol=0, atol=1e-8)
-    sim._engine.gather()
+    sim._engine.g2p()
     state = sim.bodies[0]
     assert np.allclose(state.velocity, velocity[:2], rtol=0, atol=1e-8)
     assert np.allclose(state.impulse, impulse[:2], rtol=1e-8, atol=1e-8)
@@ -230,7 +231,7 @@ def test_record_tells_of_bodies(tmp_path):
     with gr.open(tmp_path / "b.h5") as record:
         assert record.bodies.shape == (6, 2, 19)
         assert record.bodies[-1].tolist() == sim._engine.bodies().tolist()
-        assert not any(name.startswith("body") for name in record.looks)
+        assert not any(name.startswith("body") for name in record.samples)
         for b in range(2):
             force = gr.measure.body_force(record, b)
             spans = np.diff(record.times)

@@ -7,18 +7,11 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from granular.boundaries import (
-    Absorber,
-    Gravity,
-    Solid,
-    Wall,
-    WallRow,
-    creases,
-    node_codes,
-    node_positions,
-)
 from granular.geometry import Grid
-from granular.schemes import Scheme
+from granular.gravity import Gravity
+from granular.mpm.node_codes import WallRow, c0_lines, node_codes, node_positions
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Solid, SpongeLayer, Wall
 
 BASES = ("linear", "ugimp", "quadratic")
 
@@ -63,7 +56,7 @@ def test_splines_with_values_at_these_nodes_reproduce_linear_fields(lines):
     [
         (("cubic", 3, False), ValueError, "basis"),
         (("linear", 0, False), ValueError, "n_cells = 0"),
-        (("quadratic", 3, False, (3,)), ValueError, "creases = 3"),
+        (("quadratic", 3, False, (3,)), ValueError, "c0_lines = 3"),
         (("quadratic", 3, False, (2, 1)), ValueError, "must ascend"),
         (("quadratic", 3, False, (1, 1)), ValueError, "must ascend"),
         (("quadratic", 3, True, (1,)), ValueError, "periodic axis"),
@@ -74,7 +67,7 @@ def test_positions_refuse(arguments, error, message):
         node_positions(*arguments)
 
 
-# --- creases
+# --- c0_lines
 
 
 def test_creases_at_inner_walls_and_ends_of_spans():
@@ -88,23 +81,23 @@ def test_creases_at_inner_walls_and_ends_of_spans():
         Wall(1, 1.5),  # inner wall over the whole width: y line 3
         Solid((-0.5, 0.5), (0.5, 1.0)),
     ]
-    assert creases(grid, walls, 0) == (2, 4)
-    assert creases(grid, walls, 1) == (1, 2, 3)
-    assert creases(grid, [], 0) == ()
+    assert c0_lines(grid, walls, 0) == (2, 4)
+    assert c0_lines(grid, walls, 1) == (1, 2, 3)
+    assert c0_lines(grid, [], 0) == ()
 
 
 def test_a_wall_off_the_grid_lines_is_refused():
     grid = Grid((0.0, 0.0), 0.1, (10, 10))
     with pytest.raises(ValueError, match=r"walls\[0\].* = 0.25 must lie on a grid line of x"):
-        creases(grid, [Wall(0, 0.25)], 0)
-    assert creases(grid, [Wall(0, 0.1 + 0.2)], 0) == (3,)  # round-off is forgiven
+        c0_lines(grid, [Wall(0, 0.25)], 0)
+    assert c0_lines(grid, [Wall(0, 0.1 + 0.2)], 0) == (3,)  # round-off is forgiven
 
 
 # --- node codes
 
 
 def test_rough_floor_and_symmetry_plane():
-    walls = (Wall(1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless"))
+    walls = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
     assert fixed(walls) == [[3, 3, 3, 3], [1, 0, 0, 0], [1, 0, 0, 0]]
     assert fixed(walls, basis="ugimp") == fixed(walls)
     assert fixed(walls, basis="quadratic") == [
@@ -133,7 +126,7 @@ def test_orifice_opens(basis):
 
 @pytest.mark.parametrize("basis", BASES)
 def test_inner_wall_acts_on_its_line_and_span_only(basis):
-    got = np.array(fixed((Wall(1, 1.0, kind="frictionless", span=((1.0, 2.0),)),), basis=basis))
+    got = np.array(fixed((Wall(1, 1.0, kind="free_slip", span=((1.0, 2.0),)),), basis=basis))
     x = node_positions(basis, 3, False, (1, 2))
     y = node_positions(basis, 2, False, (1,))
     wanted = 2 * np.outer(y == 1.0, (x >= 1.0) & (x <= 2.0))
@@ -149,13 +142,13 @@ def test_coulomb_walls_know_their_side():
 
 
 def test_coulomb_in_corners():
-    rough = (Wall(1, 0.0, kind="coulomb", friction=0.3), Wall(0, 0.0, kind="rough"))
+    rough = (Wall(1, 0.0, kind="coulomb", friction=0.3), Wall(0, 0.0, kind="no_slip"))
     codes, rows = coded(rough)
     assert rows[codes[0, 0] - 1] == WallRow(fixed=3)  # nothing is left to rub
     edge = (
         Wall(0, 0.0, kind="coulomb", friction=0.2),
         Wall(1, 0.0, kind="coulomb", friction=0.4),
-        Wall(2, 1.0, kind="frictionless"),
+        Wall(2, 1.0, kind="free_slip"),
     )
     codes, rows = coded(edge, shape=(1, 1, 1))
     assert rows[codes[0, 0, 0] - 1] == WallRow(fixed=3, friction=0.4, normal=1, side=1)
@@ -165,9 +158,9 @@ def test_coulomb_in_corners():
 
 def test_walls_that_open_one_after_the_other_are_chained():
     walls = (
-        Wall(1, 0.0, kind="rough", opens_at=2.0),
-        Wall(0, 0.0, kind="frictionless"),
-        Wall(0, 0.0, kind="frictionless", opens_at=1.0),
+        Wall(1, 0.0, kind="no_slip", opens_at=2.0),
+        Wall(0, 0.0, kind="free_slip"),
+        Wall(0, 0.0, kind="free_slip", opens_at=1.0),
         Wall(1, 0.0, kind="coulomb", friction=0.5, opens_at=3.0),
     )
     codes, rows = coded(walls)
@@ -186,7 +179,7 @@ def test_walls_that_open_one_after_the_other_are_chained():
 
 
 def test_periodic_axis():
-    floor = (Wall(1, 0.0, kind="frictionless", span=((1.0, 3.0),)),)
+    floor = (Wall(1, 0.0, kind="free_slip", span=((1.0, 3.0),)),)
     assert fixed(floor, periodic=(True, False))[0] == [2, 2, 2]  # x = 3 is node 0
     assert fixed((Wall(1, 0.0),), periodic=(True, False), basis="quadratic")[0] == [3, 3, 3]
     with pytest.raises(ValueError, match="periodic axis"):
@@ -194,12 +187,12 @@ def test_periodic_axis():
 
 
 def test_rough_block():
-    block = (Solid((1.0, 0.0), (2.0, 1.0), kind="rough"),)
+    block = (Solid((1.0, 0.0), (2.0, 1.0), kind="no_slip"),)
     assert fixed(block) == [[0, 3, 3, 0], [0, 3, 3, 0], [0, 0, 0, 0]]
 
 
 def test_frictionless_block_by_faces():
-    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="frictionless"),)
+    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
     assert fixed(block, shape=(5, 5)) == [
         [0, 0, 0, 0, 0, 0],
         [0, 3, 2, 2, 3, 0],
@@ -212,21 +205,21 @@ def test_frictionless_block_by_faces():
 
 def test_frictionless_block_of_quadratic_splines_lets_material_slide_along_its_faces():
     # nodes at 0, .5, ..., 4.5, 5; inside from 1.5; .5 deep at 1.5 and 3.5, 1.5 deep at 2.5
-    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="frictionless"),)
+    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
     inner = np.array(fixed(block, shape=(5, 5), basis="quadratic"))
     assert inner[2:5, 2:5].tolist() == [[3, 2, 3], [1, 3, 1], [3, 2, 3]]
     assert inner.sum() == inner[2:5, 2:5].sum()
 
 
 def test_ends_of_the_grid_are_no_faces_of_a_block():
-    block = (Solid((1.0, 0.0), (3.0, 1.0), kind="frictionless"),)
+    block = (Solid((1.0, 0.0), (3.0, 1.0), kind="free_slip"),)
     assert fixed(block) == [[0, 1, 3, 3], [0, 3, 2, 2], [0, 0, 0, 0]]
-    across = (Solid((0.0, 0.0), (3.0, 1.0), kind="frictionless"),)
+    across = (Solid((0.0, 0.0), (3.0, 1.0), kind="free_slip"),)
     assert fixed(across, periodic=(True, False)) == [[3, 3, 3], [2, 2, 2], [0, 0, 0]]
 
 
 def test_nested_blocks_make_a_staircase():
-    blocks = tuple(Solid((line, 0.0), (4.0, line), kind="frictionless") for line in (1.0, 2.0, 3.0))
+    blocks = tuple(Solid((line, 0.0), (4.0, line), kind="free_slip") for line in (1.0, 2.0, 3.0))
     codes = fixed(blocks, shape=(4, 4))
     assert codes[1][1] == 3 and codes[2][2] == 3 and codes[3][3] == 3  # edges of the steps
     assert codes[1][2] == 3 and codes[2][3] == 3  # feet of the steps
@@ -241,7 +234,7 @@ def test_more_rows_than_a_byte_holds_are_refused():
     )
     codes, rows = coded(walls, shape=(255, 1))
     assert len(rows) == 255 and codes.max() == 255
-    more = (*walls, Wall(1, 1.0, kind="rough"))
+    more = (*walls, Wall(1, 1.0, kind="no_slip"))
     with pytest.raises(ValueError, match="256 kinds of nodes, must be <= 255"):
         coded(more, shape=(255, 1))
 
@@ -254,7 +247,7 @@ def test_shape_of_codes_in_space_is_z_y_x():
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_spans_in_space_follow_the_order_of_the_other_axes(axis):
-    wall = Wall(axis, 0.0, kind="frictionless", span=((0.0, 1.0), (2.0, 3.0)))
+    wall = Wall(axis, 0.0, kind="free_slip", span=((0.0, 1.0), (2.0, 3.0)))
     codes, _ = coded((wall,), shape=(3, 3, 3))
     found = np.argwhere(codes.transpose(2, 1, 0))  # in the order x, y, z
     first, second = (a for a in range(3) if a != axis)
@@ -263,7 +256,7 @@ def test_spans_in_space_follow_the_order_of_the_other_axes(axis):
 
 
 def test_a_shifted_grid_has_the_same_codes():
-    walls = (Wall(1, -2.0), Wall(0, 6.0, kind="frictionless", span=((-1.0, 0.0),)))
+    walls = (Wall(1, -2.0), Wall(0, 6.0, kind="free_slip", span=((-1.0, 0.0),)))
     assert fixed(walls, lower=(5.0, -2.0)) == [[3, 3, 3, 3], [0, 1, 0, 0], [0, 1, 0, 0]]
 
 
@@ -295,7 +288,7 @@ def test_gravity_is_linear_between_and_held_outside():
         (lambda: Wall(0, 0.0, opens_at=-1.0), ValueError, "opens_at = -1.0"),
         (lambda: Solid((0, 0), (0, 1)), ValueError, r"upper\[0\] = 0.0 must exceed"),
         (lambda: Solid((0, 0), (1, 1), kind="coulomb"), ValueError, "kind = 'coulomb'"),
-        (lambda: Absorber(1, math.inf), ValueError, "above = inf"),
+        (lambda: SpongeLayer(1, math.inf), ValueError, "above = inf"),
         (lambda: Gravity((0.0, 0.0), ((0, 0), (0, 1))), ValueError, "must ascend"),
         (lambda: Gravity((0.0,), ((0, 0), (0, 1))), ValueError, "as many as vectors"),
         (lambda: Gravity((), ()), ValueError, "at least one"),

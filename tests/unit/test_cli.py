@@ -34,7 +34,7 @@ def test_run_writes_the_record_of_the_scene_asked_for(record):
         assert scene.parameters["aspect"] == 1.0
         assert scene.parameters["points_per_cell"] == 4
         assert scene.material.E == 1e5
-        assert scene.scheme == gr.schemes.published
+        assert scene.scheme == gr.schemes.dunatunga_kamrin_2015
         assert len(states) == 6
         expected = [0.0, 0.02, 0.04, 0.06, 0.08, 0.1]
         assert states.times == pytest.approx(expected, abs=3.1e-6)
@@ -46,7 +46,7 @@ def test_run_equals_the_same_run_in_python(record):
         cell=0.05,
         points_per_cell=4,
         material=gr.materials.glass_beads.replace(E=1e5),
-        scheme=gr.schemes.published,
+        scheme=gr.schemes.dunatunga_kamrin_2015,
     )
     simulation = gr.Simulation(scene, threads=1).run(until=0.1)
     with gr.open(record) as states:
@@ -159,6 +159,6 @@ def test_doubts_are_one_line_each(tmp_path, capsys):
     assert cli.main([*words, "--scheme", "published"]) == 0
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
-    assert said[0].startswith('granular: warning: density = "tracked"')
+    assert said[0].startswith('granular: warning: density = "particle"')
     assert cli.main([*words, "--overwrite"]) == 0
     assert capsys.readouterr().err == ""

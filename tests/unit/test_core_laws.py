@@ -18,7 +18,7 @@ from granular.materials import NGF, DruckerPrager, Elastic, MuI
 MATERIALS = {
     "elastic": Elastic(E=1e7),
     "drucker_prager": DruckerPrager(E=1e7),
-    "mu_i": MuI(E=1e7, I0=0.279, d=0.005),
+    "mu_I": MuI(E=1e7, I0=0.279, d=0.005),
     "ngf": NGF(E=1e7, I0=0.279, d=0.005),
 }
 
@@ -30,7 +30,7 @@ def numbers(law):
     """The law's parameters, moduli included."""
     material = MATERIALS[law]
     more = {"K": material.K, "G": material.G, "xi": getattr(material, "xi", None)}
-    return vars(material) | more | {"p_spread": 40.0}
+    return vars(material) | more | {"p_averaging": 40.0}
 
 
 def before(n):
@@ -141,7 +141,7 @@ def law_in_decimals(law, dim, stress, Ldt, dt):
             for state in zip(tau_trial / safe, p, *before(len(p)), strict=True)
         ]
         tau = np.array(friction) * safe
-    if law == "mu_i":
+    if law == "mu_I":
         S2, alpha = q["mu_2"] * safe, q["xi"] * G * step * root(safe)
         B, H = S2 + tau_trial + alpha, S2 * tau_trial + static * alpha
         tau = (B - root(B * B - 4 * H)) / 2
@@ -320,7 +320,7 @@ def test_without_diffused_fluidity_the_nonlocal_law_is_the_local_one(dim, equati
     """Its local phase: mu(I) to the last bit, and g = gdot/mu."""
     state = nonlocal_states(np.random.default_rng(11), 3000, dim)
     options = {"equation_of_state": equation_of_state, "isa": isa}
-    local = full_update("mu_i", dim, *state, 1e-4, **options)
+    local = full_update("mu_I", dim, *state, 1e-4, **options)
     found, rate, g = full_update("ngf", dim, *state, 1e-4, **options)
     assert found.tobytes() == local[0].tobytes()
     assert rate.tobytes() == local[1].tobytes()
@@ -429,7 +429,7 @@ def test_the_plane_is_space_without_its_third_axis(law):
 def test_every_registered_law_is_tested():
     """Here, or, those of finite strain, in test_hencky*.py and test_hardening.py."""
     finite = {law for law in _core.laws() if law.startswith("hencky_")}
-    assert finite == set(FLOW_OF) | {"hencky_drucker_prager_hardening"}
+    assert finite == set(FLOW_OF) | {"hencky_hardening_drucker_prager"}
     assert set(MATERIALS) == set(_core.laws()) - finite
     for law, material in MATERIALS.items():
         assert material.law == law

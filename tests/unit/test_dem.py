@@ -9,11 +9,11 @@ from contacts import frame
 from scipy.spatial import cKDTree
 from scipy.special import beta
 
-from granular import dem, inference
-from granular.dem.drive import packed
-from granular.dem.dumps import read_frames
-from granular.dem.scripts import packing_script, shear_script, start
-from granular.dem.settings import Units
+from granular.grain_scale import dem, inference
+from granular.grain_scale.dem.drive import packed
+from granular.grain_scale.dem.dumps import read_frames
+from granular.grain_scale.dem.scripts import packing_script, shear_script, start
+from granular.grain_scale.dem.settings import Units
 
 
 def test_grains_of_two_sizes():

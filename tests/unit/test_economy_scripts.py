@@ -51,13 +51,13 @@ def reference(case, law, cases):
     same = [
         c
         for c in cases
-        if (c.keywords, c.scheme, c.law, c.changes) == (case.keywords, case.scheme, "mu_i", {})
+        if (c.keywords, c.scheme, c.law, c.changes) == (case.keywords, case.scheme, "mu_I", {})
         and c.held is None
         and c.E > case.E
         and (case.held is None or c.E == case.held)
         and bias.grid_damping(c.build()) <= law.damping
     ]
-    usable = case.law == "mu_i" and not case.changes and bool(case.held) == law.held
+    usable = case.law == "mu_I" and not case.changes and bool(case.held) == law.held
     return max(same, key=lambda c: c.E) if same and usable else None
 
 

@@ -6,20 +6,24 @@ from handmade import full_silo
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
-from granular.walls import Gravity, Solid, Wall
+from granular.gravity import Gravity
+from granular.mpm.walls import Solid, Wall
 
 
 def test_half_of_a_silo_is_the_silo_of_the_paper():
     scene = full_silo()
-    advice = gr.economy.advise(scene, 0.02)
-    assert advice.about("dimension").changes == {"half": True}
-    found, known = gr.economy.half(scene), gr.scenes.silo(scheme=gr.schemes.published)
+    suggestion = gr.economy.suggest(scene, 0.02)
+    assert suggestion.about("dimension").changes == {"half": True}
+    found, known = (
+        gr.economy.mirror_half(scene),
+        gr.scenes.silo(scheme=gr.schemes.dunatunga_kamrin_2015),
+    )
     assert np.allclose(found.points().x, known.points().x)
     assert found.grid == known.grid
     assert found.parameters["half"] and set(map(repr, found.walls)) == set(map(repr, known.walls))
-    assert gr.economy.apply(scene, advice).n_points == scene.n_points / 2
+    assert gr.economy.apply(scene, suggestion).n_points == scene.n_points / 2
     with pytest.raises(ValueError, match="half already"):
-        gr.economy.half(found)
+        gr.economy.mirror_half(found)
 
 
 @pytest.mark.parametrize(
@@ -37,18 +41,18 @@ def test_half_of_a_silo_is_the_silo_of_the_paper():
 def test_what_is_no_mirror_image_is_not_halved(changes, reason):
     scene = full_silo(**changes)
     with pytest.raises(ValueError, match=reason):
-        gr.economy.half(scene)
-    assert not gr.economy.advise(scene).about("dimension").changes
+        gr.economy.mirror_half(scene)
+    assert not gr.economy.suggest(scene).about("dimension").changes
 
 
 def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
-    """A rough partition is not a plane of symmetry; a frictionless one is."""
+    """A rough partition is not a plane of symmetry; a free_slip one is."""
     whole = full_silo()
     for wall in (Wall(0, 0.0), Wall(0, 0.0, kind="coulomb", friction=0.3)):
         scene = whole.replace(walls=(*whole.walls, wall))
-        assert "on the plane" in gr.economy.advise(scene).about("dimension").reason
-    scene = whole.replace(walls=(*whole.walls, Wall(0, 0.0, kind="frictionless")))
-    assert gr.economy.half(scene) == gr.economy.half(whole)
+        assert "on the plane" in gr.economy.suggest(scene).about("dimension").reason
+    scene = whole.replace(walls=(*whole.walls, Wall(0, 0.0, kind="free_slip")))
+    assert gr.economy.mirror_half(scene) == gr.economy.mirror_half(whole)
 
 
 def test_what_ends_on_the_plane_is_not_cut_to_nothing():
@@ -65,29 +69,29 @@ def test_what_ends_on_the_plane_is_not_cut_to_nothing():
             *(Solid((low, 1.2), (high, 1.5)) for low, high in sides),
         ),
     )
-    found = gr.economy.half(whole)
+    found = gr.economy.mirror_half(whole)
     assert len(found.fills) == 1 and len(found.walls) == 3
     assert found.n_points == whole.n_points / 2
 
 
 def test_half_costs_accuracy_with_other_than_linear_functions():
     whole = full_silo(scheme=gr.schemes.default)
-    item = gr.economy.advise(whole, 0.05).about("dimension")
+    item = gr.economy.suggest(whole, 0.05).about("dimension")
     assert item.changes and item.error > 0
-    assert not gr.economy.advise(whole, 0.01).about("dimension").changes
-    assert gr.economy.advise(full_silo(), 0.01).about("dimension").error == 0.0
+    assert not gr.economy.suggest(whole, 0.01).about("dimension").changes
+    assert gr.economy.suggest(full_silo(), 0.01).about("dimension").error == 0.0
 
 
 def test_a_block_across_the_plane_is_cut():
     blocks = (Solid((-0.1, 0.5), (0.1, 0.6)), Solid((-0.5, 0.2), (-0.4, 0.3)))
     whole = full_silo(walls=(*blocks, Solid((0.4, 0.2), (0.5, 0.3))))
-    kept = [wall for wall in gr.economy.half(whole).walls if isinstance(wall, Solid)]
+    kept = [wall for wall in gr.economy.mirror_half(whole).walls if isinstance(wall, Solid)]
     assert [block.lower[0] for block in kept] == [0.0, 0.4]
 
 
 def test_bodies_are_no_mirror_images():
     """A wheel that rolls, a cylinder that turns."""
     for scene in (gr.scenes.wheel(), gr.scenes.couette(cell=0.02)):
-        assert gr.economy.advise(scene).about("dimension").changes == {}
+        assert gr.economy.suggest(scene).about("dimension").changes == {}
         with pytest.raises(ValueError, match=r"cannot be halved: .* bodies"):
-            gr.economy.half(scene)
+            gr.economy.mirror_half(scene)

@@ -10,7 +10,7 @@ from granular import _core
 
 BEADS = {
     "G": 1e6 / 2.9, "mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.279, "rho_s": 2450.0, "d": 0.005,
-    "t0": 1e-3, "p_spread": 0.0,
+    "t0": 1e-3, "p_averaging": 0.0,
 }  # fmt: skip
 ISAS = oracle.available()
 EPS = 2.0**-53
@@ -151,7 +151,7 @@ def test_the_sink_takes_the_mean_of_the_root_over_the_depth_that_a_point_stands_
         if spread <= p:
             x = np.linspace(0.0, 1.0, 100_001)[1:] - 0.5e-5
             assert mean == pytest.approx(np.mean((low + 2 * spread * x) ** -0.5), rel=2e-3)
-        found = update(BEADS | {"p_spread": spread}, 1e-5, m, p, g_star, rate)
+        found = update(BEADS | {"p_averaging": spread}, 1e-5, m, p, g_star, rate)
         expected = update(BEADS, 1e-5, m, p, g_star, rate * mean * math.sqrt(p))
         np.testing.assert_allclose(found, expected, rtol=1e-14)
 
@@ -169,7 +169,7 @@ def test_the_sink_takes_the_mean_of_the_root_over_the_depth_that_a_point_stands_
         ({"rho_s": math.inf}, "rho_s = inf must be positive and finite"),
         ({"mu_s": -0.1}, "mu_s = -0.1 must be zero or positive"),
         ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s = 0.3819"),
-        ({"p_spread": -1.0}, "p_spread = -1 must be zero or positive"),
+        ({"p_averaging": -1.0}, "p_averaging = -1 must be zero or positive"),
     ],
 )
 def test_parameters_are_checked(change, text):

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from contacts import frame
 
-from granular import dem, friction_law
-from granular.friction_law.contacts import _share_between
+from granular.grain_scale import dem, friction_law
+from granular.grain_scale.friction_law.contacts import _share_between
 
 GRAINS = dem.Grains(d=1.0, spread=0.0, rho_s=2.0, kn=1e3, gamma_n=0.7, mu_p=0.5)
 ABOVE = [[1.0, 0.55, 1.0], [1.0, 1.45, 1.0]]

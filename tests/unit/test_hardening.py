@@ -12,7 +12,7 @@ import granular as gr
 from granular import _core, materials
 from granular.materials import DruckerPrager, HardeningDruckerPrager, MuI
 
-LAW = "hencky_drucker_prager_hardening"
+LAW = "hencky_hardening_drucker_prager"
 SOIL = HardeningDruckerPrager(E=1.2e6, nu=0.3, h0_deg=44.0, h1_deg=9.0, h2=0.2, h3_deg=9.0)
 ANGLES = {"h0_deg": 44.0, "h1_deg": 9.0, "h2": 0.2, "h3_deg": 9.0}
 

@@ -109,7 +109,7 @@ def test_determinant_stays_one_over_a_hundred_thousand_steps():
     g, rate = np.ones(8), np.zeros(8)
     c, all_steps = np.full(8, 0.08), [oracle.gradients(step, 3) for step in steps]
     for k in range(100_000):
-        _core.hencky_update("nonlocal_linear", q, 1e-4, all_steps[k % 64], c, rows, g, rate, "")
+        _core.hencky_update("linear_ngf", q, 1e-4, all_steps[k % 64], c, rows, g, rate, "")
     strain = (oracle.matrices(rows) + 800.0 * np.eye(3)) / (2 * q["G"])
     assert norm(strain).max() > 1e-4
     determinant = np.linalg.det(oracle.function_of(2 * strain, np.exp))
@@ -184,7 +184,7 @@ def test_fluidity_below_the_floor_grows_again():
         q = SAND | {"g_min": g_min, "t0": 1e-3}
         s, g, rate = stress, 0.0, 0.0
         for _ in range(1500):
-            s, g, rate = oracle.update("nonlocal_linear", q, 1e-4, step, 1e-3, s, g, rate)
+            s, g, rate = oracle.update("linear_ngf", q, 1e-4, step, 1e-3, s, g, rate)
         assert (g[0] > 0) == grows
         assert (s[0, 0, 1] < 599) == grows
 
@@ -194,12 +194,12 @@ def test_loose_points_bear_nothing_and_reconnect_by_their_shear_rate():
     dt, p = 1e-3, 50.0
     step, D = L * dt, (L[0] + L[0].T) / 2
     stress = -10.0 * np.eye(3)[None]
-    loose = oracle.update("nonlocal_linear", SAND, dt, step, -1e-6, stress, 3.0, 4.0)
+    loose = oracle.update("linear_ngf", SAND, dt, step, -1e-6, stress, 3.0, 4.0)
     assert not any(part.any() for part in loose)
-    for kindling in (0.0, 1.0):
-        q = SAND | {"kindling": kindling}
-        found, g, rate = oracle.update("nonlocal_linear", q, dt, step, p / q["K"], *loose)
-        expected = kindling * math.sqrt(2 * (D * D).sum()) / q["mu_2"]
+    for reconnect_fluidity in (0.0, 1.0):
+        q = SAND | {"reconnect_fluidity": reconnect_fluidity}
+        found, g, rate = oracle.update("linear_ngf", q, dt, step, p / q["K"], *loose)
+        expected = reconnect_fluidity * math.sqrt(2 * (D * D).sum()) / q["mu_2"]
         assert g[0] == pytest.approx(expected, rel=1e-14)
         h = oracle.trial_strain(np.zeros((1, 3, 3)), step)[0]
         s = 2 * q["G"] * h / (1 + q["G"] * dt / p * expected)
@@ -244,7 +244,7 @@ def test_extreme_numbers_stay_finite(flow, isa, dim):
 
 def arguments(n=5, dim=3):
     return [
-        "nonlocal_linear", SAND, 1e-4, np.zeros((dim * dim, n)), np.full(n, 1e-3),
+        "linear_ngf", SAND, 1e-4, np.zeros((dim * dim, n)), np.full(n, 1e-3),
         np.full((4 if dim == 2 else 6, n), -1.0), np.ones(n), np.ones(n), "",
     ]  # fmt: skip
 
@@ -255,7 +255,10 @@ def arguments(n=5, dim=3):
         ({"K": 0.0}, "K = 0 must be positive"),
         ({"G": -1.0}, "G = -1 must be positive"),
         ({"g_min": -1e-6}, "g_min = -1e-06 must be zero or positive"),
-        ({"kindling": math.nan}, "kindling = nan must be zero or positive and finite"),
+        (
+            {"reconnect_fluidity": math.nan},
+            "reconnect_fluidity = nan must be zero or positive and finite",
+        ),
         ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s = 0.3819"),
         ({"rho_s": math.inf}, "rho_s = inf must be positive and finite"),
     ],
@@ -270,7 +273,7 @@ def test_parameters_are_checked(change, text):
 def test_missing_parameters_flows_and_steps_are_named():
     for place, value, text in (
         (1, {k: v for k, v in SAND.items() if k != "t0"}, "the parameter t0 is missing"),
-        (0, "plastic", 'no flow "plastic": it must be one of elastic drucker_prager local_linear'),
+        (0, "plastic", 'no flow "plastic": it must be one of elastic drucker_prager linear_mu_I'),
         (2, math.nan, "dt = nan must be positive and finite"),
         (2, 0.0, "dt = 0 must be positive"),
         (8, "sse9", 'instruction set "sse9" is not available'),

@@ -10,13 +10,13 @@ from granular import _core
 FLOW_OF = {
     "hencky_elastic": ("elastic", "elastic"),
     "hencky_drucker_prager": ("drucker_prager", "drucker_prager"),
-    "hencky_mu_i": ("local_saturating", "local_saturating"),
-    "hencky_linear": ("local_linear", "local_linear"),
-    "hencky_ngf": ("nonlocal_saturating", "local_saturating"),
-    "hencky_ngf_linear": ("nonlocal_linear", "local_linear"),
+    "hencky_mu_I": ("mu_I", "mu_I"),
+    "hencky_linear_mu_I": ("linear_mu_I", "linear_mu_I"),
+    "hencky_ngf": ("ngf", "mu_I"),
+    "hencky_linear_ngf": ("linear_ngf", "linear_mu_I"),
 }
 """Flow of each law, and that of its local phase."""
-PARAMETERS = oracle.SAND | {"A": 0.48, "g_min": 0.0, "kindling": 0.0}
+PARAMETERS = oracle.SAND | {"A": 0.48, "g_min": 0.0, "reconnect_fluidity": 0.0}
 
 
 def parameters(law):

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import pressed_discs, shaken_lattice, sums
+from grains import jittered_grid, pressed_discs, sums
 
-from granular import inference
-from granular.inference import BoundaryForce, InferenceError, InferenceWarning, Packing
-from granular.inference.dynamic import knee_of
+from granular.grain_scale import inference
+from granular.grain_scale.inference import BoundaryForce, InferenceError, InferenceWarning, Packing
+from granular.grain_scale.inference.dynamic import knee_of
 
 
 def square():
@@ -29,7 +29,7 @@ def square():
 @pytest.mark.parametrize("shape", [(6, 5), (4, 4, 4)])
 def test_rows_are_those_written_down_one_by_one(shape):
     """K_eq and K_st against the plain loops of the oracle; b_st from known forces."""
-    case = shaken_lattice(shape)
+    case = jittered_grid(shape)
     packing, f = case.packing, case.forces.ravel()
     table = {"bodies": packing.bodies, "positions": packing.positions}
     balance, stress = sums(table, packing.centroids)
@@ -118,14 +118,14 @@ def test_frictionless_walls_are_known_zeros():
     assert inference.friction_of_contacts(packing, 0.5, 0.0).tolist() == [0, 0, 0, 0]
     some = inference.friction_of_contacts(packing, 0.5, {-4: 0.1, -1: 0.0})
     assert some.tolist() == [0.5, 0.0, 0.1, 0.5]
-    window, _ = shaken_lattice((5, 5)).packing.subset([0, 1])
+    window, _ = jittered_grid((5, 5)).packing.subset([0, 1])
     outside = window.bodies.min(axis=1) == inference.OUTSIDE
     assert outside.any()
     assert (inference.friction_of_contacts(window, 0.5, 0.0)[outside] == 0.5).all()
 
 
 def test_a_subset_keeps_contacts_in_order_and_names_the_rest():
-    case = shaken_lattice((5, 5))
+    case = jittered_grid((5, 5))
     window, contacts = case.packing.subset([4, 1])
     assert window.centroids.tolist() == case.packing.centroids[[4, 1]].tolist()
     old, new = case.packing.bodies[contacts], window.bodies
@@ -167,7 +167,7 @@ def test_without_clarabel_the_plane_is_solved_and_space_says_what_to_install(mon
     noise = np.random.default_rng(0).normal(1, 0.3, (case.packing.n, 1, 1))
     rough = replace(case.packing, stresses=case.packing.stresses * noise)
     assert inference.infer_static(rough, mu=0.45).solver == "nnls"
-    space = shaken_lattice((5, 5, 5)).packing
+    space = jittered_grid((5, 5, 5)).packing
     noise = np.random.default_rng(0).normal(1, 0.5, (space.n, 1, 1))
     rough = replace(space, stresses=space.stresses * noise)
     with pytest.raises(ImportError, match=r"pip install 'granular\[inference\]'"):
@@ -255,7 +255,7 @@ def test_a_chain_is_found_and_ends_where_it_bends():
 
 def test_a_grain_may_be_given_in_any_image_of_a_periodic_box():
     """All of it is the same when some grains are moved by the box, but where contacts are seen."""
-    case, box = shaken_lattice((5, 6)), np.array([40.0, -30.0])
+    case, box = jittered_grid((5, 6)), np.array([40.0, -30.0])
     packing, moved = case.packing, np.zeros(case.packing.n, bool)
     moved[[1, 4, 7]] = True
     by = np.where(moved[:, None], box, 0.0)

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from grains import shaken_lattice
+from grains import jittered_grid
 from matplotlib.collections import LineCollection
 from PIL import Image
 
-from granular import inference, plot
+from granular import plot
+from granular.grain_scale import inference
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 SCRIPTS = {
@@ -27,7 +28,7 @@ def lines(ax):
 
 @pytest.mark.parametrize("shape", [(5, 5), (4, 4, 4)])
 def test_widths_go_with_forces_on_one_scale(shape):
-    case = shaken_lattice(shape)
+    case = jittered_grid(shape)
     figure = plot.force_networks(
         {"all": (case.packing, case.forces), "half": (case.packing, case.forces / 2)}
     )
@@ -39,7 +40,7 @@ def test_widths_go_with_forces_on_one_scale(shape):
 
 
 def test_lines_lead_from_centroid_to_centroid_and_to_walls():
-    packing = shaken_lattice((4, 3)).packing
+    packing = jittered_grid((4, 3)).packing
     paths = lines(plot.force_networks({"": (packing, -packing.normals)}).axes[0]).get_segments()
     pairs = [tuple(pair) for pair in packing.bodies.tolist()]
     ends = np.array(paths)[:, [0, -1]]
@@ -67,7 +68,7 @@ def test_lines_over_a_periodic_side_have_a_gap():
 
 
 def test_front_and_curves():
-    case = shaken_lattice((5, 5))
+    case = jittered_grid((5, 5))
     noise = np.random.default_rng(0).normal(1, 0.1, case.packing.stresses.shape)
     rough = inference.Packing(
         **{
@@ -103,14 +104,14 @@ def test_nothing_is_refused(call, words):
 
 
 def test_forces_of_another_packing_are_refused():
-    packing = shaken_lattice((5, 5)).packing
+    packing = jittered_grid((5, 5)).packing
     with pytest.raises(ValueError, match=r"panels\['a'\]"):
         plot.force_networks({"a": (packing, np.zeros((3, 2)))})
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCRIPTS)
-@pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
+@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 def test_a_quick_figure_is_written(monkeypatch, name, tmp_path):
     pytest.importorskip("clarabel")
     monkeypatch.syspath_prepend(FOLDER / "figures")
@@ -126,7 +127,7 @@ def test_every_script_is_known():
     assert found == set(SCRIPTS) | {"inference_common"}
 
 
-@pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
+@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 def test_the_benchmark_writes_a_table_and_a_chart(monkeypatch, tmp_path):
     pytest.importorskip("clarabel")
     # By its path: the name is also that of a module of the package.

@@ -38,7 +38,7 @@ def disturbed(scene, seed=3, step=0, **options):
         "affine": rng.normal(0.0, 3.0, (scene.dim**2, n)),
         "density_gradient": rng.normal(0.0, 0.05, (scene.dim, n)),
         "shift_velocity": rng.normal(0.0, 0.02, (scene.dim, n)),
-        "overweight": rng.normal(0.0, 0.1, (1, n)),
+        "weight_correction": rng.normal(0.0, 0.1, (1, n)),
         "shear_rate": rng.uniform(0.0, 5.0, (1, n)),
     }
     stress = rng.normal(0.0, 0.3, (4 if scene.dim == 2 else 6, n)) * p
@@ -79,7 +79,7 @@ def assert_close(actual, expected, scale, text):
 def test_stages_agree_with_the_oracle(small_scene, combination, dim, kind):
     decay = 40.0 if combination[1] == "flip" else 0.0
     scene = small_scene(
-        kind, dim, combination, flip_decay=decay, shift_limit=1e-3, averaging_time=0.0
+        kind, dim, combination, flip_decay=decay, shifting_limit=1e-3, averaging_time=0.0
     )
     compare_stages(scene, 0)
 
@@ -87,16 +87,16 @@ def test_stages_agree_with_the_oracle(small_scene, combination, dim, kind):
 @pytest.mark.parametrize("step", [0, 1, 2, 3])
 def test_steps_between_averagings_agree_with_the_oracle(small_scene, dim, step):
     """Of three steps the first averages and the second takes back what the shift has lent."""
-    combination = ("quadratic", "tpic", "diffused")
-    scene = small_scene("walls", dim, combination, shift_limit=3e-3, averaging_time=1.5)
+    combination = ("quadratic", "tpic", "smoothed")
+    scene = small_scene("walls", dim, combination, shifting_limit=3e-3, averaging_time=1.5)
     compare_stages(scene, step)
 
 
 NONLOCAL = [
-    ("linear", "flip", "tracked"),
-    ("quadratic", "flip", "tracked"),
-    ("quadratic", "tpic", "diffused"),
-    ("linear", "tpic", "shared"),
+    ("linear", "flip", "particle"),
+    ("quadratic", "flip", "particle"),
+    ("quadratic", "tpic", "smoothed"),
+    ("linear", "tpic", "cell_averaged"),
 ]
 METHODS = [("explicit", 1), ("explicit", 3), ("implicit", 1), ("implicit", 3), ("rkl2", 1)]
 
@@ -108,8 +108,8 @@ def test_a_step_with_fluidity_agrees_with_the_oracle(
     small_scene, nonlocal_combination, dim, kind, method, substeps
 ):
     """Means of the cells, their diffusion, the balance with the law, and the law, in substeps."""
-    scene = small_scene(kind, dim, nonlocal_combination, shift_limit=1e-3, averaging_time=0.0)
-    fluidity = gr.schemes.Fluidity(method=method, substeps=substeps, seed=0.0, tolerance=1e-13)
+    scene = small_scene(kind, dim, nonlocal_combination, shifting_limit=1e-3, averaging_time=0.0)
+    fluidity = gr.schemes.Fluidity(method=method, substeps=substeps, initial=0.0, tolerance=1e-13)
     grains = gr.materials.NGF(E=1e6, A=0.25 if method == "explicit" else 1.0, d=0.1, t0=1e-3)
     compare_stages(
         scene.replace(material=grains, scheme=scene.scheme.replace(fluidity=fluidity)), 0
@@ -121,7 +121,7 @@ def compare_stages(scene, step):
     sim = disturbed(scene, step=step)
     before, engine = read(sim), sim._engine
     expected = oracle.scatter(scene, before, step)
-    assert engine.scatter() == 0
+    assert engine.p2g() == 0
     found = engine.nodes()
     number = nodes_by_number(scene, found["x"])
     assert set(np.flatnonzero(expected.mass > 0)) <= set(number)
@@ -143,7 +143,7 @@ def compare_stages(scene, step):
     light = expected.mass[number] == 0
     assert not found["v"][light].any()
 
-    engine.gather()
+    engine.g2p()
     after, expected = read(sim), oracle.gather(scene, before, expected, dt, step)
     np.testing.assert_array_equal(after["id"], before["id"])
     length = np.array(scene.grid.shape) * scene.grid.cell
@@ -169,7 +169,7 @@ def test_the_quick_logarithm_of_the_feedback_is_near_enough():
 
 def stages(sim, count):
     for _ in range(count):
-        for stage in (sim._engine.scatter, sim._engine.grid, sim._engine.gather):
+        for stage in (sim._engine.p2g, sim._engine.grid, sim._engine.g2p):
             needed = stage()
             while needed:
                 sim._grow(needed)

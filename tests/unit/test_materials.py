@@ -60,7 +60,7 @@ def test_the_two_forms_of_the_nonlocal_rate_constant():
     assert by_I0.replace(mu_2=1.5).I0 == 0.279 and by_b.replace(mu_2=1.5).b == 1.0
     assert by_b.replace(I0=0.279) == by_I0 and by_I0.replace(b=1.0) == by_b
     assert by_I0.xi == pytest.approx(0.279 / (0.005 * math.sqrt(2450.0)))
-    assert (NGF(A=0.1).law, NGF(A=0.0).law) == ("ngf", "mu_i")
+    assert (NGF(A=0.1).law, NGF(A=0.0).law) == ("ngf", "mu_I")
 
 
 def test_an_unbounded_friction_keeps_its_slope():
@@ -78,7 +78,7 @@ def test_an_unbounded_friction_keeps_its_slope():
 def test_names_of_laws_and_of_their_parameters():
     """The core fills the parameters of a law from attributes of these names."""
     for m, law, names in (
-        (MuI(), "mu_i", ("K", "G", "mu_s", "mu_2", "xi")),
+        (MuI(), "mu_I", ("K", "G", "mu_s", "mu_2", "xi")),
         (DruckerPrager(), "drucker_prager", ("K", "G", "mu")),
         (Elastic(), "elastic", ("K", "G")),
     ):
@@ -136,20 +136,24 @@ def test_html_shows_the_numbers():
 
 
 def test_finite_strain_and_friction_that_does_not_saturate():
-    grains = materials.NGF(elasticity="hencky", rheology="linear", A=0.3)
-    assert grains.law == "hencky_ngf_linear"
-    assert grains.replace(A=0.0).law == "hencky_linear"
-    assert grains.replace(rheology="saturating").law == "hencky_ngf"
+    grains = materials.NGF(elasticity="hencky", rheology="linear_mu_I", A=0.3)
+    assert grains.law == "hencky_linear_ngf"
+    assert grains.replace(A=0.0).law == "hencky_linear_mu_I"
+    assert grains.replace(rheology="mu_I").law == "hencky_ngf"
     assert type(grains)(**grains.arguments()) == grains
     with pytest.raises(ValueError, match='"linear" must go with elasticity = "hencky"'):
-        materials.NGF(rheology="linear")
+        materials.NGF(rheology="linear_mu_I")
     with pytest.raises(ValueError, match="elasticity = 'soft' must be one of"):
         materials.MuI(elasticity="soft")
 
 
 def test_kindling_needs_finite_strain():
     scene = scenes.chute_ngf()
-    kindled = scene.scheme.replace(fluidity=scene.scheme.fluidity.replace(kindling=True))
-    with pytest.raises(ValueError, match='kindling = True must go with elasticity = "hencky"'):
-        scene.replace(scheme=kindled)
-    scene.replace(scheme=kindled, material=scene.material.replace(elasticity="hencky"))
+    reconnected = scene.scheme.replace(
+        fluidity=scene.scheme.fluidity.replace(reconnect_fluidity=True)
+    )
+    with pytest.raises(
+        ValueError, match='reconnect_fluidity = True must go with elasticity = "hencky"'
+    ):
+        scene.replace(scheme=reconnected)
+    scene.replace(scheme=reconnected, material=scene.material.replace(elasticity="hencky"))

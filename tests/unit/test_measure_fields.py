@@ -13,8 +13,8 @@ from granular.measure import (
     phase,
     smooth,
 )
+from granular.measure.averaging_grid import stencil
 from granular.measure.energy import elastic_of
-from granular.measure.lattice import stencil
 
 CELL = 0.1
 
@@ -148,10 +148,10 @@ def test_cell_averages_by_mass_and_by_volume():
 
 
 def test_stresses_count_by_the_weights_of_the_scheme(small_scene):
-    sim = gr.Simulation(small_scene("walls", 2, ("quadratic", "tpic", "diffused")), threads=1)
+    sim = gr.Simulation(small_scene("walls", 2, ("quadratic", "tpic", "smoothed")), threads=1)
     sim.buffers["stress"][:3] = -100.0
     plain, u = sim.state, np.linspace(-0.4, 0.4, sim.state.n)
-    sim.buffers["overweight"][0, sim.buffers["id"] >= 0] = u[
+    sim.buffers["weight_correction"][0, sim.buffers["id"] >= 0] = u[
         sim.buffers["id"][sim.buffers["id"] >= 0]
     ]
     weighted = sim.state

@@ -5,11 +5,11 @@ import pytest
 from synthetic import RHO_C
 
 import granular as gr
-from granular.bodies import Body, Box, Motion
 from granular.geometry import Box as Region
 from granular.geometry import Cylinder, Fill, Grid
+from granular.gravity import Gravity
+from granular.mpm.bodies import Body, Box, Motion
 from granular.state import State
-from granular.walls import Gravity
 
 CELL = 0.02
 

@@ -4,20 +4,21 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.faces import FACE_LINK, FACE_OPEN, FACE_ROUGH, cell_flags, fluidity_faces
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import NGF
-from granular.schemes import Fluidity
-from granular.walls import Gravity, Solid, Wall
+from granular.mpm.cell_codes import FACE_LINK, FACE_OPEN, FACE_ROUGH, cell_flags, fluidity_faces
+from granular.mpm.schemes import Fluidity
+from granular.mpm.walls import Solid, Wall
 
-HATS = gr.Scheme(basis="linear", transfer="flip", density="tracked")
+HATS = gr.Scheme(basis="linear", transfer="flip", density="particle")
 SOFT = NGF(E=1e5, A=0.5, d=0.1, t0=1e-3)
 METHODS = ["explicit", "implicit", "rkl2"]
 
 
 def silo(method="implicit", substeps=1, seed=None, cell=0.035, dt=5e-4, **options):
     """A soft silo of a few hundred cells that flows, some 0.6 m high."""
-    scheme = HATS.replace(dt=dt, fluidity=Fluidity(method=method, substeps=substeps, seed=seed))
+    scheme = HATS.replace(dt=dt, fluidity=Fluidity(method=method, substeps=substeps, initial=seed))
     grains = gr.materials.silo_grains.replace(E=2e5, t0=1e-3)
     given = {"A": 0.1, "width": 0.56, "height": 0.56, "points_per_cell": 4, "material": grains}
     return gr.scenes.clogging_silo(cell=cell, scheme=scheme, **(given | options))
@@ -39,7 +40,7 @@ def run(scene, steps, threads=1, cuts=()):
 
 
 @pytest.mark.parametrize(
-    "combination", [("linear", "flip", "tracked"), ("quadratic", "tpic", "diffused")]
+    "combination", [("linear", "flip", "particle"), ("quadratic", "tpic", "smoothed")]
 )
 def test_without_amplitude_it_is_the_local_law_to_the_last_bit(small_scene, combination, dim):
     scene = small_scene("walls", dim, combination)
@@ -135,7 +136,7 @@ def test_fused_and_separate_stages_have_the_same_bits(method, substeps):
     scene = silo(method, substeps, seed=1.0)
     fused, separate = run(scene, 40), gr.Simulation(scene, threads=1)
     for _ in range(40):
-        for stage in (separate._engine.scatter, separate._engine.grid, separate._engine.gather):
+        for stage in (separate._engine.p2g, separate._engine.grid, separate._engine.g2p):
             needed = stage()
             if needed:
                 separate._grow(needed)
@@ -177,10 +178,12 @@ def still(dim, dt, method="explicit", substeps=1):
         grid=Grid((0.0,) * dim, 0.1, (n,) * dim),
         fills=(Fill(Box((0.0,) * dim, (size,) * dim), 2**dim, lithostatic=True),),
         material=SOFT,
-        scheme=HATS.replace(dt=dt, fluidity=Fluidity(method=method, substeps=substeps, seed=1e-3)),
+        scheme=HATS.replace(
+            dt=dt, fluidity=Fluidity(method=method, substeps=substeps, initial=1e-3)
+        ),
         walls=(
-            Wall(last, 0.0, kind="rough"),
-            *(Wall(d, at, kind="frictionless") for d in range(last) for at in (0.0, size)),
+            Wall(last, 0.0, kind="no_slip"),
+            *(Wall(d, at, kind="free_slip") for d in range(last) for at in (0.0, size)),
         ),
         gravity=Gravity((0.0,), ((0.0,) * last + (-9.8,),)),
         duration=1.0,
@@ -257,7 +260,7 @@ def walled(*walls, periodic=(False, False)):
 
 
 def test_only_rough_walls_hold_the_fluidity():
-    faces = fluidity_faces(walled(Wall(1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless"),
+    faces = fluidity_faces(walled(Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"),
                                   Wall(0, 0.4, kind="coulomb", friction=0.3)))  # fmt: skip
     expected = np.full((4, 3, 4), FACE_LINK)
     expected[2, 0] = FACE_ROUGH  # low side along y
@@ -267,8 +270,8 @@ def test_only_rough_walls_hold_the_fluidity():
 
 def test_walls_inside_blocks_and_openings():
     scene = walled(
-        Wall(1, 0.1, kind="rough", span=((0.0, 0.2),)),
-        Wall(1, 0.1, kind="rough", span=((0.2, 0.3),), opens_at=0.1),
+        Wall(1, 0.1, kind="no_slip", span=((0.0, 0.2),)),
+        Wall(1, 0.1, kind="no_slip", span=((0.2, 0.3),), opens_at=0.1),
         Solid((0.3, 0.1), (0.4, 0.2)),
         periodic=(True, False),
     )
@@ -276,7 +279,7 @@ def test_walls_inside_blocks_and_openings():
     assert (faces[3, 0] == [FACE_ROUGH, FACE_ROUGH, FACE_LINK, faces[3, 0, 3]]).all()
     assert (faces[2, 1, :3] == [FACE_ROUGH, FACE_ROUGH, FACE_LINK]).all()
     # the block, from outside: above, below, and through the periodic end from the left
-    kind = FACE_ROUGH if scene.walls[2].kind == "rough" else FACE_OPEN
+    kind = FACE_ROUGH if scene.walls[2].kind == "no_slip" else FACE_OPEN
     assert (faces[2, 2, 3], faces[3, 0, 3], faces[1, 1, 2]) == (kind, kind, kind)
     assert faces[0, 0, 0] == faces[1, 0, 3] == FACE_LINK
     flags = cell_flags(scene)

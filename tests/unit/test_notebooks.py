@@ -52,6 +52,8 @@ def test_notebook_runs_and_asserts_a_number(path, kernel):
     )
     client.execute()
     printed = "".join(out.get("text", "") for cell in code for out in cell.outputs)
-    assert ("are left out" in printed) == ("gr.dem" in str(code) and find_spec("lammps") is None)
+    assert ("are left out" in printed) == (
+        "gr.grain_scale.dem" in str(code) and find_spec("lammps") is None
+    )
     pictures = [out for cell in code for out in cell.outputs if "image/png" in out.get("data", {})]
     assert len(pictures) == 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from granular import plot
-from granular.friction_law import SteadyShear
+from granular.grain_scale.friction_law import SteadyShear
 
 INERTIAL = (0.01, 0.1, 0.2, 0.5, 1.0)
 

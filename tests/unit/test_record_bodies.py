@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.bodies import Body, Box, Cylinder, HalfSpace, Mesh, Motion, Union
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import MuI
+from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Mesh, Motion, Union
 from granular.record.surfaces import surface
-from granular.walls import Gravity
 
 
 def bodies_of(dim):
@@ -39,7 +39,7 @@ def recorded(tmp_path):
             grid=Grid((0.0,) * dim, 0.1, (6,) * dim),
             fills=(Fill(Region((0.0,) * dim, (0.5,) * dim), 2**dim),),
             material=MuI(E=1e6),
-            scheme=gr.Scheme(transfer="apic", density="tracked"),
+            scheme=gr.Scheme(transfer="apic", density="particle"),
             gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
             duration=1.0,
             bodies=bodies,

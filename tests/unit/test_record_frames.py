@@ -9,14 +9,8 @@ import h5py
 import numpy as np
 import pytest
 
+from granular.record import Checkpoint, RecordError, TrajectoryWriter, info, open_trajectory
 from granular.record.chunks import Packed, Packer
-from granular.trajectory import (
-    Checkpoint,
-    RecordError,
-    TrajectoryWriter,
-    info,
-    open_trajectory,
-)
 
 
 @dataclass(frozen=True)
@@ -48,7 +42,7 @@ class StateDouble:
 def doubles(monkeypatch):
     """The record is tested by itself, without the scene and the state of the package."""
     for name, attribute, double in (
-        ("granular.writing", "Written", SceneDouble),
+        ("granular.serializable", "Serializable", SceneDouble),
         ("granular.state", "State", StateDouble),
     ):
         module = ModuleType(name)

@@ -7,17 +7,19 @@ import pickle
 import numpy as np
 import pytest
 
-from granular import materials, schemes
-from granular.boundaries import Absorber, Gravity, Solid, Wall
+from granular import materials
 from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
-from granular.scene import Parameters, Scene
+from granular.gravity import Gravity
+from granular.mpm import schemes
+from granular.mpm.scene import Parameters, Scene
+from granular.mpm.walls import Solid, SpongeLayer, Wall
 
 PARTS = {
     "name": "box",
     "grid": Grid((0.0, 0.0), 0.1, (10, 10)),
     "fills": (Fill(Box((0.0, 0.0), (1.0, 0.5)), 4),),
     "material": materials.glass_beads,
-    "scheme": schemes.published,
+    "scheme": schemes.dunatunga_kamrin_2015,
     "walls": (Wall(1, 0.0),),
     "gravity": Gravity(),
     "duration": 1.0,
@@ -40,12 +42,12 @@ def rich_scene() -> Scene:
         scheme=schemes.default.replace(dt=1e-5 / 3),
         walls=(
             Wall(2, 0.0, kind="coulomb", friction=third, opens_at=math.pi),
-            Wall(0, 0.5, kind="frictionless", span=((0.0, 1.0), (0.2, 0.6))),
-            Solid((0.0, 0.0, 0.8), (0.1, 1.0, 1.0), kind="frictionless"),
+            Wall(0, 0.5, kind="free_slip", span=((0.0, 1.0), (0.2, 0.6))),
+            Solid((0.0, 0.0, 0.8), (0.1, 1.0, 1.0), kind="free_slip"),
         ),
         gravity=Gravity((0.0, third), ((0, 0, 0), (0, third, -9.8))),
         duration=third,
-        absorbers=(Absorber(2, 0.9),),
+        sponge_layers=(SpongeLayer(2, 0.9),),
         seed=2**62 + 1,
         parameters={"a": 1, "b": -0.0, "c": (1.0, (True, None)), "d": "é", "e": math.inf},
     )
@@ -154,9 +156,17 @@ PERIODIC = Grid((0.0, 0.0), 0.1, (10, 10), (True, False))
             ValueError,
             "no wall may end along it",
         ),
-        ({"absorbers": (Absorber(2, 0.5),)}, ValueError, "dimension 2"),
-        ({"absorbers": (Absorber(1, 0.5), Absorber(1, 0.7))}, ValueError, "one along an axis"),
-        ({"absorbers": (Absorber(1, 1.0),)}, ValueError, r"above = 1.0 must be in \[0.0, 1.0\)"),
+        ({"sponge_layers": (SpongeLayer(2, 0.5),)}, ValueError, "dimension 2"),
+        (
+            {"sponge_layers": (SpongeLayer(1, 0.5), SpongeLayer(1, 0.7))},
+            ValueError,
+            "one along an axis",
+        ),
+        (
+            {"sponge_layers": (SpongeLayer(1, 1.0),)},
+            ValueError,
+            r"above = 1.0 must be in \[0.0, 1.0\)",
+        ),
         ({"gravity": (0, -9.8)}, TypeError, "must be a Gravity"),
         ({"gravity": Gravity((0,), ((0, 0, 0),))}, ValueError, "gravity of dimension 3"),
         ({"duration": 0}, ValueError, "duration = 0.0"),

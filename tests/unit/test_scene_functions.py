@@ -7,11 +7,13 @@ import warnings
 import numpy as np
 import pytest
 
-from granular import materials, scenes, schemes, stability
-from granular.boundaries import Solid, creases, node_codes, node_positions
-from granular.engine import initial_points
-from granular.scene import Scene
-from granular.walls import Absorber
+import granular as gr
+from granular import materials, scenes
+from granular.mpm import schemes
+from granular.mpm.engine import initial_points
+from granular.mpm.node_codes import c0_lines, node_codes, node_positions
+from granular.mpm.scene import Scene
+from granular.mpm.walls import Solid, SpongeLayer
 
 
 def mass(scene):
@@ -24,7 +26,7 @@ def fixed_along_y(scene, y, time=0.0):
     codes, rows = node_codes(scene)
     grid, basis = scene.grid, scene.scheme.basis
     xs, ys = (
-        node_positions(basis, n, per, creases(grid, scene.walls, axis)) * grid.cell
+        node_positions(basis, n, per, c0_lines(grid, scene.walls, axis)) * grid.cell
         for axis, (n, per) in enumerate(zip(grid.shape, grid.periodic, strict=True))
     )
     held = []
@@ -101,8 +103,8 @@ def test_column(aspect, cell):
     assert scene.gravity.at(0.05).tolist() == [0, -4.9]
     assert scene.gravity.at(2.0).tolist() == [0, -9.8]
     floor, plane, lip = scene.walls
-    assert (floor.axis, floor.at, floor.kind) == (1, 0.0, "rough")
-    assert (plane.axis, plane.at, plane.kind) == (0, 0.0, "frictionless")
+    assert (floor.axis, floor.at, floor.kind) == (1, 0.0, "no_slip")
+    assert (plane.axis, plane.at, plane.kind) == (0, 0.0, "free_slip")
     # room for the run-outs measured with the published scheme
     assert lip.at / 0.2 - 1 > {0.5: 0.88, 1.0: 2.31, 2.0: 4.62}[aspect]
 
@@ -116,7 +118,7 @@ def test_column_of_odd_height_is_rounded_to_rows():
 @pytest.mark.parametrize("D", [0.06, 0.1, 0.2])
 def test_silo_opening_by_the_papers_definition(D):
     """In the whole silo, the free nodes of a linear basis run from -D/2 to D/2."""
-    scene = scenes.silo(orifice=D, scheme=schemes.published)
+    scene = scenes.silo(orifice=D, scheme=schemes.dunatunga_kamrin_2015)
     x, held = fixed_along_y(scene, 0.0, time=0.2)
     whole = np.concatenate([-x[~held], x[~held]])
     assert whole.max() - whole.min() == pytest.approx(D, abs=1e-12)
@@ -140,8 +142,8 @@ def test_silo_mass_and_sides():
     assert scene.parameters["half"] is True and scene.parameters["orifice"] == 0.1
     assert scene.grid.open_sides == {"y-"} and scene.duration == 40.0
     assert {(w.axis, w.at, w.kind) for w in scene.walls[2:]} == {
-        (0, 0.0, "frictionless"),
-        (0, 0.5, "frictionless"),
+        (0, 0.0, "free_slip"),
+        (0, 0.5, "free_slip"),
     }
 
 
@@ -150,7 +152,7 @@ def test_flat_hourglass():
     assert mass(scene) == pytest.approx(1500 * 0.5 * 0.25)
     x, held = fixed_along_y(scene, 0.5, time=0.05)
     assert held[x <= 0.5].all() and not held[x > 0.5 + 1e-9].any()
-    x, held = fixed_along_y(scene.replace(scheme=schemes.published), 0.5, time=0.2)
+    x, held = fixed_along_y(scene.replace(scheme=schemes.dunatunga_kamrin_2015), 0.5, time=0.2)
     assert x[~held & (x < 0.4)].max() == pytest.approx(0.02)
     assert scene.points().x[:, 1].min() > 0.5
     # no side wall below the divider, and a floor that holds a heap of all the material at repose
@@ -159,7 +161,7 @@ def test_flat_hourglass():
 
 
 def test_sloped_hourglass():
-    scene = scenes.hourglass(kind="sloped", scheme=schemes.published)
+    scene = scenes.hourglass(kind="sloped", scheme=schemes.dunatunga_kamrin_2015)
     blocks = [wall for wall in scene.walls if isinstance(wall, Solid)]
     # the edges of the steps lie on a line of 45 deg from the end of the divider at 0.03
     assert len(blocks) == 21
@@ -186,7 +188,7 @@ def test_incline():
     g = scene.gravity.at(1.0)
     assert math.hypot(*g) == pytest.approx(9.8)
     assert g[0] / -g[1] == pytest.approx(math.tan(math.radians(25)))
-    assert scene.walls[0].kind == "rough"
+    assert scene.walls[0].kind == "no_slip"
 
 
 def test_incline_in_space():
@@ -231,13 +233,15 @@ def test_clogging_silo_of_the_paper(half):
     column = -K * np.log1p(-1500 * 9.81 * H / K) / 9.81  # of the mass a square metre
     start = initial_points(scene)
     assert start["mass"].sum() == pytest.approx((0.2975 if half else 0.595) * column, rel=1e-7)
-    assert scene.absorbers == (Absorber(1, 0.49, 1000.0),) and scene.grid.open_sides == {"y-"}
-    assert scenes.clogging_silo(absorber=None).absorbers == ()
+    assert scene.sponge_layers == (SpongeLayer(1, 0.49, 1000.0),) and scene.grid.open_sides == {
+        "y-"
+    }
+    assert scenes.clogging_silo(sponge=None).sponge_layers == ()
 
 
 def test_a_silo_that_cannot_jam_is_warned_of():
     beads = materials.silo_grains.replace(mu_2=0.9)
-    with pytest.warns(stability.StabilityWarning, match=r"mu_2 = 0.9 is below 1: .* cannot jam"):
+    with pytest.warns(gr.StabilityWarning, match=r"mu_2 = 0.9 is below 1: .* cannot jam"):
         scenes.clogging_silo(material=beads)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -271,7 +275,9 @@ def test_cylinder():
 
 def test_material_scheme_and_ramp_are_passed_on():
     soft = materials.glass_beads.replace(E=1e7)
-    scene = scenes.silo(material=soft, scheme=schemes.published, ramp=0.5, seed=5)
-    assert scene.material is soft and scene.scheme is schemes.published and scene.seed == 5
+    scene = scenes.silo(material=soft, scheme=schemes.dunatunga_kamrin_2015, ramp=0.5, seed=5)
+    assert (
+        scene.material is soft and scene.scheme is schemes.dunatunga_kamrin_2015 and scene.seed == 5
+    )
     assert scene.gravity.at(0.25).tolist() == [0.0, -4.9]
     assert scenes.silo(ramp=0.0).gravity.at(0.0).tolist() == [0.0, -9.8]

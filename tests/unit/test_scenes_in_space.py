@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from granular import scenes
-from granular.engine import initial_points
+from granular.mpm.engine import initial_points
 
 
 def test_silo_drains_through_a_slot_in_the_corner():
@@ -15,9 +15,9 @@ def test_silo_drains_through_a_slot_in_the_corner():
     assert scene.n_points == 40 * 20 * 10 * 8 and scene.duration == 12.0
     assert (scene.material.mu_s, scene.material.E) == (0.3819, 0.15e6)
     floor, hole, *sides = scene.walls
-    assert floor.span == ((0.025, 0.25), (0.0, 0.0625)) and floor.kind == "rough"
+    assert floor.span == ((0.025, 0.25), (0.0, 0.0625)) and floor.kind == "no_slip"
     assert hole.span == ((0.0, 0.025), (0.0, 0.0625)) and hole.opens_at == 0.0
-    assert {wall.kind for wall in sides} == {"frictionless"} and len(sides) == 4
+    assert {wall.kind for wall in sides} == {"free_slip"} and len(sides) == 4
     assert scene.grid.open_sides == {"z-"}
 
 
@@ -34,7 +34,7 @@ def test_couette_of_the_paper():
     assert (scene.material.G, scene.material.K) == pytest.approx((1e4, 1e5))
     r = np.hypot(*scene.points().x[:, :2].T)
     assert r.min() >= 0.0999 and r.max() < 0.2001
-    assert scene.walls[0].kind == "frictionless" and len(scene.walls) == 1
+    assert scene.walls[0].kind == "free_slip" and len(scene.walls) == 1
 
 
 def test_couette_in_the_plane_is_under_its_pressure():

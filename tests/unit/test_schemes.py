@@ -4,15 +4,15 @@ import math
 
 import pytest
 
-from granular import schemes
-from granular.schemes import Fluidity, Scheme
+from granular.mpm import schemes
+from granular.mpm.schemes import Fluidity, Scheme
 
 
 def test_presets():
-    p, d, c = schemes.published, schemes.default, schemes.cell_averaged
-    assert (c.basis, c.transfer, c.density, c.dt) == ("linear", "tpic", "shared", None)
-    assert (p.basis, p.transfer, p.density, p.dt) == ("linear", "flip", "tracked", 3e-6)
-    assert (d.basis, d.transfer, d.density, d.dt) == ("quadratic", "tpic", "diffused", None)
+    p, d, c = schemes.dunatunga_kamrin_2015, schemes.default, schemes.cell_averaged
+    assert (c.basis, c.transfer, c.density, c.dt) == ("linear", "tpic", "cell_averaged", None)
+    assert (p.basis, p.transfer, p.density, p.dt) == ("linear", "flip", "particle", 3e-6)
+    assert (d.basis, d.transfer, d.density, d.dt) == ("quadratic", "tpic", "smoothed", None)
     assert Scheme() == d and d.replace(cfl=0.25).cfl == 0.25 and d.cfl == 0.5
 
 
@@ -32,15 +32,15 @@ def test_presets():
         ({"flip_decay": -1.0}, ValueError, "flip_decay = -1.0"),
         ({"mass_cutoff": 0.1}, ValueError, "mass_cutoff = 0.1"),
         ({"diffusion": math.nan}, ValueError, "diffusion = nan"),
-        ({"weighting": 1.1}, ValueError, "weighting = 1.1"),
-        ({"weight_limit": 1.0}, ValueError, "weight_limit = 1.0"),
-        ({"weight_decay": -0.1}, ValueError, "weight_decay = -0.1"),
-        ({"feedback_limit": -1.0}, ValueError, "feedback_limit = -1.0"),
-        ({"shift_limit": 0.6}, ValueError, "shift_limit = 0.6"),
-        ({"shift_outlet_cells": -1}, ValueError, "shift_outlet_cells = -1"),
-        ({"basis": "linear", "density": "diffused"}, ValueError, 'needs basis = "quadratic"'),
-        ({"density": "shared"}, ValueError, 'needs basis = "linear" and transfer = "tpic"'),
-        ({"basis": "linear", "density": "shared"}, ValueError, "not 'linear' and 'flip'"),
+        ({"weight_correction": 1.1}, ValueError, "weight_correction = 1.1"),
+        ({"weight_correction_limit": 1.0}, ValueError, "weight_correction_limit = 1.0"),
+        ({"weight_correction_decay": -0.1}, ValueError, "weight_correction_decay = -0.1"),
+        ({"relaxation_limit": -1.0}, ValueError, "relaxation_limit = -1.0"),
+        ({"shifting_limit": 0.6}, ValueError, "shifting_limit = 0.6"),
+        ({"shifting_outlet_cells": -1}, ValueError, "shifting_outlet_cells = -1"),
+        ({"basis": "linear", "density": "smoothed"}, ValueError, 'needs basis = "quadratic"'),
+        ({"density": "cell_averaged"}, ValueError, 'needs basis = "linear" and transfer = "tpic"'),
+        ({"basis": "linear", "density": "cell_averaged"}, ValueError, "not 'linear' and 'flip'"),
         ({"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
         ({"decay": "fast"}, TypeError, "decay = 'fast'"),
     ],

@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 import pytest
-from oracle_sph import evaluate, lattice_gradient
+from oracle_sph import evaluate, seeding_gradient
 
 from granular import _core, sph
 from granular.geometry import Box, Fill, Grid
-from granular.walls import Gravity
+from granular.gravity import Gravity
 
 G = 9.81
 DX = 0.01
@@ -159,7 +159,7 @@ def test_gradient_of_a_linear_field(dim, smoothing, factor):
     inside = (np.abs(state.x - n / 2 * DX) < DX).all(axis=1)
     assert inside.sum() == 2**dim
     assert np.allclose(state.shear_rate[inside], 7.0, rtol=1e-12)
-    assert lattice_gradient(dim, smoothing * DX, DX) == pytest.approx(factor, abs=1e-5)
+    assert seeding_gradient(dim, smoothing * DX, DX) == pytest.approx(factor, abs=1e-5)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from oracle_sph_gas import drag_coefficient, evaluate
 
-from granular import _core, sph
+from granular import _core, scenes, sph
 from granular.geometry import Box, Fill, Grid
-from granular.walls import Gravity
+from granular.gravity import Gravity
 
 DX = 0.01
 ISAS = ("baseline", "avx2", "avx512")
@@ -200,4 +200,4 @@ def test_snapshot_is_read_only_and_absent_without_gas():
         simulation.gas.p[0] = 1.0
     assert math.isclose(simulation.gas.mass.sum(), simulation.gas.mass[::-1].sum())
     with pytest.raises(AttributeError, match="has no gas"):
-        _ = sph.Simulation(sph.scenes.incline(height=0.03, columns=6)).gas
+        _ = sph.Simulation(scenes.incline_sph(height=0.03, columns=6)).gas

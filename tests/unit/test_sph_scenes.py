@@ -60,13 +60,13 @@ def test_slump_has_the_numbers_of_the_thesis():
 
 
 def test_columns_of_the_thesis():
-    scene = sph.scenes.column_collapse(aspect=2.0)
+    scene = scenes.column_collapse_sph(aspect=2.0)
     assert scene.n_points == 9 * 18
     assert (scene.material.rho0, scene.material.mu_l, scene.material.mu_wall) == (1404, 0.74, 0.335)
-    fine = sph.scenes.column_collapse(aspect=4.0, length=0.025, spacing=0.005, material=sph.glass)
+    fine = scenes.column_collapse_sph(aspect=4.0, length=0.025, spacing=0.005, material=sph.glass)
     assert fine.n_points == 5 * 20
     assert (fine.material.rho0, fine.material.mu_h, fine.material.mu_wall) == (1450, 0.456, 0.263)
-    assert sph.scenes.column_collapse(width=0.1).n_points == 10 * 162
+    assert scenes.column_collapse_sph(width=0.1).n_points == 10 * 162
     gate = scene.walls[2]
     assert (gate.at, gate.side, gate.until) == (pytest.approx(0.09), -1, 0.5)
 
@@ -161,9 +161,9 @@ def test_wrong_arguments_are_named(name, arguments, words):
 
 def test_wrong_columns_are_named():
     with pytest.raises(ValueError, match="aspect = -1"):
-        sph.scenes.column_collapse(aspect=-1.0)
+        scenes.column_collapse_sph(aspect=-1.0)
     with pytest.raises(ValueError, match=r"reach = 0\.01 must not be less"):
-        sph.scenes.column_collapse(reach=0.01)
+        scenes.column_collapse_sph(reach=0.01)
 
 
 def test_command_line_runs_them(tmp_path, capsys):

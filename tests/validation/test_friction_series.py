@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from granular import dem, friction_law
-from granular.friction_law import SteadyShear
+from granular.grain_scale import dem, friction_law
+from granular.grain_scale.friction_law import SteadyShear
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 TABLE = json.loads((BENCHMARKS / "results" / "friction_law.json").read_text())

@@ -61,7 +61,7 @@ def test_dilation_shortens_a_collapse_and_taller_columns_run_farther(width):
     for aspect in (1.8, 3.2):
         for dilation in (0.0, 0.5):
             grains = sph.grit.replace(dilation=dilation)
-            scene = sph.scenes.column_collapse(
+            scene = gr.scenes.column_collapse_sph(
                 aspect=aspect, material=grains, width=width, duration=1.2
             )
             found[aspect, dilation] = reach(gr.Simulation(scene).run())

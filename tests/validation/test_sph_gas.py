@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from granular import sph
+from granular import scenes, sph
 
 
 def surface(state, middle, half):
@@ -16,7 +16,7 @@ def surface(state, middle, half):
 
 @pytest.mark.parametrize("across", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_jet_digs_a_crater(across):
-    scene = sph.scenes.jet_on_bed(spacing=0.0125, across=across)
+    scene = scenes.jet_on_bed(spacing=0.0125, across=across)
     simulation = sph.Simulation(scene, threads=2 if across else 1)
     begin = simulation.state
     bulb = []

@@ -93,13 +93,13 @@ def test_momentum_of_a_driven_blade_closes(transfer):
         del stored.arrays["bodies"]
         free = gr.Simulation.from_checkpoint(plain, stored, threads=1)
         for engine in (sim._engine, free._engine):
-            engine.scatter()
+            engine.p2g()
             engine.grid()
         alone, m = free._engine.nodes(), free._engine.nodes()["mass"][:, None]
         dt = sim._engine.scalars()["dt"]
         lost = (1 - keep) * alone["momentum"] + dt * (alone["force"] + m * down)
         walls = (m * alone["w"] - lost).sum(axis=0)
-        sim._grow(sim._engine.gather())
+        sim._grow(sim._engine.g2p())
         impulse = sim.bodies[0].impulse - felt
         change = sim.state.mass @ sim.state.v - before
         assert np.linalg.norm(impulse) > 0

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.bodies import Body, Box, Cylinder, Motion
 from granular.geometry import Box as Region
 from granular.geometry import Difference, Disc, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.walls import Gravity, Wall
+from granular.mpm.bodies import Body, Box, Cylinder, Motion
+from granular.mpm.walls import Wall
 
 G = 9.8
 
@@ -18,14 +19,14 @@ def bed(*bodies, height=0.4, holes=(), walls=True, gravity=-G, transfer="apic"):
     region = Region((0.0, 0.0), (1.0, height))
     for hole in holes:
         region = Difference(region, hole)
-    sides = (Wall(1, 0.0, kind="rough"), Wall(0, 0.0, kind="frictionless"))
-    sides += (Wall(0, 1.0, kind="frictionless"),)
+    sides = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
+    sides += (Wall(0, 1.0, kind="free_slip"),)
     return gr.Scene(
         name="bed",
         grid=Grid((0.0, 0.0), 0.05, (20, 16)),
         fills=(Fill(region, 4),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="tracked"),
+        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="particle"),
         walls=sides if walls else (),
         bodies=bodies,
         gravity=Gravity((0.0,), ((0.0, gravity),)),
@@ -93,7 +94,7 @@ def test_momentum_with_walls_and_gravity():
         dt, m = engine.scalars()["dt"], nodes["mass"][:, None]
         external = dt * (alone["force"] + m * np.array([0.0, -G]))
         walls = (m * alone["v"] - alone["momentum"] - external).sum(axis=0)
-        sim._grow(engine.gather())
+        sim._grow(engine.g2p())
         impulse = sim.bodies[0].impulse - felt
         weight = np.array([0.0, -G]) * m.sum() * dt
         change = _momentum(sim) - before

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.bodies import Body, Box, Cylinder, HalfSpace, Motion
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import NGF, MuI
-from granular.schemes import Fluidity
-from granular.walls import Gravity, Wall
+from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion
+from granular.mpm.schemes import Fluidity
+from granular.mpm.walls import Wall
 
 CELL, HEIGHT, BELOW = 0.01, 8, 3
 GRAINS = NGF(
@@ -34,8 +35,8 @@ def layer(dim, stencil, elasticity, **scene):
         fills=(Fill(Region((*lower, 0.0), (*upper, HEIGHT * CELL)), 2**dim, lithostatic=True),),
         material=GRAINS.replace(elasticity=elasticity),
         scheme=gr.Scheme(
-            basis="linear", transfer="apic", density="tracked", dt=1e-4,
-            fluidity=Fluidity(method="implicit", stencil=stencil, seed=1.0),
+            basis="linear", transfer="apic", density="particle", dt=1e-4,
+            fluidity=Fluidity(method="implicit", stencil=stencil, initial=1.0),
         ),
         gravity=Gravity((0.0, 1e-6), (down, tuple(tilted))),
         duration=1.0,
@@ -55,7 +56,7 @@ def test_a_rough_body_is_a_rough_wall(dim, elasticity, stencil):
     """All that moves over the nodes and faces that both hold; a smooth body is another thing."""
     up = (0.0,) * (dim - 1) + (1.0,)
     ground = HalfSpace(up, (0.0,) * (dim - 1) + (1e-9,))
-    wall = flow(layer(dim, stencil, elasticity, walls=(Wall(dim - 1, 0.0, kind="rough"),)))
+    wall = flow(layer(dim, stencil, elasticity, walls=(Wall(dim - 1, 0.0, kind="no_slip"),)))
     body = {}
     for rough in (True, False):
         plate = Body(ground, (0.0,) * dim, contact="sticky", rough=rough)
@@ -80,8 +81,8 @@ def pool(shift, *, dim=2, **body):
         grid=Grid((0.0,) * dim, 0.05, (*length, 10), periodic=(True,) * (dim - 1) + (False,)),
         fills=(Fill(Region((0.0,) * dim, (0.5,) * (dim - 1) + (0.3,)), 2**dim),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(basis="quadratic", transfer="apic", density="tracked", dt=4e-4),
-        walls=(Wall(dim - 1, 0.0, kind="rough"),),
+        scheme=gr.Scheme(basis="quadratic", transfer="apic", density="particle", dt=4e-4),
+        walls=(Wall(dim - 1, 0.0, kind="no_slip"),),
         bodies=(Body(Box((0.15,) * dim), position, motion=motion, friction=0.3, **body),),
         gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
         duration=1.0,
@@ -129,7 +130,7 @@ def test_bodies_whose_images_meet_are_refused():
 
 def test_time_step_knows_the_speed_of_bodies():
     """Of the fastest place of each: a corner, a rim; in the domain where a body has no end."""
-    scene = pool(0).replace(scheme=gr.Scheme(transfer="apic", density="tracked", cfl=0.4))
+    scene = pool(0).replace(scheme=gr.Scheme(transfer="apic", density="particle", cfl=0.4))
     wave = scene.material.wave_speed
     walled = scene.replace(grid=Grid((0.0, 0.0), 0.05, (10, 10)))
     spin = Motion(velocity=((0.0, 3.0),), angular_velocity=(50.0,))
@@ -142,7 +143,7 @@ def test_time_step_knows_the_speed_of_bodies():
         sim = gr.Simulation(walled.replace(bodies=(far,)), threads=1)
         assert sim.dt == pytest.approx(0.4 * 0.05 / (wave + speed), rel=1e-12)
         limit = 0.64 * 0.05 / (wave + speed)
-        fixed = gr.Scheme(transfer="apic", density="tracked", dt=1.01 * limit)
+        fixed = gr.Scheme(transfer="apic", density="particle", dt=1.01 * limit)
         with pytest.raises(ValueError, match=r"dt = .* points or bodies of"):
             gr.Simulation(walled.replace(bodies=(far,), scheme=fixed))
         gr.Simulation(walled.replace(bodies=(far,), scheme=fixed.replace(dt=0.99 * limit)))

@@ -7,11 +7,12 @@ import pytest
 
 import granular as gr
 from granular import _core
-from granular.bodies import Body, Box, Mesh, Motion, Union
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.walls import Gravity, Wall
+from granular.mpm.bodies import Body, Box, Mesh, Motion, Union
+from granular.mpm.walls import Wall
 
 CUBE = tuple((x, y, z) for z in (-0.1, 0.1) for y in (-0.1, 0.1) for x in (-0.1, 0.1))
 FACES = (
@@ -65,8 +66,8 @@ def bed(shape):
         grid=Grid((0.0,) * 3, 0.05, (10, 8, 10)),
         fills=(Fill(Region((0.0,) * 3, (0.5, 0.4, 0.25)), 8),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(transfer="apic", density="tracked", dt=4e-4),
-        walls=(Wall(2, 0.0, kind="rough"),),
+        scheme=gr.Scheme(transfer="apic", density="particle", dt=4e-4),
+        walls=(Wall(2, 0.0, kind="no_slip"),),
         bodies=(Body(shape, (0.2, 0.2, 0.33), motion=motion, friction=0.3),),
         gravity=Gravity((0.0,), ((0.0, 0.0, -9.8),)),
         duration=1.0,
@@ -95,7 +96,7 @@ def test_a_mesh_moves_through_a_bed_as_the_box_it_is(tmp_path):
 
 def test_a_mesh_is_scaled():
     mesh = Mesh(CUBE, FACES, spacing=0.02)
-    small = gr.froude.Froude(length=0.25).scene(bed(mesh)).bodies[0].shape
+    small = gr.scaling.Froude(length=0.25).scene(bed(mesh)).bodies[0].shape
     assert small == Mesh(tuple(tuple(0.25 * x for x in v) for v in CUBE), FACES, spacing=0.005)
 
 

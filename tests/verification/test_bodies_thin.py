@@ -4,20 +4,21 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.bodies import Body, Box, Mesh, Motion, Union
-from granular.body_shapes import turned
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import NGF, MuI
-from granular.schemes import Fluidity
-from granular.walls import Gravity, Wall
+from granular.mpm.bodies import Body, Box, Mesh, Motion, Union
+from granular.mpm.body_shapes import turned
+from granular.mpm.schemes import Fluidity
+from granular.mpm.walls import Wall
 
 CELL = 0.05
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scheme(**changes):
-    return gr.Scheme(**{"transfer": "apic", "density": "tracked", "dt": 4e-4} | changes)
+    return gr.Scheme(**{"transfer": "apic", "density": "particle", "dt": 4e-4} | changes)
 
 
 def layers(plate, *, dim=2, velocity=(0.6, -0.5), **changes):
@@ -141,7 +142,7 @@ NONLOCAL = NGF(E=1e6, mu_s=0.38, mu_2=0.64, I0=0.28, d=2e-2, rho_s=2450.0, A=0.5
 @pytest.mark.parametrize("dim", [2, 3])
 def test_bits_do_not_depend_on_threads_or_restarts(dim):
     """While the blade moves by several cells, with the nonlocal law in substeps."""
-    fluidity = Fluidity(method="implicit", seed=1.0, substeps=2)
+    fluidity = Fluidity(method="implicit", initial=1.0, substeps=2)
     scene = blade(dim, material=NONLOCAL, scheme=scheme(fluidity=fluidity), rough=True)
     sims = [gr.Simulation(scene, threads=n) for n in (1, 2)]
     first, second = (130, 170) if dim == 2 else (40, 60)
@@ -164,7 +165,7 @@ def behind(g, dim, place, turned_deg, stencil, plates=1, **body):
     middle = (0.15,) * (dim - 1) + (place * CELL,)
     size = (1.0,) * (dim - 1) + (0.2 * CELL,)
     plate = Body(Box(size), middle, rotation_deg=rotation, contact="sticky", **body)
-    fluidity = Fluidity(method="implicit", stencil=stencil, seed=0.1, tolerance=1e-13)
+    fluidity = Fluidity(method="implicit", stencil=stencil, initial=0.1, tolerance=1e-13)
     scene = layers(endless(dim), dim=dim).replace(
         grid=Grid((0.0,) * dim, CELL, (6,) * (dim - 1) + (12,)),
         fills=(Fill(Region((0.0,) * dim, (0.3,) * (dim - 1) + (0.5,)), 4**dim, lithostatic=True),),
@@ -201,7 +202,7 @@ def test_what_is_not_held_is_told():
     scene = layers(endless())
     with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] has parts of 0.01 m, thinner"):
         gr.Simulation(scene)
-    for changes in ({"transfer": "xpic"}, {"transfer": "tpic", "density": "diffused"}):
+    for changes in ({"transfer": "xpic"}, {"transfer": "tpic", "density": "smoothed"}):
         with pytest.raises(ValueError, match=r"bodies\[0\] has parts of 0.01 m, must be >= 0.1 m"):
             gr.Simulation(scene.replace(scheme=scheme(**changes)))
     rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
@@ -223,16 +224,16 @@ def small_mesh(edge):
 @pytest.mark.parametrize(
     ("cells", "changes", "told"),
     [
-        (2.5, {"transfer": "tpic", "density": "diffused"}, "feels a part of the other"),
+        (2.5, {"transfer": "tpic", "density": "smoothed"}, "feels a part of the other"),
         (2.5, {}, "kept apart by double nodes"),
         (2.5, {"basis": "linear"}, None),
-        (3.0, {"transfer": "tpic", "density": "diffused"}, None),
+        (3.0, {"transfer": "tpic", "density": "smoothed"}, None),
     ],
 )
 def test_plates_of_two_to_three_cells(cells, changes, told):
     """Nodes of splines see both faces of a plate below three cells."""
     scene = layers(endless(thickness=cells), **changes)
-    said = [doubt for doubt in gr.stability.doubts(scene) if doubt.startswith("bodies")]
+    said = [doubt for doubt in gr.scene_warnings(scene) if doubt.startswith("bodies")]
     assert len(said) == (told is not None)
     assert told is None or told in said[0]
 
@@ -244,7 +245,7 @@ def test_thick_parts_beside_thin_ones():
     scene = layers(endless()).replace(
         grid=Grid((0.0, 0.0), CELL, (20, 24)),
         fills=(Fill(Region((0.0, 0.0), (1.0, 0.5)), 4, lithostatic=True),),
-        walls=(Wall(1, 0.0, kind="rough"),),
+        walls=(Wall(1, 0.0, kind="no_slip"),),
         bodies=(Body(Union((block, knife)), (0.5, 0.78), motion=motion, friction=0.3),),
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
     )

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.engine import averaging_interval
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
-from granular.walls import Gravity
+from granular.mpm.engine import averaging_interval
 
 
 def closed_box(combination, *, material=None, gravity=(0.0, 0.0), **options):
@@ -119,7 +119,7 @@ def test_the_budget_closes_and_is_the_step(small_scene, combination):
 
 def lost(transfer, cfl, time=0.08):
     """Share of the kinetic energy that the transfers lose, and the losses of P2G alone."""
-    scene = closed_box(("quadratic", transfer, "tracked"), material=Elastic(E=1e6), cfl=cfl)
+    scene = closed_box(("quadratic", transfer, "particle"), material=Elastic(E=1e6), cfl=cfl)
     sim, budgets = gr.Simulation(scene, threads=1), []
     while sim.time < time:
         budgets.append(gr.measure.step_budget(sim))
@@ -140,7 +140,7 @@ def test_transfers_lose_energy_of_their_own_kind():
 
 def test_energy_of_a_disconnection_is_reported_once():
     """Loose points that bear stress lose all of it in one step, and no other line shows it."""
-    scene = closed_box(("linear", "flip", "tracked"))
+    scene = closed_box(("linear", "flip", "particle"))
     sim = gr.Simulation(scene, threads=1)
     at = np.flatnonzero(sim.buffers["id"] >= 0)
     sim.buffers["v"][:] = 0.0
@@ -162,7 +162,7 @@ def test_strain_residual_falls_with_the_step():
     for steps in (20, 40, 80):
         dt = 0.02 / steps
         scene = closed_box(
-            ("quadratic", "apic", "tracked"), material=Elastic(E=1e4, rho_c=1500.0), dt=dt
+            ("quadratic", "apic", "particle"), material=Elastic(E=1e4, rho_c=1500.0), dt=dt
         )
         sim = gr.Simulation(scene, threads=1)
         budgets = [gr.measure.step_budget(sim) for _ in range(steps)]
@@ -173,5 +173,5 @@ def test_strain_residual_falls_with_the_step():
 
 
 def test_every_line_of_the_budget_is_a_finite_number(small_scene):
-    sim = gr.Simulation(small_scene("walls", 3, ("quadratic", "tpic", "diffused")), threads=1)
+    sim = gr.Simulation(small_scene("walls", 3, ("quadratic", "tpic", "smoothed")), threads=1)
     assert all(math.isfinite(v) for v in dataclasses.astuple(gr.measure.step_budget(sim)))

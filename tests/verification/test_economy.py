@@ -7,11 +7,12 @@ import granular as gr
 from granular import verify
 from granular.economy import rules
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import glass_beads
-from granular.schemes import BASES, TRANSFERS
-from granular.stability import damps_by_step
+from granular.mpm.limits import damps_by_step
+from granular.mpm.schemes import BASES, TRANSFERS
+from granular.mpm.walls import Wall
 from granular.verify.quantities import change, quantities
-from granular.walls import Gravity, Wall
 
 
 def test_quick_row():
@@ -34,12 +35,12 @@ def test_half_of_a_scene_flows_as_half_of_the_whole():
         grid=Grid((-0.4, 0.0), 0.025, (32, 12)),
         fills=(Fill(Box((-0.1, 0.0), (0.1, 0.2)), 4),),
         material=glass_beads.replace(E=1e6),
-        scheme=gr.schemes.published.replace(dt=2e-4),
-        walls=(Wall(1, 0.0), Wall(0, -0.4, kind="frictionless"), Wall(0, 0.4, kind="frictionless")),
+        scheme=gr.schemes.dunatunga_kamrin_2015.replace(dt=2e-4),
+        walls=(Wall(1, 0.0), Wall(0, -0.4, kind="free_slip"), Wall(0, 0.4, kind="free_slip")),
         gravity=Gravity(),
         duration=0.3,
     )
-    half = gr.economy.half(whole)
+    half = gr.economy.mirror_half(whole)
     full, right = (gr.Simulation(scene, threads=1).run().state for scene in (whole, half))
     assert full.n == 2 * right.n
     assert np.ptp(right.x[:, 0]) > 0.12  # it has fallen
@@ -61,7 +62,7 @@ def mean_velocity(scheme):
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_which_transfers_damp_by_the_step(transfer, basis):
     """Where a fifth of the step makes another flow, advice leaves step, cells and E alone."""
-    scheme = gr.Scheme(basis=basis, transfer=transfer, density="tracked")
+    scheme = gr.Scheme(basis=basis, transfer=transfer, density="particle")
     coarse, fine = (mean_velocity(scheme.replace(cfl=cfl)) for cfl in (0.5, 0.1))
     assert (abs(fine / coarse - 1) > 0.005) == damps_by_step(scheme), fine / coarse
 
@@ -78,14 +79,14 @@ def test_half_of_a_silo_with_the_default_scheme():
         walls=(
             *floor,
             Wall(1, 0.0, span=((-0.1, 0.1),), opens_at=0.1),
-            Wall(0, -0.5, kind="frictionless"),
-            Wall(0, 0.5, kind="frictionless"),
+            Wall(0, -0.5, kind="free_slip"),
+            Wall(0, 0.5, kind="free_slip"),
         ),
         gravity=Gravity(),
         duration=1.2,
     )
     rates = []
-    for scene, parts in ((whole, 1), (gr.economy.half(whole), 2)):
+    for scene, parts in ((whole, 1), (gr.economy.mirror_half(whole), 2)):
         sim = gr.Simulation(scene, threads=1)
         mass = [sim.run(until=time).state.mass.sum() for time in (0.5, 1.2)]
         rates.append(parts * (mass[0] - mass[1]))
@@ -100,7 +101,7 @@ def test_quantities_tell_soft_from_stiff():
                 cell=0.02,
                 duration=1.0,
                 material=glass_beads.replace(E=E),
-                scheme=gr.schemes.published.replace(dt=None),
+                scheme=gr.schemes.dunatunga_kamrin_2015.replace(dt=None),
             )
         )
         for E in (1e5, 1e7)

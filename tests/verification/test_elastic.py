@@ -7,8 +7,8 @@ import pytest
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
 from granular.materials import Elastic
-from granular.walls import Gravity
 
 CELL = 0.1
 SOLID = Elastic(E=1e6)
@@ -53,12 +53,12 @@ def patch_error(basis, seed, jitter):
     """
     box = Box((0.3, 0.3), (1.9, 1.9))
     fills = (Fill(box, 4, jitter=jitter, density=1200.0, velocity=(1.0, 1.0)),)
-    base = scene((basis, "flip", "tracked"), (24, 24), fills, material=gr.materials.MuI(E=1e6))
+    base = scene((basis, "flip", "particle"), (24, 24), fills, material=gr.materials.MuI(E=1e6))
     sim = gr.Simulation(base.replace(seed=seed), threads=1)
     while sim.time < 0.25 * CELL:
         sim.step()
     sim.buffers["stress"][:3, places(sim)] = -100.0
-    sim._engine.scatter()
+    sim._engine.p2g()
     nodes = sim._engine.nodes()
     inside = ((nodes["x"] > 0.55) & (nodes["x"] < 1.75)).all(axis=1)
     assert inside.sum() > 80
@@ -93,9 +93,9 @@ def test_a_uniform_stress_makes_little_force():
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
 def test_regular_points_make_no_force(basis):
     fills = (Fill(Box((0.0, 0.0), (1.6, 1.6)), 4),)
-    sim = gr.Simulation(scene((basis, "flip", "tracked"), (16, 16), fills), threads=1)
+    sim = gr.Simulation(scene((basis, "flip", "particle"), (16, 16), fills), threads=1)
     sim.buffers["stress"][:3, places(sim)] = -100.0
-    sim._engine.scatter()
+    sim._engine.p2g()
     nodes = sim._engine.nodes()
     inside = ((nodes["x"] > 0.25) & (nodes["x"] < 1.35)).all(axis=1)
     assert abs(nodes["force"][inside]).max() <= 1e-13 * 100.0 * CELL
@@ -105,18 +105,18 @@ def test_regular_points_make_no_force(basis):
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
 def test_a_linear_velocity_is_carried_exactly(basis, transfer):
     """v = b + A x on points with C = A gives v_i = b + A x_i, and back the same A."""
-    sim = block((basis, transfer, "tracked"))
+    sim = block((basis, transfer, "particle"))
     A, b = np.array([[0.3, -0.7], [0.4, 0.2]]), np.array([0.5, -1.0])
     at, before = places(sim), sim.state
     sim.buffers["v"][:, at] = b[:, None] + A @ before.x.T
     sim.buffers["affine"][:, at] = A.reshape(4, 1)
-    for stage in (sim._engine.scatter, sim._engine.grid):
+    for stage in (sim._engine.p2g, sim._engine.grid):
         stage()
     nodes, dt = sim._engine.nodes(), sim.dt
     heavy = nodes["mass"] > 1e-3 * nodes["mass"].max()
     exact = b + nodes["x"] @ A.T
     assert abs(nodes["v"] - exact)[heavy].max() <= 1e-12
-    sim._engine.gather()
+    sim._engine.g2p()
     after = sim.state
     L = after.affine.reshape(-1, 2, 2)
     # a light node's velocity is a quotient of small sums
@@ -164,7 +164,7 @@ def angular_momentum(state):
 def rotating(transfer, rate, material=SOLID):
     """A free block of 0.4 m that turns about its centre without strain."""
     fills = (Fill(Box((0.6, 0.6), (1.0, 1.0)), 4, jitter=1.0),)
-    base = scene(("quadratic", transfer, "tracked"), (16, 16), fills, material=material)
+    base = scene(("quadratic", transfer, "particle"), (16, 16), fills, material=material)
     sim = gr.Simulation(base, threads=1)
     at, centre = places(sim), np.array([0.8, 0.8])
     r = sim.state.x - centre
@@ -240,7 +240,7 @@ def wave(transfer, cells, periods, basis="quadratic", cfl=0.2, material=SOLID):
     Velocities are those of the middle of the last step: the first one, from no stress at all,
     leaves them as they are. Compared at its end they would be wrong by omega dt/2.
     """
-    sim = bar((basis, transfer, "tracked"), cells, cfl=cfl, material=material)
+    sim = bar((basis, transfer, "particle"), cells, cfl=cfl, material=material)
     k, amplitude = 2 * np.pi / 3.2, 1e-3
     at, x = places(sim), sim.state.x[:, 0]
     sim.buffers["v"][0, at] = amplitude * np.sin(k * x)
@@ -295,9 +295,9 @@ def settled_column(cells, material):
         fills=(Fill(Box((0.0, 0.0), (1.0 / cells, 1.0)), 16),),
         material=material,
         scheme=gr.Scheme(
-            basis="quadratic", transfer="xpic", xpic_order=1, density="tracked", cfl=0.3
+            basis="quadratic", transfer="xpic", xpic_order=1, density="particle", cfl=0.3
         ),  # damps most
-        walls=(gr.boundaries.Wall(1, 0.0, kind="frictionless"),),
+        walls=(gr.mpm.walls.Wall(1, 0.0, kind="free_slip"),),
         gravity=Gravity((0.0, 4.0), ((0.0, 0.0), (0.0, -9.81))),
         duration=8.0,
     )
@@ -331,7 +331,7 @@ def test_a_velocity_that_the_grid_does_not_see():
     """Alternating between the points of a cell: FLIP keeps it for ever, the others remove it."""
     left = {}
     for transfer in ("flip", "apic", "xpic"):
-        sim = bar(("quadratic", transfer, "tracked"), 32)
+        sim = bar(("quadratic", transfer, "particle"), 32)
         at, x = places(sim), sim.state.x
         sign = np.where(np.floor(x[:, 0] / 0.05 + 1e-9) % 2, 1.0, -1.0)
         sim.buffers["v"][0, at] = 1e-4 * sign

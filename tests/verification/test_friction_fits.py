@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import friction_law
-from granular.friction_law import SteadyShear
+from granular.grain_scale import friction_law
+from granular.grain_scale.friction_law import SteadyShear
 
 INERTIAL = np.geomspace(1e-3, 1.5, 12)
 TRUE = {"mu_s": 0.38, "mu_2": 0.75, "I0": 0.35}
@@ -19,7 +19,7 @@ def law(inertial):
 
 
 def test_exact_data_give_their_constants():
-    fit = friction_law.fit_mu_i(INERTIAL, law(INERTIAL))
+    fit = friction_law.fit_mu_I(INERTIAL, law(INERTIAL))
     assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx(tuple(TRUE.values()), rel=1e-6)
     assert np.abs(fit.residuals).max() < 1e-8
     assert fit(INERTIAL) == pytest.approx(law(INERTIAL))
@@ -32,7 +32,7 @@ def test_intervals_hold_the_constants_as_often_as_they_say(confidence):
     hits, runs = dict.fromkeys(TRUE, 0), 300
     for _ in range(runs):
         noisy = law(inertial) + rng.normal(0.0, 0.002, len(inertial))
-        found = friction_law.fit_mu_i(inertial, noisy, confidence=confidence).intervals
+        found = friction_law.fit_mu_I(inertial, noisy, confidence=confidence).intervals
         for name, value in TRUE.items():
             hits[name] += found[name][0] <= value <= found[name][1]
     # Four standard deviations of a binomial count, and .015 for what is not linear.
@@ -46,9 +46,9 @@ def test_errors_weigh_the_points():
     friction, error = law(INERTIAL), np.full(len(INERTIAL), 1e-4)
     friction[5] += 0.05
     error[5] = 1.0
-    fit = friction_law.fit_mu_i(INERTIAL, friction, error)
+    fit = friction_law.fit_mu_I(INERTIAL, friction, error)
     assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx(tuple(TRUE.values()), rel=1e-4)
-    assert friction_law.fit_mu_i(INERTIAL, friction).I0 != pytest.approx(TRUE["I0"], rel=0.02)
+    assert friction_law.fit_mu_I(INERTIAL, friction).I0 != pytest.approx(TRUE["I0"], rel=0.02)
 
 
 def test_laws_of_the_thesis_give_their_constants():
@@ -102,18 +102,18 @@ def test_from_flows_to_the_material_of_a_scene():
 
 def test_data_that_do_not_determine_the_constants_are_refused():
     with pytest.raises(ValueError, match=r"do not determine|mu_s < mu_2"):
-        friction_law.fit_mu_i(INERTIAL, np.full(12, 0.4))
+        friction_law.fit_mu_I(INERTIAL, np.full(12, 0.4))
     with pytest.raises(ValueError, match=r"mu_s < mu_2|do not determine"):
-        friction_law.fit_mu_i(INERTIAL, law(INERTIAL)[::-1])
+        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)[::-1])
     with pytest.raises(ValueError, match="at least 4 different"):
-        friction_law.fit_mu_i([0.1, 0.2, 0.2, 0.3], [0.4, 0.5, 0.5, 0.6])
+        friction_law.fit_mu_I([0.1, 0.2, 0.2, 0.3], [0.4, 0.5, 0.5, 0.6])
     with pytest.raises(ValueError, match="finite and > 0"):
         friction_law.fit_power([0.1, 0.2, -0.3], [1.0, 2.0, 3.0])
     with pytest.raises(ValueError, match="equal length"):
         friction_law.fit_packing([0.1, 0.2], [0.5])
     with pytest.raises(ValueError, match="confidence = 1"):
-        friction_law.fit_mu_i(INERTIAL, law(INERTIAL), confidence=1.0)
+        friction_law.fit_mu_I(INERTIAL, law(INERTIAL), confidence=1.0)
     with pytest.raises(ValueError, match="3 flows"):
         friction_law.fit_rheology([flow(0.1, 0.4, 0.5)] * 3)
     with pytest.raises(ValueError, match="no packing fractions"):
-        friction_law.fit_mu_i(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)
+        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)

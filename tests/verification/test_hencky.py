@@ -43,10 +43,10 @@ def test_shear_keeps_the_pressure_and_comes_to_the_friction_of_its_rate(flow):
     dmu = q["mu_2"] - q["mu_s"]
     expected = q["mu_s"] + {
         "drucker_prager": 0.0,
-        "local_linear": dmu * inertial / q["I0"],
-        "nonlocal_linear": dmu * inertial / q["I0"],
-        "local_saturating": dmu * inertial / (inertial + q["I0"]),
-        "nonlocal_saturating": dmu * inertial / (inertial + q["I0"]),
+        "linear_mu_I": dmu * inertial / q["I0"],
+        "linear_ngf": dmu * inertial / q["I0"],
+        "mu_I": dmu * inertial / (inertial + q["I0"]),
+        "ngf": dmu * inertial / (inertial + q["I0"]),
     }[flow] * np.ones(3)
     # the shear stress is that on the planes of shear; the axes lean by the elastic strain
     np.testing.assert_allclose(oracle.shear(stress) / p, expected, rtol=1e-4)
@@ -55,7 +55,7 @@ def test_shear_keeps_the_pressure_and_comes_to_the_friction_of_its_rate(flow):
     np.testing.assert_allclose(g, rates / expected, rtol=2e-4)
 
 
-@pytest.mark.parametrize("flow", ["nonlocal_linear", "nonlocal_saturating"])
+@pytest.mark.parametrize("flow", ["linear_ngf", "ngf"])
 def test_with_the_fluidity_held_friction_is_shear_rate_over_fluidity(flow):
     """Below mu_s: what a neighbour's flow makes of a point that would not flow by itself. The
     steady g is then known from the equation of one step, as is mu = gdot/g."""
@@ -87,7 +87,7 @@ def test_the_published_form_loses_pressure_in_shear():
         lost = q["K"] * dt * gdot**2 * until / 4
         assert 800.0 - published_pressure(gdot, until, q, dt) == pytest.approx(lost, rel=0.02)
     assert published_pressure(5.0, 0.13, q, dt) == 0
-    stress, _, _ = sheared("nonlocal_linear", q, [5.0], dt, gamma=0.65)
+    stress, _, _ = sheared("linear_ngf", q, [5.0], dt, gamma=0.65)
     assert -np.trace(stress[0]) / 3 == pytest.approx(800.0, rel=1e-14)
 
 
@@ -231,7 +231,7 @@ def test_elastic_path_converges_with_the_square_of_the_step():
     def gradient(t):
         return path(t) * 0.2 + 0.3 * math.cos(9 * t) * np.diag([1.0, -1.0, 0.0])
 
-    expected, _ = oracle.continuous("nonlocal_linear", SAND | {"I0": 1e9, "mu_s": 0.0, "t0": 1e9},
+    expected, _ = oracle.continuous("linear_ngf", SAND | {"I0": 1e9, "mu_s": 0.0, "t0": 1e9},
                                     gradient, times, p0=5e4, g0=1e-12)  # fmt: skip
     errors = []
     for substeps in (5, 10, 20):
@@ -251,7 +251,7 @@ def test_disconnection_and_reconnection_forget_the_shear_stress():
         opening = 5.0 if k < 1000 else (-5.0 if k < 2000 else 0.0)
         step = (L + opening / 3 * np.eye(3))[None] * dt
         c -= opening * dt
-        stress, g, rate = oracle.update("nonlocal_saturating", q, dt, step, c, stress, g, rate)
+        stress, g, rate = oracle.update("ngf", q, dt, step, c, stress, g, rate)
         pressures.append(-np.trace(stress[0]) / 3)
         frictions.append(oracle.shear(stress)[0] / max(pressures[-1], 1e-300))
     pressures, frictions = np.array(pressures), np.array(frictions)

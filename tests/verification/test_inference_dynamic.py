@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import DISC, impact, noisy_record, pressed_spheres, shaken_lattice
+from grains import DISC, impact, jittered_grid, noisy_record, pressed_spheres
 
-from granular import inference
+from granular.grain_scale import inference
 
 MU = 0.6
-pytestmark = pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 
 
 def error(found):
@@ -146,7 +146,7 @@ def over_errors(packing, moments):
 
 def moving_lattice(tensors):
     """Grains in space with rows that contradict each other, and errors unlike one another."""
-    rng, case = np.random.default_rng(5), shaken_lattice((6, 6, 6))
+    rng, case = np.random.default_rng(5), jittered_grid((6, 6, 6))
     n, R = case.packing.n, case.packing.radii
     masses = rng.uniform(1.0, 2.0, n)
     inertias = 0.4 * masses * R**2

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import oedometers, pressed_discs, pressed_spheres, settled, shaken_lattice
+from grains import jittered_grid, oedometers, pressed_discs, pressed_spheres, settled
 
-from granular import inference
-from granular.inference import BoundaryForce, InferenceWarning
+from granular.grain_scale import inference
+from granular.grain_scale.inference import BoundaryForce, InferenceWarning
 
 MU = 0.5
 TOP, BOTTOM = -4, -3
@@ -110,7 +110,7 @@ def check_protocol(errors):
     assert max(force_wall, virial_wall) <= 0.035
 
 
-@pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
+@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 def test_noise_protocol():
     """Section 2.4.2, 20 draws."""
     pytest.importorskip("clarabel")
@@ -118,7 +118,7 @@ def test_noise_protocol():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::granular.inference.InferenceWarning")
+@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 def test_noise_protocol_at_length():
     """Forty more packings, two draws each: packings matter as much as draws."""
     pytest.importorskip("clarabel")
@@ -223,7 +223,7 @@ def test_six_particles():
 @pytest.mark.parametrize("shape", [(14, 12), (6, 6, 6)])
 def test_rank_is_that_of_the_singular_values(shape):
     """Also of larger packings, and where contacts are more than can be told."""
-    case = shaken_lattice(shape)
+    case = jittered_grid(shape)
     packing = case.packing
     rng = np.random.default_rng(0)
     for doubled in (0, 3, 10):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from granular import sph
+from granular import scenes, sph
 
 G = 9.81
 
@@ -17,11 +17,11 @@ def shear_rate(state, low=0.03, high=0.12):
     return np.polyfit(y[inside], state.v[inside, 0], 1)[0]
 
 
-def mean_rate(simulation, seconds=1.0, looks=20):
+def mean_rate(simulation, seconds=1.0, samples=20):
     rates = []
     simulation.run(
         simulation.time + seconds,
-        every=seconds / looks,
+        every=seconds / samples,
         hooks=(lambda s: rates.append(shear_rate(s.state)),),
     )
     return np.mean(rates)
@@ -43,7 +43,7 @@ def misfit(state, power):
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(18, 8.0, 4.5), (21, 9.0, 12.0)])
 def test_steady_shear_is_uniform(angle, seconds, rate):
     """The friction depends on |D| alone, so that the law gives one shear rate at all depths."""
-    simulation = sph.Simulation(sph.scenes.incline(angle_deg=angle, columns=6))
+    simulation = sph.Simulation(scenes.incline_sph(angle_deg=angle, columns=6))
     material = simulation.scene.material
     assert uniform_rate(material, angle) == pytest.approx(rate, rel=0.01)
     simulation.run(seconds)
@@ -57,7 +57,7 @@ def test_layers_come_nearer_to_the_law_with_finer_points():
     """At 24 deg, of 26.9 1/s a fifth is lost to layers that slip: in proportion to the spacing."""
     lost, slip = [], []
     for spacing in (0.01, 0.005):
-        scene = sph.scenes.incline(angle_deg=24, spacing=spacing, columns=6)
+        scene = scenes.incline_sph(angle_deg=24, spacing=spacing, columns=6)
         simulation = sph.Simulation(scene)
         simulation.run(10.0)  # until then it still becomes faster
         lost.append(uniform_rate(scene.material, 24) - mean_rate(simulation))
@@ -71,7 +71,7 @@ def test_layers_come_nearer_to_the_law_with_finer_points():
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(12, 4.0, 1e-6), (15, 8.0, 0.1)])
 def test_below_the_friction_nothing_moves(angle, seconds, rate):
     """At 15 deg the slope is that of mu_l to 1e-4: half a per cent less friction makes .1 1/s."""
-    simulation = sph.Simulation(sph.scenes.incline(angle_deg=angle, columns=6))
+    simulation = sph.Simulation(scenes.incline_sph(angle_deg=angle, columns=6))
     simulation.run(seconds)
     assert abs(mean_rate(simulation, 0.5)) < rate
 
@@ -82,7 +82,7 @@ def test_without_a_spring_slopes_creep(angle):
     rates = []
     for cfl in (1.0, 0.5):
         numerics = sph.Numerics(cfl=cfl)
-        scene = sph.scenes.incline(
+        scene = scenes.incline_sph(
             angle_deg=angle, columns=6, numerics=numerics, material=sph.Viscoplastic(nu=0.5)
         )
         simulation = sph.Simulation(scene)
@@ -101,7 +101,7 @@ def test_too_steep_a_layer_accelerates():
     a = math.radians(33)
     limit = G * (math.sin(a) - 0.577 * math.cos(a))
     assert limit == pytest.approx(0.60, abs=0.005)
-    simulation = sph.Simulation(sph.scenes.incline(angle_deg=33, columns=6, headroom=20))
+    simulation = sph.Simulation(scenes.incline_sph(angle_deg=33, columns=6, headroom=20))
     speeds = []
     simulation.run(8.5, every=1.0, hooks=(lambda s: speeds.append(s.state.v[:, 0].mean()),))
     accelerations = np.diff(speeds[1:])[[0, 1, 3, 6]]
@@ -113,7 +113,7 @@ def test_too_steep_a_layer_accelerates():
 def test_pressure_of_a_bed_is_its_overburden(nu):
     """Without a spring there is no shear at rest, and p is the overburden; with one the vertical
     stress is, and p is less, as the sides bear less than the floor."""
-    scene = sph.scenes.incline(
+    scene = scenes.incline_sph(
         angle_deg=0.0, height=0.2, columns=6, material=sph.Viscoplastic(nu=nu)
     )
     simulation = sph.Simulation(scene)
@@ -141,7 +141,7 @@ def test_pressure_of_a_bed_is_its_overburden(nu):
 @pytest.mark.slow
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(18, 8.0, 4.5), (21, 9.0, 12.0)])
 def test_steady_shear_in_space(angle, seconds, rate):
-    scene = sph.scenes.incline(angle_deg=angle, columns=6, columns_across=5)
+    scene = scenes.incline_sph(angle_deg=angle, columns=6, columns_across=5)
     simulation = sph.Simulation(scene, threads=2)
     simulation.run(seconds)
     assert mean_rate(simulation) == pytest.approx(rate, rel=0.1)

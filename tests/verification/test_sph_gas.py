@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from oracle_sph import images, kernel
 
-from granular import sph
+from granular import scenes, sph
 from granular.geometry import Box, Fill, Grid
-from granular.walls import Gravity
+from granular.gravity import Gravity
 
 DX = 0.01
 HEAVY = 1e6
@@ -200,11 +200,11 @@ def test_disorder_has_a_rate_of_its_own(columns):
 def bed_means(share, height, begin=0.15, end=0.3):
     """Means over a time of flux over that of fluidisation, drop of pressure over the weight of the
     bed, and height of its centre [m]; the piston moves with a share of that flux."""
-    trial = sph.scenes.fluidised_bed(pressure=2e4)
+    trial = scenes.fluidised_bed(pressure=2e4)
     gas = trial.gas
     weight = 1600.0 * 9.81
     critical = gas.permeability / gas.viscosity * weight * (1 - gas.density / gas.grain_density)
-    scene = sph.scenes.fluidised_bed(
+    scene = scenes.fluidised_bed(
         velocity=share * critical, pressure=2e4, height=height, columns=6, plenum=0.16, duration=end
     )
     base, rows = scene.walls[1].at, []

@@ -17,7 +17,7 @@ from newton.solvers import SolverImplicitMPM
 
 import granular as gr
 from accuracy.peers import Missing
-from granular.engine import initial_points
+from granular.mpm.engine import initial_points
 
 STEP = 0.4
 """Cells that the fastest point of a fall through the height crosses in a step."""

@@ -1,6 +1,6 @@
 """Explicit MLS-MPM in Taichi, the peer everyone can write: quadratic splines, APIC, one thread.
 
-Written for this benchmark after Hu et al. (2018), "A moving least squares material point method
+Serializable for this benchmark after Hu et al. (2018), "A moving least squares material point method
 with displacement discontinuity and two-way rigid body coupling", in double precision, with the
 same law as the package (Dunatunga & Kamrin 2015, eqs 2.7, 3.10-3.16), tracked density and the
 stress-free disconnected state. Nodes on and beyond a wall are held, as such codes do.
@@ -14,7 +14,7 @@ import taichi as ti
 
 import granular as gr
 from accuracy.peers import Missing
-from granular.engine import initial_points
+from granular.mpm.engine import initial_points
 
 PAD = 3
 """Cells around the domain, for the splines of points near its ends."""
@@ -57,7 +57,7 @@ class Simulation:
     """
 
     def __init__(self, scene: gr.Scene, *, threads: int = 1) -> None:
-        if threads != 1 or scene.grid.dim != 2 or scene.absorbers:
+        if threads != 1 or scene.grid.dim != 2 or scene.sponge_layers:
             raise Missing("taichi: one thread, the plane and no absorbing layers only")
         _init()
         self.scene = scene
@@ -140,7 +140,7 @@ def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
             across = np.abs(place[wall.axis] - wall.at) <= near
         within = (place[along] >= low - near) & (place[along] <= high + near)
         nodes = np.ix_(across, within) if wall.axis == 0 else np.ix_(within, across)
-        for component in (0, 1) if wall.kind == "rough" else (wall.axis,):
+        for component in (0, 1) if wall.kind == "no_slip" else (wall.axis,):
             hold[(*nodes, component)] = 1
     return hold
 

@@ -1,0 +1,251 @@
+/* The cells of a fluidity lattice that have places, and what lies beside each of them. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "fluidity/fluidity.h"
+
+/* Pages that may be: those of the box, and of its copy at the back. */
+static int64_t all_pages(const struct gr_fluidity *f) { return f->two_sided ? 2 * f->box_pages : f->box_pages; }
+
+/* Place of a cell or of its copy at the back, -1 for none. */
+static int64_t place_of(const struct gr_fluidity *f, int64_t cell, int back)
+{
+    if (cell < 0 || (back && !f->two_sided)) return -1;
+    return gr_table_get(&f->page_of, cell / GR_PAGE + (back ? f->box_pages : 0)) ? gr_fluidity_place(f, cell, back) : -1;
+}
+
+/* Step by `side` (-1, 1) along an axis from a cell at `at`, through periodic ends. Returned: 0, or -1 at an end. */
+static int walk(const struct gr_fluidity *f, int axis, int side, int64_t *cell, int64_t at[3])
+{
+    const int64_t n = f->shape[axis], next = at[axis] + side;
+    if ((next < 0 || next >= n) && !f->periodic[axis]) return -1;
+    const int64_t to = (next + n) % n;
+    *cell += (to - at[axis]) * f->stride[axis];
+    at[axis] = to;
+    return 0;
+}
+
+/* Number of the cell at an offset, to which nothing is in the way: all sequences of steps along the axes are linked.
+ * Returned: -1 if something is. */
+static int64_t reach(const struct gr_fluidity *f, int64_t cell, const int64_t at[3], const int offset[3])
+{
+    int64_t found = -1;
+    for (int a = 0; a < f->dim; a++) {
+        if (!offset[a]) continue;
+        int64_t next = cell, there[3] = {at[0], at[1], at[2]};
+        int rest[3] = {offset[0], offset[1], offset[2]};
+        rest[a] = 0;
+        if (gr_fluidity_side(f, cell, 2 * a + (offset[a] > 0)) != GR_SIDE_LINKED) return -1;
+        if (walk(f, a, offset[a], &next, there)) return -1;
+        found = rest[0] || rest[1] || rest[2] ? reach(f, next, there, rest) : next;
+        if (found < 0) return -1;
+    }
+    return found;
+}
+
+static void find_coordinates(const struct gr_fluidity *f, int64_t cell, int64_t at[3])
+{
+    at[0] = at[1] = at[2] = 0;
+    for (int a = 0; a < f->dim; a++) {
+        at[a] = cell % f->shape[a];
+        cell /= f->shape[a];
+    }
+}
+
+/* Take over the faces of the box. Two cells are linked if both say so. Returned: the largest number of links and rough
+ * faces of a cell, were all cells dense; or -1 without memory. */
+static int read_faces(struct gr_fluidity *f, const uint8_t *face)
+{
+    int most = 0;
+    for (int64_t i = 0; i < f->n_cells; i++) {
+        int64_t at[3];
+        int count = 0, sides = 0;
+        find_coordinates(f, i, at);
+        for (int k = 0; k < 2 * f->dim; k++) {
+            int64_t j = i, there[3] = {at[0], at[1], at[2]};
+            const int kind = face[k * f->n_cells + i], ends = walk(f, k / 2, k % 2 ? 1 : -1, &j, there);
+            int side = kind == GR_FACE_ROUGH ? GR_SIDE_ROUGH : GR_SIDE_CLOSED;
+            if (kind == GR_FACE_LINK && !ends && face[(k ^ 1) * f->n_cells + j] == GR_FACE_LINK) side = GR_SIDE_LINKED;
+            count += side == GR_SIDE_ROUGH || (side == GR_SIDE_LINKED && j != i);
+            sides |= (side ^ GR_SIDE_LINKED) << 2 * k;
+        }
+        if (gr_table_set(&f->side, i, sides)) return -1;
+        if (count > most) most = count;
+    }
+    return most;
+}
+
+/* Links along the axes first; then, for the isotropic stencil, across edges and corners, each to one of its two sides. */
+static void list_links(struct gr_fluidity *f)
+{
+    for (int a = 0; a < f->dim; a++) f->offset[f->n_links++][a] = 1;
+    for (int n = 2; f->stencil == GR_STENCIL_isotropic && n <= f->dim; n++)
+        for (int k = 0; k < 27; k++) {
+            const int o[3] = {k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1};
+            const int axes = !!o[0] + !!o[1] + !!o[2], first = o[0] ? o[0] : o[1];
+            if (axes != n || first < 0 || (f->dim == 2 && o[2])) continue;
+            for (int a = 0; a < 3; a++) f->offset[f->n_links][a] = (int8_t)o[a];
+            f->n_links++;
+        }
+}
+
+int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
+{
+    if (gr_table_new(&f->side, f->n_cells) || gr_table_new(&f->page_of, all_pages(f))) return GR_ERR_MEMORY;
+    list_links(f);
+    const int most = read_faces(f, face);
+    if (most < 0) return GR_ERR_MEMORY;
+    f->stiffest = most;
+    /* Of the whole lattice, see links.c: what is not linked takes away from it. */
+    if (f->stencil == GR_STENCIL_isotropic) f->stiffest = f->dim == 2 ? 8.0 / 3.0 : 46.0 / 15.0;
+    return GR_OK;
+}
+
+static void forget(struct gr_fluidity *f)
+{
+    gr_table_clear(&f->page_of);
+    f->n_pages = f->n_chunks = f->n_wraps = 0;
+}
+
+/* Zeroed arrays for n pages. */
+static int reserve(struct gr_fluidity *f, int64_t n)
+{
+    const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
+    const int n_vectors = 7 + sides, n_maps = isotropic ? 2 : 2 + sides;
+    if (n > f->page_capacity || !f->doubles) {
+        free(f->doubles), free(f->bytes), free(f->integers), free(f->places);
+        f->page_capacity = n + n / 2 + 2; /* with the margins */
+        const size_t room = (size_t)f->page_capacity;
+        f->doubles = malloc((room * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
+        f->bytes = malloc(room * (size_t)n_maps * GR_PAGE);
+        f->integers = malloc(room * 4 * sizeof(int64_t));
+        f->places = malloc(room * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
+        if (!f->doubles || !f->bytes || !f->integers || !f->places) {
+            f->page_capacity = -1;
+            return GR_ERR_MEMORY;
+        }
+        f->page_capacity -= 2;
+    }
+    const int64_t pages = f->page_capacity + 2, room = pages * GR_PAGE;
+    double *at = f->doubles,
+           **const vectors[] = {&f->g, &f->gain, &f->rough, &f->rough_walls, &f->work[0], &f->work[1], &f->work[2]};
+    memset(f->doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 3)) * sizeof(double));
+    memset(f->bytes, 0, (size_t)(room * n_maps));
+    for (int k = 0; k < 7; k++, at += room) *vectors[k] = at + GR_PAGE;
+    for (int k = 0; k < sides; k++, at += room) f->weight[k] = at + GR_PAGE;
+    for (int k = 0; k < 3; k++, at += pages) f->partial[k] = at;
+    f->dense = (uint8_t *)f->bytes + GR_PAGE;
+    f->inside = f->dense + room;
+    for (int k = 0; k < sides; k++) f->link[k] = isotropic ? 0 : f->inside + (k + 1) * room;
+    f->page = f->integers, f->chunk_first = f->page + pages;
+    f->wrap_first = f->chunk_first + pages, f->partial_clamped = f->wrap_first + pages;
+    f->near = f->places, f->beside = isotropic ? f->near + sides * pages : 0;
+    f->other = isotropic ? f->beside + sides * room : 0;
+    return GR_OK;
+}
+
+static int add_page(struct gr_fluidity *f, int64_t page)
+{
+    if (!f->n_pages || f->page[f->n_pages - 1] / GR_CHUNK_PAGES != page / GR_CHUNK_PAGES)
+        f->chunk_first[f->n_chunks++] = f->n_pages;
+    f->page[f->n_pages++] = page;
+    return gr_table_set(&f->page_of, page, (int32_t)f->n_pages);
+}
+
+/* Where the cells beside those of a page are: their places follow each other even where they are those of two pages. Of
+ * the cells without places any may stand there. */
+static void find_near(struct gr_fluidity *f, int64_t q)
+{
+    for (int k = 0; k < 2 * f->n_links; k++) {
+        int64_t cell = f->page[q] * GR_PAGE, near = q * GR_PAGE;
+        for (int a = 0; a < f->dim; a++) cell += (k % 2 ? 1 : -1) * f->offset[k / 2][a] * f->stride[a];
+        const int64_t page = cell < 0 ? -((-cell + GR_PAGE - 1) / GR_PAGE) : cell / GR_PAGE, shift = cell - page * GR_PAGE;
+        const int64_t last = all_pages(f) - 1;
+        const int32_t low = page >= 0 && page <= last ? gr_table_get(&f->page_of, page) : 0;
+        const int32_t high = shift && page >= -1 && page < last ? gr_table_get(&f->page_of, page + 1) : 0;
+        if (low)
+            near = ((int64_t)low - 1) * GR_PAGE + shift;
+        else if (high)
+            near = ((int64_t)high - 2) * GR_PAGE + shift;
+        f->near[2 * f->n_links * q + k] = (int32_t)near;
+    }
+}
+
+static int add_wrap(struct gr_fluidity *f, int64_t to, int64_t from, int link)
+{
+    if (f->n_wraps == f->wrap_capacity) {
+        const int64_t room = 2 * f->wrap_capacity + 64;
+        struct gr_wrap *wrap = realloc(f->wrap, (size_t)room * sizeof *wrap);
+        if (!wrap) return GR_ERR_MEMORY;
+        f->wrap = wrap, f->wrap_capacity = room;
+    }
+    f->wrap[f->n_wraps++] = (struct gr_wrap){(int32_t)to, (int32_t)from, link, 0};
+    return GR_OK;
+}
+
+/* The links of one cell. */
+static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
+{
+    const int sides = 2 * f->n_links, back = f->page[q] >= f->box_pages;
+    const int64_t i = q * GR_PAGE + lane, cell = (f->page[q] - (back ? f->box_pages : 0)) * GR_PAGE + lane;
+    if (cell >= f->n_cells) return GR_OK;
+    int64_t at[3];
+    find_coordinates(f, cell, at);
+    if (f->other) f->other[i] = (int32_t)place_of(f, cell, !back);
+    for (int k = 0; k < sides; k++) {
+        const int8_t *o = f->offset[k / 2];
+        const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
+        const int64_t to = reach(f, cell, at, offset), j = place_of(f, to, back), across = place_of(f, to, !back);
+        if (f->beside) f->beside[i * sides + k] = (int32_t)(j < 0 ? across : j);
+        if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->rough_walls[i] += 2;
+        if (across >= 0 && to != cell && add_wrap(f, i, across, k)) return GR_ERR_MEMORY;
+        if (j < 0 || j == i) continue;
+        if (j != f->near[sides * q + k] + lane) {
+            if (add_wrap(f, i, j, k)) return GR_ERR_MEMORY;
+        } else if (!f->beside) {
+            f->link[k][i] = 1;
+        }
+    }
+    return GR_OK;
+}
+
+/* The pages of the listed cells, or of all; added, or only counted. */
+static int add_pages(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n, int64_t *count)
+{
+    int error = GR_OK;
+    int64_t last = -1;
+    for (int back = 0; back <= (sides ? 1 : 0); back++)
+        for (int64_t k = 0; !error && k < n; k++) {
+            const int64_t page = cells ? cells[k] / GR_PAGE + (back ? f->box_pages : 0) : k;
+            if (page == last || (back && sides[k] != -1)) continue;
+            last = page;
+            if (count)
+                ++*count;
+            else
+                error = add_page(f, page);
+        }
+    if (!count) f->chunk_first[f->n_chunks] = f->n_pages;
+    return error;
+}
+
+int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n)
+{
+    int64_t pages = 0;
+    if (!cells) n = f->box_pages;
+    if (!f->two_sided) sides = 0;
+    (void)add_pages(f, cells, sides, n, &pages);
+    forget(f);
+    int error = reserve(f, pages);
+    if (!error) error = add_pages(f, cells, sides, n, 0);
+    for (int64_t q = 0; !error && q < f->n_pages; q++) find_near(f, q);
+    for (int64_t c = 0; !error && c < f->n_chunks; c++) {
+        f->wrap_first[c] = f->n_wraps;
+        for (int64_t q = f->chunk_first[c]; q < f->chunk_first[c + 1]; q++)
+            for (int lane = 0; !error && lane < GR_PAGE; lane++) error = link_cell(f, q, lane);
+    }
+    if (error)
+        forget(f);
+    else
+        f->wrap_first[f->n_chunks] = f->n_wraps;
+    return error;
+}

@@ -1,0 +1,173 @@
+/* The finite-strain law (hencky.h) at the points of the engine, whose stress is Cauchy's: e^c that of Kirchhoff.
+ *
+ * The pressure is that of the density, whatever the scheme. A nonlocal flow without a diffused fluidity is in its local
+ * phase: the flow that it has where the fluidity is even, with g = gdot/mu. */
+#include "law/hardening.h"
+#include "law/hencky.h"
+#include "law/substep.h"
+
+#define GR_FURTHEST 600.0 /* log-density that a point may have on its way out */
+
+/* What a block of points brings to a step. */
+struct gr_hencky_block {
+    struct gr_stress stress; /* Kirchhoff */
+    vd L[9], c;              /* log-density at the end of the step */
+};
+
+GR_INLINE struct gr_hencky_block hencky_block_of(const int dim, const struct gr_law_call *call, int64_t k)
+{
+    const int64_t at = call->slot[k];
+    const double *gradient = call->gradient + k * dim * dim * GR_W;
+    vd begin = v_load(call->log_density + at), end = begin;
+    if (call->begins)
+        end = end - gr_expansion(dim, gradient);
+    else
+        begin = begin + gr_expansion(dim, gradient);
+    const vd to_kirchhoff = v_exp(-v_clamp(begin, -GR_FURTHEST, GR_FURTHEST));
+    struct gr_hencky_block block = {.c = v_clamp(end, -GR_FURTHEST, GR_FURTHEST)};
+    for (int i = 0; i < dim * dim; i++) block.L[i] = v_load(gradient + i * GR_W);
+    for (int i = 0; i < GR_STRESSES(dim); i++) block.stress.s[i] = to_kirchhoff * v_load(call->stress[i] + at);
+    return block;
+}
+
+/* A step in many parts: it sets out, or its last part. */
+GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                             const struct gr_law_call *call, const struct gr_hencky_block *block, int64_t at,
+                                             vd g_star, vd rate)
+{
+    const vd p = v_max(v_zero(), n->K * block->c); /* NaN stays */
+    const vd reconnected = n->reconnect_fluidity * v_set(call->fraction) * gr_stretch_norm(dim, block->L);
+    const vm before = gr_hencky_bears(&block->stress);
+    struct gr_stress turned = {{v_zero()}}, strained = turned;
+    vd L[9];
+    for (int pass = 0; pass < 2; pass++) { /* one body for both */
+        turned = strained;
+        for (int i = 0; i < dim; i++)
+            for (int j = 0; j < dim; j++) {
+                const vd other = pass ? v_zero() : block->L[j * dim + i];
+                L[i * dim + j] = v_set(pass ? 1.0 : 0.5) * (block->L[i * dim + j] - other);
+            }
+        strained = gr_hencky_trial(dim, n, L, &block->stress);
+    }
+    for (int i = 0; i < GR_STRESSES(dim); i++) strained.s[i] = strained.s[i] - turned.s[i];
+    if (call->begins) {
+        const vd in_this_step = v_select(before, v_set(-1.0), v_select(v_gt(p, v_zero()), reconnected, v_set(-1.0)));
+        const vd start = gr_fluidity_start(&n->fluidity, v_max(n->g_min, g_star)), fraction = v_set(call->fraction);
+        double *const of_rate = call->shear_rate + at;
+        gr_substeps_begin(dim, &n->fluidity, &turned, &strained, p, call->substeps, at);
+        return (struct gr_hencky_point){
+            .g = flow == GR_HENCKY_linear_ngf
+                     ? gr_substep(1, 1, &n->fluidity, fraction, call->substeps, at, start, in_this_step, of_rate)
+                     : gr_substep(0, 1, &n->fluidity, fraction, call->substeps, at, start, in_this_step, of_rate)};
+    }
+    const vm since = v_gt(v_load(gr_substep_at(call->substeps, at, GR_SUBSTEP_p)), v_zero());
+    gr_substeps_end(dim, call->fraction, call->substeps, at, &turned, &strained);
+    const vd known = v_select(since, v_set(1.0), v_keep(before, v_set(1.0)));
+    return gr_hencky_flow(dim, flow, n, &turned, p, v_gt(known, v_zero()), reconnected, g_star, rate);
+}
+
+GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
+{
+    for (int64_t k = 0; k < call->n_blocks; k++) {
+        const int64_t at = call->slot[k];
+        const struct gr_hencky_block block = hencky_block_of(dim, call, k);
+        const vd hardened = call->plastic_strain ? v_load(call->plastic_strain + at) : v_zero();
+        if (n->hardening) n->mu_s = gr_hardened_friction(n->hardening, hardened);
+        const vd g_star = v_set(call->g_star ? call->g_star[k] : 0);
+        const vd rate = call->shear_rate ? v_load(call->shear_rate + at) : v_zero();
+        const struct gr_hencky_point point =
+            call->substeps ? hencky_part(dim, flow, n, call, &block, at, g_star, rate)
+                           : gr_hencky_update(dim, flow, n, block.L, block.c, &block.stress, g_star, rate);
+        if (call->substeps && call->begins) {
+            v_store(call->g + at, point.g);
+            continue;
+        }
+        const vd to_cauchy = v_exp(block.c);
+        for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, to_cauchy * point.stress.s[i]);
+        if (call->shear_rate) v_store(call->shear_rate + at, point.rate);
+        if (call->g) v_store(call->g + at, point.g);
+        if (call->gain) v_store(call->gain + at, v_keep(v_gt(point.g, v_zero()), point.g - g_star));
+        if (call->plastic_strain) {
+            const vd strain = v_set(0.7071067811865476 * call->dt) * point.rate;
+            v_store(call->plastic_strain + at, hardened + strain);
+        }
+    }
+}
+
+/* `flow` is no literal: one body of the trial serves all laws. */
+static __attribute__((noinline)) void hencky_blocks_2d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
+{
+    hencky_blocks_of(2, flow, n, call);
+}
+
+static __attribute__((noinline)) void hencky_blocks_3d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
+{
+    hencky_blocks_of(3, flow, n, call);
+}
+
+static inline void hencky_blocks(const int dim, int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
+{
+    if (dim == 2)
+        hencky_blocks_2d(flow, n, call);
+    else
+        hencky_blocks_3d(flow, n, call);
+}
+
+/* The numbers of laws that have no grain size: only xi = I0/(d sqrt(rho_s)) counts. */
+static inline struct gr_hencky_numbers sizeless(const struct gr_law_call *call, double mu_s, double mu_2, double xi)
+{
+    double q[GR_HENCKY_PARAMETER_COUNT] = {0};
+    q[GR_HENCKY_P_K] = call->parameter[0], q[GR_HENCKY_P_G] = call->parameter[1];
+    q[GR_HENCKY_P_mu_s] = mu_s, q[GR_HENCKY_P_mu_2] = mu_2, q[GR_HENCKY_P_I0] = xi;
+    q[GR_HENCKY_P_rho_s] = q[GR_HENCKY_P_d] = q[GR_HENCKY_P_t0] = 1;
+    return gr_hencky_numbers_of(q, call->dt);
+}
+
+static inline void law_hencky_elastic(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = sizeless(call, 1, 2, 1);
+    hencky_blocks(dim, GR_HENCKY_elastic, &n, call);
+}
+
+static inline void law_hencky_drucker_prager(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], 2 * call->parameter[2], 1);
+    hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
+}
+
+static inline void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = sizeless(call, 1, 2, 1);
+    n.hardening = call->parameter + 2;
+    hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
+}
+
+static inline void law_hencky_mu_I(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
+    hencky_blocks(dim, GR_HENCKY_mu_I, &n, call);
+}
+
+static inline void law_hencky_linear_mu_I(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
+    hencky_blocks(dim, GR_HENCKY_linear_mu_I, &n, call);
+}
+
+static inline void law_hencky_ngf(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
+    if (call->g_star)
+        hencky_blocks(dim, GR_HENCKY_ngf, &n, call);
+    else
+        hencky_blocks(dim, GR_HENCKY_mu_I, &n, call);
+}
+
+static inline void law_hencky_linear_ngf(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
+    if (call->g_star)
+        hencky_blocks(dim, GR_HENCKY_linear_ngf, &n, call);
+    else
+        hencky_blocks(dim, GR_HENCKY_linear_mu_I, &n, call);
+}

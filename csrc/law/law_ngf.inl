@@ -1,0 +1,142 @@
+/* Nonlocal granular fluidity: elastic, with the plastic shear rate g mu that the fluidity g allows; stress-free when
+ * disconnected. The diffusion of g has been made (fluidity/); the rest of the step is fluidity_update.h.
+ *
+ * Without a diffused fluidity it is the mu(I) law, with g = gdot/mu: the local phase from which g is seeded. Points
+ * that bear nothing have no fluidity, and bring none with them when they become dense again. */
+#include "law/substep.h"
+
+static inline void local_phase(const int dim, const struct gr_law_call *call)
+{
+    const double *q = call->parameter, *point = q + GR_NGF_POINT;
+    const double xi = point[GR_FLUIDITY_I0] / (point[GR_FLUIDITY_d] * sqrt(point[GR_FLUIDITY_rho_s]));
+    const double local[] = {q[GR_NGF_K], point[GR_FLUIDITY_G], point[GR_FLUIDITY_mu_s], point[GR_FLUIDITY_mu_2], xi};
+    struct gr_law_call mu_I = *call;
+    mu_I.parameter = local;
+    law_frictional(dim, 1, &mu_I);
+}
+
+/* What the stages of a few blocks hand on. Stages, because each is a chain of operations that wait for one another:
+ * a processor looks far enough ahead to begin the next block only if a chain is short. */
+struct gr_ngf_block {
+    vd p, m, scale; /* pressure, 0 where disconnected; trial friction; what is left of the trial stress */
+    struct gr_inverse_pressure inverse;
+};
+
+/* The moduli and the numbers of the update. */
+struct gr_ngf_numbers {
+    vd K, G;
+    struct gr_fluidity_numbers point;
+};
+
+/* Pressure of a log-density, or that given; 0 where disconnected. NaN stays: another part must not take it for disconnected. */
+GR_INLINE vd pressure_of(const struct gr_law_call *call, vd K, vd c, vd p)
+{
+    if (call->pressure_from_density) p = K * c;
+    return v_keep(v_ge(c, v_zero()), v_max(v_zero(), p));
+}
+
+/* The deviators of the stress turned and strained by the whole step, and the pressure at its end. */
+GR_INLINE vd part_block(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_numbers *n, vd c,
+                        struct gr_stress *turned, struct gr_stress *strained)
+{
+    const double *gradient = call->gradient + k * dim * dim * GR_W;
+    *turned = gr_turned(dim, gradient, call, call->slot[k]);
+    for (int i = 0; i < GR_STRESSES(dim); i++) strained->s[i] = v_zero();
+    gr_strain(dim, gradient, n->K, n->G, strained);
+    const vd p = gr_split(turned);
+    return pressure_of(call, n->K, c, p + gr_split(strained));
+}
+
+/* Many parts, first: the paths of the points, and the first of them. */
+GR_INLINE void begin_blocks(const int dim, const struct gr_law_call *call, const struct gr_ngf_numbers *n)
+{
+    for (int64_t k = 0; k < call->n_blocks; k++) {
+        struct gr_stress turned, strained;
+        const int64_t at = call->slot[k];
+        const vd trace = gr_expansion(dim, call->gradient + k * dim * dim * GR_W);
+        const vd p = part_block(dim, call, k, n, v_load(call->log_density + at) - trace, &turned, &strained);
+        gr_substeps_begin(dim, &n->point, &turned, &strained, p, call->substeps, at);
+    }
+    for (int64_t k = 0; k < call->n_blocks; k++) {
+        const int64_t at = call->slot[k];
+        const vd start = gr_fluidity_start(&n->point, v_set(call->g_star[k]));
+        v_store(call->g + at, gr_substep(0, 0, &n->point, v_set(call->fraction), call->substeps, at, start, v_zero(),
+                                         call->shear_rate + at));
+    }
+}
+
+/* Trial deviator, written in place of the stress, and its friction. */
+GR_INLINE void try_block(const int dim, const int many, const struct gr_law_call *call, int64_t k,
+                         const struct gr_ngf_numbers *n, struct gr_ngf_block *block)
+{
+    const int64_t at = call->slot[k];
+    const vd c = v_load(call->log_density + at);
+    struct gr_stress t, strained;
+    if (many) {
+        block->p = part_block(dim, call, k, n, c, &t, &strained);
+        gr_substeps_end(dim, call->fraction, call->substeps, at, &t, &strained);
+    } else {
+        t = gr_trial(dim, call->gradient + k * dim * dim * GR_W, call, at, n->K, n->G);
+        block->p = pressure_of(call, n->K, c, gr_split(&t));
+    }
+    block->inverse = gr_invert_pressure(&n->point, block->p);
+    const vd m = v_sqrt(gr_tau_squared(dim, &t)) * block->inverse.p;
+    block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN stays */
+    for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, t.s[i]);
+}
+
+GR_INLINE void update_block(const struct gr_law_call *call, int64_t k, const struct gr_fluidity_numbers *n,
+                            struct gr_ngf_block *block)
+{
+    const int64_t at = call->slot[k];
+    const vd zero = v_zero();
+    const vm disconnected = v_ge(zero, block->p);
+    const vd g_star = v_set(call->g_star[k]), rate = v_load(call->shear_rate + at);
+    const struct gr_fluidity_point point =
+        gr_fluidity_update(n, block->m, block->inverse, gr_fluidity_start(n, g_star), rate);
+    block->scale = point.scale;
+    v_store(call->shear_rate + at, v_select(disconnected, zero, point.g * point.mu));
+    v_store(call->g + at, v_select(disconnected, zero, point.g));
+    if (call->gain) v_store(call->gain + at, v_select(disconnected, zero, point.g - g_star));
+}
+
+GR_INLINE void return_block(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_block *block)
+{
+    const int64_t at = call->slot[k];
+    const vm disconnected = v_ge(v_zero(), block->p);
+    for (int i = 0; i < GR_STRESSES(dim); i++) {
+        vd s = block->scale * v_load(call->stress[i] + at);
+        if (i < 3) s = s - block->p;
+        v_store(call->stress[i] + at, v_select(disconnected, v_zero(), s));
+    }
+}
+
+/* The step, or the last of its many parts. */
+GR_INLINE void flow_blocks(const int dim, const int many, const struct gr_law_call *call, const struct gr_ngf_numbers *n)
+{
+    enum { TOGETHER = 8 };
+    struct gr_ngf_block block[TOGETHER];
+    for (int64_t first = 0; first < call->n_blocks; first += TOGETHER) {
+        const int64_t left = call->n_blocks - first, count = left < TOGETHER ? left : TOGETHER;
+        for (int64_t k = 0; k < count; k++) try_block(dim, many, call, first + k, n, &block[k]);
+        for (int64_t k = 0; k < count; k++) update_block(call, first + k, &n->point, &block[k]);
+        for (int64_t k = 0; k < count; k++) return_block(dim, call, first + k, &block[k]);
+    }
+}
+
+static inline void law_ngf(const int dim, const struct gr_law_call *call)
+{
+    if (!call->g_star) {
+        local_phase(dim, call);
+        return;
+    }
+    const double *q = call->parameter + GR_NGF_POINT;
+    const struct gr_ngf_numbers n = {v_set(call->parameter[GR_NGF_K]), v_set(q[GR_FLUIDITY_G]),
+                                     gr_fluidity_numbers_of(q, call->dt)};
+    if (!call->substeps)
+        flow_blocks(dim, 0, call, &n);
+    else if (call->begins)
+        begin_blocks(dim, call, &n);
+    else
+        flow_blocks(dim, 1, call, &n);
+}

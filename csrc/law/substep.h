@@ -1,0 +1,90 @@
+/* Many parts of a step of the nonlocal law at one velocity gradient, without the tensors.
+ *
+ * The step turns the deviator of the stress and strains it, to R + D. If a part strains by D/n and the flow then leaves a
+ * share z of the deviator, what there is after k parts is still a R + b D: b <- b + 1/n, (a, b) <- z (a, b). Its norm
+ * needs three numbers of R and D, made once, and the pressure is that of the end of the step. A part is then the update
+ * of the fluidity at a point, and little else. */
+#ifndef GR_LAW_SUBSTEP_H
+#define GR_LAW_SUBSTEP_H
+
+#include "law/fluidity_update.h"
+#include "law/trial.h"
+
+#define GR_LARGEST_FRICTION 1e60 /* of a trial: its square is finite */
+
+GR_INLINE double *gr_substep_at(double *substeps, int64_t at, enum gr_substep_number number)
+{
+    return substeps + at * GR_SUBSTEP_COUNT + number * GR_W;
+}
+
+/* s:t of deviators. */
+GR_INLINE vd gr_contract(const int dim, const struct gr_stress *s, const struct gr_stress *t)
+{
+    vd normal = v_fma(s->s[0], t->s[0], v_fma(s->s[1], t->s[1], s->s[2] * t->s[2])), shear = s->s[3] * t->s[3];
+    if (dim == 3) shear = v_fma(s->s[4], t->s[4], v_fma(s->s[5], t->s[5], shear));
+    return v_fma(v_set(2.0), shear, normal);
+}
+
+/* Pressure 0 where disconnected: such points have no stress on their path, hence no friction and no rate. NaN stays. */
+GR_INLINE void gr_substeps_begin(const int dim, const struct gr_fluidity_numbers *n, const struct gr_stress *turned,
+                                 const struct gr_stress *strained, vd p, double *substeps, int64_t at)
+{
+    const struct gr_inverse_pressure inverse = gr_invert_pressure(n, p);
+    const vd zero = v_zero(), most = v_set(GR_LARGEST_FRICTION * GR_LARGEST_FRICTION);
+    const vd square = v_select(v_ge(zero, p), zero, inverse.p * inverse.p);
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_turned), v_min(most, square * gr_tau_squared(dim, turned)));
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_across), v_min(most, square * gr_contract(dim, turned, strained)));
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_strained), v_min(most, square * gr_tau_squared(dim, strained)));
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_of_turned), v_set(1.0));
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_of_strained), zero);
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_p), p);
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_inverse_p), inverse.p);
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_sink), inverse.sink);
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_unit_g), inverse.unit_g);
+}
+
+/* The deviator before the flow of the last part, in place of `turned`. */
+GR_INLINE void gr_substeps_end(const int dim, double fraction, double *substeps, int64_t at, struct gr_stress *turned,
+                               const struct gr_stress *strained)
+{
+    const vd a = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_of_turned));
+    const vd b = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_of_strained)) + v_set(fraction);
+    for (int i = 0; i < GR_STRESSES(dim); i++) turned->s[i] = v_fma(b, strained->s[i], a * turned->s[i]);
+}
+
+/* A part of the step. Given: gr_fluidity_start; the fluidity of points that reconnect in it, 1/s, where they do, else -1:
+ * none does without `reconnects`. Updated: the plastic rate, 1/s. Returned: the fluidity g, 1/s, which means nothing where
+ * disconnected. */
+GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_fluidity_numbers *n, vd fraction,
+                        double *substeps, int64_t at, vd start, vd reconnected, double *rate)
+{
+    double *const to_a = gr_substep_at(substeps, at, GR_SUBSTEP_of_turned), *const to_b = gr_substep_at(
+                                                                                substeps, at, GR_SUBSTEP_of_strained);
+    const struct gr_inverse_pressure inverse = {v_load(gr_substep_at(substeps, at, GR_SUBSTEP_inverse_p)),
+                                                v_load(gr_substep_at(substeps, at, GR_SUBSTEP_sink)),
+                                                v_load(gr_substep_at(substeps, at, GR_SUBSTEP_unit_g))};
+    const vd a = v_load(to_a), b = v_load(to_b) + fraction, turned = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_turned));
+    const vd across = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_across)),
+             strained = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_strained));
+    const vd square = v_fma(a, v_fma(a, turned, b * across), b * b * strained);
+    const vd m = v_sqrt(v_max(v_zero(), square)); /* NaN stays */
+    struct gr_fluidity_point point;
+    if (linear)
+        point = gr_fluidity_update_linear(n, m, inverse, start, v_load(rate));
+    else
+        point = gr_fluidity_update(n, m, inverse, start, v_load(rate));
+    if (reconnects) {
+        const vd one = v_set(1.0);
+        const vm now = v_ge(reconnected, v_zero());
+        const vd scale = one / v_fma(n->G_dt * reconnected, inverse.p, one);
+        point.scale = v_select(now, scale, point.scale);
+        point.mu = v_select(now, m * scale, point.mu);
+        point.g = v_select(now, reconnected, point.g);
+    }
+    v_store(to_a, point.scale * a);
+    v_store(to_b, point.scale * b);
+    v_store(rate, point.g * point.mu);
+    return point.g;
+}
+
+#endif

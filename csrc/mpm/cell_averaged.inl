@@ -1,0 +1,196 @@
+/* The shared density, with linear functions: a cell is one unit, that knows how full it is.
+ *
+ * Points that sample a flow at uneven places get uneven changes of volume and make uneven forces. Here the points
+ * of a cell have one density and one velocity gradient, and act on the nodes with their mean stress:
+ *   c = sum m c_p/M,   sigma = sum m sigma_p/M,   M = sum m   (over the points of the cell),
+ *   phi = sum m_i/(rho_c sum V_i),   L = sum v_i (x) B_i   (over its nodes),
+ * with B_i the gradient of S_i at one place, V_i the room of a node. The fullness phi ties c to the room that the
+ * points really have. It also tells whether the cell is inside the material, where it stands for all its room and
+ * is integrated at its middle, or at a surface, where it stands for what its points need at rho_c and is
+ * integrated at their centre of mass: a node that they hardly reach feels next to no force. */
+#include "mpm/shape.h"
+
+#define EMPTY -INFINITY /* log-density of a cell without points: looser than any reach */
+
+/* A full cell under an empty row has phi = 3/4, and .9 when that row is filled by a third. */
+#define SURFACE_BELOW 0.8
+#define INSIDE_FROM 0.9
+
+GR_INLINE struct gr_cell_average *cell_average_of(const int dim, const struct gr_engine *e, int64_t index)
+{
+    return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_NODE_SUMS(dim, 0) * (1 << dim));
+}
+
+/* On which side of the middle of a cell node i lies along axis d. */
+GR_INLINE double side_of(int i, int d) { return i >> d & 1 ? 1.0 : -1.0; }
+
+/* B_i dx along axis d, for a cell that is integrated at the local coordinates xi. */
+GR_INLINE double slope_at(const int dim, const double xi[3], int i, int d)
+{
+    double slope = side_of(i, d);
+    for (int j = 0; j < dim; j++)
+        if (j != d) slope *= i >> j & 1 ? xi[j] : 1 - xi[j];
+    return slope;
+}
+
+/* The sums of one cell: m and p of its nodes, and its own: sum m c, sum m sigma. */
+GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engine *e, int64_t index)
+{
+    enum { MOST = 4 * 8 + 7 + GR_SUMS };
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const int K = 1 << dim, rows = 1 + dim, stresses = dim == 2 ? 3 : 6, n_sums = K * rows + 1 + stresses;
+    const int blocks = GR_BLOCKS(cell->count);
+    const struct gr_frame frame = gr_frame_of(dim, e, cell);
+    double sum[MOST] = {0}, *out = e->sums + index * e->sum_stride;
+    struct contribution contribution[CHUNK];
+    vd acc[MOST];
+    for (int done = 0; done < blocks; done += CHUNK) {
+        const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
+        vd *const own = acc + K * rows;
+        for (int q = 0; q <= stresses; q++) own[q] = v_zero();
+        for (int i = 0; i < n; i++) {
+            const int64_t at = cell->offset + (done + i) * GR_W;
+            prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, &contribution[i]);
+            own[0] = v_fma(contribution[i].m, component(e, GR_FIELD_log_density, 0, at), own[0]);
+            for (int q = 0; q < stresses; q++) {
+                const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in the plane */
+                own[1 + q] = v_fma(contribution[i].m, component(e, GR_FIELD_stress, c, at), own[1 + q]);
+            }
+        }
+        add_rows(dim, GR_LINEAR, affine, 0, MOMENTUM, contribution, n, rows, 0, acc);
+        store_sums(sum, acc, n_sums, done);
+    }
+    for (int i = 0; i < K; i++)
+        for (int q = 0; q < rows; q++) out[i * GR_NODE_SUMS(dim, 0) + q] = sum[i * rows + q];
+    struct gr_cell_average *own = cell_average_of(dim, e, index);
+    own->mc = sum[K * rows];
+    for (int q = 0; q < stresses; q++) own->stress[q] = sum[K * rows + 1 + q];
+}
+
+/* What a cell is before its forces, from its sums and the masses of its nodes.
+ * Returned: M; w, ln phi (by 2 (phi - 1)/(phi + 1)), c, where it is
+ * integrated, and its over_compression sum max(0, m_i/rho_c - V_i) B_i dx. */
+GR_INLINE double cell_state(const int dim, const struct gr_engine *e, int64_t index, struct gr_cell_average *own)
+{
+    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale;
+    double M = 0, mass = 0, room = 0, high[3] = {0}, excess[8];
+    for (int i = 0; i < K; i++) {
+        const int64_t node = e->mesh.cell_node[index * K + i];
+        const double m = e->node_mass[node] * per_cell, V = e->mesh.node_volume[node];
+        M += sum[i * rows];
+        mass += m;
+        room += V;
+        excess[i] = m > V ? m - V : 0;
+        for (int d = 0; d < dim; d++) high[d] += i >> d & 1 ? sum[i * rows] : 0;
+    }
+    const double w = (mass / room - SURFACE_BELOW) * (1 / (INSIDE_FROM - SURFACE_BELOW)), inverse = 1 / M;
+    own->inside = w < 0 ? 0 : w > 1 ? 1 : w;
+    own->log_phi = 2 * (mass - room) / (mass + room);
+    own->c = own->mc * inverse;
+    for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
+    for (int d = 0; d < dim; d++) {
+        own->over_compression[d] = 0;
+        for (int i = 0; i < K; i++) own->over_compression[d] += excess[i] * slope_at(dim, own->at, i, d);
+    }
+    return M;
+}
+
+/* Forces of a cell on its nodes: they have no momentum, and no angular momentum.
+ *   f_i = -A sigma B_i,   A = dx^dim (w + (1 - w) min(1, M/(rho_c dx^dim))). */
+GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t index)
+{
+    static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
+    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    struct gr_cell_average *own = cell_average_of(dim, e, index);
+    double *sum = e->sums + index * e->sum_stride;
+    if (!e->mesh.cell[index].count) { /* its sums are zero */
+        own->c = EMPTY;
+        for (int i = 0; i < K * rows; i++) sum[i] = 0;
+        return;
+    }
+    const double M = cell_state(dim, e, index, own), filled = M * e->mass_scale, w = own->inside;
+    /* A/(dx M), with mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
+    const double area = (w + (1 - w) * (filled < 1 ? filled : 1)) * e->force_scale / filled;
+    for (int i = 0; i < K; i++)
+        for (int d = 0; d < dim; d++) {
+            double force = 0;
+            for (int j = 0; j < dim; j++) force += own->stress[place[dim - 2][d][j]] * slope_at(dim, own->at, i, j);
+            sum[i * rows + 1 + dim + d] = area * force;
+        }
+}
+
+/* The log-density of the cell beside another along axis d, high or low; EMPTY beyond a wall and an end. `id` is that
+ * of the cell in the whole grid, `stride` what it grows by along d. */
+GR_INLINE double density_beside(const int dim, const struct gr_engine *e, const struct gr_cell *cell, int64_t id,
+                                int64_t stride, int d, int high)
+{
+    const struct gr_axis *axis = &e->axis[d];
+    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return EMPTY;
+    id += high ? stride : -stride;
+    if (cell->at[d] == (high ? axis->n_cells - 1 : 0)) {
+        if (!axis->periodic) return EMPTY;
+        id += (high ? -stride : stride) * axis->n_cells;
+    }
+    const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, id) - 1;
+    return index < 0 ? EMPTY : cell_average_of(dim, e, index)->c;
+}
+
+/* The mean over the axes of (c- - 2 c + c+)/4, what the neighbours on both sides make of the density of a cell: nothing of
+ * a linear field, all of one that alternates, whose forces on the nodes cancel. Loose cells take no part. */
+GR_INLINE double residual_force(const int dim, const struct gr_engine *e, int64_t index)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const double c = cell_average_of(dim, e, index)->c, reach = -e->config.density.reach;
+    const int64_t id = gr_cell_id(e, cell->at);
+    int64_t stride = 1;
+    double sum = 0;
+    for (int d = 0; c >= reach && d < dim; stride *= e->axis[d++].n_cells) {
+        const double low = density_beside(dim, e, cell, id, stride, d, 0);
+        const double high = density_beside(dim, e, cell, id, stride, d, 1);
+        if (low >= reach && high >= reach) sum += low - 2 * c + high;
+    }
+    return sum / (4 * dim);
+}
+
+/* What all points of a cell take from the step: L dt, their log-density after it, and a shift in m.
+ *   c <- c - dt tr L + eta residual_force,   eta: averaged_part;  then
+ *   c += pull (ln phi - c), see relax_to_nodal_density; of it w where that loosens, nothing where the cell is disconnected already;
+ *   delta = -beta gdot dt dx over_compression,   |delta| <= min(limit dx, gdot dt dx/2). */
+GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3])
+{
+    const struct gr_density_correction *q = &e->config.density;
+    const struct gr_cell_average *own = cell_average_of(dim, e, index);
+    const double dx = e->config.dx;
+    double G[9] = {0}, trace = 0, length = 0;
+    for (int i = 0; i < 1 << dim; i++) {
+        const double *v = e->node_data + (int64_t)e->mesh.cell_node[(index << dim) + i] * e->node_stride;
+        for (int j = 0; j < dim; j++) {
+            const double slope = slope_at(dim, own->at, i, j);
+            for (int d = 0; d < dim; d++) G[d * dim + j] += v[d] * slope;
+        }
+    }
+    for (int k = 0; k < dim * dim; k++) L[k] = v_set(e->dt * e->inv_dx * G[k]);
+    for (int d = 0; d < dim; d++) trace += L[d * dim + d][0], length += own->over_compression[d] * own->over_compression[d];
+    const double rate = kinematic_rate(dim, L)[0];
+    const double eta = averaged_part(e, e->dt, v_set(rate), v_set(own->c))[0];
+    double c = own->c - trace + eta * residual_force(dim, e, index);
+    const double gap = own->log_phi - c, pull = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
+    if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * pull : pull;
+    const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFT ? 0 : fmin(q->shifting_limit, 0.5 * rate);
+    double scale = q->shifting * rate;
+    if (scale * scale * length > most * most) scale = most / sqrt(length);
+    for (int d = 0; d < dim; d++) shift[d] = v_set(-scale * dx * own->over_compression[d]);
+    return v_set(c);
+}
+
+/* The sums of one cell, with its density shared or not. */
+GR_INLINE void p2g_points(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
+                          struct gr_engine *e, int64_t index)
+{
+    if (cell_averaged)
+        p2g_averaged_cell(dim, affine, e, index);
+    else
+        p2g_cell(dim, basis, affine, smoothed, e, index);
+    if (e->fluidity) mean_fluidity(e, index);
+}

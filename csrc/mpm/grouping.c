@@ -1,0 +1,430 @@
+/* Grouping: every cell that holds points, and each of its neighbours, owns a run of places in the point
+ * arrays. Only these cells and their nodes exist for the kernels: memory grows with the material. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "mpm/migrate.h"
+
+/* Places of a cell: whole lanes, with some room beyond what it has or what a cell usually has, so
+ * that neither a crowd nor a front that enters empty cells asks for a regrouping at every turn. */
+static int32_t places(int32_t count, int32_t usual)
+{
+    const int32_t many = count > usual ? count : usual, spare = many / 8 + 2;
+    return (many + spare + GR_LANES - 1) / GR_LANES * GR_LANES;
+}
+
+static int compare_ids(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+/* What a regrouping works with, between the old order and the new. */
+struct regroup {
+    int64_t n, n_cells, total;
+    int32_t usual;    /* points in a cell that has any */
+    int64_t *source;  /* per point: old place, or -1 - k for pending point k */
+    int64_t *cell_id; /* per point, then its new cell, then its new place */
+    int64_t *cells;   /* ids of the active cells, ascending; of double ones twice */
+    int8_t *sides;    /* of the cells; NULL without thin parts */
+    int32_t *counts;
+    double *scratch;
+};
+
+static void decode(const struct gr_engine *e, int64_t id, int32_t at[3])
+{
+    at[2] = 0;
+    for (int d = 0; d < e->config.dim; d++) {
+        at[d] = (int32_t)(id % e->axis[d].n_cells);
+        id /= e->axis[d].n_cells;
+    }
+}
+
+static int add_point(struct gr_engine *e, struct regroup *r, int64_t source, const double x[3], int64_t error_id)
+{
+    int64_t at[3];
+    int32_t cell[3] = {0, 0, 0};
+    double y[3] = {x[0], x[1], e->config.dim == 3 ? x[2] : 0};
+    int inside = 1;
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        at[d] = gr_locate(axis, e->inv_dx, y[d]);
+        if (axis->periodic && at[d] == axis->n_cells) y[d] -= axis->length, at[d] = 0; /* ugimp: half a cell */
+        if (at[d] < 0 || at[d] >= axis->n_cells) inside = 0;
+        cell[d] = (int32_t)at[d];
+    }
+    if (!inside) {
+        e->error_id = error_id;
+        memcpy(e->error_x, y, sizeof y);
+        return e->error = GR_ERR_OUTSIDE;
+    }
+    if (source >= 0)
+        for (int d = 0; d < e->config.dim; d++) e->field[GR_FIELD_x][d * e->capacity + source] = y[d];
+    r->source[r->n] = source;
+    r->cell_id[r->n++] = gr_cell_id(e, cell);
+    return GR_OK;
+}
+
+/* List all points in order: those in place, then those that wait. */
+static int list_points(struct gr_engine *e, struct regroup *r)
+{
+    int error = GR_OK;
+    double x[3] = {0};
+    const int64_t groups = e->mesh.n_cells ? e->mesh.n_cells : 1;
+    for (int64_t g = 0; g < groups; g++) {
+        const int64_t first = e->mesh.n_cells ? e->mesh.cell[g].offset : 0;
+        const int64_t count = e->mesh.n_cells ? e->mesh.cell[g].count : e->n_points;
+        for (int64_t slot = first; !error && slot < first + count; slot++) {
+            for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
+            error = add_point(e, r, slot, x, e->id[slot]);
+        }
+    }
+    for (int64_t k = 0; !error && k < e->n_pending; k++)
+        error = add_point(e, r, -1 - k, e->pending + k * e->n_components, e->pending_id[k]);
+    return error;
+}
+
+/* List a cell once. */
+static int list_cell(struct gr_engine *e, struct regroup *r, int64_t id)
+{
+    if (gr_table_get(&e->mesh.next_of, id)) return GR_OK;
+    r->cells[r->n_cells++] = id;
+    return gr_table_set(&e->mesh.next_of, id, 1);
+}
+
+/* Where a new order finds a point: its coordinates, and its side to be read and written. */
+static double *look_up(struct gr_engine *e, const struct regroup *r, int64_t p, double x[3])
+{
+    const int64_t place = r->source[p];
+    double *record = place < 0 ? e->pending + (-1 - place) * e->n_components : 0;
+    x[2] = 0;
+    for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : e->field[GR_FIELD_x][d * e->capacity + place];
+    return record ? record + gr_component_of(e, GR_FIELD_side) : e->field[GR_FIELD_side] + place;
+}
+
+/* Give the cells about thin parts their two sides, and the points there theirs. */
+static int split_cells(struct gr_engine *e, struct regroup *r)
+{
+    const int64_t n = r->n_cells;
+    int64_t last = n, *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(2 * n + 1));
+    if (!cells) return GR_ERR_MEMORY;
+    r->cells = cells;
+    r->sides = malloc((size_t)(2 * n + 1));
+    if (!r->sides) return GR_ERR_MEMORY;
+    for (int64_t c = 0; c < n; c++) {
+        int32_t at[3];
+        int is_double;
+        decode(e, cells[c], at);
+        r->sides[c] = (int8_t)gr_cell_side(e, at, &is_double);
+        last += is_double;
+    }
+    r->n_cells = last;
+    for (int64_t c = n; c-- > 0;) { /* from behind: none is written over that is still needed */
+        const int is_double = r->sides[c] == 1 || r->sides[c] == -1;
+        const int8_t side = r->sides[c];
+        if (is_double) cells[--last] = cells[c], r->sides[last] = -1;
+        cells[--last] = cells[c], r->sides[last] = is_double ? 1 : side;
+        (void)gr_table_set(&e->mesh.next_of, cells[last], (int32_t)(last + 1)); /* it has a place */
+    }
+    return GR_OK;
+}
+
+/* From the cells of the points to their numbers, back sides included. */
+static void number_cells(struct gr_engine *e, struct regroup *r)
+{
+    for (int64_t p = 0; p < r->n; p++) {
+        int64_t c = (int64_t)gr_table_get(&e->mesh.next_of, r->cell_id[p]) - 1;
+        if (r->sides) {
+            double x[3], *side = look_up(e, r, p, x);
+            *side = r->sides[c] == 1 ? gr_point_side(e, x, (int)*side) : 0;
+            c += *side < 0;
+        }
+        r->cell_id[p] = c;
+    }
+}
+
+/* Occupied cells and their neighbours, with the number of points of each; and next_of, which cell_of will be. */
+static int list_cells(struct gr_engine *e, struct regroup *r)
+{
+    const int dim = e->config.dim, around = dim == 2 ? 9 : 27;
+    struct gr_table *map = &e->mesh.next_of;
+    gr_table_clear(map);
+    for (int64_t p = 0; p < r->n; p++)
+        if (list_cell(e, r, r->cell_id[p])) return GR_ERR_MEMORY;
+    const int64_t occupied = r->n_cells;
+    int64_t *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(occupied * around + 1));
+    if (!cells) return GR_ERR_MEMORY;
+    r->cells = cells;
+    for (int64_t c = 0; c < occupied; c++) {
+        int32_t at[3];
+        decode(e, cells[c], at);
+        for (int k = 0; k < around; k++) {
+            int32_t next[3] = {at[0] + k % 3 - 1, at[1] + k / 3 % 3 - 1, dim == 3 ? at[2] + k / 9 - 1 : 0};
+            int inside = 1;
+            for (int d = 0; d < dim; d++) {
+                const int m = e->axis[d].n_cells;
+                if (e->axis[d].periodic) next[d] = (next[d] + m) % m;
+                if (next[d] < 0 || next[d] >= m) inside = 0;
+            }
+            if (inside && list_cell(e, r, gr_cell_id(e, next))) return GR_ERR_MEMORY;
+        }
+    }
+    qsort(cells, (size_t)r->n_cells, sizeof(int64_t), compare_ids);
+    for (int64_t c = 0; c < r->n_cells; c++) (void)gr_table_set(map, cells[c], (int32_t)(c + 1)); /* they have a place */
+    if (e->n_thin && split_cells(e, r)) return GR_ERR_MEMORY;
+    r->counts = calloc((size_t)r->n_cells + 1, sizeof(int32_t));
+    if (!r->counts) return GR_ERR_MEMORY;
+    number_cells(e, r);
+    for (int64_t p = 0; p < r->n; p++) r->counts[r->cell_id[p]]++;
+    r->usual = occupied ? (int32_t)(r->n / occupied) : 0;
+    for (int64_t c = 0; c < r->n_cells; c++) r->total += places(r->counts[c], r->usual);
+    return GR_OK;
+}
+
+static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    if (n_cells <= mesh->cell_capacity && e->sums) return GR_OK;
+    const int64_t room = n_cells + n_cells / 2 + 8;
+    mesh->cell_capacity = 0;
+#define GR_RESIZE(p, count)                                  \
+    do {                                                     \
+        void *q = realloc(p, sizeof *(p) * (size_t)(count)); \
+        if (!q) return GR_ERR_MEMORY;                        \
+        (p) = q;                                             \
+    } while (0)
+    GR_RESIZE(mesh->cell, room);
+    GR_RESIZE(mesh->cell_node, room * e->K);
+    if (e->fluidity) GR_RESIZE(mesh->place, room);
+    if (e->n_thin) GR_RESIZE(mesh->paired, room);
+    GR_RESIZE(e->dirty, 2 * room);
+    GR_RESIZE(e->sums, (room + 1) * e->sum_stride);
+    mesh->cell_capacity = room;
+    return GR_OK;
+}
+
+static int reserve_nodes(struct gr_engine *e, int64_t n)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    if (n <= mesh->node_capacity) return GR_OK;
+    const int64_t room = n + n / 2;
+    mesh->node_capacity = 0;
+    GR_RESIZE(mesh->node_source, room * e->K);
+    GR_RESIZE(mesh->node_code, room);
+    GR_RESIZE(mesh->node_volume, room);
+    GR_RESIZE(mesh->node_id, room);
+    GR_RESIZE(e->node_data, room * e->node_stride + 2 * GR_LANES);
+    GR_RESIZE(e->node_mass, room);
+    GR_RESIZE(e->node_v, room * e->config.dim);
+    if (e->config.n_bodies) GR_RESIZE(e->touched, room);
+    if (e->n_thin) {
+        GR_RESIZE(mesh->duplicate, room);
+        GR_RESIZE(mesh->separated, room);
+    }
+    mesh->node_capacity = room;
+    return GR_OK;
+}
+
+/* Move one component of all points to the new places. */
+static void move_component(double *array, const struct regroup *r, const double *pending, int stride, int64_t used)
+{
+    memset(r->scratch, 0, sizeof(double) * (size_t)used);
+    for (int64_t p = 0; p < r->n; p++)
+        r->scratch[r->cell_id[p]] = r->source[p] >= 0 ? array[r->source[p]] : pending[(-1 - r->source[p]) * stride];
+    memcpy(array, r->scratch, sizeof(double) * (size_t)used);
+}
+
+static void move_points(struct gr_engine *e, struct regroup *r)
+{
+    int component = 0;
+    const int64_t used = r->total > e->used ? r->total : e->used;
+    for (int f = 0; f < GR_FIELD_COUNT; f++)
+        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, component++)
+            move_component(e->field[f] + c * e->capacity, r, e->pending + component, e->n_components, used);
+    int64_t *ids = (int64_t *)(void *)r->scratch;
+    for (int64_t s = 0; s < used; s++) ids[s] = -1;
+    for (int64_t p = 0; p < r->n; p++)
+        ids[r->cell_id[p]] = r->source[p] >= 0 ? e->id[r->source[p]] : e->pending_id[-1 - r->source[p]];
+    memcpy(e->id, ids, sizeof(int64_t) * (size_t)used);
+    e->used = r->total;
+}
+
+/* New cells, and for each point its new place in r->cell_id. */
+static void place_cells(struct gr_engine *e, struct regroup *r)
+{
+    int64_t offset = 0;
+    const struct gr_table old = e->mesh.cell_of;
+    e->mesh.cell_of = e->mesh.next_of;
+    e->mesh.next_of = old;
+    e->mesh.n_paired = 0;
+    for (int64_t c = 0; c < r->n_cells; c++) {
+        struct gr_cell *cell = &e->mesh.cell[c];
+        cell->offset = offset;
+        cell->count = 0;
+        cell->capacity = places(r->counts[c], r->usual);
+        cell->dirty = 0;
+        cell->side = r->sides ? r->sides[c] : 0;
+        if (cell->side == 1) e->mesh.paired[e->mesh.n_paired++] = c;
+        cell->flags = (int16_t)gr_table_get(&e->cell_flags, r->cells[c]);
+        decode(e, r->cells[c], cell->at);
+        offset += cell->capacity;
+    }
+    e->mesh.n_cells = r->n_cells;
+    for (int64_t p = 0; p < r->n; p++) {
+        struct gr_cell *cell = &e->mesh.cell[r->cell_id[p]];
+        r->cell_id[p] = cell->offset + cell->count++;
+    }
+}
+
+static int64_t node_id_of(const struct gr_engine *e, const struct gr_cell *cell, int local)
+{
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    const int part[3] = {local % k, local / k % k, local / (k * k)};
+    int64_t id = 0;
+    for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_nodes + e->axis[d].cell[cell->at[d]].node[part[d]];
+    return id;
+}
+
+static void describe_node(struct gr_engine *e, int64_t n)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    int64_t id = mesh->node_id[n];
+    double volume = 1;
+    mesh->node_code[n] = (uint8_t)gr_table_get(&e->node_codes, id);
+    for (int d = 0; d < e->config.dim; d++) {
+        volume *= e->axis[d].node_integral[id % e->axis[d].n_nodes];
+        id /= e->axis[d].n_nodes;
+    }
+    mesh->node_volume[n] = volume - (e->solid ? e->solid[mesh->node_id[n]] : 0);
+    for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride;
+}
+
+/* What the grid stage has left there belongs to other nodes: a gather before the next one finds all at rest. */
+static void clear_nodes(struct gr_engine *e)
+{
+    const size_t n = (size_t)e->mesh.n_nodes * sizeof(double);
+    if (!n) return;
+    memset(e->node_data, 0, n * (size_t)e->node_stride + 2 * GR_LANES * sizeof(double));
+    memset(e->node_mass, 0, n);
+    memset(e->node_v, 0, n * (size_t)e->config.dim);
+}
+
+/* List the nodes of the active cells, those of double ones twice, to node_of: 1, or 2 for two copies. */
+static int list_nodes(struct gr_engine *e, int64_t *ids, int64_t *n_ids, int64_t *n_nodes)
+{
+    struct gr_table *map = &e->mesh.node_of;
+    *n_ids = *n_nodes = 0;
+    gr_table_clear(map);
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        const int copies = cell->side == 1 ? 2 : 1;
+        for (int a = 0; a < e->K; a++) {
+            const int64_t id = node_id_of(e, cell, a);
+            const int32_t had = gr_table_get(map, id);
+            if (!had) ids[(*n_ids)++] = id;
+            if (had >= copies) continue;
+            *n_nodes += copies - had;
+            if (gr_table_set(map, id, copies)) return GR_ERR_MEMORY;
+        }
+    }
+    qsort(ids, (size_t)*n_ids, sizeof(int64_t), compare_ids);
+    return GR_OK;
+}
+
+/* Number the nodes: the copies of one follow each other. */
+static void number_nodes(struct gr_engine *e, const int64_t *ids, int64_t n_ids)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    int64_t n = 0;
+    for (int64_t k = 0; k < n_ids; k++) {
+        const int copies = gr_table_get(&mesh->node_of, ids[k]);
+        (void)gr_table_set(&mesh->node_of, ids[k], (int32_t)(n + 1)); /* it has a place */
+        for (int copy = 0; copy < copies; copy++, n++) {
+            mesh->node_id[n] = ids[k];
+            if (e->n_thin) mesh->duplicate[n] = copies == 1 ? -1 : (int32_t)(copy ? n - 1 : n + 1);
+            describe_node(e, n);
+        }
+    }
+}
+
+/* The nodes of the active cells, and for each the cells it gathers from, in the order of cells. */
+static int connect_nodes(struct gr_engine *e)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    const int K = e->K, sums = GR_NODE_SUMS(e->config.dim, e->config.smoothed);
+    int64_t n_ids, n_nodes;
+    int64_t *ids = malloc(sizeof(int64_t) * (size_t)(mesh->n_cells * K + 1));
+    int32_t *filled = 0;
+    int error = GR_ERR_MEMORY;
+    mesh->n_nodes = 0;
+    if (!ids || list_nodes(e, ids, &n_ids, &n_nodes)) goto out;
+    filled = calloc((size_t)n_nodes + 1, sizeof(int32_t));
+    if (!filled || reserve_nodes(e, n_nodes)) goto out;
+    mesh->n_nodes = n_nodes;
+    clear_nodes(e);
+    number_nodes(e, ids, n_ids);
+    for (int64_t c = 0; c < mesh->n_cells; c++)
+        for (int a = 0; a < K; a++) {
+            int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
+            if (e->n_thin && mesh->duplicate[n] >= 0) n += mesh->cell[c].side < 0;
+            mesh->cell_node[c * K + a] = n;
+            mesh->node_source[(int64_t)n * K + filled[n]++] = c * e->sum_stride + a * sums;
+        }
+    error = GR_OK;
+out:
+    if (error) gr_table_clear(&mesh->node_of);
+    free(ids);
+    free(filled);
+    return error;
+}
+
+/* The lattice of the fluidity covers the cells. */
+static int cover_cells(struct gr_engine *e, const struct regroup *r)
+{
+    const int error = gr_fluidity_cover(e->fluidity, r->cells, r->sides, r->n_cells);
+    for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at), cell->side == -1);
+    }
+    return error;
+}
+
+int gr_regroup(struct gr_engine *e)
+{
+    struct regroup r = {0};
+    const int64_t n = e->n_points;
+    int error = GR_ERR_MEMORY;
+    r.source = malloc(sizeof(int64_t) * (size_t)(n + 1));
+    r.cell_id = malloc(sizeof(int64_t) * (size_t)(n + 1));
+    r.cells = malloc(sizeof(int64_t) * (size_t)(n + 1));
+    r.scratch = malloc(sizeof(double) * (size_t)(e->capacity + 1));
+    if (!r.source || !r.cell_id || !r.cells || !r.scratch) goto out;
+    error = list_points(e, &r);
+    if (!error) error = list_cells(e, &r);
+    if (!error && r.total > e->capacity) {
+        e->needed_capacity = r.total + r.total / 4;
+        error = GR_ERR_CAPACITY;
+    }
+    if (!error) error = reserve_mesh(e, r.n_cells);
+    if (error) goto out; /* the old cells stay */
+    place_cells(e, &r);
+    move_points(e, &r);
+    e->n_pending = 0;
+    e->sums_valid = 0;
+    e->n_dirty = 0;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++)
+        for (int32_t i = e->mesh.cell[c].count; i < e->mesh.cell[c].capacity; i++)
+            gr_clear_place(e, &e->mesh.cell[c], e->mesh.cell[c].offset + i);
+    error = connect_nodes(e);
+    if (!error && e->fluidity) error = cover_cells(e, &r);
+    e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
+    memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
+out:
+    free(r.source);
+    free(r.cell_id);
+    free(r.cells);
+    free(r.counts);
+    free(r.sides);
+    free(r.scratch);
+    return error;
+}

@@ -1,0 +1,71 @@
+/* A body at a place: between coordinates of space and of the body. */
+#ifndef GR_MPM_POSE_H
+#define GR_MPM_POSE_H
+
+#include <math.h>
+#include <string.h>
+
+#include "mpm/engine.h"
+
+struct gr_pose {
+    const struct gr_body *body;
+    const struct gr_part *parts;
+    double period[3]; /* m: the body stands once in each; 0 for one that has no images */
+    double x[3], rotation[9];
+};
+
+static inline void gr_pose_at(const struct gr_engine *e, int b, const double x[3], const double orientation[4],
+                              struct gr_pose *pose)
+{
+    pose->body = &e->config.bodies[b];
+    pose->parts = e->config.parts + pose->body->first_part;
+    memcpy(pose->x, x, sizeof pose->x);
+    gr_rotation_matrix(orientation, pose->rotation);
+    for (int d = 0; d < 3; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        pose->period[d] = d < e->config.dim && axis->periodic && 2 * pose->body->bound <= axis->length ? axis->length : 0;
+    }
+}
+
+/* From the position of the nearest image of a body, per component. */
+static inline double gr_pose_arm(const struct gr_pose *pose, double x, int d)
+{
+    const double r = x - pose->x[d], period = pose->period[d];
+    return period > 0 ? r - period * rint(r / period) : r;
+}
+
+static inline void gr_pose_in_body(const struct gr_pose *pose, const double r[3], double local[3])
+{
+    const double *q = pose->rotation;
+    for (int d = 0; d < 3; d++) local[d] = q[d] * r[0] + q[3 + d] * r[1] + q[6 + d] * r[2];
+}
+
+static inline void gr_pose_in_space(const struct gr_pose *pose, const double local[3], double r[3])
+{
+    const double *q = pose->rotation;
+    for (int d = 0; d < 3; d++) r[d] = q[3 * d] * local[0] + q[3 * d + 1] * local[1] + q[3 * d + 2] * local[2];
+}
+
+/* Where a node is; 0 along the axes that there are not. */
+static inline void gr_node_position(const struct gr_engine *e, int64_t node, double x[3])
+{
+    int64_t id = e->mesh.node_id[node];
+    for (int d = 0; d < 3; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        x[d] = 0;
+        if (d >= e->config.dim) continue;
+        x[d] = axis->origin + axis->node_position[id % axis->n_nodes] * e->config.dx;
+        id /= axis->n_nodes;
+    }
+}
+
+/* The middle of a cell. */
+static inline void gr_cell_position(const struct gr_engine *e, const int32_t at[3], double x[3])
+{
+    for (int d = 0; d < 3; d++) {
+        x[d] = 0;
+        if (d < e->config.dim) x[d] = 0.5 * (e->axis[d].cell[at[d]].begin + e->axis[d].cell[at[d]].end);
+    }
+}
+
+#endif

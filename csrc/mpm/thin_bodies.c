@@ -1,0 +1,160 @@
+#include "mpm/thin_bodies.h"
+
+#include "mpm/pose.h"
+
+/* A body is thin if an edge of it is below so many cells: points at its two faces have a node in common, from which hats
+ * reach one cell and the others one and a half. */
+static double thin_cells(const struct gr_config *config) { return config->basis == GR_LINEAR ? 2 : 3; }
+
+/* Cells nearer than this to a thin are double, in cells: points of one side see nodes of the other from sqrt(3) at most,
+ * and bodies may move by one before the split follows. */
+#define REACH 2.75
+#define FOLLOW 1.0
+
+/* Axis across a part that is a thin, or -1. */
+static int axis_across(const struct gr_config *config, const struct gr_part *part)
+{
+    int axis = 0;
+    if (part->kind != GR_PART_BOX) return -1;
+    for (int d = 1; d < config->dim; d++)
+        if (part->size[d] < part->size[axis]) axis = d;
+    return 2 * part->size[axis] < thin_cells(config) * config->dx * (1 - 1e-9) ? axis : -1;
+}
+
+int gr_has_thin(const struct gr_config *config) { return gr_list_thin(config, 0) > 0; }
+
+int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin)
+{
+    int n = 0;
+    if (config->smoothed || config->cell_averaged || config->xpic_order) return 0;
+    for (int b = 0; b < config->n_bodies; b++) {
+        const struct gr_body *body = &config->bodies[b];
+        double middle[3] = {0};
+        for (int k = 0; k < body->n_parts; k++)
+            for (int d = 0; d < 3; d++) middle[d] += config->parts[body->first_part + k].center[d] / body->n_parts;
+        for (int k = body->first_part; k < body->first_part + body->n_parts; k++) {
+            const struct gr_part *part = &config->parts[k];
+            const int axis = axis_across(config, part);
+            double out = 0;
+            if (axis < 0) continue;
+            for (int d = 0; d < 3; d++) out += (part->center[d] - middle[d]) * part->rotation[3 * d + axis];
+            if (thin) thin[n] = (struct gr_thin_part){b, k, axis, out < 0 ? -1 : 1};
+            n++;
+        }
+    }
+    return n;
+}
+
+static void look(const struct gr_engine *e, const struct gr_thin_part *thin, const struct gr_pose *pose, const double x[3],
+                 struct gr_facing *side)
+{
+    const struct gr_part *part = &e->config.parts[thin->part];
+    const double *p = part->rotation;
+    double r[3] = {0}, local[3], y[3], across[3], square = 0;
+    for (int d = 0; d < e->config.dim; d++) r[d] = gr_pose_arm(pose, x[d], d);
+    gr_pose_in_body(pose, r, local);
+    for (int d = 0; d < 3; d++) local[d] -= part->center[d];
+    for (int j = 0; j < 3; j++) y[j] = p[j] * local[0] + p[3 + j] * local[1] + p[6 + j] * local[2];
+    side->facing = 1;
+    side->inset = INFINITY;
+    for (int j = 0; j < 3; j++) {
+        const double beyond = fabs(y[j]) - part->size[j];
+        if (j == thin->axis) continue;
+        side->inset = fmin(side->inset, -beyond);
+        if (!(beyond > 0)) continue;
+        square += beyond * beyond;
+        side->facing = 0;
+    }
+    side->body = thin->body;
+    side->mid = thin->front * y[thin->axis];
+    side->distance = sqrt(square + side->mid * side->mid);
+    side->half = part->size[thin->axis];
+    for (int d = 0; d < 3; d++) across[d] = thin->front * p[3 * d + thin->axis];
+    gr_pose_in_space(pose, across, side->normal);
+}
+
+void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, struct gr_facing *side)
+{
+    struct gr_pose pose;
+    double next = INFINITY;
+    for (int k = 0; k < e->n_thin; k++) {
+        const int b = e->thin[k].body;
+        struct gr_facing other;
+        if (!k || e->thin[k - 1].body != b) {
+            const struct gr_split_pose *split = &e->split[b];
+            gr_pose_at(e, b, now ? e->body[b].x : split->x, now ? e->body[b].orientation : split->orientation, &pose);
+        }
+        look(e, &e->thin[k], &pose, x, &other);
+        if (!k) {
+            *side = other;
+            continue;
+        }
+        next = fmin(next, fmax(other.distance, side->distance));
+        if (other.distance < side->distance) *side = other;
+    }
+    side->next = next;
+}
+
+int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double)
+{
+    struct gr_facing side;
+    double x[3];
+    gr_cell_position(e, at, x);
+    gr_nearest_thin(e, x, 0, &side);
+    *is_double = side.distance < REACH * e->config.dx;
+    return (*is_double ? 1 : 2) * (side.mid < 0 ? -1 : 1);
+}
+
+int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3])
+{
+    const double corner = 0.5 * sqrt(e->config.dim) * e->config.dx; /* from the middle */
+    struct gr_facing side;
+    double x[3];
+    gr_cell_position(e, at, x);
+    gr_nearest_thin(e, x, 1, &side);
+    return side.inset > 1.01 * corner && side.next - side.distance > 2.02 * corner;
+}
+
+int gr_point_side(const struct gr_engine *e, const double x[3], int current)
+{
+    struct gr_facing side;
+    gr_nearest_thin(e, x, 1, &side);
+    return side.facing && current ? current : side.mid < 0 ? -1 : 1;
+}
+
+void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t n = first; n < last; n++) {
+        struct gr_facing side;
+        double x[3];
+        if (e->mesh.duplicate[n] < 0) continue;
+        gr_node_position(e, n, x);
+        gr_nearest_thin(e, x, 1, &side);
+        e->mesh.separated[n] = (uint8_t)side.facing;
+    }
+}
+
+int gr_follow_bodies(struct gr_engine *e)
+{
+    int followed = 0;
+    for (int k = 0; k < e->n_thin; k++) {
+        const int b = e->thin[k].body;
+        const struct gr_body_state *now = &e->body[b];
+        struct gr_split_pose *split = &e->split[b];
+        double moved = 0, turned = 0, same = 0;
+        for (int d = 0; d < 3; d++) moved += (now->x[d] - split->x[d]) * (now->x[d] - split->x[d]);
+        for (int d = 0; d < 4; d++) same += now->orientation[d] * split->orientation[d];
+        for (int d = 0; d < 4; d++) {
+            const double change = now->orientation[d] - (same < 0 ? -1 : 1) * split->orientation[d];
+            turned += change * change;
+        }
+        double far = 0; /* the arm of a thin without end is at most the domain's diagonal */
+        for (int d = 0; d < e->config.dim; d++) far += e->axis[d].length * e->axis[d].length;
+        const double arm = fmin(e->config.bodies[b].bound, sqrt(far));
+        if (!(sqrt(moved) + 2 * sqrt(turned) * arm > FOLLOW * e->config.dx)) continue;
+        memcpy(split->x, now->x, sizeof split->x);
+        memcpy(split->orientation, now->orientation, sizeof split->orientation);
+        followed = 1;
+    }
+    return followed;
+}

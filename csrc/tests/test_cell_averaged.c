@@ -1,0 +1,148 @@
+/* mpm/cell_averaged.inl: cells that share their density, whatever the points. */
+#include "mpm/engine.h"
+#include "tests/check.h"
+#include "tests/scene.h"
+
+enum { POINTS = 900 };
+
+static void shared_scene(struct scene *s, int dim)
+{
+    scene_seed(61);
+    scene_default(s, dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0);
+    s->config.cell_averaged = 1;
+    s->config.pressure_from_density = 1;
+    s->config.dt = 1e-4;
+}
+
+static const struct gr_cell_average *own_of(const struct scene *s, int64_t cell)
+{
+    const struct gr_engine *e = s->engine;
+    const double *sums = e->sums + cell * e->sum_stride + GR_NODE_SUMS(s->config.dim, 0) * e->K;
+    return (const struct gr_cell_average *)(const void *)sums;
+}
+
+static double total(const struct scene *s, int q, int moment)
+{
+    double sum = 0;
+    for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++)
+        sum += scene_sum(s, n, q) * (moment < 0 ? 1 : scene_node_x(s, n, moment));
+    return sum;
+}
+
+/* Mass is all there; the forces have no momentum, and no moment, as the stress is symmetric. */
+static void forces_balance(void)
+{
+    for (int dim = 2; dim <= 3; dim++) {
+        struct scene s;
+        shared_scene(&s, dim);
+        CHECK(scene_build(&s, POINTS, 0.05, 0.95) == GR_OK);
+        CHECK(gr_p2g(s.engine, gr_kernels_select("")) == GR_OK);
+        double mass = 0, scale = 0;
+        for (int64_t k = 0; k < s.capacity; k++) mass += s.id[k] < 0 ? 0 : *scene_at(&s, GR_FIELD_mass, 0, k);
+        for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) scale += fabs(scene_sum(&s, n, 1 + dim));
+        CHECK(scale > 0);
+        CHECK_NEAR(total(&s, 0, -1), mass, 1e-12 * mass);
+        for (int d = 0; d < dim; d++) {
+            CHECK_NEAR(total(&s, 1 + dim + d, -1), 0, 1e-12 * scale);
+            for (int j = 0; j < d; j++) CHECK_NEAR(total(&s, 1 + dim + d, j) - total(&s, 1 + dim + j, d), 0, 1e-12 * scale);
+        }
+        scene_free(&s);
+    }
+}
+
+/* Points of one stress, wherever they lie, make no force at a node whose cells are all inside the material. */
+static void an_even_stress_makes_no_force(void)
+{
+    for (int dim = 2; dim <= 3; dim++) {
+        struct scene s;
+        int64_t within = 0;
+        shared_scene(&s, dim);
+        CHECK(scene_build(&s, 4 * POINTS, 0.001, 0.999) == GR_OK);
+        for (int64_t k = 0; k < 4 * POINTS; k++) {
+            *scene_at(&s, GR_FIELD_mass, 0, k) *= 3; /* every cell is full */
+            for (int q = 0; q < gr_field_components(GR_FIELD_stress, dim); q++)
+                *scene_at(&s, GR_FIELD_stress, q, k) = q < 3 ? -100 : 30;
+        }
+        CHECK(gr_p2g(s.engine, gr_kernels_select("")) == GR_OK);
+        for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
+            int around = 1;
+            for (int d = 0; d < dim; d++) {
+                const double x = (scene_node_x(&s, n, d) - s.config.lower[d]) / s.config.dx;
+                around &= x > 0.5 && x < s.config.shape[d] - 0.5;
+            }
+            within += around;
+            for (int d = 0; around && d < dim; d++) CHECK_NEAR(scene_sum(&s, n, 1 + dim + d), 0, 1e-12 * 100 * s.config.dx);
+        }
+        CHECK(within == (dim == 2 ? 25 : 125));
+        scene_free(&s);
+    }
+}
+
+/* A cell has the mean log-density of its points, and after a step all of them have that of the cell. */
+static void points_share(void)
+{
+    struct scene s;
+    shared_scene(&s, 2);
+    CHECK(scene_build(&s, POINTS, 0.05, 0.95) == GR_OK);
+    CHECK(gr_grid(s.engine, gr_kernels_select("")) == GR_OK);
+    for (int64_t c = 0; c < s.engine->mesh.n_cells; c++) {
+        const struct gr_cell *cell = &s.engine->mesh.cell[c];
+        double mass = 0, sum = 0;
+        for (int64_t k = cell->offset; k < cell->offset + cell->count; k++) {
+            mass += *scene_at(&s, GR_FIELD_mass, 0, k);
+            sum += *scene_at(&s, GR_FIELD_mass, 0, k) * *scene_at(&s, GR_FIELD_log_density, 0, k);
+        }
+        if (cell->count) CHECK_NEAR(own_of(&s, c)->c, sum / mass, 1e-14);
+    }
+    const struct gr_cell first = s.engine->mesh.cell[s.engine->mesh.n_cells / 2];
+    CHECK(gr_g2p(s.engine, gr_kernels_select("")) == GR_OK);
+    const struct gr_cell *now = &s.engine->mesh.cell[s.engine->mesh.n_cells / 2];
+    CHECK(first.count > 2 && now->count > 1);
+    int64_t like = 0;
+    for (int64_t k = now->offset; k < now->offset + now->count; k++)
+        like += *scene_at(&s, GR_FIELD_log_density, 0, k) == *scene_at(&s, GR_FIELD_log_density, 0, now->offset);
+    CHECK(like >= now->count - 1); /* but one that may have come */
+    scene_free(&s);
+}
+
+/* Cells without points are neighbours of nobody; without sums there is nothing to gather. */
+static void asks_for_sums(void)
+{
+    struct scene s;
+    shared_scene(&s, 2);
+    CHECK(scene_build(&s, 50, 0.3, 0.7) == GR_OK);
+    const struct gr_kernels *kernels = gr_kernels_select("");
+    CHECK(gr_p2g(s.engine, kernels) == GR_OK);
+    int64_t empty = 0;
+    for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
+        if (!s.engine->mesh.cell[c].count) empty += own_of(&s, c)->c < -1e299;
+    CHECK(empty > 0);
+    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_g2p(s.engine, kernels) == GR_ERR_CONFIG);
+    CHECK(gr_advance(s.engine, kernels, 3, INFINITY, 2) == GR_OK);
+    scene_free(&s);
+}
+
+/* What cannot be built is refused. */
+static void refuses_others(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int affine = 0; affine < GR_AFFINE_COUNT; affine++) {
+            struct scene s;
+            scene_default(&s, 2, basis, affine, 0);
+            s.config.cell_averaged = 1;
+            const int built = basis == GR_LINEAR && affine == GR_AFFINE_GRADIENT;
+            CHECK(scene_build(&s, 10, 0.2, 0.8) == (built ? GR_OK : GR_ERR_CONFIG));
+            scene_free(&s);
+        }
+}
+
+int main(void)
+{
+    RUN(forces_balance);
+    RUN(an_even_stress_makes_no_force);
+    RUN(points_share);
+    RUN(asks_for_sums);
+    RUN(refuses_others);
+    return check_report("cells");
+}

@@ -1,0 +1,185 @@
+/* mpm/g2p.inl: velocities, gradients and densities that points take from given nodal fields. */
+#include <string.h>
+
+#include "mpm/engine.h"
+#include "tests/check.h"
+#include "tests/scene.h"
+
+enum { POINTS = 300, LOOSE = 9 }; /* one of so many is disconnected */
+
+static const double C[3][3] = {{0.5, -2, 1}, {1.5, 0.25, -1}, {0.75, 2, -0.5}};
+
+static double linear_field(const double x[3], int dim, int d)
+{
+    double u = 0.1 * d;
+    for (int j = 0; j < dim; j++) u += C[d][j] * x[j];
+    return u;
+}
+
+/* After scatter and grid, put a linear velocity on the nodes, with w = share of it; then gather. */
+static void with_linear_field(struct scene *s, int dim, int basis, int affine, double keep, double share)
+{
+    scene_seed(31);
+    scene_default(s, dim, basis, affine, 0);
+    s->config.dt = 1e-4;
+    s->config.law = GR_LAW_elastic;
+    CHECK(scene_build(s, POINTS, 0.15, 0.85) == GR_OK);
+    for (int64_t k = 0; k < POINTS; k++) *scene_at(s, GR_FIELD_log_density, 0, k) = k % LOOSE ? 1e-3 : -0.1;
+    CHECK(gr_grid(s->engine, gr_kernels_select("baseline")) == GR_OK);
+    for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++) {
+        double x[3] = {0};
+        for (int d = 0; d < dim; d++) x[d] = scene_node_x(s, n, d);
+        for (int d = 0; d < dim; d++) {
+            s->engine->node_data[n * s->engine->node_stride + d] = linear_field(x, dim, d);
+            s->engine->node_data[n * s->engine->node_stride + dim + d] = share * linear_field(x, dim, d);
+        }
+    }
+    s->engine->keep_velocity = keep;
+}
+
+/* The points as they were, by id. */
+struct before {
+    double x[POINTS][3], v[POINTS][3], c[POINTS];
+};
+
+static void remember(const struct scene *s, struct before *b)
+{
+    for (int64_t id = 0; id < POINTS; id++) {
+        const int64_t k = scene_find(s, id);
+        for (int d = 0; d < s->config.dim; d++) {
+            b->x[id][d] = *scene_at(s, GR_FIELD_x, d, k);
+            b->v[id][d] = *scene_at(s, GR_FIELD_v, d, k);
+        }
+        b->c[id] = *scene_at(s, GR_FIELD_log_density, 0, k);
+    }
+}
+
+/* v <- f v + w, x <- x + dt v', log_density <- . - dt tr L; L goes into the affine field as it is. */
+static void linear_fields_are_exact(void)
+{
+    static struct before b;
+    for (int dim = 2; dim <= 3; dim++)
+        for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+            for (int affine = 0; affine < 2; affine++) {
+                struct scene s;
+                with_linear_field(&s, dim, basis, affine, 0.75, 0.5);
+                remember(&s, &b);
+                CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_OK);
+                double trace = 0;
+                for (int d = 0; d < dim; d++) trace += C[d][d];
+                for (int64_t id = 0; id < POINTS; id++) {
+                    const int64_t k = scene_find(&s, id);
+                    CHECK_NEAR(*scene_at(&s, GR_FIELD_log_density, 0, k), b.c[id] - 1e-4 * trace, 1e-15);
+                    for (int d = 0; d < dim; d++) {
+                        const double u = linear_field(b.x[id], dim, d);
+                        CHECK_NEAR(*scene_at(&s, GR_FIELD_x, d, k), b.x[id][d] + 1e-4 * u, 1e-14);
+                        CHECK_NEAR(*scene_at(&s, GR_FIELD_v, d, k), 0.75 * b.v[id][d] + 0.5 * u, 1e-13);
+                        for (int j = 0; affine && j < dim; j++)
+                            CHECK_NEAR(*scene_at(&s, GR_FIELD_affine, d * dim + j, k), C[d][j], 1e-12);
+                    }
+                }
+                CHECK(s.engine->step == 1);
+                CHECK_NEAR(s.engine->time, 1e-4, 0);
+                scene_free(&s);
+            }
+}
+
+/* APIC: C = B D^-1 is the gradient for linear fields too, and the velocity is the grid's. */
+static void moments_are_exact(void)
+{
+    static struct before b;
+    for (int dim = 2; dim <= 3; dim++)
+        for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
+            struct scene s;
+            with_linear_field(&s, dim, basis, GR_AFFINE_MOMENT, 0, 1);
+            remember(&s, &b);
+            CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_OK);
+            for (int64_t id = 0; id < POINTS; id++)
+                for (int d = 0; d < dim; d++) {
+                    const int64_t k = scene_find(&s, id);
+                    CHECK_NEAR(*scene_at(&s, GR_FIELD_v, d, k), linear_field(b.x[id], dim, d), 1e-13);
+                    for (int j = 0; j < dim; j++) CHECK_NEAR(*scene_at(&s, GR_FIELD_affine, d * dim + j, k), C[d][j], 1e-11);
+                }
+            scene_free(&s);
+        }
+}
+
+/* A uniform nodal velocity changes neither density nor stress, and the spare places stay without mass. */
+static void translation_is_free(void)
+{
+    struct scene s, before;
+    for (int copy = 0; copy < 2; copy++) {
+        struct scene *one = copy ? &before : &s;
+        scene_seed(37);
+        scene_default(one, 2, GR_QUADRATIC, GR_AFFINE_NONE, 0);
+        one->config.dt = 1e-3;
+        one->config.law = GR_LAW_elastic;
+        CHECK(scene_build(one, POINTS, 0.2, 0.8) == GR_OK);
+        CHECK(gr_grid(one->engine, gr_kernels_select("baseline")) == GR_OK);
+    }
+    for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++)
+        for (int d = 0; d < 2; d++) s.engine->node_data[n * s.engine->node_stride + d] = 40;
+    CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_OK);
+    for (int64_t k = 0; k < s.capacity; k++) {
+        if (s.id[k] < 0) {
+            CHECK(*scene_at(&s, GR_FIELD_mass, 0, k) == 0 && isfinite(*scene_at(&s, GR_FIELD_v, 0, k)));
+            continue;
+        }
+        const int64_t old = scene_find(&before, s.id[k]);
+        CHECK_NEAR(*scene_at(&s, GR_FIELD_x, 1, k), *scene_at(&before, GR_FIELD_x, 1, old) + 0.04, 1e-14);
+        CHECK_NEAR(*scene_at(&s, GR_FIELD_log_density, 0, k), *scene_at(&before, GR_FIELD_log_density, 0, old), 1e-14);
+        for (int c = 0; c < 4; c++)
+            CHECK_NEAR(*scene_at(&s, GR_FIELD_stress, c, k), *scene_at(&before, GR_FIELD_stress, c, old), 1e-6);
+    }
+    scene_free(&s);
+    scene_free(&before);
+}
+
+static void needs_points_and_a_step(void)
+{
+    struct scene s;
+    scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
+    CHECK(scene_build(&s, 10, 0.2, 0.8) == GR_OK);
+    CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_ERR_CONFIG); /* not grouped */
+    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_ERR_CONFIG); /* no dt yet */
+    scene_free(&s);
+}
+
+/* Without a grid stage since the last regrouping the nodes are at rest: nothing moves, nothing is undefined. */
+static void before_the_grid_all_is_at_rest(void)
+{
+    static struct before b;
+    for (int affine = 0; affine < GR_AFFINE_COUNT; affine++)
+        for (int stepped = 0; stepped < 2; stepped++) {
+            struct scene s;
+            const struct gr_kernels *kernels = gr_kernels_select("baseline");
+            scene_seed(41);
+            scene_default(&s, 2, GR_QUADRATIC, affine, affine == GR_AFFINE_GRADIENT);
+            s.config.dt = 1e-4;
+            CHECK(scene_build(&s, POINTS, 0.3, 0.7) == GR_OK);
+            if (stepped) CHECK(gr_advance(s.engine, kernels, 5, INFINITY, 1) == GR_OK);
+            CHECK(gr_regroup(s.engine) == GR_OK);
+            const struct gr_engine *e = s.engine;
+            for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
+                CHECK(e->node_mass[n] == 0);
+                for (int q = 0; q < e->node_stride; q++) CHECK(e->node_data[n * e->node_stride + q] == 0);
+                for (int d = 0; d < 2; d++) CHECK(e->node_v[n * 2 + d] == 0);
+            }
+            remember(&s, &b);
+            CHECK(gr_g2p(s.engine, kernels) == GR_OK);
+            for (int64_t id = 0; id < POINTS; id++)
+                for (int d = 0; d < 2; d++) CHECK(*scene_at(&s, GR_FIELD_x, d, scene_find(&s, id)) == b.x[id][d]);
+            scene_free(&s);
+        }
+}
+
+int main(void)
+{
+    RUN(linear_fields_are_exact);
+    RUN(moments_are_exact);
+    RUN(translation_is_free);
+    RUN(needs_points_and_a_step);
+    RUN(before_the_grid_all_is_at_rest);
+    return check_report("g2p");
+}

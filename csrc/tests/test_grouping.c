@@ -1,0 +1,179 @@
+/* mpm/grouping.c: what must hold after a regrouping. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "mpm/migrate.h"
+#include "tests/check.h"
+#include "tests/scene.h"
+
+/* Every point once, in a place of its own cell; whole lanes; spare places clear; the tables inverse to each other. */
+static void check_mesh(const struct scene *s)
+{
+    const struct gr_engine *e = s->engine;
+    const struct gr_mesh *mesh = &e->mesh;
+    const int dim = e->config.dim;
+    int64_t points = 0, end = 0;
+    for (int64_t c = 0; c < mesh->n_cells; c++) {
+        const struct gr_cell *cell = &mesh->cell[c];
+        CHECK(cell->offset == end && cell->capacity % GR_LANES == 0 && cell->count <= cell->capacity);
+        CHECK(cell->capacity > 0);
+        CHECK(gr_table_get(&mesh->cell_of, gr_cell_id(e, cell->at)) == c + 1);
+        if (c) CHECK(gr_cell_id(e, mesh->cell[c - 1].at) < gr_cell_id(e, cell->at));
+        end += cell->capacity;
+        points += cell->count;
+        for (int64_t k = cell->offset; k < cell->offset + cell->capacity; k++) {
+            const int spare = k >= cell->offset + cell->count;
+            CHECK((s->id[k] < 0) == spare);
+            for (int d = 0; d < dim; d++)
+                CHECK(gr_locate(&e->axis[d], 1 / e->config.dx, *scene_at(s, GR_FIELD_x, d, k)) == cell->at[d]);
+            for (int f = GR_FIELD_x + 1; spare && f < GR_FIELD_COUNT; f++)
+                for (int q = 0; s->field[f] && q < gr_field_components(f, dim); q++) CHECK(*scene_at(s, f, q, k) == 0);
+        }
+    }
+    CHECK(points == e->n_points && end == e->used && end <= s->capacity);
+    for (int64_t k = end; k < s->capacity; k++) CHECK(s->id[k] < 0);
+    for (int64_t n = 0; n < mesh->n_nodes; n++) CHECK(gr_table_get(&mesh->node_of, mesh->node_id[n]) == n + 1);
+    const int64_t sums = GR_NODE_SUMS(dim, e->config.smoothed);
+    int64_t linked = 0;
+    for (int64_t n = 0; n < mesh->n_nodes; n++)
+        for (int i = 0; i < e->K; i++) {
+            const int64_t source = mesh->node_source[n * e->K + i];
+            const int64_t cell = source / e->sum_stride, place = source % e->sum_stride;
+            if (cell >= mesh->n_cells) continue;
+            CHECK(place % sums == 0 && mesh->cell_node[cell * e->K + place / sums] == n);
+            if (i) CHECK(mesh->node_source[n * e->K + i - 1] < source); /* in the order of cells */
+            linked++;
+        }
+    CHECK(linked == mesh->n_cells * e->K);
+}
+
+/* Neighbours of every cell that holds points are active. */
+static void check_halo(const struct scene *s)
+{
+    const struct gr_engine *e = s->engine;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        for (int k = 0; cell->count && k < (e->config.dim == 2 ? 9 : 27); k++) {
+            int32_t at[3] = {cell->at[0] + k % 3 - 1, cell->at[1] + k / 3 % 3 - 1,
+                             e->config.dim == 3 ? cell->at[2] + k / 9 - 1 : 0};
+            int inside = 1;
+            for (int d = 0; d < e->config.dim; d++) {
+                const int n = e->axis[d].n_cells;
+                if (e->axis[d].periodic) at[d] = (at[d] + n) % n;
+                if (at[d] < 0 || at[d] >= n) inside = 0;
+            }
+            if (inside) CHECK(gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) > 0);
+        }
+    }
+}
+
+static void groups_points(void)
+{
+    for (int dim = 2; dim <= 3; dim++)
+        for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+            for (int periodic = 0; periodic < 2; periodic++) {
+                struct scene s;
+                scene_default(&s, dim, basis, GR_AFFINE_MOMENT, 0);
+                s.config.periodic[0] = periodic;
+                CHECK(scene_build(&s, 300, 0.05, 0.6) == GR_OK);
+                CHECK(gr_regroup(s.engine) == GR_OK);
+                check_mesh(&s);
+                check_halo(&s);
+                CHECK(gr_regroup(s.engine) == GR_OK); /* nothing to do: nothing changes */
+                check_mesh(&s);
+                for (int64_t id = 0; id < 300; id++) CHECK(scene_find(&s, id) >= 0);
+                scene_free(&s);
+            }
+}
+
+/* Regrouping keeps every component of every point, and the order within a cell. */
+static void moves_whole_points(void)
+{
+    struct scene s, before;
+    for (int copy = 0; copy < 2; copy++) {
+        struct scene *one = copy ? &before : &s;
+        scene_seed(5);
+        scene_default(one, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
+        CHECK(scene_build(one, 200, 0.1, 0.9) == GR_OK);
+    }
+    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(!scene_differs(&s, &before));
+    for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
+        for (int32_t i = 1; i < s.engine->mesh.cell[c].count; i++)
+            CHECK(s.id[s.engine->mesh.cell[c].offset + i] > s.id[s.engine->mesh.cell[c].offset + i - 1]);
+    scene_free(&s);
+    scene_free(&before);
+}
+
+/* The nodes stand for the volume of the domain where the whole of it is active. */
+static void nodes_fill_the_domain(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
+        struct scene s;
+        scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
+        CHECK(scene_build(&s, 2000, 0.001, 0.999) == GR_OK);
+        CHECK(gr_regroup(s.engine) == GR_OK);
+        CHECK(s.engine->mesh.n_nodes == scene_grid_nodes(&s));
+        double sum = 0;
+        for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) sum += s.engine->mesh.node_volume[n];
+        CHECK_NEAR(sum, 36, 1e-12);
+        scene_free(&s);
+    }
+}
+
+static void asks_for_capacity(void)
+{
+    struct scene s;
+    scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
+    CHECK(scene_build(&s, 300, 0.05, 0.95) == GR_OK);
+    gr_engine_bind(s.engine, s.field, s.id, s.capacity = 320);
+    /* the buffers are larger than is said; their components must lie 320 apart */
+    for (int f = 0; f < GR_FIELD_COUNT; f++)
+        for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
+            memmove(s.field[f] + c * 320, s.field[f] + c * (4 * 300 + 64 * 40), sizeof(double) * 320);
+    CHECK(gr_regroup(s.engine) == GR_ERR_CAPACITY);
+    CHECK(s.engine->needed_capacity > 320 && s.engine->n_points == 300);
+    CHECK(scene_grow(&s) == 0);
+    CHECK(gr_regroup(s.engine) == GR_OK);
+    check_mesh(&s);
+    scene_free(&s);
+}
+
+static void refuses_points_outside(void)
+{
+    const double bad[] = {-1.2, -0.3, NAN, INFINITY, -INFINITY, 1e300};
+    for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
+        struct scene s;
+        scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
+        CHECK(scene_build(&s, 20, 0.1, 0.9) == GR_OK);
+        const double good = *scene_at(&s, GR_FIELD_x, 0, 7);
+        *scene_at(&s, GR_FIELD_x, 0, 7) = bad[k];
+        CHECK(gr_regroup(s.engine) == GR_ERR_OUTSIDE);
+        CHECK(s.engine->error_id == 7);
+        *scene_at(&s, GR_FIELD_x, 0, 7) = good;
+        CHECK(gr_regroup(s.engine) == GR_OK);
+        check_mesh(&s);
+        scene_free(&s);
+    }
+}
+
+static void groups_nothing(void)
+{
+    struct scene s;
+    scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
+    CHECK(scene_build(&s, 0, 0.1, 0.9) == GR_OK);
+    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(s.engine->mesh.n_cells == 0);
+    scene_free(&s);
+}
+
+int main(void)
+{
+    RUN(groups_points);
+    RUN(moves_whole_points);
+    RUN(nodes_fill_the_domain);
+    RUN(asks_for_capacity);
+    RUN(refuses_points_outside);
+    RUN(groups_nothing);
+    return check_report("mesh");
+}

@@ -1,0 +1,159 @@
+/* mpm/p2g.inl: what the sums of all nodes must be, whatever the points. */
+#include "mpm/engine.h"
+#include "tests/check.h"
+#include "tests/scene.h"
+
+enum { POINTS = 400 };
+
+/* Every variant that can be built, on a periodic and on a closed box. */
+static void each_variant(void (*check)(struct scene *s, int clipped))
+{
+    for (int dim = 2; dim <= 3; dim++)
+        for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+            for (int affine = 0; affine < GR_AFFINE_COUNT; affine++)
+                for (int smoothed = 0; smoothed <= (basis == GR_QUADRATIC && affine == GR_AFFINE_GRADIENT); smoothed++) {
+                    struct scene s;
+                    scene_seed(17);
+                    scene_default(&s, dim, basis, affine, smoothed);
+                    CHECK(scene_build(&s, POINTS, 0.001, 0.999) == GR_OK);
+                    CHECK(gr_p2g(s.engine, gr_kernels_select("baseline")) == GR_OK);
+                    check(&s, basis == GR_UGIMP);
+                    scene_free(&s);
+                }
+}
+
+static double total(const struct scene *s, int q, int moment)
+{
+    double sum = 0;
+    for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++)
+        sum += scene_sum(s, n, q) * (moment < 0 ? 1 : scene_node_x(s, n, moment));
+    return sum;
+}
+
+static double point_total(const struct scene *s, int field, int c, int moment)
+{
+    double sum = 0;
+    for (int64_t k = 0; k < s->capacity; k++)
+        if (s->id[k] >= 0)
+            sum += *scene_at(s, GR_FIELD_mass, 0, k) * (field < 0 ? 1 : *scene_at(s, field, c, k)) *
+                   (moment < 0 ? 1 : *scene_at(s, GR_FIELD_x, moment, k));
+    return sum;
+}
+
+/* Mass, and the centre of mass where the basis reproduces linear functions. */
+static void check_mass(struct scene *s, int clipped)
+{
+    const double mass = point_total(s, -1, 0, -1);
+    CHECK_NEAR(total(s, 0, -1), mass, 1e-12 * mass);
+    for (int d = 0; !clipped && d < s->config.dim; d++) CHECK_NEAR(total(s, 0, d), point_total(s, -1, 0, d), 1e-11 * mass);
+}
+
+static void mass_is_kept(void) { each_variant(check_mass); }
+
+/* Momentum: the affine part has none, because sum w (x_i - x) = 0. */
+static void check_momentum(struct scene *s, int clipped)
+{
+    const int dim = s->config.dim;
+    const double scale = point_total(s, -1, 0, -1);
+    for (int d = 0; d < dim; d++)
+        if (!clipped || !s->config.affine) CHECK_NEAR(total(s, 1 + d, -1), point_total(s, GR_FIELD_v, d, -1), 1e-12 * scale);
+}
+
+static void momentum_is_kept(void) { each_variant(check_momentum); }
+
+/* Internal forces sum to zero, and their moment is -sum V sigma. */
+static void check_force(struct scene *s, int clipped)
+{
+    const int dim = s->config.dim, place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
+    double scale = 0;
+    if (s->config.smoothed) /* the momentum that a shift has lent is not part of this */
+        for (int64_t k = 0; k < s->capacity; k++)
+            for (int d = 0; d < dim; d++) CHECK(*scene_at(s, GR_FIELD_shift_velocity, d, k) == 0);
+    for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++) scale += fabs(scene_sum(s, n, 1 + dim));
+    CHECK(scale > 0);
+    for (int d = 0; d < dim; d++) {
+        CHECK_NEAR(total(s, 1 + dim + d, -1), 0, 1e-12 * scale);
+        for (int j = 0; !clipped && j < dim; j++) {
+            double expected = 0;
+            for (int64_t k = 0; k < s->capacity; k++)
+                if (s->id[k] >= 0)
+                    expected -= *scene_at(s, GR_FIELD_mass, 0, k) / s->config.rho_c *
+                                exp(-*scene_at(s, GR_FIELD_log_density, 0, k)) *
+                                *scene_at(s, GR_FIELD_stress, place[d][j], k);
+            CHECK_NEAR(total(s, 1 + dim + d, j), expected, 1e-12 * scale);
+        }
+    }
+}
+
+static void forces_balance(void) { each_variant(check_force); }
+
+/* The affine field: a velocity linear in x, with C its gradient, gives p_i = m_i u(x_i) for every node. */
+static void affine_field_is_exact(void)
+{
+    for (int dim = 2; dim <= 3; dim++)
+        for (int basis = 0; basis < GR_BASIS_COUNT; basis += 2) {
+            struct scene s;
+            scene_seed(23);
+            scene_default(&s, dim, basis, GR_AFFINE_GRADIENT, 0);
+            CHECK(scene_build(&s, POINTS, 0.001, 0.999) == GR_OK);
+            const double C[3][3] = {{1, -2, 0.5}, {3, 0.25, -1}, {0.75, 2, -0.5}};
+            for (int64_t k = 0; k < POINTS; k++)
+                for (int d = 0; d < dim; d++) {
+                    double u = d;
+                    for (int j = 0; j < dim; j++) {
+                        u += C[d][j] * *scene_at(&s, GR_FIELD_x, j, k);
+                        *scene_at(&s, GR_FIELD_affine, d * dim + j, k) = C[d][j];
+                    }
+                    *scene_at(&s, GR_FIELD_v, d, k) = u;
+                }
+            CHECK(gr_p2g(s.engine, gr_kernels_select("baseline")) == GR_OK);
+            for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++)
+                for (int d = 0; d < dim; d++) {
+                    double u = d;
+                    for (int j = 0; j < dim; j++) u += C[d][j] * scene_node_x(&s, n, j);
+                    CHECK_NEAR(scene_sum(&s, n, 1 + d), scene_sum(&s, n, 0) * u, 1e-12 * (1 + scene_sum(&s, n, 0)));
+                }
+            scene_free(&s);
+        }
+}
+
+/* A linear log-density with its gradient known is met exactly at the nodes, whatever the weights of the points;
+ * loose points take no part. */
+static void log_density_extrapolates(void)
+{
+    struct scene s;
+    double near = 0, all = 0, counted = 0, weighted = 0;
+    scene_seed(29);
+    scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
+    CHECK(scene_build(&s, POINTS, 0.001, 0.999) == GR_OK);
+    for (int64_t k = 0; k < POINTS; k++) {
+        *scene_at(&s, GR_FIELD_log_density, 0, k) =
+            k % 5 ? 1e-3 + 2e-3 * (*scene_at(&s, GR_FIELD_x, 0, k) + 1) - 1e-3 * (*scene_at(&s, GR_FIELD_x, 1, k) - 2)
+                  : -0.3;
+        *scene_at(&s, GR_FIELD_density_gradient, 0, k) = 2e-3;
+        *scene_at(&s, GR_FIELD_density_gradient, 1, k) = -1e-3;
+        const double u = scene_random(-0.5, 0.5);
+        *scene_at(&s, GR_FIELD_weight_correction, 0, k) = u;
+        counted += k % 5 ? (1 + u) * *scene_at(&s, GR_FIELD_mass, 0, k) : 0;
+    }
+    CHECK(gr_p2g(s.engine, gr_kernels_select("baseline")) == GR_OK);
+    for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
+        const double m = scene_sum(&s, n, 6),
+                     c = 1e-3 + 2e-3 * (scene_node_x(&s, n, 0) + 1) - 1e-3 * (scene_node_x(&s, n, 1) - 2);
+        CHECK_NEAR(scene_sum(&s, n, 7), m * c, 1e-14 * (1 + m));
+        near += scene_sum(&s, n, 5), weighted += m, all += scene_sum(&s, n, 0);
+    }
+    CHECK_NEAR(weighted, counted, 1e-12 * all);
+    CHECK(near > 0.7 * all && near < 0.9 * all);
+    scene_free(&s);
+}
+
+int main(void)
+{
+    RUN(mass_is_kept);
+    RUN(momentum_is_kept);
+    RUN(forces_balance);
+    RUN(affine_field_is_exact);
+    RUN(log_density_extrapolates);
+    return check_report("p2g");
+}

@@ -1,0 +1,224 @@
+/* mpm/thin_bodies.c: which bodies are thin, what lies on which side, and the cells, nodes and points of both. */
+#include "mpm/thin_bodies.h"
+
+#include <string.h>
+
+#include "mpm/contact.h"
+#include "mpm/migrate.h"
+#include "tests/check.h"
+#include "tests/scene.h"
+
+enum { PARTS = 3 };
+
+/* A body of boxes, and the scene that lends it its places: 6 x 6 cells of 0.1 m from (-1, 2). */
+struct thin {
+    struct scene scene;
+    struct gr_part part[PARTS];
+    struct gr_body body;
+    double motion[7];
+};
+
+static void begin(struct thin *t, int dim, int basis, int parts)
+{
+    scene_seed(53);
+    memset(t, 0, sizeof *t);
+    scene_default(&t->scene, dim, basis, GR_AFFINE_MOMENT, 0);
+    for (int k = 0; k < parts; k++)
+        t->part[k] =
+            (struct gr_part){.kind = GR_PART_BOX, .rotation = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .size = {0.01, 0.2, INFINITY}};
+    t->body = (struct gr_body){.n_parts = parts,
+                               .contact = GR_CONTACT_SEPARATING,
+                               .bound = 0.3,
+                               .position = {-0.7, 2.3, 0.8},
+                               .orientation = {1, 0, 0, 0},
+                               .n_motion = 1,
+                               .motion = t->motion};
+    t->scene.config.n_bodies = 1, t->scene.config.n_parts = parts;
+    t->scene.config.bodies = &t->body, t->scene.config.parts = t->part;
+}
+
+static int is_plate(const struct thin *t, double half)
+{
+    struct gr_part part = t->part[0];
+    struct gr_config config = t->scene.config;
+    part.size[0] = half;
+    config.parts = &part;
+    return gr_has_thin(&config);
+}
+
+static void which_bodies_are_thin(void)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
+        struct thin t;
+        const double limit = basis == GR_LINEAR ? 0.1 : 0.15; /* half of 2 or 3 cells */
+        begin(&t, 2, basis, 1);
+        CHECK(is_plate(&t, 0.99 * limit) && !is_plate(&t, limit) && !is_plate(&t, 1.01 * limit));
+        t.part[0].kind = GR_PART_CYLINDER;
+        CHECK(!is_plate(&t, 0.01));
+        t.part[0].kind = GR_PART_BOX;
+        t.scene.config.smoothed = 1;
+        CHECK(!is_plate(&t, 0.01));
+        t.scene.config.smoothed = 0, t.scene.config.xpic_order = 2;
+        CHECK(!is_plate(&t, 0.01));
+        t.scene.config.xpic_order = 0, t.scene.config.cell_averaged = 1;
+        CHECK(!is_plate(&t, 0.01));
+    }
+}
+
+/* A bucket: a floor and two walls; the front of each is away from the middle. */
+static void fronts_point_outwards(void)
+{
+    struct thin t;
+    struct gr_thin_part plate[PARTS];
+    begin(&t, 2, GR_QUADRATIC, 3);
+    t.part[0].size[0] = 0.2, t.part[0].size[1] = 0.01;
+    t.part[1].center[0] = -0.2, t.part[1].center[1] = 0.2;
+    t.part[2].center[0] = 0.2, t.part[2].center[1] = 0.2;
+    CHECK(gr_list_thin(&t.scene.config, plate) == 3);
+    CHECK(plate[0].axis == 1 && plate[0].front == -1);
+    CHECK(plate[1].axis == 0 && plate[1].front == -1 && plate[1].part == 1);
+    CHECK(plate[2].axis == 0 && plate[2].front == 1 && plate[2].body == 0);
+    t.part[0].size[1] = 0.2; /* a thick floor is none */
+    CHECK(gr_list_thin(&t.scene.config, plate) == 2 && plate[0].part == 1);
+}
+
+/* Turned by a quarter: what was across along x is so along y. */
+static void places_by_hand(void)
+{
+    struct thin t;
+    struct gr_facing side;
+    begin(&t, 2, GR_QUADRATIC, 2);
+    t.part[1].center[0] = 1;
+    t.body.orientation[0] = t.body.orientation[3] = sqrt(0.5);
+    CHECK(scene_build(&t.scene, 50, 0.3, 0.7) == GR_OK);
+    gr_nearest_thin(t.scene.engine, (double[]){-0.75, 2.35, 0}, 1, &side);
+    CHECK(side.body == 0 && side.facing == 1);
+    CHECK_NEAR(side.mid, -0.05, 1e-14); /* its front is away from the other part, which is at y = 3.3 */
+    CHECK_NEAR(side.distance, 0.05, 1e-14);
+    CHECK_NEAR(side.half, 0.01, 0);
+    CHECK_NEAR(side.inset, 0.15, 1e-14);
+    CHECK_NEAR(side.next, 0.95, 1e-14);
+    CHECK_NEAR(side.normal[1], -1, 1e-14);
+    gr_nearest_thin(t.scene.engine, (double[]){-1.0, 2.34, 0}, 1, &side);
+    CHECK(side.facing == 0);
+    CHECK_NEAR(side.inset, -0.1, 1e-14);
+    CHECK_NEAR(side.distance, hypot(0.1, 0.04), 1e-14);
+    scene_free(&t.scene);
+}
+
+/* A point keeps its side while it faces the plate, and has that of its place beyond. */
+static void sides_of_points(void)
+{
+    struct thin t;
+    begin(&t, 2, GR_QUADRATIC, 1);
+    CHECK(scene_build(&t.scene, 50, 0.3, 0.7) == GR_OK);
+    const struct gr_engine *e = t.scene.engine;
+    const double front[3] = {-0.69, 2.3, 0}, beyond[3] = {-0.69, 2.51, 0};
+    CHECK(gr_point_side(e, front, 0) == 1 && gr_point_side(e, front, 1) == 1 && gr_point_side(e, front, -1) == -1);
+    CHECK(gr_point_side(e, beyond, 0) == 1 && gr_point_side(e, beyond, -1) == 1);
+    scene_free(&t.scene);
+}
+
+/* Cells within 2.75 dx are there twice, the front first; their points have their sides, and their nodes duplicates that are
+ * separated where they face the plate. */
+static void mesh_has_two_sides(void)
+{
+    for (int dim = 2; dim <= 3; dim++) {
+        struct thin t;
+        int64_t doubles = 0, points = 0;
+        begin(&t, dim, GR_QUADRATIC, 1);
+        t.part[0].size[1] = 0.1;
+        CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine) == GR_OK);
+        struct gr_engine *e = t.scene.engine;
+        for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+            const struct gr_cell *cell = &e->mesh.cell[c];
+            int is_double;
+            const int side = gr_cell_side(e, cell->at, &is_double);
+            CHECK(is_double == GR_IS_DOUBLE(cell));
+            points += cell->count;
+            doubles += is_double;
+            if (!is_double) CHECK(side == cell->side);
+            if (cell->side == -1) CHECK(cell[-1].side == 1 && gr_cell_id(e, cell->at) == gr_cell_id(e, cell[-1].at));
+            for (int64_t s = cell->offset; s < cell->offset + cell->count; s++)
+                CHECK(*scene_at(&t.scene, GR_FIELD_side, 0, s) == (is_double ? cell->side : 0));
+        }
+        CHECK(points == 600 && doubles == 2 * e->mesh.n_paired && doubles > 0);
+        gr_split_nodes(e, 0, e->mesh.n_nodes);
+        int64_t separated = 0, together = 0;
+        for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
+            const int32_t duplicate = e->mesh.duplicate[n];
+            if (duplicate < 0) continue;
+            CHECK(e->mesh.duplicate[duplicate] == n && e->mesh.node_id[duplicate] == e->mesh.node_id[n]);
+            CHECK(e->mesh.separated[duplicate] == e->mesh.separated[n]);
+            const int facing = fabs(scene_node_x(&t.scene, n, 1) - 2.3) <= 0.1;
+            CHECK(e->mesh.separated[n] == facing);
+            separated += facing, together += !facing;
+        }
+        CHECK(separated > 0 && together > 0);
+        scene_free(&t.scene);
+    }
+}
+
+/* The split stays until the body has moved, or turned at its reach, by a cell. */
+static void split_follows(void)
+{
+    struct thin t;
+    begin(&t, 2, GR_QUADRATIC, 1);
+    CHECK(scene_build(&t.scene, 50, 0.3, 0.7) == GR_OK);
+    struct gr_engine *e = t.scene.engine;
+    e->body[0].x[1] += 0.099;
+    CHECK(!gr_follow_bodies(e));
+    CHECK_NEAR(e->split[0].x[1], 2.3, 0);
+    e->body[0].x[1] += 0.002;
+    CHECK(gr_follow_bodies(e) && !gr_follow_bodies(e));
+    CHECK_NEAR(e->split[0].x[1], 2.401, 1e-15);
+    const double start[4] = {1, 0, 0, 0};
+    gr_turn(start, (double[]){0, 0, 1}, 0.32, e->body[0].orientation); /* .3 m x .32 < a cell */
+    CHECK(!gr_follow_bodies(e));
+    gr_turn(start, (double[]){0, 0, 1}, 0.35, e->body[0].orientation);
+    CHECK(gr_follow_bodies(e));
+    scene_free(&t.scene);
+}
+
+/* Which copies have a fluidity of their own: of the cells whose middle faces the plate. */
+static void fluidity_has_two_sides(void)
+{
+    static const uint8_t face[4 * 36];
+    struct thin t;
+    begin(&t, 2, GR_QUADRATIC, 1);
+    const double G = 1e6 / 2.6, parameter[] = {1e6 / 1.2, 0.5, G, 0.38, 0.64, 0.279, 2450, 0.01, 1e-2, 10};
+    memcpy(t.scene.config.parameter, parameter, sizeof parameter);
+    t.part[0].size[1] = 0.1;
+    t.body.position[0] = -0.71, t.body.rough = 1;
+    t.scene.config.law = GR_LAW_ngf;
+    t.scene.config.nonlocal =
+        (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 1, .tolerance = 1e-8, .face = face};
+    CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine) == GR_OK);
+    struct gr_engine *e = t.scene.engine;
+    gr_bodies_mark(e, 0, e->mesh.n_cells);
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        if (cell->side != 1) continue;
+        const int facing = cell->at[1] == 2 || cell->at[1] == 3, front = cell->at[0] > 2; /* middles at .05 and .15 */
+        const int64_t first = gr_place_of_cell(e, cell), second = gr_place_of_cell(e, cell + 1);
+        CHECK((first != second) == facing);
+        CHECK(gr_cells_of_fluidity(e, cell) == (facing ? 1 : 2) && gr_cells_of_fluidity(e, cell + 1) == facing);
+        if (!facing) continue;
+        CHECK(!(e->fluidity->inside[first] & GR_BEHIND) && (e->fluidity->inside[second] & GR_BEHIND));
+        CHECK(!!(e->fluidity->inside[first] & GR_BEYOND_ROUGH) == !front);
+        CHECK(!!(e->fluidity->inside[second] & GR_BEYOND_ROUGH) == front);
+    }
+    scene_free(&t.scene);
+}
+
+int main(void)
+{
+    RUN(which_bodies_are_thin);
+    RUN(fronts_point_outwards);
+    RUN(places_by_hand);
+    RUN(sides_of_points);
+    RUN(mesh_has_two_sides);
+    RUN(split_follows);
+    RUN(fluidity_has_two_sides);
+    return check_report("sides");
+}

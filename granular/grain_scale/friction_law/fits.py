@@ -1,0 +1,400 @@
+"""Fits to shear data: coordination, packing fraction, power laws, and the mu(I) rheology."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import OptimizeWarning, curve_fit
+from scipy.special import stdtrit
+
+from granular.checks import in_range, non_negative, one_of, positive
+from granular.grain_scale.friction_law.steady import SteadyShear
+from granular.materials import MuI
+
+__all__ = [
+    "CoordinationFit",
+    "MuIFit",
+    "PackingFit",
+    "PowerFit",
+    "fit_coordination",
+    "fit_dissipation",
+    "fit_mu_I",
+    "fit_packing",
+    "fit_power",
+    "fit_rheology",
+]
+
+Array = NDArray[np.float64]
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class CoordinationFit:
+    """``Z = Z1 + Z2/(b + I)`` (thesis, eq. 4.10).
+
+    Attributes
+    ----------
+    Z1, Z2, b : float
+    intervals : mapping of str to (float, float)
+        Confidence interval of each.
+    """
+
+    Z1: float
+    Z2: float
+    b: float
+    intervals: Mapping[str, Interval]
+
+    def __call__(self, inertial_number: ArrayLike) -> Array:
+        """Z, the shape of `inertial_number`."""
+        return self.Z1 + self.Z2 / (self.b + np.asarray(inertial_number, dtype=float))
+
+    @property
+    def quasi_static(self) -> float:
+        """Z at I = 0."""
+        return self.Z1 + self.Z2 / self.b
+
+
+@dataclass(frozen=True)
+class PackingFit:
+    """``phi = phi_max - m I`` (thesis, eq. 4.11).
+
+    Attributes
+    ----------
+    phi_max, m : float
+    intervals : mapping of str to (float, float)
+        Confidence interval of each.
+    """
+
+    phi_max: float
+    m: float
+    intervals: Mapping[str, Interval]
+
+    def __call__(self, inertial_number: ArrayLike) -> Array:
+        """phi, the shape of `inertial_number`."""
+        return self.phi_max - self.m * np.asarray(inertial_number, dtype=float)
+
+
+@dataclass(frozen=True)
+class PowerFit:
+    """``coefficient I^exponent``.
+
+    Attributes
+    ----------
+    coefficient, exponent : float
+    intervals : mapping of str to (float, float)
+        Confidence interval of each.
+    """
+
+    coefficient: float
+    exponent: float
+    intervals: Mapping[str, Interval]
+
+    def __call__(self, inertial_number: ArrayLike) -> Array:
+        """The law, the shape of `inertial_number`."""
+        return self.coefficient * np.asarray(inertial_number, dtype=float) ** self.exponent
+
+
+@dataclass(frozen=True)
+class MuIFit:
+    """``mu = mu_s + (mu_2 - mu_s)/(I0/I + 1)`` fitted to shear data.
+
+    Attributes
+    ----------
+    mu_s, mu_2, I0 : float
+    intervals : mapping of str to (float, float)
+        Confidence interval of each; that of I0 is symmetric in its logarithm.
+    residuals : ndarray, shape (k,)
+        Measured friction minus the fit.
+    packing : PackingFit or None
+        phi(I) of the same data, if they have it.
+    """
+
+    mu_s: float
+    mu_2: float
+    I0: float
+    intervals: Mapping[str, Interval]
+    residuals: Array
+    packing: PackingFit | None = None
+
+    def __call__(self, inertial_number: ArrayLike) -> Array:
+        """The friction, the shape of `inertial_number`."""
+        inertial = np.asarray(inertial_number, dtype=float)
+        return self.mu_s + (self.mu_2 - self.mu_s) * inertial / (self.I0 + inertial)
+
+    def material(
+        self, *, d: float, rho_s: float, E: float = 1e9, nu: float = 0.3, rho_c: float | None = None
+    ) -> MuI:
+        """The material of a continuum scene with these constants.
+
+        Parameters
+        ----------
+        d : float
+            Diameter of the grains [m]: ``Grains.d_volume`` of those that were sheared.
+        rho_s : float
+            Their density [kg/m3].
+        E, nu : float
+            Elasticity of the continuum: see `granular.materials.Material`.
+        rho_c : float, optional
+            Density of the densest stress-free state [kg/m3]; ``phi_max rho_s`` unless given.
+
+        Raises
+        ------
+        ValueError
+            Without `rho_c` if the fit knows no packing fraction; see also `MuI`.
+        """
+        if rho_c is None:
+            if self.packing is None:
+                raise ValueError("rho_c = None: the fit has no packing fractions to take it from")
+            rho_c = self.packing.phi_max * positive("rho_s", rho_s)
+        return MuI(
+            E=E,
+            nu=nu,
+            rho_c=rho_c,
+            rho_s=rho_s,
+            mu_s=self.mu_s,
+            mu_2=self.mu_2,
+            I0=self.I0,
+            d=d,
+        )
+
+
+def fit_coordination(
+    inertial_number: ArrayLike, coordination: ArrayLike, *, confidence: float = 0.95
+) -> CoordinationFit:
+    """Fit eq. 4.10 by least squares.
+
+    Parameters
+    ----------
+    inertial_number, coordination : array_like, shape (k,)
+        At least 4 points, all > 0.
+    confidence : float
+        Of the intervals, in (0, 1).
+
+    Raises
+    ------
+    ValueError
+        With too few or bad points, or if they do not determine the constants.
+    """
+    x, y = _points(inertial_number, coordination, 4, "coordination")
+    guess = (y.min(), (np.ptp(y) + 1e-3) * 0.1, math.log(0.1))
+    values, covariance, factor = _least_squares(
+        lambda i, one, two, log_b: one + two / (np.exp(log_b) + i), x, y, guess, None, confidence
+    )
+    intervals = _intervals(("Z1", "Z2", "b"), values, covariance, factor, logarithmic="b")
+    return CoordinationFit(float(values[0]), float(values[1]), float(np.exp(values[2])), intervals)
+
+
+def fit_packing(
+    inertial_number: ArrayLike, packing_fraction: ArrayLike, *, confidence: float = 0.95
+) -> PackingFit:
+    """Fit eq. 4.11 by least squares.
+
+    Parameters and errors as in `fit_coordination`, with at least 3 points.
+    """
+    x, y = _points(inertial_number, packing_fraction, 3, "packing_fraction")
+    values, covariance, factor = _least_squares(
+        lambda i, top, slope: top - slope * i, x, y, (y.max(), 0.1), None, confidence
+    )
+    intervals = _intervals(("phi_max", "m"), values, covariance, factor)
+    return PackingFit(float(values[0]), float(values[1]), intervals)
+
+
+def fit_power(
+    inertial_number: ArrayLike, values: ArrayLike, *, confidence: float = 0.95
+) -> PowerFit:
+    """Fit a power law by least squares of logarithms.
+
+    Parameters and errors as in `fit_coordination`, with at least 3 points.
+    """
+    x, y = _points(inertial_number, values, 3, "values")
+    found, covariance, factor = _least_squares(
+        lambda i, level, power: level + power * i,
+        np.log(x),
+        np.log(y),
+        (0.0, 1.0),
+        None,
+        confidence,
+    )
+    intervals = _intervals(
+        ("coefficient", "exponent"), found, covariance, factor, logarithmic="coefficient"
+    )
+    return PowerFit(float(np.exp(found[0])), float(found[1]), intervals)
+
+
+def fit_dissipation(
+    points: Sequence[SteadyShear], kind: str, *, slowest: float = 0.05, confidence: float = 0.95
+) -> PowerFit:
+    """Fit a power of I to the mean dissipation of a contact over its unit Gamma~.
+
+    Parameters
+    ----------
+    points : sequence of SteadyShear
+        At least 3 that count, of different inertial numbers.
+    kind : {"viscoelastic", "sliding"}
+        Gamma_n or Gamma_s of eq. 4.8.
+    slowest : float
+        Inertial number from which on flows count, >= 0: towards rest both powers come down to 1
+        (figure 4.8 of the thesis).
+    confidence : float
+        Of the intervals, in (0, 1).
+
+    Raises
+    ------
+    ValueError
+        For another kind, or too few flows.
+    """
+    kind = one_of("kind", kind, ("viscoelastic", "sliding"))
+    slowest = non_negative("slowest", slowest)
+    fast = [point for point in points if point.inertial_number >= slowest]
+    return fit_power(
+        [point.inertial_number for point in fast],
+        [getattr(point, kind) / point.dissipation_unit for point in fast],
+        confidence=confidence,
+    )
+
+
+def fit_mu_I(
+    inertial_number: ArrayLike,
+    friction: ArrayLike,
+    error: ArrayLike | None = None,
+    *,
+    confidence: float = 0.95,
+) -> MuIFit:
+    """Fit mu_s, mu_2 and I0 by least squares.
+
+    Parameters
+    ----------
+    inertial_number, friction : array_like, shape (k,)
+        At least 4 points, all > 0.
+    error : array_like, shape (k,), optional
+        Standard errors of the friction: weights only; the scatter decides on the intervals.
+    confidence : float
+        Of the intervals, in (0, 1).
+
+    Raises
+    ------
+    ValueError
+        With too few or bad points, or if they do not determine the constants: friction that does
+        not grow with I, or a range of I that shows no limit.
+    """
+    x, y = _points(inertial_number, friction, 4, "friction")
+    if error is not None:
+        error = _points(x, error, 4, "error")[1]
+    guess = (y.min(), np.ptp(y) + 1e-3, math.log(0.3))
+    values, covariance, factor = _least_squares(
+        lambda i, low, rise, log: low + rise / (1.0 + np.exp(log) / i),
+        x,
+        y,
+        guess,
+        error,
+        confidence,
+    )
+    static, rise, log = values
+    if not (rise > 0 and static > 0):
+        raise ValueError(
+            f"friction = {y}: the fit has mu_s = {static:.4g} and mu_2 = {static + rise:.4g}, "
+            "0 < mu_s < mu_2 is needed"
+        )
+    # mu_2 is a sum of two parameters that are correlated.
+    jacobian = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    covariance = jacobian @ covariance @ jacobian.T
+    constants = np.array([static, static + rise, log])
+    intervals = _intervals(("mu_s", "mu_2", "I0"), constants, covariance, factor, logarithmic="I0")
+    fit = MuIFit(
+        float(static), float(static + rise), float(np.exp(log)), intervals, np.zeros(len(x))
+    )
+    return MuIFit(fit.mu_s, fit.mu_2, fit.I0, intervals, y - fit(x))
+
+
+def fit_rheology(points: Sequence[SteadyShear], *, confidence: float = 0.95) -> MuIFit:
+    """From grains to the continuum: mu(I) and phi(I) of shear flows.
+
+    Friction and inertial number are those of `SteadyShear.invariants`, as the laws of the
+    continuum take them; the packing fraction goes with the same inertial number.
+
+    Parameters
+    ----------
+    points : sequence of SteadyShear
+        At least 4, of different inertial numbers.
+    confidence : float
+        Of the intervals, in (0, 1).
+
+    Raises
+    ------
+    ValueError
+        See `fit_mu_I`.
+    """
+    if len(points) < 4:
+        raise ValueError(f"points holds {len(points)} flows, at least 4 are needed")
+    friction, inertial = np.array([point.invariants for point in points]).T
+    packing = fit_packing(inertial, [p.packing_fraction for p in points], confidence=confidence)
+    fit = fit_mu_I(inertial, friction, confidence=confidence)
+    return MuIFit(fit.mu_s, fit.mu_2, fit.I0, fit.intervals, fit.residuals, packing)
+
+
+def _points(x: ArrayLike, y: ArrayLike, least: int, name: str) -> tuple[Array, Array]:
+    x, y = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+    if x.ndim != 1 or x.shape != y.shape:
+        raise ValueError(
+            f"inertial_number has shape {x.shape}, {name} {y.shape}: "
+            "both must be one-dimensional and of equal length"
+        )
+    for label, array in (("inertial_number", x), (name, y)):
+        if not np.all((array > 0) & np.isfinite(array)):
+            raise ValueError(f"{label} = {array} must all be finite and > 0")
+    if len(np.unique(x)) < least:
+        raise ValueError(f"inertial_number = {x}: at least {least} different ones are needed")
+    return x, y
+
+
+def _least_squares(
+    model: Callable[..., Array],
+    x: Array,
+    y: Array,
+    guess: Sequence[float],
+    error: ArrayLike | None,
+    confidence: float,
+) -> tuple[Array, Array, float]:
+    """Parameters, their covariance, and the factor from standard error to interval."""
+    confidence = in_range("confidence", confidence, 0.0, 1.0, open_low=True, open_high=True)
+    factor = float(stdtrit(max(len(x) - len(guess), 1), 0.5 + 0.5 * confidence))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", OptimizeWarning)
+            warnings.simplefilter("ignore", RuntimeWarning)  # of steps that are then not taken
+            found, covariance = curve_fit(model, x, y, guess, sigma=error, maxfev=20000)
+    except (RuntimeError, OptimizeWarning) as problem:
+        raise ValueError(
+            f"inertial_number = {x}: these points do not determine the constants of the fit"
+        ) from problem
+    if not np.isfinite(covariance).all():
+        raise ValueError(
+            f"inertial_number = {x}: these points do not determine the constants of the fit"
+        )
+    return found, covariance, factor
+
+
+def _intervals(
+    names: Sequence[str],
+    values: Array,
+    covariance: Array,
+    factor: float,
+    *,
+    logarithmic: str | None = None,
+) -> dict[str, Interval]:
+    """Confidence intervals; the one fitted by its logarithm is turned back."""
+    half = factor * np.sqrt(np.diag(covariance))
+    ends = {
+        name: (float(value - h), float(value + h))
+        for name, value, h in zip(names, values, half, strict=True)
+    }
+    if logarithmic is not None:
+        with np.errstate(over="ignore"):  # an interval without an upper end
+            low, high = np.exp(ends[logarithmic])
+        ends[logarithmic] = (float(low), float(high))
+    return ends

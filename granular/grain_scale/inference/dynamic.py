@@ -1,0 +1,191 @@
+"""Forces in motion: balance of momentum and stresses, both measured, against one another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from granular.checks import positive
+from granular.grain_scale.inference.matrices import friction_of_contacts
+from granular.grain_scale.inference.packing import Packing
+from granular.grain_scale.inference.problem import Problem, dynamic_problem
+from granular.grain_scale.inference.result import Inference, report
+from granular.grain_scale.inference.solvers import solve
+
+__all__ = ["WEIGHTS", "ParetoFront", "infer_dynamic", "knee_of", "pareto_front"]
+
+Array = NDArray[np.float64]
+
+WEIGHTS = tuple(np.logspace(-3, 3, 13).tolist())
+"""Of the balance against the stresses, along a front."""
+
+
+@dataclass(frozen=True, eq=False)
+class ParetoFront:
+    """Trade-off between stresses and balance (figure 3.2).
+
+    Attributes
+    ----------
+    weights : ndarray, shape (k,)
+        Of the balance, ascending.
+    stress_residuals, balance_residuals : ndarray, shape (k,)
+        Root mean square over the frames of the lengths of (K_s f - b_s)/R and of K_m f - b_m with
+        moments over R [N], in the plane [N/m]; of rows over their errors where these are known.
+    forces : tuple of k tuples of ndarray
+        For each weight those of each frame, shape (c, d).
+    knee : int
+        The point farthest from the chord, on axes that both run from 0 to 1.
+    inferences : tuple of Inference
+        At the knee, frame by frame.
+    """
+
+    weights: Array
+    stress_residuals: Array
+    balance_residuals: Array
+    forces: tuple[tuple[Array, ...], ...]
+    knee: int
+    inferences: tuple[Inference, ...]
+
+
+def infer_dynamic(
+    packing: Packing,
+    *,
+    mu: ArrayLike,
+    mu_wall: float | dict[int, float] | None = None,
+    weight: float = 1.0,
+    moments: bool = True,
+    solver: str = "auto",
+) -> Inference:
+    """Forces in a moving packing at one instant (Hurley's thesis, eqs 3.18, 3.19).
+
+    ``min |K_s f - b_s|^2/R^2 + w |K_m f - b_m|^2`` with ``B f >= 0``, moments over R. The normals
+    point out of the first body here as everywhere. Useful at rest, too, where contacts are known
+    so roughly that no forces are exactly in balance.
+
+    With `stress_errors` and `acceleration_errors` of the packing each row is over its standard
+    deviation, and w = 1 is the solution of largest likelihood: stresses that are off by a share of
+    themselves count less where they are large, and no knee has to be looked for.
+
+    Parameters
+    ----------
+    packing : Packing
+        With masses and accelerations; with gravity where it acts along the plane; better with
+        angular accelerations, and with errors.
+    mu, mu_wall, solver
+        See `infer_static`.
+    weight : float
+        w, > 0; `pareto_front` finds one.
+    moments : bool
+        Whether the balance of moments counts. False for grains that turn in a way that is not
+        known: it would be taken to be none.
+
+    Returns
+    -------
+    Inference
+
+    Raises
+    ------
+    TypeError, ValueError, ImportError, InferenceError
+        As `infer_static`.
+
+    Warns
+    -----
+    InferenceWarning
+        For each flag of the result.
+    """
+    weight = positive("weight", weight)
+    friction = friction_of_contacts(packing, mu, mu_wall)
+    problem = dynamic_problem(packing, friction, weight, moments=moments)
+    return report(packing, problem, *solve(problem, solver))
+
+
+def pareto_front(
+    packings: Packing | Sequence[Packing],
+    *,
+    mu: ArrayLike,
+    mu_wall: float | dict[int, float] | None = None,
+    weights: ArrayLike = WEIGHTS,
+    moments: bool = True,
+    solver: str = "auto",
+) -> ParetoFront:
+    """Solutions for many weights, and the one at the knee.
+
+    Parameters
+    ----------
+    packings : Packing or sequence of Packings
+        An instant or the frames of a record, which then share one weight.
+    mu, mu_wall, solver
+        See `infer_static`.
+    weights : array_like, shape (k,)
+        Ascending, > 0, at least three.
+    moments : bool
+        See `infer_dynamic`.
+
+    Returns
+    -------
+    ParetoFront
+
+    Raises
+    ------
+    TypeError, ValueError, ImportError, InferenceError
+        As `infer_static`; for fewer than three weights or weights that do not ascend.
+
+    Warns
+    -----
+    InferenceWarning
+        For each flag of the results at the knee.
+    """
+    frames = (packings,) if isinstance(packings, Packing) else tuple(packings)
+    if not frames:
+        raise ValueError("packings is empty, must hold at least one")
+    chosen = np.array([positive("weights", w) for w in np.ravel(weights).tolist()])
+    if len(chosen) < 3 or (np.diff(chosen) <= 0).any():
+        raise ValueError(f"weights = {chosen.tolist()} must ascend and be at least three")
+    problems = [
+        dynamic_problem(p, friction_of_contacts(p, mu, mu_wall), 1.0, moments=moments)
+        for p in frames
+    ]
+    solved = [[solve(p.replace(weight=w), solver) for p in problems] for w in chosen.tolist()]
+    residuals = np.array([_lengths(problems, [x for x, _ in row]) for row in solved])
+    knee = knee_of(*residuals.T, weights=chosen)
+    return ParetoFront(
+        weights=chosen,
+        stress_residuals=residuals[:, 0],
+        balance_residuals=residuals[:, 1],
+        forces=tuple(
+            tuple(
+                p.force * (p.frame @ x).reshape(-1, p.dim)
+                for p, (x, _) in zip(problems, row, strict=True)
+            )
+            for row in solved
+        ),
+        knee=knee,
+        inferences=tuple(
+            report(packing, problem.replace(weight=chosen[knee]), *found)
+            for packing, problem, found in zip(frames, problems, solved[knee], strict=True)
+        ),
+    )
+
+
+def _lengths(problems: Sequence[Problem], solutions: Sequence[Array]) -> Array:
+    """Root mean squares of both residuals over the frames."""
+    found = [problem.misfits(x) for problem, x in zip(problems, solutions, strict=True)]
+    return np.sqrt(np.mean(np.square(found), axis=0))
+
+
+def knee_of(first: Array, second: Array, *, weights: Array) -> int:
+    """Index of the point farthest from the chord of a front, both axes from 0 to 1.
+
+    Where a residual does not vary, as for exact data, there is no knee: the weight nearest to one.
+    """
+    points = np.stack([first, second], axis=1)
+    span = np.ptp(points, axis=0)
+    if (span <= 1e-9 * abs(points).max()).any():
+        return int(np.argmin(abs(np.log(weights))))
+    scaled = (points - points.min(axis=0)) / span
+    chord = scaled[-1] - scaled[0]
+    away = scaled - scaled[0]
+    return int(np.argmax(abs(chord[0] * away[:, 1] - chord[1] * away[:, 0])))

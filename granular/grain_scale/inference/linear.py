@@ -1,0 +1,90 @@
+"""Sparse factors, and what least squares without inequalities and ranks make of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import SuperLU, splu
+
+from granular.grain_scale.inference.problem import Problem
+
+__all__ = ["determined", "least_squares"]
+
+Array = NDArray[np.float64]
+
+SMALL = 1e-6
+"""Singular values below this, over the largest, count as zero."""
+PENALTY = 1e3
+"""Of rows that must hold exactly, in the augmented Lagrangian; over the weight of the others."""
+TOLERANCE = 1e-12
+"""Of the gradient and of rows that must hold, over the typical force."""
+PASSES = 30
+
+
+def least_squares(problem: Problem) -> Array | None:
+    """The solution if there were no inequalities; None where that is not found.
+
+    By the augmented Lagrangian of the rows that must hold, each pass with residuals computed anew:
+    the passes are the refinement, too, that normal equations need. Rows may depend on one another.
+    """
+    soft, target = problem.soft()
+    hard, fixed = problem.hard()
+    ridge = problem.regularization**2
+    square = csc_array(soft.T @ soft + PENALTY * (hard.T @ hard))
+    top = _largest(square)
+    if not top:
+        return None
+    factors = _factors(square, ridge + 1e-13 * top)
+    x, multipliers = np.zeros(soft.shape[1]), np.zeros(hard.shape[0])
+    for _ in range(PASSES):
+        off = hard @ x - fixed
+        multipliers += PENALTY * off
+        gradient = soft.T @ (target - soft @ x) - hard.T @ (multipliers + PENALTY * off) - ridge * x
+        x += factors.solve(gradient)
+        if not np.isfinite(x).all():
+            return None
+        if abs(off).max(initial=0.0) < TOLERANCE and abs(gradient).max() < TOLERANCE * top:
+            return x
+    return None
+
+
+def determined(problem: Problem) -> tuple[int, NDArray[np.bool_]]:
+    """Rank of all rows together, and the contacts whose forces they leave open.
+
+    By the signs of the pivots of ``K'K - s`` with a small s, as many of them negative as there are
+    singular values below its root; what ``s (K'K + s)^-1`` leaves of two random vectors lies, but
+    for parts of the order of s, in the null space.
+    """
+    stacked = problem.stacked()
+    square = csc_array(stacked.T @ stacked)
+    top = _largest(square)
+    contacts = len(problem.mu)
+    if not top:
+        return 0, np.ones(contacts, bool)
+    n, shift = square.shape[0], top * SMALL**2
+    small = int(np.count_nonzero(_factors(square, -shift).U.diagonal() < 0))
+    left_open = np.zeros(contacts, bool)
+    if small:
+        seeds = np.random.default_rng(0).normal(size=(n, 2))
+        left = np.linalg.norm(shift * _factors(square, shift).solve(seeds), axis=1)
+        contact = np.concatenate(
+            [np.arange(contacts), np.repeat(problem.slipping, problem.dim - 1)]
+        )
+        np.logical_or.at(left_open, contact, left > 1e-3)
+    return n - small, left_open
+
+
+def _largest(square: csc_array) -> float:
+    """A bound of the largest eigenvalue."""
+    return float(abs(square).sum(axis=1).max())
+
+
+def _factors(square: csc_array, shift: float) -> SuperLU:
+    # Pivots stay on the diagonal: their signs are then those of the eigenvalues.
+    return splu(
+        csc_array(square + shift * diags_array(np.ones(square.shape[0]))),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )

@@ -1,0 +1,211 @@
+"""The linear algebra of forces at contacts: balance, stress and friction, sparse, in 2D and 3D.
+
+The force f of a contact acts on its first body, -f on the second. Arms x lead from the centroid of
+each grain, about which balance of moments and average stress take their simplest form, at rest as
+well as in motion: K_eq of chapter 2 of Hurley's thesis is K_m of chapter 3, and K_st is K_s.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array, csr_array
+
+from granular.grain_scale.inference.packing import OUTSIDE, Packing
+
+__all__ = [
+    "admissibility_matrix",
+    "contact_frames",
+    "equilibrium_matrix",
+    "friction_of_contacts",
+    "momentum_vector",
+    "stress_matrix",
+    "stress_vector",
+]
+
+Array = NDArray[np.float64]
+
+MOMENTS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}
+"""Of each component of x cross f: the plane it turns in."""
+SHEARS = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}
+"""Of each shear row of the stress."""
+
+
+def rows_of(dim: int) -> int:
+    """Rows of each matrix for a grain: d(d + 1)/2."""
+    return dim * (dim + 1) // 2
+
+
+def equilibrium_matrix(packing: Packing) -> csr_array:
+    """K_eq: forces and moments on each grain (eq. 2.5; about centroids also K_m of eq. 3.7).
+
+    Returns
+    -------
+    csr_array, shape (d(d+1)/2 n, d c)
+        Of a grain the d sums of forces, then the moments ``-x2 f1 + x1 f2`` (in space the three
+        of ``x cross f``).
+    """
+    d = packing.dim
+    arms_in = np.zeros((rows_of(d), d, d))
+    for row, (a, b) in enumerate(MOMENTS[d], start=d):
+        arms_in[row, b, a], arms_in[row, a, b] = 1.0, -1.0
+    fixed = np.zeros((rows_of(d), d))
+    fixed[:d] = np.eye(d)
+    return _assembled(packing, arms_in, fixed)
+
+
+def stress_matrix(packing: Packing) -> csr_array:
+    """K_st: sum of sym(f x) over the contacts of each grain (eq. 2.8; also K_s of eq. 3.14).
+
+    Returns
+    -------
+    csr_array, shape (d(d+1)/2 n, d c)
+        Of a grain the rows 11, 22, 2 12, or 11, 22, 33, 2 23, 2 13, 2 12.
+    """
+    d = packing.dim
+    arms_in = np.zeros((rows_of(d), d, d))
+    for a in range(d):
+        arms_in[a, a, a] = 1.0
+    for row, (a, b) in enumerate(SHEARS[d], start=d):
+        arms_in[row, a, b] = arms_in[row, b, a] = 1.0
+    return _assembled(packing, arms_in, np.zeros((rows_of(d), d)))
+
+
+def stress_vector(packing: Packing) -> Array:
+    """b_st: volume times average stress, in the rows of `stress_matrix` [N m]."""
+    d = packing.dim
+    scaled = packing.volumes[:, None, None] * packing.stresses
+    normal = [scaled[:, a, a] for a in range(d)]
+    return np.stack(normal + [2 * scaled[:, a, b] for a, b in SHEARS[d]], axis=1).ravel()
+
+
+def momentum_vector(packing: Packing) -> Array:
+    """b_m: m (a - g) and I alpha, in the rows of `equilibrium_matrix` [N, N m].
+
+    What is not given is zero: in a packing at rest without gravity all of it.
+    """
+    d, n = packing.dim, packing.n
+    found = np.zeros((n, rows_of(d)))
+    for given, sign in ((packing.accelerations, 1.0), (packing.gravity, -1.0)):
+        if given is not None:
+            found[:, :d] += sign * packing.masses[:, None] * given
+    if packing.inertias is not None:
+        alpha = packing.angular_accelerations.reshape(n, -1)
+        if packing.inertias.ndim == 1:
+            found[:, d:] = packing.inertias[:, None] * alpha
+        else:
+            found[:, d:] = np.einsum("nab,nb->na", packing.inertias, alpha)
+    return found.ravel()
+
+
+def contact_frames(normals: Array) -> Array:
+    """Orthonormal rows e, t (and a second t in space) of each contact, shape (c, d, d)."""
+    if normals.shape[1] == 2:
+        return np.stack([normals, np.stack([-normals[:, 1], normals[:, 0]], axis=1)], axis=1)
+    away = np.eye(3)[np.argmin(abs(normals), axis=1)]
+    first = np.cross(away, normals)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([normals, first, np.cross(normals, first)], axis=1)
+
+
+def admissibility_matrix(packing: Packing, mu: ArrayLike) -> csr_array:
+    """B: contacts push, and slip does not exceed the friction.
+
+    Parameters
+    ----------
+    packing : Packing
+    mu : float or array_like, shape (c,)
+        Finite, >= 0; of all contacts or of each.
+
+    Returns
+    -------
+    csr_array, shape (3 c, d c)
+        For each contact, in the plane ``-e.f, -(mu e + t).f, -(mu e - t).f``, all >= 0 (eq. 2.12);
+        in space ``-mu e.f, t1.f, t2.f``, the first >= the length of the others (eq. 3.19).
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `friction_of_contacts`, and if a coefficient is infinite.
+    """
+    frames, d = contact_frames(packing.normals), packing.dim
+    mu = friction_of_contacts(packing, mu)[:, None]
+    if np.isinf(mu).any():
+        raise ValueError("mu must be finite for this matrix")
+    e, t = frames[:, 0], frames[:, 1]
+    if d == 2:
+        blocks = np.stack([-e, -(mu * e + t), -(mu * e - t)], axis=1)
+    else:
+        blocks = np.stack([-mu * e, t, frames[:, 2]], axis=1)
+    return _sparse(blocks, np.arange(len(e)), np.arange(len(e)), (len(e), len(e)))
+
+
+def friction_of_contacts(
+    packing: Packing, mu: ArrayLike, mu_wall: float | dict[int, float] | None = None
+) -> Array:
+    """The friction coefficient of each contact.
+
+    Parameters
+    ----------
+    packing : Packing
+    mu : float or array_like, shape (c,)
+        >= 0; infinite where only repulsion is asked for, 0 where tangential forces are known to
+        be zero.
+    mu_wall : float or dict of int to float, optional
+        Of the contacts with walls, or of those with some walls, by their number; else `mu`.
+
+    Returns
+    -------
+    ndarray, shape (c,)
+
+    Raises
+    ------
+    TypeError, ValueError
+        For coefficients that are negative or nan, a wrong number of them, or a wall that touches
+        nothing.
+    """
+    count = len(packing.bodies)
+    found = _coefficients("mu", mu)
+    if found.ndim and found.shape != (count,):
+        raise ValueError(f"mu has shape {found.shape}, must be () or ({count},)")
+    found = np.broadcast_to(found, (count,)).copy()
+    lowest = packing.bodies.min(axis=1)
+    if isinstance(mu_wall, dict):
+        for wall, value in mu_wall.items():
+            if wall >= 0 or not (lowest == wall).any():
+                walls = np.unique(lowest[lowest < 0]).tolist()
+                raise ValueError(f"mu_wall[{wall!r}] must name one of the walls {walls}")
+            found[lowest == wall] = _coefficients(f"mu_wall[{wall}]", value)
+    elif mu_wall is not None:
+        # A grain that a subset left out is no wall.
+        found[(lowest < 0) & (lowest != OUTSIDE)] = _coefficients("mu_wall", mu_wall)
+    return found
+
+
+def _coefficients(name: str, value: ArrayLike) -> Array:
+    try:
+        found = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"{name} = {value!r} must be a number >= 0 or an array of them") from None
+    if not (found >= 0).all():
+        raise ValueError(f"{name} = {found[~(found >= 0)].flat[0]} must be >= 0")
+    return found
+
+
+def _assembled(packing: Packing, arms_in: Array, fixed: Array) -> csr_array:
+    """Blocks ``fixed + arms_in . x`` of each contact in the rows of its two grains."""
+    parts = []
+    shape = (packing.n, len(packing.bodies))
+    for contacts, grains, sign, arms in packing.sides():
+        blocks = sign * (fixed + np.einsum("rab,kb->kra", arms_in, arms))
+        parts.append(_sparse(blocks, grains, contacts, shape))
+    return parts[0] + parts[1]
+
+
+def _sparse(blocks: Array, down: NDArray, across: NDArray, shape: tuple[int, int]) -> csr_array:
+    """Blocks (k, r, s) at the block rows `down` and block columns `across` of a sparse matrix."""
+    _, r, s = blocks.shape
+    rows = np.broadcast_to(r * down[:, None, None] + np.arange(r)[:, None], blocks.shape)
+    columns = np.broadcast_to(s * across[:, None, None] + np.arange(s), blocks.shape)
+    entries = (blocks.ravel(), (rows.ravel(), columns.ravel()))
+    return coo_array(entries, (r * shape[0], s * shape[1])).tocsr()

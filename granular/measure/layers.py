@@ -1,0 +1,144 @@
+"""Signs that a run is sound: speeds at rest, room, height, pressure."""
+
+from typing import Any
+
+import numpy as np
+
+from granular.checks import finite, in_range, integer, non_negative, one_of
+from granular.measure.averaging_grid import Array, cell_mass, require_points
+from granular.measure.bulk import FILLED, uppermost
+from granular.measure.fields import cell_average
+
+
+def speed_percentile(state: Any, *, q: float = 99.0) -> float:
+    """Percentile of the speeds of the points [m/s].
+
+    Parameters
+    ----------
+    state : State
+    q : float
+        Percentile, 0 to 100.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If the state is empty or q is outside 0 to 100.
+    """
+    require_points(state)
+    in_range("q", q, 0.0, 100.0)
+    return float(np.percentile(np.linalg.norm(state.v, axis=1), q))
+
+
+def occupied_area(state: Any, *, filled: float = 0.0) -> float:
+    """Area (plane, m2) or volume (3D, m3) of the cells that hold points.
+
+    Parameters
+    ----------
+    state : State
+    filled : float
+        Count only cells with more than this share of the mass that fits at rho_c.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, a point is off the grid, or `filled` is negative.
+    """
+    non_negative("filled", filled)
+    mass = cell_mass(state)
+    room = state.scene.grid.cell**mass.ndim
+    return float(np.count_nonzero(mass > filled * state.scene.material.rho_c * room) * room)
+
+
+def layer_height(state: Any, *, base: float | None = None) -> float:
+    """Height [m] of a layer, twice the elevation of its centre of mass.
+
+    Parameters
+    ----------
+    state : State
+    base : float, optional
+        The layer's floor [m]; by default that of the grid.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If the state is empty.
+    """
+    require_points(state)
+    floor = float(state.scene.grid.lower[-1]) if base is None else finite("base", base)
+    return float(2 * (np.average(np.asarray(state.x)[:, -1], weights=state.mass) - floor))
+
+
+def mean_pressure_error(
+    state: Any, *, of: str = "normal", depth_cells: int = 1, per_column: bool = False
+) -> float:
+    """Relative error of the cell-averaged pressure against the weight of what lies above.
+
+    ``sqrt(sum V (P - W)**2 / sum V W**2)`` over cells: P is volume-averaged in the cell, W the
+    weight per area of the mass above plus half the cell's own, for the gravity at the state's
+    time across the layer. For boxes and inclines, whose walls carry no shear.
+
+    Parameters
+    ----------
+    state : State
+    of : {"normal", "pressure"}
+        P is the normal stress across the layer, which balances the weight whatever the law, or
+        the pressure, which equals it only where the law makes the normal stresses equal: in
+        steady shear, not in a box at rest.
+    depth_cells : int
+        Leave out cells with fewer than this many filled cells above them.
+    per_column : bool
+        Take the weight of each column by itself (heaps: an overburden error), not of the
+        mean layer.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        If the state is empty, gravity does not press the layer onto its floor, or no cell is
+        deep enough.
+    """
+    one_of("of", of, ("normal", "pressure"))
+    integer("depth_cells", depth_cells, 0)
+    weight = _overburden(state, per_column)
+    grid = state.scene.grid
+    full = grid.cell**weight.ndim * state.scene.material.rho_c
+    filled, top = uppermost(cell_mass(state) >= FILLED * full)
+    axis = weight.ndim - 1
+    field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.p
+    mean = cell_average(state, field, weight="volume")
+    own = tuple(mean.cells.T)
+    deep = filled[own] & (top[own] - mean.cells[:, axis] >= depth_cells)
+    if not deep.any():
+        raise ValueError(f"no cell has depth_cells = {depth_cells} filled cells above it")
+    expected, volume = weight[own][deep], mean.weight[deep]
+    error = np.sum(volume * (mean.value[deep] - expected) ** 2)
+    return float(np.sqrt(error / np.sum(volume * expected**2)))
+
+
+def _overburden(state: Any, per_column: bool) -> Array:
+    """Weight per area [Pa] at the middle of every cell's mass, an array of the grid's shape."""
+    require_points(state)
+    down = -float(np.asarray(state.scene.gravity.at(state.time))[-1])
+    if not down > 0:
+        raise ValueError(f"gravity across the layer = {-down} m/s2 must be negative")
+    mass = cell_mass(state)
+    if not per_column:
+        across = tuple(range(mass.ndim - 1))
+        mass = np.broadcast_to(mass.mean(axis=across), mass.shape)
+    above = np.flip(np.cumsum(np.flip(mass, -1), axis=-1), -1) - mass / 2
+    return down * above / state.scene.grid.cell ** (mass.ndim - 1)

@@ -1,0 +1,337 @@
+"""Rigid bodies that move through the material: shapes by signed distance, motions, contact.
+
+In the plane a box is of infinite extent along z and a cylinder a disc; masses, forces and torques
+are per metre of depth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from granular import _core
+from granular.checks import finite, non_negative, one_of, positive, vector
+from granular.mpm.body_shapes import (
+    MOST_SHAPES,
+    Box,
+    Cylinder,
+    HalfSpace,
+    Mesh,
+    Union,
+    are_endless,
+    corners,
+    in_space,
+    reach,
+    rotation_of,
+    set_fields,
+    turned,
+)
+
+if TYPE_CHECKING:
+    from granular.geometry import Grid
+
+__all__ = ["Body", "BodyState", "Box", "Cylinder", "HalfSpace", "Mesh", "Motion", "Union"]
+
+Array = NDArray[np.float64]
+
+CONTACTS = ("sticky", "separating", "bilateral")
+MOST_BODIES = 64
+STATE = (
+    ("position", 3),
+    ("quaternion", 4),
+    ("velocity", 3),
+    ("angular_velocity", 3),
+    ("impulse", 3),
+    ("angular_impulse", 3),
+)
+"""What the core tells of a body, name and count of numbers; quaternions with the scalar first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """Velocity and angular velocity, linear between given times and constant before and after.
+
+    Parameters
+    ----------
+    times : tuple of float, length k >= 1
+        Seconds, >= 0, ascending.
+    velocity : tuple of k tuples of float, length dim
+        Of the position of the body [m/s].
+    angular_velocity : tuple of k floats, or of k tuples of 3 floats
+        In the plane, or in space about fixed axes [rad/s]; none by default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    times: tuple[float, ...] = (0.0,)
+    velocity: tuple[tuple[float, ...], ...]
+    angular_velocity: tuple[float, ...] | tuple[tuple[float, ...], ...] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("times", "velocity", "angular_velocity"):
+            value = getattr(self, name)
+            if name == "angular_velocity" and value is None:
+                continue
+            if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
+                raise TypeError(f"{name} = {value!r} must be a sequence")
+        times = tuple(non_negative(f"times[{i}]", t) for i, t in enumerate(self.times))
+        if not times or any(b <= a for a, b in pairwise(times)):
+            raise ValueError(f"times = {times} must ascend, and be at least one")
+        if len(self.velocity) != len(times):
+            raise ValueError(f"velocity = {self.velocity} must be as many as times, {len(times)}")
+        dim = len(vector("velocity[0]", self.velocity[0]))
+        velocity = tuple(vector(f"velocity[{i}]", v, dim) for i, v in enumerate(self.velocity))
+        turning = self.angular_velocity
+        if turning is None:
+            turning = (0.0 if dim == 2 else (0.0,) * 3,) * len(times)
+        if len(turning) != len(times):
+            raise ValueError(f"angular_velocity = {turning} must be as many as times, {len(times)}")
+        turning = tuple(
+            finite(f"angular_velocity[{i}]", w)
+            if dim == 2
+            else vector(f"angular_velocity[{i}]", w, 3)
+            for i, w in enumerate(turning)
+        )
+        set_fields(self, times=times, velocity=velocity, angular_velocity=turning)
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return len(self.velocity[0])
+
+    def rows(self) -> Array:
+        """Time, velocity and angular velocity as the core wants them, shape (k, 7)."""
+        out = np.zeros((len(self.times), 7))
+        out[:, 0] = self.times
+        out[:, 1 : 1 + self.dim] = self.velocity
+        out[:, 6 if self.dim == 2 else slice(4, 7)] = self.angular_velocity
+        return out
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigid body that the material touches at the nodes of the grid within it.
+
+    Parameters
+    ----------
+    shape : Box, Cylinder, HalfSpace, Mesh or Union
+        In coordinates of the body.
+    position : tuple of float, length dim
+        Where the origin of these coordinates is at the start [m].
+    rotation_deg : float or tuple of 3 floats
+        How they are turned at the start: an angle, or a rotation vector in space [degrees].
+    motion : Motion, optional
+        At rest by default.
+    contact : {"separating", "sticky", "bilateral"}
+        "separating" holds the normal velocity of material that approaches, with friction along
+        the surface, "bilateral" that of all material, "sticky" all components.
+    friction : float
+        Coulomb coefficient, >= 0; 0 for "sticky".
+    rough : bool
+        Whether the fluidity of a nonlocal law is 0 at its surface, as at a rough wall, there the
+        nearest faces of cells; else its normal derivative is.
+    free : str
+        The axes along which the body is moved by gravity and the material instead of its motion,
+        such as "z" or "xy"; it begins with the velocity of its motion.
+    mass : float, optional
+        [kg], > 0: needed if, and only if, it is free.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    shape: Box | Cylinder | HalfSpace | Mesh | Union
+    position: tuple[float, ...]
+    _: KW_ONLY
+    rotation_deg: float | tuple[float, ...] = 0.0
+    motion: Motion | None = None
+    contact: str = "separating"
+    friction: float = 0.0
+    rough: bool = False
+    free: str = ""
+    mass: float | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.shape, (Box, Cylinder, HalfSpace, Mesh, Union)):
+            raise TypeError(
+                f"shape = {self.shape!r} must be a Box, Cylinder, HalfSpace, Mesh or Union"
+            )
+        dim = self.shape.dim
+        motion = Motion(velocity=((0.0,) * dim,)) if self.motion is None else self.motion
+        if not isinstance(motion, Motion):
+            raise TypeError(f"motion = {motion!r} must be a Motion or None")
+        if motion.dim != dim:
+            raise ValueError(f"motion = {motion} must have the dimension of the shape, {dim}")
+        rotation = self.rotation_deg
+        if isinstance(rotation, (int, float)) and rotation == 0:
+            rotation = finite("rotation_deg", rotation)
+        else:
+            rotation = rotation_of("rotation_deg", rotation, dim)
+        contact = one_of("contact", self.contact, CONTACTS)
+        friction = non_negative("friction", self.friction)
+        if friction and contact == "sticky":
+            raise ValueError(f'friction = {friction} must be 0 where contact is "sticky"')
+        if not isinstance(self.free, str):
+            raise TypeError(f"free = {self.free!r} must be a string of axes")
+        if set(self.free) - set("xyz"[:dim]) or len(set(self.free)) != len(self.free):
+            raise ValueError(f"free = {self.free!r} must be different axes of {'xyz'[:dim]!r}")
+        if (self.mass is None) == bool(self.free):
+            raise ValueError(
+                f"mass = {self.mass} must be given if, and only if, free names an axis"
+            )
+        set_fields(
+            self,
+            rough=one_of("rough", self.rough, (False, True)),
+            position=vector("position", self.position, dim),
+            rotation_deg=rotation,
+            motion=motion,
+            friction=friction,
+            mass=None if self.mass is None else positive("mass", self.mass),
+        )
+
+    @property
+    def dim(self) -> int:
+        """2 or 3."""
+        return self.shape.dim
+
+    def check(self, name: str, grid: Grid) -> None:
+        """Refuse what does not fit the grid."""
+        if self.dim != grid.dim:
+            raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
+        bound = reach(self.shape.rows(), self.dim)
+        for axis in np.flatnonzero(grid.periodic):
+            half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]
+            if bound > half and not self._is_endless(axis):
+                raise ValueError(
+                    f"{name} reaches {bound:.6g} m from its position, must be <= {half:.6g} m, "
+                    f"half the period along {letter}; or be endless along {letter} and turn about "
+                    "no other axis"
+                )
+
+    def _is_endless(self, axis: np.intp) -> bool:
+        """Whether it is the same everywhere along an axis, and stays so."""
+        along = turned(self.rotation_deg).inv().apply(np.eye(3)[axis])
+        turning = np.delete(self.motion.rows()[:, 4:], axis, axis=1)
+        return not turning.any() and are_endless(self.shape.rows(), along)
+
+    def largest_speed(self, grid: Grid) -> float:
+        """Bound on the speed [m/s] that its motion gives to any of its places in the domain."""
+        rows, motion = self.shape.rows(), self.motion.rows()
+        if math.isfinite(reach(rows, self.dim)):
+            arms = turned(self.rotation_deg).apply(corners(rows))
+            places = motion[:, None, 1:4] + np.cross(motion[:, None, 4:], arms)
+            return float(np.linalg.norm(places, axis=2).max())
+        lower, size = np.array(grid.lower), np.array(grid.shape) * grid.cell
+        near = np.array(self.position) - lower
+        far = np.linalg.norm(np.maximum(abs(near), abs(size - near)))
+        speed, turning = (np.linalg.norm(motion[:, k : k + 3], axis=1) for k in (1, 4))
+        return float((speed + far * turning).max())
+
+    def row(self) -> _core.BodyRow:
+        """What the core knows of it."""
+        x, y, z, w = turned(self.rotation_deg).as_quat()
+        return (
+            self.shape.rows(),
+            self.shape.samples(),
+            np.array([*in_space(self.position), w, x, y, z]),
+            self.motion.rows(),
+            CONTACTS.index(self.contact),
+            sum(1 << "xyz".index(axis) for axis in self.free),
+            int(self.rough),
+            self.friction,
+            self.mass or 0.0,
+        )
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        """Signed distance to the surface at the start, and the outward normal.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, dim)
+            Places [m].
+
+        Returns
+        -------
+        distance : ndarray, shape (n,)
+            [m], negative in the solid.
+        normal : ndarray, shape (n, dim)
+        """
+        x = np.asarray(x, dtype=float)
+        if x.ndim != 2 or x.shape[1] != self.dim or not np.isfinite(x).all():
+            raise ValueError(f"x of shape {x.shape} must be finite of shape (n, {self.dim})")
+        arm = np.zeros((len(x), 3))
+        arm[:, : self.dim] = x - np.array(self.position)
+        turn = turned(self.rotation_deg)
+        local = np.ascontiguousarray(turn.inv().apply(arm)) if len(x) else arm
+        distance, normal = _core.body_distance(self.shape.rows(), self.shape.samples(), local)
+        return distance, (turn.apply(normal) if len(x) else normal)[:, : self.dim]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BodyState:
+    """Where a body is and what it has felt.
+
+    Attributes
+    ----------
+    position : ndarray, shape (dim,)
+        [m].
+    rotation : ndarray, shape (dim, dim)
+        Its columns are the axes of the body.
+    velocity : ndarray, shape (dim,)
+        [m/s].
+    angular_velocity : ndarray, shape () or (3,)
+        In the plane, in space [rad/s].
+    impulse : ndarray, shape (dim,)
+        Of the material on the body since the run began [N s].
+    angular_impulse : ndarray, shape () or (3,)
+        The same about the position, which moves with the body [N m s].
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+    impulse: Array
+    angular_impulse: Array
+
+
+def split(numbers: Array, dim: int) -> dict[str, Array]:
+    """Numbers of a body (..., 19) by the names of `STATE`, with the components that `dim` has."""
+    ends = np.cumsum([count for _, count in STATE])[:-1]
+    parts = dict(zip((name for name, _ in STATE), np.split(numbers, ends, axis=-1), strict=True))
+    if dim == 2:
+        for name in ("position", "velocity", "impulse"):
+            parts[name] = parts[name][..., :2]
+        for name in ("angular_velocity", "angular_impulse"):
+            parts[name] = parts[name][..., 2]
+    return parts
+
+
+def state_of(numbers: Array, dim: int) -> BodyState:
+    """The state of one body from its 19 numbers."""
+    parts = split(numbers, dim)
+    w, x, y, z = parts.pop("quaternion")
+    rotation = Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]
+    return BodyState(rotation=rotation, **parts)
+
+
+def check_count(bodies: Sequence[Body]) -> None:
+    """Refuse more bodies or shapes than the core has room for."""
+    shapes = sum(len(body.shape.rows()) for body in bodies)
+    if len(bodies) > MOST_BODIES or shapes > MOST_SHAPES:
+        raise ValueError(
+            f"bodies: {len(bodies)} of {shapes} shapes must be at most {MOST_BODIES} of "
+            f"{MOST_SHAPES} in all"
+        )

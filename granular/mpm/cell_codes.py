@@ -1,0 +1,120 @@
+"""What walls mean to the cells of the grid: which are solid, near outlets, or at walls.
+
+The arrays are those of the core: cells as (..., y, x), one byte each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.geometry import Grid
+from granular.mpm.walls import Solid, Wall
+
+if TYPE_CHECKING:
+    from granular.mpm.scene import Scene
+
+__all__ = ["cell_flags", "fluidity_faces"]
+
+FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
+FACE_LINK, FACE_OPEN, FACE_ROUGH = 0, 1, 2
+
+_Vector = NDArray[np.float64]
+ABOVE, BELOW = 1, 2
+"""Sides of a face where material may be."""
+
+
+def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int, Wall | Solid]]:
+    """Faces of walls and blocks: lower and upper corner [m], axis, sides, and whose they are."""
+    for wall in scene.walls:
+        if isinstance(wall, Wall):
+            yield *_ends(wall, scene.grid), wall.axis, ABOVE | BELOW, wall
+            continue
+        low, high = np.array(wall.lower), np.array(wall.upper)
+        for axis, at in enumerate(np.eye(scene.grid.dim, dtype=bool)):
+            yield np.where(at, high, low), high, axis, ABOVE, wall
+            yield low, np.where(at, low, high), axis, BELOW, wall
+
+
+def _ends(wall: Wall, grid: Grid) -> tuple[_Vector, _Vector]:
+    """Lower and upper corner of a wall [m]."""
+    ends = [(wall.at, wall.at) if d == wall.axis else wall.extent(grid, d) for d in range(grid.dim)]
+    return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
+
+
+class _Cells:
+    """Cells of a scene, and which of them lie where."""
+
+    def __init__(self, grid: Grid, on_nodes: bool = False) -> None:
+        self.cell, self.half = grid.cell, 0.5 * grid.cell * on_nodes
+        self.shape = [
+            n + (on_nodes and not p) for n, p in zip(grid.shape, grid.periodic, strict=True)
+        ]
+        self.centre = [
+            grid.lower[d] + (np.arange(n) + (0.0 if on_nodes else 0.5)) * grid.cell
+            for d, n in enumerate(self.shape)
+        ]
+
+    def within(self, lower: _Vector, upper: _Vector) -> tuple[NDArray[np.intp], ...]:
+        """Index of the cells whose centre lies between two corners [m]."""
+        where = [
+            np.flatnonzero((x > low) & (x < high))
+            for x, low, high in zip(self.centre, lower, upper, strict=True)
+        ]
+        return np.ix_(*where[::-1])
+
+    def at_face(
+        self, low: _Vector, high: _Vector, axis: int, sides: int
+    ) -> Iterator[tuple[int, tuple[NDArray[np.intp], ...]]]:
+        """(0, cells above a face), at whose low end it is, and (1, cells below it)."""
+        across = self.cell * (np.arange(len(low)) == axis)
+        if sides & ABOVE:
+            yield 0, self.within(low - self.half, high + across + self.half)
+        if sides & BELOW:
+            yield 1, self.within(low - across - self.half, high + self.half)
+
+
+def cell_flags(scene: Scene) -> NDArray[np.uint8]:
+    """Which cells of the grouping are solid, are so near an outlet that points must not be shifted,
+    or have walls at their faces."""
+    grid = scene.grid
+    cells = _Cells(grid, on_nodes=scene.scheme.basis == "ugimp")  # grouped by the nearest node
+    flags = np.zeros(cells.shape[::-1], dtype=np.uint8)
+    for low, high, axis, sides, _ in _faces(scene):
+        for side, where in cells.at_face(low, high, axis, sides):
+            flags[where] |= FLAG_WALL << 2 * axis + side
+    reach = scene.scheme.shifting_outlet_cells * grid.cell
+    for wall in scene.walls:
+        if isinstance(wall, Solid):
+            flags[cells.within(np.array(wall.lower), np.array(wall.upper))] |= FLAG_SOLID
+        elif wall.opens_at < math.inf:
+            low, high = _ends(wall, grid)
+            flags[cells.within(low - reach, high + reach)] |= FLAG_NO_SHIFT
+    return flags
+
+
+def fluidity_faces(scene: Scene) -> NDArray[np.uint8]:
+    """What the faces of the cells are to the fluidity, at the low and high side along each axis.
+
+    A rough wall holds g = 0 on the face, any other lets none of it pass (dg/dn = 0). A wall that
+    opens is to the fluidity what it will be then: nothing.
+
+    Returns
+    -------
+    ndarray of uint8, shape (2 dim, ..., n_y, n_x)
+        0 linked, 1 open, 2 rough.
+    """
+    cells = _Cells(scene.grid)
+    faces = np.zeros((2 * scene.grid.dim, *cells.shape[::-1]), dtype=np.uint8)
+    for low, high, axis, sides, wall in _faces(scene):
+        if isinstance(wall, Wall) and wall.opens_at < math.inf:
+            continue
+        kind = FACE_ROUGH if wall.kind == "no_slip" else FACE_OPEN
+        for side, where in cells.at_face(low, high, axis, sides):
+            face = faces[2 * axis + side]
+            face[where] = np.maximum(face[where], kind)
+    return faces

@@ -1,0 +1,366 @@
+"""What is known to fail before a run: limits that are refused, settings that are warned of."""
+
+from __future__ import annotations
+
+import math
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.materials import MuI
+from granular.mpm.body_shapes import deepest, in_space, reach, thicknesses, turned
+from granular.theory.well_posed import well_posed_slopes
+
+if TYPE_CHECKING:
+    from granular.mpm.bodies import Body
+    from granular.mpm.scene import Scene
+    from granular.mpm.schemes import Scheme
+
+__all__ = [
+    "check_blades",
+    "check_overlaps",
+    "check_time_step",
+    "courant_limit",
+    "damps_by_step",
+    "dt_limit",
+    "height",
+    "known_failures",
+]
+
+
+COURANT_LIMIT = {
+    "linear": {2: 0.75, 3: 0.75},
+    "ugimp": {2: 0.5, 3: 0.5},
+    "quadratic": {2: 0.64, 3: 0.56},
+}
+"""Largest (c + speed) dt/dx by basis and dimension: beyond it a run fails, mostly without a NaN.
+
+Up to it no arrangement of points makes energy (the maps "arrangement" and "courant"). For splines
+the worst is a single point in the corner of a cell, where c dt/dx = 2/sqrt(6 (1 + (dim - 1)
+nu/(1 - nu))): .68 in the plane and .60 in space at nu = .3 (.58 and .48 at .49, which is not in
+the limits: nothing but such a point meets it). Points side by side there that weigh 1.5 and .5 in
+the force, as those of the diffused density may, have .65 and .57. With hats there is no such
+step, as a node that points hardly reach has next to no mass; their limit is that of a layer in
+flow (the map "incline_courant").
+"""
+
+POINTS_PER_CELL = 4
+"""Least number of points per cell of a flow: the map "incline_seeding"."""
+
+LAYER_CELLS = 6
+"""Least height of a fill in cells: the map "incline_seeding"."""
+
+LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
+"""Largest nu without locking: the map "locking"."""
+
+
+def courant_limit(scene: Scene) -> float:
+    """Largest stable (c + speed) dt/dx of the scheme of a scene."""
+    return COURANT_LIMIT[scene.scheme.basis][scene.dim]
+
+
+def dt_limit(scene: Scene) -> float:
+    """Largest stable time step at rest [s]: courant dx/c, c = sqrt((K + 4G/3)/rho_c)."""
+    return courant_limit(scene) * scene.grid.cell / scene.material.wave_speed
+
+
+def check_time_step(scene: Scene) -> None:
+    """Refuse a time step beyond its limit.
+
+    Raises
+    ------
+    ValueError
+        Naming dt or cfl, its value and the limit.
+    """
+    scheme, limit = scene.scheme, courant_limit(scene)
+    if scheme.dt is None:
+        if scheme.cfl > limit:
+            raise ValueError(
+                f"cfl = {scheme.cfl} must be <= {limit} with the {scheme.basis} basis "
+                f"in {scene.dim} dimensions"
+            )
+        return
+    wave, speed = scene.material.wave_speed, _fastest(scene)
+    largest = limit * scene.grid.cell / (wave + speed)
+    if scheme.dt > largest:
+        raise ValueError(
+            f"dt = {scheme.dt} must be <= {largest:.4g}, the limit of the {scheme.basis} basis in "
+            f"{scene.dim} dimensions with cells of {scene.grid.cell} m, waves of {wave:.4g} m/s "
+            f"and points or bodies of {speed:.4g} m/s"
+        )
+
+
+THIN = 2.0
+"""Thickness of a body [cells] below which nodes alone do not keep its two sides apart."""
+
+
+def check_blades(scene: Scene) -> None:
+    """Refuse bodies that the scheme cannot hold: too thin for nodes, where no side has its own.
+
+    Raises
+    ------
+    ValueError
+        Naming the body, its thickness and the least one.
+    """
+    scheme, least = scene.scheme, THIN * scene.grid.cell
+    if keeps_sides(scheme):
+        return
+    for i, body in enumerate(scene.bodies):
+        thickness, _ = thicknesses(body.shape.rows(), body.dim)
+        if thickness < least * (1 - 1e-9):
+            raise ValueError(
+                f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
+                f"with density = {scheme.density!r} and transfer = {scheme.transfer!r}: what is on "
+                'its sides would be coupled; density = "particle" with "apic", "tpic" or "flip" '
+                "keeps thin ones apart"
+            )
+
+
+def check_overlaps(scene: Scene) -> None:
+    """Refuse bodies that begin within one another: nodes in both would be held twice.
+
+    Raises
+    ------
+    ValueError
+        Naming the two bodies, how deep they overlap and how deep they may.
+    """
+    most = 0.5 * scene.grid.cell
+    for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
+        places = _places_about(scene, min(one, other, key=_reach))
+        deep = -min(np.maximum(_distances(one, places), _distances(other, places)), default=0.0)
+        if deep > most:
+            raise ValueError(
+                f"bodies[{i}] and bodies[{j}] overlap: a place is {deep:.3g} m within both at the "
+                f"start, must be at most {most:.3g} m, half a cell"
+            )
+
+
+def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
+    """Middles of the cells of the domain that a body may hold, as places in space."""
+    grid, extent, axes = scene.grid, _reach(body), []
+    for low, cells, at in zip(grid.lower, grid.shape, body.position, strict=True):
+        middle = low + grid.cell * (np.arange(cells) + 0.5)
+        axes.append(middle[abs(middle - at) <= extent])
+    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, body.dim)
+    return np.pad(places, ((0, 0), (0, 3 - body.dim)))
+
+
+def _reach(body: Body) -> float:
+    return reach(body.shape.rows(), body.dim)
+
+
+def _distances(body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signed distances at the start."""
+    own = turned(body.rotation_deg).inv().apply(places - in_space(body.position))
+    rows, samples = body.shape.rows(), body.shape.samples()
+    return _core.body_distance(rows, samples, np.ascontiguousarray(own))[0]
+
+
+def keeps_sides(scheme: Scheme) -> bool:
+    """Whether nodes about thin bodies exist for each side."""
+    return scheme.density == "particle" and scheme.transfer != "xpic"
+
+
+def _fastest(scene: Scene) -> float:
+    """Largest speed of the material at the start and of the bodies by their motions [m/s]."""
+    points = (math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+    return max(*points, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
+
+
+def damps_by_step(scheme: Scheme) -> bool:
+    """Whether a transfer damps so much a step, not a second: its flow depends on the step.
+
+    On the incline of 25 degrees, one column of 10 cells, E = 1e6, a tenth of the step takes 2.7 %
+    of the mean velocity under quadratic "apic" and half of it under "xpic"; under "flip" and
+    "tpic", whose damping is a rate, and under "apic" with hats, .01 %.
+    """
+    return scheme.transfer == "xpic" or (scheme.transfer == "apic" and scheme.basis != "linear")
+
+
+# ---- what is warned of ----
+
+
+def known_failures(scene: Scene) -> list[str]:
+    """What of a scene is known to go wrong without a word, one sentence each.
+
+    Each is a failure on the map of failure (`benchmarks/stability_map.py`, the page "Limits and
+    failures").
+    """
+    checks = (
+        _hats,
+        _density,
+        _damping,
+        _seeding,
+        _layer,
+        _locking,
+        _slope,
+        _grains,
+        _seed,
+        _blades,
+        _buried,
+    )
+    return [doubt for check in checks if (doubt := check(scene))]
+
+
+def _hats(scene: Scene) -> str | None:
+    if _granular(scene) or scene.scheme.basis != "linear":
+        return None
+    if scene.scheme.density == "cell_averaged":
+        return 'density = "cell_averaged" is made for grains: an elastic body comes apart at any time step'
+    return (
+        'basis = "linear" with an elastic body: a node that points hardly reach has next to no '
+        "mass, and where the body moves over the cells no time step is stable"
+    )
+
+
+def _density(scene: Scene) -> str | None:
+    """Only a density that neighbours have in common keeps a flow that varies along the layer."""
+    if not _granular(scene) or scene.scheme.density != "particle" or not _many_columns(scene):
+        return None
+    return (
+        'density = "particle" loses contacts and room in flows that are truly two-dimensional: '
+        'most points go stress-free, layers compact; take density = "smoothed" (the default)'
+    )
+
+
+def _damping(scene: Scene) -> str | None:
+    """In one column; elsewhere the density that goes with these transfers is the graver doubt."""
+    if not _granular(scene) or _many_columns(scene) or not damps_by_step(scene.scheme):
+        return None
+    return (
+        f'transfer = "{scene.scheme.transfer}" damps by the step, not by the second: the flow '
+        'depends on the time step and falls short; take "tpic" or "flip"'
+    )
+
+
+def _seeding(scene: Scene) -> str | None:
+    fewest = min(fill.points_per_cell for fill in scene.fills)
+    if not _granular(scene) or fewest >= POINTS_PER_CELL or not _many_columns(scene):
+        return None
+    return f"points_per_cell = {fewest} is too few for a flow: take {POINTS_PER_CELL} or more"
+
+
+def _layer(scene: Scene) -> str | None:
+    if not _granular(scene):
+        return None
+    cells = height(scene) / scene.grid.cell
+    if cells >= LAYER_CELLS * (1 - 1e-9):
+        return None
+    return f"material of {cells:.3g} cells in height: take {LAYER_CELLS} or more"
+
+
+def _locking(scene: Scene) -> str | None:
+    nu, limit = scene.material.nu, LOCKING[scene.scheme.basis]
+    if nu <= limit:
+        return None
+    return (
+        f"nu = {nu} exceeds {limit}: the {scene.scheme.basis} basis makes material too stiff "
+        "that can hardly change its volume"
+    )
+
+
+def _slope(scene: Scene) -> str | None:
+    """An endless layer on a slope outside of the range where the mu(I) law is well posed."""
+    material, grid = scene.material, scene.grid
+    if not isinstance(material, MuI) or not _many_columns(scene) or not all(grid.periodic[:-1]):
+        return None
+    *along, across = scene.gravity.vectors[-1]
+    if not across < 0:
+        return None
+    slope = math.degrees(math.atan2(math.hypot(*along), -across))
+    if slope <= math.degrees(math.atan(material.mu_s)):
+        return None  # at rest
+    ends = well_posed_slopes(material)
+    if ends is not None and ends[0] <= slope <= ends[1]:
+        return None
+    where = "nowhere" if ends is None else f"from {ends[0]:.1f} to {ends[1]:.1f} deg only"
+    return (
+        f"a slope of {slope:.4g} deg: the mu(I) law is well posed {where} (Barker et al. 2015); "
+        "refinement need not converge"
+    )
+
+
+def _grains(scene: Scene) -> str | None:
+    """Of a local law: a nonlocal one has the size of the grains in it."""
+    d = getattr(scene.material, "d", None)
+    if d is None or scene.grid.cell >= d or scene.material.has_fluidity:
+        return None
+    return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: no continuum is there"
+
+
+def _seed(scene: Scene) -> str | None:
+    seed = scene.scheme.fluidity.initial
+    pressed = all(fill.lithostatic for fill in scene.fills)
+    if not seed or pressed or not scene.material.has_fluidity:
+        return None
+    return (
+        f"seed = {seed}: points that bear no pressure at the start lose their fluidity in the "
+        "first step; take lithostatic fills, or no seed"
+    )
+
+
+def _blades(scene: Scene) -> str | None:
+    """Bodies that nodes hardly hold.
+
+    Measured with layers thrown at .8 m/s against a plate and discs: behind a plate without sides
+    what lies there gets 9, 4 and 1.3 % of that speed with 2, 2.2 and 2.5 cells under the default
+    scheme, none from 2.8 on, and none from 2 on with other bases than splines. The impulse on a
+    disc depends on where it stands in the grid: 0 to 1.6 of its mean with a diameter of 2 cells,
+    .57 to 1.26 with 2.5, .79 to 1.11 with 3, .94 to 1.08 with 4.
+    """
+    reach = THIN + 1 if scene.scheme.basis == "quadratic" else THIN
+    for i, body in enumerate(scene.bodies):
+        box, other = thicknesses(body.shape.rows(), body.dim)
+        other = min(other, deepest(body.shape.samples()))
+        if other < 3 * scene.grid.cell * (1 - 1e-9):
+            return (
+                f"bodies[{i}] has a cylinder or mesh of {other:.4g} m: below 3 cells what it feels "
+                "depends on where it stands in the grid, and nodes may miss one below 2"
+            )
+        if box >= reach * scene.grid.cell * (1 - 1e-9):
+            continue
+        thin = f"bodies[{i}] has parts of {box:.4g} m, thinner than {reach:.0f} cells: "
+        if keeps_sides(scene.scheme):
+            return thin + (
+                "their two sides are kept apart by double nodes, but not within a cell of their "
+                "edges"
+            )
+        return thin + (
+            "what is on one side feels a part of the other through nodes of both; density = "
+            '"particle" with "apic", "tpic" or "flip" keeps them apart'
+        )
+    return None
+
+
+def _buried(scene: Scene) -> str | None:
+    """Bodies in the midst of what is filled in: its points are held by the nodes within."""
+    for i, body in enumerate(scene.bodies):
+        places = _places_about(scene, body)
+        within = places[_distances(body, places) < -scene.grid.cell, : scene.dim]
+        for j, fill in enumerate(scene.fills):
+            if fill.region.contains(within).any():
+                return (
+                    f"fills[{j}] has points within bodies[{i}], which will go with it: leave its "
+                    "place out of the region (geometry.Difference)"
+                )
+    return None
+
+
+def height(scene: Scene) -> float:
+    """Height of the material at the start [m]."""
+    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
+    return max(high[-1] for high in highs) - min(low[-1] for low in lows)
+
+
+def _granular(scene: Scene) -> bool:
+    return scene.material.granular
+
+
+def _many_columns(scene: Scene) -> bool:
+    """Whether a flow can vary along the layer: more than one periodic column."""
+    grid = scene.grid
+    pairs = zip(grid.shape[:-1], grid.periodic[:-1], strict=True)
+    return any(count > 1 or not periodic for count, periodic in pairs)

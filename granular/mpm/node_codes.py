@@ -1,0 +1,314 @@
+"""What walls mean to the nodes of the grid: c0_lines, node positions, and a code for each node.
+
+The core knows a table of wall rows and one code byte per node; code 0 is a free node, code r
+(from 1 on) is row r - 1 of the tuple returned here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.checks import integer, one_of
+from granular.geometry import LINE_TOLERANCE, Grid
+from granular.mpm.walls import Solid, Wall
+
+if TYPE_CHECKING:
+    from granular.mpm.scene import Scene
+
+__all__ = ["WallRow", "c0_lines", "node_codes", "node_positions"]
+
+CORE_BASES = ("linear", "ugimp", "quadratic")  # in the order of the core
+MAX_ROWS = 255
+FACE_DEPTH = 0.5 + LINE_TOLERANCE
+"""Nodes of a block no deeper than this (cells) belong to the face: the first layer of quadratic
+splines lies half a cell inside, and must not hold the material that slides along the face."""
+
+
+@dataclass(frozen=True)
+class WallRow:
+    """What is done to the velocity of a node.
+
+    Attributes
+    ----------
+    fixed : int
+        Bit d: component d is zero.
+    friction : float
+        Coulomb coefficient along the wall.
+    normal : int
+        Axis of the Coulomb wall, -1 where there is none.
+    side : int
+        +1: material above the wall along `normal`, -1: below, 0: both.
+    opens_at : float
+        Time [s] from which the node is ruled by code `after`; inf for never.
+    after : int
+        That code, 0 for a free node.
+    """
+
+    fixed: int = 0
+    friction: float = 0.0
+    normal: int = -1
+    side: int = 0
+    opens_at: float = math.inf
+    after: int = 0
+
+
+def c0_lines(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tuple[int, ...]:
+    """Grid lines of `axis` on which walls stand or end inside the grid, ascending.
+
+    Shape functions are with_c0_lines there, so that an inner wall or the edge of an opening is sharp:
+    the line of every wall normal to `axis`, and the ends of the span of the others; only lines
+    strictly inside. Blocks (`Solid`) make none: a staircase would c0_line every line.
+
+    Parameters
+    ----------
+    scene_grid : Grid
+    walls : sequence of Wall and Solid
+    axis : int
+
+    Raises
+    ------
+    ValueError
+        If a wall does not lie on grid lines.
+    """
+    integer("axis", axis, 0, scene_grid.dim - 1)
+    lines = set()
+    for i, wall in enumerate(walls):
+        if isinstance(wall, Solid):
+            continue
+        ends = (wall.at,) if wall.axis == axis else wall.extent(scene_grid, axis)
+        lines |= {scene_grid.line(f"walls[{i}] {wall}", axis, end) for end in ends}
+    return tuple(sorted(line for line in lines if 0 < line < scene_grid.shape[axis]))
+
+
+def check_c0_lines(basis: str, n_cells: int, periodic: bool, c0_lines: Sequence[int]) -> list[int]:
+    """Refuse c0_lines that an axis of this basis cannot have; see `node_positions`."""
+    one_of("basis", basis, CORE_BASES)
+    n = integer("n_cells", n_cells, 1)
+    lines = [integer("c0_lines", line, 1, n - 1) for line in c0_lines]
+    if lines != sorted(set(lines)):
+        raise ValueError(f"c0_lines = {tuple(c0_lines)} must ascend")
+    if basis == "quadratic" and periodic and lines:
+        raise ValueError(
+            f"c0_lines = {tuple(lines)} must be empty on a periodic axis of quadratic splines:"
+            " no wall may end along it"
+        )
+    return lines
+
+
+def node_positions(
+    basis: str, n_cells: int, periodic: bool, c0_lines: Sequence[int] = ()
+) -> NDArray[np.float64]:
+    """Positions of the nodes along one axis, in cells from its lower end.
+
+    Hats ("linear", "ugimp") have a node on each grid line. Quadratic B-splines have the knots
+    0, 0, 0, 1, 2, ..., n, n, n with those of c0_lines doubled; node i stands at its Greville
+    abscissa (t[i+1] + t[i+2])/2, so that linear fields are met by their values at the nodes.
+    On a periodic axis the knots are uniform and nodes stand in the middle of cells.
+
+    Parameters
+    ----------
+    basis : {"linear", "ugimp", "quadratic"}
+    n_cells : int
+    periodic : bool
+    c0_lines : sequence of int
+        Ascending lines with 0 < line < n_cells.
+
+    Returns
+    -------
+    ndarray, shape (n_nodes,)
+
+    Raises
+    ------
+    ValueError
+        For c0_lines out of order or range, or on a periodic axis of quadratic splines.
+    """
+    lines = check_c0_lines(basis, n_cells, periodic, c0_lines)
+    n = int(n_cells)
+    if periodic and lines and basis == "quadratic":
+        raise ValueError(
+            f"c0_lines = {tuple(lines)} must be empty on a periodic axis of quadratic splines:"
+            " no wall may end along it"
+        )
+    return _core.node_positions(CORE_BASES.index(basis), n, periodic, np.array(lines, np.int32))
+
+
+@dataclass(frozen=True)
+class _Hold:
+    """One constraint on a node; the set of them makes its row."""
+
+    fixed: int = 0
+    friction: float = 0.0
+    normal: int = -1
+    side: int = 0
+    opens_at: float = math.inf
+
+
+Nodes = tuple[NDArray[np.intp], ...]  # indices along each axis: the nodes are their product
+
+
+class _Axes:
+    """Node positions of a scene along its axes, and which of them lie where."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.grid = grid = scene.grid
+        self.positions = [
+            node_positions(scene.scheme.basis, n, periodic, c0_lines(grid, scene.walls, axis))
+            for axis, (n, periodic) in enumerate(zip(grid.shape, grid.periodic, strict=True))
+        ]
+
+    def cells(self, axis: int, at: float) -> float:
+        """A coordinate [m] in cells from the lower end of the axis."""
+        return (at - self.grid.lower[axis]) / self.grid.cell
+
+    def within(self, axis: int, low: float, high: float) -> NDArray[np.intp]:
+        """Nodes from `low` to `high` (cells), ends included."""
+        x = self.positions[axis]
+        found = (x >= low - LINE_TOLERANCE) & (x <= high + LINE_TOLERANCE)
+        if self.grid.periodic[axis]:  # node 0 is also node n
+            found |= x + self.grid.shape[axis] <= high + LINE_TOLERANCE
+        return np.flatnonzero(found)
+
+    def of_wall(self, wall: Wall) -> Nodes:
+        found = []
+        for axis in range(self.grid.dim):
+            ends = (wall.at, wall.at) if axis == wall.axis else wall.extent(self.grid, axis)
+            found.append(self.within(axis, *(self.cells(axis, end) for end in ends)))
+        return tuple(found)
+
+    def split(self, axis: int, low: float, high: float) -> dict[bool, NDArray[np.intp]]:
+        """Nodes of a block along an axis: those at its faces (True), and those deeper (False)."""
+        nodes, n = self.within(axis, low, high), self.grid.shape[axis]
+        x = self.positions[axis][nodes]
+        if self.grid.periodic[axis]:
+            x = np.where(x < low - LINE_TOLERANCE, x + n, x)
+            faces = () if high - low > n - LINE_TOLERANCE else (low, high)
+        else:
+            faces = tuple(f for f in (low, high) if LINE_TOLERANCE < f < n - LINE_TOLERANCE)
+        at_face = np.zeros(len(nodes), dtype=bool)
+        for face in faces:
+            at_face |= np.abs(x - face) <= FACE_DEPTH
+        return {True: nodes[at_face], False: nodes[~at_face]}
+
+
+def _wall_hold(wall: Wall, grid: Grid) -> _Hold:
+    everything, normal = (1 << grid.dim) - 1, 1 << wall.axis
+    if wall.kind == "no_slip":
+        return _Hold(fixed=everything, opens_at=wall.opens_at)
+    if wall.kind == "free_slip":
+        return _Hold(fixed=normal, opens_at=wall.opens_at)
+    line = grid.line("at", wall.axis, wall.at)
+    side = 1 if line == 0 else -1 if line == grid.shape[wall.axis] else 0
+    return _Hold(
+        fixed=normal, friction=wall.friction, normal=wall.axis, side=side, opens_at=wall.opens_at
+    )
+
+
+def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Nodes, _Hold]]:
+    dim = axes.grid.dim
+    ends = [
+        (axes.cells(axis, solid.lower[axis]), axes.cells(axis, solid.upper[axis]))
+        for axis in range(dim)
+    ]
+    everything = (1 << dim) - 1
+    if solid.kind == "no_slip":
+        nodes = tuple(axes.within(axis, *ends[axis]) for axis in range(dim))
+        yield nodes, _Hold(fixed=everything)
+        return
+    parts = [axes.split(axis, *ends[axis]) for axis in range(dim)]
+    for at_face in product((False, True), repeat=dim):
+        fixed = sum(1 << axis for axis in range(dim) if at_face[axis]) or everything
+        yield tuple(parts[axis][at_face[axis]] for axis in range(dim)), _Hold(fixed=fixed)
+
+
+def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Nodes, _Hold]]:
+    for wall in scene.walls:
+        if isinstance(wall, Wall):
+            yield axes.of_wall(wall), _wall_hold(wall, scene.grid)
+        else:
+            yield from _solid_holds(wall, axes)
+
+
+class _Rows:
+    """The rows made so far; equal rows are one."""
+
+    def __init__(self, dim: int) -> None:
+        self.everything = (1 << dim) - 1
+        self.codes: dict[WallRow, int] = {}
+
+    def code(self, holds: frozenset[_Hold]) -> int:
+        """Code of a node under these constraints, the rows after its openings included."""
+        if not holds:
+            return 0
+        opens_at = min(hold.opens_at for hold in holds)
+        after = 0
+        if opens_at < math.inf:
+            after = self.code(frozenset(hold for hold in holds if hold.opens_at > opens_at))
+        fixed = 0
+        rubbing = _Hold()
+        # In a fixed order: of two rough edges in space the rougher counts, then the lower axis.
+        for hold in sorted(holds, key=lambda h: (-h.friction, h.normal, h.side)):
+            fixed |= hold.fixed
+            if hold.normal >= 0 and rubbing.normal < 0:
+                rubbing = hold
+        if fixed == self.everything:
+            rubbing = _Hold()  # nothing is left to rub
+        row = WallRow(
+            fixed=fixed,
+            friction=rubbing.friction,
+            normal=rubbing.normal,
+            side=rubbing.side,
+        )
+        if after:  # where a wall opens behind which another stands, nothing changes
+            remaining = list(self.codes)[after - 1]
+            if replace(remaining, opens_at=math.inf, after=0) == row:
+                return after
+        row = replace(row, opens_at=opens_at, after=after)
+        return self.codes.setdefault(row, len(self.codes) + 1)
+
+
+def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
+    """What the walls and blocks of a scene do to each node.
+
+    A wall acts on the nodes on its line and within its span, ends included. Constraints on one
+    node add up; of several Coulomb walls the roughest counts. A wall that opens leaves the node
+    to the row `after`, which holds the constraints that remain.
+
+    Returns
+    -------
+    codes : ndarray of uint8, shape (..., n_y, n_x), C-contiguous
+        0 for a free node, else 1 + the index of its row.
+    rows : tuple of WallRow
+        At most 255; some may be in use only after an opening.
+
+    Raises
+    ------
+    ValueError
+        If a wall does not lie on grid lines, or more than 255 different rows are needed.
+    """
+    axes = _Axes(scene)
+    shape = tuple(len(x) for x in axes.positions[::-1])
+    state = np.zeros(shape, dtype=np.int32)
+    known: dict[frozenset[_Hold], int] = {frozenset(): 0}
+    for nodes, hold in _all_holds(scene, axes):
+        where = np.ix_(*nodes[::-1])
+        old, places = np.unique(state[where], return_inverse=True)
+        sets = list(known)
+        new = [known.setdefault(sets[i] | {hold}, len(known)) for i in old]
+        if new:
+            state[where] = np.array(new, dtype=np.int32)[places].reshape(state[where].shape)
+    rows = _Rows(scene.grid.dim)
+    code_of = np.zeros(len(known), dtype=np.int64)
+    sets = list(known)
+    for i in np.unique(state):
+        code_of[i] = rows.code(sets[i])
+    if len(rows.codes) > MAX_ROWS:
+        raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
+    return code_of.astype(np.uint8)[state], tuple(rows.codes)

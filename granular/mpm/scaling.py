@@ -1,0 +1,187 @@
+"""Froude scaling: a scene at another size whose flow is the same at corresponding places and times.
+
+Gravity and densities stay. With lengths times s, times and velocities go as sqrt(s), stresses
+(and so the moduli) as s, forces as s^3. Frictions, strains and the inertial number
+gdot d sqrt(rho/p) stay if grains are scaled with the rest; the time scale t0 of the fluidity goes
+as sqrt(s). Nothing is gained in steps or points: their numbers are the same. It is for comparing
+with models and with runs made at another scale, as those of Haeri & Skonieczny 2021 at a quarter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from granular import geometry, materials
+from granular.checks import one_of, positive
+from granular.gravity import Gravity
+from granular.mpm import bodies as rigid
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Fluidity, Scheme
+from granular.mpm.walls import Solid, SpongeLayer, Wall
+
+__all__ = ["POWERS", "Froude"]
+
+POWERS = {
+    "length": 1.0,
+    "time": 0.5,
+    "velocity": 0.5,
+    "angular_velocity": -0.5,
+    "rate": -0.5,
+    "acceleration": 0.0,
+    "density": 0.0,
+    "stress": 1.0,
+    "mass": 3.0,
+    "force": 3.0,
+    "impulse": 3.5,
+    "torque": 4.0,
+    "angular_impulse": 4.5,
+    "energy": 4.0,
+    "power": 3.5,
+    "none": 0.0,
+}
+"""Power of the ratio of lengths that a quantity goes with, in space."""
+_PLANE = ("mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
+"""These are per metre of depth in the plane, and lose one power there."""
+
+_MATERIAL = {"E": "stress", "d": "length", "t0": "time"}
+_QUANTITIES: dict[type, dict[str, str]] = {
+    geometry.Grid: {"lower": "length", "cell": "length"},
+    geometry.Fill: {"velocity": "velocity"},
+    geometry.Box: {"lower": "length", "upper": "length"},
+    geometry.Disc: {"center": "length", "radius": "length"},
+    geometry.Cylinder: {"center": "length", "radius": "length", "height": "length"},
+    geometry.Union: {},
+    geometry.Intersection: {},
+    geometry.Difference: {},
+    materials.MuI: _MATERIAL,
+    materials.NGF: _MATERIAL,
+    materials.DruckerPrager: _MATERIAL,
+    materials.HardeningDruckerPrager: _MATERIAL,
+    materials.Elastic: _MATERIAL,
+    Fluidity: {"initial": "rate", "floor": "rate"},
+    Scheme: {"flip_decay": "rate", "dt": "time"},
+    Wall: {"at": "length", "span": "length", "opens_at": "time"},
+    Solid: {"lower": "length", "upper": "length"},
+    SpongeLayer: {"above": "length", "rate": "rate"},
+    Gravity: {"times": "time"},
+    rigid.Box: {"size": "length", "center": "length"},
+    rigid.Cylinder: {"radius": "length", "length": "length", "center": "length"},
+    rigid.HalfSpace: {"through": "length"},
+    rigid.Mesh: {"vertices": "length", "spacing": "length"},
+    rigid.Union: {},
+    rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
+    rigid.Body: {"position": "length", "mass": "mass"},
+    Scene: {"duration": "time"},
+}
+"""What the fields of the parts of a scene are; the others have no dimension, or are parts."""
+
+
+@dataclass(frozen=True)
+class Froude:
+    """The ratio of two sizes at which the same thing happens.
+
+    Parameters
+    ----------
+    length : float
+        Length in the scaled world over that in the real one, > 0; with 1/4 or another power of
+        4 all factors are powers of 2, and a run gives the same digits.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    length: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "length", positive("length", self.length))
+
+    def factor(self, quantity: str, *, dim: int = 3) -> float:
+        """A quantity in the scaled world over that in the real one.
+
+        Parameters
+        ----------
+        quantity : str
+            One of `POWERS`.
+        dim : int
+            2 for quantities per metre of depth.
+
+        Raises
+        ------
+        ValueError
+            For an unknown quantity or dimension.
+        """
+        power = POWERS[one_of("quantity", quantity, tuple(POWERS))]
+        if one_of("dim", dim, (2, 3)) == 2 and quantity in _PLANE:
+            power -= 1.0
+        # by the root, so that powers of 4 give powers of 2 without rounding
+        return math.sqrt(self.length) ** round(2 * power)
+
+    def real(self, quantity: str, value: ArrayLike, *, dim: int = 3) -> Any:
+        """What a measured value, of any shape, is in the real world.
+
+        Raises
+        ------
+        ValueError
+            As `factor`.
+        """
+        return (np.asarray(value, dtype=float) / self.factor(quantity, dim=dim))[()]
+
+    def scene(self, scene: Scene) -> Scene:
+        """The scene in the scaled world.
+
+        Its parameters stay those of the real one, with ``froude_length`` beside them, so measures
+        that look there must be told lengths.
+
+        Raises
+        ------
+        TypeError
+            If a part of the scene is of a class unknown here.
+        """
+        if not isinstance(scene, Scene):
+            raise TypeError(f"scene = {scene!r} must be a Scene")
+        scaled = self._scaled(scene, scene.dim)
+        ratio = self.length * float(scene.parameters.get("froude_length", 1.0))
+        parameters = dict(scene.parameters) | {"froude_length": ratio}
+        return scaled.replace(parameters=parameters)
+
+    def _scaled(self, part: Any, dim: int) -> Any:
+        """A part of a scene; one that has no parts of its own and no class is left as it is."""
+        if isinstance(part, tuple):
+            return tuple(self._scaled(entry, dim) for entry in part)
+        if not is_dataclass(part):
+            return part
+        kind = type(part)
+        if kind not in _QUANTITIES:
+            raise TypeError(f"{part!r} cannot be scaled: its class is not known")
+        values = (
+            part.arguments()
+            if isinstance(part, materials.Material)
+            else {f.name: getattr(part, f.name) for f in fields(part)}
+        )
+        if values.get("xi") is not None:
+            values["xi"] /= self.length  # I0/(d sqrt(rho_s))
+        quantities = _QUANTITIES[kind]
+        return kind(
+            **{
+                name: _times(value, self.factor(quantities[name], dim=dim))
+                if name in quantities
+                else self._scaled(value, dim)
+                for name, value in values.items()
+            }
+        )
+
+
+def _times(value: Any, factor: float) -> Any:
+    """A number, None, or nested tuples of numbers."""
+    if value is None:
+        return None
+    if isinstance(value, tuple):
+        return tuple(_times(entry, factor) for entry in value)
+    return value * factor

@@ -1,0 +1,157 @@
+"""A simulation by the material point method."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core, diagnostics, simulation
+from granular.mpm import bodies as rigid
+from granular.mpm import engine as core
+from granular.mpm.scene import Scene
+from granular.record import Checkpoint
+
+__all__ = ["Simulation"]
+
+CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "g_gain", "side"})
+"""Fields that a scheme carries from step to step: in every checkpoint, but not in the frames, which
+they would swell by two thirds and where no measure asks for them."""
+
+
+class Simulation(simulation.Simulation, scenes=Scene):
+    """Steps the material points of a `granular.Scene`; see `granular.Simulation`."""
+
+    def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+        diagnostics.warn(scene)
+        points = core.initial_points(scene)
+        self._build(scene, float(points["mass"].mean()), threads, isa)
+        self._buffers = core.initial_buffers(self._engine, points)
+        self._bind(len(points["mass"]))
+
+    def _build(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
+        engine = core.build(scene, mean_mass, core.default_isa() if isa is None else isa)
+        self._start(scene, engine, threads)
+        self._mean_mass = mean_mass
+
+    def _bind(self, n_points: int) -> None:
+        self._engine.bind(self._buffers, n_points, True)
+        self._grow(self._engine.regroup())
+
+    def _grow(self, needed: int) -> bool:
+        """Give the core larger buffers if it asks for them."""
+        grown = needed > 0
+        while needed:
+            larger = core.allocate(self._engine, needed)
+            for name, array in self._buffers.items():
+                larger[name][..., : array.shape[-1]] = array
+            self._engine.bind(larger, 0, False)
+            self._buffers = larger
+            needed = self._engine.regroup()
+        return grown
+
+    def _make_steps(self, max_steps: int, until: float) -> None:
+        self._grow(self._engine.advance(max_steps, until, self.threads))
+
+    @property
+    def cell_counts(self) -> NDArray[np.int64]:
+        """Points in each cell that the kernels work on: cells with points and their neighbours."""
+        return self._engine.cells()[1]
+
+    @property
+    def fluidity(self) -> _core.Fluidity | None:
+        """How the fluidity is diffused: method, substeps, the limit of a substep [s], and the
+        iterations and the cells kept from being negative since this object was made. None for a
+        local law."""
+        return self._engine.fluidity()
+
+    @property
+    def bodies(self) -> tuple[rigid.BodyState, ...]:
+        """Where the bodies of the scene are and what they have felt, in their order."""
+        return tuple(rigid.state_of(row, self.scene.dim) for row in self._engine.bodies())
+
+    @property
+    def buffers(self) -> dict[str, NDArray]:
+        """What the core works on, without copying: {field: (component, capacity)} and "id".
+
+        Rows are grouped by cell; places with a negative id are spare. They may be larger arrays
+        after points have spread. What is written into them counts from the next step on, if this
+        property has been asked for since the last one.
+        """
+        self._engine.refresh()
+        return dict(self._buffers)
+
+    def _fields(self, kept: bool) -> dict[str, NDArray]:
+        without = CARRIED if kept else frozenset()
+        ids = self._buffers["id"]
+        living = np.flatnonzero(ids >= 0)
+        ordered = np.full(ids.max(initial=-1) + 1, -1)
+        ordered[ids[living]] = living  # by id, with gaps where points have left
+        places = ordered[ordered >= 0]
+        fields = {"id": ids[places]}
+        for name, rows, _, _ in self._engine.fields():
+            if name in without:
+                continue
+            values = np.empty((len(places), rows))
+            for column, row in zip(values.T, self._buffers[name], strict=True):
+                column[:] = row.take(places)
+            fields[name] = values if rows > 1 else values[:, 0]
+        fields["x"] = self._wrapped(fields["x"])
+        return fields
+
+    def _wrapped(self, x: NDArray) -> NDArray:
+        """Positions with those of periodic axes in the domain (ugimp groups by shifted cells)."""
+        grid = self.scene.grid
+        for d in np.flatnonzero(grid.periodic):
+            length = grid.shape[d] * grid.cell
+            x[x[:, d] < grid.lower[d], d] += length
+        return x
+
+    # ---- restart ----
+
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+        offset, count = self._engine.cells()
+        before = np.cumsum(count) - count
+        places = np.arange(count.sum()) + np.repeat(offset - before, count)
+        arrays = {name: array.take(places, axis=-1) for name, array in self._buffers.items()}
+        scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
+        return scalars, arrays | self._body_arrays()
+
+    @classmethod
+    def _restored(
+        cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
+    ) -> Self:
+        self = cls.__new__(cls, scene)
+        scalars = dict(checkpoint.scalars)
+        if "mean_mass" not in scalars:
+            raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
+        self._build(scene, float(scalars.pop("mean_mass")), threads, isa)
+        n = len(checkpoint.arrays.get("id", ()))
+        self._buffers = core.allocate(self._engine, 3 * n + 64)
+        for name, array in self._buffers.items():
+            stored = checkpoint.arrays.get(name)
+            if stored is None or stored.shape != (*array.shape[:-1], n):
+                raise ValueError(f"the checkpoint does not hold {name} of {n} points")
+            array[..., :n] = stored
+        if scene.bodies:  # before the points: those about thin bodies are grouped by side
+            self._restore_bodies(checkpoint)
+        self._bind(n)
+        self._engine.restore(scalars)
+        return self
+
+    def _restore_bodies(self, checkpoint: Checkpoint) -> None:
+        stored = checkpoint.arrays.get("bodies")
+        if stored is None:
+            raise ValueError("the checkpoint does not hold the bodies of the scene")
+        self._engine.restore_bodies(stored)
+        if "split" in checkpoint.arrays:
+            self._engine.restore_split(checkpoint.arrays["split"])
+
+    def _body_arrays(self) -> dict[str, NDArray]:
+        if not self.scene.bodies:
+            return {}
+        return {"bodies": self._engine.bodies(), "split": self._engine.split()}
+
+    def _body_rows(self) -> NDArray:
+        return self._engine.bodies()

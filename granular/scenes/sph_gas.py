@@ -1,0 +1,250 @@
+"""Ready scenes of grains and a gas."""
+
+from __future__ import annotations
+
+from granular.checks import in_range, integer, non_negative, positive
+from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
+from granular.scenes._build import whole_cells
+from granular.sph.gas import Gas, Jet
+from granular.sph.material import Viscoplastic
+from granular.sph.numerics import Numerics
+from granular.sph.scene import Scene
+from granular.sph.walls import Wall
+
+__all__ = ["fluidised_bed", "jet_on_bed"]
+
+LAYERS = 5
+"""Of points in a wall, as in the thesis."""
+GAP_PRESSURE = 0.8
+"""Of a gap in the gas over that of the gas at the start."""
+
+
+def _numerics() -> Numerics:
+    """A wider kernel, which the gas needs, and half the largest viscosity: with all of it beds
+    never come to rest, and their noise is that of the gas."""
+    return Numerics(smoothing=1.5)
+
+
+def fluidised_bed(
+    *,
+    velocity: float = 0.15,
+    height: float = 0.1,
+    plenum: float = 0.12,
+    freeboard: float = 0.05,
+    spacing: float = 0.01,
+    columns: int = 5,
+    columns_across: int = 0,
+    gravity: float = 9.81,
+    pressure: float = 1e5,
+    sound_speed: float = 100.0,
+    permeability: float = 2e-10,
+    viscosity: float = 1e-5,
+    duration: float = 0.3,
+    material: Viscoplastic | None = None,
+    numerics: Numerics | None = None,
+) -> Scene:
+    """Bed on a sieve through which a piston below presses gas; periodic sides, open above.
+
+    The pressure gradient of Darcy carries the bed where the gas flows faster than
+    k/eta (1 - e) (rho_s - rho_g) g per area, its minimum velocity of fluidisation.
+
+    Parameters
+    ----------
+    velocity : float
+        Of the piston and so of the gas below the sieve [m/s], >= 0; times the duration it must not
+        exceed the plenum.
+    height, plenum, freeboard : float
+        Heights of the bed, of the gas between piston and sieve, and of that above the bed [m];
+        whole spacings.
+    spacing : float
+        Of the points of grains, walls and gas [m].
+    columns, columns_across : int
+        Points along the two horizontal axes; 0 across is for the plane.
+    gravity : float
+        Its magnitude [m/s2]; it grows in the first 20 ms.
+    pressure, sound_speed, permeability, viscosity : float
+        See `Gas`. By default its sound is slow, 100 m/s: the steps are longer, and it weighs
+        10 kg/m3.
+    duration : float
+        [s]
+    material, numerics
+        By default 1600 kg/m3, friction 0.8; h = 1.5 spacings, half the largest viscosity.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    spacing = positive("spacing", spacing)
+    parts = {"height": height, "plenum": plenum, "freeboard": freeboard}
+    counts = {name: whole_cells(name, part, spacing) for name, part in parts.items()}
+    velocity = non_negative("velocity", velocity)
+    duration = positive("duration", duration)
+    if velocity * duration > plenum:
+        raise ValueError(
+            f"velocity = {velocity} must be at most {plenum / duration}, plenum/duration"
+        )
+    level = (integer("columns", columns, 1),)
+    if integer("columns_across", columns_across, 0):
+        level += (columns_across,)
+    axis, still = len(level), (0.0,) * len(level)
+    ends = tuple(n * spacing for n in level)
+    sieve = (counts["plenum"] + LAYERS) * spacing
+    top = (counts["plenum"] + LAYERS + counts["height"]) * spacing
+    rows = sum(counts.values()) + LAYERS
+    return Scene(
+        name="fluidised_bed",
+        grid=Grid(
+            (*still, 0.0),
+            spacing,
+            (*level, rows + counts["plenum"]),
+            periodic=(*(True for _ in level), False),
+        ),
+        fills=(Fill(Box((*still, sieve), (*ends, top)), 1),),
+        material=material or Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8),
+        numerics=numerics or _numerics(),
+        walls=(
+            Wall(axis, 0.0, 1, layers=LAYERS, velocity=(*still, velocity)),
+            Wall(axis, sieve, 1, layers=LAYERS, permeable=True),
+        ),
+        gas=Gas(
+            fills=(Fill(Box((*still, 0.0), (*ends, rows * spacing)), 1),),
+            pressure=pressure,
+            sound_speed=sound_speed,
+            permeability=permeability,
+            viscosity=viscosity,
+        ),
+        gravity=Gravity((0.0, 0.02), ((*still, 0.0), (*still, -positive("gravity", gravity)))),
+        duration=duration,
+        parameters={
+            "velocity": velocity,
+            "spacing": spacing,
+            "columns": columns,
+            "columns_across": columns_across,
+            "gravity": gravity,
+            "pressure": pressure,
+            "sound_speed": sound_speed,
+            "permeability": permeability,
+            "viscosity": viscosity,
+            "duration": duration,
+            **parts,
+        },
+    )
+
+
+def jet_on_bed(
+    *,
+    speed: float = 100.0,
+    width: float = 0.5,
+    depth: float = 0.25,
+    headroom: float = 0.15,
+    nozzle: float = 0.1,
+    across: float = 0.0,
+    spacing: float = 0.01,
+    gravity: float = 3.711,
+    pressure: float = 1e5,
+    sound_speed: float = 300.0,
+    permeability: float = 2e-10,
+    viscosity: float = 1e-5,
+    duration: float = 0.075,
+    material: Viscoplastic | None = None,
+    numerics: Numerics | None = None,
+) -> Scene:
+    """Jet of gas on a bed (Hurley, thesis, section 6.2.2, figure 6.2).
+
+    From the thesis: 0.5 m wide and 0.1 m across, both periodic, 0.25 m of soil on an impermeable
+    floor; rho0 1600 kg/m3, friction 0.8, permeability 2e-10 m2, gravity 3.711 m/s2, an ideal gas of
+    10 uPa s driven at 100 m/s downward, Darcy's drag up to a porosity of 0.38; the first 75 ms.
+
+    Chosen here, for the thesis says nothing: ambient pressure 1e5 Pa and speed of sound 300 m/s,
+    neither of them artificial; grains of 2500 kg/m3, so that the soil has a porosity of 0.36; gas
+    0.15 m above it, under a ceiling; the nozzle, a box 0.1 m wide and two thirds as high below the
+    ceiling, where the gas is driven: it is sucked from the sides. For that the pressure at which
+    gas leaves gaps open, `Gas.pressure`, is 0.8 of the initial one. In the plane unless `across`
+    is positive.
+
+    Parameters
+    ----------
+    speed : float
+        Of the gas in the nozzle [m/s], >= 0 and below that of sound.
+    width, depth, headroom : float
+        Of the domain, of the soil, of the gas above it [m]; whole spacings.
+    nozzle : float
+        Width of the nozzle [m], at most the domain's.
+    across : float
+        Extent along the second horizontal axis [m], whole spacings; 0 for the plane.
+    spacing : float
+        Of the points of grains, walls and gas [m].
+    gravity : float
+        Its magnitude [m/s2].
+    pressure : float
+        Of the gas at the start [Pa], > 0.
+    sound_speed, permeability, viscosity : float
+        See `Gas`.
+    duration : float
+        [s]
+    material, numerics
+        By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    spacing = positive("spacing", spacing)
+    columns = whole_cells("width", width, spacing)
+    soil, above = (
+        whole_cells("depth", depth, spacing),
+        whole_cells("headroom", headroom, spacing),
+    )
+    level: tuple[int, ...] = (columns,)
+    if non_negative("across", across):
+        level += (whole_cells("across", across, spacing),)
+    in_range("nozzle", nozzle, spacing, width)
+    sound_speed = positive("sound_speed", sound_speed)
+    in_range("speed", speed, 0.0, sound_speed, open_high=True)
+    density = positive("pressure", pressure) / sound_speed**2
+    axis, still = len(level), (0.0,) * len(level)
+    ends, top = tuple(n * spacing for n in level), (soil + above) * spacing
+    low = max(top - 2.0 / 3.0 * nozzle, soil * spacing)
+    middle = 0.5 * width
+    box = Box((middle - 0.5 * nozzle, *still[1:], low), (middle + 0.5 * nozzle, *ends[1:], top))
+    return Scene(
+        name="jet_on_bed",
+        grid=Grid(
+            (*still, 0.0),
+            spacing,
+            (*level, soil + above),
+            periodic=(*(True for _ in level), False),
+        ),
+        fills=(Fill(Box((*still, 0.0), (*ends, soil * spacing)), 1),),
+        material=material or Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8),
+        numerics=numerics or _numerics(),
+        walls=(Wall(axis, 0.0, 1, layers=LAYERS), Wall(axis, top, -1, layers=LAYERS)),
+        gas=Gas(
+            fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),
+            pressure=GAP_PRESSURE * pressure,
+            sound_speed=sound_speed,
+            permeability=permeability,
+            viscosity=viscosity,
+            jets=(Jet(box, (*still, -speed)),),
+        ),
+        gravity=Gravity((0.0,), ((*still, -positive("gravity", gravity)),)),
+        duration=duration,
+        parameters={
+            "speed": speed,
+            "width": width,
+            "depth": depth,
+            "headroom": headroom,
+            "nozzle": nozzle,
+            "across": across,
+            "spacing": spacing,
+            "gravity": gravity,
+            "pressure": pressure,
+            "sound_speed": sound_speed,
+            "permeability": permeability,
+            "viscosity": viscosity,
+            "duration": duration,
+        },
+    )

@@ -1,0 +1,144 @@
+"""Collapse of a block of grains down an inclined channel."""
+
+from __future__ import annotations
+
+import math
+
+from granular.checks import in_range, positive
+from granular.geometry import Box, Fill, Grid
+from granular.scenes._build import enough_cells, whole_cells
+from granular.scenes._build_sph import SETTLE, across, settling_gravity
+from granular.sph.material import Viscoplastic
+from granular.sph.numerics import Numerics
+from granular.sph.scene import Scene
+from granular.sph.walls import Wall
+
+HEADROOM = 8
+
+
+def inclined_collapse(
+    *,
+    angle_deg: float = 16.0,
+    side_walls: bool = True,
+    dilation: float = 0.0,
+    length: float = 0.2,
+    height: float = 0.14,
+    width: float = 0.1,
+    spacing: float = 0.01,
+    lift: float = 2.0,
+    reach: float = 1.2,
+    settle: float = SETTLE,
+    gravity: float = 9.81,
+    duration: float = 1.5,
+    material: Viscoplastic | None = None,
+    numerics: Numerics | None = None,
+) -> Scene:
+    """Block behind a gate that lifts, in a channel with x down the slope (Hurley, section 5.4.4).
+
+    From the thesis: 20 x 14 cm, 10 cm across, with a period or between side walls of the same
+    friction as the floor; points 1 cm apart, rho0 1550 kg/m3, constant friction 0.435 in the grains
+    and at all walls; the grains settle, then the gate lifts at 2 m/s; slopes of 0, 10, 16, 22 deg.
+
+    Left open by the thesis: the direction of gravity while the grains settle (here that of the
+    slope), the time for it (here 0.5 s), the times of its profiles (here 1.5 s in all), and where
+    the floor ends (here 1.2 m from the upper wall; grains that get there are dropped). Walls are
+    as thick as the kernel reaches, where the thesis has five layers: the points of side walls are
+    many.
+
+    Parameters
+    ----------
+    angle_deg : float
+        Inclination [deg], 0 <= angle < 90.
+    side_walls : bool
+        Whether there are walls at the sides, else a period.
+    dilation : float
+        Largest beta, unless a material is given; the thesis takes 0.5.
+    length, height, width : float
+        Of the block [m], whole spacings; width 0 is for the plane, which has no side walls.
+    spacing : float
+        Of the points [m].
+    lift : float
+        Speed of the gate [m/s].
+    reach : float
+        Length of the floor [m], rounded up to whole spacings.
+    settle : float
+        Time before the gate lifts [s].
+    gravity : float
+        Its magnitude [m/s2].
+    duration : float
+        Time from then on [s].
+    material, numerics
+        By default those of the thesis.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    angle = math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True))
+    spacing, g = positive("spacing", spacing), positive("gravity", gravity)
+    n, n_z = whole_cells("length", length, spacing), whole_cells("height", height, spacing)
+    n_x, n_y = enough_cells(positive("reach", reach), spacing), across(width, spacing)
+    if n_x <= n:
+        raise ValueError(f"reach = {reach} must exceed length = {length}")
+    if side_walls and not n_y:
+        raise ValueError("side_walls = True must have a width > 0")
+    settle, lift = positive("settle", settle), positive("lift", lift)
+    still, sides = (0.0,) * len(n_y), tuple((0.0, k * spacing) for k in n_y)
+    top = (n_z + HEADROOM) * spacing
+    numerics = numerics or Numerics()
+    thin, ends = math.ceil(2.0 * numerics.smoothing), ((0.0, n_x * spacing), (0.0, top))
+    # clear of the grains, it is in nobody's sums
+    clear = settle + (n_z + 2.0 * numerics.smoothing) * spacing / lift
+    gate = Wall(
+        0,
+        n * spacing,
+        -1,
+        span=(*sides, (0.0, top)),
+        velocity=(0.0, *still, lift),
+        moves_from=settle,
+        until=clear,
+        layers=thin,
+    )
+    channel = ()
+    if side_walls:
+        channel = tuple(
+            Wall(1, at, side, span=ends, layers=thin) for at, side in ((0.0, 1), (sides[0][1], -1))
+        )
+    if material is None:
+        material = Viscoplastic(mu_l=0.435, mu_h=0.435, dilation=dilation)
+    return Scene(
+        name="inclined_collapse_sph",
+        grid=Grid(
+            (0.0, *still, 0.0),
+            spacing,
+            (n_x, *n_y, n_z + HEADROOM),
+            periodic=(False, *(not side_walls for _ in n_y), False),
+        ),
+        fills=(
+            Fill(Box((0.0, *still, 0.0), (n * spacing, *(s[1] for s in sides), n_z * spacing)), 1),
+        ),
+        material=material,
+        numerics=numerics,
+        walls=(
+            Wall(1 + len(n_y), 0.0, 1, layers=thin),
+            Wall(0, 0.0, 1, layers=thin),
+            *channel,
+            gate,
+        ),
+        gravity=settling_gravity((g * math.sin(angle), *still, -g * math.cos(angle)), settle),
+        duration=settle + positive("duration", duration),
+        parameters={
+            "angle_deg": angle_deg,
+            "side_walls": side_walls,
+            "length": length,
+            "half_width": n * spacing,
+            "height": height,
+            "width": width,
+            "spacing": spacing,
+            "lift": lift,
+            "reach": n_x * spacing,
+            "settle": settle,
+            "gravity": gravity,
+        },
+    )

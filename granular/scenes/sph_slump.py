@@ -1,0 +1,119 @@
+"""Slump of a box of grains through an orifice in its corner."""
+
+from __future__ import annotations
+
+import math
+
+from granular.checks import in_range, positive
+from granular.geometry import Box, Fill, Grid
+from granular.scenes._build import whole_cells
+from granular.scenes._build_sph import SETTLE, across, settling_gravity
+from granular.sph.material import Viscoplastic
+from granular.sph.numerics import Numerics
+from granular.sph.scene import Scene
+from granular.sph.walls import Wall
+
+LAYERS = 5
+
+
+def slump_sph(
+    *,
+    phi_deg: float = 30.0,
+    dilation: float = 0.0,
+    length: float = 0.6,
+    height: float = 0.5,
+    width: float = 0.0,
+    orifice: float = 0.05,
+    spacing: float = 0.01,
+    settle: float = SETTLE,
+    gravity: float = 9.81,
+    duration: float = 6.0,
+    kappa: float = 1e5,
+    numerics: Numerics | None = None,
+) -> Scene:
+    """Slope that is left when grains leave a box through an orifice (Hurley, section 5.4.1).
+
+    From the thesis: 60 x 50 cm, 6 cm across with a period, an orifice of 5 cm at the right end of
+    the floor, points 1 cm apart, rho0 1550 kg/m3, constant friction tan(phi) in the grains and at
+    the walls, phi 20 to 40 deg, kappa 1e5 Pa; the angle is that of a line through the surface over
+    the middle 75 % between the left wall and the orifice.
+
+    Left open by the thesis: how the grains settle (here for 0.5 s over a closed orifice, whose
+    floor is then taken away), how long the slope is given (it is said to rest below 1e-5 J/m3,
+    which is not reached as long as grains roll on it; here 6 s), and what is below the floor (here
+    nothing: grains are dropped).
+
+    Parameters
+    ----------
+    phi_deg : float
+        Angle of friction [deg], 0 < phi < 90.
+    dilation : float
+        Largest beta, 0 without dilation; the thesis takes 0.5.
+    length, height, width : float
+        Of the grains [m], whole spacings; width 0 is for the plane.
+    orifice : float
+        Of the floor at the right end [m], whole spacings, less than the length.
+    spacing : float
+        Of the points [m].
+    settle : float
+        Time with a closed orifice [s].
+    gravity : float
+        Its magnitude [m/s2].
+    duration : float
+        Time with an open orifice [s].
+    kappa : float
+        Stiffness [Pa].
+    numerics
+        By default those of the thesis.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    phi = in_range("phi_deg", phi_deg, 0.0, 90.0, open_low=True, open_high=True)
+    spacing, g = positive("spacing", spacing), positive("gravity", gravity)
+    n_x, n_z = whole_cells("length", length, spacing), whole_cells("height", height, spacing)
+    n_hole = whole_cells("orifice", orifice, spacing)
+    if n_hole >= n_x:
+        raise ValueError(f"orifice = {orifice} must be less than length = {length}")
+    n_y, settle = across(width, spacing), positive("settle", settle)
+    still = (0.0,) * len(n_y)
+    sides = tuple((0.0, n * spacing) for n in n_y)
+    x, hole = n_x * spacing, (n_x - n_hole) * spacing
+    below = -LAYERS * spacing
+    up = (below, (n_z + LAYERS) * spacing)
+    mu = math.tan(math.radians(phi))
+    material = Viscoplastic(mu_l=mu, mu_h=mu, kappa=kappa, dilation=dilation)
+    return Scene(
+        name="slump_sph",
+        grid=Grid(
+            (0.0, *still, below),
+            spacing,
+            (n_x, *n_y, n_z + 2 * LAYERS),
+            periodic=(False, *(True for _ in n_y), False),
+        ),
+        fills=(Fill(Box((0.0, *still, 0.0), (x, *(s[1] for s in sides), n_z * spacing)), 1),),
+        material=material,
+        numerics=numerics or Numerics(),
+        walls=(
+            Wall(0, 0.0, 1, span=(*sides, up)),
+            Wall(0, x, -1, span=(*sides, up)),
+            Wall(1 + len(n_y), 0.0, 1, span=((0.0, hole), *sides)),
+            Wall(1 + len(n_y), 0.0, 1, span=((hole, x), *sides), until=settle),
+        ),
+        gravity=settling_gravity((0.0, *still, -g), settle),
+        duration=settle + positive("duration", duration),
+        parameters={
+            "phi_deg": phi_deg,
+            "dilation": dilation,
+            "length": length,
+            "height": height,
+            "width": width,
+            "orifice": orifice,
+            "spacing": spacing,
+            "settle": settle,
+            "gravity": gravity,
+            "kappa": kappa,
+        },
+    )

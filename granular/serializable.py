@@ -1,0 +1,170 @@
+"""Scenes and their parts as JSON, exactly."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from dataclasses import replace as _replace
+from typing import Any, Self
+
+import numpy as np
+
+from granular.checks import integer, one_of
+
+__all__ = ["Parameters", "Serializable", "register"]
+
+FORMAT = 1
+"""Version of the JSON form; older ones are read, newer ones refused."""
+
+Value = bool | int | float | str | None | tuple["Value", ...]
+
+
+class Parameters(Mapping[str, Value]):
+    """An immutable, hashable mapping of plain values: what a scene function was called with.
+
+    Raises
+    ------
+    TypeError
+        For keys that are not strings, and values that are not numbers, strings, booleans, None,
+        or tuples of them.
+    ValueError
+        For NaN.
+    """
+
+    __slots__ = ("_items",)
+
+    def __init__(self, items: Mapping[str, Any] | Sequence[tuple[str, Any]] = ()) -> None:
+        self._items = tuple(
+            (self._key(key), self._plain(key, value)) for key, value in dict(items).items()
+        )
+
+    @staticmethod
+    def _key(key: object) -> str:
+        if not isinstance(key, str):
+            raise TypeError(f"parameters: the name {key!r} must be a string")
+        return key
+
+    @classmethod
+    def _plain(cls, key: str, value: Any) -> Value:
+        if isinstance(value, np.generic):
+            value = value.item()
+        if isinstance(value, (tuple, list)):
+            return tuple(cls._plain(key, entry) for entry in value)
+        if isinstance(value, float) and math.isnan(value):
+            raise ValueError(f"parameters: {key} = nan must be a number")
+        if value is not None and not isinstance(value, (bool, int, float, str)):
+            raise TypeError(f"parameters: {key} = {value!r} must be a plain value")
+        return value
+
+    def __getitem__(self, key: str) -> Value:
+        for name, value in self._items:
+            if name == key:
+                return value
+        raise KeyError(key)
+
+    def __iter__(self) -> Iterator[str]:
+        return (name for name, _ in self._items)
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def __hash__(self) -> int:
+        return hash(frozenset(self._items))
+
+    def __repr__(self) -> str:
+        return repr(dict(self._items))
+
+
+class Serializable:
+    """A scene that can be written down: a frozen dataclass of registered parts."""
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some parts changed, checked as a new one."""
+        return _replace(self, **changes)
+
+    def to_json(self) -> str:
+        """The scene as ASCII JSON; `from_json` gives an equal one, floats to the last bit.
+
+        Raises
+        ------
+        TypeError
+            For a region or material of a class this module does not know.
+        """
+        return json.dumps({"format": FORMAT, "scene": _encode(self)}, allow_nan=False)
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Read what `to_json` wrote.
+
+        Raises
+        ------
+        ValueError
+            If the text is no scene, a part of it is out of range, or its format is newer.
+        """
+        try:
+            data = json.loads(text, parse_constant=_refuse_constant)
+            if not isinstance(data, dict) or set(data) != {"format", "scene"}:
+                raise ValueError("must hold format and scene")
+            if integer("format", data["format"], 1) > FORMAT:
+                raise ValueError(f"format = {data['format']} is newer than {FORMAT}")
+            scene = _decode(data["scene"])
+        except (TypeError, ValueError, KeyError, OverflowError, RecursionError) as error:
+            raise ValueError(f"not the JSON of a scene: {error}") from error
+        if not isinstance(scene, cls):
+            raise ValueError(f"not the JSON of a scene but of {type(scene).__name__}")
+        return scene
+
+
+_PARTS: dict[str, type] = {"Parameters": Parameters}
+"""The classes a scene is written with, by the tag that stands for them."""
+_TAGS: dict[type, str] = {Parameters: "Parameters"}
+
+
+def register(*kinds: type, prefix: str = "") -> None:
+    """Let classes be parts of scenes, each by its name behind a prefix that never changes."""
+    for kind in kinds:
+        _PARTS[prefix + kind.__name__] = kind
+        _TAGS[kind] = prefix + kind.__name__
+
+
+def _encode(value: Any) -> Any:
+    """Plain JSON values; floats rely on the shortest repr that reads back to the same bits."""
+    if value is None or isinstance(value, (bool, int, str)):
+        return value
+    if isinstance(value, float):
+        return value if math.isfinite(value) else {"type": "float", "value": repr(value)}
+    if isinstance(value, frozenset):
+        return sorted(value)
+    if isinstance(value, tuple):
+        return [_encode(entry) for entry in value]
+    if isinstance(value, Parameters):
+        items = [[key, _encode(entry)] for key, entry in value.items()]
+        return {"type": "Parameters", "items": items}
+    kind = type(value)
+    if kind not in _TAGS:
+        raise TypeError(f"{value!r} cannot be written: the class must be one of {list(_PARTS)}")
+    if hasattr(value, "arguments"):  # a material
+        arguments = value.arguments()
+    else:
+        arguments = {f.name: getattr(value, f.name) for f in fields(value)}
+    return {"type": _TAGS[kind], **{name: _encode(entry) for name, entry in arguments.items()}}
+
+
+def _decode(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(_decode(entry) for entry in value)
+    if not isinstance(value, dict):
+        return value
+    rest = dict(value)
+    tag = rest.pop("type")
+    if tag == "float":
+        return float(one_of("float", rest["value"], ("inf", "-inf")))
+    if tag not in _PARTS:
+        raise ValueError(f"type {tag!r} must be one of {list(_PARTS)}")
+    return _PARTS[tag](**{name: _decode(entry) for name, entry in rest.items()})
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} must not stand in the JSON of a scene")

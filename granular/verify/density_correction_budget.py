@@ -1,0 +1,174 @@
+"""What the density correction itself does to energy and momentum, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from granular import materials, measure
+from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
+from granular.measure.energy import plastic_power
+from granular.mpm import schemes
+from granular.mpm.engine import averaging_interval
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.simulation import Simulation
+from granular.state import State
+from granular.verify.layers import JITTER, MODULUS, layer
+from granular.verify.rows import Row, at_most, beside, check, holds
+
+IDLE = {
+    "diffusion": 0.0,
+    "strain_diffusion": 0.0,
+    "relaxation": 0.0,
+    "compression_rate": 0.0,
+    "shifting": 0.0,
+    "weight_correction": 0.0,
+    "weight_correction_decay": 0.0,
+}
+"""Changes of a scheme without which it is its own twin that does not density_correction."""
+
+ENOUGH = 100
+"""Steps looked at from which the mean of what is given says something."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """What the density correction of one step gives to a layer, with what is lent and taken back.
+
+    Attributes
+    ----------
+    energy : float
+        Kinetic and elastic, less the work of gravity [J/m].
+    momentum : float
+        The larger of the components, over the sum of |m v|.
+    angular : float
+        Angular momentum about the base, over sum m |v| y.
+    plastic : float
+        Plastic work of the steps that the averaging stands for [J/m].
+    """
+
+    energy: float
+    momentum: float
+    angular: float
+    plastic: float
+
+
+def _two_steps(sim: Simulation, first: Scheme, second: Scheme) -> State:
+    """The state two steps on, each with a scheme of its own."""
+    stop = sim.checkpoint()
+    for scheme in (first, second):
+        one = Simulation.from_checkpoint(sim.scene.replace(scheme=scheme), stop, threads=1)
+        one.step()
+        stop = one.checkpoint()
+    return one.state
+
+
+def given(sim: Simulation) -> Given:
+    """Compare a step with the density correction with the same step without it.
+
+    The simulation first goes on to a step that averages the density. A second step, without the
+    cure for both, takes back what the shift had lent.
+    """
+    scheme = sim.scene.scheme
+    interval = averaging_interval(sim.scene) if scheme.density == "smoothed" else 1
+    if sim.steps % interval:
+        sim.step(interval - sim.steps % interval)
+    corrected = sim.scene.scheme.replace(dt=sim.dt)  # the same for all four steps
+    idle = corrected.replace(**IDLE)
+    a, b = _two_steps(sim, corrected, idle), _two_steps(sim, idle, idle)
+    grid, m = a.scene.grid, a.mass
+    length = np.array(grid.shape) * grid.cell
+    moved = a.x - b.x
+    moved -= np.where(grid.periodic, np.round(moved / length) * length, 0.0)
+    first, second = measure.energy(a), measure.energy(b)
+    stored = first.kinetic + first.elastic - second.kinetic - second.elastic
+    speed = np.linalg.norm(b.v, axis=1)
+    x = b.x + moved  # not folded into the period
+    spin = m @ (x[:, 0] * a.v[:, 1] - b.x[:, 0] * b.v[:, 1])
+    spin -= m @ (x[:, 1] * a.v[:, 0] - b.x[:, 1] * b.v[:, 0])
+    return Given(
+        energy=stored - float(m @ (moved @ a.scene.gravity.at(a.time))),
+        momentum=float(np.abs(m @ (a.v - b.v)).max() / (m @ speed)),
+        angular=float(spin / (m @ (speed * b.x[:, 1]))),
+        plastic=plastic_power(b) * b.dt * interval,
+    )
+
+
+def collision(scheme: Scheme) -> Scene:
+    """Two blocks that meet in free space and slide past one another: no wall, no gravity."""
+    cell, shape = 0.02, (30, 30)
+    return Scene(
+        name="collision",
+        grid=Grid((0.0, 0.0), cell, shape),
+        fills=(
+            Fill(Box((0.2, 0.2), (0.3, 0.4)), 4, jitter=JITTER, velocity=(0.5, 0.5)),
+            Fill(Box((0.3, 0.2), (0.4, 0.4)), 4, jitter=JITTER, velocity=(-0.5, -0.5)),
+        ),
+        material=materials.glass_beads.replace(E=MODULUS),
+        scheme=scheme,
+        walls=(),
+        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        duration=0.2,
+    )
+
+
+def sampled(sim: Simulation, samples: int, until: float) -> list[Given]:
+    """What the density correction gives in `samples` steps of a run, evenly spread."""
+    times = np.linspace(sim.time, until, samples + 1)[1:]
+    return [given(sim.run(until=float(time))) for time in times]
+
+
+def lost_by_all(scheme: Scheme, until: float, readings: int) -> float:
+    """What density correction and transfer together take from a layer in flow over its plastic work, both from
+    rates read so many times: the work of gravity, less what is stored, less that work."""
+    sim = layer(steady=True, scheme=scheme).run(until=0.5)
+    start, begin = measure.energy(sim.state), sim.time
+    plastic = gravity = 0.0
+    for time in np.linspace(begin, until, readings + 1)[1:]:
+        state = sim.run(until=float(time)).state
+        plastic += plastic_power(state) / readings
+        gravity += float(state.mass @ (state.v @ state.scene.gravity.at(state.time))) / readings
+    end = measure.energy(state)
+    stored = end.kinetic + end.elastic - start.kinetic - start.elastic
+    return (gravity - stored / (sim.time - begin)) / plastic - 1.0
+
+
+def budget(samples: int, until: float, scheme: Scheme) -> Iterator[Row]:
+    """Rows of what the density correction gives: energy to a layer in flow, momentum to blocks that collide.
+
+    Energy must not be made: what is given, less twice its standard error, is not positive.
+    """
+    found = sampled(layer(steady=True, scheme=scheme), samples, until)
+    work = np.mean([f.plastic for f in found])
+    energy = np.array([f.energy for f in found]) / work
+    spread = float(energy.std(ddof=1) / np.sqrt(samples))
+    text = f"{energy.mean():+.2g} +- {spread:.1g}"
+    made = bool(energy.mean() > 2 * spread) if samples >= ENOUGH else None
+    expected = "reported" if made is None else "0 or less"
+    passed = None if made is None else not made
+    yield Row("energy given by the density correction over plastic work", text, expected, passed)
+    lost = lost_by_all(scheme, until / 2, 5 * samples)
+    yield beside("lost by density correction and transfer together", f"{lost:+.2g}", "reported")
+    found = sampled(Simulation(collision(scheme), threads=1), samples, 0.1)
+    yield holds("the colliding blocks flow", sum(f.plastic for f in found) > 0)
+    yield at_most("momentum given in a step, over m |v|", max(f.momentum for f in found), 1e-12)
+    spin = max(abs(f.angular) for f in found)
+    yield beside("angular momentum given in a step, over m |v| y", f"{spin:.2g}", "reported")
+    mean = sum(f.angular for f in found) / samples
+    yield beside("the same, mean with its sign", f"{mean:+.2g}", "reported")
+
+
+@check()
+def density_correction_budget_quick(scheme: Scheme = schemes.default) -> Iterator[Row]:
+    """A layer at 25 deg for 2 s, blocks for .1 s: 20 steps of each."""
+    yield from budget(20, 2.0, scheme)
+
+
+@check(slow=True)
+def density_correction_budget(scheme: Scheme = schemes.default) -> Iterator[Row]:
+    """A layer at 25 deg for 20 s, blocks for .1 s: 400 steps of each."""
+    yield from budget(400, 20.0, scheme)

@@ -1,0 +1,107 @@
+"""The density that the points of a cell share, once more, slow and plain."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from oracle_law import tensor
+from oracle_shapes import Shapes, node_volumes
+from oracle_smoothed import averaged_part, kinematic_rate, pull
+from oracle_walls import faces, held_at_walls, near_outlet
+
+
+def share(scene, points, nodes):
+    """Cells with points: what they are, and their forces in place of those of the points."""
+    grid, s, m, dim = scene.grid, nodes.shapes, points["mass"], scene.grid.dim
+    at = np.floor((points["x"] - grid.lower) / grid.cell)
+    place, which = np.unique(at, axis=0, return_inverse=True)
+    which = which.ravel()
+    mean = _mean_over_cells(which, m)
+    room = node_volumes(scene) * grid.cell**dim
+    middle = Shapes(scene, grid.lower + (place + 0.5) * grid.cell)
+    around = middle.w > 0
+    filled = around @ nodes.mass[middle.node] / scene.material.rho_c
+    free = around @ room[middle.node]
+    phi = filled / free
+    inside = np.clip((phi - 0.8) / 0.1, 0.0, 1.0)
+    centre = mean((points["x"] - grid.lower) / grid.cell) - place
+    local = inside[:, None] / 2 + (1 - inside[:, None]) * centre
+    here = Shapes(scene, grid.lower + (place + local) * grid.cell)
+
+    sigma = mean(tensor(points["stress"], dim)[:, :dim, :dim])
+    needed = np.minimum(np.bincount(which, m) / scene.material.rho_c, grid.cell**dim)
+    volume = inside * grid.cell**dim + (1 - inside) * needed
+    nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
+        np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
+    )
+    excess = np.maximum(nodes.mass / scene.material.rho_c - room, 0.0) / grid.cell**dim
+    nodes.cells = SimpleNamespace(
+        which=which,
+        place=place,
+        here=here,
+        c=mean(points["log_density"]),
+        inside=inside,
+        log_phi=2 * (phi - 1) / (phi + 1),
+        crowding=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
+    )
+
+
+def _mean_over_cells(which, m):
+    """The mean by mass of values (points, ...) over the points of each cell."""
+
+    def mean(values):
+        flat = values.reshape(len(m), -1)
+        sums = np.stack([np.bincount(which, m * column) for column in flat.T], axis=1)
+        sums /= np.bincount(which, m)[:, None]
+        return sums.reshape(-1, *values.shape[1:])
+
+    return mean
+
+
+def _unevenness(scene, cells):
+    """The mean over the axes of a quarter of the second difference of c, where all three join."""
+    grid = scene.grid
+    joins = np.where(cells.c >= -scene.scheme.separation_strain, cells.c, np.nan)
+    known = {tuple(place): c for place, c in zip(cells.place, joins, strict=True)}
+    out = np.zeros(len(joins))
+    for k, place in enumerate(cells.place):
+        for d in range(grid.dim):
+            ends = (_beyond(scene, place, d, side, known) for side in (-1, 1))
+            out[k] += np.nan_to_num(sum(ends) - 2 * joins[k]) / (4 * grid.dim)
+    return out
+
+
+def _beyond(scene, place, d, side, known):
+    """c of the cell beside one; NaN beyond a wall or an end, and where there is none."""
+    grid = scene.grid
+    at = grid.lower[d] + (place[d] + max(side, 0)) * grid.cell
+    middle = grid.lower + (place + 0.5) * grid.cell
+    for axis, face, extents in faces(scene):
+        others = set(range(grid.dim)) - {d}
+        here = axis == d and abs(face - at) < 1e-6 * grid.cell
+        if here and all(extents[j][0] < middle[j] < extents[j][1] for j in others):
+            return np.nan
+    other = place.copy()
+    other[d] += side
+    if grid.periodic[d]:
+        other[d] %= grid.shape[d]
+    return known.get(tuple(other), np.nan)
+
+
+def flow_of_cells(scene, points, new, nodes, dt):
+    """Density and shift of the points, by cells; returned are the velocity gradients of these."""
+    q, cells, dx = scene.scheme, nodes.cells, scene.grid.cell
+    L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
+    rate = dt * kinematic_rate(L)
+    eta = averaged_part(scene, dt, rate, cells.c)
+    c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + eta * _unevenness(scene, cells)
+    gap = cells.log_phi - c
+    fed = pull(scene, dt, rate, gap)
+    c = np.where((gap > 0) | (c >= 0), c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
+    length = np.linalg.norm(cells.crowding, axis=1)
+    most = np.minimum(q.shifting_limit, 0.5 * rate)
+    scale = np.minimum(q.shifting * rate, most / np.maximum(length, 1e-300))
+    shift = (-scale[:, None] * dx * cells.crowding)[cells.which]
+    shift[near_outlet(scene, points["x"])] = 0.0
+    new["log_density"] = c[cells.which]
+    new["x"] = new["x"] + held_at_walls(scene, points["x"], shift)
+    return L[cells.which]

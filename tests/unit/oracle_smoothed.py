@@ -1,0 +1,110 @@
+"""The averaging of a diffused density, once more, slow and plain."""
+
+import itertools
+
+import numpy as np
+from oracle_walls import held_at_walls, near_outlet
+
+from granular.mpm.engine import averaging_interval
+
+
+def averages(scene, step):
+    """Whether a step averages the density."""
+    return scene.scheme.density == "smoothed" and step % averaging_interval(scene) == 0
+
+
+def look_around(scene, nodes, fixed):
+    """What nodes take from those next to them: the gap to the fullness, the weight that would fill
+    the room, and where unevenness is left: inside, where no wall bears it and no domain ends."""
+    counts, periodic = nodes.shapes.counts, scene.grid.periodic
+    own = 2 * (nodes.phi - 1) / (nodes.phi + 1) - nodes.cbar  # ln phi by its first approximant
+    gaps = own.reshape(counts, order="F")
+    full = gaps > -0.5
+    inside, mean = full.copy(), np.zeros(counts)
+    for d in range(len(counts)):
+        unit = np.eye(len(counts), dtype=int)[d]
+        for side in (-1, 1):
+            inside &= _beside(full, side * unit, periodic)
+    for offset in itertools.product((-1, 0, 1), repeat=len(counts)):
+        gap = _beside(gaps, offset, periodic)
+        share = 0.5 ** len(counts) * 0.5 ** np.abs(offset).sum()
+        mean += share * np.where(gap > -0.5, gap, np.where(full, gaps, 0.0))
+    inside = inside.ravel(order="F")
+    nodes.gap = np.where(inside, mean.ravel(order="F"), 0.0)
+    nodes.excess[inside] += 1 - np.exp(-own[inside])
+    for d in range(len(counts)):
+        at = np.indices(counts)[d]
+        end = ((at == 0) | (at == counts[d] - 1)) & (not periodic[d])
+        nodes.uneven[~inside | end.ravel(order="F") | fixed[:, d], d] = 0.0
+
+
+def _beside(field, offset, periodic):
+    """The field at the neighbours by an offset; beyond an end there is none: no step that way."""
+    for d, step in enumerate(offset):
+        at = np.arange(field.shape[d]) + step
+        at = at % field.shape[d] if periodic[d] else np.clip(at, 0, field.shape[d] - 1)
+        field = np.take(field, at, axis=d)
+    return field
+
+
+def average(scene, points, new, nodes, L, dt):
+    """Averaging of the density, its pull to the geometric density, and the shift: for all the steps
+    until the next one."""
+    many = averaging_interval(scene)
+    q, dx, s, dim = scene.scheme, scene.grid.cell, nodes.shapes, scene.grid.dim
+    trace = np.trace(L, axis1=1, axis2=2)
+    old = points["log_density"]
+    bears = old >= (0.0 if scene.material.law != "elastic" else -np.inf)
+    rate = many * np.where(bears, points["shear_rate"], kinematic_rate(L))
+    joins = old >= -q.separation_strain
+    near = s.w @ nodes.cbar[s.node]
+    eta = averaged_part(scene, many * dt, dt * rate, old)
+    c = old - dt * trace + np.where(joins, eta, 0.0) * (near - old)
+    fed = pull(scene, many * dt, rate * dt, s.w @ nodes.gap[s.node])
+    c = np.where(c >= 0, c + fed, c)
+    slope = np.einsum("k,pkj->pj", np.maximum(nodes.phi[s.node] - 1, 0.0), s.g)
+    delta = -q.shifting * (rate * dt)[:, None] * dx**2 * slope
+    length = np.linalg.norm(delta, axis=1)
+    most = np.minimum(q.shifting_limit * dx, 0.5 * rate * dt * dx)
+    most = np.where(near_outlet(scene, points["x"]), 0.0, most)
+    scale = np.where(length > most, most / np.maximum(length, 1e-300), 1.0)
+    delta = delta * scale[:, None]
+    delta = held_at_walls(scene, points["x"], delta)
+    lent = np.einsum("pdj,pj->pd", L, delta)
+    u = points["weight_correction"]
+    divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
+    u = (
+        u
+        - q.weight_correction * divergence
+        - q.weight_correction_decay * u
+        - s.w @ nodes.excess[s.node]
+    )
+    new["weight_correction"] = np.clip(u, -q.weight_correction_limit, q.weight_correction_limit)
+    gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
+    new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
+    new["log_density"], new["x"] = c, new["x"] + delta
+    new["v"], new["shift_velocity"] = new["v"] + lent, lent
+
+
+def averaged_part(scene, dt, strain, c):
+    """What an averaging moves log-densities towards their mean by, in a time and a strain."""
+    q = scene.scheme
+    rest = dt * q.diffusion * scene.material.wave_speed / scene.grid.cell
+    pressed = np.maximum(c, 0)
+    r = rest * pressed + q.strain_diffusion * strain
+    return r / np.where(r > 0, pressed + r, 1.0)
+
+
+def kinematic_rate(L):
+    """Shear rate and |tr L| of velocity gradients (n, dim, dim)."""
+    trace, D = np.trace(L, axis1=1, axis2=2), (L + L.transpose(0, 2, 1)) / 2
+    deviator_squared = np.einsum("pij,pij->p", D, D) - trace**2 / 3
+    return np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace)
+
+
+def pull(scene, dt, strain, gap):
+    """What densities are pulled to the fullness by, in a time and a strain."""
+    q, g = scene.scheme, np.linalg.norm(scene.gravity.vectors, axis=1).max()
+    most = q.relaxation_limit * g / scene.material.wave_speed * dt
+    apart = np.minimum(q.compression_rate * strain, 1.0) * np.maximum(gap - q.dead_band, 0.0)
+    return np.clip(q.relaxation * strain * gap, -most, most) + apart

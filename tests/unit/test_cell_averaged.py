@@ -1,0 +1,70 @@
+"""The density that the points of a cell share: what it does to pressures that make no force."""
+
+import numpy as np
+import pytest
+from test_kernels import living
+
+import granular as gr
+from granular.gravity import Gravity
+
+SHARED = ("linear", "tpic", "cell_averaged")
+MEAN, PART = 1e-3, 1e-4
+"""Log-density of the layer, and what is added from cell to cell."""
+
+
+def stepped(scene, pattern):
+    """Change of c in a step from rest, by cells in the order of their places; r/(1 + r)."""
+    scene = scene.replace(gravity=Gravity((0.0,), ((0.0,) * scene.dim,)))
+    sim = gr.Simulation(scene, threads=1)
+    at, cell = living(sim), scene.grid.cell
+    place = np.floor((sim.buffers["x"][:, at].T - scene.grid.lower) / cell).astype(int)
+    c = MEAN + PART * pattern(place)
+    sim.buffers["log_density"][0, at] = c
+    sim.buffers["stress"][:3, at] = -scene.material.K * c
+    sim.step()
+    r = sim.dt * scene.scheme.diffusion * scene.material.wave_speed / cell
+    return place, (sim.buffers["log_density"][0, living(sim)] - c) / PART, r / (1 + r)
+
+
+@pytest.fixture
+def still(small_scene):
+    """A regular layer four cells high on a rough floor, without relaxation and shift."""
+
+    def make(dim):
+        return small_scene(
+            "periodic", dim, SHARED, jitter=0.0, relaxation=0.0, shift=0.0, diffusion=0.5
+        )
+
+    return make
+
+
+def test_a_pressure_that_alternates_is_taken_away(still):
+    """In the second row all of it by r/(1 + r); at the floor what the neighbours beside say."""
+    place, change, share = stepped(still(2), lambda at: (-1.0) ** at.sum(axis=1))
+    sign = (-1.0) ** place.sum(axis=1)
+    second, floor = place[:, 1] == 1, place[:, 1] == 0
+    np.testing.assert_allclose(change[second], -share * sign[second], rtol=1e-9)
+    np.testing.assert_allclose(change[floor], -share * sign[floor] / 2, rtol=1e-9)
+
+
+def test_a_linear_pressure_is_left(still, dim):
+    """It sets cells in motion at both ends, with or without the neighbours' word."""
+    scene = still(dim)
+    alone = scene.replace(scheme=scene.scheme.replace(diffusion=0.0))
+    _, change, share = stepped(scene, lambda at: -at[:, -1].astype(float))
+    _, expected, _ = stepped(alone, lambda at: -at[:, -1].astype(float))
+    assert share > 0.1
+    np.testing.assert_allclose(change, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_same_bits_with_any_number_of_threads(threads):
+    """Cells read their neighbours while others are already scattered."""
+    scene = gr.scenes.column_collapse(
+        aspect=1.0, cell=0.0125, scheme=gr.schemes.cell_averaged, jitter=0.5
+    )
+    one, other = (gr.Simulation(scene, threads=n) for n in (1, threads))
+    one.step(300)
+    other.step(300)
+    for name, array in one.checkpoint().arrays.items():
+        assert array.tobytes() == other.checkpoint().arrays[name].tobytes(), name

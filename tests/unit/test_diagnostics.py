@@ -1,0 +1,200 @@
+"""The monitors of a run: when they look, what samples add up to, and where they are kept."""
+
+import numpy as np
+import pytest
+
+import granular as gr
+import granular.geometry
+from granular import diagnostics
+from granular.cli import main
+from granular.diagnostics import NAMES, Monitor, health
+from granular.gravity import Gravity
+
+DEFAULT = ("quadratic", "tpic", "smoothed")
+
+
+def samples(**columns):
+    """Looks of a run, by name; what is not given was not told."""
+    length = max(map(len, columns.values()))
+    return {name: np.array(columns.get(name, [np.nan] * length), dtype=float) for name in NAMES}
+
+
+@pytest.fixture
+def scene(small_scene):
+    return small_scene("periodic", 2, DEFAULT)
+
+
+@pytest.fixture
+def often(monkeypatch):
+    """Looks every ten steps, whatever they cost."""
+    monkeypatch.setattr(diagnostics, "STEPS", 10)
+    monkeypatch.setattr(diagnostics, "POINT_STEPS", 0)
+
+
+# ---- what samples add up to ----
+
+
+@pytest.mark.parametrize(
+    ("name", "ok", "suspect"),
+    [
+        ("disconnected", [1.0, 1.0, 0.05, 0.05], [0.0, 0.0, 0.2, 0.2]),
+        ("density_drift", [0.3, 0.3, 0.01, -0.02], [0.0, 0.0, 0.1, 0.1]),
+        ("density_drift", [0.0, 0.0, 0.04], [0.0, -0.1, -0.1]),
+        ("gaps", [0.0, 0.0], [0.01, 0.0]),
+        ("courant", [0.5, 0.63], [0.65, 0.5]),
+    ],
+)
+def test_verdicts(scene, name, ok, suspect):
+    good, bad = (health(scene, samples(**{name: column})) for column in (ok, suspect))
+    assert good[name].verdict == "ok"
+    assert good.ok
+    assert bad[name].verdict == "suspect"
+    assert not bad.ok
+
+
+def test_energy_from_nowhere_is_a_rise_of_the_account(scene):
+    """Over what was turned over: 10 J held at the begin and 30 J of work."""
+
+    def value(created):
+        seen = samples(created=created, work=[10.0, -10.0, 10.0], held_before=[10.0, 0.0, 0.0])
+        return health(scene, seen)["energy_created"].value
+
+    assert value([-5.0, -5.0, -5.0]) == 0
+    assert value([1.0, -5.0, 2.0]) == pytest.approx(2 / 40)
+    assert value([1.0, 3.0, -9.0]) == pytest.approx(4 / 40)
+
+
+def test_what_has_no_value_has_no_verdict(scene):
+    empty = health(scene, {})
+    assert {indicator.verdict for indicator in empty} == {"unknown"}
+    assert empty.ok
+    seen = health(scene, samples(ill_posed=[0.9, np.nan, 0.7]))
+    assert seen["ill_posed"].verdict == "reported"
+    assert seen["ill_posed"].value == 0.7
+    with pytest.raises(KeyError):
+        empty["luck"]
+
+
+def test_health_shows_itself(scene):
+    seen = health(scene, samples(disconnected=[0.5]))
+    assert "disconnected  0.5 (limit 0.1): suspect" in str(seen)
+    assert "<table>" in seen._repr_html_()
+    assert "1 samples" in seen._repr_html_()
+
+
+# ---- when it samples ----
+
+
+def test_samples_are_far_apart(scene):
+    watch = Monitor(scene)
+    assert watch.due(0, 8000)  # to open the accounts
+    assert not watch.due(1000, 8000)
+    assert watch.due(2250, 8000)
+    assert not watch.due(2250, 100)
+    assert watch.due(22_000, 100)
+
+
+def test_a_run_looks_unless_told_not_to(scene, often):
+    watched, blind = gr.Simulation(scene, threads=1), gr.Simulation(scene, threads=1)
+    watched.run(until=0.1, every=0.02)
+    blind.run(until=0.1, every=0.02, monitor=False)
+    # five frames and the present state; only that state without a monitor
+    assert watched.health().samples == 6
+    assert blind.health().samples == 1
+    assert watched.state.x.tobytes() == blind.state.x.tobytes()
+    assert watched.health().samples == 6  # asking leaves no trace
+    assert gr.Simulation(scene, threads=1).health().samples == 0
+
+
+def test_work_of_bodies_is_in_no_account(scene, often):
+    """A disc that falls into the layer brings energy: that is not said to come from nowhere."""
+    disc = gr.bodies.Cylinder(0.1, center=(0.0, 0.0))
+    motion = gr.bodies.Motion(velocity=((0.0, -1.0),))
+    x, y = scene.grid.lower[0] + 0.2, scene.grid.lower[1] + 0.45
+    sim = gr.Simulation(scene.replace(bodies=(gr.bodies.Body(disc, (x, y), motion=motion),)))
+    sim.run(until=0.1, every=0.02)
+    assert np.linalg.norm(sim.bodies[0].impulse) > 0
+    assert sim.health()["energy_created"].verdict == "unknown"
+    assert sim.health()["courant"].verdict == "ok"
+
+
+def test_a_step_alone_needs_no_run(scene):
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(20)
+    courant = sim.health()["courant"]
+    speed = np.linalg.norm(sim.state.v, axis=1).max()
+    expected = (scene.material.wave_speed + speed) * sim.dt / scene.grid.cell
+    assert courant.value == pytest.approx(expected)
+    assert courant.verdict == "ok"
+
+
+def test_work_and_losses_of_a_fall(small_scene):
+    """Free fall: the work of gravity is the kinetic energy, nothing is made or lost."""
+    scene = small_scene("outlet", 2, DEFAULT)
+    fall = scene.replace(
+        walls=(),
+        fills=(gr.geometry.Fill(FALLING, 4, density=1200.0),),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+    )
+    sim, watch = gr.Simulation(fall, threads=1), Monitor(fall)
+    watch.sample(sim.state)
+    sim.run(until=0.15, monitor=False)
+    row = watch.sample(sim.state)
+    kinetic = gr.measure.energy(sim.state).kinetic
+    # The positions of the integrator are half a step ahead of its velocities.
+    assert row["work"] == pytest.approx(kinetic, rel=2 * sim.dt / sim.time)
+    assert row["created"] == pytest.approx(kinetic - row["work"], abs=1e-9 * kinetic)
+    assert row["held_before"] == 0.0
+    assert np.isnan(row["disconnected"])  # loose: no bulk
+
+
+FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
+
+
+# ---- in the record ----
+
+
+def test_looks_are_recorded_and_read(scene, often, tmp_path, capsys):
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.1, every=0.02, save=tmp_path / "a.h5")
+    with gr.open(tmp_path / "a.h5") as record:
+        told = record.samples
+        assert set(told) == set(NAMES)
+        assert np.isnan(told["courant"][0])
+        np.testing.assert_array_equal(
+            np.array([told[name][1:] for name in NAMES]).T, np.array(sim._monitor.rows)
+        )
+        seen = record.health()
+        assert seen.samples == len(record) == 6
+        assert record[2:4].health().samples == 2
+        assert record.damage() == []
+    assert main(["info", str(tmp_path / "a.h5")]) == 0
+    assert str(seen) in capsys.readouterr().out
+
+
+def test_an_unfinished_record_has_looks(scene, often, tmp_path):
+    def stop(sim):
+        if sim.time > 0.05:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        gr.Simulation(scene, threads=1).run(
+            until=0.1, every=0.02, save=tmp_path / "a.h5", hooks=(stop,)
+        )
+    with gr.open(tmp_path / "a.h5") as record:
+        assert not record.finished
+        assert np.isfinite(record.samples["courant"]).sum() == len(record) - 1
+
+
+def test_a_resumed_run_remembers_its_looks(scene, often, tmp_path):
+    gr.Simulation(scene, threads=1).run(until=0.1, every=0.02, save=tmp_path / "a.h5")
+    resumed = gr.Simulation.resume(tmp_path / "a.h5", threads=1)
+    assert len(resumed._monitor.rows) >= 5
+    resumed.run(until=0.2, every=0.02)
+    with gr.open(tmp_path / "a.h5") as record:
+        assert np.isfinite(record.samples["courant"]).sum() >= 9
+    unwatched = gr.Simulation(scene, threads=1)
+    unwatched.run(until=0.04, every=0.02, save=tmp_path / "b.h5", monitor=False)
+    with gr.open(tmp_path / "b.h5") as record:
+        assert record.samples == {}
+        assert record.health().samples == 0

@@ -1,0 +1,171 @@
+"""What is refused and warned of before a run, and what is not."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.diagnostics import scene_warnings
+from granular.geometry import Box, Fill, Grid
+from granular.gravity import Gravity
+from granular.mpm.limits import COURANT_LIMIT, dt_limit
+from granular.mpm.walls import Wall
+
+BEADS = gr.materials.glass_beads.replace(E=1e6)
+
+
+def layer(**options):
+    """Eight columns of the incline in the middle of the well-posed range: nothing to doubt."""
+    return gr.scenes.incline(**({"columns": 8, "cell": 0.01, "material": BEADS} | options))
+
+
+@pytest.mark.parametrize("name", gr.scenes.names())
+def test_scenes_as_they_are_raise_no_doubts(name):
+    scene = gr.scenes.registry[name]()
+    if name == "clogging_silo":  # as published, and half of its points are stress-free in flow
+        (doubt,) = scene_warnings(scene)
+        assert doubt.startswith('density = "particle"')
+        scene = scene.replace(scheme=gr.Scheme())
+    if name == "excavation":  # only a tracked density keeps the sides of its thin blade apart
+        density, blade = scene_warnings(scene)
+        assert density.startswith('density = "particle"') and blade.startswith("bodies[0]")
+        return
+    if name == "excavator":  # sheets of two cells, held by the nodes within them
+        (sheets,) = scene_warnings(scene)
+        assert "feels a part of the other" in sheets
+        return
+    assert scene_warnings(scene) == []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gr.Simulation(layer(), threads=1)
+
+
+def test_the_published_incline_is_sound():
+    """One column is one-dimensional: the published numbers hold there, at every slope."""
+    for angle in (19.0, 25.0, 34.0):
+        scene = gr.scenes.incline(angle_deg=angle, scheme=gr.schemes.dunatunga_kamrin_2015)
+        assert scene_warnings(scene) == []
+
+
+def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
+    """Where a tracked density is no doubt by itself."""
+    for scheme in (gr.Scheme(transfer="apic"), gr.Scheme(basis="linear", transfer="xpic")):
+        (doubt,) = scene_warnings(layer(columns=1, scheme=scheme))
+        assert scheme.transfer in doubt and "damps by the step" in doubt
+    assert scene_warnings(layer(columns=1, scheme=gr.Scheme(basis="linear", transfer="apic"))) == []
+
+
+@pytest.mark.parametrize(
+    ("options", "names"),
+    [
+        ({"scheme": gr.schemes.dunatunga_kamrin_2015.replace(dt=None)}, "density"),
+        ({"scheme": gr.Scheme(transfer="apic")}, "density"),
+        (
+            {"scheme": gr.schemes.cell_averaged, "material": gr.materials.Elastic(E=1e6)},
+            'density = "cell_averaged" is made for grains',
+        ),
+        (
+            {"scheme": gr.Scheme(basis="linear"), "material": gr.materials.Elastic(E=1e6)},
+            'basis = "linear" with an elastic body',
+        ),
+        ({"points_per_cell": 1}, "points_per_cell = 1"),
+        ({"height": 0.03}, "3 cells in height"),
+        ({"angle_deg": 31.0}, "slope of 31 deg: .* from 21.7 to 30.1 deg"),
+        ({"angle_deg": 21.3}, "slope of 21.3 deg"),
+        ({"material": BEADS.replace(mu_2=0.4), "angle_deg": 21.3}, "well posed nowhere"),
+        ({"material": BEADS.replace(nu=0.495)}, "nu = 0.495 exceeds"),
+        (
+            {"material": gr.materials.glass_beads_5mm.replace(E=1e6), "cell": 0.004},
+            "cell = 0.004 is smaller than the grains",
+        ),
+    ],
+)
+def test_one_doubtful_setting_is_one_warning(options, names):
+    scene = layer(**options)
+    assert len(scene_warnings(scene)) == 1
+    with pytest.warns(gr.StabilityWarning, match=names) as caught:
+        gr.Simulation(scene, threads=1)
+    assert caught[0].filename == __file__
+
+
+def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
+    scene = gr.scenes.chute_ngf()
+    assert scene.grid.cell < scene.material.d and scene_warnings(scene) == []
+    local = scene.replace(material=scene.material.replace(A=0.0))
+    (doubt,) = scene_warnings(local)
+    assert "cell = 0.001 is smaller than the grains, d = 0.005" in doubt
+
+
+def test_at_rest_a_slope_is_never_ill_posed():
+    assert scene_warnings(layer(angle_deg=20.0)) == []
+
+
+def test_one_column_is_not_two_dimensional():
+    for options in (
+        {"angle_deg": 31.0},
+        {"points_per_cell": 1},
+        {"scheme": gr.schemes.dunatunga_kamrin_2015},
+    ):
+        assert scene_warnings(layer(columns=1, **options)) == []
+
+
+@pytest.mark.parametrize(
+    ("basis", "dim", "limit"), [(b, d, v) for b, of in COURANT_LIMIT.items() for d, v in of.items()]
+)
+def test_cfl_beyond_the_limit_is_refused(small_scene, basis, dim, limit):
+    scene = small_scene("periodic", dim, (basis, "flip", "particle"), cfl=limit)
+    gr.Simulation(scene, threads=1)
+    with pytest.raises(ValueError, match=rf"cfl = .* must be <= {limit} .* {dim} dimensions"):
+        gr.Simulation(scene.replace(scheme=scene.scheme.replace(cfl=1.01 * limit)))
+
+
+def test_limits_are_those_of_a_single_point():
+    """2/sqrt(lambda_max) c/dx of one point between the nodes of a spline, one dimension.
+
+    lambda_max = sum slope^2/weight; its first term is 2 wherever the point stands and the others
+    tend to 4 at the border of a cell, so that the worst step is 2/sqrt(6).
+    """
+    s = np.linspace(0, 0.4999, 101)
+    weight = np.array([(0.5 - s) ** 2 / 2, 0.75 - s * s, (0.5 + s) ** 2 / 2])
+    slope = np.array([s - 0.5, -2 * s, s + 0.5])
+    steps = 2 / np.sqrt(np.sum(slope**2 / weight, axis=0))
+    assert steps.min() == pytest.approx(2 / np.sqrt(6), rel=1e-3)
+    for dim, limit in COURANT_LIMIT["quadratic"].items():
+        # That point is strained evenly along every axis: 1 + (dim - 1) nu/(1 - nu) times as stiff.
+        corner = steps.min() / np.sqrt(1 + (dim - 1) * 0.3 / 0.7)
+        assert 0.9 * corner < limit < corner
+
+
+def test_a_fixed_step_must_suit_the_speed_at_the_start():
+    """What flies crosses the sooner a cell: the speed counts with that of waves."""
+    material = gr.materials.MuI(E=1e4)
+    scene = gr.Scene(
+        name="thrown",
+        grid=Grid((0.0, 0.0), 0.1, (8, 8)),
+        fills=(Fill(Box((0.1, 0.1), (0.6, 0.6)), 4, velocity=(3.0, 0.0)),),
+        material=material,
+        scheme=gr.schemes.default,
+        walls=(Wall(1, 0.0, kind="no_slip"),),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+        duration=1.0,
+    )
+    step = 0.99 * dt_limit(scene)  # sound at rest
+    with pytest.raises(ValueError, match=r"dt = .* points or bodies of 3 m/s"):
+        gr.Simulation(scene.replace(scheme=gr.Scheme(dt=step)))
+    c = material.wave_speed
+    gr.Simulation(scene.replace(scheme=gr.Scheme(dt=step * c / (c + 3.0))), threads=1)
+
+
+def test_default_steps_are_within_the_limits():
+    for basis, limits in COURANT_LIMIT.items():
+        assert gr.Scheme(basis=basis).cfl <= min(limits.values())
+
+
+def test_a_resumed_run_is_not_warned_of_again(tmp_path):
+    scene = layer(points_per_cell=1)
+    with pytest.warns(gr.StabilityWarning):
+        gr.Simulation(scene, threads=1).run(until=1e-3, save=tmp_path / "a.h5")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gr.Simulation.resume(tmp_path / "a.h5", threads=1)
