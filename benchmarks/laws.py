@@ -24,7 +24,7 @@ from granular import _core
 
 PARAMETERS = {
     "K": 1e6, "G": 5e5, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28, "rho_s": 2500.0, "d": 4e-3,
-    "t0": 1e-3, "p_averaging": 0.0, "g_min": 1e-6, "reconnect_fluidity": 1.0, "xi": 0.28 / (4e-3 * 50.0),
+    "t0": 1e-3, "p_averaging": 0.0, "reconnect_fluidity": 1.0, "xi": 0.28 / (4e-3 * 50.0),
 }  # fmt: skip
 FLOWS = ("drucker_prager", "mu_I", "linear_ngf", "ngf")
 ISAS = ("baseline", "avx2", "avx512")

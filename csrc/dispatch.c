@@ -24,3 +24,12 @@ const struct gr_kernels *gr_kernels_select(const char *name)
         if (!strcmp(found[k]->isa, name)) return found[k];
     return 0;
 }
+
+const struct gr_law *gr_law_at(int k) { return gr_kernels_baseline.laws[k]; }
+
+int gr_law_index(const char *name)
+{
+    for (int k = 0; gr_law_at(k); k++)
+        if (!strcmp(gr_law_at(k)->name, name)) return k;
+    return -1;
+}

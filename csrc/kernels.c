@@ -3,10 +3,22 @@
  * Every combination of dimension, basis, transfer and density has a body of its own, made from one
  * inline function with literal arguments; the choice is made once, when a kernel is called for a run
  * of cells. */
-#include "law/law_elastic.inl"
-#include "law/law_frictional.inl"
-#include "law/law_ngf.inl"
-#include "law/law_hencky.inl"
+#define GR_INFO(name, unit, doc) {#name, unit, doc},
+
+/* A law of both dimensions with its descriptor; what follows the name are members of struct gr_law. */
+#define GR_DESCRIBE_LAW(law, ...)                                                \
+    static void law##_2d(const struct gr_law_call *call) { law_##law(2, call); } \
+    static void law##_3d(const struct gr_law_call *call) { law_##law(3, call); } \
+    static const struct gr_law law##_descriptor = {.name = #law, .update = {law##_2d, law##_3d}, __VA_ARGS__};
+
+#include "law/registry.inl"
+
+static const struct gr_law *const laws[] = {
+#define GR_LIST_LAWS
+#define GR_LAW(law) &law##_descriptor,
+#include "law/registry.inl"
+    0};
+
 #include "fluidity/diffuse.inl"
 #include "mpm/migrate.h"
 #include "mpm/p2g.inl"
@@ -20,18 +32,6 @@
 #define GR_PASTE(a, b) GR_PASTE2(a, b)
 #define GR_STRING2(a) #a
 #define GR_STRING(a) GR_STRING2(a)
-
-#define GR_X(name)                                                                 \
-    static void name##_2d(const struct gr_law_call *call) { law_##name(2, call); } \
-    static void name##_3d(const struct gr_law_call *call) { law_##name(3, call); }
-GR_LAWS(GR_X)
-#undef GR_X
-
-static gr_law_update *const laws[GR_LAW_COUNT][2] = {
-#define GR_X(name) {name##_2d, name##_3d},
-    GR_LAWS(GR_X)
-#undef GR_X
-};
 
 /* X(dim, basis, affine, smoothed, cell_averaged): what can be built. The smoothed density goes with the quadratic basis, the
  * shared one with the linear basis. */
@@ -57,7 +57,7 @@ static gr_law_update *const laws[GR_LAW_COUNT][2] = {
     static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last, \
                                                                 struct gr_migrants *out, int fused)               \
     {                                                                                                             \
-        sweep_cells(d, b, a, q, u, e, first, last, out, fused, laws[e->config.law][d - 2]);                       \
+        sweep_cells(d, b, a, q, u, e, first, last, out, fused, laws[e->config.law]->update[d - 2]);               \
     }
 GR_VARIANTS(GR_X)
 #undef GR_X
@@ -129,7 +129,7 @@ static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SET_OUT(d, b, u)                                                         \
     if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
-        begin_substeps_of_cells(d, b, u, e, first, last, laws[e->config.law][d - 2]);
+        begin_substeps_of_cells(d, b, u, e, first, last, laws[e->config.law]->update[d - 2]);
     GR_SET_OUT(2, GR_LINEAR, 0)
     GR_SET_OUT(2, GR_LINEAR, 1)
     GR_SET_OUT(2, GR_QUADRATIC, 0)
@@ -141,17 +141,14 @@ static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 
 static void substep(struct gr_engine *e, int64_t first, int64_t last)
 {
-    const double *p = e->config.parameter, *hencky = p + GR_HENCKY_NGF_POINT;
-    const double g_min = hencky[GR_HENCKY_P_g_min];
-    if (e->config.law == GR_LAW_ngf)
-        substep_cells(0, e, first, last, p + GR_NGF_POINT, 0);
-    else if (e->config.law == GR_LAW_hencky_ngf)
-        substep_cells(0, e, first, last, hencky + GR_HENCKY_P_G, g_min);
-    else if (e->config.law == GR_LAW_hencky_linear_ngf)
-        substep_cells(1, e, first, last, hencky + GR_HENCKY_P_G, g_min);
+    const struct gr_law *law = laws[e->config.law];
+    if (law->reaction == GR_NGF)
+        substep_cells(0, e, first, last, e->config.parameter + law->fluidity);
+    else if (law->reaction == GR_LINEAR_NGF)
+        substep_cells(1, e, first, last, e->config.parameter + law->fluidity);
 }
 
-static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law][dim - 2](call); }
+static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law]->update[dim - 2](call); }
 
 static void update_fluidity(const struct gr_fluidity_call *call) { fluidity_points(call); }
 
@@ -211,6 +208,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .mean_pairs = mean_pairs,
     .begin_substeps = begin_substeps,
     .substep = substep,
+    .laws = laws,
     .update_law = update_law,
     .update_fluidity = update_fluidity,
     .update_hencky = update_hencky,

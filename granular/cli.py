@@ -131,7 +131,7 @@ def _add_method_options(scene: Any) -> None:
     scene.add_argument("--E", type=_number, help="Young's modulus [Pa]; default that of the scene")
     scene.add_argument(
         "--scheme",
-        choices=("default", "published"),
+        choices=("default", "cell_averaged", "dunatunga_kamrin_2015"),
         default="default",
         help="default that of the scene",
     )

@@ -26,9 +26,9 @@
 struct gr_hencky_numbers {
     struct gr_fluidity_numbers fluidity;
     struct gr_flow_numbers flow;
-    vd K, twoG, inv_twoG, mu_s, g_min, to_rate; /* to_rate = 1/(G dt) */
-    vd reconnect_fluidity;                      /* sqrt(2) reconnect_fluidity/(mu_2 dt) */
-    const double *hardening;                    /* h of hardening.h, from which mu_s is made for each block; or NULL */
+    vd K, twoG, inv_twoG, mu_s, to_rate; /* to_rate = 1/(G dt) */
+    vd reconnect_fluidity;               /* sqrt(2) reconnect_fluidity/(mu_2 dt) */
+    const double *hardening;             /* h of hardening.h, from which mu_s is made for each block; or NULL */
 };
 
 struct gr_hencky_point {
@@ -49,7 +49,6 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
         .twoG = v_set(2 * G),
         .inv_twoG = v_set(1 / (2 * G)),
         .mu_s = v_set(mu_s),
-        .g_min = v_set(g_min),
         .to_rate = v_set(1 / (G * dt)),
         .reconnect_fluidity = v_set(1.4142135623730951 * reconnect_fluidity / (mu_2 * dt)),
     };
@@ -108,7 +107,7 @@ GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struc
                                                      vm before, vd reconnected, vd g_star, vd rate)
 {
     const struct gr_inverse_pressure inverse = gr_invert_pressure(&n->fluidity, p);
-    const vd one = v_set(1.0), m = trial * inverse.p, start = gr_fluidity_start(&n->fluidity, v_max(n->g_min, g_star));
+    const vd one = v_set(1.0), m = trial * inverse.p, start = gr_fluidity_start(&n->fluidity, g_star);
     struct gr_fluidity_point point;
     if (flow == GR_HENCKY_linear_ngf)
         point = gr_fluidity_update_linear(&n->fluidity, m, inverse, start, rate);

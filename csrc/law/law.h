@@ -1,7 +1,8 @@
-/* A constitutive law: its parameters, and an update that works on blocks of lanes of material points.
+/* A constitutive law: its descriptor, and an update that works on blocks of lanes of material points.
  *
- * A law is one file law_<name>.c, included by kernels.c and compiled once for each instruction set, and
- * one line in GR_LAWS. See docs/contributing.md, "Add a law". */
+ * A law is elasticity times flow rule, and one file, law/<name>.inl: the equation, the update, and the descriptor. One
+ * line of law/registry.inl makes it known; kernels.c compiles it once for each instruction set. See
+ * docs/contributing.md, "Add a law". */
 #ifndef GR_LAW_LAW_H
 #define GR_LAW_LAW_H
 
@@ -9,40 +10,48 @@
 
 #include "core/simd.h"
 
-#define GR_LAWS(X)                     \
-    X(elastic)                         \
-    X(drucker_prager)                  \
-    X(mu_I)                            \
-    X(ngf)                             \
-    X(hencky_elastic)                  \
-    X(hencky_drucker_prager)           \
-    X(hencky_hardening_drucker_prager) \
-    X(hencky_mu_I)                     \
-    X(hencky_linear_mu_I)              \
-    X(hencky_ngf)                      \
-    X(hencky_linear_ngf)
-
-enum gr_law_id {
-#define GR_X(name) GR_LAW_##name,
-    GR_LAWS(GR_X)
-#undef GR_X
-        GR_LAW_COUNT
-};
-
-#define GR_LAW_MAX_PARAMETERS 12
+enum { GR_LAW_MAX_PARAMETERS = 12 };
 
 struct gr_parameter_info {
     const char *name, *unit, *doc;
 };
 
-struct gr_law_info {
+/* How the fluidity of a nonlocal law reacts at a point (fluidity_update.h). */
+enum gr_reaction { GR_LOCAL, GR_NGF, GR_LINEAR_NGF };
+
+struct gr_law_call;
+typedef void gr_law_update(const struct gr_law_call *call);
+/* What the rest of the core knows of a law. */
+struct gr_law {
     const char *name, *doc;
-    int nonlocal; /* it has a fluidity, and the parameters A, d and t0 */
-    int n_parameters;
-    struct gr_parameter_info parameter[GR_LAW_MAX_PARAMETERS];
+    gr_law_update *update[2]; /* 2D, 3D */
+    enum gr_reaction reaction;
+    int fluidity; /* of a nonlocal law: which of its parameters is the first of GR_FLUIDITY_PARAMETERS */
+    int hardens;  /* it has the field plastic_strain */
+    struct gr_parameter_info parameter[GR_LAW_MAX_PARAMETERS]; /* the names of all, in order, then NULL */
 };
 
-extern const struct gr_law_info gr_law_table[GR_LAW_COUNT];
+static inline int gr_law_parameters(const struct gr_law *law)
+{
+    int n = 0;
+    while (n < GR_LAW_MAX_PARAMETERS && law->parameter[n].name) n++;
+    return n;
+}
+
+/* Law k of the registry, for what does not depend on the instruction set; NULL beyond the last (dispatch.c). */
+const struct gr_law *gr_law_at(int k);
+
+/* Number of a law by its name, or -1. */
+int gr_law_index(const char *name);
+
+/* Parameters that laws have in common. */
+#define GR_ELASTIC_PARAMETERS \
+    {"K", "Pa", "bulk modulus"}, { "G", "Pa", "shear modulus" }
+#define GR_MU_I_PARAMETERS                                                                                               \
+    GR_ELASTIC_PARAMETERS, {"mu_s", "1", "static friction coefficient"}, {"mu_2", "1", "limiting friction coefficient"}, \
+    {                                                                                                                    \
+        "xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"                                                           \
+    }
 
 /* One call: `n_blocks` blocks of GR_W lanes.
  * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the
@@ -90,10 +99,6 @@ enum gr_substep_number {
 #undef GR_X
         GR_SUBSTEP_COUNT
 };
-
-/* Where the parameters of the nonlocal law are; those of its update at a point come last, all together. */
-enum { GR_NGF_K, GR_NGF_A, GR_NGF_POINT };
-enum { GR_HENCKY_NGF_A, GR_HENCKY_NGF_POINT };
 
 /* Parameters of the update of the fluidity at a point (fluidity_update.h). X(name, unit, description) */
 #define GR_FLUIDITY_PARAMETERS(X)                                               \
@@ -147,7 +152,6 @@ extern const char *const gr_hencky_flow_names[GR_HENCKY_FLOW_COUNT];
 /* Its parameters; those of the fluidity come last, in their order. */
 #define GR_HENCKY_PARAMETERS(X)                                                                                        \
     X(K, "Pa", "bulk modulus")                                                                                         \
-    X(g_min, "1/s", "fluidity below which none falls by decay, so that it can grow again; 0: none")                    \
     X(reconnect_fluidity, "1", "fluidity of what reconnects: this times the shear rate |2 D:D|^1/2 over mu_2; 0 or 1") \
     GR_FLUIDITY_PARAMETERS(X)
 
@@ -171,7 +175,5 @@ struct gr_hencky_call {
     const double *gradient[9], *log_density;
     double *stress[6], *g, *shear_rate;
 };
-
-typedef void gr_law_update(const struct gr_law_call *call);
 
 #endif

@@ -14,13 +14,13 @@ int gr_engine_uses(const struct gr_config *config, int field)
     case GR_SMOOTHED:
         return config->smoothed;
     case GR_NONLOCAL:
-        return gr_law_table[config->law].nonlocal;
+        return gr_law_at(config->law)->reaction != GR_LOCAL;
     case GR_BALANCED:
-        return gr_law_table[config->law].nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit;
+        return gr_law_at(config->law)->reaction && config->nonlocal.method == GR_DIFFUSION_implicit;
     case GR_SIDED:
         return gr_has_thin(config);
     case GR_HARDENING:
-        return config->law == GR_LAW_hencky_hardening_drucker_prager;
+        return gr_law_at(config->law)->hardens;
     case GR_ALWAYS:
     default:
         return 1;
@@ -124,16 +124,23 @@ static int bodies_are_valid(const struct gr_config *c)
     return 1;
 }
 
+static int law_exists(int law)
+{
+    int n = 0;
+    while (gr_law_at(n)) n++;
+    return law >= 0 && law < n;
+}
+
 static int config_is_valid(const struct gr_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
-    if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || c->law < 0 || c->law >= GR_LAW_COUNT) return 0;
+    if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || !law_exists(c->law)) return 0;
     if (c->smoothed && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->smoothed && c->density.interval < 1) return 0;
     if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
-    if (gr_law_table[c->law].nonlocal && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
+    if (gr_law_at(c->law)->reaction && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
@@ -147,8 +154,8 @@ static int config_is_valid(const struct gr_config *c)
 
 static double parameter_of(const struct gr_config *config, const char *name)
 {
-    const struct gr_law_info *law = &gr_law_table[config->law];
-    for (int k = 0; k < law->n_parameters; k++)
+    const struct gr_law *law = gr_law_at(config->law);
+    for (int k = 0; k < gr_law_parameters(law); k++)
         if (!strcmp(law->parameter[k].name, name)) return config->parameter[k];
     return 0;
 }
@@ -210,7 +217,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
         n_cells *= e->axis[d].n_cells;
         n_nodes *= e->axis[d].n_nodes;
     }
-    if (gr_law_table[config->law].nonlocal) error = build_fluidity(e);
+    if (gr_law_at(config->law)->reaction) error = build_fluidity(e);
     if (error) goto shallow;
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;

@@ -36,7 +36,7 @@ struct gr_density_correction {
     double relaxation_limit;  /* 1/s: its largest rate for what may be noise */
     double dead_band;         /* gap of log-density that may be */
     double compression_rate;  /* 1: rate of the pull per shear rate for what it exceeds that by */
-    double shifting;             /* 1: strength of the shift */
+    double shifting;          /* 1: strength of the shift */
     double shifting_limit;    /* largest shift in a step, cells */
     double reach;             /* points looser than -reach take no part in the averaging */
     double weight_correction; /* part of the residual_force of the points that their weights take away in an averaging */
@@ -228,6 +228,7 @@ struct gr_kernels {
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
+    const struct gr_law *const *laws; /* of the registry, then NULL */
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);

@@ -417,8 +417,7 @@ GR_INLINE void begin_substeps_of_cells(const int dim, const int basis, const int
 }
 
 /* A substep along the paths, and the fluidity of the cells anew. */
-GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity,
-                             double g_min)
+GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity)
 {
     enum { TOGETHER = GR_SUMS > 4 ? GR_SUMS : 4 };
     const vd fraction = v_set(1.0 / e->config.nonlocal.substeps);
@@ -433,7 +432,7 @@ GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t firs
         if (leads(e, cell)) {
             place[found] = gr_place_of_cell(e, cell);
             g_star[found] = fluidity_of_cell(e, place[found]);
-            const vd start = gr_fluidity_start(&numbers, v_max(v_set(g_min), v_set(g_star[found])));
+            const vd start = gr_fluidity_start(&numbers, v_set(g_star[found]));
             vd flow = v_zero();
             GR_EACH_OF_FLUIDITY(e, cell, side)
             for (int n = 0; n < GR_BLOCKS(side->count); n++) {

@@ -117,7 +117,7 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
         return -1;
     }
     if ((c->nonlocal.stencil = gr_stencil_of(stencil)) < 0) return -1;
-    if (!gr_law_table[c->law].nonlocal) return 0;
+    if (!gr_law_at(c->law)->reaction) return 0;
     if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000) {
         PyErr_SetString(PyExc_ValueError, "a nonlocal law needs basis 0 or 2 and 1 to 100000 substeps");
         return -1;
@@ -196,18 +196,10 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     GR_TAKE("fluidity_tolerance", nonlocal.tolerance)
     GR_TAKE("fluidity_floor", nonlocal.least)
 #undef GR_TAKE
-    const struct gr_law_info *law = &gr_law_table[c->law];
-    for (int k = 0; k < law->n_parameters; k++)
+    const struct gr_law *law = gr_law_at(c->law);
+    for (int k = 0; k < gr_law_parameters(law); k++)
         if (take_numbers(parameters, law->parameter[k].name, &c->parameter[k])) return -1;
     return 0;
-}
-
-static int law_index(const char *name)
-{
-    for (int k = 0; k < GR_LAW_COUNT; k++)
-        if (!strcmp(gr_law_table[k].name, name)) return k;
-    PyErr_Format(PyExc_ValueError, "there is no law \"%s\"", name);
-    return -1;
 }
 
 int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa)
@@ -257,8 +249,11 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
         return -1;
     }
     c.smoothed = density == 1, c.cell_averaged = density == 2; /* 0: tracked */
-    c.law = law_index(law);
-    if (c.law < 0) return -1;
+    c.law = gr_law_index(law);
+    if (c.law < 0) {
+        PyErr_Format(PyExc_ValueError, "there is no law \"%s\"", law);
+        return -1;
+    }
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, c0_lines, above) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
         gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) ||

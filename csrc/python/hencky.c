@@ -17,8 +17,8 @@ static int flow_of(const char *name)
 
 static int take_parameters(PyObject *dict, double parameter[GR_HENCKY_PARAMETER_COUNT])
 {
-    const unsigned may_be_zero = 1u << GR_HENCKY_P_g_min | 1u << GR_HENCKY_P_reconnect_fluidity | 1u << GR_HENCKY_P_mu_s |
-                                 1u << GR_HENCKY_P_p_averaging;
+    const unsigned may_be_zero =
+        1u << GR_HENCKY_P_reconnect_fluidity | 1u << GR_HENCKY_P_mu_s | 1u << GR_HENCKY_P_p_averaging;
     if (gr_take_parameters(dict, gr_hencky_parameter_table, GR_HENCKY_PARAMETER_COUNT, may_be_zero, parameter)) return -1;
     return gr_refuse_frictions(parameter[GR_HENCKY_P_mu_s], parameter[GR_HENCKY_P_mu_2]);
 }

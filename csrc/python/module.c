@@ -19,22 +19,20 @@ static PyObject *law_update(PyObject *module, PyObject *args)
 {
     (void)module;
     const char *name, *isa;
-    int dim, eos, law = -1;
+    int dim, eos;
     double dt, parameter[GR_LAW_MAX_PARAMETERS] = {0};
     PyObject *parameters, *objects[7] = {0, 0, 0, 0, Py_None, Py_None, Py_None};
     if (!PyArg_ParseTuple(args, "siO!diOOOOs|OOO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
                           &objects[1], &objects[2], &objects[3], &isa, &objects[4], &objects[5], &objects[6]))
         return NULL;
-    for (int k = 0; k < GR_LAW_COUNT; k++)
-        if (!strcmp(gr_law_table[k].name, name)) law = k;
+    const int law = gr_law_index(name);
     const struct gr_kernels *kernels = gr_kernels_select(isa);
     if (law < 0 || !kernels || dim < 2 || dim > 3 || !(dt > 0) || !isfinite(dt))
         return PyErr_Format(PyExc_ValueError, "law_update: law \"%s\", dim %d, instruction set \"%s\" or dt is not valid",
                             name, dim, isa);
-    for (int k = 0; k < gr_law_table[law].n_parameters; k++) {
-        PyObject *value = PyDict_GetItemString(parameters, gr_law_table[law].parameter[k].name);
-        if (!value)
-            return PyErr_Format(PyExc_ValueError, "the parameter %s is missing", gr_law_table[law].parameter[k].name);
+    for (int k = 0; k < gr_law_parameters(gr_law_at(law)); k++) {
+        PyObject *value = PyDict_GetItemString(parameters, gr_law_at(law)->parameter[k].name);
+        if (!value) return PyErr_Format(PyExc_ValueError, "the parameter %s is missing", gr_law_at(law)->parameter[k].name);
         parameter[k] = PyFloat_AsDouble(value);
         if (PyErr_Occurred()) return NULL;
     }
@@ -84,16 +82,16 @@ static PyObject *laws(PyObject *module, PyObject *unused)
 {
     (void)module, (void)unused;
     PyObject *out = PyDict_New();
-    for (int k = 0; out && k < GR_LAW_COUNT; k++) {
+    for (int k = 0; out && gr_law_at(k); k++) {
         PyObject *rows = PyList_New(0);
-        for (int q = 0; rows && q < gr_law_table[k].n_parameters; q++) {
-            const struct gr_parameter_info *info = &gr_law_table[k].parameter[q];
+        for (int q = 0; rows && q < gr_law_parameters(gr_law_at(k)); q++) {
+            const struct gr_parameter_info *info = &gr_law_at(k)->parameter[q];
             PyObject *row = Py_BuildValue("sss", info->name, info->unit, info->doc);
             if (!row || PyList_Append(rows, row)) Py_CLEAR(rows);
             Py_XDECREF(row);
         }
-        PyObject *entry = rows ? Py_BuildValue("sN", gr_law_table[k].doc, rows) : NULL;
-        if (!entry || PyDict_SetItemString(out, gr_law_table[k].name, entry)) Py_CLEAR(out);
+        PyObject *entry = rows ? Py_BuildValue("sN", gr_law_at(k)->doc, rows) : NULL;
+        if (!entry || PyDict_SetItemString(out, gr_law_at(k)->name, entry)) Py_CLEAR(out);
         Py_XDECREF(entry);
     }
     return out;

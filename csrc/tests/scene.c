@@ -18,7 +18,7 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed
 {
     memset(s, 0, sizeof *s);
     struct gr_config *c = &s->config;
-    c->dim = dim, c->basis = basis, c->affine = affine, c->smoothed = smoothed, c->law = GR_LAW_mu_I;
+    c->dim = dim, c->basis = basis, c->affine = affine, c->smoothed = smoothed, c->law = gr_law_index("mu_I");
     c->pressure_from_density = smoothed;
     for (int d = 0; d < dim; d++) c->shape[d] = 6;
     c->lower[0] = -1, c->lower[1] = 2, c->lower[2] = 0.5;

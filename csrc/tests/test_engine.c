@@ -62,7 +62,7 @@ static void refuses_kinds(void)
     REFUSED(s.config.basis = GR_BASIS_COUNT);
     REFUSED(s.config.affine = GR_AFFINE_COUNT);
     REFUSED(s.config.law = -1);
-    REFUSED(s.config.law = GR_LAW_COUNT);
+    REFUSED(s.config.law = 1000);
     REFUSED(s.config.smoothed = 1); /* needs splines and the gradient */
     REFUSED(s.config.xpic_order = -1);
     REFUSED((s.config.smoothed = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,

@@ -9,7 +9,7 @@
 enum { MOST = 29 }; /* no multiple of any number of lanes */
 
 static const double DT = 1e-4;
-static const double PARAMETER[GR_HENCKY_PARAMETER_COUNT] = {1e6, 0, 1, 5e5, 0.38, 0.64, 0.28, 2500, 4e-3, 1e-3, 0};
+static const double PARAMETER[GR_HENCKY_PARAMETER_COUNT] = {1e6, 1, 5e5, 0.38, 0.64, 0.28, 2500, 4e-3, 1e-3, 0};
 
 struct points {
     double gradient[9][MOST], log_density[MOST], stress[6][MOST], g[MOST], shear_rate[MOST];

@@ -17,7 +17,7 @@ static void make_nonlocal(struct gr_config *c)
     static const uint8_t face[4 * 36]; /* of the 6 x 6 cells: all linked */
     const double G = 1e6 / 2.6, parameter[] = {1e6 / 1.2, 0.5, G, 0.38, 0.64, 0.279, 2450, 0.01, 1e-2, 10};
     memcpy(c->parameter, parameter, sizeof parameter);
-    c->law = GR_LAW_ngf;
+    c->law = gr_law_index("ngf");
     c->nonlocal =
         (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .least = 1e-6, .face = face};
 }

@@ -190,7 +190,7 @@ static void fluidity_has_two_sides(void)
     memcpy(t.scene.config.parameter, parameter, sizeof parameter);
     t.part[0].size[1] = 0.1;
     t.body.position[0] = -0.71, t.body.rough = 1;
-    t.scene.config.law = GR_LAW_ngf;
+    t.scene.config.law = gr_law_index("ngf");
     t.scene.config.nonlocal =
         (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 1, .tolerance = 1e-8, .face = face};
     CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine) == GR_OK);

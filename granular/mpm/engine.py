@@ -111,7 +111,7 @@ def _parameters(scene: Scene) -> dict[str, float]:
         # Along an axis: a layer on a slope is held by what gravity has across it.
         across = float(np.abs(scene.gravity.vectors).max())
         layer = material.rho_c * across * scene.grid.cell
-        numbers |= {"p_averaging": averaging * layer, "g_min": 0.0}
+        numbers["p_averaging"] = averaging * layer
         numbers["reconnect_fluidity"] = float(scene.scheme.fluidity.reconnect_fluidity)
     return numbers
 

@@ -67,7 +67,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     Scheme: {"flip_decay": "rate", "dt": "time"},
     Wall: {"at": "length", "span": "length", "opens_at": "time"},
     Solid: {"lower": "length", "upper": "length"},
-    SpongeLayer: {"above": "length", "rate": "rate"},
+    SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
     rigid.Box: {"size": "length", "center": "length"},
     rigid.Cylinder: {"radius": "length", "length": "length", "center": "length"},

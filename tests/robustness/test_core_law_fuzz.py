@@ -243,7 +243,7 @@ def test_fluidity_diffuse_survives_any_number_in_its_arrays(data):
 # ---- hencky ----
 
 HENCKY = {
-    "K": 1e6, "G": 5e5, "g_min": 1e-6, "reconnect_fluidity": 1.0, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28,
+    "K": 1e6, "G": 5e5, "reconnect_fluidity": 1.0, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28,
     "rho_s": 2550.0, "d": 4e-3, "t0": 1e-4, "p_averaging": 0.0,
 }  # fmt: skip
 

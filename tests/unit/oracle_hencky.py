@@ -14,7 +14,7 @@ from granular import _core
 
 SAND = {
     "K": 1e6, "G": 5e5, "mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "rho_s": 2550.0, "d": 0.004,
-    "t0": 1e-4, "p_averaging": 0.0, "g_min": 0.0, "reconnect_fluidity": 1.0,
+    "t0": 1e-4, "p_averaging": 0.0, "reconnect_fluidity": 1.0,
 }  # fmt: skip
 FLOWS = (
     "elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf",
@@ -97,21 +97,23 @@ def friction(flow, q, dt, m, p, g_star, rate):
         def excess(mu):  # growing
             inertial = slip(mu) * grain
             steady = (
-                inertial / (inertial + q["I0"]) if flow.endswith("ating") else inertial / q["I0"]
+                inertial / (inertial + q["I0"])
+                if not flow.startswith("linear")
+                else inertial / q["I0"]
             )
             return mu - q["mu_s"] - dmu * steady
 
         mu = bisected(excess, q["mu_s"], m)
         return mu, slip(mu) / mu
-    theta, g_star = dt / q["t0"], max(g_star, q["g_min"])
+    theta, g_star = dt / q["t0"], g_star
 
     def left(g):  # of the equation of the fluidity, over g: growing in g
         mu = m / (1 + q["G"] * dt * g / p)
-        pull = (q["mu_s"] - mu) * (dmu / (q["mu_2"] - mu) if flow.endswith("ating") else 1.0)
+        pull = (q["mu_s"] - mu) * (dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0)
         return 1 + theta * (pull + dmu / q["I0"] * grain * rate) - g_star / g
 
     low, high = 1e-300, 1.0
-    if flow.endswith("ating") and m >= q["mu_2"]:
+    if not flow.startswith("linear") and m >= q["mu_2"]:
         low = (m / q["mu_2"] - 1) * p / (q["G"] * dt) * (1 + 1e-15)
     while high <= low or left(high) < 0:
         high *= 4
@@ -149,10 +151,10 @@ def stepped(flow, q, gradient, times, *, p0, g0=1.0, substeps=1):
 def plastic_rate(flow, q, p, tau, g):
     """Plastic shear rate of the continuous law."""
     mu, grain = tau / p, q["d"] * math.sqrt(q["rho_s"] / p)
-    if flow.startswith("nonlocal"):
+    if flow.endswith("ngf"):
         return mu * g
     over = max(mu - q["mu_s"], 0.0)
-    span = q["mu_2"] - (mu if flow.endswith("saturating") else q["mu_s"])
+    span = q["mu_2"] - (mu if not flow.startswith("linear") else q["mu_s"])
     return q["I0"] / grain * over / max(span, 1e-12)
 
 
@@ -176,9 +178,11 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
         D = deviator(L)
         db = D @ b + b @ D.T - (slip / max(tau, 1e-12 * p)) * s @ b
         grow = 0.0
-        if flow.startswith("nonlocal"):
+        if flow.endswith("ngf"):
             mu = tau / p
-            pull = (mu - q["mu_s"]) * (dmu / (q["mu_2"] - mu) if flow.endswith("ating") else 1.0)
+            pull = (mu - q["mu_s"]) * (
+                dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0
+            )
             sink = dmu / q["I0"] * q["d"] * math.sqrt(q["rho_s"] / p) * mu * g
             grow = (pull - sink) / q["t0"]
         return np.concatenate([db.ravel(), [-np.trace(L), grow]])

@@ -32,7 +32,7 @@ def still(small_scene):
 
     def make(dim):
         return small_scene(
-            "periodic", dim, SHARED, jitter=0.0, relaxation=0.0, shift=0.0, diffusion=0.5
+            "periodic", dim, SHARED, jitter=0.0, relaxation=0.0, shifting=0.0, diffusion=0.5
         )
 
     return make

@@ -11,7 +11,7 @@ RUN += [
     "--E",
     "1e5",
     "--scheme",
-    "published",
+    "dunatunga_kamrin_2015",
     "--until",
     "0.1",
     "--every",
@@ -156,7 +156,7 @@ def test_doubts_are_one_line_each(tmp_path, capsys):
     """The published scheme in two dimensions: said on stderr, and the run goes on."""
     options = ["--until", "1e-3", "--quiet", "--cell", "0.05", "-o"]
     words = ["run", "column_collapse", "--E", "1e5", *options, str(tmp_path / "a.h5")]
-    assert cli.main([*words, "--scheme", "published"]) == 0
+    assert cli.main([*words, "--scheme", "dunatunga_kamrin_2015"]) == 0
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
     assert said[0].startswith('granular: warning: density = "particle"')

@@ -176,19 +176,6 @@ def test_any_number_of_points_gives_the_same(flow, isa, dim):
         assert all((a == b[order]).all() for a, b in zip(part, whole, strict=True))
 
 
-def test_fluidity_below_the_floor_grows_again():
-    """Without a floor g = 0 stays, above yield too; from the floor it grows."""
-    step, stress = np.zeros((1, 3, 3)), -1000.0 * np.eye(3)[None].copy()
-    stress[0, 0, 1] = stress[0, 1, 0] = 600.0
-    for g_min, grows in ((0.0, False), (1e-6, True)):
-        q = SAND | {"g_min": g_min, "t0": 1e-3}
-        s, g, rate = stress, 0.0, 0.0
-        for _ in range(1500):
-            s, g, rate = oracle.update("linear_ngf", q, 1e-4, step, 1e-3, s, g, rate)
-        assert (g[0] > 0) == grows
-        assert (s[0, 0, 1] < 599) == grows
-
-
 def test_loose_points_bear_nothing_and_reconnect_by_their_shear_rate():
     L = np.array([[[2.0, 5.0, 0.0], [1.0, -3.0, 0.0], [0.0, 0.0, 0.5]]])
     dt, p = 1e-3, 50.0
@@ -254,7 +241,7 @@ def arguments(n=5, dim=3):
     [
         ({"K": 0.0}, "K = 0 must be positive"),
         ({"G": -1.0}, "G = -1 must be positive"),
-        ({"g_min": -1e-6}, "g_min = -1e-06 must be zero or positive"),
+        ({"reconnect_fluidity": -1e-6}, "reconnect_fluidity = -1e-06 must be zero or positive"),
         (
             {"reconnect_fluidity": math.nan},
             "reconnect_fluidity = nan must be zero or positive and finite",

@@ -16,7 +16,7 @@ FLOW_OF = {
     "hencky_linear_ngf": ("linear_ngf", "linear_mu_I"),
 }
 """Flow of each law, and that of its local phase."""
-PARAMETERS = oracle.SAND | {"A": 0.48, "g_min": 0.0, "reconnect_fluidity": 0.0}
+PARAMETERS = oracle.SAND | {"A": 0.48, "reconnect_fluidity": 0.0}
 
 
 def parameters(law):

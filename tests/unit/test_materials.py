@@ -141,7 +141,7 @@ def test_finite_strain_and_friction_that_does_not_saturate():
     assert grains.replace(A=0.0).law == "hencky_linear_mu_I"
     assert grains.replace(rheology="mu_I").law == "hencky_ngf"
     assert type(grains)(**grains.arguments()) == grains
-    with pytest.raises(ValueError, match='"linear" must go with elasticity = "hencky"'):
+    with pytest.raises(ValueError, match='"linear_mu_I" must go with elasticity = "hencky"'):
         materials.NGF(rheology="linear_mu_I")
     with pytest.raises(ValueError, match="elasticity = 'soft' must be one of"):
         materials.MuI(elasticity="soft")

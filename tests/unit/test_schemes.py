@@ -59,10 +59,10 @@ def test_refusals(arguments, error, message):
         ({"substeps": 1.0}, TypeError, "substeps = 1.0"),
         ({"tolerance": 0.0}, ValueError, "tolerance = 0.0"),
         ({"tolerance": 1.0}, ValueError, "tolerance = 1.0"),
-        ({"seed": -1.0}, ValueError, "seed = -1.0"),
-        ({"seed": math.nan}, ValueError, "seed = nan"),
-        ({"spread": 1.5}, ValueError, "spread = 1.5"),
-        ({"spread": -0.5}, ValueError, "spread = -0.5"),
+        ({"initial": -1.0}, ValueError, "initial = -1.0"),
+        ({"initial": math.nan}, ValueError, "initial = nan"),
+        ({"pressure_averaging": 1.5}, ValueError, "pressure_averaging = 1.5"),
+        ({"pressure_averaging": -0.5}, ValueError, "pressure_averaging = -0.5"),
     ],
 )
 def test_refusals_of_the_fluidity(arguments, error, message):

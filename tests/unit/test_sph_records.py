@@ -70,7 +70,7 @@ def test_the_scene_chooses_the_method():
     assert isinstance(gr.Simulation(gr.scenes.incline()), gr.mpm.Simulation)
     with pytest.raises(TypeError, match=r"must be a granular\.sph\.Scene"):
         sph.Simulation(gr.scenes.incline())
-    with pytest.raises(TypeError, match=r"granular\.Scene or a granular\.sph\.Scene"):
+    with pytest.raises(TypeError, match=r"granular\.mpm\.Scene or a granular\.sph\.Scene"):
         gr.Simulation("incline")
 
 

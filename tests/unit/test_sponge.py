@@ -58,5 +58,5 @@ def test_at_once_by_default_and_only_above():
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, math.nan])
 def test_rate_must_be_positive(rate):
-    with pytest.raises(ValueError, match="rate = "):
+    with pytest.raises(ValueError, match="damping = "):
         SpongeLayer(1, 0.5, rate)

@@ -11,7 +11,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("csrc", "granular", "tests", "benchmarks", "docs", "notebooks", "README.md", "CHANGELOG.md")
+ROOMS = (
+    "csrc",
+    "granular",
+    "tests",
+    "benchmarks",
+    "docs",
+    "notebooks",
+    "README.md",
+    "CHANGELOG.md",
+)
 ENDINGS = (".c", ".h", ".inl", ".py", ".pyi", ".md", ".ipynb", ".sh")
 ANY, CORE = ("",), ("csrc/",)
 ENGINE = ("csrc/", "granular/mpm/", "granular/diagnostics.py")

@@ -88,7 +88,7 @@ def test_momentum_with_walls_and_gravity():
         before, felt = _momentum(sim), sim.bodies[0].impulse
         free = gr.Simulation.from_checkpoint(scene.replace(bodies=()), sim.checkpoint(), threads=1)
         for other in (engine, free._engine):
-            other.scatter()
+            other.p2g()
             other.grid()
         nodes, alone = engine.nodes(), free._engine.nodes()
         dt, m = engine.scalars()["dt"], nodes["mass"][:, None]

@@ -93,7 +93,7 @@ def test_crowding_by_hand():
     assert density_correction.crowding(sim.state) == pytest.approx(2.0, rel=1e-12)
 
 
-@pytest.mark.parametrize(("name", "more"), [("published", 0.0), ("default", 0.01)])
+@pytest.mark.parametrize(("name", "more"), [("dunatunga_kamrin_2015", 0.0), ("default", 0.01)])
 def test_free_opening(name, more):
     """From the first to the last free node: the paper's D; splines have theirs half a cell out."""
     scheme = getattr(schemes, name)

@@ -116,7 +116,7 @@ def test_convergence_in_the_cell(spread, order):
     share that falls as the root of the cell alone."""
     error = []
     for cell in (0.002, 0.001, 0.0005):
-        state = steady(cell=cell, scheme=diffused(spread=spread))
+        state = steady(cell=cell, scheme=diffused(pressure_averaging=spread))
         y, v = velocity(state)
         error.append(abs(np.trapezoid(v, y) / 0.01 / exact_flow(state).mean - 1))
     found = np.log2(np.divide(error[:-1], error[1:]))
@@ -128,13 +128,15 @@ def test_convergence_in_the_cell(spread, order):
 @pytest.mark.parametrize("cells", [5, 10, 25])
 def test_the_discrete_equations_are_those_that_flow(cells, spread):
     """To a few 1e-4, which is what E = 1 MPa gives way: the rest is the error of the cells."""
-    speed = top_speed(cell=0.01 / cells, scheme=diffused(spread=spread))
+    speed = top_speed(cell=0.01 / cells, scheme=diffused(pressure_averaging=spread))
     assert speed == pytest.approx(seeding_speed(0.01, cells, spread), rel=3e-4)
 
 
 def test_without_the_mean_of_the_pressure_thin_layers_are_too_fast():
     exact = chute_profile(27.0, 0.01, GRAINS).v[-1]
-    assert top_speed(scheme=diffused(spread=0.0)) / exact == pytest.approx(1.097, abs=0.01)
+    assert top_speed(scheme=diffused(pressure_averaging=0.0)) / exact == pytest.approx(
+        1.097, abs=0.01
+    )
     assert top_speed() / exact == pytest.approx(1.0, abs=0.002)
 
 
@@ -226,7 +228,7 @@ def test_steady_flow_of_any_start(reference):
     """From the local phase and from even fluidities, which need points that bear pressure, and so
     gravity from the start."""
     for seed in (None, 1e-6, 100.0):
-        found = top_speed(ramp=0.0, scheme=diffused(seed=seed))
+        found = top_speed(ramp=0.0, scheme=diffused(initial=seed))
         assert found == pytest.approx(reference, rel=1e-5)
 
 

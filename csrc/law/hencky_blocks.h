@@ -2,6 +2,9 @@
  *
  * The pressure is that of the density, whatever the scheme. A nonlocal flow without a diffused fluidity is in its local
  * phase: the flow that it has where the fluidity is even, with g = gdot/mu. */
+#ifndef GR_LAW_HENCKY_BLOCKS_H
+#define GR_LAW_HENCKY_BLOCKS_H
+
 #include "law/hardening.h"
 #include "law/hencky.h"
 #include "law/substep.h"
@@ -52,7 +55,7 @@ GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, cons
     for (int i = 0; i < GR_STRESSES(dim); i++) strained.s[i] = strained.s[i] - turned.s[i];
     if (call->begins) {
         const vd in_this_step = v_select(before, v_set(-1.0), v_select(v_gt(p, v_zero()), reconnected, v_set(-1.0)));
-        const vd start = gr_fluidity_start(&n->fluidity, v_max(n->g_min, g_star)), fraction = v_set(call->fraction);
+        const vd start = gr_fluidity_start(&n->fluidity, g_star), fraction = v_set(call->fraction);
         double *const of_rate = call->shear_rate + at;
         gr_substeps_begin(dim, &n->fluidity, &turned, &strained, p, call->substeps, at);
         return (struct gr_hencky_point){
@@ -105,7 +108,7 @@ static __attribute__((noinline)) void hencky_blocks_3d(int flow, struct gr_henck
     hencky_blocks_of(3, flow, n, call);
 }
 
-static inline void hencky_blocks(const int dim, int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
+static inline void gr_hencky_blocks(const int dim, int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
 {
     if (dim == 2)
         hencky_blocks_2d(flow, n, call);
@@ -114,7 +117,8 @@ static inline void hencky_blocks(const int dim, int flow, struct gr_hencky_numbe
 }
 
 /* The numbers of laws that have no grain size: only xi = I0/(d sqrt(rho_s)) counts. */
-static inline struct gr_hencky_numbers sizeless(const struct gr_law_call *call, double mu_s, double mu_2, double xi)
+static inline struct gr_hencky_numbers gr_hencky_sizeless(const struct gr_law_call *call, double mu_s, double mu_2,
+                                                          double xi)
 {
     double q[GR_HENCKY_PARAMETER_COUNT] = {0};
     q[GR_HENCKY_P_K] = call->parameter[0], q[GR_HENCKY_P_G] = call->parameter[1];
@@ -123,51 +127,14 @@ static inline struct gr_hencky_numbers sizeless(const struct gr_law_call *call, 
     return gr_hencky_numbers_of(q, call->dt);
 }
 
-static inline void law_hencky_elastic(const int dim, const struct gr_law_call *call)
-{
-    struct gr_hencky_numbers n = sizeless(call, 1, 2, 1);
-    hencky_blocks(dim, GR_HENCKY_elastic, &n, call);
-}
+/* Where the parameters of its nonlocal laws are: the amplitude, then GR_HENCKY_PARAMETERS. */
+enum { GR_HENCKY_NGF_A, GR_HENCKY_NGF_POINT, GR_HENCKY_NGF_FLUIDITY = GR_HENCKY_NGF_POINT + GR_HENCKY_P_G };
 
-static inline void law_hencky_drucker_prager(const int dim, const struct gr_law_call *call)
-{
-    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], 2 * call->parameter[2], 1);
-    hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
-}
-
-static inline void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
-{
-    struct gr_hencky_numbers n = sizeless(call, 1, 2, 1);
-    n.hardening = call->parameter + 2;
-    hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
-}
-
-static inline void law_hencky_mu_I(const int dim, const struct gr_law_call *call)
-{
-    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
-    hencky_blocks(dim, GR_HENCKY_mu_I, &n, call);
-}
-
-static inline void law_hencky_linear_mu_I(const int dim, const struct gr_law_call *call)
-{
-    struct gr_hencky_numbers n = sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
-    hencky_blocks(dim, GR_HENCKY_linear_mu_I, &n, call);
-}
-
-static inline void law_hencky_ngf(const int dim, const struct gr_law_call *call)
+/* A nonlocal law: without a diffused fluidity in its local phase. */
+static inline void gr_hencky_nonlocal_blocks(const int dim, int nonlocal, int local, const struct gr_law_call *call)
 {
     struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
-    if (call->g_star)
-        hencky_blocks(dim, GR_HENCKY_ngf, &n, call);
-    else
-        hencky_blocks(dim, GR_HENCKY_mu_I, &n, call);
+    gr_hencky_blocks(dim, call->g_star ? nonlocal : local, &n, call);
 }
 
-static inline void law_hencky_linear_ngf(const int dim, const struct gr_law_call *call)
-{
-    struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
-    if (call->g_star)
-        hencky_blocks(dim, GR_HENCKY_linear_ngf, &n, call);
-    else
-        hencky_blocks(dim, GR_HENCKY_linear_mu_I, &n, call);
-}
+#endif

@@ -1,4 +1,7 @@
 /* Linear hypoelasticity with the Jaumann rate (Dunatunga & Kamrin 2015, eq. 2.9 with D^p = 0). */
+#ifdef GR_LIST_LAWS
+GR_LAW(elastic)
+#else
 #include "law/trial.h"
 
 static inline void law_elastic(const int dim, const struct gr_law_call *call)
@@ -11,3 +14,6 @@ static inline void law_elastic(const int dim, const struct gr_law_call *call)
         if (call->shear_rate) v_store(call->shear_rate + at, v_zero());
     }
 }
+
+GR_DESCRIBE_LAW(elastic, .doc = "linear hypoelasticity with the Jaumann rate", .parameter = {GR_ELASTIC_PARAMETERS})
+#endif

@@ -1,10 +1,13 @@
-/* The trans-phase mu(I) law: elastic below yield, mu(I) flow above it (flow_rules.h), stress-free when disconnected.
- * Drucker-Prager is the same return with tau = min(tau_tr, mu p). */
+/* Hypoelastic friction: elastic below yield, above it mu(I) flow (flow_rules.h) or, for Drucker-Prager, the same return
+ * with tau = min(tau_trial, mu p); stress-free when disconnected. */
+#ifndef GR_LAW_FRICTIONAL_H
+#define GR_LAW_FRICTIONAL_H
+
 #include "law/flow_rules.h"
 #include "law/trial.h"
 
-/* What both frictional laws share; rate = 1 for mu(I), 0 for Drucker-Prager. */
-static inline void law_frictional(const int dim, const int rate, const struct gr_law_call *call)
+/* Both laws; rate = 1 for mu(I), 0 for Drucker-Prager. Parameters: K, G, mu_s (or mu), and with rate mu_2, xi. */
+static inline void gr_frictional(const int dim, const int rate, const struct gr_law_call *call)
 {
     const double *q = call->parameter;
     const vd K = v_set(q[0]), G = v_set(q[1]), mu_s = v_set(q[2]), zero = v_zero(), one = v_set(1.0);
@@ -41,5 +44,4 @@ static inline void law_frictional(const int dim, const int rate, const struct gr
     }
 }
 
-static inline void law_mu_I(const int dim, const struct gr_law_call *call) { law_frictional(dim, 1, call); }
-static inline void law_drucker_prager(const int dim, const struct gr_law_call *call) { law_frictional(dim, 0, call); }
+#endif

@@ -3,16 +3,23 @@
  *
  * Without a diffused fluidity it is the mu(I) law, with g = gdot/mu: the local phase from which g is seeded. Points
  * that bear nothing have no fluidity, and bring none with them when they become dense again. */
+#ifdef GR_LIST_LAWS
+GR_LAW(ngf)
+#else
+#include "law/frictional.h"
 #include "law/substep.h"
+
+/* Where its parameters are; those of the update at a point come last, all together. */
+enum { NGF_K, NGF_A, NGF_POINT };
 
 static inline void local_phase(const int dim, const struct gr_law_call *call)
 {
-    const double *q = call->parameter, *point = q + GR_NGF_POINT;
+    const double *q = call->parameter, *point = q + NGF_POINT;
     const double xi = point[GR_FLUIDITY_I0] / (point[GR_FLUIDITY_d] * sqrt(point[GR_FLUIDITY_rho_s]));
-    const double local[] = {q[GR_NGF_K], point[GR_FLUIDITY_G], point[GR_FLUIDITY_mu_s], point[GR_FLUIDITY_mu_2], xi};
+    const double local[] = {q[NGF_K], point[GR_FLUIDITY_G], point[GR_FLUIDITY_mu_s], point[GR_FLUIDITY_mu_2], xi};
     struct gr_law_call mu_I = *call;
     mu_I.parameter = local;
-    law_frictional(dim, 1, &mu_I);
+    gr_frictional(dim, 1, &mu_I);
 }
 
 /* What the stages of a few blocks hand on. Stages, because each is a chain of operations that wait for one another:
@@ -130,8 +137,8 @@ static inline void law_ngf(const int dim, const struct gr_law_call *call)
         local_phase(dim, call);
         return;
     }
-    const double *q = call->parameter + GR_NGF_POINT;
-    const struct gr_ngf_numbers n = {v_set(call->parameter[GR_NGF_K]), v_set(q[GR_FLUIDITY_G]),
+    const double *q = call->parameter + NGF_POINT;
+    const struct gr_ngf_numbers n = {v_set(call->parameter[NGF_K]), v_set(q[GR_FLUIDITY_G]),
                                      gr_fluidity_numbers_of(q, call->dt)};
     if (!call->substeps)
         flow_blocks(dim, 0, call, &n);
@@ -140,3 +147,11 @@ static inline void law_ngf(const int dim, const struct gr_law_call *call)
     else
         flow_blocks(dim, 1, call, &n);
 }
+
+GR_DESCRIBE_LAW(
+    ngf,
+    .doc = "nonlocal granular fluidity, stress-free when disconnected (Dunatunga & Kamrin, Modelling silo clogging with "
+           "nonlocal granular rheology, eq. 2.1, 2.2)",
+    .reaction = GR_NGF, .fluidity = NGF_POINT,
+    .parameter = {{"K", "Pa", "bulk modulus"}, {"A", "1", "nonlocal amplitude"}, GR_FLUIDITY_PARAMETERS(GR_INFO)})
+#endif

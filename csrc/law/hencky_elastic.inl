@@ -1,0 +1,14 @@
+/* Hencky's elasticity, in tension too (hencky.h). */
+#ifdef GR_LIST_LAWS
+GR_LAW(hencky_elastic)
+#else
+#include "law/hencky_blocks.h"
+
+static inline void law_hencky_elastic(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = gr_hencky_sizeless(call, 1, 2, 1);
+    gr_hencky_blocks(dim, GR_HENCKY_elastic, &n, call);
+}
+
+GR_DESCRIBE_LAW(hencky_elastic, .doc = "Hencky's elasticity", .parameter = {GR_ELASTIC_PARAMETERS})
+#endif

@@ -1,0 +1,21 @@
+/* Hencky's elasticity (hencky.h) and friction that changes with the plastic strain (hardening.h). */
+#ifdef GR_LIST_LAWS
+GR_LAW(hencky_hardening_drucker_prager)
+#else
+#include "law/hencky_blocks.h"
+
+static inline void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = gr_hencky_sizeless(call, 1, 2, 1);
+    n.hardening = call->parameter + 2;
+    gr_hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
+}
+
+GR_DESCRIBE_LAW(hencky_hardening_drucker_prager,
+                .doc = "Hencky's elasticity, friction that grows with the plastic strain (Klar et al. 2016)", .hardens = 1,
+                .parameter = {GR_ELASTIC_PARAMETERS,
+                              {"h0_deg", "deg", "friction angle after a long way"},
+                              {"h1_deg", "deg", "what it gains per plastic strain at first"},
+                              {"h2", "1", "rate at which that and h3 decay with the plastic strain"},
+                              {"h3_deg", "deg", "by how much less it is at the start"}})
+#endif

@@ -1,0 +1,16 @@
+/* Hencky's elasticity (hencky.h) and the straight line of mu(I), mu = mu_s + (mu_2 - mu_s) I/I0 (flow_rules.h). */
+#ifdef GR_LIST_LAWS
+GR_LAW(hencky_linear_mu_I)
+#else
+#include "law/hencky_blocks.h"
+
+static inline void law_hencky_linear_mu_I(const int dim, const struct gr_law_call *call)
+{
+    struct gr_hencky_numbers n = gr_hencky_sizeless(call, call->parameter[2], call->parameter[3], call->parameter[4]);
+    gr_hencky_blocks(dim, GR_HENCKY_linear_mu_I, &n, call);
+}
+
+GR_DESCRIBE_LAW(hencky_linear_mu_I,
+                .doc = "Hencky's elasticity, mu = mu_s + (mu_2 - mu_s) I/I0, stress-free when disconnected",
+                .parameter = {GR_MU_I_PARAMETERS})
+#endif

@@ -1,0 +1,12 @@
+/* The trans-phase mu(I) law (Dunatunga & Kamrin 2015): elastic below yield, mu(I) flow above it, stress-free when
+ * disconnected. */
+#ifdef GR_LIST_LAWS
+GR_LAW(mu_I)
+#else
+#include "law/frictional.h"
+
+static inline void law_mu_I(const int dim, const struct gr_law_call *call) { gr_frictional(dim, 1, call); }
+
+GR_DESCRIBE_LAW(mu_I, .doc = "mu(I) rheology, stress-free when disconnected (Dunatunga & Kamrin 2015, eq. 2.13-2.15)",
+                .parameter = {GR_MU_I_PARAMETERS})
+#endif

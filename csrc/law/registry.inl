@@ -1,0 +1,12 @@
+/* The laws that there are, one line each. kernels.c reads it twice: for the laws, and with GR_LIST_LAWS for their list. */
+#include "law/elastic.inl"
+#include "law/drucker_prager.inl"
+#include "law/mu_I.inl"
+#include "law/ngf.inl"
+#include "law/hencky_elastic.inl"
+#include "law/hencky_drucker_prager.inl"
+#include "law/hencky_hardening_drucker_prager.inl"
+#include "law/hencky_mu_I.inl"
+#include "law/hencky_linear_mu_I.inl"
+#include "law/hencky_ngf.inl"
+#include "law/hencky_linear_ngf.inl"
