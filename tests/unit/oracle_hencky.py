@@ -90,7 +90,7 @@ def friction(flow, q, dt, m, p, g_star, rate):
     if flow == "drucker_prager":
         mu = min(m, q["mu_s"])
         return mu, slip(mu) / mu if mu else 0.0
-    if flow.startswith("local"):
+    if flow.endswith("mu_I"):
         if m <= q["mu_s"]:
             return m, 0.0
 

@@ -143,7 +143,7 @@ def test_numbers_of_the_material_without_dimension_stay():
 
 NUMBERS = {
     *("nu", "mu_s", "mu_2", "mu", "rho_c", "rho_s", "I0", "b", "A", "xi", "friction", "density"),
-    *("rotation_deg", "seed", "tolerance", "spread", "jitter", "cfl", "mass_cutoff", "vectors"),
+    *("rotation_deg", "seed", "tolerance", "pressure_averaging", "jitter", "cfl", "mass_cutoff", "vectors"),
     *(
         "normal",
         "axis",
