@@ -12,6 +12,7 @@ import argparse
 import hashlib
 import importlib.util
 import json
+import sys
 import time
 import warnings
 from collections.abc import Iterator
@@ -60,8 +61,22 @@ READY_SPH = {
 }
 
 
+DENSITY = {
+    "tpic_decay": 0.03,
+    "diffusion": 0.0,
+    "strain_diffusion": 20.0,
+    "relaxation": 0.3,
+    "relaxation_limit": 1.0,
+    "dead_band": 0.03,
+    "compression_rate": 3.0,
+    "shifting": 8.0,
+}
+"""Numbers of small scenes with a cell-averaged density: defaults may change."""
+
+
 def _tests() -> object:
     """The module of the tests that makes small scenes in every scheme."""
+    sys.path.insert(0, str(TESTS / "unit"))
     spec = importlib.util.spec_from_file_location("scenes_of_tests", TESTS / "conftest.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -75,9 +90,14 @@ def _ngf(E: float = 1e6, **changes: object) -> materials.NGF:
 def small() -> Iterator[tuple[str, gr.Scene, int]]:
     """Every scheme; every law, both elasticities, and every way to diffuse the fluidity."""
     tests = _tests()
+
+    def make(kind: str, dim: int, scheme: tuple[str, str, str], **more: float) -> gr.Scene:
+        numbers = DENSITY if scheme[2] == "cell_averaged" else {}
+        return tests.make_scene(kind, dim, scheme, **more, **numbers)
+
     numbered = list(enumerate(tests.COMBINATIONS))  # numbers: their names may change
     for (k, scheme), kind, dim in product(numbered, tests.KINDS, (2, 3)):
-        yield f"scheme {k} {kind} {dim}D", tests.make_scene(kind, dim, scheme, E=1e5), 60
+        yield f"scheme {k} {kind} {dim}D", make(kind, dim, scheme, E=1e5), 60
     grains = {
         "elastic": materials.Elastic(E=1e5),
         "drucker-prager": materials.DruckerPrager(E=1e5),
@@ -90,7 +110,7 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
         ),
     }
     for (label, material), (k, scheme), dim in product(grains.items(), numbered[-2:], (2, 3)):
-        scene = tests.make_scene("walls", dim, scheme).replace(material=material)
+        scene = make("walls", dim, scheme).replace(material=material)
         yield f"{label} scheme {k} {dim}D", scene, 60
     laws = {
         "ngf": _ngf(1e5),
@@ -103,7 +123,7 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
         method, stencil, substeps = way
         dim = 3 if stencil == "isotropic" and substeps == 3 else 2
         diffusion = Fluidity(method=method, stencil=stencil, substeps=substeps, initial=0.5)
-        scene = tests.make_scene("walls", dim, basis)
+        scene = make("walls", dim, basis)
         scheme = scene.scheme.replace(fluidity=diffusion, dt=2e-4)
         scene = scene.replace(material=material, scheme=scheme)
         yield f"{label} {method} {stencil} {substeps} scheme {k} {dim}D", scene, 40

@@ -43,7 +43,9 @@ def heap(law: str, cells: int, times: int) -> gr.Scene:
         fills=(Fill(Box((0.0,) * 3, (edge, edge, 0.75 * edge)), 8, lithostatic=True),),
         material=LAWS[law],
         scheme=gr.Scheme(
-            transfer="apic", density="particle", fluidity=Fluidity(method="implicit", initial=1.0)
+            transfer="apic",
+            density=gr.ParticleDensity(),
+            fluidity=Fluidity(method="implicit", initial=1.0),
         ),
         walls=(
             Wall(2, 0.0, kind="no_slip"),

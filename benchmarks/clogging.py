@@ -40,7 +40,7 @@ AROUND = 0.05
 
 SCHEMES = {
     "hats": gr.scenes.clogging_silo().scheme,
-    "splines": gr.Scheme(basis="quadratic", transfer="tpic", density="particle", dt=1e-4),
+    "splines": gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4),
 }
 SUBSTEPS = (
     *(("implicit", n) for n in (1, 2, 5, 20)),

@@ -24,7 +24,7 @@ RESULTS = Path(__file__).parent / "results" / "density_correction_table.json"
 
 SCHEMES = {
     "default": gr.schemes.default,
-    "default without weights": gr.schemes.default.replace(weight_correction=0.0),
+    "default without weights": gr.Scheme(density=gr.SmoothedDensity(weight_correction=0.0)),
     "cell averaged": gr.schemes.cell_averaged,
     "published": gr.schemes.dunatunga_kamrin_2015.replace(dt=None),
     "quadratic FLIP": gr.Scheme(basis="quadratic", transfer="flip"),

@@ -34,7 +34,7 @@ SOIL = NGF(
     E=1.5e5, elasticity="hencky", A=0.48, t0=1e-3, mu_s=0.3819, mu_2=0.6435, I0=0.278, d=4e-3,
     rho_s=2550.0,
 )  # fmt: skip
-MLS = gr.Scheme(transfer="apic", density="particle")
+MLS = gr.Scheme(transfer="apic", density=gr.ParticleDensity())
 
 
 def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | None) -> gr.Scene:

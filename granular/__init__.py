@@ -12,7 +12,13 @@ from granular.mpm import bodies, scaling, schemes
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.engine import show_config
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Fluidity, Scheme
+from granular.mpm.schemes import (
+    CellAveragedDensity,
+    Fluidity,
+    ParticleDensity,
+    Scheme,
+    SmoothedDensity,
+)
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
@@ -33,6 +39,7 @@ __all__ = [
     "NGF",
     "Body",
     "Box",
+    "CellAveragedDensity",
     "Cylinder",
     "Difference",
     "Disc",
@@ -46,10 +53,12 @@ __all__ = [
     "Intersection",
     "Motion",
     "MuI",
+    "ParticleDensity",
     "Scene",
     "Scheme",
     "Simulation",
     "SimulationError",
+    "SmoothedDensity",
     "Solid",
     "SpongeLayer",
     "StabilityWarning",

@@ -1,6 +1,7 @@
 """Fixtures that the rooms of the tests share: small scenes in every scheme that can be built."""
 
 import pytest
+from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.geometry import Box, Difference, Fill, Grid
@@ -114,7 +115,7 @@ def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, 
         grid=parts["grid"],
         fills=(Fill(parts["region"], points_per_axis**dim, jitter=jitter),),
         material=MuI(E=E),
-        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **scheme),
+        scheme=scheme_of(basis, transfer, density, **scheme),
         walls=tuple(parts["walls"]),
         sponge_layers=parts["sponge_layers"],
         gravity=Gravity((0.0, 0.1), ((*side, -4.0), (0.0,) * (dim - 1) + (-9.8,))),

@@ -22,7 +22,7 @@ from granular.scenes.clogging_silo import hats
 
 SCHEMES = {
     "hats": hats,
-    "splines": gr.Scheme(basis="quadratic", transfer="tpic", density="particle", dt=1e-4),
+    "splines": gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4),
 }
 DIAGRAM = Path(__file__).parents[1] / "results" / "clogging.json"
 """Made by benchmarks/clogging.py."""

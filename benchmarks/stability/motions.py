@@ -23,7 +23,7 @@ TRANSFERS = {
     "pic (xpic(1))": gr.Scheme(transfer="xpic", xpic_order=1),
     "xpic(2)": gr.Scheme(transfer="xpic"),
     "apic": gr.Scheme(transfer="apic"),
-    "tpic": gr.Scheme(transfer="tpic", density="particle"),
+    "tpic": gr.Scheme(transfer="tpic", density=gr.ParticleDensity()),
     "tpic, diffused (default)": gr.schemes.default,
     "cell_averaged": gr.schemes.cell_averaged,
 }

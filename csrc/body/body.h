@@ -5,7 +5,15 @@
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
-enum gr_part_kind { GR_PART_BOX, GR_PART_CYLINDER, GR_PART_HALF_SPACE, GR_PART_SAMPLED, GR_PART_COUNT };
+#define GR_PARTS(X) \
+    X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled)
+
+enum gr_part_kind {
+#define GR_X(constant, name) constant,
+    GR_PARTS(GR_X)
+#undef GR_X
+        GR_PART_COUNT
+};
 
 /* A part of a body, in coordinates of the body. */
 struct gr_part {
@@ -20,7 +28,14 @@ struct gr_part {
     const double *sample; /* signed distances, m, x fastest; linear between */
 };
 
-enum gr_contact { GR_CONTACT_STICKY, GR_CONTACT_SEPARATING, GR_CONTACT_BILATERAL, GR_CONTACT_COUNT };
+#define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
+
+enum gr_contact {
+#define GR_X(constant, name) constant,
+    GR_CONTACTS(GR_X)
+#undef GR_X
+        GR_CONTACT_COUNT
+};
 
 /* What a body is. */
 struct gr_body {

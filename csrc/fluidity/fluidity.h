@@ -22,7 +22,14 @@
 #include "core/table.h"
 
 /* What stands at a face, as seen from one of its cells. Two cells are linked if both say so. */
-enum gr_face { GR_FACE_LINK, GR_FACE_OPEN, GR_FACE_ROUGH, GR_FACE_COUNT };
+#define GR_FACES(X) X(GR_FACE_LINK, link) X(GR_FACE_OPEN, open) X(GR_FACE_ROUGH, rough)
+
+enum gr_face {
+#define GR_X(constant, name) constant,
+    GR_FACES(GR_X)
+#undef GR_X
+        GR_FACE_COUNT
+};
 
 /* How a step is made (diffuse.inl). */
 #define GR_DIFFUSIONS(X) X(explicit) X(implicit) X(rkl2)

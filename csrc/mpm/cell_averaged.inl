@@ -141,7 +141,7 @@ GR_INLINE double density_beside(const int dim, const struct gr_engine *e, const 
 GR_INLINE double residual_force(const int dim, const struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const double c = cell_average_of(dim, e, index)->c, reach = -e->config.density.reach;
+    const double c = cell_average_of(dim, e, index)->c, reach = -e->config.density.separation_strain;
     const int64_t id = gr_cell_id(e, cell->at);
     int64_t stride = 1;
     double sum = 0;
@@ -159,7 +159,7 @@ GR_INLINE double residual_force(const int dim, const struct gr_engine *e, int64_
  *   delta = -beta gdot dt dx over_compression,   |delta| <= min(limit dx, gdot dt dx/2). */
 GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3])
 {
-    const struct gr_density_correction *q = &e->config.density;
+    const struct gr_density_numbers *q = &e->config.density;
     const struct gr_cell_average *own = cell_average_of(dim, e, index);
     const double dx = e->config.dx;
     double G[9] = {0}, trace = 0, length = 0;
@@ -177,7 +177,7 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     double c = own->c - trace + eta * residual_force(dim, e, index);
     const double gap = own->log_phi - c, pull = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * pull : pull;
-    const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFT ? 0 : fmin(q->shifting_limit, 0.5 * rate);
+    const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFTING ? 0 : fmin(q->shifting_limit, 0.5 * rate);
     double scale = q->shifting * rate;
     if (scale * scale * length > most * most) scale = most / sqrt(length);
     for (int d = 0; d < dim; d++) shift[d] = v_set(-scale * dx * own->over_compression[d]);

@@ -136,7 +136,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
     if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || !law_exists(c->law)) return 0;
     if (c->smoothed && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
-    if (c->smoothed && c->density.interval < 1) return 0;
+    if (c->smoothed && c->averaging_interval < 1) return 0;
     if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;

@@ -13,6 +13,7 @@
 #include "core/table.h"
 #include "fluidity/fluidity.h"
 #include "law/law.h"
+#include "mpm/scheme.h"
 
 #define GR_MAX_NODES 27
 
@@ -28,30 +29,13 @@ struct gr_wall {
 
 enum gr_affine { GR_AFFINE_NONE, GR_AFFINE_GRADIENT, GR_AFFINE_MOMENT, GR_AFFINE_COUNT };
 
-/* Numbers of the density averaging and the shift; formulas at their use in mpm/g2p.inl. */
-struct gr_density_correction {
-    double diffusion;         /* 1: rate of averaging in c/dx */
-    double strain_diffusion;  /* 1: rate of averaging in shear rates over c */
-    double relaxation;        /* 1: rate of the pull to the geometric density per shear rate */
-    double relaxation_limit;  /* 1/s: its largest rate for what may be noise */
-    double dead_band;         /* gap of log-density that may be */
-    double compression_rate;  /* 1: rate of the pull per shear rate for what it exceeds that by */
-    double shifting;          /* 1: strength of the shift */
-    double shifting_limit;    /* largest shift in a step, cells */
-    double reach;             /* points looser than -reach take no part in the averaging */
-    double weight_correction; /* part of the residual_force of the points that their weights take away in an averaging */
-    double weight_correction_limit; /* largest weight_correction of a point, and the least */
-    double weight_correction_decay; /* part of its weight_correction that a point loses in an averaging */
-    int interval;                   /* steps between two averagings, each of which stands for so many steps */
-};
-
 /* How the fluidity of a nonlocal law is diffused. */
 struct gr_nonlocal {
     int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit where one substep is short enough for it */
     int stencil;         /* enum gr_stencil */
     int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held */
     double begins_at;    /* s; until then the law is local */
-    double least;        /* 1/s; no cell has less fluidity after the diffusion */
+    double floor;        /* 1/s; no cell has less fluidity after the diffusion */
     double tolerance;    /* of the conjugate gradients */
     const uint8_t *face; /* (2 dim, cells): enum gr_face */
 };
@@ -63,9 +47,10 @@ struct gr_config {
     int n_c0_lines[3];
     const int32_t *c0_lines[3];
     double keep_velocity_rate; /* 1/s: f = exp(-rate dt) of FLIP survives a step; < 0: nothing survives (PIC, APIC) */
-    double rho_c, wave_speed, mass_cutoff, cfl, dt; /* dt > 0: fixed */
+    double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
     double parameter[GR_LAW_MAX_PARAMETERS];
-    struct gr_density_correction density;
+    struct gr_density_numbers density;
+    int averaging_interval; /* steps between two averagings of the density, each of which stands for so many steps */
     struct gr_nonlocal nonlocal;
     int pressure_from_density;
     int n_gravity;
@@ -83,7 +68,13 @@ struct gr_config {
 };
 
 /* GR_CELL_WALL << (2 d + side): a wall stands at the low (side 0) or high (1) face of the cell along axis d. */
-enum gr_cell_flag { GR_CELL_SOLID = 1, GR_CELL_NO_SHIFT = 2, GR_CELL_WALL = 4 };
+#define GR_CELL_FLAGS(X) X(GR_CELL_SOLID, solid, 1) X(GR_CELL_NO_SHIFTING, no_shifting, 2) X(GR_CELL_WALL, wall, 4)
+
+enum gr_cell_flag {
+#define GR_X(constant, name, value) constant = (value),
+    GR_CELL_FLAGS(GR_X)
+#undef GR_X
+};
 
 struct gr_cell {
     int64_t offset; /* first place in the point arrays */
@@ -184,7 +175,7 @@ struct gr_engine {
 /* Whether the gather of a step averages the density. */
 static inline int gr_averages(const struct gr_engine *e, int64_t step)
 {
-    return e->config.smoothed && step % e->config.density.interval == 0;
+    return e->config.smoothed && step % e->config.averaging_interval == 0;
 }
 
 /* Whether the diffusion knows what the law has added to the fluidity of a cell (p2g.inl): it is in fluidity->gain. */

@@ -85,7 +85,7 @@ GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd
 GR_INLINE void weigh(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s, const double *mode,
                      const int stride, int64_t at)
 {
-    const struct gr_density_correction *q = &e->config.density;
+    const struct gr_density_numbers *q = &e->config.density;
     double *place = e->field[GR_FIELD_weight_correction] + at;
     vd u = v_load(place), divergence = v_zero(), slope[3];
     for (int d = 0; d < dim; d++) {
@@ -108,14 +108,16 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
                            const struct gr_shape *s, const double *mode, const int stride, const vd *L, vd trace, int64_t at,
                            vd delta[3], vd shift_velocity[3])
 {
-    const struct gr_density_correction *q = &e->config.density;
+    const struct gr_density_numbers *q = &e->config.density;
     const double dx = e->config.dx, inv_dx = e->inv_dx;
     const vd(*g)[3] = (const vd(*)[3])s->g;
     vd slope[3], gradient[3];
-    const double interval = q->interval;
+    const double interval = e->config.averaging_interval;
     const vd old = v_load(e->field[GR_FIELD_log_density] + at), flow = v_load(e->field[GR_FIELD_shear_rate] + at);
-    const vm bears = v_ge(old, v_set(q->reach < NO_DENSITY ? 0.0 : -q->reach)); /* what has no reach bears tension, too */
-    const vm joins = v_ge(old, v_set(-q->reach));
+    const vm bears = v_ge(
+        old,
+        v_set(q->separation_strain < NO_DENSITY ? 0.0 : -q->separation_strain)); /* what has no reach bears tension, too */
+    const vm joins = v_ge(old, v_set(-q->separation_strain));
     const vd strain = v_set(interval) * v_select(bears, v_set(e->dt) * flow, kinematic_rate(dim, L));
     const vd gap = gr_interpolate(dim, basis, 0, mode, stride, s, g, slope);
     const vd near = gr_interpolate(dim, basis, 0, mode + 1, stride, s, g, gradient);
@@ -130,7 +132,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         length = v_fma(delta[d], delta[d], length);
     }
     const vd most =
-        cell->flags & GR_CELL_NO_SHIFT ? v_zero() : v_min(v_set(q->shifting_limit * dx), v_set(0.5 * dx) * strain);
+        cell->flags & GR_CELL_NO_SHIFTING ? v_zero() : v_min(v_set(q->shifting_limit * dx), v_set(0.5 * dx) * strain);
     const vm far = v_gt(length, most * most);
     if (m_bits(far)) {
         const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), v_set(1.0));
@@ -205,7 +207,7 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
     const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, smoothed)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
     const int carried = !smoothed && !cell_averaged && !(cell->flags >= GR_CELL_WALL && cell->count <= ALONE);
     view->frame = gr_frame_of(dim, e, cell);
-    view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.reach);
+    view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
     view->has_sponge = e->config.has_sponge;
     for (int d = 0; d < dim; d++) {
         view->begin[d] = v_set(view->frame.axis[d]->begin);
@@ -279,7 +281,7 @@ GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
     double g = e->fluidity->g[place];
     if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
-    return g < e->config.nonlocal.least ? e->config.nonlocal.least : g; /* NaN stays */
+    return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN stays */
 }
 
 GR_INLINE int64_t g2p_cell(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,

@@ -97,7 +97,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
 GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t at, struct contribution *contribution)
 {
     contribution->c = component(e, GR_FIELD_log_density, 0, at);
-    contribution->joined = v_keep(v_ge(contribution->c, v_set(-e->config.density.reach)), contribution->m);
+    contribution->joined = v_keep(v_ge(contribution->c, v_set(-e->config.density.separation_strain)), contribution->m);
     for (int j = 0; j < dim; j++)
         contribution->slope[j] = v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
 }

@@ -178,7 +178,7 @@ GR_INLINE vd kinematic_rate(const int dim, const vd *L)
  * ds of it for each c: a heap at rest, where there is none, keeps the density it has come to. */
 GR_INLINE vd averaged_part(const struct gr_engine *e, double dt, vd strain, vd c)
 {
-    const struct gr_density_correction *q = &e->config.density;
+    const struct gr_density_numbers *q = &e->config.density;
     const vd pressed = v_max(c, v_zero()), fast = v_set(dt * q->diffusion * e->config.wave_speed * e->inv_dx);
     const vd r = v_fma(fast, pressed, v_set(q->strain_diffusion) * strain);
     return r / (pressed + r + v_set(1e-300));
@@ -188,7 +188,7 @@ GR_INLINE vd averaged_part(const struct gr_engine *e, double dt, vd strain, vd c
  *   clip(kappa strain gap, limit dt) + min(1, kappa_c strain) max(0, gap - noise).
  * A gap may be noise of the places of the points, and is closed no faster than the limit; points more crowded than
  * noise makes them are driven apart faster, and without one. */
-GR_INLINE vd relax_to_nodal_density(const struct gr_density_correction *q, double dt, vd strain, vd gap)
+GR_INLINE vd relax_to_nodal_density(const struct gr_density_numbers *q, double dt, vd strain, vd gap)
 {
     const vd crowd = v_max(gap - v_set(q->dead_band), v_zero()), limit = v_set(q->relaxation_limit * dt);
     const vd apart = v_min(v_set(q->compression_rate) * strain, v_set(1.0)), closed = v_set(q->relaxation) * strain * gap;

@@ -70,6 +70,11 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
  * RuntimeError set. */
 int gr_team_is_lost(int threads);
 
+/* declarations.c: functions of the module. */
+PyObject *gr_python_scheme_numbers(PyObject *module, PyObject *unused);
+PyObject *gr_python_enumerations(PyObject *module, PyObject *unused);
+PyObject *gr_python_laws(PyObject *module, PyObject *unused);
+
 /* fluidity.c: functions of the module. */
 PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);

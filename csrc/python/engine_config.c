@@ -152,7 +152,7 @@ int gr_take_gravity(int dim, PyObject *times, PyObject *vectors, int *n, const d
     return 0;
 }
 
-static int take_numbers(PyObject *dict, const char *name, double *out)
+static int take_number(PyObject *dict, const char *name, double *out)
 {
     PyObject *value = PyDict_GetItemString(dict, name);
     if (!value) {
@@ -168,37 +168,53 @@ static int take_numbers(PyObject *dict, const char *name, double *out)
     return 0;
 }
 
-static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *parameters)
+/* The numbers of the densities: those that the chosen one has not are 0. */
+static int take_density(PyObject *dict, int density, struct gr_density_numbers *out)
 {
-#define GR_TAKE(name, place) \
-    if (take_numbers(numbers, name, &c->place)) return -1;
-    GR_TAKE("dx", dx)
-    GR_TAKE("half_extent", lambda)
-    GR_TAKE("keep_velocity_rate", keep_velocity_rate)
-    GR_TAKE("rho_c", rho_c)
-    GR_TAKE("wave_speed", wave_speed)
-    GR_TAKE("mass_cutoff", mass_cutoff)
-    GR_TAKE("cfl", cfl)
-    GR_TAKE("dt", dt)
-    GR_TAKE("diffusion", density.diffusion)
-    GR_TAKE("strain_diffusion", density.strain_diffusion)
-    GR_TAKE("relaxation", density.relaxation)
-    GR_TAKE("relaxation_limit", density.relaxation_limit)
-    GR_TAKE("dead_band", density.dead_band)
-    GR_TAKE("compression_rate", density.compression_rate)
-    GR_TAKE("shifting", density.shifting)
-    GR_TAKE("shifting_limit", density.shifting_limit)
-    GR_TAKE("separation_strain", density.reach)
-    GR_TAKE("weight_correction", density.weight_correction)
-    GR_TAKE("weight_correction_limit", density.weight_correction_limit)
-    GR_TAKE("weight_correction_decay", density.weight_correction_decay)
-    GR_TAKE("fluidity_begins_at", nonlocal.begins_at)
-    GR_TAKE("fluidity_tolerance", nonlocal.tolerance)
-    GR_TAKE("fluidity_floor", nonlocal.least)
-#undef GR_TAKE
+#define GR_X(name, smoothed, averaged, particle, range, unit, doc)                                                        \
+    const double name[] = {                                                                                               \
+        [GR_DENSITY_particle] = (particle), [GR_DENSITY_smoothed] = (smoothed), [GR_DENSITY_cell_averaged] = (averaged)}; \
+    out->name = 0;                                                                                                        \
+    if (!isnan(name[density]) && take_number(dict, #name, &out->name)) return -1;
+    GR_DENSITY_SCHEME(GR_X)
+#undef GR_X
+    return 0;
+}
+
+/* Transfer, step and cutoff, from the numbers of the scheme. */
+static int take_scheme(struct gr_config *c, PyObject *dict, int transfer, double mean_mass)
+{
+    struct gr_scheme_numbers q;
+#define GR_X(name, value, range, unit, doc) \
+    if (take_number(dict, #name, &q.name)) return -1;
+    GR_SCHEME(GR_X)
+#undef GR_X
+    static const int affine[] = {[GR_TRANSFER_flip] = GR_AFFINE_NONE,
+                                 [GR_TRANSFER_apic] = GR_AFFINE_MOMENT,
+                                 [GR_TRANSFER_tpic] = GR_AFFINE_GRADIENT,
+                                 [GR_TRANSFER_xpic] = GR_AFFINE_NONE};
+    c->affine = affine[transfer];
+    c->xpic_order = transfer == GR_TRANSFER_xpic ? (int)fmin(fmax(q.xpic_order, -1), 100) : 0;
+    c->keep_velocity_rate = transfer == GR_TRANSFER_apic   ? -1
+                            : transfer == GR_TRANSFER_tpic ? q.tpic_decay * c->wave_speed / c->dx
+                                                           : q.flip_decay;
+    c->cfl = q.cfl, c->dt = q.dt, c->mass_cutoff = q.mass_cutoff * mean_mass;
+    return 0;
+}
+
+static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *parameters, PyObject *fluidity)
+{
+    double substeps;
+    if (take_number(numbers, "dx", &c->dx) || take_number(numbers, "half_extent", &c->lambda) ||
+        take_number(numbers, "rho_c", &c->rho_c) || take_number(numbers, "wave_speed", &c->wave_speed) ||
+        take_number(fluidity, "begins_at", &c->nonlocal.begins_at) ||
+        take_number(fluidity, "tolerance", &c->nonlocal.tolerance) || take_number(fluidity, "floor", &c->nonlocal.floor) ||
+        take_number(fluidity, "substeps", &substeps))
+        return -1;
+    c->nonlocal.substeps = (int)fmin(fmax(substeps, -1), 1e9);
     const struct gr_law *law = gr_law_at(c->law);
     for (int k = 0; k < gr_law_parameters(law); k++)
-        if (take_numbers(parameters, law->parameter[k].name, &c->parameter[k])) return -1;
+        if (take_number(parameters, law->parameter[k].name, &c->parameter[k])) return -1;
     return 0;
 }
 
@@ -206,10 +222,9 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
 {
     static char *names[] = {"dim",
                             "basis",
-                            "affine",
+                            "transfer",
                             "density",
                             "averaging_interval",
-                            "xpic_order",
                             "pressure_from_density",
                             "law",
                             "isa",
@@ -226,29 +241,34 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "gravity_times",
                             "gravity_vectors",
                             "numbers",
+                            "scheme_numbers",
+                            "density_numbers",
+                            "fluidity_numbers",
                             "parameters",
                             "fluidity_method",
                             "fluidity_stencil",
-                            "fluidity_substeps",
                             "fluidity_faces",
                             "bodies",
                             NULL};
     struct gr_config c = {0};
-    int density;
+    int transfer, density;
+    double mean_mass;
     const char *law, *method, *stencil;
     PyObject *shape, *lower, *periodic, *open_low, *open_high, *c0_lines, *above, *walls, *codes, *flags, *times, *vectors;
-    PyObject *numbers, *parameters, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiissOOOOOOOOOOOOO!O!ssiOO", names, &c.dim, &c.basis, &c.affine,
-                                     &density, &c.density.interval, &c.xpic_order, &c.pressure_from_density, &law, isa,
-                                     &shape, &lower, &periodic, &open_low, &open_high, &c0_lines, &above, &walls, &codes,
-                                     &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &parameters, &method,
-                                     &stencil, &c.nonlocal.substeps, &faces, &bodies))
+    PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *parameters, *faces, *bodies;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiissOOOOOOOOOOOOO!O!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
+                                     &density, &c.averaging_interval, &c.pressure_from_density, &law, isa, &shape, &lower,
+                                     &periodic, &open_low, &open_high, &c0_lines, &above, &walls, &codes, &flags, &times,
+                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme, &PyDict_Type, &of_density,
+                                     &PyDict_Type, &of_fluidity, &PyDict_Type, &parameters, &method, &stencil, &faces,
+                                     &bodies))
         return -1;
-    if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || density < 0 || density > 2) {
-        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2");
+    if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || transfer < 0 ||
+        transfer >= GR_TRANSFER_COUNT || density < 0 || density >= GR_DENSITY_COUNT) {
+        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2, transfer 0 to 3");
         return -1;
     }
-    c.smoothed = density == 1, c.cell_averaged = density == 2; /* 0: tracked */
+    c.smoothed = density == GR_DENSITY_smoothed, c.cell_averaged = density == GR_DENSITY_cell_averaged;
     c.law = gr_law_index(law);
     if (c.law < 0) {
         PyErr_Format(PyExc_ValueError, "there is no law \"%s\"", law);
@@ -257,8 +277,9 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     if (take_axes(&c, shape, lower, periodic, open_low, open_high, c0_lines, above) || take_walls(&c, walls, tables->wall) ||
         take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
         gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) ||
-        take_all_numbers(&c, numbers, parameters) || take_nonlocal(&c, faces, method, stencil) ||
-        gr_take_bodies(&c, bodies, tables))
+        take_all_numbers(&c, numbers, parameters, of_fluidity) || take_number(numbers, "mean_mass", &mean_mass) ||
+        take_scheme(&c, of_scheme, transfer, mean_mass) || take_density(of_density, density, &c.density) ||
+        take_nonlocal(&c, faces, method, stencil) || gr_take_bodies(&c, bodies, tables))
         return -1;
     *out = c;
     return 0;

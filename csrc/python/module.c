@@ -78,25 +78,6 @@ static PyObject *law_update(PyObject *module, PyObject *args)
     Py_RETURN_NONE;
 }
 
-static PyObject *laws(PyObject *module, PyObject *unused)
-{
-    (void)module, (void)unused;
-    PyObject *out = PyDict_New();
-    for (int k = 0; out && gr_law_at(k); k++) {
-        PyObject *rows = PyList_New(0);
-        for (int q = 0; rows && q < gr_law_parameters(gr_law_at(k)); q++) {
-            const struct gr_parameter_info *info = &gr_law_at(k)->parameter[q];
-            PyObject *row = Py_BuildValue("sss", info->name, info->unit, info->doc);
-            if (!row || PyList_Append(rows, row)) Py_CLEAR(rows);
-            Py_XDECREF(row);
-        }
-        PyObject *entry = rows ? Py_BuildValue("sN", gr_law_at(k)->doc, rows) : NULL;
-        if (!entry || PyDict_SetItemString(out, gr_law_at(k)->name, entry)) Py_CLEAR(out);
-        Py_XDECREF(entry);
-    }
-    return out;
-}
-
 /* build_info(isa="") -> what the build is, and the kernels that this name selects. */
 static PyObject *build_info(PyObject *module, PyObject *args)
 {
@@ -156,7 +137,12 @@ static PyMethodDef functions[] = {
     {"body_distance", gr_python_body_distance, METH_VARARGS,
      "body_distance(parts, x)\n--\n\n(distance (n,), outward normal (n, 3)) of places x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
      "rotation[9], size[3])."},
-    {"laws", laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
+    {"scheme_numbers", gr_python_scheme_numbers, METH_NOARGS,
+     "scheme_numbers()\n--\n\n{group: [(name, default, range, unit, doc)]}: the numbers of schemes, of the diffusion of the\n"
+     "fluidity and of the densities."},
+    {"enumerations", gr_python_enumerations, METH_NOARGS,
+     "enumerations()\n--\n\n{enumeration: {name: value}} of what is passed to the core as a number."},
+    {"laws", gr_python_laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},
     {"node_positions", node_positions, METH_VARARGS,

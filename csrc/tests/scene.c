@@ -28,19 +28,19 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed
     const double parameter[] = {1e6 / 1.2, 1e6 / 2.6, 0.38, 0.64, 1.12};
     memcpy(c->parameter, parameter, sizeof parameter);
     c->wave_speed = sqrt((parameter[0] + 4 * parameter[1] / 3) / c->rho_c);
-    c->density = (struct gr_density_correction){.diffusion = 0.1,
-                                                .strain_diffusion = 10,
-                                                .relaxation = 0.7,
-                                                .relaxation_limit = 0.1,
-                                                .dead_band = 0.05,
-                                                .compression_rate = 2.0,
-                                                .shifting = 5,
-                                                .shifting_limit = 0.05,
-                                                .reach = 0.02,
-                                                .weight_correction = 0.7,
-                                                .weight_correction_limit = 0.5,
-                                                .weight_correction_decay = 0.02,
-                                                .interval = 1};
+    c->density = (struct gr_density_numbers){.diffusion = 0.1,
+                                             .strain_diffusion = 10,
+                                             .relaxation = 0.7,
+                                             .relaxation_limit = 0.1,
+                                             .dead_band = 0.05,
+                                             .compression_rate = 2.0,
+                                             .shifting = 5,
+                                             .shifting_limit = 0.05,
+                                             .separation_strain = 0.02,
+                                             .weight_correction = 0.7,
+                                             .weight_correction_limit = 0.5,
+                                             .weight_correction_decay = 0.02};
+    c->averaging_interval = 1;
     s->walls[0] = (struct gr_wall){.normal = -1, .opens_at = INFINITY};
     c->n_walls = 1;
     c->n_gravity = 1;

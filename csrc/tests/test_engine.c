@@ -66,7 +66,7 @@ static void refuses_kinds(void)
     REFUSED(s.config.smoothed = 1); /* needs splines and the gradient */
     REFUSED(s.config.xpic_order = -1);
     REFUSED((s.config.smoothed = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,
-             s.config.density.interval = 0));
+             s.config.averaging_interval = 0));
     REFUSED(s.config.xpic_order = 11);
     REFUSED((s.config.xpic_order = 2, s.config.affine = GR_AFFINE_MOMENT));
 }

@@ -19,7 +19,7 @@ static void make_nonlocal(struct gr_config *c)
     memcpy(c->parameter, parameter, sizeof parameter);
     c->law = gr_law_index("ngf");
     c->nonlocal =
-        (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .least = 1e-6, .face = face};
+        (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .floor = 1e-6, .face = face};
 }
 
 /* A thick box that moves, and a plate with two sides, which does as well. */

@@ -101,8 +101,12 @@ def kind(scheme: Scheme) -> str:
     The default scheme may have the rate of its decay held from stiffer grains (`held_decay`); with
     a fixed step it was not measured.
     """
-    if scheme.density == "smoothed":
-        own = scheme.replace(decay=default.decay) if scheme.decay > default.decay else scheme
+    if scheme.density.name == "smoothed":
+        own = (
+            scheme.replace(tpic_decay=default.tpic_decay)
+            if scheme.tpic_decay > default.tpic_decay
+            else scheme
+        )
         return "default" if scheme.dt is None and with_numbers_of_default(own) else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain and scheme.mass_cutoff == dunatunga_kamrin_2015.mass_cutoff else ""
@@ -176,7 +180,7 @@ def incline_error(scene: Scene, material: MuI) -> float:
     if scene.parameters["ramp"] != 0.1:
         return math.nan
     scheme = scene.scheme
-    if damps_by_step(scheme) or (scheme.density == "particle" and not one_column(scene)):
+    if damps_by_step(scheme) or (scheme.density.name == "particle" and not one_column(scene)):
         return math.nan
     flow = incline_flow(scene)
     if flow <= 0.0:
@@ -219,14 +223,14 @@ def law_of(scene: Scene, name: str) -> StiffnessLaw | None:
     law = LAWS.get((name, kind(scheme)))
     if law is None or grid_damping(scene) > law.damping:
         return None
-    damped_more = scheme.density == "smoothed" and scheme.decay > default.decay
+    damped_more = scheme.density.name == "smoothed" and scheme.tpic_decay > default.tpic_decay
     return None if damped_more and not law.held else law
 
 
 def grid_damping(scene: Scene) -> float:
     """decay c_w dx over H sqrt(g H): how fast motions of the size of cells die against the flow."""
     flow = height(scene) * math.sqrt(gravity(scene) * height(scene))
-    return scene.scheme.decay * scene.material.wave_speed * scene.grid.cell / flow
+    return scene.scheme.tpic_decay * scene.material.wave_speed * scene.grid.cell / flow
 
 
 def softening(scene: Scene, name: str, E: float) -> dict[str, float]:
@@ -245,4 +249,4 @@ def held_decay(scene: Scene, E: float) -> dict[str, float]:
     scheme = scene.scheme
     if scheme.transfer != "tpic":
         return {}
-    return {"decay": scheme.decay * math.sqrt(scene.material.E / E)}
+    return {"tpic_decay": scheme.tpic_decay * math.sqrt(scene.material.E / E)}

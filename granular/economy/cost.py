@@ -73,7 +73,7 @@ def time_step(scene: Scene) -> float:
 
 def nanoseconds(scheme: Scheme, dim: int) -> float:
     """Time of a point and step of a scheme on one core, about [ns]."""
-    if scheme.density == "cell_averaged":
+    if scheme.density.name == "cell_averaged":
         return _SHARED[dim]
     known = _NANOSECONDS[dim]
     measured = known.get((scheme.basis, scheme.transfer))

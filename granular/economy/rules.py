@@ -109,7 +109,7 @@ def _columns(asked: _Asked) -> Suggestion:
         "The flow is the same all along the slope: one periodic column shows it. It cannot"
         " show waves on the surface, nor a scheme that fails in two dimensions."
     )
-    if scene.scheme.density == "particle":
+    if scene.scheme.density.name == "particle":
         reason += (
             " This one does: what it makes of many columns is not within this error"
             " (off by .16 on 8, linear functions), of one it is."
@@ -144,7 +144,7 @@ _LINEAR = Scheme(basis="linear")
 def _basis(asked: _Asked) -> Suggestion:
     scheme, dim = asked.scene.scheme, asked.scene.dim
     flat = _flat(asked)
-    if scheme.density == "cell_averaged":
+    if scheme.density.name == "cell_averaged":
         return asked.suggestion("basis", "Linear functions that keep shear flows: none is cheaper.")
     if scheme.basis == "linear":
         dearer = nanoseconds(default, dim) / nanoseconds(scheme, dim)
@@ -260,7 +260,7 @@ def _time_step(asked: _Asked) -> Suggestion:
     if damps_by_step(scheme):
         reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
         return asked.suggestion("time step", reason, math.nan)
-    if scheme.density != "particle":
+    if scheme.density.name != "particle":
         reason = "Kept: the density is averaged each so many steps, less often if they are longer."
         return asked.suggestion("time step", reason, math.nan)
     limit = courant_limit(scene)

@@ -137,7 +137,9 @@ def step_budget(sim: "Simulation") -> StepBudget:
     sums = engine.nodes()
     engine.grid()
     nodes, dt = engine.nodes(), engine.scalars()["dt"]
-    if scene.scheme.density == "smoothed":  # where dt has changed the sums were made anew for it
+    if (
+        scene.scheme.density.name == "smoothed"
+    ):  # where dt has changed the sums were made anew for it
         sums = nodes
     sim._grow(engine.g2p())
     after = sim.state

@@ -41,7 +41,7 @@ __all__ = ["Body", "BodyState", "Box", "Cylinder", "HalfSpace", "Mesh", "Motion"
 
 Array = NDArray[np.float64]
 
-CONTACTS = ("sticky", "separating", "bilateral")
+CONTACTS = _core.enumerations()["contact"]
 MOST_BODIES = 64
 STATE = (
     ("position", 3),
@@ -179,7 +179,7 @@ class Body:
             rotation = finite("rotation_deg", rotation)
         else:
             rotation = rotation_of("rotation_deg", rotation, dim)
-        contact = one_of("contact", self.contact, CONTACTS)
+        contact = one_of("contact", self.contact, tuple(CONTACTS))
         friction = non_negative("friction", self.friction)
         if friction and contact == "sticky":
             raise ValueError(f'friction = {friction} must be 0 where contact is "sticky"')
@@ -247,7 +247,7 @@ class Body:
             self.shape.samples(),
             np.array([*in_space(self.position), w, x, y, z]),
             self.motion.rows(),
-            CONTACTS.index(self.contact),
+            CONTACTS[self.contact],
             sum(1 << "xyz".index(axis) for axis in self.free),
             int(self.rough),
             self.friction,

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from granular import _core
 from granular.checks import finite, integer, one_of, positive, vector
 
 __all__ = ["Box", "Cylinder", "HalfSpace", "Mesh", "Union"]
@@ -26,7 +27,9 @@ Array = NDArray[np.float64]
 
 MOST_SHAPES = 256
 MOST_SAMPLES = 2_000_000
-BOX, CYLINDER, HALF_SPACE, SAMPLED = range(4)
+BOX, CYLINDER, HALF_SPACE, SAMPLED = (
+    _core.enumerations()["part"][name] for name in ("box", "cylinder", "half_space", "sampled")
+)
 
 
 def rotation_of(name: str, value: object, dim: int) -> float | tuple[float, ...]:

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from granular import _core
 from granular.geometry import Grid
+from granular.mpm.schemes import ParticleDensity
 from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
@@ -20,8 +22,13 @@ if TYPE_CHECKING:
 
 __all__ = ["cell_flags", "fluidity_faces"]
 
-FLAG_SOLID, FLAG_NO_SHIFT, FLAG_WALL = 1, 2, 4
-FACE_LINK, FACE_OPEN, FACE_ROUGH = 0, 1, 2
+_ENUMERATIONS = _core.enumerations()
+FLAG_SOLID, FLAG_NO_SHIFTING, FLAG_WALL = (
+    _ENUMERATIONS["cell_flag"][name] for name in ("solid", "no_shifting", "wall")
+)
+FACE_LINK, FACE_OPEN, FACE_ROUGH = (
+    _ENUMERATIONS["face"][name] for name in ("link", "open", "rough")
+)
 
 _Vector = NDArray[np.float64]
 ABOVE, BELOW = 1, 2
@@ -87,13 +94,15 @@ def cell_flags(scene: Scene) -> NDArray[np.uint8]:
     for low, high, axis, sides, _ in _faces(scene):
         for side, where in cells.at_face(low, high, axis, sides):
             flags[where] |= FLAG_WALL << 2 * axis + side
-    reach = scene.scheme.shifting_outlet_cells * grid.cell
+    density = scene.scheme.density
+    shifts = not isinstance(density, ParticleDensity)
     for wall in scene.walls:
         if isinstance(wall, Solid):
             flags[cells.within(np.array(wall.lower), np.array(wall.upper))] |= FLAG_SOLID
-        elif wall.opens_at < math.inf:
+        elif wall.opens_at < math.inf and shifts:
+            reach = density.shifting_outlet_cells * grid.cell
             low, high = _ends(wall, grid)
-            flags[cells.within(low - reach, high + reach)] |= FLAG_NO_SHIFT
+            flags[cells.within(low - reach, high + reach)] |= FLAG_NO_SHIFTING
     return flags
 
 

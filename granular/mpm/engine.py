@@ -14,7 +14,7 @@ from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.limits import check_blades, check_overlaps, check_time_step
-from granular.mpm.node_codes import CORE_BASES, WallRow, c0_lines, node_codes
+from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene
 
 __all__ = [
@@ -26,12 +26,11 @@ __all__ = [
     "show_config",
 ]
 
-CORE_DENSITIES = ("particle", "smoothed", "cell_averaged")
-AFFINE = {"flip": 0, "xpic": 0, "tpic": 1, "apic": 2}
+CORE = _core.enumerations()
 PAGE, LINE = 4096, 64  # bytes
 UNBOUNDED = 1e300
 LOCAL_PHASE = 10.0
-"""Length of the local phase of a nonlocal law without a seed, in its t0."""
+"""Length of the local phase of a nonlocal law without an initial fluidity, in its t0."""
 
 
 def default_isa() -> str:
@@ -50,50 +49,40 @@ def show_config() -> _core.BuildInfo:
     return _core.build_info(default_isa())
 
 
-def _velocity_rate(scene: Scene) -> float:
-    """Rate at which the velocity of a point dies out against the grid's; < 0: at once."""
-    scheme = scene.scheme
-    if scheme.transfer == "apic":
-        return -1.0
-    if scheme.transfer == "tpic":
-        return scheme.decay * scene.material.wave_speed / scene.grid.cell
-    return scheme.flip_decay
-
-
 def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, float]:
-    scheme, material = scene.scheme, scene.material
     return {
         "dx": scene.grid.cell,
         "half_extent": half_extent,
-        "keep_velocity_rate": _velocity_rate(scene),
-        "rho_c": material.rho_c,
-        "wave_speed": material.wave_speed,
-        "mass_cutoff": scheme.mass_cutoff * mean_mass,
-        "cfl": scheme.cfl,
-        "dt": scheme.dt or 0.0,
-        "diffusion": scheme.diffusion,
-        "strain_diffusion": scheme.strain_diffusion,
-        "relaxation": scheme.relaxation,
-        "relaxation_limit": _feedback_limit(scene),
-        "dead_band": scheme.dead_band,
-        "compression_rate": scheme.compression_rate,
-        "shifting": scheme.shifting,
-        "shifting_limit": scheme.shifting_limit,
-        "weight_correction": scheme.weight_correction,
-        "weight_correction_limit": scheme.weight_correction_limit,
-        "weight_correction_decay": scheme.weight_correction_decay,
-        # What bears tension is never loose.
-        "fluidity_begins_at": _local_phase(scene),
-        "fluidity_tolerance": scheme.fluidity.tolerance,
-        "fluidity_floor": scheme.fluidity.floor,
-        "separation_strain": scheme.separation_strain if material.granular else UNBOUNDED,
+        "rho_c": scene.material.rho_c,
+        "wave_speed": scene.material.wave_speed,
+        "mean_mass": mean_mass,
+    }
+
+
+def _density_numbers(scene: Scene) -> dict[str, float]:
+    """Those of the density, two of them as the core takes them."""
+    numbers = scene.scheme.density.numbers()
+    if "relaxation_limit" in numbers:
+        numbers["relaxation_limit"] = _relaxation_limit(scene)
+    if not scene.material.granular:  # what bears tension is never disconnected
+        numbers["separation_strain"] = UNBOUNDED
+    return numbers
+
+
+def _fluidity_numbers(scene: Scene) -> dict[str, float]:
+    fluidity = scene.scheme.fluidity
+    return {
+        "begins_at": _local_phase(scene),
+        "tolerance": fluidity.tolerance,
+        "floor": fluidity.floor,
+        "substeps": float(fluidity.substeps),
     }
 
 
 def _local_phase(scene: Scene) -> float:
     """Time [s] from which a nonlocal law diffuses its fluidity."""
-    seeded = scene.scheme.fluidity.initial is not None
-    return 0.0 if seeded or not isinstance(scene.material, NGF) else LOCAL_PHASE * scene.material.t0
+    given = scene.scheme.fluidity.initial is not None
+    return 0.0 if given or not isinstance(scene.material, NGF) else LOCAL_PHASE * scene.material.t0
 
 
 def _parameters(scene: Scene) -> dict[str, float]:
@@ -124,15 +113,17 @@ def largest_gravity(scene: Scene) -> float:
 def averaging_interval(scene: Scene) -> int:
     """Steps between two averagings of the density."""
     scheme = scene.scheme
+    if scheme.density.name != "smoothed":
+        return 1
     crossing = scene.grid.cell / scene.material.wave_speed
     dt = scheme.dt or scheme.cfl * crossing
-    return max(round(scheme.averaging_time * crossing / dt), 1)
+    return max(round(scheme.density.averaging_time * crossing / dt), 1)
 
 
-def _feedback_limit(scene: Scene) -> float:
+def _relaxation_limit(scene: Scene) -> float:
     """Largest rate of log-density [1/s] by the relaxation: eps g/c_w, g the largest gravity."""
     g = largest_gravity(scene)
-    return scene.scheme.relaxation_limit * g / scene.material.wave_speed if g else UNBOUNDED
+    return scene.scheme.density.relaxation_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
 def _sponge_layers(scene: Scene) -> tuple[tuple[float, float], ...]:
@@ -165,12 +156,11 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     axes = "xyz"[: grid.dim]
     return _core.Engine(
         dim=grid.dim,
-        basis=CORE_BASES.index(scheme.basis),
-        affine=AFFINE[scheme.transfer],
-        density=CORE_DENSITIES.index(scheme.density),
+        basis=CORE["basis"][scheme.basis],
+        transfer=CORE["transfer"][scheme.transfer],
+        density=CORE["density"][scheme.density.name],
         averaging_interval=averaging_interval(scene),
-        xpic_order=scheme.xpic_order if scheme.transfer == "xpic" else 0,
-        pressure_from_density=int(scheme.density != "particle"),
+        pressure_from_density=int(scheme.density.name != "particle"),
         law=scene.material.law,
         isa=isa,
         shape=tuple(grid.shape),
@@ -183,15 +173,17 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         walls=[(0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
         node_codes=codes,
         cell_flags=cell_flags(scene)
-        if scheme.density != "particle" or AFFINE[scheme.transfer]
+        if scheme.density.name != "particle" or scheme.transfer in ("apic", "tpic")
         else None,
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
         numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
+        scheme_numbers=scheme.numbers() | {"dt": scheme.dt or 0.0},
+        density_numbers=_density_numbers(scene),
+        fluidity_numbers=_fluidity_numbers(scene),
         parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
         fluidity_stencil=scheme.fluidity.stencil,
-        fluidity_substeps=scheme.fluidity.substeps,
         fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
         bodies=[body.row() for body in scene.bodies],
     )

@@ -113,9 +113,9 @@ def check_blades(scene: Scene) -> None:
         if thickness < least * (1 - 1e-9):
             raise ValueError(
                 f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
-                f"with density = {scheme.density!r} and transfer = {scheme.transfer!r}: what is on "
-                'its sides would be coupled; density = "particle" with "apic", "tpic" or "flip" '
-                "keeps thin ones apart"
+                f"with a {scheme.density.name} density and transfer = {scheme.transfer!r}: what is on "
+                'its sides would be coupled; ParticleDensity() with "apic", "tpic" or "flip" keeps '
+                "them apart"
             )
 
 
@@ -161,7 +161,7 @@ def _distances(body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def keeps_sides(scheme: Scheme) -> bool:
     """Whether nodes about thin bodies exist for each side."""
-    return scheme.density == "particle" and scheme.transfer != "xpic"
+    return scheme.density.name == "particle" and scheme.transfer != "xpic"
 
 
 def _fastest(scene: Scene) -> float:
@@ -208,8 +208,11 @@ def known_failures(scene: Scene) -> list[str]:
 def _hats(scene: Scene) -> str | None:
     if _granular(scene) or scene.scheme.basis != "linear":
         return None
-    if scene.scheme.density == "cell_averaged":
-        return 'density = "cell_averaged" is made for grains: an elastic body comes apart at any time step'
+    if scene.scheme.density.name == "cell_averaged":
+        return (
+            "CellAveragedDensity() is made for granular material: an elastic body comes apart at "
+            "any time step"
+        )
     return (
         'basis = "linear" with an elastic body: a node that points hardly reach has next to no '
         "mass, and where the body moves over the cells no time step is stable"
@@ -218,11 +221,11 @@ def _hats(scene: Scene) -> str | None:
 
 def _density(scene: Scene) -> str | None:
     """Only a density that neighbours have in common keeps a flow that varies along the layer."""
-    if not _granular(scene) or scene.scheme.density != "particle" or not _many_columns(scene):
+    if not _granular(scene) or scene.scheme.density.name != "particle" or not _many_columns(scene):
         return None
     return (
-        'density = "particle" loses contacts and room in flows that are truly two-dimensional: '
-        'most points go stress-free, layers compact; take density = "smoothed" (the default)'
+        "ParticleDensity() loses contacts and volume in flows that are truly two-dimensional: most "
+        "points go stress-free, layers compact; take SmoothedDensity() (the default)"
     )
 
 
@@ -329,8 +332,8 @@ def _blades(scene: Scene) -> str | None:
                 "edges"
             )
         return thin + (
-            "what is on one side feels a part of the other through nodes of both; density = "
-            '"particle" with "apic", "tpic" or "flip" keeps them apart'
+            "what is on one side feels a part of the other through nodes of both; "
+            'ParticleDensity() with "apic", "tpic" or "flip" keeps them apart'
         )
     return None
 

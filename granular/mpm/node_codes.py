@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = ["WallRow", "c0_lines", "node_codes", "node_positions"]
 
-CORE_BASES = ("linear", "ugimp", "quadratic")  # in the order of the core
+CORE_BASES = _core.enumerations()["basis"]
 MAX_ROWS = 255
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Nodes of a block no deeper than this (cells) belong to the face: the first layer of quadratic
@@ -137,7 +137,7 @@ def node_positions(
             f"c0_lines = {tuple(lines)} must be empty on a periodic axis of quadratic splines:"
             " no wall may end along it"
         )
-    return _core.node_positions(CORE_BASES.index(basis), n, periodic, np.array(lines, np.int32))
+    return _core.node_positions(CORE_BASES[basis], n, periodic, np.array(lines, np.int32))
 
 
 @dataclass(frozen=True)

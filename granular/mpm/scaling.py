@@ -21,7 +21,7 @@ from granular.checks import one_of, positive
 from granular.gravity import Gravity
 from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Fluidity, Scheme
+from granular.mpm.schemes import DENSITIES, Fluidity, Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 
 __all__ = ["POWERS", "Froude"]
@@ -48,6 +48,14 @@ POWERS = {
 _PLANE = ("mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
 """These are per metre of depth in the plane, and lose one power there."""
 
+_UNITS = {"1/s": "rate", "s": "time"}
+
+
+def _of_units(kind: type) -> dict[str, str]:
+    """Quantities of numbers that are declared with their units."""
+    return {name: _UNITS[unit] for name, unit in kind.units.items() if unit != "1"}
+
+
 _MATERIAL = {"E": "stress", "d": "length", "t0": "time"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Grid: {"lower": "length", "cell": "length"},
@@ -63,8 +71,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     materials.DruckerPrager: _MATERIAL,
     materials.HardeningDruckerPrager: _MATERIAL,
     materials.Elastic: _MATERIAL,
-    Fluidity: {"initial": "rate", "floor": "rate"},
-    Scheme: {"flip_decay": "rate", "dt": "time"},
+    **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     Wall: {"at": "length", "span": "length", "opens_at": "time"},
     Solid: {"lower": "length", "upper": "length"},
     SpongeLayer: {"above": "length", "damping": "rate"},

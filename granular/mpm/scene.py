@@ -16,7 +16,14 @@ from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.bodies import Body
 from granular.mpm.node_codes import c0_lines, check_c0_lines
-from granular.mpm.schemes import Fluidity, Scheme
+from granular.mpm.schemes import (
+    CellAveragedDensity,
+    Fluidity,
+    ParticleDensity,
+    Scheme,
+    SmoothedDensity,
+    default,
+)
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.notebook import table
 from granular.serializable import Parameters, Serializable, register
@@ -66,7 +73,7 @@ class Scene(Serializable):
     grid: Grid
     fills: tuple[Fill, ...]
     material: Material
-    scheme: Scheme
+    scheme: Scheme = default
     walls: tuple[Wall | Solid, ...] = ()
     gravity: Gravity
     duration: float
@@ -173,7 +180,7 @@ class Scene(Serializable):
             "gravity [m/s2]": self.gravity.vectors[-1],
             "walls": len(self.walls),
             "material": type(self.material).__name__,
-            "scheme": f"{self.scheme.basis}, {self.scheme.transfer}, {self.scheme.density}",
+            "scheme": f"{self.scheme.basis}, {self.scheme.transfer}, {self.scheme.density.name} density",
         }
         return table(f"Scene {self.name}", rows | dict(self.parameters))
 
@@ -194,6 +201,9 @@ register(
     materials.HardeningDruckerPrager,
     materials.Elastic,
     Fluidity,
+    ParticleDensity,
+    SmoothedDensity,
+    CellAveragedDensity,
     Scheme,
     Wall,
     Solid,

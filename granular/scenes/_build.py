@@ -8,7 +8,7 @@ from typing import Any
 
 from granular.checks import non_negative, positive
 from granular.gravity import Gravity
-from granular.mpm.schemes import Fluidity, Scheme
+from granular.mpm.schemes import Fluidity, ParticleDensity, Scheme
 
 ROUND_OFF = 1e-9
 """Share of a cell by which a length may miss a whole number of cells."""
@@ -20,7 +20,7 @@ reconnected = Scheme(fluidity=Fluidity(floor=1e-6, reconnect_fluidity=True))
 """What scenes of Haeri & Skonieczny 2021 are run with: what comes to rest can flow again (their
 code begins with a fluidity of 1 1/s), and points that become dense again have that of eq. 23."""
 
-sided = reconnected.replace(transfer="tpic", density="particle")
+sided = reconnected.replace(transfer="tpic", density=ParticleDensity())
 """The same with the density of which thin bodies have two sides."""
 
 

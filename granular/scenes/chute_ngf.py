@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from granular.materials import NGF
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Scheme
+from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.scenes.incline import incline
 
 chute_grains = NGF(
     E=1e6, nu=0.3, mu_s=0.3819, mu_2=1.5, rho_s=2450.0, rho_c=1500.0, I0=0.279, A=0.25, d=0.005,
     t0=1e-3,
 )  # fmt: skip
-hats = Scheme(basis="linear", transfer="flip", density="particle")
+hats = Scheme(basis="linear", transfer="flip", density=ParticleDensity())
 
 
 def chute_ngf(

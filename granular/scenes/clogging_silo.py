@@ -10,14 +10,14 @@ from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import NGF, silo_grains
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Scheme
+from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import SpongeLayer, Wall
 from granular.scenes._build import HEADROOM, whole_cells
 
 JAM_FRICTION = 1.0
 """Friction at the face of an arch in the plane: compressed along it, free across."""
 
-hats = Scheme(basis="linear", transfer="flip", density="particle", dt=1e-4)
+hats = Scheme(basis="linear", transfer="flip", density=ParticleDensity(), dt=1e-4)
 
 
 def clogging_silo(

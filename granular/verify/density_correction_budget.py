@@ -71,14 +71,14 @@ def given(sim: Simulation) -> Given:
     """Compare a step with the density correction with the same step without it.
 
     The simulation first goes on to a step that averages the density. A second step, without the
-    cure for both, takes back what the shift had lent.
+    density correction for both, takes back what the shift had lent.
     """
     scheme = sim.scene.scheme
-    interval = averaging_interval(sim.scene) if scheme.density == "smoothed" else 1
+    interval = averaging_interval(sim.scene) if scheme.density.name == "smoothed" else 1
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
     corrected = sim.scene.scheme.replace(dt=sim.dt)  # the same for all four steps
-    idle = corrected.replace(**IDLE)
+    idle = corrected.replace(density=corrected.density.replace(**IDLE))
     a, b = _two_steps(sim, corrected, idle), _two_steps(sim, idle, idle)
     grid, m = a.scene.grid, a.mass
     length = np.array(grid.shape) * grid.cell

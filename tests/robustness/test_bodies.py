@@ -63,7 +63,7 @@ def scene_of(dim, thin=False):
         grid=Grid((0.0,) * dim, cell, shape),
         fills=(Fill(Region((0.0,) * dim, (*size[:-1], 0.4)), 2**dim, jitter=1.0),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(density="particle") if thin else gr.Scheme(),
+        scheme=gr.Scheme(density=gr.ParticleDensity()) if thin else gr.Scheme(),
         walls=(Wall(up, 0.0, kind="no_slip"),),
         bodies=bodies,
         gravity=Gravity((0.0,), ((*rest[1:], -9.8),)),

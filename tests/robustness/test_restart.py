@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from schemes_by_name import scheme_of
 
 import granular as gr
 
@@ -68,7 +69,7 @@ def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
         cell=0.025,
         orifice=0.2,
         material=gr.materials.glass_beads.replace(E=1e5),
-        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density),
+        scheme=scheme_of(basis, transfer, density),
     )
     whole, points = gr.Simulation(scene, threads=1), []
     for _ in range(12):

@@ -40,13 +40,13 @@ def scatter(scene, points, step=0, shift_dt=1.0):
         momentum=s.to_nodes((s.w * m[:, None])[..., None] * v),
         force=s.to_nodes(force),
     )
-    if scene.scheme.density == "cell_averaged":
+    if scene.scheme.density.name == "cell_averaged":
         share(scene, points, out)
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
         c = points["log_density"]
-        joins = np.where(c >= -scene.scheme.separation_strain, m, 0.0)
+        joins = np.where(c >= -scene.scheme.density.separation_strain, m, 0.0)
         seen = c[:, None] + np.einsum("pj,pkj->pk", points["density_gradient"], s.r)
         joined = s.to_nodes(s.w * joins[:, None])
         weighted = joins * (1 + points["weight_correction"])
@@ -84,7 +84,7 @@ def keepshare(scene, dt):
     if scheme.transfer in ("apic", "xpic"):
         return 0.0
     if scheme.transfer == "tpic":
-        return math.exp(-scheme.decay * scene.material.wave_speed / scene.grid.cell * dt)
+        return math.exp(-scheme.tpic_decay * scene.material.wave_speed / scene.grid.cell * dt)
     return math.exp(-scheme.flip_decay * dt)
 
 
@@ -154,7 +154,7 @@ def _moved(scene, points, nodes, dt, step):
     L = np.einsum("kd,pkj->pdj", v, s.g)
     new["v"] = keep * points["v"] + s.w @ w
     new["x"] = points["x"] + dt * (s.w @ v)
-    if scene.scheme.density == "cell_averaged":
+    if scene.scheme.density.name == "cell_averaged":
         L = flow_of_cells(scene, points, new, nodes, dt)
     else:
         new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
@@ -170,8 +170,8 @@ def _moved(scene, points, nodes, dt, step):
     if averages(scene, step):
         average(scene, points, new, nodes, L, dt)
     if "affine" in new and scene.material.law != "elastic":  # these loose points carry none
-        loose = new["log_density"] < -scene.scheme.separation_strain
-        if scene.scheme.density == "particle":
+        loose = new["log_density"] < -scene.scheme.density.separation_strain
+        if scene.scheme.density.name == "particle":
             loose &= alone_at_wall(scene, points["x"])
         new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
     material = scene.material
@@ -186,7 +186,7 @@ def _moved(scene, points, nodes, dt, step):
         gradient,
         new["log_density"],
         dt,
-        equation_of_state=scene.scheme.density != "particle",
+        equation_of_state=scene.scheme.density.name != "particle",
     )
     new["stress"], new["shear_rate"] = components(stress, dim), rate
     return new

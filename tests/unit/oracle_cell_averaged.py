@@ -60,7 +60,7 @@ def _mean_over_cells(which, m):
 def _unevenness(scene, cells):
     """The mean over the axes of a quarter of the second difference of c, where all three join."""
     grid = scene.grid
-    joins = np.where(cells.c >= -scene.scheme.separation_strain, cells.c, np.nan)
+    joins = np.where(cells.c >= -scene.scheme.density.separation_strain, cells.c, np.nan)
     known = {tuple(place): c for place, c in zip(cells.place, joins, strict=True)}
     out = np.zeros(len(joins))
     for k, place in enumerate(cells.place):
@@ -89,7 +89,7 @@ def _beyond(scene, place, d, side, known):
 
 def flow_of_cells(scene, points, new, nodes, dt):
     """Density and shift of the points, by cells; returned are the velocity gradients of these."""
-    q, cells, dx = scene.scheme, nodes.cells, scene.grid.cell
+    q, cells, dx = scene.scheme.density, nodes.cells, scene.grid.cell
     L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
     rate = dt * kinematic_rate(L)
     eta = averaged_part(scene, dt, rate, cells.c)

@@ -133,7 +133,7 @@ class Path:
     def part(self, log_density):
         """A part; points after it, with its stress."""
         scene, now = self.scene, self.points
-        p = pressure(self.q, self.p_trial, log_density, scene.scheme.density != "particle")
+        p = pressure(self.q, self.p_trial, log_density, scene.scheme.density.name != "particle")
         g_star = diffused(scene, now, self.dt, self.bears)[cell_of(scene, now["x"])]
         trial = self.deviator + self.strained / self.n
         self.deviator, rate, g, gain = flow(self.q, trial, p, self.dt, g_star, now["shear_rate"])

@@ -10,7 +10,7 @@ from granular.mpm.engine import averaging_interval
 
 def averages(scene, step):
     """Whether a step averages the density."""
-    return scene.scheme.density == "smoothed" and step % averaging_interval(scene) == 0
+    return scene.scheme.density.name == "smoothed" and step % averaging_interval(scene) == 0
 
 
 def look_around(scene, nodes, fixed):
@@ -51,7 +51,7 @@ def average(scene, points, new, nodes, L, dt):
     """Averaging of the density, its pull to the geometric density, and the shift: for all the steps
     until the next one."""
     many = averaging_interval(scene)
-    q, dx, s, dim = scene.scheme, scene.grid.cell, nodes.shapes, scene.grid.dim
+    q, dx, s, dim = scene.scheme.density, scene.grid.cell, nodes.shapes, scene.grid.dim
     trace = np.trace(L, axis1=1, axis2=2)
     old = points["log_density"]
     bears = old >= (0.0 if scene.material.law != "elastic" else -np.inf)
@@ -88,7 +88,7 @@ def average(scene, points, new, nodes, L, dt):
 
 def averaged_part(scene, dt, strain, c):
     """What an averaging moves log-densities towards their mean by, in a time and a strain."""
-    q = scene.scheme
+    q = scene.scheme.density
     rest = dt * q.diffusion * scene.material.wave_speed / scene.grid.cell
     pressed = np.maximum(c, 0)
     r = rest * pressed + q.strain_diffusion * strain
@@ -104,7 +104,7 @@ def kinematic_rate(L):
 
 def pull(scene, dt, strain, gap):
     """What densities are pulled to the fullness by, in a time and a strain."""
-    q, g = scene.scheme, np.linalg.norm(scene.gravity.vectors, axis=1).max()
+    q, g = scene.scheme.density, np.linalg.norm(scene.gravity.vectors, axis=1).max()
     most = q.relaxation_limit * g / scene.material.wave_speed * dt
     apart = np.minimum(q.compression_rate * strain, 1.0) * np.maximum(gap - q.dead_band, 0.0)
     return np.clip(q.relaxation * strain * gap, -most, most) + apart

@@ -54,7 +54,7 @@ def held_at_walls(scene, x, delta):
 
 def near_outlet(scene, x):
     """Points in cells no farther than shifting_outlet_cells from an opening."""
-    reach = scene.scheme.shifting_outlet_cells * scene.grid.cell
+    reach = scene.scheme.density.shifting_outlet_cells * scene.grid.cell
     cell = scene.grid.cell
     middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
     near = np.zeros(len(x), dtype=bool)

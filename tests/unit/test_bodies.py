@@ -43,7 +43,7 @@ def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
         grid=Grid((0.0,) * dim, CELL, shape),
         fills=(Fill(Region((0.0,) * dim, (*upper[:-1], 0.4)), 2**dim, jitter=1.0),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="particle", dt=DT),
+        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density=gr.ParticleDensity(), dt=DT),
         walls=tuple(walls),
         bodies=bodies,
         gravity=Gravity((0.0,), ((*(0.0,) * (dim - 1), gravity),)),

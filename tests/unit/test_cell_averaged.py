@@ -22,7 +22,7 @@ def stepped(scene, pattern):
     sim.buffers["log_density"][0, at] = c
     sim.buffers["stress"][:3, at] = -scene.material.K * c
     sim.step()
-    r = sim.dt * scene.scheme.diffusion * scene.material.wave_speed / cell
+    r = sim.dt * scene.scheme.density.diffusion * scene.material.wave_speed / cell
     return place, (sim.buffers["log_density"][0, living(sim)] - c) / PART, r / (1 + r)
 
 
@@ -50,7 +50,9 @@ def test_a_pressure_that_alternates_is_taken_away(still):
 def test_a_linear_pressure_is_left(still, dim):
     """It sets cells in motion at both ends, with or without the neighbours' word."""
     scene = still(dim)
-    alone = scene.replace(scheme=scene.scheme.replace(diffusion=0.0))
+    alone = scene.replace(
+        scheme=scene.scheme.replace(density=scene.scheme.density.replace(diffusion=0.0))
+    )
     _, change, share = stepped(scene, lambda at: -at[:, -1].astype(float))
     _, expected, _ = stepped(alone, lambda at: -at[:, -1].astype(float))
     assert share > 0.1

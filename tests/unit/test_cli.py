@@ -159,6 +159,6 @@ def test_doubts_are_one_line_each(tmp_path, capsys):
     assert cli.main([*words, "--scheme", "dunatunga_kamrin_2015"]) == 0
     said = capsys.readouterr().err.splitlines()
     assert len(said) == 1
-    assert said[0].startswith('granular: warning: density = "particle"')
+    assert said[0].startswith("granular: warning: ParticleDensity()")
     assert cli.main([*words, "--overwrite"]) == 0
     assert capsys.readouterr().err == ""

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from handmade import full_silo
+from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.economy import bias
@@ -220,9 +221,9 @@ def test_damping_is_held_where_grains_are_softened():
     cheaper = gr.economy.apply(scene, gr.economy.suggest(scene, 0.03).about("stiffness"))
     soft, stiff = cheaper.material, scene.material
     assert soft.E < stiff.E
-    rates = [s.scheme.decay * s.material.wave_speed for s in (cheaper, scene)]
+    rates = [s.scheme.tpic_decay * s.material.wave_speed for s in (cheaper, scene)]
     assert rates[0] == pytest.approx(rates[1], rel=1e-12)
-    assert cheaper.scheme.replace(decay=scene.scheme.decay) == scene.scheme
+    assert cheaper.scheme.replace(tpic_decay=scene.scheme.tpic_decay) == scene.scheme
     column = gr.economy.suggest(gr.scenes.column_collapse(aspect=1.0), 0.1).about("stiffness")
     assert set(column.changes) == {"E"}  # whose run-out that does not keep
     damped = gr.scenes.column_collapse(aspect=1.0, scheme=cheaper.scheme, material=soft)
@@ -257,7 +258,7 @@ def test_unknown_scene_keeps_its_stiffness():
 
 
 SCHEMES = [
-    gr.Scheme(basis=basis, transfer=transfer, density="particle")
+    gr.Scheme(basis=basis, transfer=transfer, density=gr.ParticleDensity())
     for basis in BASES
     for transfer in TRANSFERS
 ]
@@ -298,10 +299,10 @@ def test_elastic_and_coulomb_materials_keep_their_stiffness():
 
 
 @pytest.mark.parametrize(
-    "changes", [{"shifting": 0.0}, {"relaxation": 0.0}, {"diffusion": 0.3}, {"decay": 0.0}]
+    "changes", [{"shifting": 0.0}, {"relaxation": 0.0}, {"diffusion": 0.3}, {"tpic_decay": 0.0}]
 )
 def test_a_default_scheme_with_other_numbers_is_another(changes):
-    scene = gr.scenes.silo(scheme=gr.schemes.default.replace(**changes))
+    scene = gr.scenes.silo(scheme=scheme_of("quadratic", "tpic", "smoothed", **changes))
     assert math.isnan(gr.economy.suggest(scene, 0.05).about("stiffness").error)
 
 
@@ -310,10 +311,9 @@ def test_schemes_of_the_same_kind():
     held = default.replace(**bias.held_decay(gr.scenes.silo(), 1e6))
     for scheme in (default, held, default.replace(cfl=0.125)):
         assert bias.kind(scheme) == "default"
-    often = ({"averaging_time": 1.0}, {"dt": 1e-6})
-    for changes in often:
-        assert bias.kind(default.replace(**changes)) == ""
-    assert bias.kind(default.replace(decay=0.02)) == ""  # of softer grains: not measured
+    for changes in ({"averaging_time": 1.0}, {"dt": 1e-6}):
+        assert bias.kind(scheme_of("quadratic", "tpic", "smoothed", **changes)) == ""
+    assert bias.kind(default.replace(tpic_decay=0.02)) == ""  # of softer grains: not measured
     assert bias.kind(published) == bias.kind(published.replace(dt=None, cfl=0.3)) == "published"
     assert bias.kind(published.replace(mass_cutoff=0.01)) == ""
 

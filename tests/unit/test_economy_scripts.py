@@ -38,8 +38,8 @@ def test_cases_hold_the_damping(script):
     case = script("economy").Case
     soft = case("silo", {"orifice": 0.2}, 1e6, held=1e8).build()
     assert soft.material.E == 1e6
-    assert soft.scheme.decay == pytest.approx(0.3)
-    assert case("silo", {"orifice": 0.2}, 1e6).build().scheme.decay == 0.03
+    assert soft.scheme.tpic_decay == pytest.approx(0.3)
+    assert case("silo", {"orifice": 0.2}, 1e6).build().scheme.tpic_decay == 0.03
 
 
 QUANTITY = {"column_collapse": "run-out", "silo": "rate", "hourglass": "rate", "slug": "centre"}

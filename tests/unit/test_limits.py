@@ -25,11 +25,11 @@ def test_scenes_as_they_are_raise_no_doubts(name):
     scene = gr.scenes.registry[name]()
     if name == "clogging_silo":  # as published, and half of its points are stress-free in flow
         (doubt,) = scene_warnings(scene)
-        assert doubt.startswith('density = "particle"')
+        assert doubt.startswith("ParticleDensity()")
         scene = scene.replace(scheme=gr.Scheme())
     if name == "excavation":  # only a tracked density keeps the sides of its thin blade apart
         density, blade = scene_warnings(scene)
-        assert density.startswith('density = "particle"') and blade.startswith("bodies[0]")
+        assert density.startswith("ParticleDensity()") and blade.startswith("bodies[0]")
         return
     if name == "excavator":  # sheets of two cells, held by the nodes within them
         (sheets,) = scene_warnings(scene)
@@ -63,7 +63,7 @@ def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
         ({"scheme": gr.Scheme(transfer="apic")}, "density"),
         (
             {"scheme": gr.schemes.cell_averaged, "material": gr.materials.Elastic(E=1e6)},
-            'density = "cell_averaged" is made for grains',
+            "CellAveragedDensity() is made for granular material",
         ),
         (
             {"scheme": gr.Scheme(basis="linear"), "material": gr.materials.Elastic(E=1e6)},

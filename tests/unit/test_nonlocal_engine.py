@@ -11,7 +11,7 @@ from granular.mpm.cell_codes import FACE_LINK, FACE_OPEN, FACE_ROUGH, cell_flags
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Solid, Wall
 
-HATS = gr.Scheme(basis="linear", transfer="flip", density="particle")
+HATS = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())
 SOFT = NGF(E=1e5, A=0.5, d=0.1, t0=1e-3)
 METHODS = ["explicit", "implicit", "rkl2"]
 

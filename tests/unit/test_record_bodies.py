@@ -39,7 +39,7 @@ def recorded(tmp_path):
             grid=Grid((0.0,) * dim, 0.1, (6,) * dim),
             fills=(Fill(Region((0.0,) * dim, (0.5,) * dim), 2**dim),),
             material=MuI(E=1e6),
-            scheme=gr.Scheme(transfer="apic", density="particle"),
+            scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity()),
             gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
             duration=1.0,
             bodies=bodies,

@@ -57,7 +57,7 @@ def in_the_plane():
         grid=Grid((0.0, 0.0), 0.05, (20, 14)),
         fills=(Fill(region, 4, velocity=(0.1, 0.0), jitter=0.5),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(transfer="flip", density="particle", flip_decay=3.0, dt=2e-4),
+        scheme=gr.Scheme(transfer="flip", density=gr.ParticleDensity(), flip_decay=3.0, dt=2e-4),
         walls=(
             Wall(1, 0.0, kind="no_slip", span=((0.0, 0.5),)),
             Wall(0, 0.0, kind="coulomb", friction=0.3, opens_at=0.05),
@@ -143,7 +143,16 @@ def test_numbers_of_the_material_without_dimension_stay():
 
 NUMBERS = {
     *("nu", "mu_s", "mu_2", "mu", "rho_c", "rho_s", "I0", "b", "A", "xi", "friction", "density"),
-    *("rotation_deg", "seed", "tolerance", "pressure_averaging", "jitter", "cfl", "mass_cutoff", "vectors"),
+    *(
+        "rotation_deg",
+        "seed",
+        "tolerance",
+        "pressure_averaging",
+        "jitter",
+        "cfl",
+        "mass_cutoff",
+        "vectors",
+    ),
     *(
         "normal",
         "axis",

@@ -5,14 +5,20 @@ import math
 import pytest
 
 from granular.mpm import schemes
-from granular.mpm.schemes import Fluidity, Scheme
+from granular.mpm.schemes import (
+    CellAveragedDensity,
+    Fluidity,
+    ParticleDensity,
+    Scheme,
+    SmoothedDensity,
+)
 
 
 def test_presets():
     p, d, c = schemes.dunatunga_kamrin_2015, schemes.default, schemes.cell_averaged
-    assert (c.basis, c.transfer, c.density, c.dt) == ("linear", "tpic", "cell_averaged", None)
-    assert (p.basis, p.transfer, p.density, p.dt) == ("linear", "flip", "particle", 3e-6)
-    assert (d.basis, d.transfer, d.density, d.dt) == ("quadratic", "tpic", "smoothed", None)
+    assert (c.basis, c.transfer, c.density.name, c.dt) == ("linear", "tpic", "cell_averaged", None)
+    assert (p.basis, p.transfer, p.density.name, p.dt) == ("linear", "flip", "particle", 3e-6)
+    assert (d.basis, d.transfer, d.density.name, d.dt) == ("quadratic", "tpic", "smoothed", None)
     assert Scheme() == d and d.replace(cfl=0.25).cfl == 0.25 and d.cfl == 0.5
 
 
@@ -31,6 +37,35 @@ def test_presets():
         ({"xpic_order": 2.0}, TypeError, "xpic_order = 2.0"),
         ({"flip_decay": -1.0}, ValueError, "flip_decay = -1.0"),
         ({"mass_cutoff": 0.1}, ValueError, "mass_cutoff = 0.1"),
+        (
+            {"basis": "linear", "density": SmoothedDensity()},
+            ValueError,
+            'needs basis = "quadratic"',
+        ),
+        (
+            {"density": CellAveragedDensity(), "basis": "quadratic"},
+            ValueError,
+            'needs basis = "linear" and transfer = "tpic"',
+        ),
+        (
+            {"density": CellAveragedDensity(), "transfer": "flip"},
+            ValueError,
+            "not 'linear' and 'flip'",
+        ),
+        ({"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
+        ({"tpic_decay": "fast"}, TypeError, "tpic_decay = 'fast'"),
+        ({"density": "smoothed"}, TypeError, "must be a SmoothedDensity"),
+        ({"diffusion": 1.0}, TypeError, "diffusion"),
+    ],
+)
+def test_refusals(arguments, error, message):
+    with pytest.raises(error, match=message):
+        Scheme(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
         ({"diffusion": math.nan}, ValueError, "diffusion = nan"),
         ({"weight_correction": 1.1}, ValueError, "weight_correction = 1.1"),
         ({"weight_correction_limit": 1.0}, ValueError, "weight_correction_limit = 1.0"),
@@ -38,16 +73,40 @@ def test_presets():
         ({"relaxation_limit": -1.0}, ValueError, "relaxation_limit = -1.0"),
         ({"shifting_limit": 0.6}, ValueError, "shifting_limit = 0.6"),
         ({"shifting_outlet_cells": -1}, ValueError, "shifting_outlet_cells = -1"),
-        ({"basis": "linear", "density": "smoothed"}, ValueError, 'needs basis = "quadratic"'),
-        ({"density": "cell_averaged"}, ValueError, 'needs basis = "linear" and transfer = "tpic"'),
-        ({"basis": "linear", "density": "cell_averaged"}, ValueError, "not 'linear' and 'flip'"),
-        ({"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
-        ({"decay": "fast"}, TypeError, "decay = 'fast'"),
     ],
 )
-def test_refusals(arguments, error, message):
+def test_refusals_of_densities(arguments, error, message):
     with pytest.raises(error, match=message):
-        Scheme(**arguments)
+        SmoothedDensity(**arguments)
+    (name,) = arguments
+    if name in CellAveragedDensity.units:
+        with pytest.raises(error, match=message):
+            CellAveragedDensity().replace(**arguments)
+
+
+def test_a_density_has_the_numbers_of_its_own():
+    assert Scheme().density == SmoothedDensity() != CellAveragedDensity()
+    assert (SmoothedDensity().shifting, CellAveragedDensity().shifting) == (8.0, 2.0)
+    assert ParticleDensity.units.keys() == {"separation_strain"}
+    assert "averaging_time" not in CellAveragedDensity.units
+    with pytest.raises(TypeError, match="weight_correction"):
+        CellAveragedDensity(weight_correction=0.5)
+
+
+def test_a_density_brings_its_basis_and_transfer():
+    scheme = Scheme(density=CellAveragedDensity(diffusion=0.25))
+    assert (scheme.basis, scheme.transfer, scheme.tpic_decay) == ("linear", "tpic", 3.0)
+    assert Scheme(density=ParticleDensity()).transfer == "tpic"
+    assert Scheme(basis="linear").density == ParticleDensity()
+
+
+def test_declared_numbers_are_documented():
+    """The core declares name, default, range, unit and text of each, once."""
+    for kind in (Scheme, Fluidity, *schemes.DENSITIES.values()):
+        for name in kind.units:
+            assert f"    {name} : " in kind.__doc__
+    assert "[1/s]" in Scheme.__doc__ or "1/s." in Scheme.__doc__
+    assert "[0, 0.5]" in SmoothedDensity.__doc__
 
 
 @pytest.mark.parametrize(

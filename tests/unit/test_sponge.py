@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
@@ -26,7 +27,7 @@ def moved(velocity, sponge, combination, steps=10):
         grid=Grid((0.0, 0.0), 1.0, (8, 8)),
         fills=(Fill(Box((2.0, 2.0), (6.0, 6.0)), 4, velocity=velocity),),
         material=gr.materials.MuI(E=1e5),
-        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, dt=1e-3),
+        scheme=scheme_of(basis, transfer, density, dt=1e-3),
         sponge_layers=(sponge,),
         gravity=Gravity((0.0,), ((0.0, 0.0),)),
         duration=1.0,

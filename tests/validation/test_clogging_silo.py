@@ -10,7 +10,7 @@ import granular as gr
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
-SPLINES = gr.Scheme(basis="quadratic", transfer="tpic", density="particle", dt=1e-4)
+SPLINES = gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4)
 
 
 @cache

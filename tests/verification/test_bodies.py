@@ -26,7 +26,7 @@ def bed(*bodies, height=0.4, holes=(), walls=True, gravity=-G, transfer="apic"):
         grid=Grid((0.0, 0.0), 0.05, (20, 16)),
         fills=(Fill(region, 4),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density="particle"),
+        scheme=gr.Scheme(basis="quadratic", transfer=transfer, density=gr.ParticleDensity()),
         walls=sides if walls else (),
         bodies=bodies,
         gravity=Gravity((0.0,), ((0.0, gravity),)),

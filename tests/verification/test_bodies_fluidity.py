@@ -35,7 +35,7 @@ def layer(dim, stencil, elasticity, **scene):
         fills=(Fill(Region((*lower, 0.0), (*upper, HEIGHT * CELL)), 2**dim, lithostatic=True),),
         material=GRAINS.replace(elasticity=elasticity),
         scheme=gr.Scheme(
-            basis="linear", transfer="apic", density="particle", dt=1e-4,
+            basis="linear", transfer="apic", density=gr.ParticleDensity(), dt=1e-4,
             fluidity=Fluidity(method="implicit", stencil=stencil, initial=1.0),
         ),
         gravity=Gravity((0.0, 1e-6), (down, tuple(tilted))),
@@ -81,7 +81,7 @@ def pool(shift, *, dim=2, **body):
         grid=Grid((0.0,) * dim, 0.05, (*length, 10), periodic=(True,) * (dim - 1) + (False,)),
         fills=(Fill(Region((0.0,) * dim, (0.5,) * (dim - 1) + (0.3,)), 2**dim),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(basis="quadratic", transfer="apic", density="particle", dt=4e-4),
+        scheme=gr.Scheme(basis="quadratic", transfer="apic", density=gr.ParticleDensity(), dt=4e-4),
         walls=(Wall(dim - 1, 0.0, kind="no_slip"),),
         bodies=(Body(Box((0.15,) * dim), position, motion=motion, friction=0.3, **body),),
         gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
@@ -130,7 +130,9 @@ def test_bodies_whose_images_meet_are_refused():
 
 def test_time_step_knows_the_speed_of_bodies():
     """Of the fastest place of each: a corner, a rim; in the domain where a body has no end."""
-    scene = pool(0).replace(scheme=gr.Scheme(transfer="apic", density="particle", cfl=0.4))
+    scene = pool(0).replace(
+        scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity(), cfl=0.4)
+    )
     wave = scene.material.wave_speed
     walled = scene.replace(grid=Grid((0.0, 0.0), 0.05, (10, 10)))
     spin = Motion(velocity=((0.0, 3.0),), angular_velocity=(50.0,))
@@ -143,7 +145,7 @@ def test_time_step_knows_the_speed_of_bodies():
         sim = gr.Simulation(walled.replace(bodies=(far,)), threads=1)
         assert sim.dt == pytest.approx(0.4 * 0.05 / (wave + speed), rel=1e-12)
         limit = 0.64 * 0.05 / (wave + speed)
-        fixed = gr.Scheme(transfer="apic", density="particle", dt=1.01 * limit)
+        fixed = gr.Scheme(transfer="apic", density=gr.ParticleDensity(), dt=1.01 * limit)
         with pytest.raises(ValueError, match=r"dt = .* points or bodies of"):
             gr.Simulation(walled.replace(bodies=(far,), scheme=fixed))
         gr.Simulation(walled.replace(bodies=(far,), scheme=fixed.replace(dt=0.99 * limit)))

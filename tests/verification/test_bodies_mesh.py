@@ -66,7 +66,7 @@ def bed(shape):
         grid=Grid((0.0,) * 3, 0.05, (10, 8, 10)),
         fills=(Fill(Region((0.0,) * 3, (0.5, 0.4, 0.25)), 8),),
         material=MuI(E=1e6),
-        scheme=gr.Scheme(transfer="apic", density="particle", dt=4e-4),
+        scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity(), dt=4e-4),
         walls=(Wall(2, 0.0, kind="no_slip"),),
         bodies=(Body(shape, (0.2, 0.2, 0.33), motion=motion, friction=0.3),),
         gravity=Gravity((0.0,), ((0.0, 0.0, -9.8),)),

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
@@ -24,7 +25,7 @@ def closed_box(combination, *, material=None, gravity=(0.0, 0.0), **options):
             Fill(Box((0.2, 0.0), (0.5, 0.4)), 4, jitter=1.0, density=1505.0, velocity=(-0.2, 0.4)),
         ),
         material=material or MuI(E=1e6),
-        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **options),
+        scheme=scheme_of(basis, transfer, density, **options),
         gravity=Gravity((0.0,), (gravity,)),
         duration=1.0,
         seed=1,

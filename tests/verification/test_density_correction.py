@@ -110,7 +110,8 @@ def test_stop_time():
 def test_an_idle_cure_gives_nothing():
     """The comparison of two steps is exact, and it sees what the shift does."""
     sim = layers.layer(
-        steady=True, scheme=schemes.default.replace(**density_correction_budget.IDLE)
+        steady=True,
+        scheme=schemes.Scheme(density=schemes.SmoothedDensity(**density_correction_budget.IDLE)),
     )
     sim.step(200)
     nothing = density_correction_budget.given(sim)

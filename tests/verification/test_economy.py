@@ -62,7 +62,7 @@ def mean_velocity(scheme):
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_which_transfers_damp_by_the_step(transfer, basis):
     """Where a fifth of the step makes another flow, advice leaves step, cells and E alone."""
-    scheme = gr.Scheme(basis=basis, transfer=transfer, density="particle")
+    scheme = gr.Scheme(basis=basis, transfer=transfer, density=gr.ParticleDensity())
     coarse, fine = (mean_velocity(scheme.replace(cfl=cfl)) for cfl in (0.5, 0.1))
     assert (abs(fine / coarse - 1) > 0.005) == damps_by_step(scheme), fine / coarse
 

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
@@ -23,7 +24,7 @@ def scene(combination, shape, fills, *, material=SOLID, periodic=(False, False),
         grid=Grid((0.0, 0.0), CELL, shape, periodic=periodic),
         fills=fills,
         material=material,
-        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **scheme),
+        scheme=scheme_of(basis, transfer, density, **scheme),
         gravity=REST,
         duration=1.0,
         seed=11,
@@ -227,7 +228,7 @@ def bar(combination, cells, points=4, material=SOLID, **options):
         grid=Grid((0.0, 0.0), cell, (cells, 1), periodic=(True, True)),
         fills=(Fill(Box((0.0, 0.0), (3.2, cell)), points),),
         material=material,
-        scheme=gr.Scheme(basis=basis, transfer=transfer, density=density, **options),
+        scheme=scheme_of(basis, transfer, density, **options),
         gravity=REST,
         duration=1.0,
     )
@@ -295,7 +296,7 @@ def settled_column(cells, material):
         fills=(Fill(Box((0.0, 0.0), (1.0 / cells, 1.0)), 16),),
         material=material,
         scheme=gr.Scheme(
-            basis="quadratic", transfer="xpic", xpic_order=1, density="particle", cfl=0.3
+            basis="quadratic", transfer="xpic", xpic_order=1, density=gr.ParticleDensity(), cfl=0.3
         ),  # damps most
         walls=(gr.mpm.walls.Wall(1, 0.0, kind="free_slip"),),
         gravity=Gravity((0.0, 4.0), ((0.0, 0.0), (0.0, -9.81))),
