@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "mpm/engine.h"
+#include "kernels.h"
 
 extern const struct gr_kernels gr_kernels_baseline;
 #ifdef GR_X86

@@ -3,6 +3,8 @@
  * Every combination of dimension, basis, transfer and density has a body of its own, made from one
  * inline function with literal arguments; the choice is made once, when a kernel is called for a run
  * of cells. */
+#include "kernels.h"
+
 #define GR_INFO(name, unit, doc) {#name, unit, doc},
 
 /* A law of both dimensions with its descriptor; what follows the name are members of struct gr_law. */
@@ -21,9 +23,14 @@ static const struct gr_law *const laws[] = {
 
 #include "fluidity/diffuse.inl"
 #include "mpm/migrate.h"
+#include "mpm/smoothed_density.inl"
 #include "mpm/p2g.inl"
+#include "mpm/xpic.inl"
 #include "mpm/cell_averaged.inl"
+#include "mpm/cell_view.inl"
+#include "mpm/fluidity_coupling.inl"
 #include "mpm/g2p.inl"
+#include "mpm/sweep.inl"
 #include "sph/sums.inl"
 #include "sph/stress.inl"
 #include "sph/gas_sums.inl"

@@ -8,7 +8,8 @@
  * points really have. It also tells whether the cell is inside the material, where it stands for all its room and
  * is integrated at its middle, or at a surface, where it stands for what its points need at rho_c and is
  * integrated at their centre of mass: a node that they hardly reach feels next to no force. */
-#include "mpm/shape.h"
+#include "mpm/contribution.h"
+#include "mpm/density_correction.h"
 
 #define EMPTY -INFINITY /* log-density of a cell without points: looser than any reach */
 
@@ -116,7 +117,7 @@ GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t ind
         for (int d = 0; d < dim; d++) {
             double force = 0;
             for (int j = 0; j < dim; j++) force += own->stress[place[dim - 2][d][j]] * slope_at(dim, own->at, i, j);
-            sum[i * rows + 1 + dim + d] = area * force;
+            sum[i * rows + GR_SUM_FORCE(dim) + d] = area * force;
         }
 }
 
@@ -182,15 +183,4 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     if (scale * scale * length > most * most) scale = most / sqrt(length);
     for (int d = 0; d < dim; d++) shift[d] = v_set(-scale * dx * own->over_compression[d]);
     return v_set(c);
-}
-
-/* The sums of one cell, with its density shared or not. */
-GR_INLINE void p2g_points(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                          struct gr_engine *e, int64_t index)
-{
-    if (cell_averaged)
-        p2g_averaged_cell(dim, affine, e, index);
-    else
-        p2g_cell(dim, basis, affine, smoothed, e, index);
-    if (e->fluidity) mean_fluidity(e, index);
 }

@@ -2,6 +2,7 @@
 
 #include "mpm/pose.h"
 #include "mpm/migrate.h"
+#include "mpm/walls.h"
 
 enum { MAX_SWEEPS = 50 };
 

@@ -189,9 +189,14 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
     e->sums_correct_shift = gr_averages(e, step - 1);
 }
 
-/* Sums of a node over the points of a cell: m, p, f, and where the density is averaged its mass, the same by weights,
- * its moment by weights, and the residual_force. */
-#define GR_NODE_SUMS(dim, smoothed) (1 + 2 * (dim) + (3 + (dim)) * (smoothed))
+/* Sums of a node over the points of a cell: mass, momentum, force and, where the density is smoothed, from
+ * GR_SUM_DENSITY on: the mass of the points that are not disconnected, the same by weights, its log-density by weights,
+ * and the residual force. */
+enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
+#define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
+#define GR_SUM_DENSITY(dim) (GR_SUM_FORCE(dim) + (dim))
+enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
+#define GR_NODE_SUMS(dim, smoothed) (GR_SUM_DENSITY(dim) + (GR_SUM_RESIDUAL + (dim)) * (smoothed))
 
 /* Behind them, where the density is shared, what is the cell's own (mpm/cell_averaged.inl): all doubles. */
 struct gr_cell_average {
@@ -200,32 +205,23 @@ struct gr_cell_average {
     double at[3], over_compression[3]; /* local coordinates where it is integrated; what its points shift away from */
 };
 
-/* What node_data holds of a node: v^{n+1}, w, and where the density is averaged the gap ln phi - cbar averaged over the
- * nodes around (0 at a surface), cbar, max(0, phi - 1), the mean weight in excess of what fills the room, the residual_force,
- * and the gap of the node itself. */
-#define GR_NODE_FIELDS(dim, smoothed) (2 * (dim) + (5 + (dim)) * (smoothed))
-
-/* The kernels of one instruction set (kernels.c). */
-struct gr_sph_kernels;
-
-struct gr_kernels {
-    const char *isa;
-    int lanes;
-    void (*p2g)(struct gr_engine *, int64_t first, int64_t last);
-    void (*p2g_list)(struct gr_engine *, const int64_t *list, int64_t first, int64_t last);
-    void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
-    void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
-    void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
-    void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
-    void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
-    void (*substep)(struct gr_engine *, int64_t first, int64_t last);
-    const struct gr_law *const *laws; /* of the registry, then NULL */
-    void (*update_law)(int law, int dim, const struct gr_law_call *call);
-    void (*update_fluidity)(const struct gr_fluidity_call *call);
-    void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
-    gr_diffuse *diffuse;
-    const struct gr_sph_kernels *sph; /* sph/sph.h */
+/* Fields of a node in node_data: v^{n+1}, w and, where the density is smoothed, from GR_NODE_DENSITY on: the gap ln phi - c
+ * averaged over the nodes around (0 at a surface), the mean log-density c, max(0, phi - 1), the mean weight in excess of
+ * what fills the volume, the gap of the node itself, and the residual force. */
+enum gr_node_field { GR_NODE_VELOCITY };
+#define GR_NODE_UPDATE(dim) (GR_NODE_VELOCITY + (dim))
+#define GR_NODE_DENSITY(dim) (GR_NODE_UPDATE(dim) + (dim))
+enum gr_density_field {
+    GR_NODE_GAP,
+    GR_NODE_LOG_DENSITY,
+    GR_NODE_EXCESS,
+    GR_NODE_WEIGHT,
+    GR_NODE_OWN_GAP,
+    GR_NODE_RESIDUAL
 };
+#define GR_NODE_FIELDS(dim, smoothed) (GR_NODE_DENSITY(dim) + (GR_NODE_RESIDUAL + (dim)) * (smoothed))
+
+struct gr_kernels; /* kernels.h */
 
 /* engine.c: life. The config is copied, with what it points to. */
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config);
@@ -247,7 +243,5 @@ double gr_stable_dt(const struct gr_engine *e);
 
 /* The longest time step that the engine will make, s. */
 static inline double gr_longest_dt(const struct gr_config *c) { return c->dt > 0 ? c->dt : c->cfl * c->dx / c->wave_speed; }
-
-const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the best this machine has */
 
 #endif

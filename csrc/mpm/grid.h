@@ -12,11 +12,6 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
  * v', w and what the averaging of the density needs go to node_data; m to node_mass; v to node_v. */
 void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3]);
 
-/* After gr_grid_nodes for all nodes, what needs those next to a node: the gap to the fullness, averaged over them; the mean
- * weight of the points less the one that would fill the room; and the residual_force is left only where a uniform pressure
- * should make no force, inside the material: elsewhere it is the force on the surface, or a wall bears it. */
-void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last);
-
 /* XPIC: take pass r of order m from the sums of kernels->smooth and add its share to w.
  *   w = v' - v + sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v   (Hammerquist & Nairn 2017). */
 void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass);

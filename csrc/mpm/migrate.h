@@ -42,14 +42,6 @@ static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cel
     e->id[slot] = -1;
 }
 
-/* The row of the wall table that rules a node now. */
-static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8_t code)
-{
-    const struct gr_wall *wall = &e->config.walls[code];
-    while (e->time >= wall->opens_at) wall = &e->config.walls[wall->after];
-    return wall;
-}
-
 /* Copy the listed points from number `first` on out of their cells, and close the holes they leave. */
 void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first);
 

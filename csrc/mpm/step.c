@@ -12,8 +12,10 @@
 #include "mpm/contact.h"
 #include "core/barrier.h"
 #include "core/gravity.h"
+#include "kernels.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
+#include "mpm/smoothed_density.h"
 
 enum { DT_INTERVAL = 16 }; /* steps between two looks at the fastest point */
 
@@ -279,21 +281,16 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 
 /* The stages one by one, by one thread: what advance does in a step, to the last bit. */
 
-/* Forces of cells that share their density. */
-static void apply_cell_forces(struct gr_engine *e, const struct gr_kernels *kernels)
-{
-    if (!e->config.cell_averaged) return;
-    gr_grid_masses(e, 0, e->mesh.n_nodes);
-    kernels->apply_cell_forces(e, 0, e->mesh.n_cells);
-}
-
 int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     e->error = ready(e);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
     kernels->p2g(e, 0, e->mesh.n_cells);
-    apply_cell_forces(e, kernels);
+    if (e->config.cell_averaged) {
+        gr_grid_masses(e, 0, e->mesh.n_nodes);
+        kernels->apply_cell_forces(e, 0, e->mesh.n_cells);
+    }
     e->sums_valid = 1;
     return GR_OK;
 }
@@ -306,21 +303,8 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (!e->error) e->error = share_out(&team);
     if (e->error) return e->error;
     prepare(&team);
-    note_dt(e);
-    if (team.again) kernels->p2g(e, 0, e->mesh.n_cells);
-    apply_cell_forces(e, kernels);
-    if (e->n_thin) gr_split_nodes(e, 0, e->mesh.n_nodes);
-    gr_grid_nodes(e, 0, e->mesh.n_nodes, team.gravity);
-    if (e->config.n_bodies) {
-        gr_bodies_find(e, 0, e->mesh.n_nodes);
-        gr_bodies_touch(e, team.gravity);
-    }
-    if (gr_averages(e, e->step)) gr_grid_surroundings(e, 0, e->mesh.n_nodes);
-    for (int pass = 2; pass <= e->config.xpic_order; pass++) {
-        kernels->smooth(e, 0, e->mesh.n_cells);
-        gr_grid_smooth(e, 0, e->mesh.n_nodes, pass);
-        e->sums_valid = 0; /* smooth works in their place */
-    }
+    stage_grid(&team, 0);
+    if (e->config.xpic_order > 1) e->sums_valid = 0; /* the passes work in their place */
     return stage_fluidity(&team, 0);
 }
 

@@ -12,6 +12,7 @@
 #endif
 #include <numpy/arrayobject.h>
 
+#include "kernels.h"
 #include "mpm/engine.h"
 
 /* A C-contiguous, aligned array of `type`, of exactly `ndim` dimensions with the sizes given (-1: any), writeable

@@ -235,16 +235,18 @@ static PyObject *engine_nodes(struct engine_object *self, PyObject *unused)
             const double *part = e->sums + e->mesh.node_source[i * e->K + k];
             for (int q = 0; q < rows; q++) sum[q] += part[q];
         }
-        ((double *)PyArray_DATA((PyArrayObject *)m))[i] = sum[0];
+        ((double *)PyArray_DATA((PyArrayObject *)m))[i] = sum[GR_SUM_MASS];
         for (npy_intp d = 0; d < dim; d++) {
             const struct gr_axis *axis = &e->axis[d];
             ((double *)PyArray_DATA((PyArrayObject *)x))[i * dim + d] =
                 axis->origin + axis->node_position[id % axis->n_nodes] * e->config.dx;
             id /= axis->n_nodes;
-            ((double *)PyArray_DATA((PyArrayObject *)p))[i * dim + d] = sum[1 + d];
-            ((double *)PyArray_DATA((PyArrayObject *)f))[i * dim + d] = sum[1 + dim + d];
-            ((double *)PyArray_DATA((PyArrayObject *)v))[i * dim + d] = e->node_data[i * e->node_stride + d];
-            ((double *)PyArray_DATA((PyArrayObject *)w))[i * dim + d] = e->node_data[i * e->node_stride + dim + d];
+            ((double *)PyArray_DATA((PyArrayObject *)p))[i * dim + d] = sum[GR_SUM_MOMENTUM + d];
+            ((double *)PyArray_DATA((PyArrayObject *)f))[i * dim + d] = sum[GR_SUM_FORCE(dim) + d];
+            ((double *)PyArray_DATA((PyArrayObject *)v))[i * dim + d] =
+                e->node_data[i * e->node_stride + GR_NODE_VELOCITY + d];
+            ((double *)PyArray_DATA((PyArrayObject *)w))[i * dim + d] =
+                e->node_data[i * e->node_stride + GR_NODE_UPDATE(dim) + d];
         }
     }
     return Py_BuildValue("{s:N,s:N,s:N,s:N,s:N,s:N}", "x", x, "mass", m, "momentum", p, "force", f, "v", v, "w", w);

@@ -2,6 +2,7 @@
 #ifndef GR_TESTS_SCENE_H
 #define GR_TESTS_SCENE_H
 
+#include "kernels.h"
 #include "mpm/engine.h"
 
 enum { SCENE_WALLS = 8 };

@@ -5,6 +5,7 @@
 
 #include "core/gravity.h"
 #include "mpm/migrate.h"
+#include "mpm/walls.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 

@@ -7,6 +7,7 @@
 
 #include "core/simd.h"
 #include "mpm/engine.h"
+#include "kernels.h"
 #include "tests/check.h"
 #include "tests/faults.h"
 

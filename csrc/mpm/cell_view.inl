@@ -1,0 +1,48 @@
+/* What the points of a cell see of the grid. */
+#include "mpm/law_batch.h"
+
+enum { ALONE = 2 }; /* points in a cell up to which they are alone */
+
+/* What the points of a cell have in common. */
+struct view {
+    struct gr_frame frame;
+    vd begin[3], end[3];  /* the cell ends here */
+    int has_sponge;       /* bit d: points that rise along axis d may be slowed */
+    vd disconnected;      /* log-density below which a point carries no affine field */
+    vd L[9], shift[3], c; /* of all the points, where they share their density: L dt, m, 1 */
+    double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
+};
+
+/* Modes of the nodal fields of a cell: displacement in cells a step, w, and what an averaging of the density takes. */
+GR_INLINE void cell_modes(const int dim, const int basis, const int nodal, const int averages, const int stride,
+                          const struct gr_engine *e, int64_t index, const struct gr_frame *frame, const double *scale,
+                          double *mode)
+{
+    const int K = gr_power(gr_nodes_1d(basis), dim), fields = GR_NODE_FIELDS(dim, averages);
+    for (int i = 0; i < K; i++) {
+        const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
+        for (int q = 0; q < fields; q += GR_W) v_store(mode + i * stride + q, v_load(node + q) * v_load(scale + q));
+    }
+    gr_modes(dim, basis, nodal, fields, stride, frame, mode);
+}
+
+GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
+                            int averages, const struct gr_engine *e, int64_t index, const double *scale, struct view *view)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, smoothed)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
+    const int carried = !smoothed && !cell_averaged && !(cell->flags >= GR_CELL_WALL && cell->count <= ALONE);
+    view->frame = gr_frame_of(dim, e, cell);
+    view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
+    view->has_sponge = e->config.has_sponge;
+    for (int d = 0; d < dim; d++) {
+        view->begin[d] = v_set(view->frame.axis[d]->begin);
+        view->end[d] = v_set(view->frame.axis[d]->end);
+        if (e->config.above[d] >= view->frame.axis[d]->end) view->has_sponge &= ~(1 << d);
+    }
+    if (smoothed && averages)
+        cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode);
+    else
+        cell_modes(dim, basis, nodal, 0, fields, e, index, &view->frame, scale, view->mode);
+    if (cell_averaged) view->c = flow_of_cell(dim, e, index, view->L, view->shift);
+}

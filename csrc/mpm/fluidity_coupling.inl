@@ -1,0 +1,179 @@
+/* The fluidity of the cells and its points: means over a cell before the diffusion, and the substeps of the nonlocal law
+ * between one diffusion and the next. */
+#include "law/substep.h"
+#include "mpm/contribution.h"
+#include "mpm/law_batch.h"
+#include "mpm/migrate.h"
+
+/* The fluidity of a cell, of which the diffusion begins: the mean over its points that bear pressure, by mass.
+ *
+ * A step of diffusion after which the law makes a step of its own has another steady state than the two together:
+ * backward Euler takes g - k L g' with g' = g/(1 + k L), too little: a layer at 1.9 times its stopping height would flow
+ * 1.9 % too fast with dt = .17 t0 and 9 % with .83 t0 (docs/equations.md).
+ * The implicit step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51): it knows
+ * what the law has added in the substep before, r, and makes (1 + k L) g' = g + r; the law begins from g' - r, which
+ * is g - k L g, with nothing left to err, where all is steady. r within -g and g/2: no g' is negative, and a growing
+ * mode of the law does not overshoot. */
+GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double gain)
+{
+    if (gr_is_balanced(e)) {
+        const double more = gain < -g ? -g : gain, most = 0.5 * g;
+        gain = more > most ? most : more;
+        e->fluidity->gain[place] = gain;
+        g += gain;
+    }
+    e->fluidity->g[place] = g;
+}
+
+/* After a part of the step that began from g_star. */
+GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, double g_star)
+{
+    store_gain(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
+}
+
+GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
+{
+    enum { SUMS = GR_SUMS > 3 ? GR_SUMS : 4 };
+    const int64_t place = gr_place_of_cell(e, cell);
+    const int balanced = gr_is_balanced(e);
+    double sum[SUMS];
+    vd acc[SUMS];
+    for (int i = 0; i < SUMS; i++) acc[i] = v_zero();
+    GR_EACH_OF_FLUIDITY(e, cell, side)
+    for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+        const int64_t at = side->offset + n * GR_W;
+        vd tension = component(e, GR_FIELD_stress, 0, at);
+        for (int c = 1; c < 3; c++) tension = tension + component(e, GR_FIELD_stress, c, at);
+        const vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
+        acc[0] = acc[0] + m;
+        acc[1] = v_fma(m, component(e, GR_FIELD_g, 0, at), acc[1]);
+        if (balanced) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
+    }
+    for (int i = 0; i < 3; i += GR_SUMS) v_sums(sum + i, acc + i);
+    const double inverse = sum[0] > 0 ? 1 / sum[0] : 0;
+    e->fluidity->dense[place] = sum[0] > 0;
+    store_gain(e, place, inverse * sum[1], inverse * sum[2]);
+}
+
+GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    if (!GR_IS_DOUBLE(cell)) mean_of_cell(e, cell); /* else when it is known whether its sides are apart */
+}
+
+/* What the diffusion has left of the fluidity of a cell, see mean_fluidity. */
+GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
+{
+    double g = e->fluidity->g[place];
+    if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
+    return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN stays */
+}
+
+/* L dt of the points of a cell, where they are now, from which their paths begin once the batch is full. */
+GR_INLINE void strain_cell(const int dim, const int basis, const int cell_averaged, const struct gr_engine *e, int64_t index,
+                           struct batch *batch, gr_law_update *law)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    const int stride = MODE_STRIDE(GR_NODE_FIELDS(dim, 0)), blocks = GR_BLOCKS(cell->count);
+    const double g_star = fluidity_of_cell(e, gr_place_of_cell(e, cell));
+    struct view view;
+    look_at_cell(dim, basis, GR_AFFINE_NONE, 0, cell_averaged, 0, e, index, batch->scale, &view);
+    for (int n = 0; n < blocks; n++) {
+        struct gr_shape s;
+        const double *place[3];
+        const int64_t at = cell->offset + n * GR_W;
+        vd L[9];
+        if (batch->n == BATCH) run_law(e, law, batch, 1);
+        double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+        for (int d = 0; d < dim; d++) place[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
+        gr_shapes(dim, basis, &view.frame, place, 0, &s);
+        for (int d = 0; d < dim; d++)
+            (void)gr_interpolate(dim, basis, 0, view.mode + d, stride, &s, (const vd(*)[3])s.g, L + d * dim);
+        for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);
+        batch->g_star[batch->n] = g_star;
+        batch->slot[batch->n++] = at;
+    }
+}
+
+/* Whether a fluidity is that of this cell, or of a double one of which it is the front, and there are points. */
+static inline int leads(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    int64_t points = 0;
+    GR_EACH_OF_FLUIDITY(e, cell, side) points += side->count;
+    return points > 0;
+}
+
+/* The shares of the points of a cell in its fluidity, by the pressures of their paths, and what the first part of the step
+ * makes of it. */
+GR_INLINE void weigh_substeps(struct gr_engine *e, const struct gr_cell *cell)
+{
+    const int64_t place = gr_place_of_cell(e, cell);
+    vd mass = v_zero(), flow = mass;
+    for (int pass = 0; pass < 2; pass++) {
+        const double sum = v_sum(mass);
+        const vd inverse = v_set(sum > 0 ? 1 / sum : 0);
+        GR_EACH_OF_FLUIDITY(e, cell, side)
+        for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+            const int64_t at = side->offset + n * GR_W;
+            const vm dense = v_gt(v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_p)), v_zero());
+            const vd m = v_keep(dense, component(e, GR_FIELD_mass, 0, at));
+            if (!pass) {
+                mass = mass + m;
+                flow = v_fma(m, v_keep(dense, component(e, GR_FIELD_g, 0, at)), flow);
+            } else {
+                v_store(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight), inverse * m);
+            }
+        }
+        e->fluidity->dense[place] = sum > 0;
+        if (pass) store_fluidity(e, place, v_sum(inverse * flow), fluidity_of_cell(e, place));
+    }
+}
+
+/* The paths of the points through the substeps of a step, before they move, and the first of them. */
+GR_INLINE void begin_substeps_of_cells(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
+                                       int64_t first, int64_t last, gr_law_update *law)
+{
+    struct batch batch;
+    batch.n = 0;
+    for (int q = 0; q < MODE_STRIDE(GR_NODE_FIELDS(3, 1)); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
+    for (int64_t index = first; index < last; index++) {
+        if (e->mesh.cell[index].count) strain_cell(dim, basis, cell_averaged, e, index, &batch, law);
+        if (index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
+        if (batch.n) run_law(e, law, &batch, 1);
+    }
+    for (int64_t index = first; index < last; index++)
+        if (leads(e, &e->mesh.cell[index])) weigh_substeps(e, &e->mesh.cell[index]);
+}
+
+/* A substep along the paths, and the fluidity of the cells anew. */
+GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity)
+{
+    enum { TOGETHER = GR_SUMS > 4 ? GR_SUMS : 4 };
+    const vd fraction = v_set(1.0 / e->config.nonlocal.substeps);
+    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
+    double *const rate = e->field[GR_FIELD_shear_rate], sum[TOGETHER], g_star[TOGETHER];
+    int64_t place[TOGETHER];
+    vd acc[TOGETHER];
+    int found = 0;
+    for (int k = 0; k < TOGETHER; k++) acc[k] = v_zero();
+    for (int64_t index = first; index < last; index++) {
+        const struct gr_cell *cell = &e->mesh.cell[index];
+        if (leads(e, cell)) {
+            place[found] = gr_place_of_cell(e, cell);
+            g_star[found] = fluidity_of_cell(e, place[found]);
+            const vd start = gr_fluidity_start(&numbers, v_set(g_star[found]));
+            vd flow = v_zero();
+            GR_EACH_OF_FLUIDITY(e, cell, side)
+            for (int n = 0; n < GR_BLOCKS(side->count); n++) {
+                const int64_t at = side->offset + n * GR_W;
+                const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, start, v_zero(), rate + at);
+                flow = v_fma(v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight)), g, flow);
+            }
+            acc[found++] = flow;
+        }
+        if (found < TOGETHER && index + 1 < last) continue;
+        for (int k = 0; k < TOGETHER; k += GR_SUMS) v_sums(sum + k, acc + k);
+        for (int k = 0; k < found; k++) store_fluidity(e, place[k], sum[k], g_star[k]);
+        found = 0;
+    }
+}

@@ -1,0 +1,21 @@
+/* Walls on grid lines: what they do to nodes. */
+#ifndef GR_MPM_WALLS_H
+#define GR_MPM_WALLS_H
+
+#include "mpm/engine.h"
+
+/* The row of the wall table that rules a node now. */
+static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8_t code)
+{
+    const struct gr_wall *wall = &e->config.walls[code];
+    while (e->time >= wall->opens_at) wall = &e->config.walls[wall->after];
+    return wall;
+}
+
+/* What a wall leaves of the velocity `next` that a node would have had, and of the velocity v before the forces. */
+void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next);
+
+/* Whether all nodes of the face that the domain ends with at cell `from` are walls along axis d. */
+int gr_face_is_closed(const struct gr_engine *e, const int32_t from[3], int d, int high);
+
+#endif
