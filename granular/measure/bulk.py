@@ -190,7 +190,7 @@ def ill_posed_fraction(state: Any) -> float:
     Raises
     ------
     ValueError
-        If the state is empty, or the material has no xi because its law is rate-independent.
+        If the state is empty, or the material has no xi because it has no mu(I) law.
     """
     scaled = scaled_inertial_number(state)
     flowing = scaled > FLOWING  # False for nan, which marks stress-free points

@@ -40,7 +40,8 @@ def smooth(state: Any, field: Any) -> Array:
     Raises
     ------
     ValueError
-        If the state is empty, the field does not have one value per point, or a point is off the grid.
+        If the state is empty, a point is off the grid, or the field does not have one value per
+        point.
     """
     field = values(state, field)
     return stencil(state).gather(nodal(state, field))
@@ -62,7 +63,8 @@ def nodal(state: Any, field: Any) -> Array:
     Raises
     ------
     ValueError
-        If the state is empty, the field does not have one value per point, or a point is off the grid.
+        If the state is empty, a point is off the grid, or the field does not have one value per
+        point.
     """
     field = values(state, field)
     shapes = stencil(state)
@@ -111,7 +113,7 @@ def phase(state: Any, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
     """Mask of the points that are dense (True) or disconnected (False) by the nodal density.
 
     A point is dense if `nodal_density` there is at least rho_c (Dunatunga & Kamrin 2015, figure
-    7). This depends on the positions of the points only; ``state.dense`` depends on the density
+    7). This depends on the positions of the points only; ``state.dense`` depends on the pressure
     that they carry.
 
     Parameters
@@ -175,7 +177,8 @@ def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
     Raises
     ------
     ValueError
-        If the state is empty, the field does not have one value per point, or a point is off the grid.
+        If the state is empty, a point is off the grid, or the field does not have one value per
+        point.
     """
     field = values(state, field)
     w = point_weights(state, weight)
