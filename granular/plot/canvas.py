@@ -139,7 +139,7 @@ class View:
 
 
 def diameter(state: Any) -> float:
-    """Diameter of a point in a picture [m]: the diagonal of the initial spacing, to leave no gaps."""
+    """Diameter of a point in a picture [m]: the diagonal of the initial spacing, without gaps."""
     scene = state.scene
     per_cell = max(fill.points_per_cell for fill in scene.fills)
     return math.sqrt(2) * scene.grid.cell / per_cell ** (1 / state.dim)
