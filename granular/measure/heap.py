@@ -56,13 +56,14 @@ class Runout:
     Attributes
     ----------
     quantile : float
-        By the distance within which 99.9 % of the mass lies.
+        Run-out of the distance within which 99.9 % of the mass lies.
     toe : float
-        By a line through the column heights (by mass) between 5 and 30 % of the largest, extended
-        to zero height; nan if fewer than two columns lie in that band, as before a collapse.
+        Run-out of the toe: a line through the column heights (by mass) between 5 and 30 % of the
+        largest is extended to zero height; nan if fewer than two columns are in that band, as
+        before a collapse.
     contiguous : float
-        By the outer edge of the columns that are connected to the highest one and have a height
-        (by mass) of at least a quarter of a cell.
+        Run-out of the outer edge of the columns that are connected to the highest one and have a
+        height (by mass) of at least a quarter of a cell.
     """
 
     quantile: float

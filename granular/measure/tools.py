@@ -132,7 +132,7 @@ def tool_force(record: Trajectory, body: int = 0, *, window: int = 1) -> ToolFor
     Parameters
     ----------
     record : Trajectory
-        Of a 3D scene.
+        Record of a 3D scene.
     body, window : int
         As in `granular.measure.body_force`.
 
@@ -164,7 +164,7 @@ def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> Whee
     Parameters
     ----------
     record : Trajectory
-        Of a 3D scene with a wheel that rolls along x, its axle along y.
+        Record of a 3D scene with a wheel that rolls along x, its axle along y.
     body, window : int
         As in `granular.measure.body_force`.
 
