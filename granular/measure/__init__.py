@@ -1,7 +1,7 @@
 """Numbers from states and trajectories: run-out, repose, discharge, profiles, fields, energy.
 
-Every function takes a `State` (or an iterable of them) and returns plain numbers, arrays or a
-small frozen result; none changes what it is given.
+Every function takes a `State` (or an iterable of states) and returns plain numbers, arrays or a
+small frozen dataclass. No function changes its arguments.
 """
 
 from granular.measure.arch import Arch, arch_outline

@@ -10,7 +10,7 @@ from granular.measure.averaging_grid import Array, require_points
 from granular.measure.opening import Opening, each_state, opening_of
 
 _LEVEL = 0.25
-"""Spacings within which points count as equally low."""
+"""Difference of height, in point spacings, within which points count as equally low."""
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,7 @@ class Arch:
     Attributes
     ----------
     x : ndarray, shape (k,)
-        From the middle of the opening [m], ascending.
+        Distance from the middle of the opening [m], ascending.
     y : ndarray, shape (k,)
         Height above the bottom [m].
     spread : ndarray, shape (k,)
@@ -28,8 +28,9 @@ class Arch:
     crown : float
         The largest y [m].
     relative_crown : float
-        The crown over the width of the opening.
+        `crown` divided by the width of the opening.
     frames : int
+        Number of frames averaged over.
     """
 
     x: Array
@@ -43,12 +44,13 @@ class Arch:
 def arch_outline(states: Any, *, opening: Opening | None = None) -> Arch:
     """The outline of the arch over the opening of a jammed silo.
 
-    On a lattice of squares two point spacings wide (spacing ``sqrt(m/rho_c)``, median of the
-    points; a line of the lattice runs through the middle of the opening), the squares with a dense
-    point above the bottom are joined over their edges; the largest body is what bears load, the
-    rest falls. In each column with its middle over the opening the outline passes half a spacing
-    below the lowest point of that body, at the mean x of those that lie as low to a quarter of a
-    spacing. Both are averaged over frames.
+    The plane is divided into squares two point spacings wide; the spacing is the median of
+    ``sqrt(m/rho_c)`` over the points, and an edge of the squares runs through the middle of the
+    opening. Squares that hold a dense point above the bottom are joined across their edges. The
+    largest connected body bears the load; the rest falls. In each column of squares whose middle
+    is over the opening, the outline passes half a spacing below the lowest point of that body. Its
+    x is the mean over the points that are as low, to within a quarter of a spacing. Both x and y
+    are averaged over frames.
 
     Half a silo gives half an outline. Dunatunga & Kamrin, Modelling silo clogging, show such
     arches in figures 4b, 5 and 9, without coordinates.
@@ -57,7 +59,7 @@ def arch_outline(states: Any, *, opening: Opening | None = None) -> Arch:
     ----------
     states : State or iterable of State
     opening : Opening, optional
-        By default that of the scene.
+        By default the opening of the scene.
 
     Returns
     -------
@@ -66,8 +68,8 @@ def arch_outline(states: Any, *, opening: Opening | None = None) -> Arch:
     Raises
     ------
     TypeError, ValueError
-        If there are no states, the scene is not a plane silo, a state has no dense point above
-        the bottom, or a column over the opening has none: it holds no arch.
+        If there are no states, the scene is not a 2D silo, a state has no dense point above the
+        bottom, or a column over the opening has none, so that there is no arch.
     """
     rows = []
     for state in each_state(states):
@@ -83,7 +85,7 @@ def arch_outline(states: Any, *, opening: Opening | None = None) -> Arch:
 
 
 def _outline(state: Any, where: Opening) -> Array:
-    """Rows x, y of the outline of one state."""
+    """The outline of one state, one row (x, y) for each column of squares."""
     mass = np.asarray(state.mass, dtype=float)
     spacing = np.sqrt(mass / state.scene.material.rho_c)
     side = 2 * float(np.median(spacing))
@@ -111,7 +113,7 @@ def _outline(state: Any, where: Opening) -> Array:
 
 
 def _modelled(state: Any, where: Opening, side: float, reach: int) -> range:
-    """Columns whose middles are over the opening and on the grid."""
+    """Columns of squares whose middles are over the opening and within the grid."""
     grid = state.scene.grid
     left = (grid.lower[0] - where.axis) / side
     right = left + grid.shape[0] * grid.cell / side
@@ -126,7 +128,7 @@ def _modelled(state: Any, where: Opening, side: float, reach: int) -> range:
 
 
 def _largest_body(square: np.ndarray) -> np.ndarray:
-    """Which points belong to the largest body of occupied squares joined over edges."""
+    """Mask of the points in the largest body of occupied squares that are joined across edges."""
     index = square - square.min(axis=0)
     occupied = np.zeros(index.max(axis=0) + 1, dtype=bool)
     occupied[tuple(index.T)] = True

@@ -1,4 +1,4 @@
-"""Averages over frames on the grid, and what is read off them: the centre line, contours."""
+"""Averages over frames on the grid, and what follows from them: centre-line pressure, contours."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from granular.measure.opening import Opening, each_state, opening_of
 from granular.measure.profiles import Profile
 
 Field = str | Callable[[Any], ArrayLike]
-"""The name of a point field, or what makes one value or row a point of a state."""
+"""Name of a point field, or a function of a state that returns one value or row per point."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +32,12 @@ class LatticeField:
     ----------
     axes : tuple of ndarray
         Coordinates of the cell centres, or of the nodes, along each axis [m].
-    value : ndarray, shape of the lattice (or that and components)
+    value : ndarray, one entry (or row of components) per cell or node
         nan where no frame has material.
-    weight : ndarray, shape of the lattice
-        Mass [kg] or volume [m3] averaged over, mean of the frames.
+    weight : ndarray, one entry per cell or node
+        Mass [kg] or volume [m3] averaged over, as a mean over the frames.
     frames : int
+        Number of frames averaged over.
     """
 
     axes: tuple[Array, ...]
@@ -47,13 +48,14 @@ class LatticeField:
 
 @dataclass(frozen=True)
 class Contour:
-    """Where a field has one value.
+    """The lines along which a field has one given value.
 
     Attributes
     ----------
     level : float
+        The value of the field.
     lines : tuple of ndarray, each of shape (k, 2)
-        Points x, y along each piece [m]; none if the field does not reach the level.
+        Coordinates x, y along each piece [m]; empty if the field does not reach the level.
     """
 
     level: float
@@ -65,22 +67,24 @@ def frame_average(
 ) -> LatticeField:
     """A point field averaged over frames and over cells, or about nodes.
 
-    ``sum w_p f_p / sum w_p`` over all points that a cell holds in any of the frames; about nodes
-    ``sum S_ip w_p f_p / sum S_ip w_p`` with multilinear S. A frame in which a cell is empty does
-    not count there. Fluidity is averaged over dense points, for example (Dunatunga & Kamrin,
-    Modelling silo clogging, figure 8, which has 0 where this has nan), stress by volume.
+    A cell holds ``sum w_p f_p / sum w_p`` over all points inside it in any of the frames; a node
+    holds ``sum S_ip w_p f_p / sum S_ip w_p`` with multilinear shape functions S. A frame in which
+    a cell is empty does not count in that cell. For example, the fluidity is averaged over dense
+    points (Dunatunga & Kamrin, Modelling silo clogging, figure 8, which shows 0 where this
+    function returns nan), and the stress by volume.
 
     Parameters
     ----------
     states : State or iterable of State
-        Of one grid.
+        All on the same grid.
     field : str or callable
-        Name of a point field, or a function of a state that gives one value or row a point.
+        Name of a point field, or a function of a state that returns one value or row per point.
     weight : {"mass", "volume"}
         Volume is the weight of stresses, mass that of velocities.
     points : {"all", "dense"}
-        Average over all points, or over those that bear pressure.
+        Average over all points, or over those under pressure.
     at : {"cells", "nodes"}
+        Average over the cells, or about the nodes.
 
     Returns
     -------
@@ -89,8 +93,9 @@ def frame_average(
     Raises
     ------
     TypeError, ValueError
-        If an option is none of those named, there are no states, one has no points or points off
-        the grid, the grids differ, the field is not one value a point, or no point is dense.
+        If an option is not one of those named, there are no states, a state has no points or
+        points off the grid, the grids differ, the field does not have one value per point, or
+        `points` is "dense" and no point is dense.
     """
     one_of("points", points, ("all", "dense"))
     one_of("at", at, ("cells", "nodes"))
@@ -100,7 +105,7 @@ def frame_average(
         f = values(state, field(state) if callable(field) else field)
         w = point_weights(state, weight)
         if points == "dense":
-            # what is not dense may have no value: nan times a weight of 0 would stay nan
+            # A point that is not dense may hold nan, and nan times a weight of 0 would stay nan.
             dense = np.asarray(state.dense, dtype=bool)
             w, f = np.where(dense, w, 0.0), np.where(dense if f.ndim == 1 else dense[:, None], f, 0)
         spread = _cell_sums(state) if at == "cells" else stencil(state).scatter
@@ -137,23 +142,24 @@ def centre_line_pressure(
 ) -> Profile:
     """Pressure above the middle of a silo's opening by height, averaged over frames.
 
-    The mean by volume of all points in the columns of cells next to the axis, row by row; those
-    that bear no stress count as 0 (Dunatunga & Kamrin, Modelling silo clogging, figure 5b).
+    In each row of cells this is the volume-weighted mean over all points in the columns of cells
+    next to the axis. Stress-free points count as 0 (Dunatunga & Kamrin, Modelling silo clogging,
+    figure 5b).
 
     Parameters
     ----------
     states : State or iterable of State
     columns : int
-        How many columns of cells on each modelled side of the axis; of a grid whose cells the
-        axis halves, those whose centres are less than so many cells away.
+        Number of columns of cells on each modelled side of the axis. If the axis cuts cells in
+        half, the columns whose centres are less than this many cells away.
     opening : Opening, optional
-        By default that of the scene.
+        By default the opening of the scene.
 
     Returns
     -------
     Profile
         Heights above the bottom [m], pressures [Pa] (nan in rows without points), centroids of
-        the rows' points [m], volumes [m3].
+        the points in each row [m], volumes [m3].
 
     Raises
     ------
@@ -183,14 +189,14 @@ def centre_line_pressure(
 
 
 def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
-    """Lines of equal value of a field on a plane lattice, linear between its places.
+    """Lines of equal value of a 2D field, interpolated linearly between its cells or nodes.
 
     Parameters
     ----------
     field : LatticeField
-        One value a place.
+        In 2D, with one value per cell or node.
     levels : array_like, shape (k,)
-        Ascending.
+        Values of the field, ascending.
 
     Returns
     -------
@@ -200,7 +206,7 @@ def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
     Raises
     ------
     ValueError
-        If the field is not one of the plane with one value a place, or the levels are not finite
+        If the field is not a 2D one with one value per cell or node, or the levels are not finite
         and ascending.
     """
     if field.value.ndim != 2 or len(field.axes) != 2:
@@ -217,9 +223,9 @@ def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
 
 
 def speed_contours(states: Any, levels: ArrayLike) -> tuple[Contour, ...]:
-    """Lines of equal speed, of the mean velocity over frames at the nodes.
+    """Lines of equal speed: the magnitude of the nodal velocity averaged over frames.
 
-    Dunatunga & Kamrin, Modelling silo clogging, figure 6, have them at 0.05, 0.10 ... 0.35 m/s.
+    Dunatunga & Kamrin, Modelling silo clogging, figure 6, draw them at 0.05, 0.10 ... 0.35 m/s.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Where the points lie on the scene's grid: their cells, their nodes, their weights.
+"""Position of the points on the scene's grid: their cells, their nodes, their weights.
 
-Plain NumPy and multilinear shape functions, whatever basis the run itself used: what is measured
-must not depend on the scheme.
+The code is plain NumPy. It uses multilinear shape functions whatever basis the run itself used,
+because a measurement must not depend on the scheme.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _EDGE = 1e-6
-"""Cells by which a point may lie beyond the grid: rounding on a wall, and no more."""
+"""Distance [cells] a point may lie beyond the grid; it allows for rounding at a wall only."""
 
 
 def require_points(state: Any) -> None:
@@ -39,7 +39,7 @@ def values(state: Any, field: Any) -> Array:
     ----------
     state : State
     field : str or array_like, shape (n,) or (n, k)
-        The name of an attribute of the state, or one value (or row) a point.
+        The name of an attribute of the state, or one value (or row) per point.
 
     Returns
     -------
@@ -48,7 +48,7 @@ def values(state: Any, field: Any) -> Array:
     Raises
     ------
     ValueError
-        If there is no such field, or not one value a point.
+        If there is no such field, or it does not have one value per point.
     """
     require_points(state)
     if isinstance(field, str):
@@ -65,7 +65,7 @@ def values(state: Any, field: Any) -> Array:
 
 
 def point_weights(state: Any, weight: str) -> Array:
-    """What each point counts in an average: mass [kg], or volume [m3] with the scheme's weights.
+    """Weight of each point in an average: mass [kg], or the scheme's quadrature volume [m3].
 
     Raises
     ------
@@ -113,7 +113,7 @@ def cell_mass(state: Any) -> Array:
 
 
 def node_shape(grid: Any) -> tuple[int, ...]:
-    """Nodes along each axis; along a periodic one the last node is the first."""
+    """Number of nodes along each axis; along a periodic axis the last node is the first one."""
     pairs = zip(grid.shape, grid.periodic, strict=True)
     return tuple(count + (0 if periodic else 1) for count, periodic in pairs)
 
@@ -129,7 +129,7 @@ class Stencil:
     weights : ndarray, shape (2**dim, n)
         Shape functions S_ip; each column sums to one.
     shape : tuple of int
-        Nodes along each axis.
+        Number of nodes along each axis.
     """
 
     nodes: Indices
@@ -137,7 +137,7 @@ class Stencil:
     shape: tuple[int, ...]
 
     def scatter(self, field: Array) -> Array:
-        """``sum_p S_ip f_p`` on all nodes, flat: shape (nodes,) or (nodes, k)."""
+        """``sum_p S_ip f_p`` at all nodes in a flat array, shape (nodes,) or (nodes, k)."""
         size = int(np.prod(self.shape))
         if field.ndim == 2:
             return np.stack([self.scatter(column) for column in field.T], axis=1)
@@ -175,7 +175,7 @@ def _column(shape: tuple[int, ...]) -> Indices:
 
 
 def filled_neighbours(filled: NDArray[np.bool_], grid: Any) -> Indices:
-    """How many of the cells around each node are filled, an array of the nodes' shape."""
+    """Number of filled cells around each node, an array of the shape of the nodes."""
     count = np.zeros(node_shape(grid), dtype=np.int64)
     where = np.nonzero(filled)
     for corner in product((0, 1), repeat=filled.ndim):

@@ -1,4 +1,4 @@
-"""What the rigid bodies of a record did, and what the material did to them."""
+"""Motion of the rigid bodies of a record, and the force of the material on them."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyMotion:
-    """A body at the frames of a record.
+    """Motion of a body at the frames of a record.
 
     Attributes
     ----------
     times : ndarray, shape (k,)
-        [s].
+        Times of the frames [s].
     position, velocity : ndarray, shape (k, dim)
-        [m], [m/s].
+        Position [m] and velocity [m/s] of the body.
     quaternion : ndarray, shape (k, 4)
         Orientation, the scalar part first.
-    angular_velocity : ndarray, shape (k,) in the plane, (k, 3) in space
+    angular_velocity : ndarray, shape (k,) in 2D, (k, 3) in 3D
         [rad/s].
     impulse : ndarray, shape (k, dim)
-        Of the material on the body since the run began [N s, per metre of depth in the plane].
-    angular_impulse : ndarray, shape (k,) in the plane, (k, 3) in space
-        The same about the position, which moves with the body [N m s].
+        Impulse of the material on the body since the run began [N s; in 2D per metre of depth].
+    angular_impulse : ndarray, shape (k,) in 2D, (k, 3) in 3D
+        Angular impulse since then about the position, which moves with the body [N m s].
     """
 
     times: Array
@@ -55,11 +55,11 @@ class BodyForce:
     Attributes
     ----------
     times : ndarray, shape (k,)
-        Middles of the windows [s].
+        Middles of the averaging windows [s].
     force : ndarray, shape (k, dim)
-        [N, per metre of depth in the plane].
-    torque : ndarray, shape (k,) in the plane, (k, 3) in space
-        About the position of the body [N m].
+        Force of the material on the body [N; in 2D per metre of depth].
+    torque : ndarray, shape (k,) in 2D, (k, 3) in 3D
+        Torque of the material about the position of the body [N m].
     """
 
     times: Array
@@ -68,13 +68,13 @@ class BodyForce:
 
 
 def body_motion(record: Trajectory, body: int = 0) -> BodyMotion:
-    """Pose, velocities and what a body has felt, at the frames of a record.
+    """Pose and velocities of a body, and the impulse on it, at the frames of a record.
 
     Parameters
     ----------
     record : Trajectory
     body : int
-        Place in the bodies of the scene, >= 0.
+        Index into the bodies of the scene, >= 0.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def body_motion(record: Trajectory, body: int = 0) -> BodyMotion:
     Raises
     ------
     ValueError
-        If the scene has no such body, or the record does not tell of it.
+        If the scene has no such body, or the record does not store its motion.
     """
     count = record.bodies.shape[1]
     if not count:
@@ -95,16 +95,17 @@ def body_motion(record: Trajectory, body: int = 0) -> BodyMotion:
 def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> BodyForce:
     """Window averages of the force and the torque of the material on a body.
 
-    They are differences of impulses over times, hence exact means over all steps between; forces
-    of single steps are noise of the waves and of points that cross cells.
+    Each average is a difference of impulses over a difference of times, hence the exact mean over
+    all steps in between. Forces of single steps are not used: elastic waves and points that cross
+    cells make them noisy.
 
     Parameters
     ----------
     record : Trajectory
     body : int
-        Place in the bodies of the scene, >= 0.
+        Index into the bodies of the scene, >= 0.
     window : int
-        Intervals between frames that a window takes, >= 1; windows do not overlap.
+        Length of a window in intervals between frames, >= 1; windows do not overlap.
 
     Returns
     -------
@@ -113,7 +114,7 @@ def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> BodyFor
     Raises
     ------
     ValueError
-        If there is no such body, or there are fewer frames than a window takes.
+        If there is no such body, or a window is longer than the record.
     """
     motion = body_motion(record, body)
     step = integer("window", window, 1)

@@ -1,4 +1,4 @@
-"""The energy of one step, line by line: what the grid did, and what each transfer lost."""
+"""Energy budget of one step: work done on the grid, and energy lost in each transfer."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,10 +19,11 @@ __all__ = ["StepBudget", "step_budget"]
 
 @dataclass(frozen=True, kw_only=True)
 class StepBudget:
-    """Energy budget of one step [J, per metre of depth in the plane].
+    """Energy budget of one step [J; in 2D per metre of depth].
 
-    Two identities hold by construction of the scheme, not of this table; their residuals say how
-    well: that of the grid is round-off, that of the strain is the error of the time integration.
+    Two identities follow from the scheme; this table does not enforce them. Their residuals tell
+    how well they hold: the residual of the grid is round-off, and the residual of the strain is
+    the error of the time integration.
 
         change of grid kinetic energy = internal + external + wall work + grid_residual
         change of elastic energy = -internal work - plastic_dissipation - disconnection_loss
@@ -31,32 +32,32 @@ class StepBudget:
     Attributes
     ----------
     time, dt : float
-        Begin and length of the step [s].
+        Time at the beginning of the step and its length [s].
     kinetic_before, kinetic_after : float
-        Of the points, sum m v.v/2.
+        Kinetic energy of the points, sum m v.v/2.
     grid_kinetic_before, grid_kinetic_after : float
-        Of the nodes, before and after the forces.
+        Kinetic energy of the nodes, before and after the forces are applied.
     p2g_loss, g2p_loss : float
-        What the points had and the grid did not get, and what the grid had and the points did
-        not get, or lost to an sponge. The affine motion of "apic" and "tpic" is not counted as
-        energy of the points, so a p2g_loss may be negative there.
+        Kinetic energy lost in the transfer from points to grid (P2G) and from grid to points
+        (G2P); the latter includes the loss to a sponge layer. The affine motion of "apic" and
+        "tpic" is not counted as energy of the points, so that p2g_loss may be negative there.
     internal_work, external_work : float
-        Of the stresses (and of the momentum that a shift had lent) and of gravity on the grid,
+        Work on the grid of the stresses (with the shift momentum correction) and of gravity:
         force times the mean of the velocities before and after.
     wall_work : float
-        Of the impulses at the nodes of walls and blocks.
+        Work of the impulses at the nodes of walls and blocks.
     grid_residual : float
-        What is left of the identity of the grid.
+        Residual of the identity of the grid.
     elastic_before, elastic_after : float
-        Stored in the points, sum V (s:s/(4 G) + p**2/(2 K)).
+        Elastic energy stored in the points, sum V (s:s/(4 G) + p**2/(2 K)).
     plastic_dissipation : float
         sum V tau gdot dt at the end of the step.
     disconnection_loss : float
-        Elastic energy that points had and dropped when they became stress-free.
+        Elastic energy lost by points that became stress-free.
     kinetic_outflow, elastic_outflow : float
-        Energy of points that left the domain, as of the begin of the step.
+        Energy at the beginning of the step of the points that left the domain during it.
     strain_residual : float
-        What is left of the identity of the strain.
+        Residual of the identity of the strain.
     """
 
     time: float
@@ -82,7 +83,7 @@ class StepBudget:
 
 @lru_cache(maxsize=4)
 def _ruled_nodes(scene: "Scene") -> tuple[list[Array], Array]:
-    """Node positions along each axis [cells], and which nodes a wall may rule, flat, x fastest."""
+    """Node positions along each axis [cells], and a flat mask of wall nodes with x fastest."""
     grid = scene.grid
     positions = [
         node_positions(scene.scheme.basis, n, periodic, c0_lines(grid, scene.walls, axis))
@@ -92,7 +93,7 @@ def _ruled_nodes(scene: "Scene") -> tuple[list[Array], Array]:
 
 
 def _at_walls(scene: "Scene", x: Array) -> Array:
-    """Which of the nodes at `x` (n, dim) are nodes of walls."""
+    """Mask of the nodes at `x`, shape (n, dim), on which a wall may act."""
     positions, ruled = _ruled_nodes(scene)
     number, stride = np.zeros(len(x), dtype=np.int64), 1
     for axis, along in enumerate(positions):
@@ -108,20 +109,20 @@ def _at_walls(scene: "Scene", x: Array) -> Array:
 
 
 def _half_square(a: Array, b: Array) -> float:
-    """sum a.b/2 over nodes and components."""
+    """``sum a.b/2`` over nodes and components."""
     return float(np.einsum("ij,ij->", a, b) / 2)
 
 
 def step_budget(sim: "Simulation") -> StepBudget:
     """Make one step of a simulation and account for its energy.
 
-    The step is that of `Simulation.step(1)` to the last bit, made stage by stage; it is slower, and
-    meant for looking into a scheme, not for long runs.
+    The result equals that of `Simulation.step(1)` to the last bit, but the stages are run one by
+    one. This is slower and meant for studying a scheme, not for long runs.
 
     Parameters
     ----------
     sim : Simulation
-        Is one step further on afterwards.
+        It is advanced by one step.
 
     Returns
     -------
@@ -137,9 +138,7 @@ def step_budget(sim: "Simulation") -> StepBudget:
     sums = engine.nodes()
     engine.grid()
     nodes, dt = engine.nodes(), engine.scalars()["dt"]
-    if (
-        scene.scheme.density.name == "smoothed"
-    ):  # where dt has changed the sums were made anew for it
+    if scene.scheme.density.name == "smoothed":  # with another dt the sums are made again
         sums = nodes
     sim._grow(engine.g2p())
     after = sim.state

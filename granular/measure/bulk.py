@@ -1,7 +1,7 @@
-"""What the bulk of a state shows of a scheme that fails: stress-free points, lost room, gaps.
+"""Indicators of a failing scheme in the bulk: stress-free points, density drift, gaps.
 
-The bulk are the points deep below the surface of their column. One `Bulk` serves several of these
-measures at the price of one look at the cells.
+The bulk consists of the points deep below the surface of their column. One `Bulk` serves several of
+these measures, so that the sums over cells are computed only once.
 """
 
 from typing import Any
@@ -16,28 +16,28 @@ from granular.mpm.walls import Solid
 from granular.theory.well_posed import ill_posedness
 
 FILLED = 0.5
-"""A cell counts as filled from this share of the mass it holds at rho_c."""
+"""Share of the mass it holds at rho_c from which a cell counts as filled."""
 
 FLOWING = 1e-3
-"""I/I0 from which a point flows: below it mu is mu_s to 3e-4, and what moves is noise."""
+"""I/I0 from which a point flows; below it mu equals mu_s to 3e-4 and motion is noise."""
 
 
 class Bulk:
-    """Cell sums of a state, and which of its points are bulk.
+    """Cell sums of a state, and the mask of its points in the bulk.
 
-    The bulk: the points more than `depth_cells` cells below the surface of their column. The
-    surface is the upper edge of the run of filled cells that leads up from the point's own cell
-    without a gap; filled means at least half the mass that fits at rho_c, so that neither sprays
-    above a heap nor free fall below an orifice count as bulk.
+    The bulk consists of the points more than `depth_cells` cells below the surface of their
+    column. The surface is the upper edge of the run of filled cells that leads up from the point's
+    own cell without a gap. A cell is filled if it has at least half the mass that fits at rho_c, so
+    that neither spray above a heap nor free fall below an orifice counts as bulk.
 
     Parameters
     ----------
     state : State
     depth_cells : int
-        Cells below the surface that are not bulk.
+        Number of cells below the surface that are not bulk.
     packed : float
-        Least density, as a share of rho_c, of the room around the cell of a bulk point, its
-        occupied neighbours included: what flies loosely in a body is free of stress rightly.
+        Least density, as a share of rho_c, averaged over the cell of a bulk point and its occupied
+        neighbours. Less dense material that flies inside a body is rightly free of stress.
 
     Raises
     ------
@@ -50,11 +50,11 @@ class Bulk:
         non_negative("packed", packed)
         grid = state.scene.grid
         self.state, self.shape = state, tuple(grid.shape)
-        self.room = grid.cell ** len(self.shape)
+        self.cell_volume = grid.cell ** len(self.shape)
         own = cells_of(state)
         self.own = np.ravel_multi_index(tuple(own.T), self.shape)
         self.mass = self.sum(state.mass)
-        full = state.scene.material.rho_c * self.room
+        full = state.scene.material.rho_c * self.cell_volume
         filled, top = uppermost(self.mass >= FILLED * full)
         up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
         deep = filled.ravel()[self.own] & (top.ravel()[self.own] + 1 - up > depth_cells)
@@ -74,12 +74,15 @@ class Bulk:
         return _pooled(cells) / np.maximum(_pooled(occupied), 1.0)
 
     def disconnected(self) -> float:
-        """Share, by mass, of the bulk whose points are free of stress; nan without a bulk."""
+        """Share, by mass, of the stress-free points in the bulk; nan without a bulk."""
         return self._mean(np.asarray(self.state.p) <= 0)
 
     def drift(self) -> float:
-        """Mean, by mass, over the bulk of tracked volume over room, less one; nan without one."""
-        around = self.around(self.sum(self.state.volume)) / self.room
+        """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
+
+        nan without a bulk.
+        """
+        around = self.around(self.sum(self.state.volume)) / self.cell_volume
         return self._mean(around.ravel()[self.own]) - 1.0
 
     def _mean(self, values: Array) -> float:
@@ -88,7 +91,7 @@ class Bulk:
 
 
 def _pooled(cells: Array) -> Array:
-    """Sum over each cell and its neighbours within the grid."""
+    """Sum over each cell and its neighbours, corners included, within the grid."""
     for axis in range(cells.ndim):
         wide = cells.copy()
         inner = [slice(None)] * cells.ndim
@@ -109,18 +112,19 @@ def uppermost(filled: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.
 
 
 def disconnected_fraction(state: Any, *, depth_cells: int = 2, packed: float = 0.0) -> float:
-    """Share, by mass, of the bulk whose points are free of stress (p = 0).
+    """Share, by mass, of the stress-free points (p = 0) in the bulk.
 
     Parameters
     ----------
     state : State
     depth_cells, packed
-        What the bulk is, see `Bulk`. With `packed` = 0 also what flies in a body.
+        Definition of the bulk, see `Bulk`. With `packed` = 0 it includes material that flies
+        inside a body.
 
     Returns
     -------
     float
-        0 in a sound dense flow.
+        0 in a dense flow that the scheme resolves properly.
 
     Raises
     ------
@@ -131,17 +135,18 @@ def disconnected_fraction(state: Any, *, depth_cells: int = 2, packed: float = 0
 
 
 def density_drift(state: Any, *, depth_cells: int = 2, packed: float = 0.9) -> float:
-    """How far the tracked densities have left the room that the points really take.
+    """Drift of the particle density from the volume that the points really occupy.
 
-    In each cell and its occupied neighbours the sum of the tracked volumes m/rho over the room,
-    less one; averaged, by mass, over the bulk. Positive where points have collapsed into one
-    another and do not know of it, as under the published scheme in two-dimensional shear flow.
+    In each cell and its occupied neighbours the sum of the particle volumes m/rho is divided by
+    the volume of these cells; the ratio minus one is averaged, by mass, over the bulk. It is
+    positive where points have come closer together than their densities say, as with the scheme
+    of Dunatunga & Kamrin 2015 in 2D shear flow.
 
     Parameters
     ----------
     state : State
     depth_cells, packed
-        What the bulk is, see `Bulk`.
+        Definition of the bulk, see `Bulk`.
 
     Returns
     -------
@@ -161,7 +166,7 @@ def _bulk(state: Any, depth_cells: int, packed: float) -> Bulk:
     if not bulk.points.any():
         raise ValueError(
             f"no point lies more than depth_cells = {depth_cells} below the surface, "
-            f"in room with packed = {packed} of rho_c"
+            f"in a volume with packed = {packed} of rho_c"
         )
     return bulk
 
@@ -169,8 +174,9 @@ def _bulk(state: Any, depth_cells: int, packed: float) -> Bulk:
 def ill_posed_fraction(state: Any) -> float:
     """Share, by mass, of the flowing points at which the mu(I) law is ill posed.
 
-    By `granular.theory.ill_posedness` (Barker et al. 2015): there the shortest waves grow fastest,
-    and no refinement need converge. Flowing are points under pressure with I/I0 > 1e-3.
+    Ill-posedness is decided by `granular.theory.ill_posedness` (Barker et al. 2015). Where the law
+    is ill posed, the shortest waves grow fastest and refinement need not converge. A point flows if
+    it is under pressure and I/I0 > 1e-3.
 
     Parameters
     ----------
@@ -184,10 +190,10 @@ def ill_posed_fraction(state: Any) -> float:
     Raises
     ------
     ValueError
-        If the state is empty or the material has no xi: its law knows no rate.
+        If the state is empty, or the material has no xi because it has no mu(I) law.
     """
     scaled = scaled_inertial_number(state)
-    flowing = scaled > FLOWING  # nan: free of stress
+    flowing = scaled > FLOWING  # False for nan, which marks stress-free points
     if not flowing.any():
         return float("nan")
     mass = np.asarray(state.mass)[flowing]
@@ -195,10 +201,11 @@ def ill_posed_fraction(state: Any) -> float:
 
 
 def gap_fraction(state: Any) -> float:
-    """Empty cells between cells of stressed points, over the cells of stressed points.
+    """Number of empty cells between cells with stressed points, over the number of the latter.
 
-    Of a body that bears tension: once its points are a cell apart, cells between them fall empty,
-    the grid no longer joins them, and the body is torn by the discretisation, not by its law.
+    This concerns bodies under tension. Once their points are a cell apart, cells between them are
+    empty and the grid no longer connects them: the body is torn by the discretisation, not by its
+    constitutive law.
 
     Parameters
     ----------
@@ -207,7 +214,7 @@ def gap_fraction(state: Any) -> float:
     Returns
     -------
     float
-        0 for a whole body; nan if nothing bears stress.
+        0 for a whole body; nan if no point is under stress.
 
     Raises
     ------
@@ -234,7 +241,7 @@ def gaps(bulk: Bulk) -> float:
 
 
 def _exclude_solids(scene: Any, cells: NDArray[np.bool_]) -> None:
-    """Take the cells of solid blocks out of a mask."""
+    """Set the cells of solid blocks to False in a mask."""
     grid = scene.grid
     for wall in scene.walls:
         if isinstance(wall, Solid):

@@ -1,4 +1,4 @@
-"""Flow about an upright axis: velocity by the distance from it."""
+"""Flow about a vertical axis: velocity as a function of the distance from it."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +14,7 @@ from granular.measure.opening import each_state
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CylinderProfile:
-    """Turning of the material in rings about an axis; nan in rings without points.
+    """Angular velocity of the material in rings about an axis; nan in rings without points.
 
     Attributes
     ----------
@@ -27,10 +27,11 @@ class CylinderProfile:
     spread : ndarray, shape (k,)
         Standard deviation of the angular velocities in a ring [rad/s].
     radial : ndarray, shape (k,)
-        Mean velocity outwards [m/s]: none in steady flow.
+        Mean outward velocity [m/s]; zero in steady flow.
     mass : ndarray, shape (k,)
-        Mean over the intervals between frames [kg].
+        Mass in a ring, averaged over the intervals between frames [kg].
     intervals : int
+        Number of intervals between frames.
     """
 
     r: Array
@@ -50,25 +51,24 @@ def cylinder_profile(
     below: float | None = None,
     axis: tuple[float, float] = (0.0, 0.0),
 ) -> CylinderProfile:
-    """Mean angular velocity about an upright axis in rings, by mass.
+    """Mass-weighted mean angular velocity about a vertical axis in rings.
 
-    The velocity about the axis over that of the inner cylinder is what figure 9 of Haeri &
-    Skonieczny 2021 shows, at the top surface. Velocities are those by which points have come from
-    one frame to the next: the velocity that a point stores is that of the grid only up to what
-    its transfer keeps besides, a sixth of it next to a sticky wall.
+    Figure 9 of Haeri & Skonieczny 2021 shows the velocity about the axis, divided by that of the
+    inner cylinder, at the top surface. Here velocities are displacements from one frame to the
+    next divided by the time between them. The velocity that a point stores is not used: it differs
+    from that of the grid by what its transfer retains, a sixth of it next to a no-slip wall.
 
     Parameters
     ----------
     states : iterable of State
-        At least two, in the order of time, between which no point turns by half a circle.
+        At least two, in the order of time; no point may turn by half a circle between two.
     edges : array_like, shape (k + 1,), optional
-        Radii between rings [m], ascending, >= 0; by default cells wide, between the scene's
-        parameters ``inner`` and ``outer``.
+        Radii of the edges of the rings [m], ascending, >= 0; by default rings about one cell wide
+        between the scene's parameters ``inner`` and ``outer``.
     above, below : float, optional
-        Take points that are from `above` to `below` along the last axis at the later frame [m],
-        in space alone.
+        Keep the points between these elevations [m] at the later frame; in 3D only.
     axis : (x, y)
-        Where the axis is [m].
+        Position of the axis [m].
 
     Returns
     -------
@@ -77,8 +77,8 @@ def cylinder_profile(
     Raises
     ------
     ValueError
-        If there are less than two states, times do not ascend, no point is in a ring, or the edges
-        do not ascend.
+        If there are fewer than two states, the times do not ascend, no point is in a ring, or the
+        edges do not ascend.
     """
     states = list(each_state(states))
     if len(states) < 2:
@@ -106,8 +106,8 @@ def cylinder_profile(
 
 
 def _turned(before: Any, after: Any, centre: Array) -> tuple[Array, Array, Array, Array]:
-    """Radius, angular velocity, radial velocity of the points of both, and where these are in
-    the later one."""
+    """Radius, angular and radial velocity of the points that are in both states, and their
+    indices in the later one."""
     span = after.time - before.time
     if not span > 0:
         raise ValueError(f"states at {before.time} and {after.time} s: times must ascend")

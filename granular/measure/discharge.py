@@ -1,4 +1,4 @@
-"""Silos: the mass left, the rate of discharge, Beverloo's law."""
+"""Silos: the remaining mass, the discharge rate, Beverloo's law."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,10 +13,10 @@ from granular.measure.averaging_grid import Array
 from granular.measure.opening import modelled_share
 
 WINDOW = (1200.0, 900.0)
-"""Mass left in the full silo [kg per metre of depth] in the steady part of the flow."""
+"""Remaining mass of the full silo [kg per metre of depth] in the steady part of the flow."""
 
 _PARTS = ((0.0, 0.5), (0.25, 0.75), (0.5, 1.0))
-"""Pieces of the window whose rates are compared."""
+"""Parts of the window whose rates are compared, as shares of it."""
 
 
 @dataclass(frozen=True)
@@ -26,11 +26,11 @@ class MassHistory:
     Attributes
     ----------
     times : ndarray, shape (k,)
-        [s]
+        Times of the frames [s].
     mass : ndarray, shape (k,)
-        [kg, per metre of depth in the plane] of the full silo, also where half is modelled.
+        Mass of the full silo, also where half is modelled [kg; in 2D per metre of depth].
     share : float
-        The part of the full silo that is modelled: 1, or 1/2 for a half silo.
+        Part of the full silo that is modelled: 1, or 1/2 for a half silo.
     """
 
     times: Array
@@ -45,18 +45,19 @@ class Discharge:
     Attributes
     ----------
     rate : float
-        [kg/s, per metre of depth in the plane], positive outwards.
+        Rate of discharge, positive outwards [kg/s; in 2D per metre of depth].
     standard_error : float
-        Of the regression [kg/s]; it knows nothing of slow changes of the rate.
+        Standard error of the regression [kg/s]; it does not include slow changes of the rate.
     window_spread : float
-        Largest minus smallest rate over three overlapping halves of the window [kg/s]: how much
-        the rate depends on the choice of the window. nan if the halves hold too few frames.
+        Largest minus smallest rate over three overlapping halves of the window [kg/s]. It measures
+        how much the rate depends on the choice of the window; nan if a half holds fewer than three
+        frames.
     frames : int
-        Frames in the window.
+        Number of frames in the window.
     times : (float, float)
-        First and last of them [s].
+        Times of the first and the last of them [s].
     mass : (float, float)
-        Mass in the full silo at these [kg].
+        Mass in the full silo at these times [kg].
     """
 
     rate: float
@@ -69,20 +70,20 @@ class Discharge:
 
 @dataclass(frozen=True)
 class BeverlooFit:
-    """Beverloo's law in the plane with k = 0, ``Q = C rho sqrt(g) D**(3/2)``, fitted to rates.
+    """Beverloo's law in 2D with k = 0, ``Q = C rho sqrt(g) D**(3/2)``, fitted to rates.
 
     Attributes
     ----------
     C : float
-        At the exponent 3/2.
+        Coefficient at the exponent 3/2.
     C_free, exponent_free : float
-        Coefficient and exponent fitted together, D in metres.
+        Coefficient and exponent fitted together, with D in metres.
     residuals, residuals_free : ndarray, shape (k,)
-        ``ln Q - ln fit`` of the two.
+        ``ln Q - ln fit`` of the two fits.
     orifices : ndarray, shape (k,)
-        D [m].
+        Widths D of the orifices [m].
     rates : ndarray, shape (k,)
-        Q [kg/s per metre of depth].
+        Rates Q [kg/s per metre of depth].
     """
 
     C: float
@@ -95,13 +96,13 @@ class BeverlooFit:
 
 
 def mass_history(trajectory: Any) -> MassHistory:
-    """The mass in a silo at every frame, of the full silo.
+    """Mass of the full silo at every frame.
 
     Parameters
     ----------
     trajectory : iterable of State
-        A scene whose parameter ``half`` is true is half a silo: its mass is doubled. Where the
-        trajectory keeps a ``series`` with ``time`` and ``mass``, no frame is read.
+        If the parameter ``half`` of the scene is true, half a silo is modelled and its mass is
+        doubled. If the trajectory has a ``series`` with ``time`` and ``mass``, no frame is read.
 
     Returns
     -------
@@ -131,7 +132,8 @@ def discharge(
 ) -> Discharge:
     """Rate of discharge by linear regression of the mass over time, within a window of mass.
 
-    Dunatunga & Kamrin 2015, section 4.2: the frames whose full silo holds 1200 to 900 kg.
+    Dunatunga & Kamrin 2015, section 4.2, take the frames at which the full silo holds 1200 to
+    900 kg.
 
     Parameters
     ----------
@@ -139,7 +141,7 @@ def discharge(
     window : (float, float)
         Mass in the full silo [kg], from the larger to the smaller.
     total : bool
-        The rate of the full silo; otherwise of the part that is modelled.
+        True for the rate of the full silo, False for that of the modelled part.
 
     Returns
     -------
@@ -148,7 +150,8 @@ def discharge(
     Raises
     ------
     ValueError
-        If the window does not fall, or fewer than 3 frames lie in it.
+        If the window does not go from the larger mass to the smaller, or holds fewer than 3
+        frames.
     """
     upper, lower = (non_negative(f"window[{i}]", mass) for i, mass in enumerate(window))
     if not upper > lower:
@@ -174,7 +177,7 @@ def discharge(
 
 
 def _regression(times: Array, mass: Array) -> tuple[float, float]:
-    """Minus the slope of mass over time and its standard error."""
+    """Rate of mass loss (minus the slope of the mass) and its standard error."""
     t = times - times.mean()
     spread = np.sum(t**2)
     slope = np.sum(t * mass) / spread
@@ -199,22 +202,23 @@ def beverloo(
     rho: float | None = None,
     gravity: float = 9.8,
 ) -> BeverlooFit:
-    """Fit Beverloo's law in the plane, at the exponent 3/2 and with a free one.
+    """Fit Beverloo's law in 2D, with the exponent 3/2 and with a free exponent.
 
-    Least squares in log space (Dunatunga & Kamrin 2015, eqs. 4.4-4.5, with k = 0 as for every
-    local law). ``beverloo(orifices, rates, rho=...)`` takes numbers; ``beverloo(trajectories)``
-    takes the orifice, rho_c and the final gravity from each scene and its `discharge`.
+    The fit is by least squares of the logarithms (Dunatunga & Kamrin 2015, eqs. 4.4-4.5, with
+    k = 0 as for every local law). ``beverloo(orifices, rates, rho=...)`` takes numbers;
+    ``beverloo(trajectories)`` takes the orifice, rho_c and the final gravity from each scene, and
+    the rate from its `discharge`.
 
     Parameters
     ----------
     cases : array_like, shape (k,), or iterable of trajectories
-        Orifices D [m], or the runs.
+        Widths D of the orifices [m], or the runs.
     rates : array_like, shape (k,), optional
-        Q of the full silo [kg/s per metre of depth], with orifices only.
+        Rates Q of the full silo [kg/s per metre of depth], with orifices only.
     rho : float, optional
         Bulk density [kg/m3], with orifices only.
     gravity : float
-        [m/s2], with orifices only.
+        Magnitude of gravity [m/s2], with orifices only.
 
     Returns
     -------
@@ -223,8 +227,8 @@ def beverloo(
     Raises
     ------
     ValueError
-        With fewer than two different orifices, sizes or rates that are not positive, or rates
-        without rho.
+        If there are fewer than two different orifices, a size or rate is not positive, or rates
+        are given without rho.
     """
     if rates is None:
         orifice, rate, scale = _measured(cases)
@@ -239,7 +243,7 @@ def beverloo(
 
 
 def _measured(cases: Iterable[Any]) -> tuple[Array, Array, Array]:
-    """Orifices, rates and ``rho_c sqrt(g)`` of a number of runs."""
+    """Orifices, rates and ``rho_c sqrt(g)`` of several runs."""
     rows = []
     for case in cases:
         if not hasattr(case, "scene"):

@@ -12,13 +12,13 @@ from granular.measure.stress import deviator_squared, pressure
 
 @dataclass(frozen=True)
 class Energy:
-    """Energy of a state [J, per metre of depth in the plane].
+    """Energy of a state [J; in 2D per metre of depth].
 
     Attributes
     ----------
     kinetic, gravitational, elastic : float
-        Gravitational energy counts from the grid's lower corner, without the periodic axes: a
-        force along those has no potential.
+        Gravitational energy is zero at the grid's lower corner. Periodic axes are left out of it,
+        because a force along them has no potential.
     """
 
     kinetic: float
@@ -33,21 +33,21 @@ class Energy:
 
 @dataclass(frozen=True)
 class EnergyBudget:
-    """Where the work of gravity went, cumulative from the first frame [J], each of shape (k,).
+    """Energy budget of a run, cumulative from the first frame [J], each of shape (k,).
 
     Attributes
     ----------
     times : ndarray
-        Of the frames [s].
+        Times of the frames [s].
     kinetic, elastic : ndarray
-        What the points hold.
+        Kinetic and elastic energy of the points.
     gravity_work : ndarray
-        Done on the points since the first frame.
+        Work of gravity on the points since the first frame.
     outflow : ndarray
-        Kinetic and elastic energy of points that left, as of the frame before.
+        Kinetic and elastic energy of points that left the domain, at the last frame before.
     dissipated : ndarray
-        The rest: gravity_work - (change of kinetic + elastic) - outflow. It should never fall,
-        save for the differences' own error; a fall means that the scheme makes energy.
+        The remainder: gravity_work - (change of kinetic + elastic) - outflow. It should never
+        decrease beyond the error of the finite differences; otherwise the scheme creates energy.
     """
 
     times: Array
@@ -61,8 +61,9 @@ class EnergyBudget:
 def energy(state: Any) -> Energy:
     """Kinetic, gravitational and elastic energy of a state.
 
-    ``sum m v.v/2``; ``-sum m g(t).(x - lower)``; ``sum V (s:s/(4 G) + p**2/(2 K))`` with the
-    deviator s: the stored energy of linear elasticity (Dunatunga & Kamrin 2015, eq. 2.9).
+    The three are ``sum m v.v/2``; ``-sum m g(t).(x - lower)``; and, with the deviator s of the
+    stress, ``sum V (s:s/(4 G) + p**2/(2 K))``, the stored energy of linear elasticity (Dunatunga &
+    Kamrin 2015, eq. 2.9).
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def kinetic_of(state: Any) -> Array:
 
 
 def elastic_of(state: Any) -> Array:
-    """Energy stored in every point [J], shape (n,)."""
+    """Elastic energy stored in every point [J], shape (n,)."""
     material = state.scene.material
     if hasattr(material, "stored_energy"):  # by an equation of state
         return np.asarray(state.mass) * material.stored_energy(np.asarray(state.rho))
@@ -104,18 +105,19 @@ def elastic_of(state: Any) -> Array:
 
 
 def plastic_power(state: Any) -> float:
-    """sum V tau gdot [W] over the points (eq. 2.15); 0 for a law without a yield."""
+    """``sum V tau gdot`` [W] over the points (eq. 2.15); 0 for a law without a yield criterion."""
     if not state.scene.material.granular:
         return 0.0
     return float(np.sum(state.quadrature_volume * state.tau * state.shear_rate))
 
 
 def energy_budget(trajectory: Iterable[Any]) -> EnergyBudget:
-    """The energy budget of a run by plain differences between frames.
+    """Energy budget of a run from differences between frames.
 
-    Work is ``m g.(x1 - x0)`` of the points present in both frames, with the mean of g; along
-    periodic axes the displacement is that of the image nearest to ``(v0 + v1)/2 dt``. Exact for
-    constant gravity in a closed box, of second order in the frame interval elsewhere.
+    The work of gravity is ``m g.(x1 - x0)`` of the points present in both frames, with the mean of
+    g over the two. Along periodic axes the displacement is to the image nearest to
+    ``(v0 + v1)/2 dt``. The work is exact for constant gravity in a closed box, and otherwise of
+    second order in the frame interval.
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ def energy_budget(trajectory: Iterable[Any]) -> EnergyBudget:
     Raises
     ------
     ValueError
-        With fewer than two frames, or an empty first frame.
+        If there are fewer than two frames, or the first frame is empty.
     """
     frames = iter(trajectory)
     before = next(frames, None)
@@ -151,7 +153,7 @@ def energy_budget(trajectory: Iterable[Any]) -> EnergyBudget:
 
 
 def between(before: Any, after: Any) -> tuple[float, float]:
-    """Work of gravity on the points that stay, and the energy of those that leave."""
+    """Work of gravity on the points in both states, and the energy of those that left."""
     if np.array_equal(before.id, after.id):
         old = new = slice(None)
     else:

@@ -1,4 +1,4 @@
-"""Point fields seen through the grid: nodal smoothing, the nodal density, averages by cell."""
+"""Point fields on the grid: nodal smoothing, the nodal density, averages by cell."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,24 +23,25 @@ def smooth(state: Any, field: Any) -> Array:
     """A point field mapped to the nodes and projected back onto the points.
 
     ``f_i = sum_p S_ip m_p f_p / sum_p S_ip m_p``, then ``f_p = sum_i S_ip f_i``, with multilinear
-    S (Dunatunga & Kamrin 2015, eqs. 4.1-4.3). For plots of stress and pressure; rates and other
-    measures of deformation are best shown as they are.
+    shape functions S (Dunatunga & Kamrin 2015, eqs. 4.1-4.3). This is meant for plots of stress and
+    pressure; rates and other measures of deformation are best shown as they are.
 
     Parameters
     ----------
     state : State
     field : str or array_like, shape (n,) or (n, k)
-        Name of a field of the state, or one value or row a point.
+        Name of a field of the state, or one value or row per point.
 
     Returns
     -------
     ndarray
-        The shape of the field.
+        An array of the shape of the field.
 
     Raises
     ------
     ValueError
-        If the state is empty, the field is not one value a point, or a point is off the grid.
+        If the state is empty, a point is off the grid, or the field does not have one value per
+        point.
     """
     field = values(state, field)
     return stencil(state).gather(nodal(state, field))
@@ -62,7 +63,8 @@ def nodal(state: Any, field: Any) -> Array:
     Raises
     ------
     ValueError
-        If the state is empty, the field is not one value a point, or a point is off the grid.
+        If the state is empty, a point is off the grid, or the field does not have one value per
+        point.
     """
     field = values(state, field)
     shapes = stencil(state)
@@ -73,23 +75,23 @@ def nodal(state: Any, field: Any) -> Array:
 
 
 def nodal_density(state: Any, *, at: str = "points") -> Array:
-    """The density of the room that the points really take, from nodal masses and volumes.
+    """Density of the volume that the points really occupy, from nodal masses and volumes.
 
-    Nodal mass over nodal volume; the volume is the filled fraction of the cells around the node
-    times the node's Voronoi cell: a whole cell inside, half a cell on an edge of the grid, a
-    quarter in a corner (Wieckowski 2004; Dunatunga & Kamrin 2015, section 4.3). That product is
-    (filled cells around the node) * cell**dim / 2**dim everywhere.
+    It is the nodal mass divided by the nodal volume. The nodal volume is the filled fraction of the
+    cells around the node times the volume of the node's Voronoi cell: a whole cell inside the grid,
+    half a cell on an edge, a quarter in a corner (Wieckowski 2004; Dunatunga & Kamrin 2015,
+    section 4.3). That product is (filled cells around the node) * cell**dim / 2**dim everywhere.
 
     Parameters
     ----------
     state : State
     at : {"points", "nodes"}
-        Project back onto the points, or keep the nodal values.
+        Project the density back onto the points, or return the nodal values.
 
     Returns
     -------
     ndarray, shape (n,) or (nodes,)
-        kg/m3 (nodes in C order of the axes, 0 at empty ones).
+        Density [kg/m3]; nodes are in C order of the axes, with 0 at empty ones.
 
     Raises
     ------
@@ -108,16 +110,17 @@ def nodal_density(state: Any, *, at: str = "points") -> Array:
 
 
 def phase(state: Any, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
-    """Which points are dense (True) and which disconnected (False), by the nodal density.
+    """Mask of the points that are dense (True) or disconnected (False) by the nodal density.
 
     A point is dense if `nodal_density` there is at least rho_c (Dunatunga & Kamrin 2015, figure
-    7). This is where the points are, not what they carry; ``state.dense`` is the latter.
+    7). This depends on the positions of the points only; ``state.dense`` depends on the pressure
+    that they carry.
 
     Parameters
     ----------
     state : State
     tolerance : float
-        Relative shortfall still counted as dense; the default forgives rounding only.
+        Relative shortfall that still counts as dense; the default allows for rounding only.
 
     Returns
     -------
@@ -141,10 +144,11 @@ class CellField:
     cells : ndarray of int, shape (k, dim)
         Indices of the occupied cells, in C order.
     centres : ndarray, shape (k, dim)
-        Their centres [m].
+        Centres of these cells [m].
     value : ndarray, shape (k,) or (k, components)
+        Values of the field in these cells.
     weight : ndarray, shape (k,)
-        The mass [kg] or volume [m3] averaged over.
+        Mass [kg] or volume [m3] averaged over.
     """
 
     cells: Indices
@@ -156,8 +160,8 @@ class CellField:
 def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
     """A point field averaged over each occupied cell.
 
-    ``sum w_p f_p / sum w_p`` over the points of the cell, w the mass or the volume, with the
-    weights of the scheme (`State.quadrature_volume`).
+    The average is ``sum w_p f_p / sum w_p`` over the points of the cell, where w is the mass or the
+    quadrature volume of the scheme (`State.quadrature_volume`).
 
     Parameters
     ----------
@@ -173,7 +177,8 @@ def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
     Raises
     ------
     ValueError
-        If the state is empty, the field is not one value a point, or a point is off the grid.
+        If the state is empty, a point is off the grid, or the field does not have one value per
+        point.
     """
     field = values(state, field)
     w = point_weights(state, weight)
@@ -186,7 +191,7 @@ def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
 
 
 def cell_density(state: Any) -> CellField:
-    """Mass over volume [kg/m3] of each occupied cell: the density the grid sees.
+    """Mass over volume of each occupied cell [kg/m3]: the density on the grid.
 
     Parameters
     ----------
@@ -211,9 +216,10 @@ def cell_density(state: Any) -> CellField:
 
 
 def cell_density_percentile(state: Any, *, q: float = 99.0) -> float:
-    """Percentile of `cell_density` over rho_c, on the occupied cells.
+    """Percentile over the occupied cells of `cell_density` divided by rho_c.
 
-    1 for an undisturbed packing; well above 1 where points have collapsed into one another.
+    It is 1 for an undisturbed packing, and well above 1 where points have collapsed into one
+    another.
 
     Parameters
     ----------

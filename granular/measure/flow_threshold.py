@@ -1,4 +1,4 @@
-"""The lines through the origin of a phase diagram that part what stands from what flows."""
+"""Lines through the origin of a phase diagram that separate static from flowing cases."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,20 +15,22 @@ from granular.measure.silo_flow import VERDICTS
 class FlowThreshold:
     """Slopes ``c = (W/d)/A`` of the lines that bound the static and the flowing cases.
 
+    Cases that are neither static nor flowing are unsure.
+
     Attributes
     ----------
     static_below : float
-        c1: below ``W/d = c1 A`` all are static. nan if all are static, or none that is has a
-        smaller slope than those that are not.
+        c1: all cases below ``W/d = c1 A`` are static. nan if all cases are static, or if no static
+        case has a smaller slope than all the others.
     flowing_above : float
-        c2: above ``W/d = c2 A`` all flow. nan if all flow, or none that does has a larger slope
-        than those that do not.
+        c2: all cases above ``W/d = c2 A`` flow. nan if all cases flow, or if no flowing case has a
+        larger slope than all the others.
     static_bracket, flowing_bracket : (float, float)
-        The slopes of the two cases that each line passes half-way between; the cases can say no
-        more. (0, least) and (largest, inf) if there is no case on one side.
+        Slopes of the two cases half-way between which each line passes; the threshold is known to
+        this accuracy only. (0, least) and (largest, inf) if there is no case on one side.
     overlap : bool
-        Whether a static case has a slope that is not less than that of a flowing one: then the
-        slope alone does not decide.
+        True if a static case has a slope not less than that of a flowing one, so that the slope
+        alone does not decide.
     """
 
     static_below: float
@@ -39,10 +41,10 @@ class FlowThreshold:
 
 
 def flow_threshold(A: ArrayLike, ratio: ArrayLike, verdicts: Sequence[str]) -> FlowThreshold:
-    """The slopes of the lines ``W/d = c A`` below which all is static and above which all flows.
+    """Slopes of the lines ``W/d = c A`` below which all cases are static and above which all flow.
 
-    Dunatunga & Kamrin, Modelling silo clogging, figure 4a: A d/W nearly alone decides, because A
-    and d come together except in the term of g**2.
+    Dunatunga & Kamrin, Modelling silo clogging, figure 4a: A d/W alone nearly decides, because A
+    and d appear as a product except in the term of g**2.
 
     Parameters
     ----------
@@ -71,7 +73,7 @@ def flow_threshold(A: ArrayLike, ratio: ArrayLike, verdicts: Sequence[str]) -> F
     static, flowing = slope[verdict == "static"], slope[verdict == "flowing"]
     least = slope[verdict != "static"].min(initial=np.inf)
     largest = slope[verdict != "flowing"].max(initial=0.0)
-    # rounding of W/d over A must not part cases of one slope
+    # Rounding of (W/d)/A must not separate cases of equal slope.
     below = static[static < least * (1 - 1e-9)].max(initial=0.0)
     above = flowing[flowing > largest * (1 + 1e-9)].min(initial=np.inf)
     return FlowThreshold(
@@ -90,12 +92,12 @@ def _half_way(low: float, high: float) -> float:
 def phase_points(
     x: ArrayLike, y: ArrayLike, verdicts: Sequence[str], *, names: tuple[str, str]
 ) -> tuple[Array, Array]:
-    """The coordinates of a phase diagram as arrays, checked against its verdicts.
+    """Return the coordinates of a phase diagram as arrays, checked against its verdicts.
 
     Raises
     ------
     TypeError, ValueError
-        As `flow_threshold`, numbers that are not positive apart.
+        As `flow_threshold`, except that numbers need not be positive.
     """
     for i, verdict in enumerate(verdicts):
         one_of(f"verdicts[{i}]", str(verdict), VERDICTS)

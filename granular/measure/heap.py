@@ -9,16 +9,16 @@ from granular.checks import finite, integer, one_of, positive
 from granular.measure.averaging_grid import Array, require_points
 
 QUANTILE = 0.999
-"""Share of the mass within the run-out; the farthest point alone is noise."""
+"""Share of the mass within the run-out; the position of the farthest point alone is noise."""
 
 TOE = (0.05, 0.30)
-"""Heights, over the largest, between which the toe is extrapolated."""
+"""Heights, as shares of the largest, between which the toe is extrapolated."""
 
 SLOPE = (0.20, 0.80)
-"""Heights, over the largest, between which the slope is fitted."""
+"""Heights, as shares of the largest, between which the slope is fitted."""
 
 WINDOW = 5
-"""Columns of the steepest piece of a slope, unless told."""
+"""Default number of columns of the steepest piece of a slope."""
 
 
 @dataclass(frozen=True)
@@ -28,17 +28,17 @@ class Surface:
     Attributes
     ----------
     x : ndarray, shape (k,)
-        Column centres [m]; in 3D the mid radius of rings about the axis.
+        Centres of the columns [m]; in 3D the middle radii of rings about the axis.
     top : ndarray, shape (k,)
         Elevation [m] of the highest point of the column plus half a point spacing.
     top_x : ndarray, shape (k,)
-        Where that point is along the abscissa [m].
+        Position of that point along the abscissa [m].
     height : ndarray, shape (k,)
         Height [m] that the column's mass would have at rho_c.
     base : float
-        The elevation [m] that heights count from.
+        Elevation from which heights are counted [m].
     width : float
-        Of a column [m].
+        Width of a column [m].
     """
 
     x: Array
@@ -51,18 +51,19 @@ class Surface:
 
 @dataclass(frozen=True)
 class Runout:
-    """Run-out ``(final half-width - initial)/initial``, three ways.
+    """Run-out ``(final half-width - initial)/initial``, measured in three ways.
 
     Attributes
     ----------
     quantile : float
-        By the distance that holds 99.9 % of the mass.
+        Run-out of the distance within which 99.9 % of the mass lies.
     toe : float
-        By the line through the column heights (by mass) of 5 to 30 % of the largest, extended to
-        zero height; nan where fewer than two columns lie there, as before a collapse.
+        Run-out of the toe: a line through the column heights (by mass) between 5 and 30 % of the
+        largest is extended to zero height; nan if fewer than two columns are in that band, as
+        before a collapse.
     contiguous : float
-        By the outer edge of the columns that join the highest one with no less than a quarter of
-        a cell of height (by mass).
+        Run-out of the outer edge of the columns that are connected to the highest one and have a
+        height (by mass) of at least a quarter of a cell.
     """
 
     quantile: float
@@ -77,12 +78,12 @@ class Repose:
     Attributes
     ----------
     mean_deg : float
-        Of the line through the surface between 20 and 80 % of its height.
+        Slope of the line through the surface between 20 and 80 % of its height.
     largest_deg : float
-        The steepest of the lines through `window` columns in a row within that band (through all
-        of them if there are fewer).
+        Slope of the steepest line through `window` successive columns within that band (through
+        all of them if there are fewer).
     columns : int
-        How many columns were fitted.
+        Number of columns fitted.
     """
 
     mean_deg: float
@@ -98,7 +99,7 @@ def surface(
     below: float | None = None,
     along: str = "radius",
 ) -> Surface:
-    """The free surface over the columns of cells (plane) or over rings about the axis (3D).
+    """Free surface over the columns of cells (2D) or over rings about the axis (3D).
 
     Parameters
     ----------
@@ -106,11 +107,12 @@ def surface(
     region : (x0, x1), optional
         Keep the points with x0 <= x < x1 [m] (radii in 3D).
     above, below : float, optional
-        Keep the points with elevations from `above` to `below` [m]: the crater or the lower heap
-        of an hourglass. Heights then count from `above`, else from the floor of the grid.
+        Keep the points with elevations from `above` to `below` [m], for example the crater or the
+        lower heap of an hourglass. Heights are counted from `above` if given, otherwise from the
+        floor of the grid.
     along : {"radius", "x"}
-        What tells columns apart in space: "x" takes them across the whole of the grid, for heaps
-        between parallel walls. The plane knows x only.
+        Coordinate of the columns in 3D: "x" takes columns over the whole depth of the grid, for
+        heaps between parallel walls. In 2D columns are always along x.
 
     Returns
     -------
@@ -135,20 +137,21 @@ def surface(
 
 
 def runout(state: Any, *, half_width: float | None = None, centre: float = 0.0) -> Runout:
-    """Run-out of a collapsed column, over its initial half-width.
+    """Run-out of a collapsed column, divided by its initial half-width.
 
-    Half-width is the distance from the plane x = `centre` (from the vertical axis through the
-    origin in 3D). Halves and quarters cut by symmetry planes at the centre are understood from
-    the grid's lower corner. ``max(x)`` is not offered: single points fly far.
+    The half-width is the distance from the plane x = `centre` (in 3D from the vertical axis
+    through the origin). Halves and quarters cut by symmetry planes at the centre are recognised by
+    the grid's lower corner. ``max(x)`` is not offered, because single points fly far.
     The measure is that of Dunatunga & Kamrin 2015, section 4.1.
 
     Parameters
     ----------
     state : State
     half_width : float, optional
-        Of the initial column [m]; by default the scene's parameter ``half_width`` or ``radius``.
+        Half-width of the initial column [m]; by default the scene's parameter ``half_width`` or
+        ``radius``.
     centre : float
-        Of the initial column along x [m], in the plane; on a grid line.
+        Centre of the initial column along x [m]; in 2D only, and on a grid line.
 
     Returns
     -------
@@ -182,27 +185,27 @@ def repose_angle(
     along: str = "radius",
     window: int = WINDOW,
 ) -> Repose:
-    """The slope of a heap or crater, by the highest point of each column of cells.
+    """Slope of a heap or crater, from the highest point of each column of cells.
 
     From the highest column the surface is followed downhill until it falls below 20 % of its
-    height; the columns between 20 and 80 % are fitted by least squares, each at its highest
-    point. At rest the slope should not exceed ``atan(mu_s)`` (Dunatunga & Kamrin 2015, section
+    height. A line is fitted by least squares to the highest points of the columns between 20 and
+    80 %. At rest the slope should not exceed ``atan(mu_s)`` (Dunatunga & Kamrin 2015, section
     4.1).
 
     Parameters
     ----------
     state : State
     side : {"auto", "left", "right", "both"}
-        The way downhill from the top: towards smaller or larger x, the one with more columns, or
-        the mean of both (and the larger of their steepest pieces).
+        Direction downhill from the top: towards smaller x, towards larger x, the one with more
+        columns ("auto"), or the mean of both (with the larger of their steepest pieces).
     region, above, below
-        As in `surface`, for a heap or crater that does not stand alone.
+        As in `surface`, for a heap or crater that is not the only one.
     along : {"radius", "x"}
         As in `surface`.
     window : int
-        Columns of the steepest piece, >= 3. Where the highest points lie in their columns is
-        chance: with n points per cell a piece of w columns is off by about
-        16 deg sqrt(12/(n w (w^2 - 1))), 2.5 deg for 4 points and 5 columns.
+        Number of columns of the steepest piece, >= 3. The positions of the highest points in their
+        columns are random: with n points per cell, the slope of a piece of w columns has an error
+        of about 16 deg sqrt(12/(n w (w^2 - 1))), 2.5 deg for 4 points and 5 columns.
 
     Returns
     -------
@@ -251,7 +254,7 @@ def _ring_count(distance: Array, width: float) -> int:
 
 
 def _ring_measure(state: Any, count: int, centre: float) -> Array:
-    """Length (plane) or area (3D) of the floor in each ring of one cell's width.
+    """Length (2D) or area (3D) of the floor in each ring of one cell's width.
 
     A symmetry plane at the centre leaves one half of the ring.
     """
@@ -291,7 +294,7 @@ def _columns(
     mass = np.asarray(state.mass, dtype=float)[keep]
     along, up = abscissa[keep], np.asarray(state.x, dtype=float)[keep, -1]
     column = np.clip(np.floor((along - low) / width).astype(np.int64), 0, count - 1)
-    # the spacing at rho_c: a loose point's own volume says nothing of where its matter is
+    # The spacing at rho_c: the volume of a disconnected point does not tell where its mass is.
     spacing = (mass / rho_c) ** (1 / len(state.scene.grid.shape))
     order = np.argsort(up, kind="stable")
     top, top_x = np.full(count, np.nan), np.full(count, np.nan)
@@ -304,13 +307,13 @@ def _columns(
 def _mass_quantile(distance: Array, mass: Array) -> float:
     order = np.argsort(distance, kind="stable")
     held = np.cumsum(np.asarray(mass)[order])
-    # the tolerance keeps the rounding of the sum from asking for one more point
+    # The tolerance prevents that rounding of the sum requires one more point.
     enough = np.searchsorted(held, (QUANTILE - 1e-12) * held[-1])
     return float(distance[order[enough]])
 
 
 def _run(above: np.ndarray, start: int) -> int:
-    """One past the last of the True entries that follow `start` without a gap."""
+    """Index after the last of the True entries that follow `start` without a gap."""
     gaps = np.flatnonzero(~above[start:])
     return len(above) if len(gaps) == 0 else start + int(gaps[0])
 
@@ -333,7 +336,7 @@ def _contiguous(columns: Surface) -> float:
 
 
 def _downhill(columns: Surface, side: str) -> np.ndarray:
-    """Columns in the band of heights, walking down one side of the highest one."""
+    """Columns in the band of heights on one side of the highest column, from top to bottom."""
     h = columns.top - columns.base
     crest = int(np.nanargmax(h))
     step = 1 if side == "right" else -1

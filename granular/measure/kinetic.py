@@ -1,4 +1,4 @@
-"""What the stress-free gas and the constant density leave out, estimated after the run.
+"""Errors of the stress-free gas and of the constant density, estimated after the run.
 
 Dunatunga & Kamrin 2015, appendix A; the closed forms are those of `granular.theory.kinetic`.
 """
@@ -24,7 +24,7 @@ from granular.measure.profiles import grain_diameter, inertial_number
 
 
 def packing_fraction(state: Any, *, restitution: float, d: float | None = None) -> Array:
-    """The packing fraction that steady shear would have, Phi(I) (A9).
+    """Packing fraction Phi(I) that steady shear would have (A9).
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def packing_fraction(state: Any, *, restitution: float, d: float | None = None) 
     Returns
     -------
     ndarray, shape (n,)
-        Where a point is free of stress, I means nothing: there its own ``rho/rho_s``.
+        At stress-free points, where I has no meaning, the point's own ``rho/rho_s``.
 
     Raises
     ------
@@ -55,21 +55,23 @@ def packing_fraction(state: Any, *, restitution: float, d: float | None = None) 
 
 @dataclass(frozen=True)
 class StressFreeError:
-    """Pressures left out by taking grains below rho_c as free of stress, over a reference.
+    """Neglected pressures of material below rho_c, which the law takes as stress-free.
+
+    All are divided by a reference pressure.
 
     Attributes
     ----------
     shear : float
-        Of steady shear (A10), the margin below jamming.
+        Pressure in steady shear (A10), at the margin below jamming.
     volumetric : float
-        Bound under steady compression (A22, A23), there too.
+        Bound on the pressure in steady compression (A22, A23), at the same margin.
     coupled_shear : float
-        Of steady shear at rho_c itself, where the stiffness of the grains keeps it finite
+        Pressure in steady shear at rho_c itself, where the stiffness of the grains keeps it finite
         (A11, A12).
     rate : float
-        The strain rate assumed [1/s].
+        Strain rate assumed [1/s].
     reference : float
-        The reference pressure [Pa].
+        Reference pressure [Pa].
     """
 
     shear: float
@@ -88,24 +90,25 @@ def stress_free_error(
     reference: float | None = None,
     margin: float = 0.01,
 ) -> StressFreeError:
-    """How large the neglected pressure of the loose grains may be; small against 1 is good.
+    """Estimate the neglected pressure of material below rho_c; values much less than 1 are good.
 
-    The gas pressures diverge at the packing fraction .6, which is taken to be that of rho_c
-    (the flowing volume is shifted by ``.6 - rho_c/rho_s``): they are evaluated a margin below.
+    The gas pressures diverge at the packing fraction 0.6, which is identified with that of rho_c
+    (the packing fraction of the flow is shifted by ``0.6 - rho_c/rho_s``). They are therefore
+    evaluated a margin below it.
 
     Parameters
     ----------
     state : State
     restitution : float
-        Effective coefficient of restitution, in [0, 1); elastic grains have no bound.
+        Effective coefficient of restitution, in [0, 1); for elastic grains there is no bound.
     d : float, optional
         Grain diameter [m]; by default the material's.
     rate : float, optional
-        Strain rate [1/s]; by default the conservative ``u_c/d``, u_c the largest speed.
+        Strain rate [1/s]; by default the conservative ``u_c/d`` with the largest speed u_c.
     reference : float, optional
         Characteristic pressure [Pa]; by default the volume-weighted mean of the dense points.
     margin : float
-        In packing fraction, the range of density that counts as constant.
+        Range of packing fraction over which the density counts as constant.
 
     Returns
     -------
@@ -157,7 +160,7 @@ class MassBalance:
     residual : ndarray, shape (k,)
         ``v . grad rho + rho div v`` [kg/(m3 s)] at their centres.
     relative : float
-        Its root mean square over that of ``rho |grad v|``; 0 where nothing is sheared.
+        Root mean square of `residual` divided by that of ``rho |grad v|``; 0 if nothing is sheared.
     """
 
     cells: Indices
@@ -172,21 +175,21 @@ def mass_balance_error(
     d: float | None = None,
     density: Any = None,
 ) -> MassBalance:
-    """How closely the density rebuilt from Phi(I) conserves mass in the computed flow (A25).
+    """Error of mass conservation of the density Phi(I) in the computed flow (A25).
 
-    Density and velocity are smoothed onto the nodes and differentiated in the cells; cells at
-    walls and free surfaces are left out, where nodal means are one-sided.
+    Density and velocity are averaged at the nodes and differentiated in the cells. Cells at walls
+    and free surfaces are left out, because nodal means are one-sided there.
 
     Parameters
     ----------
     state : State
-        A steady one: (A25) has no rate of change.
+        A state of steady flow, because (A25) has no rate of change.
     restitution : float, optional
         Effective coefficient of restitution in [0, 1], for `packing_fraction`.
     d : float, optional
         Grain diameter [m]; by default the material's.
     density : str or array_like, shape (n,), optional
-        Another density [kg/m3] to be examined, in place of ``rho_s Phi(I)``.
+        Density [kg/m3] to be examined instead of ``rho_s Phi(I)``.
 
     Returns
     -------
@@ -207,7 +210,7 @@ def mass_balance_error(
     velocity = nodal(state, "v")
     cells, corners = _surrounded(state)
     dim = cells.shape[1]
-    # gradients of the multilinear functions at the middle of a cell
+    # Gradients of the multilinear shape functions at the middle of a cell.
     slope = (
         np.array(list(product((-1.0, 1.0), repeat=dim))) * 2 ** (1 - dim) / state.scene.grid.cell
     )
@@ -221,7 +224,7 @@ def mass_balance_error(
 
 
 def _surrounded(state: Any) -> tuple[Indices, Indices]:
-    """Cells whose nodes see nothing but filled cells, and their nodes, shape (2**dim, k)."""
+    """Cells whose nodes have filled cells only around them, and their nodes, shape (2**dim, k)."""
     grid = state.scene.grid
     filled = cell_mass(state) > 0
     nodes = node_shape(grid)

@@ -1,4 +1,4 @@
-"""Signs that a run is sound: speeds at rest, room, height, pressure."""
+"""Indicators of a sound run: speeds at rest, occupied area, height, pressure."""
 
 from typing import Any
 
@@ -34,7 +34,7 @@ def speed_percentile(state: Any, *, q: float = 99.0) -> float:
 
 
 def occupied_area(state: Any, *, filled: float = 0.0) -> float:
-    """Area (plane, m2) or volume (3D, m3) of the cells that hold points.
+    """Area (2D, m2) or volume (3D, m3) of the cells that hold points.
 
     Parameters
     ----------
@@ -53,18 +53,18 @@ def occupied_area(state: Any, *, filled: float = 0.0) -> float:
     """
     non_negative("filled", filled)
     mass = cell_mass(state)
-    room = state.scene.grid.cell**mass.ndim
-    return float(np.count_nonzero(mass > filled * state.scene.material.rho_c * room) * room)
+    volume = state.scene.grid.cell**mass.ndim
+    return float(np.count_nonzero(mass > filled * state.scene.material.rho_c * volume) * volume)
 
 
 def layer_height(state: Any, *, base: float | None = None) -> float:
-    """Height [m] of a layer, twice the elevation of its centre of mass.
+    """Height [m] of a layer: twice the elevation of its centre of mass above the floor.
 
     Parameters
     ----------
     state : State
     base : float, optional
-        The layer's floor [m]; by default that of the grid.
+        Elevation of the layer's floor [m]; by default the floor of the grid.
 
     Returns
     -------
@@ -83,24 +83,25 @@ def layer_height(state: Any, *, base: float | None = None) -> float:
 def mean_pressure_error(
     state: Any, *, of: str = "normal", depth_cells: int = 1, per_column: bool = False
 ) -> float:
-    """Relative error of the cell-averaged pressure against the weight of what lies above.
+    """Relative error of the cell-averaged pressure against the weight of the material above.
 
-    ``sqrt(sum V (P - W)**2 / sum V W**2)`` over cells: P is volume-averaged in the cell, W the
-    weight per area of the mass above plus half the cell's own, for the gravity at the state's
-    time across the layer. For boxes and inclines, whose walls carry no shear.
+    The error is ``sqrt(sum V (P - W)**2 / sum V W**2)`` over cells. P is the volume average in the
+    cell. W is the weight per area of the mass above plus half the cell's own mass, with the
+    component of gravity across the layer at the time of the state. The measure is meant for boxes
+    and inclines whose walls carry no shear.
 
     Parameters
     ----------
     state : State
     of : {"normal", "pressure"}
-        P is the normal stress across the layer, which balances the weight whatever the law, or
-        the pressure, which equals it only where the law makes the normal stresses equal: in
-        steady shear, not in a box at rest.
+        P is the normal stress across the layer, which balances the weight whatever the
+        constitutive law, or the pressure. The pressure equals the weight only where the law makes
+        the normal stresses equal: in steady shear, but not in a box at rest.
     depth_cells : int
         Leave out cells with fewer than this many filled cells above them.
     per_column : bool
-        Take the weight of each column by itself (heaps: an overburden error), not of the
-        mean layer.
+        True to compare with the weight of each column by itself (the overburden error of a heap),
+        False to compare with that of the mean layer.
 
     Returns
     -------

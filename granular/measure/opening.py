@@ -1,4 +1,4 @@
-"""The opening of a plane silo: what heights, distances and rates of its flow are counted from."""
+"""The opening of a 2D silo, the reference of the heights, distances and rates of its flow."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,18 +12,18 @@ from granular.measure.averaging_grid import Array
 
 @dataclass(frozen=True)
 class Opening:
-    """Where the opening of a plane silo is.
+    """Position and width of the opening of a 2D silo.
 
     Parameters
     ----------
     width : float
         Full width W [m], also where half a silo is modelled.
     axis : float
-        Where its middle is along x [m]: a plane of symmetry of half a silo.
+        Position of its middle along x [m]; for half a silo this is the plane of symmetry.
     floor : float
-        Elevation of the bottom it is in [m].
+        Elevation of the bottom that it is in [m].
     half : bool
-        Whether only one side of the axis is modelled.
+        True if only one side of the axis is modelled.
 
     Raises
     ------
@@ -45,15 +45,15 @@ class Opening:
 
     @classmethod
     def of(cls, scene: Any) -> Self:
-        """The opening of a scene, by its parameters ``orifice`` and ``half``.
+        """Opening of a scene, from its parameters ``orifice`` and ``half``.
 
-        The bottom is at elevation 0. The axis of half a silo is the left side of its grid, that
-        of a whole one the middle.
+        The bottom is at elevation 0. The axis is the left side of the grid for half a silo, and
+        the middle of the grid for a whole one.
 
         Raises
         ------
         ValueError
-            If the scene is not in the plane or has no parameter ``orifice``.
+            If the scene is not 2D or has no parameter ``orifice``.
         """
         grid, half = scene.grid, modelled_share(scene) < 1.0
         if len(grid.shape) != 2:
@@ -67,26 +67,26 @@ class Opening:
 
     @property
     def share(self) -> float:
-        """The part of the full silo that is modelled, 1 or 1/2."""
+        """Part of the full silo that is modelled, 1 or 1/2."""
         return 0.5 if self.half else 1.0
 
     def places(self, state: Any) -> Array:
-        """Positions from the middle of the opening [m], shape (n, 2)."""
+        """Positions of the points relative to the middle of the opening [m], shape (n, 2)."""
         return np.asarray(state.x, dtype=float) - (self.axis, self.floor)
 
 
 def modelled_share(scene: Any) -> float:
-    """The part of the full silo that a scene models: 1, or 1/2 if its parameter half is true."""
+    """Part of the full silo that a scene models: 1, or 1/2 if its parameter ``half`` is true."""
     return 0.5 if scene.parameters.get("half", False) else 1.0
 
 
 def opening_of(state: Any, given: Opening | None) -> Opening:
-    """What was given, or else the opening of the state's scene.
+    """Return the opening that was given, or else that of the state's scene.
 
     Raises
     ------
     TypeError, ValueError
-        If what was given is no `Opening`, or the scene is not a plane one with an orifice.
+        If `given` is not an `Opening`, or the scene is not 2D or has no parameter ``orifice``.
     """
     if given is None:
         return Opening.of(state.scene)
@@ -98,14 +98,16 @@ def opening_of(state: Any, given: Opening | None) -> Opening:
 
 
 def each_state(states: Any) -> Iterator[Any]:
-    """The states of an iterable, or the one that was given; of one grid, and at least one.
+    """Iterate over the states of an iterable, or over a single state.
+
+    There must be at least one state, and all must lie on the same grid.
 
     Raises
     ------
     TypeError
-        If what was given is neither a state nor an iterable.
+        If `states` is neither a state nor an iterable.
     ValueError
-        If there is none, or they do not lie on one grid.
+        If there is no state, or the states do not lie on the same grid.
     """
     if not hasattr(states, "mass") and not isinstance(states, Iterable):
         raise TypeError(f"states = {states!r} must be a State or an iterable of them")

@@ -1,4 +1,4 @@
-"""Profiles over the height, depth averages, and the numbers of the mu(I) law at the points.
+"""Profiles over the height, depth averages, and inertial numbers at the points.
 
 Heights are along the last axis, so that a scene with tilted gravity is measured across its layer.
 """
@@ -16,15 +16,16 @@ from granular.measure.stress import friction_of
 
 @dataclass(frozen=True)
 class Profile:
-    """A quantity by height; nan in rows without points.
+    """A quantity as a function of height; nan in rows without points.
 
     Attributes
     ----------
     y : ndarray, shape (k,)
         Middles of the rows [m].
     value : ndarray, shape (k,) or (k, components)
+        Mean of the quantity in each row.
     centroid : ndarray, shape (k,)
-        Mean elevation of the row's points, weighted as the value [m].
+        Mean elevation of the points in each row, with the same weights [m].
     weight : ndarray, shape (k,)
         Mass [kg] or volume [m3] in the row.
     """
@@ -44,11 +45,12 @@ def profile(
     ----------
     state : State
     field : str or array_like, shape (n,) or (n, k)
-        Name of a field of the state, or one value or row a point.
+        Name of a field of the state, or one value or row per point.
     bins : int or array_like, optional
         The number of equal rows from the floor of the grid to the highest point, or the edges
-        [m]; by default the rows of grid cells up to the highest point.
+        of the rows [m]; by default the rows of grid cells up to the highest point.
     weight : {"mass", "volume"}
+        Weight of a point in the mean.
 
     Returns
     -------
@@ -57,8 +59,8 @@ def profile(
     Raises
     ------
     ValueError
-        If the state is empty, the field is not one value a point, the edges do not increase, or
-        no point lies between them.
+        If the state is empty, the field does not have one value per point, the edges do not
+        increase, or no point lies between them.
     """
     one_of("weight", weight, ("mass", "volume"))
     field = values(state, field)
@@ -100,8 +102,8 @@ def velocity_profile(
 ) -> Profile:
     """Mass-weighted mean of a velocity component [m/s] in rows of equal height.
 
-    For an incline ``v_x(y)`` is to be compared with `granular.theory.bagnold_profile` at the
-    rows' middles (Dunatunga & Kamrin 2015, eq. 4.6 and figure 10).
+    For an incline, ``v_x(y)`` can be compared with `granular.theory.bagnold_profile` at the
+    middles of the rows (Dunatunga & Kamrin 2015, eq. 4.6 and figure 10).
 
     Parameters
     ----------
@@ -109,7 +111,7 @@ def velocity_profile(
     bins
         As in `profile`.
     component : int
-        Of the velocity; 0 is x.
+        Component of the velocity; 0 is x.
 
     Returns
     -------
@@ -118,7 +120,7 @@ def velocity_profile(
     Raises
     ------
     ValueError
-        As `profile`; also for a component the state does not have.
+        As `profile`; also if the state has no such component.
     """
     velocity = values(state, "v")
     integer("component", component, 0, velocity.shape[1] - 1)
@@ -126,11 +128,11 @@ def velocity_profile(
 
 
 def friction_profile(state: Any, bins: int | ArrayLike | None = None) -> Profile:
-    """Friction coefficient ``tau/p`` of the row's volume-averaged stress.
+    """Friction coefficient ``tau/p`` of the volume-averaged stress in rows of equal height.
 
-    The stress is averaged first: noise adds to a mean of tau, but not to a mean of components.
-    In steady flow down an incline it is the tangent of the slope at every height (Dunatunga &
-    Kamrin 2015, figure 9).
+    The stress is averaged first, because noise adds to a mean of tau but not to a mean of
+    components. In steady flow down an incline the coefficient is the tangent of the slope angle at
+    every height (Dunatunga & Kamrin 2015, figure 9).
 
     Parameters
     ----------
@@ -167,7 +169,7 @@ def depth_average(state: Any, field: Any) -> float | Array:
     Raises
     ------
     ValueError
-        If the state is empty or the field is not one value a point.
+        If the state is empty or the field does not have one value per point.
     """
     field = values(state, field)
     mean = np.average(field, axis=0, weights=state.mass)
@@ -175,7 +177,7 @@ def depth_average(state: Any, field: Any) -> float | Array:
 
 
 def grain_diameter(state: Any, d: float | None = None) -> float:
-    """The grain diameter [m]: `d`, or else the material's.
+    """Return the grain diameter [m]: `d` if given, or else that of the material.
 
     Raises
     ------
@@ -192,9 +194,9 @@ def grain_diameter(state: Any, d: float | None = None) -> float:
 
 
 def inertial_number(state: Any, *, d: float | None = None) -> Array:
-    """The inertial number ``I = shear_rate d sqrt(rho_s/p)`` of every point.
+    """Inertial number ``I = shear_rate d sqrt(rho_s/p)`` of every point.
 
-    Dunatunga & Kamrin 2015, eq. 2.11, with the equivalent plastic shear rate.
+    The shear rate is the equivalent plastic one (Dunatunga & Kamrin 2015, eq. 2.11).
 
     Parameters
     ----------
@@ -210,8 +212,8 @@ def inertial_number(state: Any, *, d: float | None = None) -> Array:
     Raises
     ------
     ValueError
-        If the state is empty or the grain diameter is unknown; the material's xi alone gives
-        `scaled_inertial_number` only.
+        If the state is empty or the grain diameter is unknown. From xi alone only the
+        `scaled_inertial_number` can be computed.
     """
     require_points(state)
     factor = grain_diameter(state, d) * np.sqrt(state.scene.material.rho_s)
@@ -219,7 +221,9 @@ def inertial_number(state: Any, *, d: float | None = None) -> Array:
 
 
 def scaled_inertial_number(state: Any) -> Array:
-    """``I/I0 = shear_rate/(xi sqrt(p))`` of every point; needs no grain diameter.
+    """Scaled inertial number ``I/I0 = shear_rate/(xi sqrt(p))`` of every point.
+
+    It needs no grain diameter.
 
     Dunatunga & Kamrin 2015, eqs. 2.11-2.13.
 
@@ -235,7 +239,7 @@ def scaled_inertial_number(state: Any) -> Array:
     Raises
     ------
     ValueError
-        If the state is empty or the material has no xi: its law knows no rate.
+        If the state is empty, or the material has no xi because it has no mu(I) law.
     """
     require_points(state)
     material = state.scene.material

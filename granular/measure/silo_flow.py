@@ -1,4 +1,4 @@
-"""Does a silo flow, or has it clogged? Outflow and dense velocity over time, and two verdicts."""
+"""Flow or clogging of a silo: outflow and dense velocity over time, and two verdicts."""
 
 import math
 from dataclasses import dataclass
@@ -14,41 +14,42 @@ from granular.measure.opening import Opening, each_state, opening_of
 VERDICTS = ("static", "flowing", "unsure")
 
 LATE = 0.1
-"""Share of the time, at its end, by which the state is judged."""
+"""Share of the time, at its end, over which the flow is judged."""
 
 _BEFORE = (0.45, 0.55)
-"""Share of the time with whose speed the late one is compared."""
+"""Interval, as shares of the time, with whose speed the late speed is compared."""
 
 _CROSSED = (0.5, 0.9)
 _LEFT = (1.0, 10.0)
-"""Limits of the published rule: times of the last zero crossing, points a frame."""
+"""Limits of the published rule: time of the last zero crossing, points lost per frame."""
 
 _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class SiloHistory:
-    """What a silo's flow is judged by, at every frame.
+    """Quantities at every frame by which the flow of a silo is judged.
 
     Attributes
     ----------
     times : ndarray, shape (k,)
-        Ascending [s].
+        Times of the frames [s], ascending.
     mass : ndarray, shape (k,)
-        [kg/m] of the full silo, also where half is modelled.
+        Mass of the full silo, also where half is modelled [kg/m].
     points : ndarray, shape (k,)
-        Their number, of the full silo.
+        Number of points of the full silo.
     velocity : ndarray, shape (k,)
-        Mean vertical velocity of the dense points above the bottom, by mass, upwards positive
+        Mass-weighted mean vertical velocity of the dense points above the bottom, upwards positive
         [m/s]; nan where there are none.
     head : ndarray, shape (k,)
-        Height that the mass above the opening would fill at rho_c, over the opening's width [m].
+        Height to which the mass above the opening, at rho_c, would fill a column of the opening's
+        width [m].
     width : float
-        Of the opening [m].
+        Width of the opening [m].
     rho_c : float
-        [kg/m3]
+        Critical density of the material [kg/m3].
     gravity : float
-        Its magnitude at the end [m/s2].
+        Magnitude of gravity at the end [m/s2].
     """
 
     times: Array
@@ -72,38 +73,39 @@ class SiloHistory:
 
     @property
     def free_fall(self) -> float:
-        """The scale of outflow ``rho_c sqrt(g) W**(3/2)`` [kg/s per metre of depth]."""
+        """Scale of the outflow, ``rho_c sqrt(g) W**(3/2)`` [kg/s per metre of depth]."""
         return self.rho_c * math.sqrt(self.gravity) * self.width**1.5
 
 
 @dataclass(frozen=True)
 class FlowVerdict:
-    """Whether a silo flows, by two rules.
+    """Verdict on the flow of a silo, by two rules.
 
     Attributes
     ----------
     verdict : {"static", "flowing", "unsure"}
-        By outflow and decay.
+        Verdict by outflow and decay.
     outflow : float
-        Late, of the full silo [kg/s per metre of depth].
+        Late outflow of the full silo [kg/s per metre of depth].
     relative_outflow : float
-        Over `SiloHistory.free_fall`.
+        `outflow` divided by `SiloHistory.free_fall`.
     speed : float
-        Late, of the dense material, downwards [m/s]; nan if there is none.
+        Late downward speed of the dense material [m/s]; nan if there is none.
     decay : float
-        The speed in the slower half of the late time over that half-way, neither taken as less
-        than the floor.
+        Speed in the slower half of the late time divided by the speed half-way through the time.
+        Neither speed is taken as less than the floor.
     speed_floor : float
-        The speed below which material counts as at rest [m/s].
+        Speed below which material counts as at rest [m/s].
     drained_at : float or None
-        Time from which less than the opening's width lay above it [s]; what came then was not
-        judged.
+        Time from which the material above the opening was less high than the opening is wide [s];
+        later frames were not judged.
     published : {"static", "flowing", "unsure"}
-        By the rule of the paper.
+        Verdict by the rule of the paper.
     last_crossing : float
-        When the vertical velocity last crossed zero, over the whole time; 0 if never.
+        Time at which the vertical velocity last crossed zero, as a share of the whole time; 0 if
+        never.
     points_per_frame : float
-        Late, of the full silo.
+        Late number of points that the full silo loses per frame.
     """
 
     verdict: str
@@ -126,7 +128,7 @@ def silo_history(trajectory: Any, *, opening: Opening | None = None) -> SiloHist
     trajectory : iterable of State
         Every frame is read once.
     opening : Opening, optional
-        By default that of the scene.
+        By default the opening of the scene.
 
     Returns
     -------
@@ -136,7 +138,7 @@ def silo_history(trajectory: Any, *, opening: Opening | None = None) -> SiloHist
     ------
     TypeError, ValueError
         If there are no frames, their times do not ascend or their grids differ, or the scene is
-        not a plane silo.
+        not a 2D silo.
     """
     rows = []
     for state in each_state(trajectory):
@@ -163,42 +165,45 @@ def flow_verdict(
     speed_floor: float | None = None,
     frame: float = 1 / 240,
 ) -> FlowVerdict:
-    """Whether a silo flows, has come to rest, or neither can be said.
+    """Decide if a silo flows, has come to rest, or neither can be said.
 
-    Judged is the time until less than the opening's width of material is left above it, and of
-    this time the last tenth, in two halves. The speed is that at which the dense material sinks:
-    minus its mean vertical velocity, averaged over the frames.
+    The time judged ends when the material above the opening becomes less high than the opening is
+    wide. The verdict is by the last tenth of this time, which is split into two halves. The speed
+    is that at which the dense material sinks: minus its mean vertical velocity, averaged over the
+    frames.
 
-    - *static*: in both halves the outflow is at most `quiet` of free fall; and in both the speed
-      is at most the floor, up or down, or the velocity crosses zero within the last tenth, as in
-      elastic waves.
-    - *flowing*: in both halves the outflow is at least `steady` of free fall and the speed above
-      the floor; half-way (.45 to .55 of the time) it was above the floor as well, and in both
-      halves `persistence` of that is left.
-    - *unsure*: anything else. That a flow has stopped shows if it did so before the last
-      ``LATE persistence/2`` of the time, a fortieth.
+    - *static*: in both halves the outflow is at most `quiet` times that of free fall. In addition,
+      either the speed is at most the floor in both halves, up or down, or the velocity crosses zero
+      within the last tenth, as in elastic waves.
+    - *flowing*: in both halves the outflow is at least `steady` times that of free fall and the
+      speed is above the floor. Half-way (0.45 to 0.55 of the time) the speed was above the floor as
+      well, and in both halves it is at least `persistence` times the speed half-way.
+    - *unsure*: anything else. A flow that has stopped is recognised if it stopped before the last
+      ``LATE persistence/2`` of the time, a fortieth by default.
 
-    Beside it stands the published rule (Dunatunga & Kamrin, Modelling silo clogging, section
-    7.2), of two votes that must agree. The mean vertical velocity of the dense material crosses
+    The published rule (Dunatunga & Kamrin, Modelling silo clogging, section 7.2) is evaluated as
+    well. It has two votes that must agree. The mean vertical velocity of the dense material crosses
     zero at a frame where it is zero or has not the sign of the frame before, the first frame
-    excepted. A last crossing within the last tenth of the whole time is a vote for static, one
-    before half of it, or none, for flowing. At most 1 point lost a frame in the last tenth is a
-    vote for static, more than 10 for flowing. It has no floor: what creeps at 1e-5 m/s does not
-    cross zero. Its count of points depends on their mass.
+    excepted. A last crossing within the last tenth of the whole time is a vote for static; a last
+    crossing before half of it, or none, is a vote for flowing. A loss of at most 1 point per frame
+    in the last tenth is a vote for static, a loss of more than 10 for flowing. This rule has no
+    floor of the speed: material that creeps at 1e-5 m/s does not cross zero. Its count of points
+    depends on their mass.
 
     Parameters
     ----------
     trajectory : iterable of State, or SiloHistory
     opening : Opening, optional
-        By default that of the scene.
+        By default the opening of the scene.
     quiet, steady : float
-        Over the outflow ``rho_c sqrt(g) W**(3/2)``; `quiet` is the smaller one.
+        Outflows as shares of ``rho_c sqrt(g) W**(3/2)``; `quiet` is the smaller one.
     persistence : float
-        Least decay of a flow, 0 to 1.
+        Least share of its speed half-way that a flow must retain, 0 to 1.
     speed_floor : float, optional
-        > 0 [m/s], by default ``1e-3 sqrt(g W)``.
+        Speed below which material counts as at rest [m/s], > 0; by default ``1e-3 sqrt(g W)``.
     frame : float
-        Between two frames of the published rule [s]; its count is converted to these.
+        Time between two frames of the published rule [s]; the loss of points is converted to such
+        frames.
 
     Returns
     -------
@@ -207,8 +212,8 @@ def flow_verdict(
     Raises
     ------
     TypeError, ValueError
-        As `silo_history`; also if less than the opening's width lies above it from the start,
-        one of the two halves holds fewer than two frames, or a limit is out of range.
+        As `silo_history`; also if the material above the opening is never as high as the opening is
+        wide, one of the two halves holds fewer than two frames, or a limit is out of range.
     """
     in_range("steady", steady, 0.0, 1.0, open_low=True)
     in_range("quiet", quiet, 0.0, steady)
@@ -225,7 +230,7 @@ def flow_verdict(
     outflow, late = _window(history, end, 1 - LATE, 1)
     before = _window(history, end, *_BEFORE)[1]
     decay = float(np.maximum(speeds.min(), floor) / np.maximum(before, floor))
-    verdict = "unsure"  # comparisons with nan, the speed of nothing, are false
+    verdict = "unsure"  # comparisons with nan (no dense points) are false
     swings = _last_crossing(history, end) >= 1 - LATE
     if flows.max() <= quiet and (np.abs(speeds).max() <= floor or swings):
         verdict = "static"
@@ -247,7 +252,7 @@ def flow_verdict(
 
 
 def _drained(history: SiloHistory) -> int:
-    """One past the last frame with at least the opening's width of material above it."""
+    """Index after the last frame with material above the opening as high as it is wide."""
     full = np.flatnonzero(history.head >= history.width)
     if not len(full):
         raise ValueError(
@@ -275,7 +280,7 @@ def _window(history: SiloHistory, end: int, start: float, stop: float) -> tuple[
 
 
 def _last_crossing(history: SiloHistory, end: int) -> float:
-    """When the velocity last crossed zero, over the time until a frame; 0 if never."""
+    """Time of the last zero crossing, as a share of the time until frame `end`; 0 if never."""
     times, velocity = history.times[:end], history.velocity[:end]
     known = np.isfinite(velocity)
     sign = np.sign(velocity[known])

@@ -1,4 +1,4 @@
-"""Invariants of stress arrays whose rows are xx, yy, zz, xy (plane) or xx, yy, zz, xy, yz, xz."""
+"""Invariants of stress arrays with rows xx, yy, zz, xy (2D) or xx, yy, zz, xy, yz, xz (3D)."""
 
 from typing import Any
 
@@ -8,25 +8,25 @@ from granular.measure.averaging_grid import Array, values
 
 
 def pressure(stress: Array) -> Array:
-    """``-tr(stress)/3`` [Pa], compression positive, shape (n,)."""
+    """Pressure ``-tr(stress)/3`` [Pa], compression positive, shape (n,)."""
     return -stress[:, :3].sum(axis=1) / 3
 
 
 def deviator_squared(stress: Array) -> Array:
-    """``s : s`` [Pa2] of the deviator, shape (n,); shear components count twice."""
+    """Square ``s : s`` of the deviator s [Pa2], shape (n,); shear components count twice."""
     normal = stress[:, :3] + pressure(stress)[:, None]
     return (normal**2).sum(axis=1) + 2 * (stress[:, 3:] ** 2).sum(axis=1)
 
 
 def friction_of(stress: Array) -> Array:
-    """``sqrt(s : s/2)/p``, shape (n,); nan where p <= 0."""
+    """Friction coefficient ``sqrt(s : s/2)/p``, shape (n,); nan where p <= 0."""
     p = pressure(stress)
     tau = np.sqrt(deviator_squared(stress) / 2)
     return np.divide(tau, p, out=np.full_like(p, np.nan), where=p > 0)
 
 
 def friction(state: Any) -> Array:
-    """The friction coefficient mu = tau/p of every point.
+    """Friction coefficient mu = tau/p of every point.
 
     ``tau = sqrt(s : s/2)`` with the deviator s (Dunatunga & Kamrin 2015, eq. 2.10).
 

@@ -1,4 +1,4 @@
-"""Tools in soil: what they feel, how deep a wheel sinks, where the soil fails before a blade."""
+"""Tools in soil: forces on a tool, sinkage of a wheel, failure surface in front of a blade."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ToolForce:
-    """Force on a tool that goes along x, averaged between frames.
+    """Force on a tool that moves along x, averaged between frames.
 
     Attributes
     ----------
     times : ndarray, shape (k,)
-        Middles of the windows [s].
+        Middles of the averaging windows [s].
     position : ndarray, shape (k, 3)
-        Of the body there [m].
+        Position of the body at these times [m].
     forward : ndarray, shape (k,)
-        What it takes to push it, minus the force of the material along x [N].
+        Force needed to push the tool: minus the force of the material along x [N].
     lateral, vertical : ndarray, shape (k,)
-        Force of the material along y and z [N]; none along y on a tool cut in half.
+        Force of the material along y and z [N]; zero along y for a tool cut in half by symmetry.
     """
 
     times: Array
@@ -55,20 +55,21 @@ class ToolForce:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WheelHistory:
-    """What a wheel did and felt, averaged between frames.
+    """Motion of a wheel and the forces on it, averaged between frames.
 
     Attributes
     ----------
     times : ndarray, shape (k,)
-        Middles of the windows [s].
+        Middles of the averaging windows [s].
     drawbar_pull : ndarray, shape (k,)
-        Force of the material along x, with which the wheel could pull [N].
+        Force of the material along x, with which the wheel could pull a load [N].
     load : ndarray, shape (k,)
-        Force of the material upwards [N]: that on the axle where the wheel neither rises nor sinks.
+        Upward force of the material [N]; it equals the load on the axle while the wheel neither
+        rises nor sinks.
     torque : ndarray, shape (k,)
-        That drives it [N m].
+        Torque that drives the wheel [N m].
     sinkage : ndarray, shape (k,)
-        Of its lowest line below where it began [m].
+        Depth of the lowest line of the wheel below its initial position [m].
     """
 
     times: Array
@@ -80,18 +81,18 @@ class WheelHistory:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FailureSurface:
-    """The lowest moving material, column by column; nan where nothing moves.
+    """Lower boundary of the moving material, column by column; nan where nothing moves.
 
     Attributes
     ----------
     x : ndarray, shape (k,)
         Middles of the columns [m].
     z : ndarray, shape (k,)
-        Lower end of the lowest cell that moves and is joined to the surface by cells that move [m].
+        Lower end of the lowest moving cell that moving cells connect to the surface [m].
     top : ndarray, shape (k,)
         Upper end of the highest cell with material [m]; nan in empty columns.
     speed : float
-        From which on a cell counts as moving [m/s].
+        Speed from which a cell counts as moving [m/s].
     """
 
     x: Array
@@ -102,18 +103,18 @@ class FailureSurface:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StrainHistory:
-    """Elastic strain of the dense material by time, by mass.
+    """Mass-weighted elastic strain of the dense material over time.
 
     Attributes
     ----------
     times : ndarray, shape (k,)
-        [s].
+        Times of the frames [s].
     volumetric : ndarray, shape (k,)
         Mean compression ln(rho/rho_c).
     deviatoric : ndarray, shape (k,)
         Mean norm sqrt(h:h) of the deviator of the logarithmic strain.
     norm, deviation : ndarray, shape (k,)
-        Mean norm of the whole strain, and its standard deviation.
+        Mean norm of the full strain, and the standard deviation of that norm.
     """
 
     times: Array
@@ -126,12 +127,12 @@ class StrainHistory:
 def tool_force(record: Trajectory, body: int = 0, *, window: int = 1) -> ToolForce:
     """Forward, lateral and vertical force on a tool (Haeri & Skonieczny 2021, figure 13).
 
-    Twice what is recorded if the parameter ``half`` of the scene is true.
+    If the parameter ``half`` of the scene is true, the recorded force is doubled.
 
     Parameters
     ----------
     record : Trajectory
-        Of a scene in space.
+        Record of a 3D scene.
     body, window : int
         As in `granular.measure.body_force`.
 
@@ -142,9 +143,9 @@ def tool_force(record: Trajectory, body: int = 0, *, window: int = 1) -> ToolFor
     Raises
     ------
     ValueError
-        As `body_force`; also in the plane.
+        As `body_force`; also if the scene is 2D.
     """
-    _in_space(record)
+    _require_3d(record)
     felt = body_force(record, body, window=window)
     half = bool(record.scene.parameters.get("half", False))
     force = felt.force * (1 + half)
@@ -163,7 +164,7 @@ def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> Whee
     Parameters
     ----------
     record : Trajectory
-        Of a wheel that rolls along x, with its axle along y.
+        Record of a 3D scene with a wheel that rolls along x, its axle along y.
     body, window : int
         As in `granular.measure.body_force`.
 
@@ -174,9 +175,9 @@ def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> Whee
     Raises
     ------
     ValueError
-        As `body_force`; also in the plane.
+        As `body_force`; also if the scene is 2D.
     """
-    _in_space(record)
+    _require_3d(record)
     felt = body_force(record, body, window=window)
     motion = body_motion(record, body)
     return WheelHistory(
@@ -195,21 +196,21 @@ def failure_surface(
     share: float = 0.1,
     span: tuple[float, float] | None = None,
 ) -> FailureSurface:
-    """Where the soil that moves with a blade parts from that at rest (figure 14).
+    """Surface between the soil that moves with a blade and the soil at rest (figure 14).
 
-    Cells of a slice along x and z move if their mean speed, by mass, over all frames and over y,
-    is at least a share of that of the blade.
+    The cells of a slice along x and z count as moving if their speed is at least a share of that of
+    the blade. The speed of a cell is the mass-weighted mean over all frames and over y.
 
     Parameters
     ----------
     states : State or iterable of State
-        In space.
+        In 3D.
     speed : float
-        Of the blade [m/s].
+        Speed of the blade [m/s].
     share : float
-        0 to 1, ends excluded.
+        Share of the blade's speed from which a cell moves, 0 to 1, ends excluded.
     span : (low, high), optional
-        Of the slice along y [m]; by default all.
+        Ends of the slice along y [m]; by default the whole width.
 
     Returns
     -------
@@ -218,7 +219,7 @@ def failure_surface(
     Raises
     ------
     ValueError
-        For states in the plane, without points, or with none in the slice.
+        If the states are 2D, a state has no points, or no point is in the slice.
     """
     limit = positive("speed", speed) * in_range(
         "share", share, 0.0, 1.0, open_low=True, open_high=True
@@ -261,10 +262,10 @@ def failure_surface(
 def strain_history(states: Any) -> StrainHistory:
     """Elastic strain of Hencky materials (Haeri & Skonieczny 2021, figure 6).
 
-    Found from what is stored: the Kirchhoff stress is rho_c/rho times the stress, its deviator
-    2 G h. Plastic flow keeps the volume in each step, so that det F^p, figure 7, is 1 to
-    round-off and needs no history; `granular.measure.density_drift` tells how far the density of
-    the points is from the room that they take.
+    The strain follows from the stored stress and density: the Kirchhoff stress is rho_c/rho times
+    the stress, and its deviator is 2 G h. Plastic flow keeps the volume in each step, so that
+    det F^p of figure 7 is 1 to round-off and needs no history. `granular.measure.density_drift`
+    measures how far the density of the points is from the volume that they occupy.
 
     Parameters
     ----------
@@ -273,12 +274,12 @@ def strain_history(states: Any) -> StrainHistory:
     Returns
     -------
     StrainHistory
-        nan where nothing is dense.
+        nan at frames where no point is dense.
 
     Raises
     ------
     ValueError
-        If the elasticity is not Hencky's.
+        If the elasticity of the material is not "hencky".
     """
     rows, times = [], []
     for state in each_state(states):
@@ -314,11 +315,11 @@ def strain_history(states: Any) -> StrainHistory:
     )
 
 
-def _in_space(record: Trajectory) -> None:
+def _require_3d(record: Trajectory) -> None:
     if record.scene.dim != 3:
         raise ValueError(f"record = {record!r} must be one in space")
 
 
 def _at(times: Array, motion: Any) -> Array:
-    """Position of the body at these times, linear between frames."""
+    """Position of the body at `times`, interpolated linearly between frames."""
     return np.stack([np.interp(times, motion.times, x) for x in motion.position.T], axis=1)

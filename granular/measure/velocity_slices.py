@@ -1,4 +1,4 @@
-"""Vertical velocity across a flowing silo, and the diffusing Gaussian fitted to it."""
+"""Vertical velocity across a flowing silo, and a diffusing Gaussian fitted to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,10 +14,10 @@ from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
 
 HEIGHTS = (1.5, 2.0, 2.5)
-"""Heights of the slices in widths of the opening, those of the paper."""
+"""Heights of the slices in the paper, in widths of the opening."""
 
 _SCAN = 40
-"""Values of B tried before the fit proper."""
+"""Number of values of B tried before the minimum is refined."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +27,15 @@ class VelocitySlices:
     Attributes
     ----------
     x : ndarray, shape (k,)
-        From the middle of the opening [m].
+        Distance from the middle of the opening [m].
     heights : ndarray, shape (m,)
-        Above the bottom [m].
+        Heights above the bottom [m].
     velocity : ndarray, shape (m, k)
-        Upwards positive [m/s]; nan where there is no material.
+        Vertical velocity, upwards positive [m/s]; nan where there is no material.
     d : float or None
-        Grain diameter [m], if the material knows it.
+        Grain diameter [m], if the material defines it.
     frames : int
+        Number of frames averaged over.
     """
 
     x: Array
@@ -46,28 +47,28 @@ class VelocitySlices:
 
 @dataclass(frozen=True)
 class GaussianFit:
-    """``v = C exp(-x**2/(4 B y)) + offset`` over several heights y, with one B.
+    """Fit of ``v = C exp(-x**2/(4 B y)) + offset`` over several heights y, with one common B.
 
     Attributes
     ----------
     B : float
-        [m]
+        Diffusion length [m].
     B_error : float
-        Standard error of the regression [m]. Neighbouring places share points, so that their
-        errors are not independent: it is a lower bound.
+        Standard error of B in the regression [m]. It is a lower bound: the errors of neighbouring
+        nodes are not independent, because they share points.
     B_over_d : float or None
-        B in grain diameters, where d is known.
+        B in grain diameters, if d is known.
     amplitude : ndarray, shape (m,)
-        C of each height [m/s].
+        C at each height [m/s].
     offset : ndarray, shape (m,)
-        Of each height [m/s].
+        Offset at each height [m/s].
     B_each : ndarray, shape (m,)
-        B of each height fitted alone [m]: equal if the square of the width grows as the height.
-        nan where a height alone has no best B in the range of `gaussian_fit`.
+        B of each height fitted alone [m]. All are equal if the square of the width is proportional
+        to the height. nan where a height alone has no best B in the range of `gaussian_fit`.
     r_squared : float
-        One minus the sum of squares left over that about the mean of each height.
+        One minus the residual sum of squares divided by that about the mean of each height.
     rms : float
-        Residual [m/s].
+        Root mean square of the residuals [m/s].
     """
 
     B: float
@@ -85,18 +86,19 @@ def velocity_slices(
 ) -> VelocitySlices:
     """Vertical velocity across a silo at some heights, averaged over frames.
 
-    The mass-weighted mean at the nodes (`frame_average`), linear between their rows. Averaging
-    about nodes and interpolating adds at most ``cell**2/6`` and ``cell**2/8`` times a second
-    derivative to the velocity; a Gaussian's variance 2 B y grows by cell**2/6.
+    The velocity is the mass-weighted mean at the nodes (`frame_average`), interpolated linearly
+    between rows of nodes. Averaging and interpolating change it by at most ``cell**2/6`` and
+    ``cell**2/8`` times a second derivative of the velocity. The variance 2 B y of a Gaussian grows
+    by cell**2/6.
 
     Parameters
     ----------
     states : State or iterable of State
     heights : array_like, shape (m,)
-        Above the bottom, in widths of the opening, ascending (Dunatunga & Kamrin, Modelling silo
-        clogging, figures 6 and 7).
+        Heights above the bottom, in widths of the opening, ascending (Dunatunga & Kamrin, Modelling
+        silo clogging, figures 6 and 7).
     opening : Opening, optional
-        By default that of the scene.
+        By default the opening of the scene.
 
     Returns
     -------
@@ -127,7 +129,10 @@ def velocity_slices(
 
 
 def _row(nodal: Array, y: Array, height: float) -> Array:
-    """Linear in y between the rows of nodes; on a row, that row alone (the other may be empty)."""
+    """Interpolate linearly in y between rows of nodes; at a row, use it alone.
+
+    The other row may be empty there.
+    """
     at = (height - y[0]) / (y[1] - y[0])
     low = int(np.clip(np.floor(at + 1e-9), 0, len(y) - 1))
     share = at - low
@@ -139,17 +144,18 @@ def _row(nodal: Array, y: Array, height: float) -> Array:
 def gaussian_fit(slices: VelocitySlices, *, d: float | None = None) -> GaussianFit:
     """Fit the diffusing Gaussian to slices of vertical velocity, all heights jointly.
 
-    ``v = C exp(-x**2/(4 B y)) + offset`` with x from the middle and y from the bottom of the
-    opening; B is common, C and the offset belong to each height: smooth walls let the material
-    at the sides sink too (Dunatunga & Kamrin, Modelling silo clogging, section 7.2 and figure 7,
-    where B = 0.6 d at A = 0.5, W/d = 5). C is negative where the flow is downwards. Least
-    squares, each place counting the same.
+    The law is ``v = C exp(-x**2/(4 B y)) + offset``, where x is measured from the middle and y from
+    the bottom of the opening. B is common to all heights; C and the offset are fitted at each
+    height. The offset allows for free-slip walls, along which the material at the sides sinks too
+    (Dunatunga & Kamrin, Modelling silo clogging, section 7.2 and figure 7, where B = 0.6 d at
+    A = 0.5, W/d = 5). C is negative where the flow is downwards. The fit is by least squares with
+    equal weights of all nodes.
 
     Parameters
     ----------
     slices : VelocitySlices
     d : float, optional
-        Grain diameter [m], by default that of the slices.
+        Grain diameter [m]; by default that of the slices.
 
     Returns
     -------
@@ -158,9 +164,9 @@ def gaussian_fit(slices: VelocitySlices, *, d: float | None = None) -> GaussianF
     Raises
     ------
     TypeError, ValueError
-        If a height has fewer than 4 places, or the best B is not within a range: at the top
-        height ``sqrt(4 B y)`` at least half the spacing of places, at the lowest at most twice
-        the largest distance. Equal velocities have no best B.
+        If a height has fewer than 4 nodes with material, or the best B is out of range. The range
+        is such that ``sqrt(4 B y)`` is at least half the spacing of nodes at the top height, and at
+        most twice the largest distance at the lowest height. Equal velocities have no best B.
     """
     if not isinstance(slices, VelocitySlices):
         raise TypeError(f"slices = {slices!r} must be VelocitySlices")
@@ -196,18 +202,18 @@ def gaussian_fit(slices: VelocitySlices, *, d: float | None = None) -> GaussianF
 
 
 Row = tuple[Array, Array]
-"""``x**2/(4 y)`` and the velocity of the places at one height."""
+"""``x**2/(4 y)`` and the velocity of the nodes at one height."""
 
 
 def _tried(slices: VelocitySlices) -> Array:
-    """Values of B of Gaussians that the places can tell: neither one place nor a flat line."""
+    """Values of B of Gaussians that the nodes resolve: wider than one node, narrower than all."""
     low = np.diff(slices.x).min() ** 2 / (16 * slices.heights.max())
     high = np.abs(slices.x).max() ** 2 / slices.heights.min()
     return np.geomspace(low, high, _SCAN)
 
 
 def _linear(row: Row, B: float) -> tuple[Array, float]:
-    """C and offset of one height at a given B, and the sum of squares left."""
+    """C and offset of one height at a given B, and the residual sum of squares."""
     matrix = np.stack([np.exp(-row[0] / B), np.ones_like(row[0])], axis=1)
     part = np.linalg.lstsq(matrix, row[1], rcond=None)[0]
     return part, float(np.sum((row[1] - matrix @ part) ** 2))
@@ -218,9 +224,9 @@ def _left(log_B: float, rows: Sequence[Row]) -> float:
 
 
 def _best(rows: Sequence[Row], tried: Array) -> float | None:
-    """B with the least sum of squares left; None if it is not within those tried.
+    """B with the least residual sum of squares; None if it is not within the range tried.
 
-    C and the offsets are linear, so that B alone is searched for.
+    C and the offsets enter linearly, so that only B has to be searched for.
     """
     if max(float(np.ptp(v)) for _, v in rows) <= 1e-12 * max(np.abs(v).max() for _, v in rows):
         return None
@@ -235,10 +241,10 @@ def _best(rows: Sequence[Row], tried: Array) -> float | None:
 
 
 def _standard_error(rows: Sequence[Row], B: float, parts: Array, squares: float) -> float:
-    """Of B, from the derivatives by all parameters.
+    """Standard error of B, from the derivatives with respect to all parameters.
 
-    What the derivative by B has beyond those by C and the offset of each height is what B alone
-    does.
+    The derivative with respect to B is first made orthogonal to those with respect to C and the
+    offset of each height.
     """
     alone = 0.0
     for (s, _), (C, _) in zip(rows, parts, strict=True):

@@ -1,6 +1,6 @@
-"""Pictures and movies with matplotlib: figures are objects, nothing global is touched.
+"""Pictures and movies with matplotlib: figures are objects, no global state is changed.
 
-`view` draws in space with pyvista, if it is there.
+`view` draws 3D pictures with pyvista, if it is installed.
 """
 
 from granular.plot.canvas import Picture

@@ -1,4 +1,4 @@
-"""Axes, material points and walls: what all pictures are made of. No pyplot, no global state."""
+"""Axes, material points and walls, the parts of all pictures. No pyplot, no global state."""
 
 from __future__ import annotations
 
@@ -43,15 +43,17 @@ class Picture(Figure):
 
 
 class View:
-    """Which two axes are seen, and which points: all of them, or those of a slab in 3D.
+    """The two axes of a picture, and its points: all of them, or those of a slab in 3D.
 
     Parameters
     ----------
     dim : int
+        Number of dimensions, 2 or 3.
     axes : pair of int, optional
-        Axes to the right and up; by default the first and the last. The third is looked along.
+        Axes to the right and up; by default the first and the last. In 3D the line of sight is
+        along the third axis.
     slab : (float, float), optional
-        Keep points whose third coordinate lies within [m]; in 3D only.
+        Interval of the third coordinate whose points are kept [m]; in 3D only.
 
     Raises
     ------
@@ -74,7 +76,7 @@ class View:
         self.slab = None
         if slab is not None:
             if dim != 3:
-                raise ValueError(f"slab = {slab} must be None in the plane")
+                raise ValueError(f"slab = {slab} must be None in 2D")
             self.slab = (finite("slab[0]", slab[0]), finite("slab[1]", slab[1]))
             if not self.slab[0] < self.slab[1]:
                 raise ValueError(f"slab = {slab} must have its low end first")
@@ -85,7 +87,10 @@ class View:
         return f"{AXES[self.across]} [m]", f"{AXES[self.up]} [m]"
 
     def order(self, state: Any) -> Any:
-        """Points to draw, those in front last: the viewer stands at the low end of that axis."""
+        """Indices of the points to draw, nearest last.
+
+        The viewer is at the low end of the third axis.
+        """
         if self.depth is None:
             return slice(None)
         third = state.x[:, self.depth]
@@ -96,15 +101,15 @@ class View:
         return rows[inside[rows]]
 
     def places(self, state: Any) -> np.ndarray:
-        """Points in the picture, shape (k, 2), in the order of `order`."""
+        """Positions of the points in the picture [m], shape (k, 2), in the order of `order`."""
         return state.x[:, (self.across, self.up)][self.order(state)]
 
     def extent(self, states: Sequence[Any]) -> Extent:
-        """What holds the material of all states, with a margin, within the domain."""
+        """Extent of the material of all states, with a margin, cut at the ends of the domain."""
         grid = states[0].scene.grid
         ends = []
         for axis in (self.across, self.up):
-            # The floor and the plane of symmetry belong into the picture: fills begin there.
+            # The floor and the plane of symmetry belong in the picture: fills begin there.
             low, high = math.inf, -math.inf
             for state in states:
                 if state.n:
@@ -121,7 +126,7 @@ class View:
         return ends[0], ends[1]
 
     def set_up(self, ax: Axes, extent: Extent, cell: float) -> None:
-        """Equal scales, limits and labels; a little room beyond walls at the ends."""
+        """Set equal scales, limits and labels, with a small margin beyond walls at the ends."""
         (left, right), (bottom, top) = extent
         edge = 0.35 * cell
         ax.set_aspect("equal")
@@ -134,18 +139,23 @@ class View:
 
 
 def diameter(state: Any) -> float:
-    """Of a point in a picture [m]: the diagonal of the spacing at the start, to leave no gaps."""
+    """Diameter of a point in a picture [m]: the diagonal of the initial spacing, without gaps."""
     scene = state.scene
     per_cell = max(fill.points_per_cell for fill in scene.fills)
     return math.sqrt(2) * scene.grid.cell / per_cell ** (1 / state.dim)
 
 
 class Points:
-    """The material points of an axes: discs of true size, whose arrays can be changed.
+    """The material points drawn in an axes: discs of true size, which can show another state.
 
     Parameters
     ----------
-    ax, state, brush, view
+    ax : Axes
+        Axes to draw into.
+    state : State
+    brush : Brush
+        Colours of the points.
+    view : View
     size : float, optional
         Diameter of a point [m]; by default the diagonal of the initial spacing.
     """
@@ -177,9 +187,9 @@ class Points:
 
 
 def color_bar(fig: Figure, artist: Any, brush: Brush, **options: Any) -> None:
-    """Colour bar with label and unit, or with two names for what is a yes or no.
+    """Add a colour bar with label and unit, or with two names for a field of two values.
 
-    `options` are those of matplotlib: `ax` to take room from, or `cax` to fill.
+    `options` are those of matplotlib: `ax` to take the place from, or `cax` to fill.
     """
     bar = fig.colorbar(artist, **options)
     if brush.quantity.two:
@@ -218,7 +228,7 @@ def _block(ax: Axes, lower: Sequence[float], upper: Sequence[float], view: View)
 
 
 def _layers(ax: Axes, grid: Any, wall: Any, view: View) -> tuple[Artist, float, float]:
-    """A wall of particle hydrodynamics, see `granular.sph.Wall`."""
+    """Draw a wall of an SPH scene, see `granular.sph.Wall`."""
     lower, upper = np.array(wall.box("wall", grid))
     ends = (
         np.where(np.isinf(lower), grid.lower, lower),
@@ -231,13 +241,14 @@ def _layers(ax: Axes, grid: Any, wall: Any, view: View) -> tuple[Artist, float, 
 def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float]]:
     """Draw the walls, blocks and outlets of a scene.
 
-    Rough walls are thick, free_slip ones thin, planes of symmetry dashed; an outlet is dotted
-    once it is open. Walls made of layers of points are blocks, and seen until they move or go.
+    Walls of kind "no_slip" are thick, those of kind "free_slip" thin, and planes of symmetry
+    dashed; an outlet is dotted once it is open. Walls made of layers of particles are drawn as
+    blocks, until they move or vanish.
 
     Returns
     -------
     list of (artist, begin, end)
-        Each is to be seen from `begin` to before `end` [s].
+        Each artist is visible from `begin` until just before `end` [s].
     """
     parts: list[tuple[Artist, float, float]] = []
     for wall in scene.walls:
@@ -258,6 +269,6 @@ def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float
 
 
 def show_at(parts: list[tuple[Artist, float, float]], time: float) -> None:
-    """Hide what is not there at a time."""
+    """Show the artists that are visible at a time, and hide the others."""
     for artist, begin, end in parts:
         artist.set_visible(begin <= time < end)

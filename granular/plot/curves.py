@@ -1,6 +1,6 @@
-"""Figures 3, 5, 9, 10 and 13 of Dunatunga & Kamrin 2015: curves beside what they should be.
+"""Figures 3, 5, 9, 10 and 13 of Dunatunga & Kamrin 2015: measured curves and reference curves.
 
-Each takes results and simulates nothing; `benchmarks/figures` has the runs.
+The functions take results and simulate nothing; the runs are in `benchmarks/figures`.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ def _shades(count: int) -> Array:
 
 
 def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]) -> Picture:
-    """Run-out against aspect ratio, beside the laws of table 3.
+    """Run-out against aspect ratio, with the laws of table 3.
 
     Parameters
     ----------
     aspects : array_like, shape (k,)
-        Height over half-width.
+        Height divided by half-width.
     runouts : mapping of str to k Runouts
-        By name, of a scheme for example. Drawn is the 99.9 % quantile of the mass; the bar spans
-        all three measures.
+        Run-outs by the name of the set, for example of a scheme. The marker shows the 99.9 %
+        quantile of the mass; the bar spans all three measures.
 
     Raises
     ------
@@ -94,14 +94,14 @@ def figure_5(
     gravity: float = 9.8,
     window: tuple[float, float] = (1200.0, 900.0),
 ) -> Picture:
-    """Silos: the mass left over time, and the rate against the orifice with Beverloo's law.
+    """Silos: remaining mass over time, and rate against orifice with Beverloo's law.
 
     Parameters
     ----------
     histories : mapping of float to MassHistory
-        By orifice [m]; a few representative ones.
+        Histories by the width of the orifice [m]; a few representative ones.
     fit : BeverlooFit
-        With all orifices and rates.
+        The fit, with all orifices and rates.
     rho, gravity : float
         Bulk density [kg/m3] and gravity [m/s2] of the fit.
     window : (float, float)
@@ -145,8 +145,9 @@ class InclineFlow:
     Attributes
     ----------
     angle_deg : float
+        Angle of the incline [degrees].
     times : ndarray, shape (k,)
-        Ascending [s].
+        Times of the frames [s], ascending.
     friction : ndarray, shape (k,)
         tau/p of the depth-averaged stress; nan without pressure.
     speed : ndarray, shape (k,)
@@ -160,7 +161,7 @@ class InclineFlow:
 
     @classmethod
     def measured(cls, states: Iterable[Any]) -> Self:
-        """From states of the scene `incline`, in the order of time.
+        """Measure the flow from states of the scene `incline`, in the order of time.
 
         Raises
         ------
@@ -179,7 +180,7 @@ class InclineFlow:
 
     @property
     def acceleration(self) -> tuple[Array, Array]:
-        """Mid-times [s] and the depth-averaged acceleration between frames [m/s2]."""
+        """Mid-times [s] and depth-averaged acceleration [m/s2] between frames."""
         middle = (self.times[1:] + self.times[:-1]) / 2
         return middle, np.diff(self.speed) / np.diff(self.times)
 
@@ -193,10 +194,11 @@ def figure_9(
     ----------
     flows : sequence of InclineFlow
     mu_s, mu_2 : float
-        Of the material. The dotted lines at the left are what flow comes to: tan(angle), or mu_2
-        where it is beyond; those at the right the acceleration that is then left.
+        Friction coefficients of the material. The dotted lines in the left panel are the friction
+        that the flow tends to: tan(angle), or mu_2 if tan(angle) is larger. The dotted lines in
+        the right panel are the acceleration that then remains.
     gravity : float
-        [m/s2]
+        Magnitude of gravity [m/s2].
     """
     fig, ((left, centre, right),) = _axes(3)
     for flow, shade in zip(flows, _shades(len(flows)), strict=True):
@@ -229,14 +231,15 @@ def figure_10(
     Parameters
     ----------
     flows : sequence of InclineFlow
-        Their last frames are drawn, of one time; all of one height and material.
+        Their last frames are drawn; all must have the same last time, height and material.
     state : State
-        Of the scene `incline`, for the profile.
+        A state of the scene `incline`, for the profile.
     at_time : bool
         Also draw the transient solution (`granular.theory.transient`) at the times of the last
-        frames and of the state: steady flow takes long, the longer the nearer to mu_2.
+        frames and of the state. It takes long to reach steady flow, the longer the closer the
+        slope is to mu_2.
     gravity : float
-        [m/s2]
+        Magnitude of gravity [m/s2].
     """
     scene = state.scene
     height, material = float(scene.parameters["height"]), scene.material
@@ -301,9 +304,9 @@ class ConstitutivePath:
     dt : float
         Time step [s].
     times : ndarray, shape (k,)
-        [s]
+        Times of the stresses [s].
     stress : ndarray, shape (k, 4)
-        xx, yy, zz, xy [Pa].
+        Components xx, yy, zz, xy [Pa].
     shear_rate : ndarray, shape (k,)
         Equivalent plastic shear rate [1/s].
     """
@@ -317,14 +320,14 @@ class ConstitutivePath:
 def figure_13(
     paths: Sequence[ConstitutivePath], reference: theory.ConstitutiveReference
 ) -> Picture:
-    """The stress update along the path of appendix B, and its error against the reference.
+    """Stress update along the path of appendix B, and its error against the reference.
 
     Parameters
     ----------
     paths : sequence of ConstitutivePath
-        Of different steps.
+        Paths with different time steps.
     reference : ConstitutiveReference
-        At times that include those of all paths.
+        Reference solution at times that include those of all paths.
 
     Raises
     ------
@@ -334,7 +337,7 @@ def figure_13(
     finest = min(paths, key=lambda path: path.dt)
     fig, ((stress, rate), (error, order)) = _axes(2, 2, height=3.2)
     for i, name in enumerate(("xx", "yy", "zz", "xy")):
-        # Equal up to the shear: the first is wider, to be seen below the second.
+        # xx and yy are equal until the shear begins: xx is wider, to be seen below yy.
         stress.plot(
             finest.times,
             finest.stress[:, i],

@@ -1,4 +1,4 @@
-"""What a picture is coloured by: values, names, units and scales."""
+"""Colours of a picture: values, names, units and scales."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ __all__ = ["QUANTITIES", "Brush", "Quantity", "names"]
 Array = NDArray[np.float64]
 
 DECADES = 4
-"""Decades of a logarithmic scale."""
+"""Number of decades of a logarithmic scale."""
 PHASES = ListedColormap(["#e08214", "#2d5d8f"], name="phases")
-"""Disconnected and dense."""
+"""Colours of disconnected and dense points."""
 MISSING = "#c8c8c8"
 """Colour of points without a value."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """How a field is shown.
+    """Presentation of a field: label, unit and scale.
 
     Attributes
     ----------
     label, unit : str
-        For the colour bar; the unit may be empty.
+        Text and unit of the colour bar; the unit may be empty.
     log : bool
-        Whether the scale is logarithmic.
+        True for a logarithmic scale.
     cmap : str
         Name of a matplotlib colour map.
     two : bool
-        Whether it is a yes or no: disconnected (0) or dense (1).
+        True for a field of two values: disconnected (0) or dense (1).
     """
 
     label: str
@@ -75,7 +75,7 @@ QUANTITIES: dict[str, Quantity] = {
     "volume": Quantity("volume", "m3"),
     "id": Quantity("id"),
 } | {f"stress_{ij}": Quantity(f"stress {ij}", "Pa") for ij in ("xx", "yy", "zz", "xy", "yz", "xz")}
-"""Known fields; stored fields that are not here are shown by their name."""
+"""Known fields; other stored fields are labelled by their name."""
 
 _COMPONENTS = {"v": ("x", "y", "z"), "stress": ("xx", "yy", "zz", "xy", "yz", "xz")}
 _MEASURED = {
@@ -95,7 +95,7 @@ def names(state: Any) -> list[str]:
 
 
 def _component(state: Any, name: str) -> Array | None:
-    """A column such as `v_x` or `stress_xy`; None if there is no such thing."""
+    """A component such as `v_x` or `stress_xy`; None if there is no such component."""
     field, _, part = name.rpartition("_")
     if part not in _COMPONENTS.get(field, ()):
         return None
@@ -105,12 +105,12 @@ def _component(state: Any, name: str) -> Array | None:
 
 
 def values(state: Any, color: str | ArrayLike, *, smooth: bool = False) -> Array:
-    """Values of the points to colour them by, shape (n,); nan where there is none.
+    """Values of the points by which they are coloured, shape (n,); nan where there is none.
 
     Raises
     ------
     ValueError
-        If there is no such field, or not one number a point.
+        If there is no such field, or it does not have one number per point.
     """
     if state.n == 0 and isinstance(color, str):
         return np.zeros(0)
@@ -137,9 +137,9 @@ def _by_name(state: Any, name: str) -> Any:
 
 @dataclass(frozen=True)
 class Brush:
-    """Values to colours, the same for all states of a picture.
+    """Map from values to colours, the same for all states of a picture.
 
-    Use `Brush.fitted`; `paint` gives the values of a state within the scale.
+    `Brush.fitted` makes one; `paint` returns the values of a state, clipped to the scale.
     """
 
     color: str | ArrayLike
@@ -160,12 +160,12 @@ class Brush:
         label: str | None = None,
         smooth: bool = False,
     ) -> Brush:
-        """A brush whose scale fits a number of states, unless `limits` are given.
+        """Make a brush whose scale fits the given states, unless `limits` are given.
 
         Raises
         ------
         ValueError
-            For an unknown field or colour map, and limits that do not ascend (or are not
+            If the field or the colour map is unknown, or the limits do not ascend (or are not
             positive on a logarithmic scale).
         """
         name = color if isinstance(color, str) else ""
@@ -184,13 +184,13 @@ class Brush:
         return cls(color, quantity, norm, colors, smooth)
 
     def with_values(self, values: ArrayLike) -> Brush:
-        """The same scale for other values, one number a point."""
+        """Return a brush of the same scale for other values, one number per point."""
         return replace(self, color=np.asarray(values))
 
     def paint(self, state: Any) -> NDArray:
         """Values of a state, clipped to the scale and masked where there are none."""
         found = values(state, self.color, smooth=self.smooth)
-        # Zero has no place on a logarithmic scale and counts as its low end.
+        # Zero is not on a logarithmic scale and counts as its low end.
         return np.ma.masked_invalid(np.clip(found, self.norm.vmin, self.norm.vmax))
 
 
@@ -210,7 +210,7 @@ def _checked(limits: tuple[float, float], log: bool) -> tuple[float, float]:
 
 
 def _limits(found: Array, log: bool) -> tuple[float, float]:
-    """Ends of a scale; the last half per cent of the points does not stretch it."""
+    """Ends of a scale; the outermost 0.5 % of the points do not extend it."""
     found = found[np.isfinite(found)]
     if log:
         found = found[found > 0]

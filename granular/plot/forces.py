@@ -1,7 +1,7 @@
-"""Forces at contacts: networks with lines as wide as the force, fronts, histories, statistics.
+"""Forces at contacts: force networks, Pareto fronts, histories, statistics.
 
-Each takes results and infers nothing; `benchmarks/figures` has the runs. The figures meant are
-those of chapters 2 and 3 of Hurley's thesis.
+The functions take results and infer nothing; the runs are in `benchmarks/figures`. Numbers of
+figures are those of chapters 2 and 3 of Hurley's thesis.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ __all__ = [
 Array = NDArray[np.float64]
 
 WIDEST = 7.0
-"""Line of the largest force [points]."""
+"""Width of the line of the largest force [points, 1/72 inch]."""
 SHADES = ("#1b4f8a", "#c8502d", "#3c8d53", "#7a4b94", "#8a6d1b", "#555555")
 FACE, EDGE = "#ece7dc", "#a49d8f"
 
@@ -40,24 +40,27 @@ def force_networks(
     axes: tuple[int, int] | None = None,
     largest: float | None = None,
 ) -> Picture:
-    """Packings with a line for each force, as wide as it is large (figures 2.9 to 2.11, 3.5, 3.7).
+    """Packings with a line for each force, its width proportional to the force.
+
+    Figures 2.9 to 2.11, 3.5 and 3.7.
 
     Parameters
     ----------
     panels : mapping of str to (Packing, array_like of shape (c, d))
-        Titles, and what to draw below them. Discs are drawn with the areas, spheres with the
-        volumes of the grains.
+        Packing and forces [N] of each panel, by its title. Grains are drawn as discs of the same
+        area, or in 3D as spheres of the same volume.
     columns : int
-        Panels in a row, >= 1.
+        Number of panels in a row, >= 1.
     axes : (int, int), optional
         Axes to the right and up; by default the first and the last.
     largest : float, optional
-        Force with the widest line [N], > 0; that of all panels by default, which share the scale.
+        Force with the widest line [N], > 0; by default the largest of all panels, which share the
+        scale.
 
     Raises
     ------
     TypeError, ValueError
-        Naming argument, value and allowed range; for no panels, or forces of a wrong shape.
+        If an argument is out of range, there are no panels, or forces have a wrong shape.
     """
     integer("columns", columns, 1)
     if not panels:
@@ -74,7 +77,7 @@ def force_networks(
     columns = min(columns, len(panels))
     extents = [_extent(packing, axes) for packing, _ in panels.values()]
     shape = np.median([high - low for low, high in extents], axis=0)
-    tall = float(np.clip(2.8 * shape[1] / shape[0] + 0.4, 2.0, 6.0))  # beside the labels
+    tall = float(np.clip(2.8 * shape[1] / shape[0] + 0.4, 2.0, 6.0))  # axes are 2.8 inches wide
     fig = Picture(figsize=(3.4 * columns, rows * (tall + 0.35)), layout="tight")
     grid = fig.subplots(rows, columns, squeeze=False).ravel()
     for ax, (title, (packing, forces)) in zip(grid, panels.items(), strict=False):
@@ -116,8 +119,8 @@ def _network(
             linewidths=0.6,
         )
     )
-    # Between centroids; to a wall, or a grain that is not there, as far as the contact. Over a
-    # periodic side a line has a gap, the nan.
+    # Lines join centroids; to a wall or a missing grain they end at the contact. Across a periodic
+    # boundary a line has a gap, the nan.
     at = [packing.seen_from(side)[:, seen] for side in (0, 1)]
     near = np.linalg.norm(at[1] - at[0], axis=1) < packing.radius
     gap = np.where(near[:, None], at[0], np.nan)
@@ -144,13 +147,14 @@ def _network(
 
 
 def pareto_front(front: ParetoFront, *, errors: ArrayLike | None = None) -> Picture:
-    """Residual of the balance against that of the stresses, both from 0 to 1 (figure 3.2).
+    """Residual of the force balance against that of the stresses, scaled to 0 to 1 (figure 3.2).
 
     Parameters
     ----------
     front : ParetoFront
     errors : array_like, shape (k,), optional
-        Error of the forces for each weight, where they are known; drawn against the weights.
+        Error of the forces for each weight, if the true forces are known; drawn against the
+        weights.
 
     Raises
     ------
@@ -184,21 +188,21 @@ def force_histories(
     columns: int = 2,
     ylabel: str = "force [N]",
 ) -> Picture:
-    """Forces over time, a panel each, with a line for every way they were found (3.5d, 3.9).
+    """Forces over time, one panel each, with a line for each method (figures 3.5d and 3.9).
 
     Parameters
     ----------
     series : mapping of str to (times, mapping of str to forces)
-        Titles, times [s], and the lines by their names.
+        Times [s] and lines by their names, of each panel by its title.
     columns : int
-        Panels in a row, >= 1.
+        Number of panels in a row, >= 1.
     ylabel : str
-        Of all panels.
+        Label of the vertical axis of all panels.
 
     Raises
     ------
     TypeError, ValueError
-        For no panels, or a wrong number of columns.
+        If there are no panels, or the number of columns is out of range.
     """
     integer("columns", columns, 1)
     if not series:
@@ -227,9 +231,10 @@ def force_distances(curves: Mapping[str, ArrayLike], bin_width: float) -> Pictur
     Parameters
     ----------
     curves : mapping of str to array_like
-        What `granular.grain_scale.inference.largest_by_distance` found, by name of the experiment.
+        Results of `granular.grain_scale.inference.largest_by_distance`, by the name of the
+        experiment.
     bin_width : float
-        [m], > 0.
+        Width of a bin [m], > 0.
     """
     positive("bin_width", bin_width)
     fig = Picture(figsize=(5.2, 3.8), layout="tight")
@@ -243,7 +248,7 @@ def force_distances(curves: Mapping[str, ArrayLike], bin_width: float) -> Pictur
 
 
 def force_distribution(statistics: Mapping[str, ForceStatistics]) -> Picture:
-    """Share of contacts that bear more than a multiple of the mean, beside exponential decay."""
+    """Share of contacts whose force exceeds a multiple of the mean, and an exponential decay."""
     fig = Picture(figsize=(5.2, 3.8), layout="tight")
     ax = fig.subplots()
     end = 1.0

@@ -15,7 +15,7 @@ from granular.plot.fields import Brush
 __all__ = ["frame"]
 
 WIDTH = 7.0
-"""Of a picture [inches]."""
+"""Width of a picture [inches]."""
 
 
 def frame(
@@ -43,36 +43,36 @@ def frame(
     color : str or array_like, shape (n,)
         A field: stored ("shear_rate", "log_density", ...), a component ("v_x", "stress_xy"),
         derived ("p", "tau", "mu", "rho", "dense", ...), measured ("speed", "phase",
-        "nodal_density", "inertial_number", ...), or one number a point.
+        "nodal_density", "inertial_number", ...), or one number per point.
     ax : Axes, optional
-        To draw into; by default those of a new figure.
+        Axes to draw into; by default those of a new figure.
     limits : (low, high), optional
-        Of the colours; by default they fit the state.
+        Limits of the colour scale; by default they fit the state.
     log : bool, optional
-        Whether the scale is logarithmic; by default for rates. Zero counts as its low end.
+        True for a logarithmic scale, the default for rates. Zero counts as its low end.
     cmap, label : str, optional
         Colour map and text of the colour bar.
     smooth : bool
-        Draw the field mapped to the nodes and back, as the paper does with stresses (Dunatunga &
-        Kamrin 2015, eqs. 4.1-4.3).
+        Draw the field after mapping it to the nodes and back, as Dunatunga & Kamrin 2015 do with
+        stresses (eqs. 4.1-4.3).
     size : float, optional
         Diameter of a point [m]; by default the diagonal of the initial spacing.
     extent : ((left, right), (bottom, top)), optional
-        What is seen [m]; by default what holds the material.
+        Region that is shown [m]; by default it contains all the material.
     view : (int, int), optional
-        In 3D, the axes to the right and up. The points are projected, nearer ones (at the low end
-        of the third axis) over farther ones.
+        In 3D, the axes to the right and up. The points are projected; nearer points (at the low end
+        of the third axis) cover farther ones.
     slab : (low, high), optional
-        In 3D, keep what lies within these coordinates of the third axis [m]: a slice.
+        In 3D, draw only the slice of points between these coordinates along the third axis [m].
     bar : bool
-        Whether to add a colour bar.
+        True to add a colour bar.
     title : str, optional
-        By default the time.
+        Title of the axes; by default the time.
 
     Returns
     -------
     Figure
-        The one of `ax`; its `savefig` needs no backend.
+        The figure of `ax`; its `savefig` needs no backend.
 
     Raises
     ------
@@ -94,10 +94,10 @@ def frame(
 
 
 def new_axes(extent: Extent) -> Axes:
-    """Axes of a new figure whose shape suits the extent."""
+    """Make the axes of a new figure whose shape suits the extent."""
     (left, right), (bottom, top) = extent
     ratio = (top - bottom) / (right - left)
-    # What is not the axes: labels and the colour bar beside, labels and the title above.
+    # Besides the axes there are labels, the colour bar beside and the title above.
     height = min(max((WIDTH - 1.6) * ratio + 0.9, 2.6), 9.0)
     return Picture(figsize=(WIDTH, height), layout="compressed").add_subplot()
 
@@ -105,7 +105,7 @@ def new_axes(extent: Extent) -> Axes:
 def draw(
     ax: Axes, state: Any, brush: Brush, view: View, extent: Extent, *, size: float | None = None
 ) -> Points:
-    """Points and walls of a state in an axes."""
+    """Draw the points and walls of a state into an axes."""
     if size is not None:
         positive("size", size)
     view.set_up(ax, extent, state.scene.grid.cell)

@@ -44,7 +44,7 @@ def _along(flows: Flows) -> Array:
 
 
 def _needs(sets: Mapping[str, Flows]) -> Flows:
-    """The first of some sets of flows, which laws are drawn for."""
+    """Return the first set of flows, for which the laws are drawn; refuse empty sets."""
     if not sets or not all(len(flows) for flows in sets.values()):
         raise ValueError("sets holds no flows, or a set without any")
     return next(iter(sets.values()))
@@ -55,20 +55,21 @@ def friction_and_packing(
 ) -> Picture:
     """Figure 4.4: friction and packing fraction against the inertial number, with mu(I), phi(I).
 
-    Friction and inertial number are those of the invariants of the stress, as the fit takes them
-    (`granular.grain_scale.friction_law.fit_rheology`, of the first set). Bars are standard deviations in time.
+    Friction and inertial number are computed from the invariants of the stress, as in the fit to
+    the first set (`granular.grain_scale.friction_law.fit_rheology`). Bars are standard deviations
+    in time.
 
     Parameters
     ----------
     sets : mapping of str to sequence of SteadyShear
-        By name.
+        Sets of flows by name.
     laws : mapping of str to callable, optional
-        Other mu(I), for comparison: a function of the inertial number by its name.
+        Other laws mu(I) for comparison: functions of the inertial number, by name.
 
     Raises
     ------
     ValueError
-        Without flows, or too few for the fit.
+        If there are no flows, or too few for the fit.
     """
     first = _needs(sets)
     fit = friction_law.fit_rheology(first)
@@ -95,10 +96,11 @@ def friction_and_packing(
 
 
 def friction_by_law(flows: Flows) -> Picture:
-    """Figure 4.5: friction by the stress and by the law, and their ratio.
+    """Figure 4.5: friction from the stress and from the law, and their ratio.
 
-    Beside the ratio the balance of energy with its error (`SteadyShear.balance`): a flow that has
-    not been sheared far may still expand or contract, and the law knows of no work of that.
+    The ratio is drawn together with the energy balance and its error (`SteadyShear.balance`). A
+    flow that has not been sheared far may still expand or contract, and the law does not include
+    the work of that.
 
     Parameters
     ----------
@@ -124,12 +126,12 @@ def friction_by_law(flows: Flows) -> Picture:
 
 
 def friction_shares(sets: Mapping[str, Flows]) -> Picture:
-    """Figure 4.6: what viscoelasticity and sliding contribute to friction, and their sum.
+    """Figure 4.6: contributions of viscoelasticity and sliding to friction, and their sum.
 
     Parameters
     ----------
     sets : mapping of str to sequence of SteadyShear
-        By name.
+        Sets of flows by name.
     """
     _needs(sets)
     fig, ((left, right),) = _axes(2)
@@ -155,7 +157,7 @@ def friction_shares(sets: Mapping[str, Flows]) -> Picture:
 
 
 def _power_line(ax: Axes, x: Array, exponent: float, at: tuple[float, float], label: str) -> None:
-    """A dashed line of a given slope through a point."""
+    """Draw a dashed line of a given slope through a point."""
     ax.plot(x, at[1] * (x / at[0]) ** exponent, "--", color="0.5", linewidth=1.0, label=label)
 
 
@@ -173,12 +175,14 @@ def _dissipation(ax: Axes, flows: Flows) -> None:
 
 
 def scaling_of_dilation(flows: Flows) -> Picture:
-    """Figure 4.7: Z, phi, the dissipation of a contact and Z phi/I, with their laws.
+    """Figure 4.7: coordination Z, packing fraction phi, dissipation of a contact and Z phi/I.
+
+    Each is drawn with its law.
 
     Parameters
     ----------
     flows : sequence of SteadyShear
-        At least 4, of different inertial numbers.
+        At least 4, with different inertial numbers.
     """
     _needs({"": flows})
     fig, ((upper, packing), (rates, dilation)) = _axes(2, 2)
@@ -209,12 +213,12 @@ def scaling_of_dilation(flows: Flows) -> Picture:
 
 
 def scaling_of_dissipation(flows: Flows) -> Picture:
-    """Figure 4.8: the dissipation of a contact, the exponents of the thesis beside the fits.
+    """Figure 4.8: dissipation of a contact, with the fits and the exponents of the thesis.
 
     Parameters
     ----------
     flows : sequence of SteadyShear
-        At least 3, of different inertial numbers.
+        At least 3, with different inertial numbers.
     """
     _needs({"": flows})
     fig, ((ax,),) = _axes(1)

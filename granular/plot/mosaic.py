@@ -1,4 +1,4 @@
-"""Panels of true shape, row by row, with colour bars at the right."""
+"""Panels of true aspect ratio, row by row, with colour bars at the right."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from granular.plot.canvas import Extent, Picture
 __all__ = ["Panel", "mosaic"]
 
 WIDTH, HEIGHT = 10.0, 12.0
-"""Of a figure [inches], at most."""
+"""Largest size of a figure [inches]."""
 GAP, HEAD, FOOT = 0.5, 0.32, 0.25
-"""Between panels of a row, above a row (titles) and below it (ticks) [inches]."""
+"""Distances between the panels of a row, above a row (titles) and below it (ticks) [inches]."""
 LEFT, RIGHT, BOTTOM = 0.65, 1.25, 0.55
-"""Room for the labels and, at the right, for the bars [inches]."""
+"""Margins for the labels and, at the right, for the bars [inches]."""
 BAR_GAP, BAR_WIDTH = 0.2, 0.16
 
 
 @dataclass(frozen=True)
 class Panel:
-    """What an axes shows, and how much larger than the others.
+    """Region that an axes shows, and its enlargement.
 
     Attributes
     ----------
     extent : ((left, right), (bottom, top))
-        [m]
+        Region [m].
     zoom : float
-        Its scale over that of a panel of zoom 1.
+        Scale of the panel divided by that of a panel of zoom 1.
     """
 
     extent: Extent
@@ -38,13 +38,13 @@ class Panel:
 
     @property
     def size(self) -> tuple[float, float]:
-        """Width and height [m], enlarged."""
+        """Width and height [m], multiplied by the zoom."""
         (left, right), (bottom, top) = self.extent
         return self.zoom * (right - left), self.zoom * (top - bottom)
 
 
 def _scale(rows: Sequence[Sequence[Panel]], rest: float) -> float:
-    """The largest scale [inches/m] at which all fits; `rest` is the height without panels."""
+    """Largest scale [inches/m] at which all fits; `rest` is the height without panels [inches]."""
     wide = max(
         sum(panel.size[0] for panel in row) / (WIDTH - LEFT - RIGHT - GAP * (len(row) - 1))
         for row in rows
@@ -56,14 +56,14 @@ def _scale(rows: Sequence[Sequence[Panel]], rest: float) -> float:
 def mosaic(
     rows: Sequence[Sequence[Panel]], bars: Sequence[int]
 ) -> tuple[Picture, list[list[Axes]], list[Axes]]:
-    """Axes row by row, and one for each colour bar at the right.
+    """Make a figure with axes row by row, and one axes for each colour bar at the right.
 
     Parameters
     ----------
     rows : sequence of sequences of Panel
-        From the top; the panels of a row stand on one line.
+        Rows from the top; the panels of a row are aligned at the bottom.
     bars : sequence of int
-        Numbers of rows that share a bar, from the top.
+        Number of rows that share each bar, from the top.
     """
     rest = len(rows) * HEAD + (len(rows) - 1) * FOOT + BOTTOM
     scale = _scale(rows, rest)

@@ -1,4 +1,4 @@
-"""Movies: one canvas, on which only the points and the walls are drawn anew for each frame."""
+"""Movies: one canvas, on which only the points and walls are drawn again for each frame."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ from granular.plot.frame import new_axes
 __all__ = ["check_movie", "movie"]
 
 SCANNED = 16
-"""Frames that the scale of the colours and the extent are fitted to."""
+"""Number of frames to which the colour scale and the extent are fitted."""
 MAX_FPS = {".gif": 50.0, ".mp4": 240.0}
-"""A GIF counts time in hundredths of a second, and viewers slow down what is below two."""
+"""Largest frames per second. A GIF counts hundredths of a second, and viewers show a frame for at
+least two."""
 
 
 def movie(
@@ -50,38 +51,39 @@ def movie(
     overwrite: bool = False,
     progress: bool = False,
 ) -> Path:
-    """Write an animated GIF, or an MP4 if ffmpeg is there, with every frame of a record.
+    """Write an animated GIF, or an MP4 if ffmpeg is installed, with every frame of a record.
 
-    Slice the record to leave out frames: `movie(record[::2], ...)`.
+    To leave out frames, slice the record: `movie(record[::2], ...)`.
 
     Parameters
     ----------
     record : Trajectory or sequence of State
     path : path
-        Ends in .gif or .mp4. The file appears when it is complete.
+        File to write, ending in .gif or .mp4. It appears when it is complete.
     color, limits, log, cmap, smooth, size, extent, view, slab
-        As in `frame`; color is a name. Scale and extent are the same for all frames and fitted to
-        16 of them by default.
+        As in `frame`, but `color` must be a name. Scale and extent are the same for all frames; by
+        default they are fitted to 16 of them.
     fps : float
-        Frames a second, at most 50 in a GIF (whole hundredths of a second a frame).
+        Frames per second, at most 50 in a GIF, where the time of a frame is rounded to whole
+        hundredths of a second.
     dpi : int
-        Pixels an inch; the picture is 7 inches wide.
+        Pixels per inch; the picture is 7 inches wide.
     overwrite : bool
-        Whether an existing file may be replaced.
+        True to replace an existing file.
     progress : bool
         Show a progress bar.
 
     Returns
     -------
     Path
-        The file.
+        Path of the file.
 
     Raises
     ------
     FileExistsError
         If the file exists and `overwrite` is not set.
     ValueError
-        If the record is empty, the ending is another one, or .mp4 is asked for without ffmpeg.
+        If the record is empty, the path ends otherwise, or .mp4 is asked for without ffmpeg.
     RuntimeError
         If ffmpeg fails.
     """
@@ -111,12 +113,12 @@ def movie(
 
 
 def check_movie(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Refuse a movie that cannot be written, before the work is done.
+    """Check that a movie can be written, before the work is done.
 
     Raises
     ------
     FileExistsError, FileNotFoundError, ValueError
-        As `movie`; FileNotFoundError if there is no such folder.
+        As `movie`; FileNotFoundError if the folder does not exist.
     """
     path = Path(path)
     ending = path.suffix.lower()
@@ -132,7 +134,7 @@ def check_movie(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pat
 
 
 class _Stage:
-    """What stays the same in all frames is drawn once; points are stamped straight into pixels."""
+    """Canvas of movies: fixed parts are drawn once, points are written straight into its pixels."""
 
     def __init__(
         self,
@@ -153,7 +155,7 @@ class _Stage:
         self._parts = scenery(ax, state.scene, view)
         self._title = ax.set_title("t = 0 s")
         color_bar(figure, ScalarMappable(brush.norm, brush.cmap), brush, ax=ax)
-        self._canvas.draw()  # the layout settles with everything in it
+        self._canvas.draw()  # the layout is computed with everything in it
         self._moving = [*(artist for artist, _, _ in self._parts), self._title]
         for artist in self._moving:
             artist.set_animated(True)
@@ -162,14 +164,14 @@ class _Stage:
         self._stamp = self._disc(diameter(state) if size is None else size)
 
     def _disc(self, size: float) -> NDArray[np.intp]:
-        """Pixels (row, column) of a point, counted from its upper left one, shape (k, 2)."""
+        """Pixels (row, column) of a point relative to its upper left pixel, shape (k, 2)."""
         left, right = self._ax.get_xlim()
         pixels = size * self._ax.get_window_extent().width / (right - left)
         self._across = max(1, math.ceil(pixels - 0.2))
         side = np.arange(self._across)
         grid = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
         off = grid - (self._across - 1) / 2
-        # Small ones are squares: a disc of three pixels would be a cross.
+        # Small points are squares: a disc of three pixels would be a cross.
         return grid[(off**2).sum(axis=1) <= (self._across / 2 + 0.3) ** 2]
 
     def _stamp_points(self, state: Any) -> None:
@@ -183,7 +185,7 @@ class _Stage:
         row, column = at[..., 0], at[..., 1]
         inside = (column > box.x0) & (column < box.x1 - 1)
         inside &= (row > height - box.y1) & (row < height - box.y0 - 1)
-        # Points of `places` come from back to front, and of equal indices the last one counts.
+        # `places` orders the points from back to front; of equal indices the last one remains.
         values = self._brush.paint(state)[self._view.order(state)]
         colors = self._brush.cmap(self._brush.norm(values), bytes=True)
         flat = pixels.reshape(height * width, 4)
@@ -191,7 +193,7 @@ class _Stage:
         flat[row[which] * width + column[which]] = colors[which[0]]
 
     def shot(self, state: Any) -> NDArray[np.uint8]:
-        """A state as pixels, shape (height, width, 3), both even."""
+        """Draw a state; return its pixels, shape (height, width, 3), height and width even."""
         self._canvas.restore_region(self._background)
         self._stamp_points(state)
         self._title.set_text(f"t = {state.time:.3f} s")
@@ -209,7 +211,7 @@ def _write_gif(
     shots: Iterator[NDArray[np.uint8]],
     fps: float,
 ) -> None:
-    # One palette for all frames, without dithering: what rests stays the same and costs nothing.
+    # One palette for all frames, without dithering: pixels at rest do not change and cost nothing.
     palette = Image.fromarray(np.concatenate(sample[:: max(1, len(sample) // 4)])).quantize(255)
     frames = (
         Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots
@@ -235,7 +237,7 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
     with tempfile.TemporaryFile() as messages:
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, bufsize=0)
         try:
-            # A ffmpeg that gives up closes its end; what it said follows below.
+            # If ffmpeg fails it closes its end of the pipe; its message is raised below.
             with suppress(BrokenPipeError), process.stdin as pipe:
                 pipe.write(first.tobytes())
                 for shot in shots:
@@ -252,13 +254,13 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[Path]:
-    """A name to write to that becomes `path` if all went well, and else is gone."""
+    """Yield a temporary path that replaces `path` on success and is deleted on failure."""
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
     os.close(handle)
     target = Path(name)
     try:
         yield target
-        # mkstemp makes private files; a movie gets the rights of any new file.
+        # mkstemp makes private files; the movie gets the permissions of any new file.
         mask = os.umask(0)
         os.umask(mask)
         target.chmod(0o666 & ~mask)

@@ -1,4 +1,4 @@
-"""Phase diagrams: which cases stand and which flow."""
+"""Phase diagrams of static and flowing cases."""
 
 from __future__ import annotations
 
@@ -32,26 +32,27 @@ def phase_diagram(
     boundary: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
     ax: Axes | None = None,
 ) -> Figure:
-    """Cases over two numbers: flowing (circles), static (squares), unsure (triangles).
+    """Cases in the plane of two numbers: flowing (circles), static (squares), unsure (triangles).
 
-    Silos over A and W/d (Dunatunga & Kamrin, Modelling silo clogging, figure 4a), layers over the
-    angle and H/d (figure 2b).
+    For silos the numbers are A and W/d (Dunatunga & Kamrin, Modelling silo clogging, figure 4a),
+    for layers the angle and H/d (figure 2b).
 
     Parameters
     ----------
     x, y : array_like, shape (k,)
+        The two numbers of each case.
     verdicts : sequence of k str
         "static", "flowing" or "unsure".
     labels : (str, str)
-        Of the two axes.
+        Labels of the two axes.
     threshold : FlowThreshold, optional
-        Its lines through the origin are drawn, the one below which all is static dashed and the
-        one above which all flows solid; of those that are nan, none.
+        Draw its lines through the origin: dashed the line below which all cases are static, solid
+        the line above which all flow. A slope that is nan gives no line.
     boundary : callable, optional
-        A curve y(x) that theory gives, such as ``theory.stopping_height`` over d; called with an
-        array of x, it may give nan or infinity where it has no value.
+        A curve y(x) from theory, such as ``theory.stopping_height`` divided by d. It is called with
+        an array of x and may return nan or infinity where it has no value.
     ax : Axes, optional
-        To draw into; by default those of a new picture.
+        Axes to draw into; by default those of a new picture.
 
     Returns
     -------
@@ -61,7 +62,7 @@ def phase_diagram(
     ------
     TypeError, ValueError
         If x, y and verdicts are not of one length of at least one, a number is not finite, a
-        verdict is none of the three, or the boundary is not one number for each x.
+        verdict is none of the three, or the boundary does not return one number for each x.
     """
     x, y = phase_points(x, y, verdicts, names=("x", "y"))
     ax = Picture(figsize=(5.5, 4.4), layout="tight").add_subplot() if ax is None else ax
@@ -94,7 +95,7 @@ def phase_diagram(
 
 
 def _ends(values: NDArray[np.float64], *, origin: bool) -> tuple[float, float]:
-    """Ends of an axis with a margin, or from zero."""
+    """Ends of an axis with a margin; with `origin` the axis begins at zero."""
     low, high = float(values.min()), float(values.max())
     margin = 0.08 * (high - low) or 0.1 * abs(high) or 1.0
     return (min(0.0, low) if origin else low - margin), high + margin

@@ -1,6 +1,6 @@
 """Figures 2, 4, 6, 7 and 11 of Dunatunga & Kamrin 2015: states side by side.
 
-Each takes states and simulates nothing; `benchmarks/figures` has the runs.
+The functions take states and simulate nothing; the runs are in `benchmarks/figures`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ __all__ = ["figure_2", "figure_4", "figure_6", "figure_7", "figure_11"]
 States = Sequence[Any]
 
 TOLERANCE = 0.02
-"""Shortfall of the nodal density still shown as dense: points at rest never fill cells evenly."""
+"""Relative shortfall of the nodal density that is still shown as dense.
+
+Points at rest never fill the cells evenly.
+"""
 
 
 def _rectangular(name: str, columns: Sequence[States]) -> int:
@@ -63,20 +66,21 @@ def _time(state: Any) -> str:
 
 
 def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = None) -> Picture:
-    """Column collapses: the shear rate over time, and the pressure at the end.
+    """Column collapses: shear rate over time, and pressure at the end.
 
     Parameters
     ----------
     columns : sequence of sequences of State
         For each aspect ratio the states in the order of time (0, 0.5 and 2 s in the paper).
     limits : (low, high), optional
-        Of the shear rate [1/s].
+        Limits of the shear rate [1/s].
 
     Returns
     -------
     Picture
-        One column an aspect ratio, each to its own scale; the last row is the pressure, smoothed
-        by the nodes (eqs. 4.1-4.3). A dotted line rises from the toe at atan(mu_s).
+        One column of panels per aspect ratio, each with its own scale of lengths. The last row
+        shows the pressure, smoothed over the nodes (eqs. 4.1-4.3). A dotted line rises from the toe
+        at the angle atan(mu_s).
 
     Raises
     ------
@@ -107,7 +111,7 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
 
 
 def _steepest(ax: Axes, state: Any) -> None:
-    """A line at the static angle from where 99.9 % of the mass ends: heaps should lie below."""
+    """Draw a line at the static angle from the 99.9 % quantile of mass; heaps should be below."""
     toe = 1.0 + measure.runout(state, half_width=1.0).quantile  # m: over a half-width of 1 m
     mu_s = state.scene.material.mu_s
     top = ax.get_ylim()[1]
@@ -124,7 +128,7 @@ def _steepest(ax: Axes, state: Any) -> None:
 
 
 def figure_4(silos: Sequence[States], *, limits: tuple[float, float] | None = None) -> Picture:
-    """Silos that drain through orifices of different sizes: the shear rate.
+    """Shear rate in silos that drain through orifices of different sizes.
 
     Parameters
     ----------
@@ -132,7 +136,7 @@ def figure_4(silos: Sequence[States], *, limits: tuple[float, float] | None = No
         For each orifice (0.10, 0.14 and 0.18 m in the paper) the states in the order of time (0, 2
         and 5 s).
     limits : (low, high), optional
-        Of the shear rate [1/s].
+        Limits of the shear rate [1/s].
 
     Raises
     ------
@@ -154,19 +158,19 @@ def figure_4(silos: Sequence[States], *, limits: tuple[float, float] | None = No
 
 
 def figure_6(flat: States, sloped: States, *, limits: tuple[float, float] | None = None) -> Picture:
-    """Hourglasses with a flat and a sloped divider: the shear rate.
+    """Shear rate in hourglasses with a flat and a sloped divider.
 
     Parameters
     ----------
     flat, sloped : sequence of State
-        Equally many each, in the order of time (0, 1, 2 and 5 s in the paper).
+        The same number of states for each, in the order of time (0, 1, 2 and 5 s in the paper).
     limits : (low, high), optional
-        Of the shear rate [1/s].
+        Limits of the shear rate [1/s].
 
     Raises
     ------
     ValueError
-        If they are not equally many.
+        If their numbers differ.
     """
     return _hourglasses(flat, sloped, Brush.fitted([*flat, *sloped], limits=limits))
 
@@ -174,23 +178,23 @@ def figure_6(flat: States, sloped: States, *, limits: tuple[float, float] | None
 def figure_7(
     flat: States, sloped: States, *, by: str = "nodal_density", tolerance: float = TOLERANCE
 ) -> Picture:
-    """Hourglasses as in `figure_6`: which points are dense and which disconnected.
+    """Dense and disconnected points in the hourglasses of `figure_6`.
 
     Parameters
     ----------
     flat, sloped : sequence of State
     by : {"nodal_density", "stress"}
-        What tells them apart: the nodal density against rho_c, as in the paper (see
-        `granular.measure.phase`), or whether the points bear stress. Points that rained into a
-        heap lie unevenly, some 7 % in density from node to node, so that the former speckles a
-        heap which bears stress throughout.
+        Criterion for dense points: their nodal density compared with rho_c, as in the paper (see
+        `granular.measure.phase`), or that they are under pressure. Points that fell onto a heap lie
+        unevenly, with a density that varies by some 7 % from node to node. By the nodal density
+        such a heap therefore has disconnected points although all of it is under stress.
     tolerance : float
         Relative shortfall of the nodal density that still counts as dense.
 
     Raises
     ------
     ValueError
-        If they are not equally many, or `by` is neither of the two.
+        If their numbers differ, or `by` is neither of the two.
     """
     one_of("by", by, ("nodal_density", "stress"))
     if by == "stress":
@@ -205,7 +209,7 @@ def figure_7(
 def _hourglasses(
     flat: States, sloped: States, brush: Brush, values: Sequence[Sequence[Any]] | None = None
 ) -> Picture:
-    """The flat one in two rows, below it the sloped one in as many columns."""
+    """Draw the flat hourglass in two rows, and the sloped one in the row below."""
     count = _rectangular("(flat, sloped)", (flat, sloped))
     half = (count + 1) // 2
     groups = [flat[:half], flat[half:], sloped] if count > 1 else [flat, sloped]
@@ -226,21 +230,22 @@ def _hourglasses(
 
 
 def figure_11(flight: States, impact: States, heap: Any) -> Picture:
-    """A loose slug: its flight along a parabola, its densification at the wall, its heap.
+    """A slug of initially stress-free material: its flight, its impact on the wall, its heap.
 
     Parameters
     ----------
     flight : sequence of State
-        Drawn into one panel, with the parabola of the mass centre from the first one on.
+        States drawn into one panel, with the parabola of the centre of mass from the first state.
     impact : sequence of State
-        One panel each, enlarged to where the material meets the right wall.
+        States drawn in one panel each, enlarged where the material meets the right wall and becomes
+        denser.
     heap : State
-        At rest.
+        State at rest.
 
     Returns
     -------
     Picture
-        Coloured by the nodal density (section 4.3); the bar marks rho_c.
+        Points are coloured by the nodal density (section 4.3); the colour bar marks rho_c.
 
     Raises
     ------
@@ -279,7 +284,7 @@ def _tall(extent: Extent) -> float:
 
 
 def _parabola(ax: Axes, start: Any, until: float) -> None:
-    """Path of a point mass under the gravity at the start."""
+    """Draw the path of a point mass under the gravity at the start."""
     mass = start.mass / start.mass.sum()
     x, v = mass @ start.x, mass @ start.v
     t = np.linspace(0.0, until - start.time, 100)[:, None]
@@ -288,7 +293,7 @@ def _parabola(ax: Axes, start: Any, until: float) -> None:
 
 
 def _near_wall(states: States, extent: Extent) -> Extent:
-    """What the material takes up while it meets the wall, but for the last few points."""
+    """Extent of the material during the impact on the wall, without the outermost points."""
     x = np.concatenate([state.x for state in states])
     low, high = np.percentile(x, 0.5, axis=0), np.percentile(x, 99.5, axis=0)
     margin = 0.08 * (high - low)

@@ -1,4 +1,4 @@
-"""Pictures of three-dimensional states and their bodies, drawn off-screen by pyvista."""
+"""Pictures of 3D states and their bodies, drawn off-screen by pyvista."""
 
 from __future__ import annotations
 
@@ -47,29 +47,29 @@ def view(
     opacity: float = 1.0,
     window: tuple[int, int] = (960, 720),
 ) -> Path:
-    """Draw material points and bodies in space to a file, without a window.
+    """Draw 3D material points and bodies to a file, without opening a window.
 
     Parameters
     ----------
     source : State, Simulation or Trajectory
-        A simulation or a record shows its bodies where they are.
+        State to draw; a simulation or a record also shows its bodies at their positions.
     path : path
-        PNG.
+        PNG file to write.
     color, limits, log, cmap
         See `granular.plot.frame`.
     frame : int
-        Of a record; the last one by default.
+        Frame of a record; by default the last one.
     bodies : sequence of BodyState, optional
-        With a state: where the bodies of its scene are, in their order (`sim.bodies`); without
-        them none is drawn.
+        If `source` is a state: the poses of the bodies of its scene, in their order (`sim.bodies`).
+        Without them no body is drawn.
     slab : (axis, low, high), optional
-        Points with "x", "y" or "z" within these coordinates [m] alone: a slice.
+        Draw only the slice of points between two coordinates [m] along the axis "x", "y" or "z".
     camera : {"iso", "xy", "xz", "yz", "yx", "zx", "zy"} or (float, float, float)
-        What is to the right and up, or the direction from the middle to the eye; z is up.
+        The axes to the right and up, or the direction from the middle to the eye, with z up.
     opacity : float
-        Of the bodies, 0 to 1.
+        Opacity of the bodies, 0 to 1.
     window : (int, int)
-        Pixels.
+        Width and height of the picture [pixels].
 
     Returns
     -------
@@ -78,7 +78,7 @@ def view(
     Raises
     ------
     ModuleNotFoundError
-        Without pyvista: ``pip install 'granular[pictures3d]'``.
+        If pyvista is not installed: ``pip install 'granular[pictures3d]'``.
     TypeError, ValueError
         Naming argument, value and allowed range.
     """
@@ -114,14 +114,14 @@ def view(
 
 
 def _pixels(state: State, width: int) -> float:
-    """Diameter of a point on the screen, a little more than its spacing where all are seen."""
+    """Diameter of a point in pixels, a little more than the spacing if all points are in view."""
     spacing = float(state.volume.mean()) ** (1 / 3)
     spread = float(np.ptp(state.x, axis=0).max()) + spacing
     return max(2.0, 1.2 * width * spacing / spread)
 
 
 def _meshes(pyvista: Any, state: State, poses: Sequence[BodyState]) -> list[Any]:
-    """Surfaces of the bodies where they are."""
+    """Surfaces of the bodies in their poses."""
     grid, found = state.scene.grid, []
     far = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
     for body, pose in zip(state.scene.bodies, poses, strict=bool(poses)):
@@ -136,7 +136,7 @@ def _pyvista() -> Any:
         import pyvista
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"{error}: pictures in space need pyvista: pip install 'granular[pictures3d]'"
+            f"{error}: 3D pictures need pyvista: pip install 'granular[pictures3d]'"
         ) from error
     return pyvista
 
@@ -144,7 +144,7 @@ def _pyvista() -> Any:
 def _look(
     source: State | Simulation | Trajectory, frame: int, bodies: Sequence[BodyState] | None
 ) -> tuple[State, Sequence[BodyState]]:
-    """A state in space, and the poses of its bodies."""
+    """Return the 3D state to draw, and the poses of its bodies."""
     if isinstance(source, Trajectory):
         state = source[integer("frame", frame, -len(source), len(source) - 1)]
         poses = [state_of(numbers, state.dim) for numbers in source.bodies[frame]]

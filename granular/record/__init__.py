@@ -1,8 +1,8 @@
 """HDF5 record of a run: append, read, resume, provenance; readable by ParaView.
 
-One file a run. While the run lives, its frames are small files beside it, each written whole
-or not at all: a full disk costs no frame that was stored, and a kill none that was made more than
-about a second before.
+A record is one file per run. While the run is going on, its frames are small files beside it, each
+written completely or not at all. A full disk therefore loses no frame that was stored, and killing
+the run loses only frames of about the last second.
 """
 
 from granular.record.checkpoint import Checkpoint

@@ -1,4 +1,4 @@
-"""The restart state: all engine arrays and scalars, kept to the last bit."""
+"""The restart state: all arrays and scalars of the engine, stored to the last bit."""
 
 import struct
 from collections.abc import Mapping
@@ -22,12 +22,12 @@ class Checkpoint:
     scalars
         Other numbers of the engine; int (64 bits) or float.
     arrays
-        All arrays of the engine in its own row order, float64 or int64, any shape.
+        All arrays of the engine in its own order of rows; float64 or int64, any shape.
 
     Raises
     ------
     TypeError, ValueError
-        A number or array that cannot be kept bit for bit, or a name that cannot be stored.
+        If a number or array cannot be stored bit for bit, or a name cannot be stored.
     """
 
     time: float
@@ -62,12 +62,12 @@ class Checkpoint:
 
 
 def number(value: float | int) -> np.ndarray:
-    """A scalar as it is stored, with all its bits."""
+    """Convert a scalar to the array that is stored, with all its bits."""
     return np.array(value, dtype="<i8" if isinstance(value, Integral) else "<f8")
 
 
 def write_checkpoint(group: h5py.Group, checkpoint: Checkpoint) -> None:
-    """Store into an empty group."""
+    """Store a checkpoint in an empty group."""
     group.attrs["time"] = float(checkpoint.time)
     group.attrs["step"] = int(checkpoint.step)
     group.attrs["dt"] = float(checkpoint.dt)
@@ -80,7 +80,10 @@ def write_checkpoint(group: h5py.Group, checkpoint: Checkpoint) -> None:
 
 
 def read_checkpoint(group: h5py.Group) -> Checkpoint:
-    """Read and verify; errors as of `checked`, ValueError if the digest does not fit."""
+    """Read and verify a checkpoint.
+
+    Errors are those of `checked`; ValueError if the digest does not match.
+    """
     scalars, arrays = hard(group, "scalars", h5py.Group), hard(group, "arrays", h5py.Group)
     ranks = range(33)
     checkpoint = Checkpoint(

@@ -1,9 +1,9 @@
 """Packing of columns into HDF5 chunks: compressed where that pays, raw where it does not.
 
 Mantissas of a flowing state are noise: deflate spends 18 ms on a frame of 8192 points to save
-a tenth of them. Masses, ids, the z of the plane and fields at rest, however, shrink to nothing.
-So every column is a chunk of its own and says through its filter mask which of the two it is;
-HDF5 readers undo it without being told.
+a tenth of their size. Masses, ids, the z coordinate in 2D and fields at rest, however, shrink to
+almost nothing. Every column is therefore a separate chunk, whose filter mask tells if it is
+compressed. HDF5 readers decompress it automatically.
 """
 
 import zlib
@@ -19,18 +19,18 @@ LEVEL = 1
 SAMPLE = 64
 WORTHWHILE = 0.6
 VECTORS = ("Points", "v")
-"""Datasets with three columns, for ParaView."""
+"""Datasets stored with three columns, as ParaView requires."""
 RAW = 0b11
 """Filter mask of a chunk to which neither shuffle nor deflate was applied."""
 
 
 def _shuffled(column: np.ndarray) -> bytes:
-    """Bytes of a column as HDF5's shuffle filter orders them: all first bytes, all second, ..."""
+    """Bytes of a column in the order of HDF5's shuffle filter: all first bytes, all second, ..."""
     return column.view(np.uint8).reshape(-1, column.itemsize).T.tobytes()
 
 
 def pack(column: np.ndarray) -> tuple[int, bytes]:
-    """Filter mask and bytes of a contiguous column, compressed if a sample of it shrinks."""
+    """Return filter mask and bytes of a contiguous column, compressed if a sample of it shrinks."""
     sample = np.ascontiguousarray(column[:: max(1, len(column) // SAMPLE)][:SAMPLE])
     if len(zlib.compress(_shuffled(sample), LEVEL)) < WORTHWHILE * sample.nbytes:
         packed = zlib.compress(_shuffled(column), LEVEL)
@@ -40,21 +40,25 @@ def pack(column: np.ndarray) -> tuple[int, bytes]:
 
 
 class Packer:
-    """Packs the columns of frame after frame, with no more work than they need.
+    """Pack the columns of successive frames, without needless work.
 
-    One that is as it was is not compressed again, and one that was noise is looked at again after
-    some frames only: to compress even a sample costs as much as to write a quarter of the column.
+    A column that has not changed is not compressed again. A column that could not be compressed is
+    tried again only after some frames, because to compress even a sample costs as much as to write
+    a quarter of the column.
     """
 
     PATIENCE = 8
-    """Frames for which a column that was noise is taken for noise."""
+    """Number of frames for which an incompressible column is not tried again."""
 
     def __init__(self) -> None:
         self._shrunk: dict[tuple, tuple[np.ndarray, tuple[int, bytes]]] = {}
-        self._noise: dict[tuple, int] = {}  # frames left
+        self._noise: dict[tuple, int] = {}  # number of frames left until the next trial
 
     def pack(self, place: tuple, column: np.ndarray) -> tuple[int, bytes]:
-        """As `pack`, of the column at a place in a frame. It is kept, and must not be changed."""
+        """Do as `pack` for the column at a place in a frame.
+
+        The column is kept and must not be changed afterwards.
+        """
         last, packed = self._shrunk.get(place, (None, (RAW, b"")))
         if last is not None and np.array_equal(last.view(np.int64), column.view(np.int64)):
             return packed
@@ -68,7 +72,7 @@ class Packer:
 
 
 def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
-    """Column of ``chunk`` rows from what `pack` made of it; ValueError if it is not one."""
+    """Restore a column of ``chunk`` rows from the result of `pack`; ValueError if it cannot be."""
     size = 8 * chunk
     if mask != RAW:
         stream = zlib.decompressobj()
@@ -84,7 +88,7 @@ def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
 
 
 class Packed:
-    """A field of one frame in memory, packed chunk by chunk as it goes into a file."""
+    """A field of one frame in memory, packed chunk by chunk as it is stored in a file."""
 
     def __init__(
         self, dtype: str, columns: int, chunk: int, n: int, chunks: Sequence[tuple[int, bytes]]
@@ -99,7 +103,7 @@ class Packed:
 
     @classmethod
     def of(cls, array: np.ndarray, chunk: int, packer: Packer, name: str) -> Self:
-        """Pack an array of shape (n,) or (n, columns), the field of this name."""
+        """Pack the field called `name`, an array of shape (n,) or (n, columns)."""
         n, columns = len(array), array.shape[1] if array.ndim == 2 else 0
         chunks = []
         for row, *rest in corners(n, chunk, columns):
@@ -111,15 +115,15 @@ class Packed:
 
     @property
     def nbytes(self) -> int:
-        """Bytes held."""
+        """Size of the packed chunks [bytes]."""
         return sum(len(raw) for _, raw in self._chunks.values())
 
     def raw(self, corner: tuple[int, ...]) -> tuple[int, bytes]:
-        """Filter mask and bytes of the chunk that begins at a row, or at a row and a column."""
+        """Return filter mask and bytes of the chunk that begins at (row,) or (row, column)."""
         return self._chunks[corner]
 
     def read(self, row: int, n: int) -> np.ndarray:
-        """``n`` rows from ``row``, unpacked."""
+        """Return ``n`` unpacked rows from ``row``."""
         whole = np.empty((max(self.columns, 1), rows_of(n, self.chunk)), dtype=self.dtype)
         for corner, (mask, raw) in self._chunks.items():
             first, column = (*corner, 0)[:2]
@@ -129,7 +133,7 @@ class Packed:
 
 
 class Stored:
-    """A field of many frames in a file."""
+    """A field of all frames in a file."""
 
     def __init__(self, group: h5py.Group, name: str) -> None:
         self.data = data = checked(group, name, DTYPES, 1, 2)
@@ -142,11 +146,11 @@ class Stored:
             raise ValueError(f"{data.name} has {wide} columns, its attribute says {self.columns}")
 
     def raw(self, corner: tuple[int, ...]) -> tuple[int, bytes]:
-        """As of `Packed`."""
+        """Return filter mask and bytes of a chunk, as `Packed.raw`."""
         return self.data.id.read_direct_chunk(corner)
 
     def read(self, row: int, n: int) -> np.ndarray:
-        """``n`` rows from ``row``, unpacked."""
+        """Return ``n`` unpacked rows from ``row``."""
         if row < 0 or n < 0 or row + n > self.data.shape[0]:
             raise ValueError(f"rows {row}+{n} of {self.data.name} are not in the file")
         rows = self.data[row : row + n]
@@ -157,12 +161,15 @@ Field = Packed | Stored
 
 
 def layout(fields: Mapping[str, Field]) -> dict[str, tuple[str, int, int]]:
-    """Type, columns and rows of a chunk by name: what the frames of a record share."""
+    """Type, number of columns and rows per chunk of each field, equal in all frames of a record."""
     return {name: (field.dtype, field.columns, field.chunk) for name, field in fields.items()}
 
 
 def create(group: h5py.Group, name: str, rows: int, like: Field) -> h5py.Dataset:
-    """Empty dataset with one chunk a column; columns that are never written (z) read as 0."""
+    """Create an empty dataset with one chunk per column.
+
+    Columns that are never written (z in 2D) read as 0.
+    """
     columns = 3 if name in VECTORS and like.columns == 2 else like.columns
     data = group.create_dataset(
         name,
@@ -179,7 +186,7 @@ def create(group: h5py.Group, name: str, rows: int, like: Field) -> h5py.Dataset
 
 
 def corners(n: int, chunk: int, columns: int) -> list[tuple[int, ...]]:
-    """First row, and column if there are any, of each chunk of a frame of ``n`` rows."""
+    """First row (and column, if the field has columns) of each chunk of a frame of ``n`` rows."""
     rows = range(0, n, chunk)
     if not columns:
         return [(row,) for row in rows]

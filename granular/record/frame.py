@@ -1,4 +1,4 @@
-"""A frame: its numbers, its digest, and where its fields are; and the table of all of them."""
+"""A frame: its scalars, its digest and the place of its fields; and the table of all frames."""
 
 import json
 import math
@@ -15,20 +15,21 @@ from granular.record.layout import RecordError, frame_digest, reading, seal
 
 
 class Source(Protocol):
-    """Where frames are stored."""
+    """Place where the fields of frames are stored."""
 
     path: Path
 
     def fields(self) -> AbstractContextManager[Mapping[str, Field]]:
-        """The fields by name."""
+        """Return the fields by name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One frame: its scalars, and its place: ``n`` rows from ``row`` of ``source``.
+    """One frame: its scalars, and its place, ``n`` rows from ``row`` of ``source``.
 
-    ``samples`` is what monitors told of it, if they looked, and the numbers of its bodies by the
-    names of `body_names`. ``gas`` are the points of a gas at the same time, a frame of their own.
+    ``samples`` are the values that monitors measured, if they sampled this frame, and the numbers
+    of its bodies by the names of `body_names`. ``gas`` is the frame of the gas particles at the
+    same time.
     """
 
     time: float
@@ -44,16 +45,16 @@ class Frame:
 
     @property
     def mark(self) -> bytes:
-        """Digest of all that is stored of this time."""
+        """Digest of all that is stored for this time."""
         return self.digest + (self.gas.digest if self.gas else b"")
 
     def read(self) -> dict[str, np.ndarray]:
-        """All fields, verified.
+        """Read and verify all fields.
 
         Raises
         ------
         RecordError
-            The stored frame is damaged or does not match its digest.
+            If the stored frame is damaged or does not match its digest.
         """
         with reading(self.source.path), self.source.fields() as stored:
             fields = {name: field.read(self.row, self.n) for name, field in stored.items()}
@@ -66,7 +67,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Texts:
-    """What heads a record: its name, scene and provenance (JSON)."""
+    """Texts in the header of a record: its identifier, scene (JSON) and provenance (JSON)."""
 
     record: str
     scene: str
@@ -74,13 +75,13 @@ class Texts:
 
     @property
     def extends(self) -> bool:
-        """Whether they head the continuation of a record."""
+        """True if the texts belong to the continuation of a record."""
         return "earlier" in json.loads(self.provenance)
 
 
 @dataclass(frozen=True)
 class Table:
-    """The per-frame columns of the points of a finished file, and the seal over them."""
+    """Columns with one entry per frame of a finished file, and the digest over them."""
 
     time: np.ndarray
     n: np.ndarray
@@ -92,13 +93,13 @@ class Table:
     samples: Mapping[str, np.ndarray]
 
     def sample(self, i: int) -> dict[str, float]:
-        """What monitors told of a frame; nothing where they did not look."""
+        """Values that monitors measured at a frame; empty if they did not sample it."""
         row = {name: float(column[i]) for name, column in self.samples.items()}
         return {} if all(math.isnan(value) for value in row.values()) else row
 
     @property
     def columns(self) -> tuple[np.ndarray, ...]:
-        """All but the samples."""
+        """All columns except the samples."""
         return (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
 
     def seal(self, version: int, texts: Texts, checkpoint: bytes, gas: "Table | None") -> bytes:
@@ -110,15 +111,15 @@ class Table:
 
 
 BODY = "body"
-"""What the names of the numbers of bodies begin with."""
+"""Prefix of the names under which the numbers of bodies are stored."""
 
 
 def body_names(count: int, numbers: int) -> list[str]:
-    """Names under which the numbers of bodies are stored, those of one body after another."""
+    """Names under which the numbers of bodies are stored, body by body."""
     return [f"{BODY}{b}_{k:02d}" for b in range(count) for k in range(numbers)]
 
 
 def samples_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:
-    """What monitors told of frames, one column a name; nan where they did not look."""
+    """Values that monitors measured, one column per name; nan at frames that were not sampled."""
     names = sorted({name for frame in frames for name in frame.samples})
     return {name: np.array([f.samples.get(name, math.nan) for f in frames]) for name in names}

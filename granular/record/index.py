@@ -1,4 +1,4 @@
-"""What a record holds, finished or not: the one file plus the parts that a running writer left."""
+"""Contents of a record, finished or not: the one file, and the parts that a writer has left."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -26,7 +26,7 @@ from granular.record.storage import open_hdf5
 
 
 def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
-    """What monitors told, one column a name; records of earlier versions have none."""
+    """Values that monitors measured, one column per name; none in records of earlier versions."""
     if "samples" not in own:
         return {}
     group = hard(own, "samples", h5py.Group)
@@ -34,7 +34,10 @@ def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
 
 
 class Points:
-    """One set of points of a finished file (a `Source`): ``own`` tells what ParaView need not."""
+    """One set of points of a finished file (a `Source`).
+
+    ``vtk`` is the group that ParaView reads, ``own`` the group with all other data.
+    """
 
     def __init__(self, path: Path, vtk: h5py.Group, own: h5py.Group) -> None:
         self.path, self._vtk = path, vtk
@@ -52,7 +55,7 @@ class Points:
 
     @contextmanager
     def fields(self) -> Iterator[Mapping[str, Stored]]:
-        """See `Source`."""
+        """Return the fields by name, as `Source.fields`."""
         yield self._fields
 
     @cached_property
@@ -61,7 +64,7 @@ class Points:
         return {"x": Stored(self._vtk, "Points")} | {name: Stored(data, name) for name in data}
 
     def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:
-        """All frames, each with the gas of its step if there is one."""
+        """Return all frames, each with the gas of its step if there is one."""
         table = self.table
         return [
             Frame(
@@ -81,7 +84,7 @@ class Points:
 
 
 class Main:
-    """The finished file, held open: it can be read whatever becomes of its name."""
+    """The finished file, held open, so that it stays readable if it is renamed or replaced."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -113,7 +116,7 @@ class Main:
         self.frames = points.frames(below)
 
     def checkpoint(self) -> Checkpoint:
-        """The checkpoint, verified."""
+        """Read and verify the checkpoint."""
         with reading(self.path):
             own = hard(self.file, "granular", h5py.Group)
             return read_checkpoint(hard(own, "checkpoint", h5py.Group))
@@ -121,11 +124,11 @@ class Main:
 
 @dataclass
 class Contents:
-    """Everything a record holds; `close` when done.
+    """All contents of a record; call `close` when done.
 
-    ``main`` is the finished file, if it belongs to the record; ``folder`` the parts, if there
-    are any; ``frames`` are in order, segments superseding all frames of ``main`` from their first
-    on; ``restart`` reads the newest restart state.
+    ``main`` is the finished file, if it belongs to the record, and ``folder`` the folder of parts,
+    if there is one. ``frames`` are in order of time; segments replace all frames of ``main`` from
+    the first frame of the segments on. ``restart`` reads the newest restart state.
     """
 
     path: Path
@@ -137,16 +140,16 @@ class Contents:
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether a restart state is stored."""
+        """True if a restart state is stored."""
         return self.restart is not None
 
     def checkpoint(self) -> Checkpoint:
-        """The newest restart state, verified.
+        """Read and verify the newest restart state.
 
         Raises
         ------
         RecordError
-            There is none, or it is damaged.
+            If there is none, or it is damaged.
         """
         if not self.restart:
             raise RecordError(f"{self.path}: holds no checkpoint")
@@ -159,7 +162,7 @@ class Contents:
 
 
 def parts_folder(path: Path) -> Path:
-    """Where the segments of an unfinished record are."""
+    """Folder of the segments of an unfinished record."""
     return path.with_name(path.name + ".parts")
 
 
@@ -178,7 +181,7 @@ class _Parts:
 def _load_parts(folder: Path) -> _Parts | None:
     head, checkpoint = folder / "head.part", folder / "checkpoint.part"
     if not head.exists():
-        return None  # what a kill leaves while a merged folder is removed: nothing of value
+        return None  # removal of a merged folder was interrupted: nothing of value is left
     texts = read_head(head)
     segments = {}
     for path in sorted(folder.glob("frames-*.part")):
@@ -209,12 +212,12 @@ def load(path: Path) -> Contents:
     Raises
     ------
     FileNotFoundError
-        Neither the file nor segments of it exist.
+        If neither the file nor segments of it exist.
     RecordError
-        Malformed, damaged, foreign or newer.
+        If the record is malformed, damaged, of another program or of a newer version.
     """
     for _ in range(2):
-        # a writer may be merging just now, its parts vanish: then the file has them
+        # If a writer is merging just now, its parts vanish; the file then contains them.
         with suppress(FileNotFoundError):
             return _load_once(path)
     return _load_once(path)
@@ -232,11 +235,11 @@ def _load_once(path: Path) -> Contents:
     except RecordError:
         if parts.texts.extends or not parts.has_content:
             raise
-        return _combine(path, parts, None)  # what is to be overwritten may be anything
+        return _combine(path, parts, None)  # the file will be overwritten and need not be a record
     if parts.texts.record == main.texts.record:
         return _combine(path, parts, main)
     if parts.has_content:
-        # a run that is to overwrite the file counts once it has something to show
+        # A run that will overwrite the file replaces it once it has stored something.
         main.file.close()
         return _combine(path, parts, None)
     return _finished(main)

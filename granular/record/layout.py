@@ -1,23 +1,23 @@
-"""What a record looks like on disk: names, versions, limits, digests, and the error they raise.
+"""Layout of a record on disk: names, versions, limits, digests, and the error that they raise.
 
 The finished file::
 
     /VTKHDF                 PolyData with Steps, as ParaView reads it; frames are stored here once
-        Points              (rows, 3)  x, with z = 0 in the plane; attribute ``columns`` = dim
+        Points              (rows, 3)  x, with z = 0 in 2D; attribute ``columns`` = dim
         PointData/<field>   (rows,) or (rows, k)
         Vertices, Lines, Polygons, Strips, Steps
     /granular               attributes ``format``, ``record``, ``seal``
         scene, provenance   JSON
-        step, dt, mass      one value a frame
-        digest              (frames, 32) of each frame's content
-        samples/<name>        what monitors told of each frame, nan where they did not look, and the
-                            numbers of rigid bodies (body<index>_<number>)
-        gas                 of scenes with a gas, frames of its points in the same form: a group
-                            VTKHDF, and step, dt, mass and digest of the frames that have them
+        step, dt, mass      one value per frame
+        digest              (frames, 32) digest of the content of each frame
+        samples/<name>      values that monitors measured at each frame, nan if they did not sample
+                            it, and the numbers of rigid bodies (body<index>_<number>)
+        gas                 in scenes with a gas, the frames of its particles in the same form: a
+                            group VTKHDF, and step, dt, mass and digest of the frames with gas
         checkpoint          the newest restart state (optional)
 
-Every frame begins on a chunk boundary, so that merging copies compressed chunks as they are;
-the rows between the end of a frame and the next boundary belong to nobody.
+Every frame begins on a chunk boundary, so that merging copies compressed chunks as they are.
+The rows between the end of a frame and the next boundary are not used.
 """
 
 import hashlib
@@ -31,30 +31,33 @@ import h5py
 import numpy as np
 
 FORMAT = 2
-"""Newest format version; files up to it are read, newer ones refused."""
+"""Newest format version; files up to it are read, newer files are refused."""
 FORMAT_WITHOUT_GAS = 1
-"""Version of what holds no points of a gas, as it was before there were any."""
+"""Format version of files without gas particles, as it was before these were introduced."""
 
 LIBVER = ("v110", "v110")
-"""HDF5 1.10 objects: all metadata carry checksums, and ParaView's own HDF5 reads them."""
+"""Version of HDF5 objects: in 1.10 all metadata have checksums, and ParaView can read it."""
 
 DIGEST_SIZE = 32
 MAX_CHUNK_ROWS = 32768
 MAX_COLUMNS = 64
 MAX_CHUNK_BYTES = 1 << 26
-# deflate cannot shrink by more than 1032; whatever claims to is not data but an attack on memory
+# Deflate cannot shrink by more than a factor of 1032; data that claim more would exhaust memory.
 MAX_DEFLATE = 1100
 DTYPES = ("<f8", "<i8")
 TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
 
 
 class RecordError(ValueError):
-    """A record is damaged, foreign, or newer than this version; names the file and the fault."""
+    """Error for a record that is damaged, of another program, or newer than this version.
+
+    The message names the file and the fault.
+    """
 
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn whatever HDF5 says about a malformed file into a `RecordError` naming the file."""
+    """Turn errors of HDF5 about a malformed file into a `RecordError` that names the file."""
     try:
         yield
     except (RecordError, FileNotFoundError, PermissionError, IsADirectoryError):
@@ -75,7 +78,7 @@ def reading(path: Path) -> Iterator[None]:
 
 
 def check_format(path: Path, version: int) -> int:
-    """Refuse format versions this code does not know."""
+    """Return a format version; refuse versions that this code does not know."""
     if version > FORMAT:
         raise RecordError(
             f"{path}: format version {version} is newer than {FORMAT}, the newest this version"
@@ -87,12 +90,12 @@ def check_format(path: Path, version: int) -> int:
 
 
 def format_of(gas: bool) -> int:
-    """Format version of a file with or without points of a gas."""
+    """Format version of a file with or without gas particles."""
     return FORMAT if gas else FORMAT_WITHOUT_GAS
 
 
 def update(digest: "hashlib.blake2b", array: np.ndarray) -> None:
-    """Feed dtype, shape and bytes of an array to a digest."""
+    """Update a digest with dtype, shape and bytes of an array."""
     array = np.ascontiguousarray(array)
     digest.update(f"{array.dtype.str}{array.shape}".encode())
     digest.update(array.reshape(-1).view(np.uint8))
@@ -124,23 +127,23 @@ def seal(*parts: str | bytes | np.ndarray) -> bytes:
 
 
 def chunk_rows(n: int) -> int:
-    """Rows of a chunk if the first frame has ``n`` points: one chunk a frame while small."""
+    """Rows per chunk if the first frame has ``n`` points: one chunk per frame if it is small."""
     return min(max(n, 1), MAX_CHUNK_ROWS)
 
 
 def rows_of(n: int, chunk: int) -> int:
-    """Rows a frame of ``n`` points takes: whole chunks."""
+    """Rows of a frame of ``n`` points, rounded up to whole chunks."""
     return math.ceil(n / chunk) * chunk
 
 
 def write_text(group: h5py.Group, name: str, text: str) -> None:
-    """Store ASCII text as a fixed-length string, which needs no (unchecked) heap."""
+    """Store ASCII text as a fixed-length string, which avoids the unchecked heap of HDF5."""
     raw = text.encode("ascii")
     group.create_dataset(name, data=np.bytes_(raw), dtype=h5py.string_dtype("ascii", len(raw)))
 
 
 def hard(group: h5py.Group, name: str, kind: type) -> h5py.Group | h5py.Dataset:
-    """Member of a group that is really in this file: soft and external links are refused."""
+    """Return a member of a group that is in this file; soft and external links are refused."""
     if not isinstance(group.get(name, getlink=True), h5py.HardLink):
         raise KeyError(f"{group.name}/{name} is missing or a link")
     member = group.get(name)
@@ -150,12 +153,13 @@ def hard(group: h5py.Group, name: str, kind: type) -> h5py.Group | h5py.Dataset:
 
 
 def checked(group: h5py.Group, name: str, dtypes: tuple[str, ...], *ndims: int) -> h5py.Dataset:
-    """Dataset of expected type and rank, stored inside the file and no larger than it can be.
+    """Return a dataset of expected type and rank, stored in the file, of a size the file can hold.
 
     Raises
     ------
     KeyError, ValueError
-        Missing, a link, external or virtual storage, unknown filter, type, rank or size.
+        If it is missing, a link, stored externally or virtually, or its filter, type, rank or size
+        is not allowed.
     """
     data = hard(group, name, h5py.Dataset)
     plist = data.id.get_create_plist()
@@ -178,7 +182,7 @@ def checked(group: h5py.Group, name: str, dtypes: tuple[str, ...], *ndims: int) 
 
 
 def read_text(group: h5py.Group, name: str) -> str:
-    """Text stored by `write_text`."""
+    """Read a text stored by `write_text`."""
     data = hard(group, name, h5py.Dataset)
     if data.dtype.kind != "S" or data.shape != ():
         raise ValueError(f"{data.name} is not a text")
@@ -187,7 +191,7 @@ def read_text(group: h5py.Group, name: str) -> str:
 
 
 def attribute(group: h5py.Group | h5py.Dataset, name: str, kind: str) -> float | int | bytes:
-    """Scalar attribute (``"f"`` or ``"i"``), or bytes (``"u"``), checked before it is read."""
+    """Read a scalar (``"f"`` or ``"i"``) or bytes (``"u"``) attribute and check its type first."""
     if name not in group.attrs:
         raise KeyError(f"{group.name} has no attribute {name}")
     stored = group.attrs.get_id(name)
@@ -200,5 +204,5 @@ def attribute(group: h5py.Group | h5py.Dataset, name: str, kind: str) -> float |
 
 
 def as_attribute(raw: bytes) -> np.ndarray:
-    """Bytes in the form in which `attribute` reads them."""
+    """Convert bytes to the form in which `attribute` reads them."""
     return np.frombuffer(raw, dtype=np.uint8)

@@ -1,4 +1,4 @@
-"""All frames of a record into one HDF5 file, chunk by chunk, without unpacking them."""
+"""Merge of all frames of a record into one HDF5 file, chunk by chunk, without unpacking them."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -28,7 +28,7 @@ VTKHDF_VERSION = (2, 0)
 
 
 def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
-    """One vertex cell a point; all frames share one table 0, 1, 2, ... of the longest frame."""
+    """Write one vertex cell per point; all frames share one table 0, 1, ... of the largest one."""
     most = int(counts.max(initial=0))
     for name, here, size in (("Vertices", counts, most), ("Lines", np.zeros_like(counts), 0)):
         group = vtk.create_group(name)
@@ -37,7 +37,7 @@ def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
         group["Connectivity"] = np.arange(size, dtype="<i8")
         group["Offsets"] = np.arange(size + 1, dtype="<i8")
     for name in TOPOLOGIES[2:]:
-        vtk[name] = vtk["Lines"]  # as empty: a second name of the same group
+        vtk[name] = vtk["Lines"]  # equally empty: a second name of the same group
 
 
 def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
@@ -57,7 +57,7 @@ def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
 
 
 def _write_points(vtk: h5py.Group, own: h5py.Group, frames: Sequence[Frame]) -> Table:
-    """Frames of one set of points: what ParaView reads, and what else there is of them."""
+    """Write the frames of one set of points: the data that ParaView reads, and all other data."""
     vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
     vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
     table, fields = _write_frames(vtk, frames)
@@ -88,7 +88,7 @@ def _table(frames: Sequence[Frame], chunk: int) -> Table:
 
 
 def _write_frames(vtk: h5py.Group, frames: Sequence[Frame]) -> tuple[Table, list[str]]:
-    """Fields of all frames, opening one frame at a time."""
+    """Write the fields of all frames, opening one frame at a time."""
     inside = vtk.create_group("PointData")
     if not frames:
         vtk.create_dataset("Points", shape=(0, 3), maxshape=(None, 3), dtype="<f8")
@@ -117,7 +117,7 @@ def write_record(
     frames: Sequence[Frame],
     checkpoint: Checkpoint | None,
 ) -> None:
-    """Fill an empty HDF5 file with a whole record."""
+    """Write a whole record into an empty HDF5 file."""
     vtk, own = file.create_group("VTKHDF"), file.create_group("granular")
     table = _write_points(vtk, own, frames)
     gas = [frame.gas for frame in frames if frame.gas]
@@ -138,9 +138,9 @@ def write_record(
 
 
 def clear_parts(folder: Path) -> None:
-    """Remove an unfinished record that is to be replaced, all but its head, the last segment first.
+    """Remove an unfinished record that will be replaced, except for its head.
 
-    Were this killed, a shorter record would remain.
+    The last segment is removed first, so that an interruption leaves a valid, shorter record.
     """
     for part in sorted(folder.glob("frames-*.part"), reverse=True):
         part.unlink()
@@ -150,9 +150,10 @@ def clear_parts(folder: Path) -> None:
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove a merged folder of parts, so that a kill leaves it meaningful.
+    """Remove a merged folder of parts, in an order that leaves it valid if interrupted.
 
-    Segments go in ascending order (what remains still continues the file), the head last.
+    Segments are removed in ascending order, so that the remaining ones still continue the file. The
+    head is removed last.
     """
     for part in sorted(folder.glob("frames-*.part")):
         part.unlink()
@@ -163,14 +164,14 @@ def remove_parts(folder: Path) -> None:
 
 
 def merge(path: Path) -> None:
-    """Bring a record with parts into its one file; without parts, or with empty ones, tidy up.
+    """Merge the parts of a record into its one file; empty parts are only removed.
 
     Raises
     ------
     OSError
-        The file could not be written; it is then as before, and so are the parts.
+        If the file could not be written; the file and the parts are then as before.
     RecordError
-        Something stored is damaged.
+        If something stored is damaged.
     """
     contents = load(path)
     folder = parts_folder(path)

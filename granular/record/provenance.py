@@ -1,4 +1,4 @@
-"""Where a record comes from: versions, build, machine, start, parent."""
+"""Provenance of a record: versions, build, machine, start, parent."""
 
 import json
 import os
@@ -22,7 +22,7 @@ def _granular_version() -> str:
 
 
 def _build() -> dict[str, Any] | None:
-    """Compiler, flags and instruction set, if the core is there (records do without it)."""
+    """Compiler, flags and instruction set; None without the core, which records do not need."""
     try:
         return dict(import_module("granular._core").build_info())
     except ImportError:
@@ -40,13 +40,13 @@ def cpu_name() -> str:
 
 
 def collect(extra: Mapping[str, Any] | None = None, *, parent: str | None = None) -> dict[str, Any]:
-    """Provenance of a run that begins now.
+    """Collect the provenance of a run that begins now.
 
     Parameters
     ----------
     extra
-        More entries, JSON-compatible; they win over the collected ones (``threads`` for one). A
-        simulation adds ``every``, the time between its frames [s].
+        Additional JSON-compatible entries, which replace collected ones of the same name (for
+        example ``threads``). A simulation adds ``every``, the time between its frames [s].
     parent
         Digest (hex) of the checkpoint or frame that the run continues from.
     """
@@ -67,11 +67,11 @@ def collect(extra: Mapping[str, Any] | None = None, *, parent: str | None = None
 
 
 def to_json(provenance: Mapping[str, Any]) -> str:
-    """ASCII JSON of a provenance.
+    """Convert a provenance to ASCII JSON.
 
     Raises
     ------
     TypeError
-        An entry that JSON cannot hold.
+        If JSON cannot represent an entry.
     """
     return json.dumps(provenance, sort_keys=True)

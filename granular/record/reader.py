@@ -1,4 +1,4 @@
-"""Reading records: lazily, verified, finished or not."""
+"""Reading of records, finished or not, lazily and with verification."""
 
 import json
 import os
@@ -26,9 +26,9 @@ SERIES = ("time", "step", "dt", "n", "mass")
 
 
 class Trajectory:
-    """A sequence of states read from a record; each is read and verified when it is asked for.
+    """A sequence of states in a record; each state is read and verified on access.
 
-    Use `open_trajectory` to make one. A slice is a trajectory too, over the same file.
+    `open_trajectory` makes one. A slice is a trajectory too, over the same file.
     """
 
     def __init__(self, contents: Contents, frames: list[Frame] | None = None) -> None:
@@ -37,30 +37,29 @@ class Trajectory:
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Path of the file."""
         return self._contents.path
 
     @property
     def finished(self) -> bool:
-        """Whether the record is one closed file (else its writer is alive or was killed)."""
+        """True if the record is one closed file; otherwise its writer is running or was killed."""
         return self._contents.folder is None
 
     @property
     def has_checkpoint(self) -> bool:
-        """Whether a run can go on from this record."""
+        """True if a run can be resumed from this record."""
         return self._contents.has_checkpoint
 
     @property
     def has_gas(self) -> bool:
-        """Whether there are frames with the points of a gas, as their attribute `gas`."""
+        """True if there are frames with gas particles, the attribute `gas` of a state."""
         return any(frame.gas for frame in self._frames)
 
     @cached_property
     def scene(self) -> "Scene":
-        """The scene of the run, of the method by which it was run."""
-        from granular.serializable import (
-            Serializable,  # a scene needs the whole package, a record does not
-        )
+        """The scene of the run, of the class that belongs to its method (MPM or SPH)."""
+        # Imported here: a scene needs the whole package, a record does not.
+        from granular.serializable import Serializable
 
         try:
             return Serializable.from_json(self._contents.texts.scene)
@@ -79,16 +78,17 @@ class Trajectory:
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
-        """What the monitors of the run told of every frame, by the names of `granular.diagnostics`.
+        """Values that monitors measured at every frame, by the names of `granular.diagnostics`.
 
-        Each of shape (frames,); nan for frames they did not look at, empty if there are none.
+        Each has shape (frames,), with nan at frames that were not sampled. The mapping is empty
+        without monitors.
         """
         told = samples_of(self._frames)
         return {name: column for name, column in told.items() if not name.startswith(BODY)}
 
     @cached_property
     def bodies(self) -> np.ndarray:
-        """The numbers of the rigid bodies in every frame, shape (frames, bodies, 19).
+        """Numbers that describe the rigid bodies at every frame, shape (frames, bodies, 19).
 
         See `granular.measure.body_motion` and `granular.measure.body_force`.
         """
@@ -104,15 +104,15 @@ class Trajectory:
 
         See `granular.record.surfaces.write_bodies`.
         """
-        from granular.record.surfaces import write_bodies  # a record needs no bodies
+        # Imported here: a record need not have bodies.
+        from granular.record.surfaces import write_bodies
 
         return write_bodies(self, path, overwrite=overwrite)
 
     def health(self) -> "Health":
-        """What the looks at these frames say of the run."""
-        from granular.diagnostics import (
-            health,  # a record needs no more of the package than a reader
-        )
+        """Judge the run by the samples of the monitors at these frames."""
+        # Imported here: reading a record does not need the whole package.
+        from granular.diagnostics import health
 
         return health(self.scene, self.samples)
 
@@ -147,7 +147,8 @@ class Trajectory:
         )
 
     def _gas(self, frame: Frame) -> "GasState":
-        from granular.sph.gas import GasState  # a record without gas needs no such method
+        # Imported here: only records with gas need it.
+        from granular.sph.gas import GasState
 
         fields = frame.read()
         with reading(self.path):
@@ -158,17 +159,17 @@ class Trajectory:
             yield self[i]
 
     def checkpoint(self) -> Checkpoint:
-        """The newest restart state, verified.
+        """Read and verify the newest restart state.
 
         Raises
         ------
         RecordError
-            There is none, or it is damaged.
+            If there is none, or it is damaged.
         """
         return self._contents.checkpoint()
 
     def damage(self) -> list[str]:
-        """Read everything; what is damaged, one message each (an empty list: all is well)."""
+        """Read everything; return one message for each damaged part, none if all is well."""
         found = []
         for frame in self._frames:
             try:
@@ -184,7 +185,7 @@ class Trajectory:
         return found
 
     def close(self) -> None:
-        """Close the file (slices of this trajectory lose it too)."""
+        """Close the file, also for the slices of this trajectory."""
         self._contents.close()
 
     def __enter__(self) -> Self:
@@ -222,15 +223,15 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     Raises
     ------
     FileNotFoundError
-        No such record.
+        If there is no such record.
     RecordError
-        Not a record, damaged, or newer than this version.
+        If the file is not a record, is damaged, or is newer than this version.
     """
     return Trajectory(load(Path(path)))
 
 
 def info(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Summary of a record, after reading and verifying all of it.
+    """Read and verify a whole record and return a summary.
 
     Returns
     -------

@@ -1,11 +1,13 @@
-"""What a running writer leaves on the disk until it closes: small files, each whole or not at all.
+"""Segments, the files of a running writer until it closes: each is complete or does not exist.
+
+A segment consists of
 
     MAGIC, length of the header (8 bytes), digest of the header (32 bytes), header (JSON), data
 
-The header tells the format and the record, and what the data are: the texts that head the record
-(``head.part``, no data), some frames (``frames-<index of the first>.part``; their columns, packed
-as they will be in the finished file), or the restart state (``checkpoint.part``). HDF5 takes 15 ms
-for such a file whatever it holds, and here nobody but `load` has to read it.
+The header contains the format, the record and the kind of data. The kinds are the texts in the
+header of the record (``head.part``, no data), some frames (``frames-<index of the first>.part``,
+with columns packed as in the finished file), and the restart state (``checkpoint.part``). The files
+are not HDF5, which takes 15 ms for such a file whatever its content; only `load` has to read them.
 """
 
 import json
@@ -28,12 +30,12 @@ from granular.record.storage import replacing, write_all
 
 MAGIC = b"granular"
 START = struct.Struct("<8sq32s")
-CLOCK = struct.Struct("<dqd")  # time, step, dt; JSON would lose the sign of a nan
+CLOCK = struct.Struct("<dqd")  # time, step, dt as bytes, because JSON would lose the sign of a nan
 SCALARS = struct.Struct("<dqddq")  # and mass, n
 
 
 def known(dtype: str) -> str:
-    """The type of a field, if it is one that a record holds."""
+    """Return the type of a field; ValueError if a record cannot hold it."""
     if dtype not in DTYPES:
         raise ValueError(f"type {dtype!r} must be one of {DTYPES}")
     return dtype
@@ -41,25 +43,25 @@ def known(dtype: str) -> str:
 
 @dataclass(frozen=True)
 class Memory:
-    """Fields of a frame that waits to be stored (a `Source`)."""
+    """Fields in memory of a frame that waits to be stored (a `Source`)."""
 
     path: Path
     packed: Mapping[str, Packed]
 
     @property
     def nbytes(self) -> int:
-        """Bytes held."""
+        """Size of the fields [bytes]."""
         return sum(field.nbytes for field in self.packed.values())
 
     @contextmanager
     def fields(self) -> Iterator[Mapping[str, Packed]]:
-        """As of `Source`."""
+        """Return the fields by name, as `Source.fields`."""
         yield self.packed
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Fields of a frame in a segment (a `Source`): from a byte on, as the header tells."""
+    """Fields of a frame in a segment (a `Source`), from byte ``offset`` on in the given layout."""
 
     path: Path
     offset: int
@@ -68,12 +70,12 @@ class Stretch:
 
     @property
     def size(self) -> int:
-        """Bytes of all fields."""
+        """Size of all fields [bytes]."""
         return sum(size for *_, chunks in self.layout.values() for _, size in chunks)
 
     @contextmanager
     def fields(self) -> Iterator[Mapping[str, Packed]]:
-        """As of `Source`."""
+        """Return the fields by name, as `Source.fields`."""
         packed = {}
         with open(self.path, "rb") as file:
             file.seek(self.offset)
@@ -97,7 +99,7 @@ def _write(
 
 
 def _read(path: Path) -> tuple[dict[str, Any], int]:
-    """Header, verified, and where the data begin; errors to be met by `reading`."""
+    """Return the verified header and the offset of the data; `reading` has to handle errors."""
     size = os.stat(path).st_size
     with open(path, "rb") as file:
         magic, length, digest = START.unpack(file.read(START.size))
@@ -115,12 +117,12 @@ def _read(path: Path) -> tuple[dict[str, Any], int]:
 
 
 def write_head(fd: int, texts: Texts) -> None:
-    """Store what heads a record."""
+    """Store the texts in the header of a record."""
     _write(fd, texts.record, {"scene": texts.scene, "provenance": texts.provenance})
 
 
 def read_head(path: Path) -> Texts:
-    """As stored by `write_head`; RecordError if it is damaged."""
+    """Read the texts stored by `write_head`; RecordError if they are damaged."""
     with reading(path):
         header, _ = _read(path)
         return Texts(header["record"], header["scene"], header["provenance"])
@@ -136,7 +138,7 @@ def write_frames(path: Path, record: str, frames: Sequence[Frame]) -> None:
 
 
 def _pack_frame(frame: Frame, data: list[bytes]) -> tuple[Any, ...]:
-    """What the header tells of a frame, that of its gas last; what it holds goes to the data."""
+    """Return the header entry of a frame, that of its gas last; append its fields to `data`."""
     layout = {}
     with frame.source.fields() as fields:
         for name, field in fields.items():
@@ -151,7 +153,7 @@ def _pack_frame(frame: Frame, data: list[bytes]) -> tuple[Any, ...]:
 
 
 def read_frames(path: Path, record: str) -> list[Frame]:
-    """Frames of a segment of this record; RecordError if it is damaged or of another one."""
+    """Read the frames of a segment; RecordError if it is damaged or of another record."""
     frames = []
     with reading(path):
         header, offset = _read(path)
@@ -172,14 +174,14 @@ def _unpack_frame(
     samples: Mapping[str, str],
     *gas: Sequence[Any],
 ) -> tuple[Frame, int]:
-    """A frame whose data begin at a byte, from what `_pack_frame` told of it; and their end."""
+    """Return the frame whose data begin at `offset`, from its header entry, and their end."""
     time, step, dt, mass, n = SCALARS.unpack(bytes.fromhex(scalars))
     source = Stretch(path, offset, n, layout)
     offset += source.size
     below = None
     if gas:
         (head,) = gas
-        scalars_of, digest_of, layout_of, samples_of = head  # a gas has none of its own
+        scalars_of, digest_of, layout_of, samples_of = head  # a gas has no gas itself
         below, offset = _unpack_frame(path, offset, scalars_of, digest_of, layout_of, samples_of)
     frame = Frame(
         time=time,
@@ -212,7 +214,7 @@ def write_restart(path: Path, record: str, checkpoint: Checkpoint) -> None:
 
 
 def read_restart(path: Path) -> Checkpoint:
-    """As stored by `write_restart`, verified; RecordError if it is damaged."""
+    """Read and verify the state stored by `write_restart`; RecordError if it is damaged."""
     with reading(path):
         header, offset = _read(path)
         time, step, dt = CLOCK.unpack(bytes.fromhex(header["clock"]))

@@ -1,4 +1,4 @@
-"""Bytes to disk so that they are there, or an OSError says that they are not."""
+"""Durable writing: after a call the bytes are on the disk, or an OSError was raised."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -13,14 +13,14 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 def write_all(fd: int, data: bytes | memoryview) -> None:
-    """Write all of ``data``; os.write may take less than it is given."""
+    """Write all of ``data``; a single os.write may write only part of it."""
     view = memoryview(data).cast("B")
     while view:
         view = view[os.write(fd, view) :]
 
 
 def fsync_folder(folder: Path) -> None:
-    """Make renames and removals in a folder durable (no such call on Windows)."""
+    """Make renames and removals in a folder durable; does nothing on Windows."""
     if os.name == "nt":
         return
     fd = os.open(folder, os.O_RDONLY)
@@ -32,12 +32,13 @@ def fsync_folder(folder: Path) -> None:
 
 @contextmanager
 def replacing(path: Path, temporary: Path) -> Iterator[int]:
-    """Descriptor of a temporary file that takes the name ``path`` if, and only if, all went well.
+    """Yield the descriptor of a temporary file that is renamed to ``path`` on success only.
 
     Raises
     ------
     OSError
-        Of the write, the fsync or the rename; ``path`` is then as before, the temporary gone.
+        If the write, the fsync or the rename fails; ``path`` is then as before, and the temporary
+        file is removed.
     """
     flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0)
     fd = os.open(temporary, flags, 0o666)
@@ -56,10 +57,10 @@ def replacing(path: Path, temporary: Path) -> Iterator[int]:
 
 
 class Sink:
-    """File object for HDF5 that keeps the first error instead of letting HDF5 lose it.
+    """File object for HDF5 that keeps the first error, which HDF5 would lose.
 
-    HDF5 swallows errors met while it closes a file. So after a failure this sink takes all
-    further writes without effect, HDF5 ends in peace, and `check` raises.
+    HDF5 ignores errors that occur while it closes a file. After a failure this sink therefore
+    accepts all further writes without effect, HDF5 closes normally, and `check` raises the error.
     """
 
     def __init__(self, fd: int) -> None:
@@ -74,54 +75,54 @@ class Sink:
                 self.error = error
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Move; as io.RawIOBase.seek."""
+        """Set the position, as io.RawIOBase.seek."""
         return os.lseek(self.fd, offset, whence)
 
     def tell(self) -> int:
-        """Position; as io.RawIOBase.tell."""
+        """Return the position, as io.RawIOBase.tell."""
         return os.lseek(self.fd, 0, os.SEEK_CUR)
 
     def read(self, size: int) -> bytes:
-        """Read; as io.RawIOBase.read, the whole size unless the file ends."""
+        """Read as io.RawIOBase.read, but the whole size unless the file ends."""
         data = b""
         while len(data) < size and (more := os.read(self.fd, size - len(data))):
             data += more
         return data
 
     def readinto(self, buffer: memoryview) -> int:
-        """Read; as io.RawIOBase.readinto, the whole buffer unless the file ends."""
+        """Read as io.RawIOBase.readinto, but the whole buffer unless the file ends."""
         data = self.read(len(buffer))
         buffer[: len(data)] = data
         return len(data)
 
     def write(self, data: memoryview) -> int:
-        """Write all of ``data`` or keep the error."""
+        """Write all of ``data``, or keep the error."""
         self._guard(lambda: write_all(self.fd, data))
         return memoryview(data).nbytes
 
     def truncate(self, size: int) -> int:
-        """Set the length or keep the error."""
+        """Set the length, or keep the error."""
         self._guard(lambda: os.ftruncate(self.fd, size))
         return size
 
     def flush(self) -> None:
-        """Nothing is buffered here."""
+        """Do nothing, as nothing is buffered here."""
 
     def check(self) -> None:
-        """Raise the first error met."""
+        """Raise the first error that was kept."""
         if self.error is not None:
             raise self.error
 
 
 def open_hdf5(path: Path) -> h5py.File:
-    """Open for reading, without locks.
+    """Open a file for reading, without locks.
 
     Raises
     ------
     RecordError
-        Not an HDF5 file, or damaged.
+        If it is not an HDF5 file, or is damaged.
     FileNotFoundError, PermissionError, IsADirectoryError
-        From the system.
+        If the system cannot open it.
     """
     with open(path, "rb") as file:
         start = file.read(len(SIGNATURE))

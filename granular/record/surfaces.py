@@ -1,4 +1,4 @@
-"""Surfaces of the rigid bodies of a record, as a file that ParaView opens beside the record."""
+"""Surfaces of the rigid bodies of a record, in a file that ParaView opens beside the record."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ __all__ = ["write_bodies"]
 
 Array = NDArray[np.float64]
 Patches = tuple[Array, list[tuple[int, ...]]]
-"""Vertices (n, 3), and polygons by their numbers."""
+"""Vertices, shape (n, 3), and polygons as tuples of indices of vertices."""
 
 SIDES = 64
-"""Of the prism that stands for a cylinder."""
+"""Number of sides of the prism that represents a cylinder."""
 SKIN = 0.02
-"""Thickness of what is drawn of endless solids in the plane, in sizes of the grid."""
+"""Thickness at which unbounded 2D solids are drawn, in sizes of the grid."""
 
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
@@ -38,17 +38,18 @@ def write_bodies(
 ) -> Path:
     """Write the surfaces of all bodies at all frames, as VTKHDF PolyData.
 
-    The times are those of the record, which ParaView opens by itself (its points): open both.
-    Cell data "body" tells bodies apart. Cylinders are prisms of 64 sides; what has no end ends
-    a size of the grid away; in the plane surfaces are flat.
+    The times are those of the record. ParaView reads the points from the record and the bodies from
+    this file: open both. The cell data "body" is the index of the body. Cylinders are drawn as
+    prisms of 64 sides. Unbounded shapes end at a distance of one size of the grid. In 2D the
+    surfaces are flat.
 
     Parameters
     ----------
     record : Trajectory
     path : path
-        Usually ending in ``.vtkhdf``.
+        File to write, usually ending in ``.vtkhdf``.
     overwrite : bool
-        Whether a file that exists may be replaced.
+        True to replace an existing file.
 
     Returns
     -------
@@ -94,7 +95,7 @@ def _joined(meshes: list[Patches]) -> Patches:
 
 
 def surface(shape: Box | Cylinder | HalfSpace | Mesh | Union, dim: int, size: float) -> Patches:
-    """Surface of a shape, a union part by part, in coordinates of its body."""
+    """Surface of a shape (of a union part by part) in the coordinates of its body."""
     parts = shape.parts if isinstance(shape, Union) else (shape,)
     return _joined(
         [
@@ -107,7 +108,7 @@ def surface(shape: Box | Cylinder | HalfSpace | Mesh | Union, dim: int, size: fl
 
 
 def _mesh(row: Array, dim: int, size: float) -> Patches:
-    """Surface of a shape from its 17 numbers, in coordinates of its body."""
+    """Surface of a shape, given by its 17 numbers, in the coordinates of its body."""
     kind, inside, center, turn = row[0], bool(row[1]), row[2:5], row[5:14].reshape(3, 3)
     half = np.where(np.isfinite(row[14:17]), row[14:17], size)
     if kind == BOX:
@@ -127,7 +128,7 @@ def _box(half: Array, dim: int) -> Patches:
 
 
 def _cylinder(radius: float, half: float, inside: bool, dim: int, size: float) -> Patches:
-    """About the third axis; of a drum the inner surface, in the plane a ring."""
+    """Cylinder about the third axis; for a drum the inner surface, in 2D a ring."""
     angle = 2 * np.pi * np.arange(SIDES) / SIDES
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1) * radius
     if dim == 2 and not inside:
@@ -145,12 +146,12 @@ def _cylinder(radius: float, half: float, inside: bool, dim: int, size: float) -
 
 
 def _half_space(turn: Array, dim: int, size: float) -> Patches:
-    """A square of its face; in the plane a strip below it."""
+    """Square part of the face of a half-space; in 2D a strip below the face."""
     if dim == 3:
         corners = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
         return corners * size, [(0, 1, 2, 3)]
     corners = np.array([[-1, 0, 0], [1, 0, 0], [1, 0, -SKIN], [-1, 0, -SKIN]], dtype=float)
-    if abs(turn[2, 1]) < abs(turn[2, 0]):  # of the axes about a normal one leaves the plane
+    if abs(turn[2, 1]) < abs(turn[2, 0]):  # one of the two tangents is out of plane
         corners = corners[:, [1, 0, 2]]
     return corners * size, [(0, 1, 2, 3)]
 

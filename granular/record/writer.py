@@ -1,4 +1,4 @@
-"""Writing a record so that what was completed stays."""
+"""Writing of a record such that completed frames are not lost."""
 
 import json
 import math
@@ -31,13 +31,16 @@ except ImportError:  # Windows has no advisory locks
     fcntl = None
 
 WAITING_SECONDS = 1.0
-"""Wall time that a kill may cost: what comes sooner after the last segment may wait for more."""
+"""Wall time that may be lost if the run is killed [s].
+
+Frames that follow the last segment sooner than this may wait for more frames.
+"""
 WAITING_BYTES = 1 << 24
-"""Most that may wait in memory: little enough to be written at once when Ctrl-C is pressed."""
+"""Largest amount that may wait in memory [bytes]; it is quickly written if Ctrl-C is pressed."""
 
 
 class StateLike(Protocol):
-    """What a frame is made from: a `State`."""
+    """The attributes of a `State` from which a frame is made."""
 
     time: float
     step: int
@@ -46,14 +49,14 @@ class StateLike(Protocol):
 
 
 class SceneLike(Protocol):
-    """What a record is headed with: a `Scene`."""
+    """The method of a `Scene` with which the header of a record is made."""
 
     def to_json(self) -> str:
-        """The scene as JSON."""
+        """Return the scene as JSON."""
 
 
 def _lock(head: Path) -> int | None:
-    """Descriptor that holds the lock of a folder of parts; a kill releases it."""
+    """Return a descriptor that locks a folder of parts; killing the process releases the lock."""
     if fcntl is None:
         return None
     fd = os.open(head, os.O_RDONLY)
@@ -71,7 +74,7 @@ def _unlock(fd: int | None) -> None:
 
 
 def _check_fields(given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Fields of points as contiguous arrays that can be stored without loss."""
+    """Return the fields of points as contiguous arrays that can be stored without loss."""
     fields: dict[str, np.ndarray] = {}
     for name, array in given.items():
         if not name.isidentifier() or not name.isascii():
@@ -98,7 +101,7 @@ def _check_fields(given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 @dataclass
 class _Layout:
-    """What the frames of one set of points share: types and columns of fields, rows of a chunk."""
+    """Layout of all frames of one set of points: types and columns of fields, rows per chunk."""
 
     spec: dict[str, tuple[str, int]] | None = None
     chunk: int | None = None
@@ -106,7 +109,7 @@ class _Layout:
 
     @classmethod
     def of(cls, frame: Frame | None) -> Self:
-        """That of a stored frame, or one that the first frame will determine."""
+        """Return the layout of a stored frame, or one that the first frame will determine."""
         if frame is None:
             return cls()
         with frame.source.fields() as stored:
@@ -114,7 +117,7 @@ class _Layout:
             return cls(spec, stored["x"].chunk)
 
     def check(self, fields: Mapping[str, np.ndarray]) -> dict[str, tuple[str, int]]:
-        """The types and columns of some fields, ValueError if others were stored before."""
+        """Return types and columns of fields; ValueError if other ones were stored before."""
         spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
         if self.spec is not None and spec != self.spec:
             raise ValueError(f"fields = {spec} must be those of frame 0: {self.spec}")
@@ -123,7 +126,7 @@ class _Layout:
     def packed(
         self, path: Path, head: Mapping[str, Any], fields: Mapping[str, np.ndarray], **more: Any
     ) -> Frame:
-        """A frame that waits in memory."""
+        """Make a frame that waits in memory."""
         self.chunk = self.chunk or chunk_rows(head["n"])
         packed = {
             name: Packed.of(array, self.chunk, self.packer, name) for name, array in fields.items()
@@ -132,7 +135,7 @@ class _Layout:
 
 
 def _head(state: StateLike, fields: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Numbers and digest of a frame."""
+    """Scalars and digest of a frame."""
     scalars = {
         "time": float(state.time),
         "step": int(state.step),
@@ -144,31 +147,31 @@ def _head(state: StateLike, fields: Mapping[str, np.ndarray]) -> dict[str, Any]:
 
 
 class TrajectoryWriter:
-    """Writes one record: frames soon durable, one file in the end.
+    """Writer of one record: frames are soon durable, and finally merged into one file.
 
-    Frames are first written as segments of one frame or several, each whole or not at all, in the
-    folder ``<path>.parts``; `close` merges them into the one file. A run that is killed leaves the
-    segments, which `open_trajectory` reads and `resume` or the next `close` merges.
+    Frames are first written to the folder ``<path>.parts`` as segments of one or more frames, each
+    completely or not at all. `close` merges them into the one file. If a run is killed, the
+    segments remain: `open_trajectory` reads them, and `resume` or the next `close` merges them.
 
     Parameters
     ----------
     path
-        The file, usually ``*.h5``.
+        Path of the file, usually ``*.h5``.
     scene
         The scene of the run.
     overwrite
-        Whether an existing record may be replaced. A finished file stays until `close`.
+        True to replace an existing record. A finished file remains until `close`.
     provenance
-        Entries for the provenance besides the collected ones (``threads`` for one).
+        Entries of the provenance in addition to the collected ones (for example ``threads``).
 
     Raises
     ------
     FileExistsError
-        There is a record at ``path`` and ``overwrite`` is false.
+        If there is a record at ``path`` and ``overwrite`` is false.
     BlockingIOError
-        Another run is writing this record.
+        If another run is writing this record.
     OSError
-        The folder cannot be written.
+        If the folder cannot be written.
     """
 
     def __init__(
@@ -200,17 +203,22 @@ class TrajectoryWriter:
     def resume(
         cls, path: str | os.PathLike[str], *, provenance: Mapping[str, Any] | None = None
     ) -> Self:
-        """Continue a record, finished or not; parts found are merged first.
+        """Continue a record, finished or not; existing parts are merged first.
 
-        A resumed run makes the frames after its checkpoint again: those equal to recorded ones
-        are recognised, at the first different one the rest of the old record is superseded.
+        A resumed run computes the frames after its checkpoint again. Frames equal to the recorded
+        ones are recognised and not stored again. From the first different frame on, the old record
+        is replaced.
 
         Raises
         ------
-        FileNotFoundError, BlockingIOError, OSError
-            No such record; another run is writing it; it cannot be written.
+        FileNotFoundError
+            If there is no such record.
+        BlockingIOError
+            If another run is writing it.
+        OSError
+            If it cannot be written.
         RecordError
-            It is damaged.
+            If it is damaged.
         """
         path = Path(path)
         head = parts_folder(path) / "head.part"
@@ -244,12 +252,12 @@ class TrajectoryWriter:
         self._begin(contents.path, replace(contents.texts, provenance=text))
 
     def _begin(self, path: Path, texts: Texts) -> None:
-        """Head a folder of parts; what an older one held goes once the new head is written."""
+        """Write the head of a folder of parts; old contents are removed once it is written."""
         self.path, self._folder, self._texts = path, parts_folder(path), texts
-        self._frames: list[Frame] = []  # that wait, the last of those recorded
-        self._bytes = 0  # of them
-        self._checkpoint: Checkpoint | None = None  # that waits
-        self._stored = -math.inf  # time.monotonic() when something last went to the disk
+        self._frames: list[Frame] = []  # waiting frames, the last of those recorded
+        self._bytes = 0  # size of the waiting frames
+        self._checkpoint: Checkpoint | None = None  # waiting checkpoint
+        self._stored = -math.inf  # time.monotonic() of the last write
         head = self._folder / "head.part"
         old = _lock(head) if head.exists() else None
         fresh = not self._folder.exists()
@@ -263,7 +271,7 @@ class TrajectoryWriter:
                 clear_parts(self._folder)
             self._lock = _lock(head)
             fsync_folder(path.parent)
-        except FileExistsError:  # of mkdir: another run begins at this very moment
+        except FileExistsError:  # from mkdir: another run begins at the same moment
             raise
         except BaseException:
             _unlock(self._lock)
@@ -289,20 +297,21 @@ class TrajectoryWriter:
         bodies: np.ndarray | None = None,
         may_wait: bool = False,
     ) -> None:
-        """Add a frame, and the restart state at its time; they are on the disk when this returns.
+        """Add a frame, and the restart state at its time.
 
-        `gas` are the fields of the points of a gas, `samples` what monitors told of the frame,
-        `bodies` (count, numbers) the state of its rigid bodies. A frame equal to the recorded one
-        of the same step is taken for it. What `may_wait` is stored by and by, see `store`.
+        Both are on the disk when this method returns, unless they `may_wait` (see `store`). `gas`
+        are the fields of the gas particles, `samples` the values that monitors measured at the
+        frame, and `bodies`, shape (count, numbers), the state of its rigid bodies. A frame equal to
+        the recorded one of the same step is not stored again.
 
         Raises
         ------
         ValueError
-            The step is not past the last one, or the fields differ from those of frame 0.
+            If the step is not past the last one, or the fields differ from those of frame 0.
         TypeError
-            A field is neither float64 nor int64.
+            If a field is neither float64 nor int64.
         OSError
-            It could not be written: what is on the disk is as before, the rest waits for the next
+            If it could not be written: the disk is as before, and the rest waits for the next
             attempt.
         """
         self._check_open()
@@ -328,7 +337,7 @@ class TrajectoryWriter:
         gas: Mapping[str, np.ndarray] | None,
         samples: Mapping[str, float],
     ) -> None:
-        """Let a frame wait, if it is not recorded already."""
+        """Put a frame among those that wait, if it is not recorded already."""
         head, below = _head(state, fields), None if gas is None else _head(state, gas)
         step, mark = head["step"], head["digest"] + (below["digest"] if below else b"")
         index = bisect_left(self._recorded, step, key=lambda old: old[0])
@@ -346,7 +355,7 @@ class TrajectoryWriter:
         self._cursor = index + 1
 
     def checkpoint(self, checkpoint: Checkpoint) -> None:
-        """Store a restart state in place of the previous one, after the frames that wait.
+        """Store the frames that wait, then a restart state in place of the previous one.
 
         Raises
         ------
@@ -358,11 +367,11 @@ class TrajectoryWriter:
         self.store()
 
     def store(self, *, may_wait: bool = False) -> None:
-        """Bring what waits to the disk.
+        """Write the frames and the restart state that wait to the disk.
 
-        Where it `may_wait`, only if `WAITING_SECONDS` have passed since the last time or
-        `WAITING_BYTES` have come together: many frames make one segment, and of their restart
-        states only the last is stored.
+        If they `may_wait`, they are written only if `WAITING_SECONDS` have passed since the last
+        write or `WAITING_BYTES` have accumulated. Many frames then form one segment, and only the
+        last of their restart states is stored.
 
         Raises
         ------
@@ -393,8 +402,8 @@ class TrajectoryWriter:
         Raises
         ------
         OSError
-            The file could not be written: it is as before, the parts remain, and `close` may be
-            called again (or the record be opened and resumed as it is).
+            If the file could not be written. It is then as before, the parts remain, and `close`
+            may be called again, or the record may be opened and resumed.
         """
         if self.closed:
             return
@@ -407,9 +416,10 @@ class TrajectoryWriter:
         _unlock(self._lock)
 
     def leave(self) -> None:
-        """Stop writing without merging: the parts are a valid record, to be read and resumed.
+        """Stop writing without merging; the parts are a valid record that can be read and resumed.
 
-        Takes no longer for a long record than for a short one, where `close` copies all of it.
+        This takes no longer for a long record than for a short one, whereas `close` copies all
+        frames.
         """
         if not self.closed:
             self.store()
@@ -426,6 +436,6 @@ class TrajectoryWriter:
         trace: TracebackType | None,
     ) -> None:
         if kind is not None and issubclass(kind, KeyboardInterrupt):
-            self.leave()  # whoever presses Ctrl-C is not to wait
+            self.leave()  # Ctrl-C must not wait for the merge
         else:
             self.close()

@@ -1,4 +1,4 @@
-"""Closed forms and reference solutions: what a simulation should give."""
+"""Closed forms and reference solutions with which simulations are compared."""
 
 from granular.theory.beverloo import beverloo_rate
 from granular.theory.chute import ChuteFlow, chute_profile, chute_transient

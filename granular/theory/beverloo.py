@@ -34,19 +34,19 @@ def beverloo_rate(
     gravity : float
         Magnitude of gravity [m/s2].
     exponent : float
-        3/2 in the plane (rate in kg/s per metre of depth), 5/2 for a round orifice in 3D. Other
-        values belong to free fits (1.47 with C = 1.31 in section 4.2), whose C has the unit
-        that makes up for it.
+        3/2 in 2D (rate in kg/s per metre of depth), 5/2 for a round orifice in 3D. Other values
+        belong to free fits (1.47 with C = 1.31 in section 4.2), in which C has the unit that the
+        exponent requires.
 
     Returns
     -------
     ndarray
-        The rate, the shape of `orifice`; zero where D <= k d.
+        Rate of discharge, of the shape of `orifice`; zero where D <= k d.
 
     Raises
     ------
     ValueError
-        For negative or non-finite arguments.
+        If an argument is negative or not finite.
     """
     orifice = np.asarray(orifice, dtype=float)
     if not (np.all(orifice >= 0) and np.all(np.isfinite(orifice))):

@@ -1,13 +1,14 @@
 """Flow of a layer down a rough incline by the nonlocal law: one equation over the depth.
 
-Of nonlocal granular fluidity (Dunatunga & Kamrin, "Modeling silo clogging with nonlocal granular
-rheology", eqs 2.1 and 2.2), with the stress of a slope, mu = tan t and p = rho_c g cos t z:
+The equation is that of nonlocal granular fluidity (Dunatunga & Kamrin, "Modeling silo clogging with
+nonlocal granular rheology", eqs 2.1 and 2.2), with the stress in a layer on a slope of angle t,
+mu = tan t and p = rho_c g cos t z:
 
     t0 dg/dt = A^2 d^2 d2g/dz2 + lambda g - b sqrt(rho_s d^2/p) mu g^2,    dv/dy = g mu,
 
-lambda as in `granular.theory.stopping`, dg/dz = 0 at the free surface z = 0, g = 0 at the base.
-The stress is that of balance at every time, as in a layer whose speed changes slowly, or a
-simulation long after its start. y = height - z is the distance from the base.
+with lambda as in `granular.theory.stopping`, dg/dz = 0 at the free surface z = 0, and g = 0 at the
+base. The stress is in static balance with gravity at every time, as in a layer whose speed changes
+slowly, or in a simulation long after its start. y = height - z is the distance from the base.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ Array = NDArray[np.float64]
 
 
 class NonlocalMaterial(Protocol):
-    """What the chute needs to know of a material with the nonlocal law.
+    """Attributes of a material with the nonlocal law that the chute needs.
 
-    b is (mu_2 - mu_s)/I0, the slope of mu(I) at rest, which is finite for an infinite mu_2 too;
-    t0 [s] is of no effect on the steady flow.
+    b is (mu_2 - mu_s)/I0, the slope of mu(I) at rest, which is finite for an infinite mu_2 too.
+    t0 [s] has no effect on the steady flow.
     """
 
     mu_s: float
@@ -49,23 +50,23 @@ class NonlocalMaterial(Protocol):
 
 @dataclass(frozen=True)
 class ChuteFlow:
-    """A layer that flows by the nonlocal law; of many times, these are the first axis.
+    """Flow of a layer by the nonlocal law; if there are several times, they are the first axis.
 
     Attributes
     ----------
     y : ndarray, shape (cells + 1,)
-        Distance of the faces of the cells from the base [m], dense at base and surface.
+        Distance of the faces of the cells from the base [m], closely spaced at base and surface.
     y_mid : ndarray, shape (cells,)
-        Distance of the places of `g` from the base [m], one in each cell.
+        Distance from the base of the points at which `g` is given, one in each cell [m].
     g, shear_rate : ndarray, shape (..., cells)
-        Fluidity and dv/dy = g mu there [1/s].
+        Fluidity and dv/dy = g mu at `y_mid` [1/s].
     v : ndarray, shape (..., cells + 1)
         Velocity down the slope at the faces [m/s].
     mean : ndarray, shape (...)
         Depth average of `v` [m/s].
     error : float
-        Greatest change of `v` over its greatest value when solved with half the cells (and a ten
-        times larger `rtol`); the error itself is about a third of that.
+        Largest change of `v`, divided by its largest value, between this solution and one with half
+        the cells (and a ten times larger `rtol`). The error itself is about a third of it.
     """
 
     y: Array
@@ -84,11 +85,12 @@ def chute_profile(
     gravity: float = 9.81,
     cells: int = 400,
 ) -> ChuteFlow:
-    """Steady flow of a layer, the one that is stable.
+    """Stable steady flow of a layer.
 
-    Its shape, and its speed over that of `bagnold_profile`, are functions of H/H_stop alone: with
-    g = lambda w sqrt(p/rho_s)/(b d mu sqrt(s)), s = z/H,
-    ``(2 H_stop/(pi H))^2 d2w/ds2 + w - w^2/sqrt(s) = 0``. Of second order in 1/`cells`.
+    The shape of the profile, and the ratio of its speed to that of `bagnold_profile`, are functions
+    of H/H_stop alone: with g = lambda w sqrt(p/rho_s)/(b d mu sqrt(s)) and s = z/H,
+    ``(2 H_stop/(pi H))^2 d2w/ds2 + w - w^2/sqrt(s) = 0``. The error is of second order in
+    1/`cells`.
 
     Parameters
     ----------
@@ -106,12 +108,13 @@ def chute_profile(
     Returns
     -------
     ChuteFlow
-        All zero in layers not thicker than `stopping_height`.
+        Zero everywhere if the layer is not thicker than `stopping_height`.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range; at or above atan(mu_2), where no steady flow exists.
+        If an argument is out of range, or the angle is at or above atan(mu_2), where no steady flow
+        exists.
     RuntimeError
         If the iteration does not converge.
     """
@@ -133,23 +136,23 @@ def chute_transient(
     cells: int = 200,
     rtol: float = 1e-6,
 ) -> ChuteFlow:
-    """Growth or decay of the fluidity, and with it of the flow, from a given one.
+    """Growth or decay of the fluidity, and hence of the flow, from a given initial fluidity.
 
-    Of second order in 1/`cells`; in time by scipy's implicit method of order five with step
-    control (Radau IIA, which damps the fastest modes whatever the step).
+    The error is of second order in 1/`cells`. Time is integrated by SciPy's implicit method of
+    order five with step control (Radau IIA, which damps the fastest modes at any step size).
 
     Parameters
     ----------
     angle_deg, height, material, gravity, cells
-        As in `chute_profile`; of layers too thin to flow, too.
+        As in `chute_profile`; layers too thin to flow are allowed as well.
     times : array_like, shape (nt,)
         Output times [s], not decreasing, >= 0.
     g0 : float or callable
-        Fluidity at t = 0 [1/s], >= 0: the same everywhere, or a function of y [m]. Where it is 0
-        everywhere it remains so.
+        Fluidity at t = 0 [1/s], >= 0: a uniform value, or a function of y [m]. A fluidity that is 0
+        everywhere remains 0.
     rtol : float
-        Tolerance of a time step, relative to the fluidity there; what has decayed by a factor of
-        1e-9 `rtol` is not followed further.
+        Tolerance of a time step, relative to the local fluidity. A fluidity that has decayed by a
+        factor of 1e-9 `rtol` is no longer resolved.
 
     Returns
     -------
@@ -159,7 +162,8 @@ def chute_transient(
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range; at or above atan(mu_2), where the law gives no fluidity.
+        If an argument is out of range, or the angle is at or above atan(mu_2), where the law gives
+        no fluidity.
     RuntimeError
         If the integration in time fails.
     """
@@ -174,7 +178,7 @@ def chute_transient(
 def _layers(
     angle_deg: float, height: float, material: NonlocalMaterial, gravity: float, cells: int
 ) -> tuple[Layer, Layer]:
-    """The layer, and the one of half as many cells that tells the error."""
+    """Return the layer, and one of half as many cells for the estimate of the error."""
     if integer("cells", cells, 8, 100_000) % 2:
         raise ValueError(f"cells = {cells} must be even: the error is found with half of them")
     fine, half = (Layer(angle_deg, height, material, gravity, n) for n in (cells, cells // 2))
@@ -182,27 +186,29 @@ def _layers(
 
 
 def _change(v: Array, half_v: Array) -> float:
-    """Greatest change at the faces that both grids have, over the greatest value."""
+    """Largest change at the faces common to both grids, divided by the largest value."""
     top = np.max(v)
     return float(np.max(np.abs(v[..., ::2] - half_v)) / top) if top > 0 else 0.0
 
 
 class Layer:
-    """The layer in space. The unknown is u = g b d sqrt(rho_s/p) sqrt(s), s = z/H, of which
+    """Discretisation of the layer over its depth.
 
-        t0 du/dt = (A d/H)^2 d2u/ds2 + lambda u - mu u^2/sqrt(s),
+    The unknown is u = g b d sqrt(rho_s/p) sqrt(s), s = z/H, which obeys
 
-    by finite volumes with faces at y/H = sin^2(pi j/(2 cells)). Near the surface u is a series in
-    powers of sqrt(s), hence smooth in j; at the base the cells resolve the layer A d/sqrt(lambda)
-    over which walls are felt in thick ones. 1/sqrt(s) enters by its exact mean over a cell: finite
-    in the uppermost too, though the pressure is zero at its face.
+        t0 du/dt = (A d/H)^2 d2u/ds2 + lambda u - mu u^2/sqrt(s).
+
+    It is solved by finite volumes with faces at y/H = sin^2(pi j/(2 cells)). Near the surface u is
+    a series in powers of sqrt(s), hence smooth in j. At the base the cells resolve the distance
+    A d/sqrt(lambda) over which a wall acts in thick layers. 1/sqrt(s) enters by its exact mean over
+    a cell, which is finite in the uppermost cell too, although the pressure is zero at its face.
 
     Attributes
     ----------
     y, y_mid : ndarray, shapes (cells + 1,) and (cells,)
         Distance of faces and unknowns from the base [m].
     growth : float
-        lambda.
+        lambda, without unit.
     """
 
     def __init__(
@@ -234,7 +240,7 @@ class Layer:
         face = 2 * half_step * np.arange(cells + 1)
         middle = face[:-1] + half_step
         self.y, self.y_mid = self.height * np.sin(face) ** 2, self.height * np.sin(middle) ** 2
-        # sin^2 a - sin^2 b = sin(a + b) sin(a - b): no digits are lost.
+        # sin^2 a - sin^2 b = sin(a + b) sin(a - b) avoids cancellation.
         self.width = np.sin(2 * middle) * math.sin(2 * half_step)
         self.sink = 2 * self.slope / (np.cos(face[1:]) + np.cos(face[:-1]))
         across = np.zeros(cells + 1)
@@ -243,7 +249,7 @@ class Layer:
         self.across = across
 
     def rate(self, u: Array) -> Array:
-        """t0 du/dt, shape (cells,)."""
+        """``t0 du/dt``, shape (cells,)."""
         flux = self.across * np.diff(u, prepend=0.0, append=0.0)
         return np.diff(flux) / self.width + (self.growth - self.sink * u) * u
 
@@ -257,9 +263,10 @@ class Layer:
         return bands
 
     def steady(self) -> Array:
-        """The positive u of rate 0, by Newton's method; of layers that flow.
+        """Positive u at which `rate` is 0, by Newton's method, for layers that flow.
 
-        `rate` is concave and u = lambda/mu above the solution, so that the iterates fall to it.
+        `rate` is concave and the initial u = lambda/mu is above the solution, so that the iterates
+        decrease towards it.
         """
         u = np.full(self.cells, self.growth / self.slope)
         for _ in range(100):
@@ -270,7 +277,7 @@ class Layer:
         raise RuntimeError(f"no steady flow found in 100 iterations, last change {change}")
 
     def start(self, g0: float | Callable[[Array], ArrayLike]) -> Array:
-        """u of a fluidity given as in `chute_transient`."""
+        """Initial u from a fluidity `g0` as in `chute_transient`."""
         if not callable(g0):
             return np.full(self.cells, non_negative("g0", g0) / self.per_u)
         g = np.asarray(g0(self.y_mid), dtype=float)
@@ -279,7 +286,7 @@ class Layer:
         return g / self.per_u
 
     def march(self, u: Array, times: Array, rtol: float) -> Array:
-        """u at `times`, shape (nt, cells)."""
+        """Integrate in time; return u at `times`, shape (nt, cells)."""
         stops, where = np.unique(np.append(times, 0.0), return_inverse=True)
         scale = np.max(u)
         if stops[-1] == 0.0 or scale == 0.0:
@@ -306,14 +313,14 @@ class Layer:
         return found.y.T[where[:-1]]
 
     def velocity(self, u: Array) -> Array:
-        """v at the faces [m/s], shape (..., cells + 1)."""
+        """Velocity at the faces [m/s], shape (..., cells + 1)."""
         v = np.zeros((*u.shape[:-1], self.cells + 1))
         each = self.per_u * self.slope * self.height * self.width
         np.cumsum(u * each, axis=-1, out=v[..., 1:])
         return v
 
     def flow(self, u: Array, error: float) -> ChuteFlow:
-        """The flow of a u of shape (..., cells)."""
+        """Result for u of shape (..., cells)."""
         g, v = self.per_u * u, self.velocity(u)
         return ChuteFlow(
             y=self.y,

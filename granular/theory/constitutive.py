@@ -26,12 +26,12 @@ VelocityGradient = Callable[[float], ArrayLike]
 APPENDIX_B_BREAKPOINTS = (0.0, 0.25, 0.375, 0.5, 0.75, 0.875, 1.0, 1.25)
 
 # Pressures below this fraction of K count as the moment of contact itself: one implicit step
-# crosses them. Its effect on the stress is of this size.
+# passes through them. The error of the stress is of this size.
 _CONTACT = 1e-9
 
 
 class InertialElasticMaterial(Protocol):
-    """What the reference needs to know of a material with the mu(I) law."""
+    """Attributes of a material with the mu(I) law that the reference solution needs."""
 
     mu_s: float
     mu_2: float
@@ -42,8 +42,10 @@ class InertialElasticMaterial(Protocol):
 
 @dataclass(frozen=True)
 class Event:
-    """A change between the dense and the disconnected state: `kind` is "reconnect" or
-    "disconnect", `time` in s."""
+    """A change between the dense and the disconnected state.
+
+    `kind` is "reconnect" or "disconnect", `time` is in seconds.
+    """
 
     time: float
     kind: str
@@ -56,13 +58,13 @@ class ConstitutiveReference:
     Attributes
     ----------
     times : ndarray, shape (nt,)
-        Seconds.
+        Times [s].
     stress : ndarray, shape (nt, 4)
-        xx, yy, zz, xy [Pa], tension positive.
+        Components xx, yy, zz, xy [Pa], tension positive.
     log_density : ndarray, shape (nt,)
         ln(rho/rho_c).
     dense : ndarray of bool, shape (nt,)
-        Whether the point bears stress.
+        True where the point is under stress.
     shear_rate : ndarray, shape (nt,)
         Equivalent plastic shear rate [1/s].
     events : tuple of Event
@@ -88,8 +90,8 @@ def appendix_b_velocity_gradient(t: ArrayLike) -> Array:
     Returns
     -------
     ndarray, shape t.shape + (2, 2)
-        In-plane components [1/s]: steady simple shear .05, in-plane compression in
-        (.25, .5), the opposite expansion in (.75, 1).
+        In-plane components [1/s]: steady simple shear of 0.05/s, in-plane compression for t in
+        (0.25, 0.5) s, and the opposite expansion in (0.75, 1) s.
     """
     t = np.asarray(t, dtype=float)
     gradient = np.zeros((*t.shape, 2, 2))
@@ -103,9 +105,9 @@ def appendix_b_velocity_gradient(t: ArrayLike) -> Array:
 def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: InertialElasticMaterial) -> Array:
     """Equivalent plastic shear rate [1/s] of the mu(I) law (eqs 2.11-2.13, solved for it).
 
-    ``xi sqrt(p) (mu - mu_s)/(mu_2 - mu)`` with ``mu = tau/p``; zero at and below mu_s and where
-    p <= 0. Stress states at or beyond mu_2 are outside the law; there the rate is that at
-    a distance of 1e-12 p from mu_2, so that an adaptive integrator rejects such a trial.
+    It is ``xi sqrt(p) (mu - mu_s)/(mu_2 - mu)`` with ``mu = tau/p``, and zero at and below mu_s and
+    where p <= 0. Stress states at or beyond mu_2 are outside the law; for them the rate at a
+    distance of 1e-12 p from mu_2 is returned, so that an adaptive integrator rejects such a trial.
 
     Parameters
     ----------
@@ -115,16 +117,16 @@ def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: InertialElasticMa
     p, tau = np.broadcast_arrays(np.asarray(p, dtype=float), np.asarray(tau, dtype=float))
     pressed = np.maximum(p, 0.0)
     over = np.maximum(tau - material.mu_s * pressed, 0.0)
-    room = np.maximum(material.mu_2 * pressed - tau, 1e-12 * pressed)
+    below = np.maximum(material.mu_2 * pressed - tau, 1e-12 * pressed)
     flowing = (pressed > 0) & (over > 0)
-    ratio = np.divide(over, room, out=np.zeros(p.shape), where=flowing)
+    ratio = np.divide(over, below, out=np.zeros(p.shape), where=flowing)
     return material.xi * np.sqrt(pressed) * ratio
 
 
 def elastic_stress_rate(stress: Array, gradient: Array, material: InertialElasticMaterial) -> Array:
     """Time derivative of the stress without plastic flow, ``W sigma - sigma W + C:D``.
 
-    Arguments as in `stress_rate` (eqs 2.8, 2.9).
+    The arguments are those of `stress_rate` (eqs 2.8, 2.9).
     """
     sxx, syy, _, sxy = stress
     dxx, dyy = gradient[0, 0], gradient[1, 1]
@@ -137,13 +139,13 @@ def elastic_stress_rate(stress: Array, gradient: Array, material: InertialElasti
 def stress_rate(stress: Array, gradient: Array, material: InertialElasticMaterial) -> Array:
     """Time derivative of the stress of a dense point (eqs 2.8, 2.9, 2.15).
 
-    ``dsigma/dt = W sigma - sigma W + C:D - G gp s/tau``, since ``C:Dp = 2G gp s/(2 tau)`` with
-    the deviator s, because plastic flow keeps the volume (eq. 2.6).
+    The rate is ``dsigma/dt = W sigma - sigma W + C:D - G gp s/tau``: with the deviator s,
+    ``C:Dp = 2G gp s/(2 tau)``, because plastic flow preserves volume (eq. 2.6).
 
     Parameters
     ----------
     stress : ndarray, shape (4,)
-        xx, yy, zz, xy [Pa].
+        Components xx, yy, zz, xy [Pa].
     gradient : ndarray, shape (2, 2)
         Velocity gradient [1/s].
     """
@@ -175,30 +177,31 @@ def reference(
 ) -> ConstitutiveReference:
     """Stress history of a point under a given velocity gradient (appendix B).
 
-    The density follows from ``d ln(rho)/dt = -tr L`` alone, and while dense the pressure of the
-    rate law is ``K ln(rho/rho_c)``. So the times at which the point disconnects or reconnects
-    are known before the stress is integrated, between them and the breakpoints of L, by
-    adaptive Runge-Kutta. While rho < rho_c the stress is zero, and it restarts from zero.
+    The density follows from ``d ln(rho)/dt = -tr L`` alone, and while the point is dense the
+    pressure of the rate law is ``K ln(rho/rho_c)``. The times at which the point disconnects or
+    reconnects are therefore known before the stress is integrated. Between these times and the
+    breakpoints of L the stress is integrated by an adaptive Runge-Kutta method. While rho < rho_c
+    the stress is zero, and it restarts from zero.
 
     Parameters
     ----------
     material
         Object with ``mu_s``, ``mu_2``, ``xi``, ``K``, ``G``.
     p0 : float
-        Initial isotropic pressure [Pa]; 0 for a loose start.
+        Initial isotropic pressure [Pa]; 0 for a stress-free start.
     times : array_like, shape (nt,)
         Output times [s], not decreasing, not before ``breakpoints[0]``.
     log_density0 : float, optional
-        Initial ln(rho/rho_c). Needed, and negative, where p0 = 0. Otherwise p0/K, the only
-        density consistent with the pressure.
+        Initial ln(rho/rho_c). If p0 = 0 it must be given and be negative. Otherwise it is p0/K, the
+        only density consistent with the pressure.
     velocity_gradient : callable
-        t [s] -> (2, 2) [1/s].
+        Function of the time [s] that returns the velocity gradient [1/s], shape (2, 2).
     breakpoints : sequence of float
         Increasing times [s] between which `velocity_gradient` is smooth; it may jump at them.
         The first is the initial time.
     solver : {"auto", "RK45", "Radau"}
-        "auto" is RK45, but Radau at small pressure, where the flow rule is stiff. Fast shear
-        (of order xi sqrt(p) and more) is stiff too: there "Radau" alone saves time.
+        "auto" uses RK45, but Radau at small pressure, where the flow rule is stiff. Fast shear
+        (of order xi sqrt(p) and more) is stiff too; for it "Radau" throughout saves time.
     rtol : float
         Relative tolerance of a step.
 
@@ -209,11 +212,11 @@ def reference(
     Raises
     ------
     ValueError
-        For arguments out of range, and for the ill-posed starts: at rho_c without pressure
-        (whether stress is borne then hangs on round-off) and with a pressure that is not that
-        of the density.
+        If an argument is out of range, or the start is ill-posed. A start is ill-posed at rho_c
+        without pressure, because round-off then decides if there is stress, and with a pressure
+        that does not match the density.
     RuntimeError
-        If the integrator gives up.
+        If the integrator fails.
     """
     times, breakpoints = _time_arrays(times, breakpoints)
     one_of("solver", solver, ("auto", "RK45", "Radau"))
@@ -221,7 +224,7 @@ def reference(
     history = _DensityHistory(velocity_gradient, breakpoints, _start(material, p0, log_density0))
     stiff = _stiff_pressure(material, breakpoints[-1] - breakpoints[0]) / material.K
     log_density = history(times)
-    # Absolute tolerance from the largest pressure met, the elastic one without contact included.
+    # The absolute tolerance follows from the largest |K ln(rho/rho_c)|, also below rho_c.
     largest = max(p0, material.K * np.max(np.abs(log_density)))
     stress, now = np.zeros((times.size, 4)), np.array([-p0, -p0, -p0, 0.0])
     for a, b in history.pieces((0.0, _CONTACT, stiff)):
@@ -282,7 +285,7 @@ def _start(material: InertialElasticMaterial, p0: float, log_density0: float | N
 
 
 class _DensityHistory:
-    """ln(rho/rho_c) over time: a quadrature of -tr L between the breakpoints."""
+    """ln(rho/rho_c) over time, from a quadrature of -tr L between the breakpoints."""
 
     def __init__(self, gradient: VelocityGradient, breakpoints: Array, start: float) -> None:
         self._gradient, self._edges, self._parts = gradient, breakpoints, []
@@ -317,14 +320,14 @@ class _DensityHistory:
             def above(t: float, part=part) -> float:
                 return part.sol(t)[0] - level
 
-            # The steps are short (1/16 of a smooth piece); a root is sought in each.
+            # The steps are short (1/16 of a smooth piece); a root is searched for in each.
             side = part.y[0] > level
             for k in np.flatnonzero(side[1:] != side[:-1]):
                 found.append(brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
         return found
 
     def events(self) -> tuple[Event, ...]:
-        """The passages through rho_c."""
+        """Times at which the density passes through rho_c, and the kind of each passage."""
         times = self.crossings(0.0)
         dense = [float(self(self._edges[0])) > 0]
         for _ in times:
@@ -344,7 +347,7 @@ class _DensityHistory:
 
 
 def _one_sided(gradient: VelocityGradient, a: float, b: float) -> Callable[[float], Array]:
-    """The gradient in [a, b], with its limits from inside at the ends, where it may jump."""
+    """Return the gradient in [a, b], with its limits from inside at the ends, where it may jump."""
     first, last = np.nextafter(a, b), np.nextafter(b, a)
     return lambda t: np.asarray(gradient(min(max(t, first), last)), dtype=float)
 
@@ -391,8 +394,8 @@ def _contact_step(
 ) -> Array:
     """One implicit step of the law (eqs 3.10-3.16), for the instant of contact.
 
-    The limit p -> 0 of the rate law has no direction of its own: a start from zero stress may
-    lie beyond mu_2. The implicit step finds the admissible stress at once.
+    In the limit p -> 0 the rate law determines no direction of stress, and a start from zero stress
+    may lie beyond mu_2. The implicit step finds the admissible stress directly.
     """
     trial = stress + step * elastic_stress_rate(stress, gradient, material)
     p, deviator, tau = _invariants(trial)

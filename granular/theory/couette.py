@@ -1,14 +1,15 @@
 """Flow between two coaxial cylinders, the inner of which turns, by the nonlocal law.
 
-The balance of moments makes tau = tau_w (R_i/r)^2; with one pressure everywhere it makes
-mu = mu_w (R_i/r)^2. Of nonlocal granular fluidity (Haeri & Skonieczny 2021, eq. 6, for an infinite
+The balance of moments gives tau = tau_w (R_i/r)^2; if the pressure is uniform it gives
+mu = mu_w (R_i/r)^2. For nonlocal granular fluidity (Haeri & Skonieczny 2021, eq. 6, for an infinite
 mu_2; Dunatunga & Kamrin, "Modeling silo clogging with nonlocal granular rheology", eq. 2.1, for a
 finite one) the steady state is
 
     A^2 d^2 (g'' + g'/r) + lambda(mu) g - b sqrt(rho_s d^2/p) mu g^2 = 0,    -r domega/dr = g mu,
 
-lambda as in `granular.theory.stopping`: mu - mu_s for the infinite mu_2. Slow flows do not feel the
-last term: any multiple of g will do, and mu_w is the number for which there is one.
+with lambda as in `granular.theory.stopping`: mu - mu_s for an infinite mu_2. In slow flows the
+last term is negligible: any multiple of a solution g is a solution, and mu_w is the eigenvalue for
+which one exists.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from granular.theory.stopping import fluidity_growth
 Array = NDArray[np.float64]
 
 WALLS = ("rough", "smooth")
-"""What the fluidity does at the cylinders: g = 0, or dg/dr = 0."""
+"""Boundary conditions of the fluidity at the cylinders: g = 0 (rough) or dg/dr = 0 (smooth)."""
 
 
 @dataclass(frozen=True)
@@ -40,18 +41,19 @@ class CouetteFlow:
     Attributes
     ----------
     r : ndarray, shape (n,)
-        Radius [m], R_i and R_o included.
+        Radii [m], R_i and R_o included.
     omega : ndarray, shape (n,)
-        Angular velocity over that of the inner cylinder, from 1 to 0.
+        Angular velocity divided by that of the inner cylinder, from 1 to 0.
     g, shear_rate : ndarray, shape (n,)
         Fluidity and -r domega/dr = g mu [1/s].
     mu : ndarray, shape (n,)
         Friction coefficient.
     mu_wall : float
-        The same at the inner cylinder; the moment on it is 2 pi R_i^2 mu_wall p for each height.
+        Friction coefficient at the inner cylinder. The moment on it, per unit height, is
+        2 pi R_i^2 mu_wall p.
     error : float
-        Greatest change of `omega` when solved with half the points, or a thousand times larger
-        tolerances.
+        Largest change of `omega` between this solution and one with half the points, or with a
+        thousand times larger tolerances.
     """
 
     r: Array
@@ -64,10 +66,11 @@ class CouetteFlow:
 
 
 def couette_decay_length(mu: ArrayLike, material: NonlocalMaterial) -> Array:
-    """Length over which the fluidity falls by e where mu < mu_s: ``A d/sqrt(-lambda(mu))``.
+    """Length over which the fluidity falls by a factor e where mu < mu_s.
 
-    Far from the inner cylinder mu goes to 0 and the length to ``A d/sqrt(mu_s)`` for an infinite
-    mu_2, to ``A d sqrt(mu_2/(mu_s (mu_2 - mu_s)))`` else.
+    It is ``A d/sqrt(-lambda(mu))``. Far from the inner cylinder mu tends to 0 and the length to
+    ``A d/sqrt(mu_s)`` if mu_2 is infinite, and to ``A d sqrt(mu_2/(mu_s (mu_2 - mu_s)))``
+    otherwise.
 
     Parameters
     ----------
@@ -79,12 +82,12 @@ def couette_decay_length(mu: ArrayLike, material: NonlocalMaterial) -> Array:
     Returns
     -------
     ndarray
-        Length [m], the shape of `mu`; infinite from mu_s on.
+        Length [m], of the shape of `mu`; infinite from mu_s on.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range.
+        If an argument is out of range.
     """
     mu = np.asarray(mu, dtype=float)
     if not np.all(mu >= 0):
@@ -103,13 +106,13 @@ def couette_quasi_static(
     walls: str = "rough",
     points: int = 2001,
 ) -> CouetteFlow:
-    """Flow so slow that its shape does not depend on the rate.
+    """Quasi-static flow, so slow that its shape does not depend on the rate.
 
-    In x = -ln r the equation is g'' + Q g = 0, Q = lambda r^2/(A d)^2. It is integrated from the
-    outer cylinder inwards, the way g grows, in Pruefer's variables, g = q sin(a), g' = q cos(a),
-    by its angle and the logarithm of q: no digit of the tail is lost, however far it falls. The
-    angle at the inner cylinder grows with mu_w; the least mu_w is where it is pi (rough) or pi/2
-    (smooth).
+    In x = -ln r the equation is g'' + Q g = 0 with Q = lambda r^2/(A d)^2. It is integrated from
+    the outer cylinder inwards, the direction in which g grows. The unknowns are Pruefer's angle a
+    and the logarithm of q, where g = q sin(a) and g' = q cos(a), so that no digit of the tail is
+    lost however far it falls. The angle at the inner cylinder grows with mu_w; the solution is the
+    least mu_w for which it is pi (rough) or pi/2 (smooth).
 
     Parameters
     ----------
@@ -118,9 +121,9 @@ def couette_quasi_static(
     material : NonlocalMaterial
         Object with ``mu_s``, ``mu_2`` (may be infinite), ``A`` > 0, ``d``.
     rate : float
-        Angular velocity of the inner cylinder [rad/s], to which `g` belongs.
+        Angular velocity of the inner cylinder [rad/s], which sets the scale of `g`.
     walls : {"rough", "smooth"}
-        At both cylinders: g = 0, or dg/dr = 0.
+        Boundary condition at both cylinders: g = 0, or dg/dr = 0.
     points : int
         Number of radii, odd, 101 to 100 001.
 
@@ -131,9 +134,9 @@ def couette_quasi_static(
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range.
+        If an argument is out of range.
     RuntimeError
-        If no mu_w below mu_2 will do: in a gap of a few A d.
+        If there is no solution with mu_w below mu_2, as in a gap of a few A d.
     """
     gap = _Gap(inner, outer, material, walls, points)
     mu_wall = gap.slowest_friction()
@@ -153,21 +156,21 @@ def couette_flow(
     walls: str = "rough",
     points: int = 2001,
 ) -> CouetteFlow:
-    """Flow at any rate, by differences of second order in 1/`points`.
+    """Flow at any rate, by finite differences of second order in 1/`points`.
 
-    For each mu_w Newton's method falls onto the one positive g; the angular velocity grows with
-    mu_w, by which the latter is found.
+    For each mu_w Newton's method converges from above to the only positive g. The angular velocity
+    grows with mu_w, which is found by a search for the given rate.
 
     Parameters
     ----------
     inner, outer, walls, points
         As in `couette_quasi_static`.
     material : NonlocalMaterial
-        ``rho_s`` and ``b`` too.
+        As in `couette_quasi_static`, with ``rho_s`` and ``b`` in addition.
     rate : float
         Angular velocity of the inner cylinder [rad/s].
     pressure : float
-        p [Pa].
+        Uniform pressure p [Pa].
 
     Returns
     -------
@@ -176,9 +179,9 @@ def couette_flow(
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range.
+        If an argument is out of range.
     RuntimeError
-        If no mu_w below mu_2 will do.
+        If there is no solution with mu_w below mu_2.
     """
     half = (integer("points", points, 101, 100_001) + 1) // 2
     pressure, rate = positive("pressure", pressure), positive("rate", rate)
@@ -189,7 +192,7 @@ def couette_flow(
 
 
 class _Gap:
-    """The annulus on a grid even in ln r."""
+    """The annulus on a grid that is uniform in ln r."""
 
     def __init__(
         self, inner: float, outer: float, material: NonlocalMaterial, walls: str, points: int
@@ -207,7 +210,7 @@ class _Gap:
         fluidity_growth(0.0, m.mu_s, m.mu_2)  # checks both
 
     def growth(self, mu: Array) -> Array:
-        """lambda (r/(A d))^2 where mu/mu_wall is known on the grid."""
+        """``lambda(mu) (r/(A d))^2`` on the grid."""
         lam = fluidity_growth(mu, self.material.mu_s, self.material.mu_2)
         return lam * (self.r / self.reach) ** 2
 
@@ -216,8 +219,10 @@ class _Gap:
     def angle(
         self, mu_wall: float, rtol: float = 1e-11, *, everywhere: bool = False
     ) -> tuple[Array, Array, Array]:
-        """Pruefer's angle, ln q and omega/q, at the cylinders or on the grid, from the inner one
-        outwards."""
+        """Pruefer's angle, ln q and omega/q, from the inner cylinder outwards.
+
+        They are given at the two cylinders or, with `everywhere`, on the grid.
+        """
         m, end, scale = self.material, self.x[-1], (self.r[-1] / self.reach) ** 2
         span = m.mu_2 - m.mu_s
 
@@ -225,7 +230,7 @@ class _Gap:
             a, _, turn = y
             share = math.exp(2 * (z - end))
             mu = mu_wall * share
-            over = mu - m.mu_s  # lambda as in fluidity_growth, which takes ten times longer here
+            over = mu - m.mu_s  # lambda as in fluidity_growth, which would take ten times longer
             Q = over / (1 - over / span) * scale * math.exp(-2 * z)
             sine, cosine = math.sin(a), math.cos(a)
             grow = (1 - Q) * sine * cosine
@@ -233,7 +238,7 @@ class _Gap:
 
         start = [0.0 if self.rough else math.pi / 2, 0.0, 0.0]
         stops = end - self.x[::-1] if everywhere else [0.0, end]
-        # the interpolation between steps is of lower order than the steps are
+        # The interpolation between steps is of lower order than the steps.
         longest = end / 400 if everywhere else math.inf
         found = solve_ivp(
             rates, (0.0, end), start, "DOP853", stops, rtol=rtol, atol=1e-14, max_step=longest
@@ -243,13 +248,13 @@ class _Gap:
         return tuple(found.y[:, ::-1])
 
     def friction(self, u: float) -> float:
-        """mu_s at u = 0 to mu_2 at infinity."""
+        """Friction coefficient as a function of u: from mu_s at u = 0 to mu_2 at infinity."""
         m = self.material
         span = m.mu_2 - m.mu_s
         return m.mu_s + (u * m.mu_s if math.isinf(span) else span * u / (1 + u))
 
     def least_excess(self, excess: Callable[[float], float]) -> float:
-        """u > 0 where a growing function is zero."""
+        """Zero u > 0 of an increasing function."""
         high = 0.1
         while excess(high) < 0:
             high *= 2
@@ -261,14 +266,14 @@ class _Gap:
         return brentq(excess, 0.0, high, xtol=1e-15, rtol=1e-13)
 
     def slowest_friction(self) -> float:
-        """mu_w of flow without end in slowness."""
+        """mu_w in the limit of slow flow."""
         target = math.pi if self.rough else math.pi / 2
         return self.friction(
             self.least_excess(lambda u: self.angle(self.friction(u))[0][0] - target)
         )
 
     def slowest(self, mu_wall: float, rtol: float = 1e-11) -> tuple[Array, Array]:
-        """g and omega, to a common factor."""
+        """g and omega of slow flow, up to a common factor."""
         angle, log_q, turn = self.angle(mu_wall, rtol, everywhere=True)
         q = np.exp(log_q - np.max(log_q))
         g = q * np.sin(angle)
@@ -279,7 +284,7 @@ class _Gap:
     # ---- at any rate ----
 
     def driven(self, rate: float, pressure: float) -> CouetteFlow:
-        """The flow at this angular velocity; `error` is left open."""
+        """Flow at this angular velocity; `error` is nan."""
         m = self.material
         grain = m.d * math.sqrt(positive("rho_s", m.rho_s) / pressure)
         sink = positive("b", m.b) * grain * self.share * (self.r / self.reach) ** 2
@@ -293,16 +298,16 @@ class _Gap:
         return self.flow(g, omega, mu_wall, math.nan)
 
     def turn(self, g: Array, mu_wall: float) -> Array:
-        """omega [rad/s]: the integral of g mu from the outer cylinder inwards."""
+        """Angular velocity [rad/s]: the integral of g mu from the outer cylinder inwards."""
         rate = (g * mu_wall * self.share)[::-1]
         return cumulative_trapezoid(rate, dx=self.step, initial=0.0)[::-1]
 
     def steady(self, mu_wall: float, sink: Array, rate: float) -> Array:
-        """The positive g of this friction; what turns slower than a thousandth of `rate` is not
-        followed further.
+        """Positive g for a given mu_wall, by Newton's method.
 
-        The equation is concave and g = max(lambda/(b d sqrt(rho_s/p) mu)) above its solution, so
-        that Newton's iterates fall to it.
+        The equation is concave and the initial g = max(lambda/(b d sqrt(rho_s/p) mu)) is above the
+        solution, so that the iterates decrease towards it. They stop when the inner cylinder turns
+        slower than a thousandth of `rate`.
         """
         growth, sink, across = self.growth(mu_wall * self.share), mu_wall * sink, 1 / self.step**2
         inside = slice(1, -1) if self.rough else slice(None)

@@ -1,7 +1,8 @@
-"""Closed forms of Hencky's elasticity in one dimension: what finite strains are tested by.
+"""Closed forms of Hencky's elasticity in one dimension, against which finite strains are tested.
 
-Strained along one axis only, by lambda = exp(e), the Kirchhoff stress along it is M e with the
-modulus M = K + 4G/3, and the force on a unit of the undeformed section is P = M e exp(-e).
+If a body is stretched along one axis only, by lambda = exp(e), the Kirchhoff stress along it is M e
+with the modulus M = K + 4G/3. The force per unit area of the undeformed section is
+P = M e exp(-e).
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from granular.checks import finite, integer, one_of, positive
 Array = NDArray[np.float64]
 
 _MOST_STRAIN = 1.0
-"""ln(lambda) below which P grows with lambda, so that waves run."""
+"""ln(lambda) below which P grows with lambda, so that waves propagate."""
 
 
 class ElasticMaterial(Protocol):
-    """What the closed forms need to know of a material; rho_c [kg/m3] is the density at rest."""
+    """Attributes of a material that the closed forms need; rho_c [kg/m3] is the density at rest."""
 
     K: float
     G: float
@@ -37,15 +38,15 @@ class HenckyColumn:
     Attributes
     ----------
     y : ndarray
-        Height above the base that each reference height has come to [m].
+        Height above the base to which each reference height has moved [m].
     log_stretch : ndarray
-        ln(lambda), <= 0; with the sign changed it is ln(rho/rho_c).
+        ln(lambda), <= 0; it equals -ln(rho/rho_c).
     stress : ndarray, shape (..., 4)
-        Cauchy stress, xx, yy, zz, xy [Pa], y upwards; yy carries the weight above.
+        Cauchy stress xx, yy, zz, xy [Pa] with y upwards; yy balances the weight above.
     height : float
         Height of the column [m].
     friction : float
-        tau/p, the same everywhere: 2G/(sqrt(3) K). Materials whose mu_s is less yield.
+        tau/p, which is uniform: 2G/(sqrt(3) K). Materials with a smaller mu_s yield.
     """
 
     y: Array
@@ -62,13 +63,13 @@ class StandingWave:
     Attributes
     ----------
     displacement, velocity : ndarray
-        Along the bar [m], [m/s].
+        Displacement [m] and velocity [m/s] along the bar.
     strain : ndarray
         Gradient of the displacement.
     frequency : float
-        Hz.
+        Frequency of the wave [Hz].
     wave_speed : float
-        Of waves along the bar as it is [m/s].
+        Speed of waves along the bar in its present length [m/s].
     """
 
     displacement: Array
@@ -81,16 +82,17 @@ class StandingWave:
 def hencky_column(
     reference_height: ArrayLike, height0: float, material: ElasticMaterial, gravity: float = 9.81
 ) -> HenckyColumn:
-    """Column between smooth walls under its own weight, exactly.
+    """Exact solution of a column between free-slip walls under its own weight.
 
-    The weight above the reference height Y is rho_c g (H0 - Y) = M w, and M e exp(-e) = -M w has
-    the solution e = -q, q exp(q) = w: q is Lambert's function of w. The integral of lambda =
-    exp(-q) gives the height y = M/(rho_c g) [Q(q(0)) - Q(q(Y))] with Q(q) = q + q^2/2.
+    The weight above the reference height Y is rho_c g (H0 - Y) = M w. The equation
+    M e exp(-e) = -M w has the solution e = -q with q exp(q) = w, so that q is Lambert's function of
+    w. The integral of lambda = exp(-q) gives the height y = M/(rho_c g) [Q(q(0)) - Q(q(Y))] with
+    Q(q) = q + q^2/2.
 
     Parameters
     ----------
     reference_height : array_like
-        Y, height without gravity [m], any shape, within [0, height0].
+        Heights Y without gravity [m], any shape, within [0, height0].
     height0 : float
         Height of the column without gravity [m].
     material : ElasticMaterial
@@ -105,7 +107,7 @@ def hencky_column(
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range.
+        If an argument is out of range.
     """
     Y = np.asarray(reference_height, dtype=float)
     height0, K, G = (
@@ -145,27 +147,28 @@ def standing_wave(
     mode: int = 1,
     log_stretch: float = 0.0,
 ) -> StandingWave:
-    """Small standing wave along a bar between smooth walls, compressed evenly before.
+    """Small standing wave along a uniformly prestrained bar between free-slip walls.
 
-    Waves run through the bar as it is at ``sqrt(M (1 - e)/rho_c)``: of P = M e exp(-e), e being
-    ln(lambda), the slope dP/dlambda = M (1 - e)/lambda^2 moves rho_c for each undeformed length.
+    Waves travel along the bar in its present length at ``sqrt(M (1 - e)/rho_c)``. The reason is
+    that P = M e exp(-e), with e = ln(lambda), has the slope dP/dlambda = M (1 - e)/lambda^2, and
+    the mass per undeformed volume is rho_c.
 
     Parameters
     ----------
     x, t : array_like
         Distance from the first end [m] and time [s], broadcast together.
     length : float
-        Of the bar as it is [m].
+        Present length of the bar [m].
     amplitude : float
-        Greatest displacement [m], at t = 0.
+        Largest displacement [m], at t = 0.
     material : ElasticMaterial
         Object with ``K``, ``G``, ``rho_c``.
     ends : {"fixed-free", "fixed-fixed"}
-        The first end and the other one.
+        Condition at the first end and at the other end.
     mode : int
-        1 for the longest wave.
+        Number of the mode, 1 for the longest wave.
     log_stretch : float
-        e, below 1; compression is negative.
+        Prestrain e, below 1; negative in compression.
 
     Returns
     -------
@@ -175,7 +178,7 @@ def standing_wave(
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range.
+        If an argument is out of range.
     """
     x, t = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(t, dtype=float))
     length, amplitude = positive("length", length), finite("amplitude", amplitude)

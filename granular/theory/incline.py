@@ -19,7 +19,7 @@ from granular.checks import in_range, integer, non_negative, positive
 Array = NDArray[np.float64]
 
 # Alexander's (1977) L-stable, stiffly accurate SDIRK method of order 3: the diagonal is the root
-# of x^3 - 3x^2 + 3x/2 - 1/6 in (1/6, 1/2). The first two stages alone carry a rule of order 2.
+# of x^3 - 3x^2 + 3x/2 - 1/6 in (1/6, 1/2). The first two stages alone give a rule of order 2.
 _DIAGONAL = 0.435866521508458999416
 _NODES = (_DIAGONAL, (1 + _DIAGONAL) / 2, 1.0)
 _STAGES = (
@@ -35,7 +35,7 @@ _ERROR_WEIGHTS = (_STAGES[2][0] - (1 - _LOW_2), _STAGES[2][1] - _LOW_2, _DIAGONA
 
 
 class InertialMaterial(Protocol):
-    """What the incline needs to know of a material with the mu(I) law."""
+    """Attributes of a material with the mu(I) law that the incline needs."""
 
     mu_s: float
     mu_2: float
@@ -71,12 +71,13 @@ def bagnold_profile(
     Returns
     -------
     ndarray
-        Velocity [m/s], the shape of `y`; zero at or below the angle atan(mu_s).
+        Velocity [m/s], of the shape of `y`; zero at or below the angle atan(mu_s).
 
     Raises
     ------
     ValueError
-        At or above atan(mu_2), where no steady flow exists, and for `y` outside the layer.
+        If the angle is at or above atan(mu_2), where no steady flow exists, or `y` is outside the
+        layer.
     """
     shape = bagnold_shape(y, height)
     scale = _steady_scale(angle_deg, material, gravity)
@@ -84,24 +85,24 @@ def bagnold_profile(
 
 
 def bagnold_shape(y: ArrayLike, height: float) -> Array:
-    """`bagnold_profile` over its value at the surface, ``1 - (1 - y/h)^1.5``: of no material.
+    """`bagnold_profile` divided by its value at the surface, ``1 - (1 - y/h)^1.5``.
 
-    Parameters, shape and errors of `y` and `height` as there.
+    It does not depend on the material. Parameters, shape and errors are those of `bagnold_profile`.
     """
     return 1 - relative_depth(y, height) ** 1.5
 
 
 def relative_depth(y: ArrayLike, height: float) -> Array:
-    """1 - y/height of places within the layer, 1 at the base and 0 at the surface.
+    """Relative depth ``1 - y/height`` within the layer, 1 at the base and 0 at the surface.
 
     Raises
     ------
     TypeError, ValueError
-        For a `height` that is not positive, and for `y` outside the layer.
+        If `height` is not positive, or `y` is outside the layer.
     """
     y = np.asarray(y, dtype=float)
     positive("height", height)
-    # The round-off of mid-points and linspace must not count as outside.
+    # Round-off of mid-points and of linspace must not count as outside.
     slack = 1e-12 * height
     if y.size and not (np.min(y) >= -slack and np.max(y) <= height + slack):
         raise ValueError(f"y in [{np.min(y)}, {np.max(y)}] must lie within [0, height = {height}]")
@@ -113,8 +114,8 @@ def bagnold_mean(
 ) -> float:
     """Depth-averaged steady velocity [m/s] (Dunatunga & Kamrin 2015, eq. 4.7).
 
-    ``vbar = (2/5) xi A sqrt(rho g cos t) h^1.5``; arguments and errors as in
-    `bagnold_profile`, whose mean over the height this is.
+    ``vbar = (2/5) xi A sqrt(rho g cos t) h^1.5`` is the mean of `bagnold_profile` over the height;
+    arguments and errors are the same.
     """
     positive("height", height)
     return 0.4 * _steady_scale(angle_deg, material, gravity) * height**1.5
@@ -150,7 +151,7 @@ class InclineTransient:
     y : ndarray, shape (cells + 1,)
         Distance of the nodes from the base [m].
     times : ndarray, shape (nt,)
-        The times asked for [s].
+        Output times [s].
     v : ndarray, shape (nt, cells + 1)
         Velocity down the slope at the nodes [m/s].
     mean : ndarray, shape (nt,)
@@ -182,20 +183,21 @@ def transient(
 ) -> InclineTransient:
     """Start-up of the layer from rest, a one-dimensional momentum balance.
 
-    ``rho dv/dt = dtau/dy + rho g sin t`` with ``p = rho g cos t (h - y)``, v = 0 at the base,
-    tau = 0 at the surface, g rising linearly over `ramp` seconds, and the rigid-plastic
-    mu(I) law (Dunatunga & Kamrin 2015, eq. 2.13).
+    The equation is ``rho dv/dt = dtau/dy + rho g sin t`` with ``p = rho g cos t (h - y)``, v = 0 at
+    the base and tau = 0 at the surface. Gravity rises linearly over `ramp` seconds. The law is the
+    rigid-plastic mu(I) law (Dunatunga & Kamrin 2015, eq. 2.13).
 
-    The law is a graph: below yield tau is undetermined and the shear rate exactly zero. It is
-    followed by a coordinate z along the graph instead of being regularised::
+    In this law tau is not a function of the shear rate: below yield tau is undetermined and the
+    shear rate is exactly zero. Instead of being regularised, the law is parametrised by a
+    coordinate z along its graph::
 
         shear rate = xi sqrt(p) max(z, 0)
         tau/p      = mu_s + (mu_2 - mu_s) (z if z < 0 else z/(1 + z))
 
-    so a layer below mu_s has exactly zero flow, and mu_2 is never reached. The scheme is of
-    second order in the cell size (staggered) and of third order in time (Alexander's L-stable
-    SDIRK with step control); tau is never negative when the layer starts from rest, so the
-    branch of reversed shear is not needed.
+    A layer below mu_s therefore has exactly zero flow, and mu_2 is never reached. The scheme is
+    staggered and of second order in the cell size. In time it is of third order (Alexander's
+    L-stable SDIRK method with step control). If the layer starts from rest, tau is never negative,
+    so that the branch of reversed shear is not needed.
 
     Parameters
     ----------
@@ -217,7 +219,7 @@ def transient(
     Raises
     ------
     ValueError
-        For arguments out of range.
+        If an argument is out of range.
     RuntimeError
         If the step size falls to round-off.
     """
@@ -250,7 +252,7 @@ def transient(
 
 
 def output_times(times: ArrayLike) -> Array:
-    """`times` as an array [s]; ValueError unless finite, >= 0 and not decreasing."""
+    """Return `times` as an array [s]; ValueError unless finite, >= 0 and not decreasing."""
     times = np.atleast_1d(np.asarray(times, dtype=float))
     if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)):
         raise ValueError(f"times = {times} must be a non-empty list of finite seconds")
@@ -260,7 +262,10 @@ def output_times(times: ArrayLike) -> Array:
 
 
 class _Layer:
-    """The layer in space: dv/dy at the cell centres is the unknown, rho d(dv/dy)/dt = d2tau/dy2."""
+    """Discretisation of the layer over its depth.
+
+    The unknown is dv/dy at the cell centres, with rho d(dv/dy)/dt = d2tau/dy2.
+    """
 
     def __init__(
         self,
@@ -291,7 +296,7 @@ class _Layer:
         return np.minimum(time / self.ramp, 1.0) if self.ramp > 0 else np.ones_like(time)
 
     def pressure(self, time: ArrayLike) -> Array:
-        """dp/d(depth) at a time [Pa/m]."""
+        """Gradient of the pressure with depth at a time [Pa/m]."""
         return self.weight * self.ramp_factor(time)
 
     def friction(self, z: Array) -> Array:
@@ -303,15 +308,15 @@ class _Layer:
         return v
 
     def solve(self, time: float, step: float, known: Array, z: Array) -> tuple[Array, Array] | None:
-        """Solve rate - step (d2tau/dy2)/rho - step * base forcing = known for z.
+        """Solve ``rate - step (d2tau/dy2)/rho - step * base forcing = known`` for z.
 
-        Newton's method on the graph coordinate; the matrix is a column-scaled M-matrix, hence
-        never singular. Returns (shear rate, z), or None where it does not converge.
+        Newton's method is applied to the graph coordinate; its matrix is a column-scaled M-matrix,
+        hence never singular. Returns (shear rate, z), or None if it does not converge.
         """
         p = self.pressure(time) * self.depth
         per_z = self.xi * np.sqrt(p)
         source = known.copy()
-        # Node 1 is pushed by gravity while the base node is held.
+        # Gravity acts on node 1, while the base node is fixed.
         source[0] += step * self.push * float(self.ramp_factor(time)) / self.dy
         scale = np.max(np.abs(source)) + np.max(per_z) * 1e-3
         for _ in range(40):
@@ -327,7 +332,7 @@ class _Layer:
                 return None
             if np.max(np.abs(change) / (1 + np.abs(z))) < 1e-12:
                 return per_z * np.maximum(z, 0.0), z
-        # Round-off may keep the last digits moving: accept what balances to round-off.
+        # Round-off may keep the last digits from settling: accept a residual of that size.
         return (per_z * flow, z) if np.max(np.abs(residual)) < 1e-10 * scale else None
 
     def _laplacian(self, tau: Array) -> Array:
@@ -356,7 +361,7 @@ def _march(layer: _Layer, times: Array, rtol: float):
                 error = np.max(np.abs(layer.velocity(trial[2]))) / (rtol * fastest + floor)
             grow = 4.0 if error == 0 else min(4.0, max(0.2, 0.9 * error ** (-1 / 3)))
             if error <= 1:
-                # A step cut short by an output time says nothing against longer ones.
+                # A step cut short by an output time does not limit the next step.
                 proposal = max(proposal, step * grow) if step < proposal else step * grow
                 time = stop if step == stop - time else time + step
                 rate, z = trial[0], trial[1]
@@ -370,7 +375,7 @@ def _march(layer: _Layer, times: Array, rtol: float):
 def _step(
     layer: _Layer, time: float, step: float, rate: Array, z: Array
 ) -> tuple[Array, Array, Array] | None:
-    """One SDIRK step: (shear rate, z, error estimate of the shear rate), None if it fails."""
+    """Make one SDIRK step; return (shear rate, z, error of the shear rate), or None if it fails."""
     slopes: list[Array] = []
     for node, weights in zip(_NODES, _STAGES, strict=True):
         known = rate + step * sum((w * s for w, s in zip(weights, slopes, strict=True)), 0.0)

@@ -1,15 +1,15 @@
-"""What is neglected below rho_c: the pressure of a granular gas, from kinetic theory.
+"""Pressure of a granular gas from kinetic theory, which the law neglects below rho_c.
 
-Appendix A of Dunatunga & Kamrin 2015, after Jenkins & Berzi (2012) and da Cruz et al. (2005). The
-disconnected state bears no stress; these estimates, taken at a packing fraction close to
-``Phi_c = rho_c/rho_s``, say how large the neglected stress is.
+The formulas are those of appendix A of Dunatunga & Kamrin 2015, after Jenkins & Berzi (2012) and da
+Cruz et al. (2005). The disconnected state is stress-free; these estimates, taken at a packing
+fraction close to ``Phi_c = rho_c/rho_s``, tell how large the neglected stress is.
 
-Two things in the printed text do not agree with its own equation of state (2.7),
-``p = K (1 - rho_c/rho)``, and are made consistent here: the elastic volume (A24) must read
-``v_e/m = -p/(rho_c K)``, hence ``p = -Phi_c K/Phi_e`` in place of ``-K Phi_e`` in (A12); and tr D
-in (A16)-(A23) is the rate of *compression*. The theory diverges at Phi = .6, below
-Phi_c = .612 of table 1: (A10) and (A23) cannot be evaluated at that Phi_c, unless
-the packing fraction is shifted by the delta that the text allows in (A11).
+The printed text disagrees with its own equation of state (2.7), ``p = K (1 - rho_c/rho)``, in two
+places, which are made consistent here. The elastic volume (A24) must read ``v_e/m = -p/(rho_c K)``,
+hence ``p = -Phi_c K/Phi_e`` in place of ``-K Phi_e`` in (A12). And tr D in (A16)-(A23) is the rate
+of *compression*. The theory diverges at Phi = 0.6, below Phi_c = 0.612 of table 1: (A10) and (A23)
+cannot be evaluated at that Phi_c, unless the packing fraction is shifted by the delta that the text
+allows in (A11).
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ Array = NDArray[np.float64]
 
 #: Packing fraction at which the kinetic pressure diverges.
 JAMMED = 0.6
-_DENSE = 0.49  # from here on the radial function is that of a dense gas
+_DENSE = 0.49  # from this packing fraction on, the radial function is that of a dense gas
 
 
 class GrainMaterial(Protocol):
-    """What the estimates need to know of a material."""
+    """Attributes of a material that the estimates need."""
 
     rho_s: float
     rho_c: float
@@ -40,13 +40,15 @@ class GrainMaterial(Protocol):
 
 
 def radial_function(packing_fraction: ArrayLike) -> Array:
-    """G of the equation of state (A5): ``Phi (1 - Phi/2)/(1 - Phi)^3`` below Phi = .49,
-    ``.63 Phi/(.6 - Phi)`` from there on.
+    """Radial function G of the equation of state (A5).
+
+    It is ``Phi (1 - Phi/2)/(1 - Phi)^3`` below Phi = 0.49, and ``0.63 Phi/(0.6 - Phi)`` from there
+    on.
 
     Raises
     ------
     ValueError
-        Outside 0 <= Phi < .6.
+        If Phi is outside 0 <= Phi < 0.6.
     """
     phi = np.asarray(packing_fraction, dtype=float)
     if not (np.all(phi >= 0) and np.all(phi < JAMMED)):
@@ -63,7 +65,7 @@ def gas_pressure(
 ) -> Array:
     """Pressure [Pa] of the gas (A5), ``p = 4 rho G F T = rho (4 lambda G + 1) T``.
 
-    ``lambda = (1 + restitution)/2``, ``F = lambda + 1/(4 G)``.
+    Here ``lambda = (1 + restitution)/2`` and ``F = lambda + 1/(4 G)``.
 
     Parameters
     ----------
@@ -82,20 +84,20 @@ def gas_pressure(
 def packing_fraction_of_inertial_number(inertial_number: ArrayLike, restitution: float) -> Array:
     """Phi(I) in steady shear, the root of ``Phi (4 lambda G(Phi) + 1) = 9/I``.
 
-    That is (A5) with the shear temperature (A6). With the dense G it is the quadratic (A8), whose
-    root is (A9); where that falls below Phi = .49 the dilute G takes over.
+    This is (A5) with the shear temperature (A6). With the dense G it is the quadratic (A8), whose
+    root is (A9); where that root is below Phi = 0.49 the dilute G is used.
 
     Parameters
     ----------
     inertial_number : array_like
-        I >= 0, any shape.
+        Inertial number I >= 0, any shape.
     restitution : float
         Effective coefficient of restitution, in [0, 1].
 
     Returns
     -------
     ndarray
-        Packing fraction in (0, .6], .6 at I = 0.
+        Packing fraction in (0, 0.6], 0.6 at I = 0.
     """
     number = np.asarray(inertial_number, dtype=float)
     if not (np.all(number >= 0) and np.all(np.isfinite(number))):
@@ -103,14 +105,14 @@ def packing_fraction_of_inertial_number(inertial_number: ArrayLike, restitution:
     lam = _lambda(restitution)
     half = (number / 9 + 1 / JAMMED) / 2
     phi = np.asarray(1 / (half + np.sqrt(half**2 + number / (9 * JAMMED) * (2.52 * lam - 1))))
-    loose = phi < _DENSE
-    if np.any(loose):
-        phi[loose] = _dilute_packing_fraction(9 / number[loose], lam)
+    dilute = phi < _DENSE
+    if np.any(dilute):
+        phi[dilute] = _dilute_packing_fraction(9 / number[dilute], lam)
     return phi
 
 
 def _dilute_packing_fraction(target: Array, lam: float) -> Array:
-    """Root of Phi (4 lam G + 1) = target below .49, by bisection (the left side increases)."""
+    """Root of Phi (4 lam G + 1) = target below 0.49, by bisection (the left side increases)."""
     low, high = np.zeros_like(target), np.full_like(target, _DENSE)
     for _ in range(60):
         middle = (low + high) / 2
@@ -135,17 +137,17 @@ def shear_pressure(
 ) -> Array:
     """Pressure [Pa] of steady shear at a given packing fraction (A10).
 
-    ``rho_s Phi^2 (4 lambda G + 1)^2 (shear_rate d)^2/81``: (A5) and (A6) with
-    ``I = shear_rate d sqrt(rho_s/p)`` solved for p; 4 lambda G is the printed
-    ``2.52 lambda Phi/(.6 - Phi)`` from Phi = .49 on. The inverse of
+    It is ``rho_s Phi^2 (4 lambda G + 1)^2 (shear_rate d)^2/81``: (A5) and (A6) with
+    ``I = shear_rate d sqrt(rho_s/p)`` solved for p. From Phi = 0.49 on, 4 lambda G is the printed
+    ``2.52 lambda Phi/(0.6 - Phi)``. The function is the inverse of
     `packing_fraction_of_inertial_number`.
 
     Parameters
     ----------
     packing_fraction : array_like
-        Phi in [0, .6).
+        Phi in [0, 0.6).
     shear_rate : array_like
-        [1/s].
+        Shear rate [1/s].
     diameter : float
         Grain diameter [m].
     restitution : float
@@ -169,9 +171,9 @@ def temperature_coefficients(
     Parameters
     ----------
     packing_fraction : float
-        Phi in (0, .6).
+        Phi in (0, 0.6).
     compression_rate : float
-        -tr D [1/s]: positive heats the gas (the text's tr D has the opposite sign).
+        -tr D [1/s]; a positive value heats the gas (the tr D of the text has the opposite sign).
     """
     positive("packing_fraction", packing_fraction)
     g = float(radial_function(packing_fraction))
@@ -191,13 +193,13 @@ def granular_temperature(
 ) -> Array:
     """Solution T(t) [m2/s2] of ``dT/dt = A T - B T^1.5`` at constant A and B (A21).
 
-    sqrt(T) is logistic: ``u0/(exp(-At/2) + u0 B (1 - exp(-At/2))/A)`` with ``u0 = sqrt(T0)``. It is
-    (A21) with its constant fixed by T0, and holds for expansion (A < 0) and A = 0 as well.
+    sqrt(T) is logistic: ``u0/(exp(-At/2) + u0 B (1 - exp(-At/2))/A)`` with ``u0 = sqrt(T0)``. This
+    is (A21) with its constant determined by T0; it holds for expansion (A < 0) and A = 0 as well.
 
     Parameters
     ----------
     times : array_like
-        Seconds >= 0.
+        Times [s], >= 0.
     temperature0 : float
         T at t = 0 [m2/s2], >= 0; zero stays zero.
     packing_fraction, compression_rate, diameter, restitution
@@ -222,14 +224,15 @@ def compression_temperature(
 ) -> Array:
     """Upper bound T_c [m2/s2] of the temperature under steady compression (A22).
 
-    ``A^2/B^2 = pi/(144 (1 - lambda)^2) (1 + 1/(4 lambda G))^2 (compression_rate d)^2``, the fixed
-    point of (A17). Under expansion the gas cools and the bound is 0. Elastic grains
-    (restitution 1) have none.
+    It is the fixed point of (A17),
+    ``A^2/B^2 = pi/(144 (1 - lambda)^2) (1 + 1/(4 lambda G))^2 (compression_rate d)^2``. Under
+    expansion the gas cools and the bound is 0. For elastic grains (restitution 1) there is no
+    bound.
 
     Parameters
     ----------
     packing_fraction : array_like
-        Phi in (0, .6).
+        Phi in (0, 0.6).
     compression_rate : array_like
         -tr D [1/s].
     diameter : float
@@ -265,8 +268,17 @@ def compression_pressure(
 
 @dataclass(frozen=True)
 class CoupledShear:
-    """Elastic and flowing volume in series: pressure [Pa], ``packing_fraction_flow`` Phi_f and
-    ``inverse_elastic`` = 1/Phi_e <= 0 (it is zero at p = 0, where Phi_e itself is infinite)."""
+    """Shear of elastic grains, with the elastic and the flowing volume in series.
+
+    Attributes
+    ----------
+    p : float
+        Pressure [Pa].
+    packing_fraction_flow : float
+        Phi_f.
+    inverse_elastic : float
+        1/Phi_e <= 0; it is zero at p = 0, where Phi_e itself is infinite.
+    """
 
     p: float
     packing_fraction_flow: float
@@ -284,22 +296,22 @@ def coupled_shear(
 ) -> CoupledShear:
     """Pressure of sheared *elastic* grains at a given packing fraction (A11, A12).
 
-    ``1/(Phi + offset) = 1/Phi_e + 1/Phi_f`` with ``p = -Phi_c K/Phi_e`` (made consistent with
-    eq. 2.7) and p the shear pressure (A10) at Phi_f. Solved for p, which is unique: Phi_f
-    increases with p and the elastic volume decreases.
+    The equation ``1/(Phi + offset) = 1/Phi_e + 1/Phi_f`` is solved for p, where
+    ``p = -Phi_c K/Phi_e`` (made consistent with eq. 2.7) and p is also the shear pressure (A10) at
+    Phi_f. The solution is unique: Phi_f increases with p and the elastic volume decreases.
 
     Parameters
     ----------
     packing_fraction : float
-        Phi > 0; it may exceed .6.
+        Phi > 0; it may exceed 0.6.
     shear_rate : float
-        [1/s], >= 0.
+        Shear rate [1/s], >= 0.
     diameter, restitution
         As in `shear_pressure`.
     material
         Object with ``rho_s``, ``rho_c``, ``K``.
     offset : float
-        The text's delta. ``.6 - Phi_c`` lets the flowing volume jam at Phi_c.
+        The delta of the text. With ``0.6 - Phi_c`` the flowing volume jams at Phi_c.
     """
     inverse = 1 / positive("packing_fraction + offset", packing_fraction + offset)
     speed = non_negative("shear_rate", shear_rate) * positive("diameter", diameter)
@@ -318,7 +330,8 @@ def coupled_shear(
     if speed == 0:
         p = max(stiffness * (1 / JAMMED - inverse), 0.0)
     else:
-        # Below the first bound the flow alone is too loose, above the second the grains too small.
+        # Below the first bound Phi_f alone is too small; above the second the grains are compressed
+        # too much.
         low = math.log(material.rho_s * speed**2 * 1e-12)
         while excess(low) < 0:
             low -= 20

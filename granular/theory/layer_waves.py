@@ -1,9 +1,9 @@
-"""Small waves in a layer that flows down an incline: do they grow?
+"""Growth or decay of small waves in a layer that flows down an incline.
 
-The linearised equations of the elastic-plastic mu(I) material about the steady flow (Dunatunga &
-Kamrin 2015, eqs 2.8-2.15 with eq. 4.6), in the plane, with a free surface and a rough base. Barker
-et al. 2015 ask the same of the incompressible law, locally, where the shortest waves decide; here a
-wave has the length it has, and the layer its depth, its walls and its compressibility.
+The equations of the elastic-plastic mu(I) material are linearised about the steady flow (Dunatunga
+& Kamrin 2015, eqs 2.8-2.15 with eq. 4.6), in 2D, with a free surface and a rough base. Barker et
+al. 2015 analyse the incompressible law locally, where the shortest waves decide. Here waves have a
+finite length, and the layer has a depth, boundaries and a compressibility.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ Array = NDArray[np.float64]
 
 _XX, _YY, _XY = 0, 1, 3
 _STEP = 1e-6
-"""Relative step of the differences that linearise the law."""
+"""Relative step of the finite differences that linearise the law."""
 
 
 class LayerMaterial(InertialElasticMaterial, InertialMaterial, Protocol):
-    """What waves in a layer need to know of a material."""
+    """Attributes of a material that waves in a layer need."""
 
     wave_speed: float
 
 
 @dataclass(frozen=True)
 class LayerWaves:
-    """Waves exp(i k x + s t) of one length in a layer, the slowest to decay first.
+    """Waves exp(i k x + s t) of one length in a layer, in order of decreasing growth rate.
 
     Attributes
     ----------
     growth : ndarray
-        Real parts of s [1/s].
+        Growth rates, the real parts of s [1/s].
     frequency : ndarray
-        How often a wave passes a fixed place [Hz], negative where it moves up the slope.
+        Frequency at a fixed position [Hz], negative if the wave moves up the slope.
     """
 
     growth: Array
@@ -58,11 +58,11 @@ def layer_waves(
     gravity: float = 9.8,
     cells: int = 60,
 ) -> LayerWaves:
-    """Growth of waves along the slope in a steady flow that has one.
+    """Growth of waves along the slope in a steady flow.
 
-    Velocities stand at the faces of `cells` equal pieces of the depth, stresses in their middle:
-    without damping of its own, and of first order, at the surface. Waves shorter than some twelve
-    pieces are not resolved, and may grow where those of the equations do not.
+    Velocities are given at the faces of `cells` equal cells over the depth, stresses in the middle
+    of the cells. This scheme has no numerical damping, and is of first order at the surface. Waves
+    shorter than about twelve cells are not resolved, and may grow where the exact ones do not.
 
     Parameters
     ----------
@@ -76,17 +76,17 @@ def layer_waves(
     gravity : float
         Magnitude of gravity [m/s2].
     cells : int
-        Pieces of the depth, at least 4.
+        Number of cells over the depth, at least 4.
 
     Returns
     -------
     LayerWaves
-        All 6 `cells` + 1 of them.
+        All 6 `cells` + 1 waves.
 
     Raises
     ------
     ValueError
-        Without a steady flow, and for lengths that are not positive.
+        If there is no steady flow, or a length is not positive.
     """
     height, wavelength = positive("height", height), positive("wavelength", wavelength)
     cells, slope = integer("cells", cells, 4, 1000), math.tan(math.radians(angle_deg))
@@ -103,7 +103,8 @@ def layer_waves(
 def _steady(p: float, slope: float, material: LayerMaterial) -> tuple[Array, float]:
     """Stress [Pa] and shear rate [1/s] of the steady flow under the normal stress `p`.
 
-    The Jaumann rate makes small differences of normal stresses, so that sigma_yy alone is given.
+    The Jaumann rate causes small differences between the normal stresses, so that only sigma_yy is
+    known in advance.
     """
     plain = material.xi * math.sqrt(p) * (slope - material.mu_s) / (material.mu_2 - slope)
 
@@ -119,7 +120,7 @@ def _steady(p: float, slope: float, material: LayerMaterial) -> tuple[Array, flo
 
 
 def _linear(stress: Array, shear: float, p: float, material: LayerMaterial) -> tuple[Array, Array]:
-    """Derivatives of the rate of stress by stress, (4, 4), and by velocity gradient, (4, 2, 2)."""
+    """Derivatives of the stress rate by stress, (4, 4), and by velocity gradient, (4, 2, 2)."""
     L = np.array([[0.0, shear], [0.0, 0.0]])
     by_stress, by_gradient = np.empty((4, 4)), np.empty((4, 2, 2))
     for c in range(4):
@@ -139,8 +140,11 @@ def _linear(stress: Array, shear: float, p: float, material: LayerMaterial) -> t
 def _system(
     slope: float, g: float, height: float, material: LayerMaterial, k: float, n: int
 ) -> NDArray[np.complex128]:
-    """The matrix of d/dt of (u, v) at the faces, stresses / (rho c_w) in the middle, and the lift
-    of the surface, in this order."""
+    """Matrix of the linear system of time derivatives.
+
+    The unknowns are, in this order, (u, v) at the faces, stresses / (rho c_w) in the middle of the
+    cells, and the elevation of the surface.
+    """
     dy, rho = height / n, material.rho_c
     impedance = rho * material.wave_speed
     depth = height - (np.arange(n) + 0.5) * dy
@@ -173,7 +177,7 @@ def _system(
                     part = 0.5j * k * by_gradient[a, i, 0] + sign / dy * by_gradient[a, i, 1]
                     A[row, w[face]] += part / impedance
                 A[row, v[face]] -= lapse[j, a] / 2 / impedance
-    # The surface is free where it has been lifted to: sigma n = 0 there.
+    # The boundary condition sigma n = 0 holds at the displaced surface.
     A[u[-1], lift] += 2 / dy * g * slope
     A[v[-1], lift] -= 2 / dy * g
     A[lift, lift] -= 1j * k * v_face[-1]

@@ -1,4 +1,4 @@
-"""Run-out laws of collapsing columns: how far the toe goes against the aspect ratio.
+"""Run-out laws of collapsing columns: run-out as a function of the aspect ratio.
 
 Run-out is (final half-width - initial half-width)/initial half-width, aspect ratio is initial
 height/initial half-width (Dunatunga & Kamrin 2015, section 4.1 and table 3).
@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 class Piece:
     """Run-out ``coefficient * a**exponent`` for ``lower <= a < upper``.
 
-    The errors are those the source states (0: none stated). A coefficient of nan means that
-    the source gives the exponent alone.
+    The errors are those stated by the source (0 if none is stated). A coefficient of nan means that
+    the source gives the exponent only.
     """
 
     lower: float
@@ -38,7 +38,7 @@ class RunoutLaw:
     Attributes
     ----------
     source, method : str
-        Where it is from and how it was found.
+        Publication, and the method by which the law was found.
     pieces : tuple of Piece
         Power laws in the order of the aspect ratio.
     """
@@ -48,7 +48,7 @@ class RunoutLaw:
     pieces: tuple[Piece, ...]
 
     def __call__(self, aspect: ArrayLike) -> NDArray[np.float64]:
-        """Run-out at aspect ratios of any shape; nan where the source says nothing.
+        """Run-out at aspect ratios, an array of any shape; nan where the source gives no law.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class RunoutLaw:
 
 
 def _two(source: str, method: str, ends: tuple[float, float], low: tuple, high: tuple) -> RunoutLaw:
-    """Two power laws, below ends[0] and from ends[1]; low, high = coefficient, exponent, errors."""
+    """Two power laws, below ends[0] and from ends[1]; low, high: coefficient, exponent, errors."""
     names = ("coefficient", "exponent", "coefficient_error", "exponent_error")
     pieces = (
         Piece(lower=0.0, upper=ends[0], **dict(zip(names, low, strict=False))),

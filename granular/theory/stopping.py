@@ -1,12 +1,13 @@
 """Layers too thin to flow: the threshold of the nonlocal law on a rough incline.
 
-On a slope, mu = tan t all over the depth z, and a small fluidity g follows (Dunatunga & Kamrin,
-"Modeling silo clogging with nonlocal granular rheology", eq. 2.1, without its square of g)
+On a slope of angle t, mu = tan t at every depth z, and a small fluidity g obeys (Dunatunga &
+Kamrin, "Modeling silo clogging with nonlocal granular rheology", eq. 2.1, without the term in g^2)
 
     t0 dg/dt = A^2 d^2 d2g/dz2 + lambda g,    lambda = dmu (tan t - mu_s)/(mu_2 - tan t),
 
-dmu = mu_2 - mu_s, with dg/dz = 0 at the free surface and g = 0 at the rough base. Its slowest mode
-is cos(pi z/2H), which grows at the rate (lambda - (pi A d/2H)^2)/t0: only where H > H_stop.
+with dmu = mu_2 - mu_s, dg/dz = 0 at the free surface and g = 0 at the rough base. The slowest mode
+is cos(pi z/2H). It grows at the rate (lambda - (pi A d/2H)^2)/t0, which is positive only if
+H > H_stop.
 """
 
 from __future__ import annotations
@@ -45,13 +46,13 @@ def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2:
     Returns
     -------
     ndarray
-        H_stop [m], the shape of `angle_deg`: infinite up to the angle atan(mu_s), where nothing
-        flows, and 0 from atan(mu_2) on, where everything does.
+        H_stop [m], of the shape of `angle_deg`. It is infinite up to the angle atan(mu_s), where no
+        layer flows, and 0 from atan(mu_2) on, where every layer flows.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range.
+        If an argument is out of range.
     """
     angle_deg = np.asarray(angle_deg, dtype=float)
     if not np.all((angle_deg >= 0) & (angle_deg < 90)):
@@ -63,7 +64,7 @@ def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2:
 
 
 def stopping_angle(height: ArrayLike, A: float, d: float, mu_s: float, mu_2: float) -> Array:
-    """Angle at and below which a layer on a rough incline does not flow: eq. 3.1 for the angle.
+    """Angle at and below which a layer on a rough incline does not flow (eq. 3.1 inverted).
 
     ``tan t = mu_s + k/(1 + k/(mu_2 - mu_s))`` with ``k = (pi A d/2H)^2``.
 
@@ -77,12 +78,12 @@ def stopping_angle(height: ArrayLike, A: float, d: float, mu_s: float, mu_2: flo
     Returns
     -------
     ndarray
-        The angle [degrees], the shape of `height`.
+        Angle [degrees], of the shape of `height`.
 
     Raises
     ------
     TypeError, ValueError
-        For arguments out of range.
+        If an argument is out of range.
     """
     height = np.asarray(height, dtype=float)
     if not np.all(height > 0):
@@ -95,10 +96,10 @@ def stopping_angle(height: ArrayLike, A: float, d: float, mu_s: float, mu_2: flo
 
 
 def stopping_shape(y: ArrayLike, height: float) -> Array:
-    """Steady velocity over its value at the surface, just above H_stop: ``1 - cos(pi y/2H)``.
+    """Steady velocity just above H_stop, divided by its value at the surface.
 
-    The slowest mode of the fluidity, integrated from the base. `bagnold_shape` is the other
-    limit, that of thick layers.
+    It is ``1 - cos(pi y/2H)``, the slowest mode of the fluidity integrated from the base.
+    `bagnold_shape` is the other limit, that of thick layers.
 
     Parameters
     ----------
@@ -110,37 +111,39 @@ def stopping_shape(y: ArrayLike, height: float) -> Array:
     Returns
     -------
     ndarray
-        The shape of `y`, from 0 to 1.
+        Values from 0 to 1, of the shape of `y`.
 
     Raises
     ------
     TypeError, ValueError
-        For a `height` that is not positive, and for `y` outside the layer.
+        If `height` is not positive, or `y` is outside the layer.
     """
     return 1 - np.sin(np.pi / 2 * relative_depth(y, height))
 
 
 def fluidity_growth(slope: ArrayLike, mu_s: float, mu_2: float) -> Array:
-    """lambda of the module's text: t0 times the rate at which an even fluidity grows, no unit.
+    """Growth coefficient lambda of the fluidity, as defined in the docstring of this module.
+
+    It is t0 times the rate at which a uniform fluidity grows, and has no unit.
 
     Parameters
     ----------
     slope : array_like
-        mu = tan t, any shape.
+        Friction coefficient mu = tan t, any shape.
     mu_s, mu_2 : float
         As in `stopping_height`.
 
     Returns
     -------
     ndarray
-        The shape of `slope`; negative below mu_s, infinite from mu_2 on.
+        lambda, of the shape of `slope`; negative below mu_s, infinite from mu_2 on.
 
     Raises
     ------
     TypeError, ValueError
         Unless 0 < mu_s < mu_2.
     """
-    # Divided by dmu, so that an infinite mu_2 needs no formula of its own.
+    # Divided by dmu, so that an infinite mu_2 needs no separate formula.
     excess, span = np.asarray(slope, dtype=float) - mu_s, _span(mu_s, mu_2)
     share = 1 - excess / span
     below = share > 0
@@ -148,12 +151,12 @@ def fluidity_growth(slope: ArrayLike, mu_s: float, mu_2: float) -> Array:
 
 
 def _span(mu_s: float, mu_2: float) -> float:
-    """mu_2 - mu_s, both checked."""
+    """Difference mu_2 - mu_s, after a check of both."""
     if positive("mu_2", mu_2, allow_inf=True) <= positive("mu_s", mu_s):
         raise ValueError(f"mu_2 = {mu_2} must exceed mu_s = {mu_s}")
     return mu_2 - mu_s
 
 
 def _reach(A: float, d: float) -> float:
-    """pi A d/2 [m]: H_stop where an even fluidity would grow by e in t0."""
+    """Length ``pi A d/2`` [m], which is H_stop for lambda = 1."""
     return math.pi / 2 * non_negative("A", A) * positive("d", d)

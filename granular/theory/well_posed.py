@@ -1,4 +1,4 @@
-"""Where the mu(I) law is well posed (Barker, Schaeffer, Bohorquez & Gray 2015, J. Fluid Mech. 779).
+"""Well-posedness of the mu(I) law (Barker, Schaeffer, Bohorquez & Gray 2015, J. Fluid Mech. 779).
 
 The law of an incompressible flow, ``s = mu(I) p A`` with A = D/||D||, ``||D|| = sqrt(D:D/2)``, is
 linearised about a flow of uniform shear for waves so short that the base flow does not vary over
@@ -6,14 +6,15 @@ them. With r = d ln mu/d ln I and I ~ ||D||/sqrt(p),
 
     s' = mu (1 - r/2) p' A + (mu p/||D||) (D' + (r - 1) A (A:D')/2).
 
-A wave along the unit vector k moves across it, at the rate (|k|^2 mu p/(2 rho ||D||)) times
-``-(1 + (r - 1) a^2/(1 - q b))`` with a = k.A.t, b = k.A.k, a^2 + b^2 = 1 and q = mu (1 - r/2), once
-the component of the momentum along k has given p'. It grows without bound as the wave gets shorter
-if ``r - q b + (1 - r) b^2 < 0`` for some direction, that is for a positive
+A wave along the unit vector k has velocities along the normal t of k, because the flow is
+incompressible. The momentum balance along k determines p'. The wave then grows at the rate
+(|k|^2 mu p/(2 rho ||D||)) times ``-(1 + (r - 1) a^2/(1 - q b))`` with a = k.A.t, b = k.A.k,
+a^2 + b^2 = 1 and q = mu (1 - r/2). This rate grows without bound as the wave gets shorter if
+``r - q b + (1 - r) b^2 < 0`` for some direction, that is for a positive
 
     C = q^2 - 4 r (1 - r) = 4 r^2 - 4 r + mu^2 (1 - r/2)^2.
 
-The material enters by mu_s and mu_2 alone, and the flow by I/I0.
+The material enters only by mu_s and mu_2, and the flow only by I/I0.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from granular.materials import MuI
 Array = NDArray[np.float64]
 
 _SEARCHED = np.logspace(-6, 6, 481)
-"""Values of I/I0 between which the ends of the range are looked for."""
+"""Values of I/I0 between which the ends of the range are searched for."""
 
 
 @overload
@@ -39,7 +40,7 @@ def ill_posedness(scaled: float, material: MuI) -> float: ...
 @overload
 def ill_posedness(scaled: Array, material: MuI) -> Array: ...
 def ill_posedness(scaled: float | Array, material: MuI) -> float | Array:
-    """The discriminant C of Barker et al. 2015: the law is ill posed where it is positive.
+    """Discriminant C of Barker et al. 2015: the law is ill posed where it is positive.
 
     Parameters
     ----------
@@ -50,7 +51,7 @@ def ill_posedness(scaled: float | Array, material: MuI) -> float | Array:
     Returns
     -------
     float or ndarray
-        Without unit.
+        C, without unit.
     """
     x, gain = scaled, material.mu_2 - material.mu_s
     mu = material.mu_s + gain * x / (1 + x)
@@ -59,12 +60,12 @@ def ill_posedness(scaled: float | Array, material: MuI) -> float | Array:
 
 
 def well_posed_range(material: MuI) -> tuple[float, float] | None:
-    """Between which I/I0 the law is well posed.
+    """Range of I/I0 in which the law is well posed.
 
     Returns
     -------
     tuple of float, or None
-        None where no inertial number is: mu_2 too close to mu_s.
+        Ends of the range; None if there is none, because mu_2 is too close to mu_s.
     """
     sign = ill_posedness(_SEARCHED, material)
     inside = np.flatnonzero(sign < 0)
@@ -79,12 +80,14 @@ def well_posed_range(material: MuI) -> tuple[float, float] | None:
 
 
 def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
-    """Between which slopes [deg] steady flow down a rough incline is well posed: tan = mu(I).
+    """Range of slopes [degrees] in which steady flow down a rough incline is well posed.
+
+    The tangent of the slope is mu(I).
 
     Returns
     -------
     tuple of float, or None
-        As `well_posed_range`.
+        Ends of the range; None as in `well_posed_range`.
     """
     ends = well_posed_range(material)
     if ends is None:
@@ -100,12 +103,12 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     Returns
     -------
     float
-        0 up to mu_s, infinite from mu_2 on.
+        I/I0; 0 if the tangent of the slope is at most mu_s, infinite if it is at least mu_2.
 
     Raises
     ------
     TypeError, ValueError
-        For an angle that is not in [0, 90).
+        If the angle is not in [0, 90).
     """
     slope = math.tan(math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)))
     if slope >= material.mu_2:
