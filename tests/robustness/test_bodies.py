@@ -142,7 +142,7 @@ def test_bodies_that_begin_within_one_another_are_refused(dim, turn):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_bodies_in_the_midst_of_a_fill_are_doubted(dim):
+def test_bodies_in_the_midst_of_a_fill_are_warned_of(dim):
     scene = scene_of(dim)
     cell, up = scene.grid.cell, (0.2,) * (dim - 2)
 

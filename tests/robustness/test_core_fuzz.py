@@ -93,7 +93,7 @@ def test_node_positions_refuses_wrong_axes(lines, basis, n, periodic):
 
 
 @pytest.mark.parametrize("how", WAYS)
-def test_node_positions_refuses_wrong_creases(how):
+def test_node_positions_refuses_wrong_c0_lines(how):
     lines = spoiled(np.array([2, 4, 6], dtype=np.int32), how)
     if how in ("int32", "read-only", "empty", "short", "flat"):
         assert len(_core.node_positions(2, 9, False, np.ascontiguousarray(lines)))

@@ -82,21 +82,21 @@ child.wait()
 @pytest.mark.parametrize("sent, stubborn", [(signal.SIGTERM, False), (signal.SIGKILL, True)])
 def test_nothing_goes_on_when_the_process_that_asked_is_killed(tmp_path, sent, stubborn):
     """No grandchild, no folder; also if they do not listen to SIGTERM."""
-    note, room = tmp_path / "pids", tmp_path / "room"
-    room.mkdir()
+    note, folder = tmp_path / "pids", tmp_path / "room"
+    folder.mkdir()
     deaf = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)" if stubborn else "pass"
     text = GROUP.format(note=str(note), first=deaf)
-    asking = subprocess.Popen([sys.executable, "-c", KILLED, str(room), text])
+    asking = subprocess.Popen([sys.executable, "-c", KILLED, str(folder), text])
     try:
         assert _soon(note.exists, 60)
         pids = [int(pid) for pid in note.read_text().split()]
         assert all(map(_alive, pids))
-        assert any(room.iterdir())
+        assert any(folder.iterdir())
     finally:
         asking.send_signal(sent)
         asking.wait()
     assert _soon(lambda: not any(map(_alive, pids)), 10)
-    assert _soon(lambda: not any(room.iterdir()), 1)
+    assert _soon(lambda: not any(folder.iterdir()), 1)
 
 
 def _soon(what, seconds):

@@ -27,14 +27,14 @@ def incline(columns=8, **options):
     return gr.scenes.incline(**(settings | options))
 
 
-def test_the_default_scheme_is_sound_in_two_dimensions():
+def test_the_default_scheme_is_ok_in_two_dimensions():
     health = gr.Simulation(incline(), threads=1).run(until=3.0, every=0.1).health()
     assert health.ok, str(health)
     assert health["disconnected"].value < 0.03
     assert health["ill_posed"].value < 0.1
 
 
-def test_the_published_scheme_is_not():
+def test_the_published_scheme_is_not_ok():
     """Its bulk loses contact, and its layer compacts while the densities do not know."""
     scene = incline(scheme=gr.schemes.dunatunga_kamrin_2015.replace(dt=None))
     health = gr.Simulation(scene, threads=1).run(until=4.0, every=0.1).health()

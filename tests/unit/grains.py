@@ -226,7 +226,7 @@ def average_stresses(table, centroids, volume):
     return found
 
 
-def lattice(n, across, spacing, dim, rng):
+def layered_places(n, across, spacing, dim, rng):
     """n places, shaken, in layers of across[0] (x across[1]) at a spacing."""
     places = np.zeros((n, dim))
     rest = np.arange(n)
@@ -243,7 +243,7 @@ def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, free=5000, dam
     across = (int(width / 7.8e-3),) * (dim - 1)
     for k, seed in enumerate(seeds):
         rng = np.random.default_rng(seed)
-        x = lattice(n, across, width / across[0], dim, rng)
+        x = layered_places(n, across, width / across[0], dim, rng)
         x[:, 0] += 10 * width * k
         places.append(x)
         radii.append(rng.uniform(2.5e-3, 4e-3, n))

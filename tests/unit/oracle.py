@@ -8,17 +8,17 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
-from oracle_cell_averaged import flow_of_cells, share
+from oracle_cell_averaged import cell_averages, flow_of_cells
 from oracle_law import components, law, tensor
-from oracle_nonlocal import Path
+from oracle_nonlocal import Substeps
 from oracle_shapes import Shapes, node_volumes
-from oracle_smoothed import average, averages, look_around
+from oracle_smoothed import average, averages, neighbour_corrections
 from oracle_walls import alone_at_wall
 
 from granular.mpm.node_codes import node_codes
 
 
-def scatter(scene, points, step=0, shift_dt=1.0):
+def p2g(scene, points, step=0, shift_dt=1.0):
     """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density,
     and `cells` where they share it."""
     dim = scene.grid.dim
@@ -41,7 +41,7 @@ def scatter(scene, points, step=0, shift_dt=1.0):
         force=s.to_nodes(force),
     )
     if scene.scheme.density == "cell_averaged":
-        share(scene, points, out)
+        cell_averages(scene, points, out)
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
@@ -98,7 +98,7 @@ def grid(scene, points, nodes, dt, time):
     fixed = _at_walls(scene, used, v, after, time)
     keep = keepshare(scene, dt)
     if hasattr(nodes, "uneven"):
-        look_around(scene, nodes, fixed)
+        neighbour_corrections(scene, nodes, fixed)
     nodes.v, nodes.before = after, v
     nodes.w = keep * (after - v) + (1 - keep) * after
     if scene.scheme.transfer == "xpic":
@@ -136,7 +136,7 @@ def _filtered(scene, points, nodes, v, fixed):
     return out
 
 
-def gather(scene, points, nodes, dt, step=0):
+def g2p(scene, points, nodes, dt, step=0):
     """Points after the step (3.8-3.16), as a new mapping."""
     new = _moved(scene, points, nodes, dt, step)
     for sponge in scene.sponge_layers:
@@ -161,8 +161,8 @@ def _moved(scene, points, nodes, dt, step):
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
     if scene.material.law == "ngf":
-        path = Path(scene, points, gradient, dt)
-        points = path.points
+        substeps = Substeps(scene, points, gradient, dt)
+        points = substeps.points
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
@@ -170,13 +170,13 @@ def _moved(scene, points, nodes, dt, step):
     if averages(scene, step):
         average(scene, points, new, nodes, L, dt)
     if "affine" in new and scene.material.law != "elastic":  # these loose points carry none
-        loose = new["log_density"] < -scene.scheme.separation_strain
+        disconnected = new["log_density"] < -scene.scheme.separation_strain
         if scene.scheme.density == "particle":
-            loose &= alone_at_wall(scene, points["x"])
-        new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
+            disconnected &= alone_at_wall(scene, points["x"])
+        new["affine"] = np.where(disconnected[:, None], 0.0, new["affine"])
     material = scene.material
     if material.law == "ngf":
-        made = path.part(new["log_density"])
+        made = substeps.substep(new["log_density"])
         names = {"stress", "shear_rate", "g", "g_gain"} & set(points)
         return new | {name: made[name] for name in names}
     stress, rate = law(

@@ -109,7 +109,7 @@ def diffused(scene, points, dt, bears):
     return np.maximum(balanced - gain, 0.0)
 
 
-class Path:
+class Substeps:
     """A step of velocity gradients L (n, 3, 3) in substeps.
 
     The step turns the stress; its strain and its flow come in parts, each at the pressure of the
@@ -128,9 +128,9 @@ class Path:
         self.points = points
         c = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
         for _ in range(1, self.n):
-            self.part(c)
+            self.substep(c)
 
-    def part(self, log_density):
+    def substep(self, log_density):
         """A part; points after it, with its stress."""
         scene, now = self.scene, self.points
         p = pressure(self.q, self.p_trial, log_density, scene.scheme.density != "particle")

@@ -7,7 +7,7 @@ import numpy as np
 from granular.mpm.node_codes import c0_lines
 
 
-def _hats(x, lines):
+def _linear_shapes(x, lines):
     """Hats of the unit grid at x, and their antiderivatives, shape (n, len(lines))."""
     r = x[:, None] - lines
     inner = np.clip(r, -1.0, 1.0)
@@ -18,7 +18,7 @@ def _hats(x, lines):
 def _linear(x, lines):
     side = np.where(x[:, None] < lines, 1.0, -1.0)
     near = (abs(x[:, None] - lines) < 1) | (x[:, None] == lines - 1)
-    return _hats(x, lines)[0], np.where(near, side, 0.0)
+    return _linear_shapes(x, lines)[0], np.where(near, side, 0.0)
 
 
 def _ugimp(x, lines, half, ends):
@@ -26,7 +26,10 @@ def _ugimp(x, lines, half, ends):
     ends = np.array(sorted({-np.inf, np.inf, *ends}))
     place = np.searchsorted(ends, x, side="right") - 1
     low, high = np.maximum(x - half, ends[place]), np.minimum(x + half, ends[place + 1])
-    (at_low, area_low), (at_high, area_high) = _hats(low, lines), _hats(high, lines)
+    (at_low, area_low), (at_high, area_high) = (
+        _linear_shapes(low, lines),
+        _linear_shapes(high, lines),
+    )
     width = (high - low)[:, None]
     return (area_high - area_low) / width, (at_high - at_low) / width
 
@@ -136,9 +139,9 @@ def node_volumes(scene):
     mesh = np.meshgrid(*one, indexing="ij")
     x = np.stack([m.ravel() for m in mesh], axis=1)
     share = [np.tile(weight / 2, n) for n in grid.shape]
-    room = math.prod(np.meshgrid(*share, indexing="ij")).ravel()
+    volume = math.prod(np.meshgrid(*share, indexing="ij")).ravel()
     for wall in scene.walls:
         if type(wall).__name__ == "Solid":
-            room[np.all((x > wall.lower) & (x < wall.upper), axis=1)] = 0.0
+            volume[np.all((x > wall.lower) & (x < wall.upper), axis=1)] = 0.0
     shapes = Shapes(scene, x)
-    return shapes.to_nodes(shapes.w * room[:, None])
+    return shapes.to_nodes(shapes.w * volume[:, None])

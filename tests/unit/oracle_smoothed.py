@@ -13,7 +13,7 @@ def averages(scene, step):
     return scene.scheme.density == "smoothed" and step % averaging_interval(scene) == 0
 
 
-def look_around(scene, nodes, fixed):
+def neighbour_corrections(scene, nodes, fixed):
     """What nodes take from those next to them: the gap to the fullness, the weight that would fill
     the room, and where unevenness is left: inside, where no wall bears it and no domain ends."""
     counts, periodic = nodes.shapes.counts, scene.grid.periodic
@@ -60,7 +60,7 @@ def average(scene, points, new, nodes, L, dt):
     near = s.w @ nodes.cbar[s.node]
     eta = averaged_part(scene, many * dt, dt * rate, old)
     c = old - dt * trace + np.where(joins, eta, 0.0) * (near - old)
-    fed = pull(scene, many * dt, rate * dt, s.w @ nodes.gap[s.node])
+    fed = relaxation(scene, many * dt, rate * dt, s.w @ nodes.gap[s.node])
     c = np.where(c >= 0, c + fed, c)
     slope = np.einsum("k,pkj->pj", np.maximum(nodes.phi[s.node] - 1, 0.0), s.g)
     delta = -q.shifting * (rate * dt)[:, None] * dx**2 * slope
@@ -70,7 +70,7 @@ def average(scene, points, new, nodes, L, dt):
     scale = np.where(length > most, most / np.maximum(length, 1e-300), 1.0)
     delta = delta * scale[:, None]
     delta = held_at_walls(scene, points["x"], delta)
-    lent = np.einsum("pdj,pj->pd", L, delta)
+    borrowed = np.einsum("pdj,pj->pd", L, delta)
     u = points["weight_correction"]
     divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
     u = (
@@ -83,7 +83,7 @@ def average(scene, points, new, nodes, L, dt):
     gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
-    new["v"], new["shift_velocity"] = new["v"] + lent, lent
+    new["v"], new["shift_velocity"] = new["v"] + borrowed, borrowed
 
 
 def averaged_part(scene, dt, strain, c):
@@ -102,7 +102,7 @@ def kinematic_rate(L):
     return np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace)
 
 
-def pull(scene, dt, strain, gap):
+def relaxation(scene, dt, strain, gap):
     """What densities are pulled to the fullness by, in a time and a strain."""
     q, g = scene.scheme, np.linalg.norm(scene.gravity.vectors, axis=1).max()
     most = q.relaxation_limit * g / scene.material.wave_speed * dt

@@ -65,7 +65,7 @@ def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **f
     )  # fmt: skip
 
 
-def lattice(scene, per_axis=2, keep=None):
+def regular_points(scene, per_axis=2, keep=None):
     """Regular points, `per_axis`**dim in every cell of the grid, where keep(x) holds."""
     grid = scene.grid
     axes = [

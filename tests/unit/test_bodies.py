@@ -176,7 +176,7 @@ def test_scripted_motion_is_exact():
     assert sim.bodies[0].angular_velocity == -10.0
 
 
-def test_turning_in_space_about_an_oblique_axis():
+def test_turning_in_3d_about_an_oblique_axis():
     omega = np.array([3.0, -4.0, 12.0])
     motion = Motion(velocity=((0.0, 0.0, 0.0),), angular_velocity=(tuple(omega),))
     shape = Box((0.02, 0.03, 0.04))

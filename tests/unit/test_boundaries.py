@@ -70,7 +70,7 @@ def test_positions_refuse(arguments, error, message):
 # --- c0_lines
 
 
-def test_creases_at_inner_walls_and_ends_of_spans():
+def test_c0_lines_at_inner_walls_and_ends_of_spans():
     grid = Grid((-1.0, 0.0), 0.5, (6, 4))
     walls = [
         Wall(0, -1.0),  # domain walls over their whole length make none
@@ -96,7 +96,7 @@ def test_a_wall_off_the_grid_lines_is_refused():
 # --- node codes
 
 
-def test_rough_floor_and_symmetry_plane():
+def test_no_slip_floor_and_symmetry_plane():
     walls = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
     assert fixed(walls) == [[3, 3, 3, 3], [1, 0, 0, 0], [1, 0, 0, 0]]
     assert fixed(walls, basis="ugimp") == fixed(walls)
@@ -186,12 +186,12 @@ def test_periodic_axis():
         fixed(floor, periodic=(True, False), basis="quadratic")
 
 
-def test_rough_block():
+def test_no_slip_block():
     block = (Solid((1.0, 0.0), (2.0, 1.0), kind="no_slip"),)
     assert fixed(block) == [[0, 3, 3, 0], [0, 3, 3, 0], [0, 0, 0, 0]]
 
 
-def test_frictionless_block_by_faces():
+def test_free_slip_block_by_faces():
     block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
     assert fixed(block, shape=(5, 5)) == [
         [0, 0, 0, 0, 0, 0],
@@ -203,7 +203,7 @@ def test_frictionless_block_by_faces():
     ]
 
 
-def test_frictionless_block_of_quadratic_splines_lets_material_slide_along_its_faces():
+def test_free_slip_block_of_quadratic_splines_lets_material_slide_along_its_faces():
     # nodes at 0, .5, ..., 4.5, 5; inside from 1.5; .5 deep at 1.5 and 3.5, 1.5 deep at 2.5
     block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
     inner = np.array(fixed(block, shape=(5, 5), basis="quadratic"))
@@ -239,14 +239,14 @@ def test_more_rows_than_a_byte_holds_are_refused():
         coded(more, shape=(255, 1))
 
 
-def test_shape_of_codes_in_space_is_z_y_x():
+def test_shape_of_codes_in_3d_is_z_y_x():
     codes, rows = coded((Wall(2, 0.0),), shape=(1, 2, 3))
     assert codes.shape == (4, 3, 2)
     assert (codes[0] == 1).all() and not codes[1:].any() and rows == (WallRow(fixed=7),)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_spans_in_space_follow_the_order_of_the_other_axes(axis):
+def test_spans_in_3d_follow_the_order_of_the_other_axes(axis):
     wall = Wall(axis, 0.0, kind="free_slip", span=((0.0, 1.0), (2.0, 3.0)))
     codes, _ = coded((wall,), shape=(3, 3, 3))
     found = np.argwhere(codes.transpose(2, 1, 0))  # in the order x, y, z

@@ -152,7 +152,7 @@ def test_help_and_version(capsys):
     assert "--orifice" in capsys.readouterr().out
 
 
-def test_doubts_are_one_line_each(tmp_path, capsys):
+def test_scene_warnings_are_one_line_each(tmp_path, capsys):
     """The published scheme in two dimensions: said on stderr, and the run goes on."""
     options = ["--until", "1e-3", "--quiet", "--cell", "0.05", "-o"]
     words = ["run", "column_collapse", "--E", "1e5", *options, str(tmp_path / "a.h5")]

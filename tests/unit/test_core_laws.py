@@ -412,7 +412,7 @@ def test_axes_are_alike(law, dim):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_the_plane_is_space_without_its_third_axis(law):
+def test_2d_is_3d_without_its_third_axis(law):
     rng = np.random.default_rng(8)
     stress, Ldt, c = random_states(rng, 500, 2, law)
     dt = 1e-4

@@ -94,7 +94,7 @@ def test_samples_are_far_apart(scene):
     assert watch.due(22_000, 100)
 
 
-def test_a_run_looks_unless_told_not_to(scene, often):
+def test_a_run_samples_unless_told_not_to(scene, often):
     watched, blind = gr.Simulation(scene, threads=1), gr.Simulation(scene, threads=1)
     watched.run(until=0.1, every=0.02)
     blind.run(until=0.1, every=0.02, monitor=False)
@@ -154,7 +154,7 @@ FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
 # ---- in the record ----
 
 
-def test_looks_are_recorded_and_read(scene, often, tmp_path, capsys):
+def test_samples_are_recorded_and_read(scene, often, tmp_path, capsys):
     sim = gr.Simulation(scene, threads=1)
     sim.run(until=0.1, every=0.02, save=tmp_path / "a.h5")
     with gr.open(tmp_path / "a.h5") as record:
@@ -172,7 +172,7 @@ def test_looks_are_recorded_and_read(scene, often, tmp_path, capsys):
     assert str(seen) in capsys.readouterr().out
 
 
-def test_an_unfinished_record_has_looks(scene, often, tmp_path):
+def test_an_unfinished_record_has_samples(scene, often, tmp_path):
     def stop(sim):
         if sim.time > 0.05:
             raise KeyboardInterrupt
@@ -186,7 +186,7 @@ def test_an_unfinished_record_has_looks(scene, often, tmp_path):
         assert np.isfinite(record.samples["courant"]).sum() == len(record) - 1
 
 
-def test_a_resumed_run_remembers_its_looks(scene, often, tmp_path):
+def test_a_resumed_run_remembers_its_samples(scene, often, tmp_path):
     gr.Simulation(scene, threads=1).run(until=0.1, every=0.02, save=tmp_path / "a.h5")
     resumed = gr.Simulation.resume(tmp_path / "a.h5", threads=1)
     assert len(resumed._monitor.rows) >= 5

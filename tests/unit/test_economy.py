@@ -30,7 +30,7 @@ PUBLISHED = [scene.replace(scheme=gr.schemes.dunatunga_kamrin_2015) for scene in
 
 @pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.1])
 @pytest.mark.parametrize("scene", PAPER + PUBLISHED, ids=lambda s: f"{s.name}-{s.scheme.basis}")
-def test_what_is_advised_stays_within_the_tolerance(scene, tolerance):
+def test_suggestions_stay_within_the_tolerance(scene, tolerance):
     before = scene.to_json()
     suggestion = gr.economy.suggest(scene, tolerance)
     assert [item.topic for item in suggestion] == [
@@ -78,7 +78,7 @@ def test_two_per_cent_spare_nine_tenths(scene):
         assert suggestion.saving >= 10
 
 
-def test_a_silo_a_seventh_off_is_not_advised():
+def test_a_silo_a_seventh_off_is_not_suggested():
     """E = 1e5 Pa changes the rate of the published scheme by 14 %."""
     for scheme in (gr.schemes.dunatunga_kamrin_2015, gr.schemes.default):
         scene = gr.scenes.silo(orifice=0.2, scheme=scheme)
@@ -151,11 +151,11 @@ def test_a_fixed_step_of_the_default_scheme_is_kept():
         item = suggestion.about(topic)
         assert not item.changes and math.isnan(item.error)
     # One column does not feel it: linear functions in an adaptive step serve as well.
-    cheaper = gr.economy.apply(*_advised(gr.scenes.incline(scheme=fixed), 0.02))
+    cheaper = gr.economy.apply(*_suggested(gr.scenes.incline(scheme=fixed), 0.02))
     assert cheaper.scheme.basis == "linear" and cheaper.scheme.dt is None
 
 
-def _advised(scene, tolerance):
+def _suggested(scene, tolerance):
     return scene, gr.economy.suggest(scene, tolerance)
 
 
@@ -338,7 +338,7 @@ def test_pieces_can_be_chosen():
     assert gr.economy.apply(scene, []) == scene
 
 
-def test_advice_for_another_scene_is_refused():
+def test_suggestion_for_another_scene_is_refused():
     suggestion = gr.economy.suggest(gr.scenes.silo(orifice=0.1))
     with pytest.raises(ValueError, match="another scene"):
         gr.economy.apply(gr.scenes.silo(orifice=0.2), suggestion)
@@ -365,7 +365,7 @@ def test_a_name_alone_makes_no_ready_scene():
     assert math.isnan(gr.economy.suggest(bare, 0.02).about("stiffness").error)
 
 
-def test_a_scene_read_again_is_the_same_to_advice():
+def test_a_scene_read_again_has_the_same_suggestion():
     for scene in PAPER:
         again = gr.Scene.from_json(scene.to_json())
         assert str(gr.economy.suggest(again, 0.02)) == str(gr.economy.suggest(scene, 0.02))
@@ -377,12 +377,12 @@ def test_tolerance_is_checked(tolerance):
         gr.economy.suggest(gr.scenes.silo(), tolerance)
 
 
-def test_only_scenes_are_advised():
+def test_only_scenes_have_suggestions():
     with pytest.raises(TypeError, match="Scene"):
         gr.economy.suggest("silo")
 
 
-def test_advice_prints_as_a_table():
+def test_suggestion_prints_as_a_table():
     suggestion = gr.economy.suggest(gr.scenes.silo())
     text = str(suggestion)
     assert (

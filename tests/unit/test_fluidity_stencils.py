@@ -71,7 +71,7 @@ def test_a_box_is_a_part_of_its_mirror_images(shape):
         np.testing.assert_allclose(after, wanted, rtol=0, atol=1e-15)
 
 
-def random_lattice(shape, seed):
+def random_grid(shape, seed):
     """Random walls and dense cells; of some seeds, all cells dense or no walls."""
     rng = np.random.default_rng(seed)
     share = [(0.8, 0.1, 0.1), (1.0, 0.0, 0.0), (0.3, 0.0, 0.7)][seed % 3]
@@ -82,10 +82,10 @@ def random_lattice(shape, seed):
 
 
 @pytest.mark.parametrize("shape", [(6, 7), (1, 5), (2, 2, 3), (3, 4, 5)], ids=str)
-def test_matrix_of_any_lattice(shape):
+def test_matrix_of_any_grid(shape):
     """Symmetric, for the conjugate gradients; an M-matrix; of no eigenvalue beyond the limit."""
     for seed in range(18):
-        dense, faces, periodic = random_lattice(shape, seed)
+        dense, faces, periodic = random_grid(shape, seed)
         L = outflow(dense, faces, periodic)
         np.testing.assert_allclose(L, L.T, rtol=0, atol=1e-9)
         off = L - np.diag(np.diag(L))
@@ -113,7 +113,7 @@ def test_limit_is_that_of_the_shortest_wave(shape, limit):
 def test_methods_and_threads(method, isa):
     """A long step of any method, against the matrix; the bits of any number of threads."""
     for shape, seed in (((5, 6), 3), ((3, 4, 5), 0), ((3, 4, 5), 1)):
-        dense, faces, periodic = random_lattice(shape, seed)
+        dense, faces, periodic = random_grid(shape, seed)
         g = np.random.default_rng(seed).random(shape)
         L = outflow(dense, faces, periodic)
         value, vectors = np.linalg.eigh((L + L.T) / 2)

@@ -104,7 +104,7 @@ def test_parts_refuse(make, error, message):
         make()
 
 
-def test_lattice_of_a_cell_by_hand():
+def test_seeding_lattice_of_a_cell_by_hand():
     points = seed_points(
         Grid((1.0, 2.0), 0.5, (2, 2)), [Fill(Box((1, 2), (1.5, 2.5)), 4)], 0, 1000.0
     )

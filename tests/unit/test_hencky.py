@@ -94,7 +94,7 @@ def test_strain_has_all_digits_however_small():
                 assert (norm(trial(h, L, dim, isa) - exact) / scale).max() <= 2e-15
 
 
-def test_plane_is_space_without_the_third_axis():
+def test_2d_is_3d_without_its_third_axis():
     h, L = random_states(np.random.default_rng(7), 500, 2, 0.2, 0.4)
     for isa in ISAS:
         np.testing.assert_allclose(trial(h, L, 2, isa), trial(h, L, 3, isa), atol=2e-15)
@@ -189,7 +189,7 @@ def test_fluidity_below_the_floor_grows_again():
         assert (s[0, 0, 1] < 599) == grows
 
 
-def test_loose_points_bear_nothing_and_reconnect_by_their_shear_rate():
+def test_disconnected_points_are_stress_free_and_reconnect_by_their_shear_rate():
     L = np.array([[[2.0, 5.0, 0.0], [1.0, -3.0, 0.0], [0.0, 0.0, 0.5]]])
     dt, p = 1e-3, 50.0
     step, D = L * dt, (L[0] + L[0].T) / 2

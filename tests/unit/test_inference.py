@@ -112,7 +112,7 @@ def test_strains_and_stiffness_give_the_stresses():
     assert from_strains.stresses[0] == pytest.approx(stress)
 
 
-def test_frictionless_walls_are_known_zeros():
+def test_free_slip_walls_are_known_zeros():
     """mu_wall: a number for all walls, or one for some by their name."""
     packing = square()
     assert inference.friction_of_contacts(packing, 0.5, 0.0).tolist() == [0, 0, 0, 0]
@@ -161,7 +161,7 @@ def test_a_boundary_force_that_no_lambda_meets_is_flagged():
     assert found.regularization == 0.0
 
 
-def test_without_clarabel_the_plane_is_solved_and_space_says_what_to_install(monkeypatch):
+def test_without_clarabel_2d_is_solved_and_3d_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "clarabel", None)
     case = pressed_discs()[1]
     noise = np.random.default_rng(0).normal(1, 0.3, (case.packing.n, 1, 1))

@@ -120,7 +120,7 @@ def compare_stages(scene, step):
     """Scatter, grid and gather of one step from a disturbed state, all fields."""
     sim = disturbed(scene, step=step)
     before, engine = read(sim), sim._engine
-    expected = oracle.scatter(scene, before, step)
+    expected = oracle.p2g(scene, before, step)
     assert engine.p2g() == 0
     found = engine.nodes()
     number = nodes_by_number(scene, found["x"])
@@ -132,7 +132,7 @@ def compare_stages(scene, step):
     engine.grid()
     found, dt = engine.nodes(), engine.scalars()["dt"]
     if step:  # what was lent goes back in a step of this length
-        expected = oracle.scatter(scene, before, step, dt)
+        expected = oracle.p2g(scene, before, step, dt)
     oracle.grid(scene, before, expected, dt, TIME)
     # velocities of nodes of little mass are quotients of small sums
     heavy = expected.mass[number] > 1e-4 * expected.mass.max()
@@ -144,7 +144,7 @@ def compare_stages(scene, step):
     assert not found["v"][light].any()
 
     engine.g2p()
-    after, expected = read(sim), oracle.gather(scene, before, expected, dt, step)
+    after, expected = read(sim), oracle.g2p(scene, before, expected, dt, step)
     np.testing.assert_array_equal(after["id"], before["id"])
     length = np.array(scene.grid.shape) * scene.grid.cell
     difference = after["x"] - expected["x"]
@@ -162,7 +162,7 @@ def compare_stages(scene, step):
     np.testing.assert_array_equal(after["mass"], before["mass"])
 
 
-def test_the_quick_logarithm_of_the_feedback_is_near_enough():
+def test_the_approximate_logarithm_of_the_relaxation_is_accurate():
     full = np.linspace(np.exp(-0.2), np.exp(0.2), 1001)
     assert abs(2 * (full - 1) / (full + 1) - np.log(full)).max() < 1e-3
 

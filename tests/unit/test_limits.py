@@ -21,11 +21,11 @@ def layer(**options):
 
 
 @pytest.mark.parametrize("name", gr.scenes.names())
-def test_scenes_as_they_are_raise_no_doubts(name):
+def test_scenes_as_they_are_raise_no_warnings(name):
     scene = gr.scenes.registry[name]()
     if name == "clogging_silo":  # as published, and half of its points are stress-free in flow
-        (doubt,) = scene_warnings(scene)
-        assert doubt.startswith('density = "particle"')
+        (warning,) = scene_warnings(scene)
+        assert warning.startswith('density = "particle"')
         scene = scene.replace(scheme=gr.Scheme())
     if name == "excavation":  # only a tracked density keeps the sides of its thin blade apart
         density, blade = scene_warnings(scene)
@@ -41,18 +41,18 @@ def test_scenes_as_they_are_raise_no_doubts(name):
         gr.Simulation(layer(), threads=1)
 
 
-def test_the_published_incline_is_sound():
+def test_the_published_incline_is_ok():
     """One column is one-dimensional: the published numbers hold there, at every slope."""
     for angle in (19.0, 25.0, 34.0):
         scene = gr.scenes.incline(angle_deg=angle, scheme=gr.schemes.dunatunga_kamrin_2015)
         assert scene_warnings(scene) == []
 
 
-def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
+def test_transfers_that_damp_by_the_step_are_warned_of_in_one_column():
     """Where a tracked density is no doubt by itself."""
     for scheme in (gr.Scheme(transfer="apic"), gr.Scheme(basis="linear", transfer="xpic")):
-        (doubt,) = scene_warnings(layer(columns=1, scheme=scheme))
-        assert scheme.transfer in doubt and "damps by the step" in doubt
+        (warning,) = scene_warnings(layer(columns=1, scheme=scheme))
+        assert scheme.transfer in warning and "damps by the step" in warning
     assert scene_warnings(layer(columns=1, scheme=gr.Scheme(basis="linear", transfer="apic"))) == []
 
 
@@ -81,7 +81,7 @@ def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
         ),
     ],
 )
-def test_one_doubtful_setting_is_one_warning(options, names):
+def test_one_suspect_setting_is_one_warning(options, names):
     scene = layer(**options)
     assert len(scene_warnings(scene)) == 1
     with pytest.warns(gr.StabilityWarning, match=names) as caught:
@@ -93,8 +93,8 @@ def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
     scene = gr.scenes.chute_ngf()
     assert scene.grid.cell < scene.material.d and scene_warnings(scene) == []
     local = scene.replace(material=scene.material.replace(A=0.0))
-    (doubt,) = scene_warnings(local)
-    assert "cell = 0.001 is smaller than the grains, d = 0.005" in doubt
+    (warning,) = scene_warnings(local)
+    assert "cell = 0.001 is smaller than the grains, d = 0.005" in warning
 
 
 def test_at_rest_a_slope_is_never_ill_posed():

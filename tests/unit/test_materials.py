@@ -147,7 +147,7 @@ def test_finite_strain_and_friction_that_does_not_saturate():
         materials.MuI(elasticity="soft")
 
 
-def test_kindling_needs_finite_strain():
+def test_reconnect_fluidity_needs_finite_strain():
     scene = scenes.chute_ngf()
     reconnected = scene.scheme.replace(
         fluidity=scene.scheme.fluidity.replace(reconnect_fluidity=True)

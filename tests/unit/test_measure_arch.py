@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import isotropic, lattice, silo, state
+from synthetic import isotropic, regular_points, silo, state
 
 from granular.measure import Opening, arch_outline
 
@@ -17,7 +17,7 @@ def parabola(x, crown=0.1):
 def jammed(outline=parabola, *, half=True, cell=CELL, left=None, axis=0.0, shift=0.0, per_axis=4):
     """Points of 2 kPa above an outline, some that fall below it free of stress, strays dense."""
     s = silo(half=half, cell=cell, rows=round(0.63 / cell), left=left)
-    x = lattice(s, per_axis, lambda x: x[:, 1] < 0.5)
+    x = regular_points(s, per_axis, lambda x: x[:, 1] < 0.5)
     # to the lattice an outline is the lowest point; a shift moves what is cut within a spacing
     gap = outline(x[:, 0] - axis) + shift
     solid = (x[:, 1] - cell / per_axis / 2 >= gap) | (np.abs(x[:, 0] - axis) > WIDTH / 2)

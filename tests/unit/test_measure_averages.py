@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, isotropic, lattice, scene, silo, state
+from synthetic import RHO_C, isotropic, regular_points, scene, silo, state
 
 from granular.measure import (
     LatticeField,
@@ -19,7 +19,7 @@ CELL = 0.0175
 
 
 def filled(s, field, *, top=0.56, jitter=0.0, seed=0, **fields):
-    x = lattice(s, 4, lambda x: x[:, 1] < top)
+    x = regular_points(s, 4, lambda x: x[:, 1] < top)
     x = x + jitter * CELL / 4 * np.random.default_rng(seed).uniform(-0.5, 0.5, x.shape)
     return state(s, x, per_cell=16, **{name: f(x) for name, f in (field | fields).items()})
 
@@ -105,7 +105,7 @@ def test_lithostatic_pressure_on_the_centre_line(half):
 
 def test_an_axis_through_cells_and_points_free_of_stress():
     s = scene((5, 2), 1.0, parameters={"orifice": 1.0})
-    x = lattice(s, 2)
+    x = regular_points(s, 2)
     p = np.where(x[:, 1] > 1, 10.0 * np.floor(x[:, 0]) ** 2, 0.0)
     line = centre_line_pressure(state(s, x, stress=isotropic(p)))
     # the middle of five cells is the middle of the third

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, XI, isotropic, lattice, scene, state
+from synthetic import RHO_C, XI, isotropic, regular_points, scene, state
 
 from granular import theory
 from granular.materials import glass_beads
@@ -14,12 +14,12 @@ CELL = 0.01
 def pool(height=0.1, **fields):
     s = scene((5, 20), CELL)
     s.walls = ()
-    x = lattice(s, 2, lambda x: x[:, -1] < height - 1e-9)
+    x = regular_points(s, 2, lambda x: x[:, -1] < height - 1e-9)
     fields.setdefault("stress", isotropic(np.full(len(x), 100.0)))
     return state(s, x, **fields)
 
 
-def test_points_that_know_their_room_do_not_drift():
+def test_density_that_follows_the_volume_does_not_drift():
     assert density_drift(pool()) == pytest.approx(0, abs=1e-12)
     # twice the mass at twice the density takes the same room
     mass = RHO_C * CELL**2 / 2
@@ -27,10 +27,10 @@ def test_points_that_know_their_room_do_not_drift():
 
 
 @pytest.mark.parametrize("factor", [1.5, 3.0])
-def test_drift_is_tracked_volume_over_room(factor):
+def test_drift_is_point_volume_over_available_volume(factor):
     """A layer that has collapsed to 1/factor of its height, at a density that does not know it."""
-    crowded = pool(mass=factor * RHO_C * CELL**2 / 4)
-    assert density_drift(crowded) == pytest.approx(factor - 1)
+    compressed = pool(mass=factor * RHO_C * CELL**2 / 4)
+    assert density_drift(compressed) == pytest.approx(factor - 1)
 
 
 def test_drift_sees_the_bulk_alone():
@@ -40,7 +40,7 @@ def test_drift_sees_the_bulk_alone():
     assert density_drift(pool(rho=rho), depth_cells=0) > 0.01
 
 
-def test_loose_flight_is_not_a_lost_contact():
+def test_disconnected_flight_is_not_a_lost_contact():
     """At .8 rho_c a body is free of stress rightly, whatever its size; at rho_c it is not."""
     loose = pool(mass=0.8 * RHO_C * CELL**2 / 4, rho=0.8 * RHO_C, stress=np.zeros((800, 4))[:200])
     assert disconnected_fraction(loose) == 1

@@ -34,7 +34,7 @@ def test_lines_are_half_way_between_the_cases_they_part():
     assert np.all(found_verdicts[RATIO > found.flowing_above * A] == "flowing")
 
 
-def test_without_doubt_there_is_one_line():
+def test_without_unsure_cases_there_is_one_line():
     found = flow_threshold(A, RATIO, verdicts(1.9, 1.9))
     assert found.static_below == found.flowing_above
     assert found.static_bracket == found.flowing_bracket

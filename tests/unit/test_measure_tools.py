@@ -14,7 +14,7 @@ from granular.state import State
 CELL = 0.02
 
 
-def scene_in_space(*bodies, elasticity="hencky", **parameters):
+def scene_3d(*bodies, elasticity="hencky", **parameters):
     """A box of 0.4 x 0.2 x 0.3 m of which two thirds are full."""
     return gr.Scene(
         name="box",
@@ -59,7 +59,7 @@ def turned(scene, state, law, span):
 
 
 def test_profile_in_a_cylinder_is_that_of_the_ways():
-    scene = scene_in_space()
+    scene = scene_3d()
     edges = np.linspace(0.02, 0.1, 5)
     frames = [state_of(scene)]
     for _ in range(3):
@@ -77,7 +77,7 @@ def test_profile_in_a_cylinder_is_that_of_the_ways():
 
 def test_profile_of_a_part_and_of_those_who_stay():
     """The upper half turns, the lower half does not; a third of the points leaves."""
-    scene = scene_in_space()
+    scene = scene_3d()
     first = state_of(scene)
     last = turned(scene, first, lambda r: 0.3 + 0 * r, 0.5)
     below = first.x[:, 2] < -0.1
@@ -100,7 +100,7 @@ def test_profile_knows_the_cylinders_of_its_scene():
 
 
 def test_what_a_profile_refuses():
-    scene = scene_in_space()
+    scene = scene_3d()
     state, late = state_of(scene), state_of(scene, time=1.0)
     profile = gr.measure.cylinder_profile
     with pytest.raises(ValueError, match="states has 1 frame, at least 2"):
@@ -125,7 +125,7 @@ def recorded(tmp_path):
     def run(**parameters):
         motion = Motion(velocity=((0.2, 0.0, -0.1),), angular_velocity=((0.0, 1.0, 0.0),))
         box = Body(Box((0.08, 0.08, 0.08)), (0.2, 0.1, -0.02), motion=motion, friction=0.3)
-        sim = gr.Simulation(scene_in_space(box, **parameters), threads=1)
+        sim = gr.Simulation(scene_3d(box, **parameters), threads=1)
         sim.run(until=0.02, save=tmp_path / "tool.h5", every=0.005, overwrite=True)
         return sim, gr.open(tmp_path / "tool.h5")
 
@@ -160,7 +160,7 @@ def test_history_of_a_wheel(recorded):
     assert found.sinkage == pytest.approx(0.1 * found.times)
 
 
-def test_tools_are_in_space(tmp_path):
+def test_tools_are_in_3d(tmp_path):
     scene = gr.scenes.couette(cell=0.02, pressure=100.0)
     gr.Simulation(scene, threads=1).run(until=0.01, save=tmp_path / "flat.h5", every=0.005)
     with gr.open(tmp_path / "flat.h5") as record:
@@ -171,7 +171,7 @@ def test_tools_are_in_space(tmp_path):
 
 def test_failure_surface_of_a_wedge():
     """All above the plane z = x - 0.3 moves at 0.05 m/s, and one cell below, in the dark, too."""
-    scene = scene_in_space()
+    scene = scene_3d()
     points = scene.points().x
     moving = points[:, 2] > points[:, 0] - 0.3
     moving |= (points[:, 0] > 0.36) & (points[:, 2] < -0.18)
@@ -196,7 +196,7 @@ def test_failure_surface_of_a_wedge():
 
 def test_elastic_strain_is_that_of_the_stress():
     """Half of the points with e = diag(-.01, 0, 0), the others without stress."""
-    scene = scene_in_space()
+    scene = scene_3d()
     material = scene.material
     n = scene.n_points
     e = np.array([-0.01, 0.0, 0.0])
@@ -214,12 +214,12 @@ def test_elastic_strain_is_that_of_the_stress():
     assert found.deviation == pytest.approx(0.0, abs=1e-12)
     assert np.isnan(gr.measure.strain_history(state_of(scene)).norm).all()
     with pytest.raises(ValueError, match="elasticity = 'hypoelastic'"):
-        gr.measure.strain_history(state_of(scene_in_space(elasticity="hypoelastic")))
+        gr.measure.strain_history(state_of(scene_3d(elasticity="hypoelastic")))
 
 
 def test_slope_between_parallel_walls():
     """A heap of z = x/2 - 0.2 along x, whatever y."""
-    scene = scene_in_space()
+    scene = scene_3d()
     points = scene.points().x
     keep = points[:, 2] + 0.2 < points[:, 0] / 2
     fields = {name: value[keep].copy() for name, value in state_of(scene).fields.items()}
@@ -232,8 +232,8 @@ def test_slope_between_parallel_walls():
         gr.measure.surface(state, along="y")
 
 
-def test_rings_are_still_the_default_in_space():
-    scene = scene_in_space().replace(
+def test_rings_are_still_the_default_in_3d():
+    scene = scene_3d().replace(
         fills=(Fill(Cylinder((0.2, 0.1, -0.2), 0.1, 0.2), 8),),
     )
     assert len(gr.measure.surface(state_of(scene)).x) != 20

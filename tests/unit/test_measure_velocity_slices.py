@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
-from synthetic import lattice, material, silo, state
+from synthetic import material, regular_points, silo, state
 
 from granular.measure import Opening, VelocitySlices, gaussian_fit, velocity_slices
 
@@ -25,7 +25,7 @@ def frames(v, *, half=True, cell=0.0175, top=0.56, count=2, left=None, noise=0.0
     random = np.random.default_rng(7)
     found = []
     for k in range(count):
-        x = lattice(s, 4, lambda x: x[:, 1] < top)
+        x = regular_points(s, 4, lambda x: x[:, 1] < top)
         x = x + cell / 4 * random.uniform(-0.5, 0.5, x.shape)
         up = v(x[:, 0] - axis, x[:, 1]) + noise * random.standard_normal(len(x))
         found.append(state(s, x, v=np.stack([0 * up, up], axis=1), per_cell=16, time=k))
@@ -57,7 +57,7 @@ def test_the_error_of_a_slice_is_of_second_order():
     errors = []
     for cell in (0.0175, 0.00875):
         s = silo(half=True, cell=cell, rows=round(0.595 / cell))
-        x = lattice(s, 4)
+        x = regular_points(s, 4)
         v = np.stack([0 * x[:, 0], gaussian(*x.T)], axis=1)
         found = velocity_slices(state(s, x, v=v, per_cell=16))
         expected = gaussian(found.x[None, :], found.heights[:, None])

@@ -87,7 +87,7 @@ def test_the_local_phase_is_the_local_law_and_seeds_the_fluidity(method):
     assert not run(silo(seed=0.0, cell=0.07), 1).state.fields["g"].any()
 
 
-def test_what_bears_nothing_has_no_fluidity():
+def test_what_is_stress_free_has_no_fluidity():
     sim = run(silo(seed=1.0), 300)
     state = sim.state
     free = ~state.stress.any(axis=1)
@@ -259,7 +259,7 @@ def walled(*walls, periodic=(False, False)):
     )
 
 
-def test_only_rough_walls_hold_the_fluidity():
+def test_only_no_slip_walls_hold_the_fluidity():
     faces = fluidity_faces(walled(Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"),
                                   Wall(0, 0.4, kind="coulomb", friction=0.3)))  # fmt: skip
     expected = np.full((4, 3, 4), FACE_LINK)

@@ -90,7 +90,7 @@ def test_bad_arguments_are_named(sim, tmp_path, options, error, message):
         gr.plot.view(sim.state, tmp_path / "x.png", bodies=sim.bodies * 2)
 
 
-def test_the_plane_is_refused(tmp_path):
+def test_2d_is_refused(tmp_path):
     pytest.importorskip("pyvista")
     flat = gr.Simulation(gr.scenes.column_collapse(cell=0.05), threads=1)
     with pytest.raises(ValueError, match="source of dimension 2 must have 3"):

@@ -26,7 +26,7 @@ FIELDS = {
 }
 
 
-def in_space():
+def scene_3d():
     """A blade that is pushed, turned and free to sink, in a silo that drains."""
     motion = Motion(
         times=(0.0, 0.1),
@@ -48,7 +48,7 @@ def in_space():
     return scene.replace(bodies=(blade,))
 
 
-def in_the_plane():
+def scene_2d():
     """Everything else that has a length or a time."""
     shapes = (Cylinder(0.05, center=(0.0, 0.1)), Box((0.1, 0.1), rotation_deg=20.0))
     region = Difference(Region((0.0, 0.0), (0.8, 0.4)), Disc((0.4, 0.4), 0.1))
@@ -74,7 +74,7 @@ def in_the_plane():
     )
 
 
-@pytest.mark.parametrize("make", [in_space, in_the_plane])
+@pytest.mark.parametrize("make", [scene_3d, scene_2d])
 def test_the_same_flow_to_the_last_bit(make):
     scene, ratio = make(), Froude(1 / 4)
     dim = scene.dim
@@ -104,7 +104,7 @@ def test_the_same_flow_to_the_last_bit(make):
 
 
 def test_there_and_back():
-    scene = in_the_plane()
+    scene = scene_2d()
     back = Froude(16.0).scene(Froude(1 / 16).scene(scene))
     assert back.parameters["froude_length"] == 1.0
     assert back.replace(parameters=scene.parameters) == scene
@@ -203,4 +203,4 @@ def test_bad_quantities():
         pass
 
     with pytest.raises(TypeError, match="cannot be scaled"):
-        Froude(0.25).scene(in_the_plane().replace(material=Odd()))
+        Froude(0.25).scene(scene_2d().replace(material=Odd()))

@@ -191,7 +191,7 @@ def test_incline():
     assert scene.walls[0].kind == "no_slip"
 
 
-def test_incline_in_space():
+def test_incline_in_3d():
     scene = scenes.incline(columns=4, columns_across=3, height=0.1, cell=0.01, points_per_cell=8)
     assert scene.grid.periodic == (True, True, False) and scene.grid.shape == (4, 3, 18)
     assert mass(scene) == pytest.approx(1500 * 0.1 * 0.04 * 0.03)

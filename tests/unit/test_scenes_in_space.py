@@ -37,7 +37,7 @@ def test_couette_of_the_paper():
     assert scene.walls[0].kind == "free_slip" and len(scene.walls) == 1
 
 
-def test_couette_in_the_plane_is_under_its_pressure():
+def test_couette_in_2d_is_under_its_pressure():
     scene = scenes.couette(cell=0.01, pressure=700.0)
     assert scene.dim == 2 and not scene.walls and not any(scene.gravity.at(1.0))
     sim = gr.Simulation(scene, threads=1)

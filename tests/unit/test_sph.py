@@ -121,7 +121,7 @@ def places(simulation):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_lattice_has_its_density(dim):
+def test_seeding_lattice_has_its_density(dim):
     """The weights of a lattice sum to one, so that its density is rho0 to round-off."""
     scene = sph.Scene(
         name="lattice",
@@ -273,7 +273,7 @@ def test_time_step_is_that_of_its_limits():
     assert dt > 0
 
 
-def test_grains_that_leave_are_dropped():
+def test_particles_that_leave_are_dropped():
     scene = small_scene(2, walls=False, jitter=0.0)
     simulation = sph.Simulation(scene)
     simulation.run(0.2)

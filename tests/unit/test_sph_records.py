@@ -216,7 +216,7 @@ def test_gate_moves_on_time_and_goes():
     assert simulation.state.x[:, 0].max() > 6 * DX and simulation.counts["dropped"] == 0
 
 
-def test_grains_that_are_too_fast_for_the_step_are_stopped_by_walls():
+def test_particles_that_are_too_fast_for_the_step_are_stopped_by_walls():
     """With next to no pressure only the walls themselves are left, and they say so."""
     floor, side = sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1)
     scene = sph.Scene(
@@ -239,7 +239,7 @@ def test_grains_that_are_too_fast_for_the_step_are_stopped_by_walls():
     assert again.counts["stopped"] == simulation.counts["stopped"]
 
 
-def test_the_step_follows_the_fastest_grain():
+def test_the_step_follows_the_fastest_particle():
     """No grain moves more than h/4 in a step, even where it is faster than sound."""
     scene = gated(walls=())
     fast = dataclasses.replace(scene.fills[0], velocity=(30.0, 0.0))

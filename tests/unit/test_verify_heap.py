@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import isotropic, lattice, scene, state
+from synthetic import isotropic, regular_points, scene, state
 
 from granular.verify.hourglass import STEEPEST, creep_slope
 
@@ -16,7 +16,7 @@ TURN = np.array([[np.cos(THETA), -np.sin(THETA)], [np.sin(THETA), np.cos(THETA)]
 def creeping(compression, *, rate=SHEAR):
     """A triangle whose points move with D_xx = -D_yy = -compression, dv_x/dy = SHEAR."""
     s = scene((100, 40), CELL, parameters={"drop": 0.5, "orifice_radius": 0.02})
-    x = lattice(s, 2, lambda x: x[:, 1] < HEIGHT * (1 - x[:, 0] / FOOT))
+    x = regular_points(s, 2, lambda x: x[:, 1] < HEIGHT * (1 - x[:, 0] / FOOT))
     L = np.array([[-compression, SHEAR], [0.0, compression]])
     v = (x @ TURN.T) @ L.T @ TURN
     return state(s, x, v=v, shear_rate=rate, stress=isotropic(np.full(len(x), PRESSURE)))

@@ -95,7 +95,7 @@ def tail(r, omega):
 PLANE = {"outer": 0.15, "height": 0.08, "cell": 0.004, "pressure": 5e3, "omega": 1.0}
 
 
-def test_flow_between_cylinders_in_the_plane():
+def test_flow_between_cylinders_in_2d():
     """Grains and cells of 4 mm, as in the paper: within 3 % of the wall's speed, with the tail."""
     material = beads(d=0.004)
     profile, torque = turning(0.4, material, **PLANE)
@@ -112,7 +112,7 @@ def test_flow_between_cylinders_in_the_plane():
 
 
 @pytest.mark.slow
-def test_rough_cylinders_hold_the_fluidity():
+def test_no_slip_cylinders_hold_the_fluidity():
     """As drawn: the material that an overlap holds is where the fluidity should be 0."""
     material = beads(d=0.004)
     profile, _ = turning(0.4, material, rough=True, overlap=0.0, **PLANE)

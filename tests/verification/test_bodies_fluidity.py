@@ -52,7 +52,7 @@ def flow(scene):
 
 @pytest.mark.parametrize("stencil", ["faces", "isotropic"])
 @pytest.mark.parametrize(("dim", "elasticity"), [(2, "hypoelastic"), (3, "hencky")])
-def test_a_rough_body_is_a_rough_wall(dim, elasticity, stencil):
+def test_a_no_slip_body_is_a_no_slip_wall(dim, elasticity, stencil):
     """All that moves over the nodes and faces that both hold; a smooth body is another thing."""
     up = (0.0,) * (dim - 1) + (1.0,)
     ground = HalfSpace(up, (0.0,) * (dim - 1) + (1e-9,))

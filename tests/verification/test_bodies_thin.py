@@ -230,10 +230,10 @@ def small_mesh(edge):
         (3.0, {"transfer": "tpic", "density": "smoothed"}, None),
     ],
 )
-def test_plates_of_two_to_three_cells(cells, changes, told):
+def test_thin_bodies_of_two_to_three_cells(cells, changes, told):
     """Nodes of splines see both faces of a plate below three cells."""
     scene = layers(endless(thickness=cells), **changes)
-    said = [doubt for doubt in gr.scene_warnings(scene) if doubt.startswith("bodies")]
+    said = [message for message in gr.scene_warnings(scene) if message.startswith("bodies")]
     assert len(said) == (told is not None)
     assert told is None or told in said[0]
 
@@ -262,7 +262,7 @@ def test_thick_parts_beside_thin_ones():
     assert (x[left & facing, 0] < 0.15 * CELL).all()
 
 
-def test_a_bucket_of_plates_keeps_its_load():
+def test_a_bucket_of_thin_bodies_keeps_its_load():
     """A box without a lid of thin plates, lifted out of a bed: what is in it comes with it."""
     wide, tall, thin = 0.5, 0.25, 0.3 * CELL
     shape = Union(

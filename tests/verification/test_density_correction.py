@@ -83,7 +83,7 @@ def test_the_worst_seed_counts():
     assert [row.passed for row in layers.rows("told", [good], 0.02)] == [True, True, True, None]
 
 
-def test_crowding_by_hand():
+def test_filling_by_hand():
     """A column as it is seeded is full everywhere; points of twice the mass make it twice so."""
     sim = Simulation(scenes.column_collapse(cell=0.025), threads=1)
     assert [density_correction.crowding(sim.state, k) for k in (1, 3, 5)] == pytest.approx(
@@ -107,7 +107,7 @@ def test_stop_time():
     assert density_correction.stop_time(20.0, 1.0) * a == pytest.approx(1.0)
 
 
-def test_an_idle_cure_gives_nothing():
+def test_an_idle_correction_gives_nothing():
     """The comparison of two steps is exact, and it sees what the shift does."""
     sim = layers.layer(
         steady=True, scheme=schemes.default.replace(**density_correction_budget.IDLE)

@@ -60,7 +60,7 @@ def solution(case, n, t):
     return total
 
 
-def lattice(case, n):
+def grid_of(case, n):
     """Faces and periodic axes of a case."""
     sides = {
         f"{name}_{end}": ROUGH
@@ -74,7 +74,7 @@ def lattice(case, n):
 
 
 def numbers(case, n):
-    return lattice(case, n) | {"dx": LENGTH / n}
+    return grid_of(case, n) | {"dx": LENGTH / n}
 
 
 def limit(case, n):
@@ -84,7 +84,7 @@ def limit(case, n):
 
 @pytest.mark.parametrize("stencil", ["faces", "isotropic"])
 @pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(kind.__name__ for kind in case))
-def test_second_order_in_space(case, stencil):
+def test_second_order_in_the_cell_size(case, stencil):
     """rkl2 with steps so short that only the lattice errs: halving dx leaves a quarter."""
     time, errors = 0.1 * LENGTH**2 / RATE / math.pi**2, []
     for n in (8, 16, 32) if len(case) == 2 else (6, 12, 24):
@@ -136,7 +136,7 @@ def test_isotropy():
 
 def semidiscrete(case, n, time):
     """Exact in time on the lattice: exp of the outflow matrix."""
-    parts, start = lattice(case, n), solution(case, n, 0.0)
+    parts, start = grid_of(case, n), solution(case, n, 0.0)
     value, vectors = np.linalg.eigh(outflow(np.ones(start.shape, bool), **parts))
     decay = np.exp(-value * RATE * time * n**2 / LENGTH**2)
     return start, (vectors @ (decay * (vectors.T @ start.ravel()))).reshape(start.shape)

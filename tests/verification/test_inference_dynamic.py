@@ -144,7 +144,7 @@ def over_errors(packing, moments):
     )
 
 
-def moving_lattice(tensors):
+def moving_grid_of_spheres(tensors):
     """Grains in space with rows that contradict each other, and errors unlike one another."""
     rng, case = np.random.default_rng(5), jittered_grid((6, 6, 6))
     n, R = case.packing.n, case.packing.radii
@@ -167,7 +167,7 @@ def moving_lattice(tensors):
 def test_rows_over_their_errors_are_generalised_least_squares(kind):
     """Against dense least squares of rows written out; no contact pulls, cones have no say."""
     if kind.startswith("space"):
-        packing = moving_lattice("tensors" in kind)
+        packing = moving_grid_of_spheres("tensors" in kind)
     else:
         exact = impact().frames[20].packing
         turning = ("inertias", "angular_accelerations") if kind == "turning" else ()

@@ -229,7 +229,7 @@ def test_rank_is_that_of_the_singular_values(shape):
     for doubled in (0, 3, 10):
         extra = rng.choice(len(packing.bodies), doubled, replace=False)
         more = np.concatenate([np.arange(len(packing.bodies)), extra])
-        crowded = replace(
+        shrunk = replace(
             packing,
             bodies=packing.bodies[more],
             positions=packing.positions[more],
@@ -237,16 +237,16 @@ def test_rank_is_that_of_the_singular_values(shape):
         )
         d = packing.dim
         moments = np.arange(d * (d + 1) // 2 * packing.n) % (d * (d + 1) // 2) >= d
-        balance = inference.equilibrium_matrix(crowded).toarray()
+        balance = inference.equilibrium_matrix(shrunk).toarray()
         balance[moments] /= packing.radius
-        rows = np.vstack([balance, inference.stress_matrix(crowded).toarray() / packing.radius])
+        rows = np.vstack([balance, inference.stress_matrix(shrunk).toarray() / packing.radius])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", InferenceWarning)
-            found = inference.infer_static(crowded, mu=MU)
+            found = inference.infer_static(shrunk, mu=MU)
         assert found.rank == np.linalg.matrix_rank(rows, rtol=1e-6)
         assert found.unknowns - found.rank == d * doubled
-        twins = np.concatenate([extra, len(packing.bodies) + np.arange(doubled)])
-        assert set(np.flatnonzero(found.undetermined)) == set(twins)
+        duplicates = np.concatenate([extra, len(packing.bodies) + np.arange(doubled)])
+        assert set(np.flatnonzero(found.undetermined)) == set(duplicates)
 
 
 def test_too_little_friction_is_reported():

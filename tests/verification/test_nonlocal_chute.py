@@ -175,7 +175,7 @@ def test_layers_stop_below_and_flow_above(angle_deg):
 
 
 @pytest.mark.parametrize("cells", [5, 10])
-def test_growth_is_that_of_the_slowest_mode_on_the_lattice(cells):
+def test_growth_is_that_of_the_slowest_mode_on_the_grid(cells):
     """1.05 H_stop, after a flow long enough to have forgotten the stress of its start."""
     rate = growth_rate(1.05, cell=0.01 / cells)
     growth = float(fluidity_growth(math.tan(math.radians(27.0)), GRAINS.mu_s, GRAINS.mu_2))

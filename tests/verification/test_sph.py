@@ -140,7 +140,7 @@ def test_pressure_of_a_bed_is_its_overburden(nu):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(18, 8.0, 4.5), (21, 9.0, 12.0)])
-def test_steady_shear_in_space(angle, seconds, rate):
+def test_steady_shear_in_3d(angle, seconds, rate):
     scene = scenes.incline_sph(angle_deg=angle, columns=6, columns_across=5)
     simulation = sph.Simulation(scene, threads=2)
     simulation.run(seconds)

@@ -128,7 +128,7 @@ def test_explicit_and_implicit_integrators_agree(start):
     assert np.abs(explicit.stress - implicit.stress).max() < 1e-6 * largest
 
 
-def test_events_of_the_loose_case():
+def test_events_of_the_disconnected_case():
     """ln(rho/rho_c) rises by 8 (t - 1/4)^2 at first and ends 8 (1 - t)^2 above its start."""
     result = reference(SOFT, times=TIMES, **LOOSE)
     wait = math.sqrt(500 / SOFT.K / 8)
