@@ -17,8 +17,7 @@ SAND = {
     "t0": 1e-4, "p_averaging": 0.0, "g_min": 0.0, "reconnect_fluidity": 1.0,
 }  # fmt: skip
 FLOWS = (
-    "elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf",
-    "ngf",
+    "elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf", "ngf",
 )  # fmt: skip
 PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
 
@@ -90,14 +89,16 @@ def friction(flow, q, dt, m, p, g_star, rate):
     if flow == "drucker_prager":
         mu = min(m, q["mu_s"])
         return mu, slip(mu) / mu if mu else 0.0
-    if flow.startswith("local"):
+    if flow.endswith("mu_I"):
         if m <= q["mu_s"]:
             return m, 0.0
 
         def excess(mu):  # growing
             inertial = slip(mu) * grain
             steady = (
-                inertial / (inertial + q["I0"]) if flow.endswith("ating") else inertial / q["I0"]
+                inertial / (inertial + q["I0"])
+                if not flow.startswith("linear")
+                else inertial / q["I0"]
             )
             return mu - q["mu_s"] - dmu * steady
 
@@ -107,11 +108,13 @@ def friction(flow, q, dt, m, p, g_star, rate):
 
     def left(g):  # of the equation of the fluidity, over g: growing in g
         mu = m / (1 + q["G"] * dt * g / p)
-        pull = (q["mu_s"] - mu) * (dmu / (q["mu_2"] - mu) if flow.endswith("ating") else 1.0)
-        return 1 + theta * (pull + dmu / q["I0"] * grain * rate) - g_star / g
+        drive = (q["mu_s"] - mu) * (
+            dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0
+        )
+        return 1 + theta * (drive + dmu / q["I0"] * grain * rate) - g_star / g
 
     low, high = 1e-300, 1.0
-    if flow.endswith("ating") and m >= q["mu_2"]:
+    if not flow.startswith("linear") and m >= q["mu_2"]:
         low = (m / q["mu_2"] - 1) * p / (q["G"] * dt) * (1 + 1e-15)
     while high <= low or left(high) < 0:
         high *= 4
@@ -149,10 +152,10 @@ def stepped(flow, q, gradient, times, *, p0, g0=1.0, substeps=1):
 def plastic_rate(flow, q, p, tau, g):
     """Plastic shear rate of the continuous law."""
     mu, grain = tau / p, q["d"] * math.sqrt(q["rho_s"] / p)
-    if flow.startswith("nonlocal"):
+    if flow.endswith("ngf"):
         return mu * g
     over = max(mu - q["mu_s"], 0.0)
-    span = q["mu_2"] - (mu if flow.endswith("saturating") else q["mu_s"])
+    span = q["mu_2"] - (q["mu_s"] if flow.startswith("linear") else mu)
     return q["I0"] / grain * over / max(span, 1e-12)
 
 
@@ -176,11 +179,13 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
         D = deviator(L)
         db = D @ b + b @ D.T - (slip / max(tau, 1e-12 * p)) * s @ b
         grow = 0.0
-        if flow.startswith("nonlocal"):
+        if flow.endswith("ngf"):
             mu = tau / p
-            pull = (mu - q["mu_s"]) * (dmu / (q["mu_2"] - mu) if flow.endswith("ating") else 1.0)
+            drive = (mu - q["mu_s"]) * (
+                dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0
+            )
             sink = dmu / q["I0"] * q["d"] * math.sqrt(q["rho_s"] / p) * mu * g
-            grow = (pull - sink) / q["t0"]
+            grow = (drive - sink) / q["t0"]
         return np.concatenate([db.ravel(), [-np.trace(L), grow]])
 
     start = np.concatenate([np.eye(3).ravel(), [p0 / q["K"], math.log(g0)]])
