@@ -1,7 +1,7 @@
-"""The step once more, slow and plain: NumPy written from the equations, for comparison.
+"""Reference step of the MPM engine in plain NumPy, written from the equations.
 
-Every function here works on whole arrays over all nodes; nothing is shared with the C core but the
-table of walls. Equation numbers are those of Dunatunga & Kamrin 2015.
+Every function works on whole arrays over all nodes; only the table of walls is shared with the C
+core. Equation numbers are those of Dunatunga & Kamrin 2015.
 """
 
 import math
@@ -19,8 +19,10 @@ from granular.mpm.node_codes import node_codes
 
 
 def p2g(scene, points, step=0, shift_dt=1.0):
-    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density,
-    and `cells` where they share it."""
+    """Nodal sums (3.4): mass, momentum, force.
+
+    Steps that average the density add phi and cbar; a cell-averaged density adds `cells`.
+    """
     dim = scene.grid.dim
     s = Shapes(scene, points["x"])
     m = points["mass"]
@@ -63,7 +65,7 @@ def _ratio(a, b):
 
 
 def _wall(row, v, after):
-    """What a wall leaves of the velocities before and after the forces, shape (dim,)."""
+    """Apply a wall, in place, to the velocities (dim,) before and after the forces."""
     dim = len(v)
     rub = 0.0
     if row.normal >= 0:
@@ -79,7 +81,7 @@ def _wall(row, v, after):
 
 
 def keepshare(scene, dt):
-    """The part of the old velocity of a point that survives a step."""
+    """Fraction of the old velocity of a point that is kept in a step."""
     scheme = scene.scheme
     if scheme.transfer in ("apic", "xpic"):
         return 0.0
@@ -89,7 +91,7 @@ def keepshare(scene, dt):
 
 
 def grid(scene, points, nodes, dt, time):
-    """Nodal velocities (3.5-3.7): `v` after the forces, `w` what the points receive."""
+    """Nodal velocities (3.5-3.7): `v` after the forces, `w` the velocity that points receive."""
     used = nodes.mass > 0
     v = _ratio(nodes.momentum, nodes.mass[:, None])
     after = np.zeros_like(v)
@@ -106,7 +108,7 @@ def grid(scene, points, nodes, dt, time):
 
 
 def _at_walls(scene, used, v, after, time):
-    """Apply the walls of a time to nodal velocities; which components they hold."""
+    """Apply the walls active at a time to nodal velocities; return which components are fixed."""
     codes, rows = node_codes(scene)
     codes = codes.ravel()
     fixed = np.zeros(v.shape, dtype=bool)
@@ -123,7 +125,10 @@ def _at_walls(scene, used, v, after, time):
 
 
 def _filtered(scene, points, nodes, v, fixed):
-    """sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v (Hammerquist & Nairn 2017, eq. 20)."""
+    """Filtered velocity sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v
+
+    Hammerquist & Nairn 2017, eq. 20.
+    """
     s, order, out = nodes.shapes, scene.scheme.xpic_order, 0.0
     used = nodes.mass > 0
     for r in range(1, order + 1):
@@ -147,7 +152,7 @@ def g2p(scene, points, nodes, dt, step=0):
 
 
 def _moved(scene, points, nodes, dt, step):
-    """The same without sponge_layers."""
+    """The points after the step, before the sponge layers act."""
     dim, s = scene.grid.dim, nodes.shapes
     new, keep = dict(points), keepshare(scene, dt)
     v, w = nodes.v[s.node], nodes.w[s.node]
@@ -169,7 +174,8 @@ def _moved(scene, points, nodes, dt, step):
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
     if averages(scene, step):
         average(scene, points, new, nodes, L, dt)
-    if "affine" in new and scene.material.law != "elastic":  # these loose points carry none
+    # disconnected points have no affine field
+    if "affine" in new and scene.material.law != "elastic":
         disconnected = new["log_density"] < -scene.scheme.separation_strain
         if scene.scheme.density == "particle":
             disconnected &= alone_at_wall(scene, points["x"])

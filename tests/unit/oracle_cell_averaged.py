@@ -1,4 +1,4 @@
-"""The density that the points of a cell share, once more, slow and plain."""
+"""Plain reference for the cell-averaged density: the points of a cell share one density."""
 
 from types import SimpleNamespace
 
@@ -10,7 +10,7 @@ from oracle_walls import faces, held_at_walls, near_outlet
 
 
 def cell_averages(scene, points, nodes):
-    """Cells with points: what they are, and their forces in place of those of the points."""
+    """Averages over cells with points; forces from cell stresses replace those of the points."""
     grid, s, m, dim = scene.grid, nodes.shapes, points["mass"], scene.grid.dim
     at = np.floor((points["x"] - grid.lower) / grid.cell)
     place, which = np.unique(at, axis=0, return_inverse=True)
@@ -46,7 +46,7 @@ def cell_averages(scene, points, nodes):
 
 
 def _mean_over_cells(which, m):
-    """The mean by mass of values (points, ...) over the points of each cell."""
+    """Return a function that averages values (points, ...) by mass over the points of each cell."""
 
     def mean(values):
         flat = values.reshape(len(m), -1)
@@ -58,7 +58,8 @@ def _mean_over_cells(which, m):
 
 
 def _second_difference(scene, cells):
-    """The mean over the axes of a quarter of the second difference of c, where all three join."""
+    """Mean over axes of a quarter of the second difference of c, where all three cells are
+    connected."""
     grid = scene.grid
     joins = np.where(cells.c >= -scene.scheme.separation_strain, cells.c, np.nan)
     known = {tuple(place): c for place, c in zip(cells.place, joins, strict=True)}
@@ -71,7 +72,7 @@ def _second_difference(scene, cells):
 
 
 def _beyond(scene, place, d, side, known):
-    """c of the cell beside one; NaN beyond a wall or an end, and where there is none."""
+    """c of the neighbour cell; NaN beyond a wall or an end of the domain, and for empty cells."""
     grid = scene.grid
     at = grid.lower[d] + (place[d] + max(side, 0)) * grid.cell
     middle = grid.lower + (place + 0.5) * grid.cell
@@ -88,7 +89,7 @@ def _beyond(scene, place, d, side, known):
 
 
 def flow_of_cells(scene, points, new, nodes, dt):
-    """Density and shift of the points, by cells; returned are the velocity gradients of these."""
+    """Update density and position of the points by cells; return the velocity gradients."""
     q, cells, dx = scene.scheme, nodes.cells, scene.grid.cell
     L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
     rate = dt * kinematic_rate(L)

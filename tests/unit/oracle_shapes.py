@@ -1,4 +1,4 @@
-"""Shape functions once more, slow and plain: NumPy written from their definitions."""
+"""Plain reference for shape functions: NumPy written from their definitions."""
 
 import math
 
@@ -8,7 +8,7 @@ from granular.mpm.node_codes import c0_lines
 
 
 def _linear_shapes(x, lines):
-    """Hats of the unit grid at x, and their antiderivatives, shape (n, len(lines))."""
+    """Linear shape functions of the unit grid at x and their antiderivatives, (n, len(lines))."""
     r = x[:, None] - lines
     inner = np.clip(r, -1.0, 1.0)
     area = np.where(inner < 0, (1 + inner) ** 2 / 2, 1 - (1 - inner) ** 2 / 2)
@@ -22,7 +22,8 @@ def _linear(x, lines):
 
 
 def _ugimp(x, lines, half, ends):
-    """Hats averaged over [x - half, x + half], cut off at the nearest of `ends` (walls)."""
+    """Linear shape functions averaged over [x - half, x + half], cut at the nearest `ends`
+    (walls)."""
     ends = np.array(sorted({-np.inf, np.inf, *ends}))
     place = np.searchsorted(ends, x, side="right") - 1
     low, high = np.maximum(x - half, ends[place]), np.minimum(x + half, ends[place + 1])
@@ -55,7 +56,7 @@ def _splines(x, knots, degree=2):
 
 
 def axis_functions(basis, n, periodic, lines, half, x):
-    """Values and slopes (per cell) at x (cells), node positions (cells), and the true node of each.
+    """Values and slopes (per cell) at x (cells), node positions (cells), true node of each.
 
     Nodes of periodic axes appear several times, once for each image.
     """
@@ -91,8 +92,9 @@ def axis_nodes(scene, d):
 class Shapes:
     """Shape functions of all nodes at all points.
 
-    `w` (points, images), `g` (points, images, dim) [1/m], `r` (points, images, dim) [m] from the
-    point to the node, `node` (images,) the number of the node, x fastest.
+    `w` (points, images) are the values, `g` (points, images, dim) [1/m] the gradients, `r` (points,
+    images, dim) [m] the vectors from point to node, `node` (images,) the number of the node, x
+    fastest.
     """
 
     def __init__(self, scene, x):
@@ -118,7 +120,7 @@ class Shapes:
         self.g = np.stack([self._times(slopes, d) for d in range(grid.dim)], axis=-1)
 
     def _times(self, factors, d):
-        """Product of the values along all axes but d, and of the factor along d."""
+        """Product of the values along all axes but d and of `factor` along d."""
         return math.prod(factors[j] if j == d else w for j, w in enumerate(self.w1))
 
     def to_nodes(self, values):
@@ -129,7 +131,8 @@ class Shapes:
 
 
 def node_volumes(scene):
-    """Integral of each shape function over the room of the domain, in cells; Gauss quadrature."""
+    """Integral of each shape function over the volume of the domain, in cells, by Gauss
+    quadrature."""
     grid = scene.grid
     at, weight = np.polynomial.legendre.leggauss(3)
     one = [
