@@ -16,10 +16,9 @@ def averages(scene, step):
 def neighbour_corrections(scene, nodes, fixed):
     """Corrections at nodes that depend on their neighbours, updated in `nodes`.
 
-    `gap` is the difference of the log filling fraction and the log density, averaged over the neighbours. `excess` is the
-    relative quadrature weight above that which fills the volume. `uneven` is the residual force,
-    which is zero where a wall or an end of the domain can bear it, and away from the inside of the
-    material.
+    `gap` is the log filling fraction less the log density, averaged over the neighbours. `excess`
+    is the relative quadrature weight above that which fills the volume. `uneven` is the residual
+    force, set to zero where a wall or an end of the domain can bear it, and outside of the bulk.
     """
     counts, periodic = nodes.shapes.counts, scene.grid.periodic
     own = 2 * (nodes.phi - 1) / (nodes.phi + 1) - nodes.cbar  # first Pade approximant of ln phi

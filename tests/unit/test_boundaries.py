@@ -1,4 +1,4 @@
-"""Creases, node positions and node codes, checked by hand on tiny grids."""
+"""C0 lines, node positions and node codes, checked by hand on tiny grids."""
 
 import math
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ BASES = ("linear", "ugimp", "quadratic")
 
 
 def coded(walls, *, shape=(3, 2), basis="linear", periodic=(), lower=None):
-    """Node codes of a bare scene with unit cells."""
+    """Node codes of a scene with unit cells and without material."""
     grid = Grid(lower or (0.0,) * len(shape), 1.0, shape, periodic)
     scene = SimpleNamespace(grid=grid, walls=walls, scheme=Scheme(basis=basis))
     return node_codes(scene)
@@ -73,7 +73,7 @@ def test_positions_refuse(arguments, error, message):
 def test_c0_lines_at_inner_walls_and_ends_of_spans():
     grid = Grid((-1.0, 0.0), 0.5, (6, 4))
     walls = [
-        Wall(0, -1.0),  # domain walls over their whole length make none
+        Wall(0, -1.0),  # domain walls over their whole length make no C0 line
         Wall(1, 2.0),
         Wall(1, 0.0, span=((0.0, 2.0),)),  # floor with an opening: x = 0 is line 2
         Wall(1, 0.0, opens_at=0.1),
@@ -90,7 +90,7 @@ def test_a_wall_off_the_grid_lines_is_refused():
     grid = Grid((0.0, 0.0), 0.1, (10, 10))
     with pytest.raises(ValueError, match=r"walls\[0\].* = 0.25 must lie on a grid line of x"):
         c0_lines(grid, [Wall(0, 0.25)], 0)
-    assert c0_lines(grid, [Wall(0, 0.1 + 0.2)], 0) == (3,)  # round-off is forgiven
+    assert c0_lines(grid, [Wall(0, 0.1 + 0.2)], 0) == (3,)  # rounding errors are accepted
 
 
 # --- node codes
@@ -116,7 +116,7 @@ def test_orifice_opens(basis):
     walls = (Wall(1, 0.0, span=((2.0, 4.0),)), Wall(1, 0.0, opens_at=0.1))
     codes, rows = coded(walls, shape=(4, 2), basis=basis)
     floor = [rows[code - 1] for code in codes[0]]
-    # quadratic nodes: 0, .5, 1.5 | 2, 2.5, 3.5, 4
+    # quadratic nodes: 0, 0.5, 1.5 | 2, 2.5, 3.5, 4
     lids = 3 if basis == "quadratic" else 2
     assert floor[:lids] == [WallRow(fixed=3, opens_at=0.1, after=0)] * lids
     assert all(row == WallRow(fixed=3) for row in floor[lids:])
@@ -144,7 +144,7 @@ def test_coulomb_walls_know_their_side():
 def test_coulomb_in_corners():
     rough = (Wall(1, 0.0, kind="coulomb", friction=0.3), Wall(0, 0.0, kind="no_slip"))
     codes, rows = coded(rough)
-    assert rows[codes[0, 0] - 1] == WallRow(fixed=3)  # nothing is left to rub
+    assert rows[codes[0, 0] - 1] == WallRow(fixed=3)  # no free direction is left for friction
     edge = (
         Wall(0, 0.0, kind="coulomb", friction=0.2),
         Wall(1, 0.0, kind="coulomb", friction=0.4),
@@ -171,7 +171,7 @@ def test_walls_that_open_one_after_the_other_are_chained():
             yield row.fixed, row.friction, row.opens_at
             code = row.after
 
-    # where nothing changes at an opening there is no extra row
+    # where nothing changes at an opening there is no additional row
     assert list(history(codes[0, 0])) == [(3, 0.0, 3.0), (1, 0.0, math.inf)]
     assert list(history(codes[0, 1])) == [(3, 0.0, 2.0), (2, 0.5, 3.0)]
     assert list(history(codes[1, 0])) == [(1, 0.0, math.inf)]
@@ -204,7 +204,7 @@ def test_free_slip_block_by_faces():
 
 
 def test_free_slip_block_of_quadratic_splines_lets_material_slide_along_its_faces():
-    # nodes at 0, .5, ..., 4.5, 5; inside from 1.5; .5 deep at 1.5 and 3.5, 1.5 deep at 2.5
+    # nodes at 0, 0.5, ..., 4.5, 5; inside from 1.5; 0.5 deep at 1.5 and 3.5, 1.5 deep at 2.5
     block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
     inner = np.array(fixed(block, shape=(5, 5), basis="quadratic"))
     assert inner[2:5, 2:5].tolist() == [[3, 2, 3], [1, 3, 1], [3, 2, 3]]

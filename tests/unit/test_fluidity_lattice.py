@@ -1,4 +1,4 @@
-"""Diffusion of the fluidity on a lattice: the plain matrix, bits, sums, bounds, bad input."""
+"""Diffusion of the fluidity on a grid: plain matrix, same bits, sums, bounds, bad input."""
 
 import math
 
@@ -13,11 +13,11 @@ METHODS = ("explicit", "implicit", "rkl2")
 ISAS = oracle.available()
 SHAPES = [(7, 9), (1, 12), (12, 1), (2, 5), (5, 4, 6), (1, 3, 2), (3, 1, 1)]
 SHORT = 2e-3
-"""s: below the explicit limit of `diffuse`, 4e-3 s in the plane, 2.7e-3 s in space."""
+"""Time step [s] below the explicit limit of `diffuse`, which is 4e-3 s in 2D and 2.7e-3 s in 3D."""
 
 
 def random_grid(shape, seed):
-    """Random faces inside and at the ends, a random mask, some axes periodic, many sizes."""
+    """Random faces inside and at the ends, a random mask, some axes periodic, any size."""
     rng = np.random.default_rng(seed)
     faces = rng.choice([LINKED, OPEN, ROUGH], (2 * len(shape), *shape), p=[0.8, 0.1, 0.1]).astype(
         np.uint8
@@ -51,7 +51,7 @@ def test_explicit_steps_that_undershoot_are_clamped_and_counted():
     limit = 4e-3
     found, report = diffuse(g, method="explicit", dt=0.99 * limit, faces=faces)
     assert report["limit"] == pytest.approx(limit, rel=1e-14)
-    assert 1 - 6 * number_k(0.99 * limit) < 0  # two links, two rough faces
+    assert 1 - 6 * number_k(0.99 * limit) < 0  # two links, two no-slip faces
     assert report["clamped"] == 1
     assert found[0, 0] == 0.0
     assert found[0, 1] == pytest.approx(number_k(0.99 * limit), rel=1e-14)
@@ -59,7 +59,7 @@ def test_explicit_steps_that_undershoot_are_clamped_and_counted():
 
 @pytest.mark.parametrize("shape", [(9, 11), (5, 4, 6)], ids=str)
 def test_backward_euler_is_an_m_matrix(shape):
-    """No new value is negative, however long the step: the inverse has no negative entry."""
+    """No new value is negative, however long the step: no entry of the inverse is negative."""
     for seed in range(6):
         parts, _ = random_grid(shape, seed)
         k = number_k(1.0)
@@ -90,7 +90,7 @@ def test_backward_euler_stays_positive_where_rkl2_does_not():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_fluidity_that_dies_out_is_no_error(method):
-    """A jammed fill loses a factor a step: its squares underflow long before it does."""
+    """The fluidity of a jammed fill falls by a factor in each step; its squares underflow early."""
     parts, g = random_grid((20, 20), 1)
     expected, _ = diffuse(g, method=method, dt=SHORT, **parts)
     for exponent in np.arange(-130, -320, -0.25):
@@ -105,7 +105,7 @@ def test_tolerance_bounds_the_error_of_backward_euler(tolerance):
     parts, g = random_grid((20, 20), 1)
     L = oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
     dense = np.where(parts["dense"], g, 0).ravel()
-    for dt in (1e-4, 0.1):  # a share of the change, however short the step
+    for dt in (1e-4, 0.1):  # the tolerance is relative to the change, however short the step
         k = number_k(dt)
         exact = oracle.step("implicit", L, k, dense).reshape(g.shape)
         found, _ = diffuse(g, dt=dt, tolerance=tolerance, **parts)
@@ -147,7 +147,7 @@ def test_steps_in_one_call_are_those_of_many(method):
 def test_dropped_links_keep_the_sum_and_no_slip_walls_do_not(method, shape):
     parts, g = random_grid(shape, 4)
     parts["faces"][parts["faces"] == ROUGH] = OPEN
-    g += 20.0  # far from zero: rkl2 undershoots, and what is clamped is gained
+    g += 20.0  # far from zero: rkl2 undershoots, and clamping adds fluidity
     dt = SHORT if method == "explicit" else 5 * SHORT
     before = g[parts["dense"]].sum()
     found, report = diffuse(g, method=method, dt=dt, steps=10, tolerance=1e-14, **parts)

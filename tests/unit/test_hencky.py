@@ -19,8 +19,11 @@ def norm(a):
 
 
 def random_states(rng, n, dim, strain, step):
-    """Deviatoric strains h and L dt, of norms (the latter of its deviator) up to these; a tenth of
-    the strains has two eigenvalues that are equal or nearly so."""
+    """Deviatoric strains h and increments L dt with norms up to the given ones.
+
+    The norm of L dt is that of its deviator. A tenth of the strains has two eigenvalues that are
+    (nearly) equal.
+    """
     L, h = rng.normal(size=(2, n, 3, 3))
     h = h + np.swapaxes(h, 1, 2)
     axis = rng.normal(size=(n // 10, 3))
@@ -34,7 +37,7 @@ def random_states(rng, n, dim, strain, step):
 
 
 def trial(h, step, dim, isa):
-    """Strain after an elastic step; G = 1/2 makes the deviator of the stress the strain."""
+    """Strain after an elastic step; with G = 1/2 the stress deviator equals the strain."""
     q = SAND | {"G": 0.5}
     return oracle.update("elastic", q, 1.0, step, 0.0, h, 0.0, 0.0, dim=dim, isa=isa)[0]
 
@@ -83,7 +86,7 @@ def exact_strain(h, step):
 
 
 def test_strain_has_all_digits_however_small():
-    """Relative to the strain, in 40 digits: LAPACK's logarithm keeps 1e-16 of 1 + strain only."""
+    """Relative to the strain, in 40 digits; LAPACK's logarithm only keeps 1e-16 of 1 + strain."""
     rng = np.random.default_rng(6)
     for size in (1e-12, 1e-8, 1e-4, 1e-2, 0.06, 0.12):
         for dim in (2, 3):
@@ -101,7 +104,7 @@ def test_2d_is_3d_without_its_third_axis():
 
 
 def test_determinant_stays_one_over_a_hundred_thousand_steps():
-    """Loads of random direction, also beyond the short series, with flow that keeps them finite."""
+    """Loads of random direction, also beyond the short series; plastic flow limits the strains."""
     rng = np.random.default_rng(8)
     q, stress, g, rate = SAND | {"K": 1e4}, np.tile(-800.0 * np.eye(3), (8, 1, 1)), 1.0, 0.0
     steps = rng.normal(size=(64, 8, 3, 3)) * np.geomspace(1e-4, 0.1, 8)[:, None, None]
@@ -121,7 +124,7 @@ def test_determinant_stays_one_over_a_hundred_thousand_steps():
 
 
 def states(rng, n):
-    """p, g*, rate and the gradient of points that load, unload and flow."""
+    """p, g*, rate and velocity gradients of points that load, unload and flow."""
     p = 10 ** rng.uniform(0, 4, n)
     tau = p * rng.uniform(0, 1.5, n)
     s = rng.normal(size=(n, 3, 3))
@@ -140,7 +143,7 @@ def test_flow_against_bisection(flow, isa):
     found, g, shear_rate = oracle.update(
         flow, SAND, dt, step, p / SAND["K"], stress, g_star, rate, isa=isa
     )
-    # the trial state of the core, which the tests above look at; LAPACK's has not digits enough
+    # the trial state of the core, checked above; that of LAPACK is not accurate enough
     trial, _, _ = oracle.update("elastic", SAND, dt, step, p / SAND["K"], stress, 0.0, 0.0, isa=isa)
     tau = oracle.shear(trial)
     for k in range(n):
@@ -148,7 +151,7 @@ def test_flow_against_bisection(flow, isa):
         share = mu * p[k] / tau[k]
         expected = oracle.deviator(trial[k]) * share - p[k] * np.eye(3)
         np.testing.assert_allclose(found[k], expected, atol=1e-12 * p[k])
-        # of slow flow g is the small difference of tau and its trial value in the local laws
+        # in slow flow of the local laws g is the small difference of tau and its trial value
         lost = 1e-15 * tau[k] / (SAND["G"] * dt * mu * p[k]) * p[k] / mu
         assert g[k] == pytest.approx(fluidity, rel=1e-11, abs=20 * lost)
         assert shear_rate[k] == pytest.approx(mu * g[k], rel=1e-12)
@@ -158,7 +161,7 @@ def test_flow_against_bisection(flow, isa):
 @pytest.mark.parametrize("isa", ISAS)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_any_number_of_points_gives_the_same(flow, isa, dim):
-    """To the last bit, whoever the neighbours are: small and large strains, dense and loose."""
+    """Same bits whoever the neighbours are: small and large strains, dense and disconnected."""
     rng = np.random.default_rng(10)
     h, L = random_states(rng, 37, dim, 0.2, 0.5)
     stress = 2 * SAND["G"] * h - np.eye(3)
@@ -177,7 +180,7 @@ def test_any_number_of_points_gives_the_same(flow, isa, dim):
 
 
 def test_fluidity_below_the_floor_grows_again():
-    """Without a floor g = 0 stays, above yield too; from the floor it grows."""
+    """Without a floor g = 0 stays zero even above yield; from the floor it grows."""
     step, stress = np.zeros((1, 3, 3)), -1000.0 * np.eye(3)[None].copy()
     stress[0, 0, 1] = stress[0, 1, 0] = 600.0
     for g_min, grows in ((0.0, False), (1e-6, True)):
