@@ -58,8 +58,7 @@ def _mean_over_cells(which, m):
 
 
 def _second_difference(scene, cells):
-    """Mean over axes of a quarter of the second difference of c, where all three cells are
-    connected."""
+    """Mean over axes of a quarter of the second difference of c, between connected cells."""
     grid = scene.grid
     joins = np.where(cells.c >= -scene.scheme.separation_strain, cells.c, np.nan)
     known = {tuple(place): c for place, c in zip(cells.place, joins, strict=True)}

@@ -208,8 +208,7 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
 
 
 class Published:
-    """One point stepped as by Haeri & Skonieczny (2021): F and F^p, eqs 18-31, pressure from
-    F^e."""
+    """One point as in Haeri & Skonieczny (2021): F and F^p, eqs 18-31, pressure from F^e."""
 
     def __init__(self, q, p0):
         self.q, self.p = q, p0

@@ -22,8 +22,7 @@ def _linear(x, lines):
 
 
 def _ugimp(x, lines, half, ends):
-    """Linear shape functions averaged over [x - half, x + half], cut at the nearest `ends`
-    (walls)."""
+    """Linear shape functions averaged over [x - half, x + half], cut at walls (`ends`)."""
     ends = np.array(sorted({-np.inf, np.inf, *ends}))
     place = np.searchsorted(ends, x, side="right") - 1
     low, high = np.maximum(x - half, ends[place]), np.minimum(x + half, ends[place + 1])
@@ -131,8 +130,7 @@ class Shapes:
 
 
 def node_volumes(scene):
-    """Integral of each shape function over the volume of the domain, in cells, by Gauss
-    quadrature."""
+    """Integral of each shape function over the domain, in volumes of cells; Gauss quadrature."""
     grid = scene.grid
     at, weight = np.polynomial.legendre.leggauss(3)
     one = [

@@ -105,8 +105,7 @@ root = np.vectorize(lambda a: a.sqrt(), otypes=[object])
 
 
 def law_in_decimals(law, dim, stress, Ldt, dt):
-    """The update (3.10-3.16) of dense points in exact numbers, and the values that pick
-    branches."""
+    """The update (3.10-3.16) of dense points in exact numbers, and what selects branches."""
     q = {name: Decimal(float(v)) for name, v in numbers(law).items() if isinstance(v, float)}
     K, G, step = q["K"], q["G"], Decimal(dt)
     zero = np.full(len(stress), Decimal(0), dtype=object)

@@ -24,8 +24,7 @@ def test_grains_of_two_sizes():
 
 
 def test_weak_damping_costs_what_perturbation_theory_says():
-    """To first order 1 - e = 2 b int sqrt(x) x' dx on the elastic path, x'^2 = 1 - (4/5)
-    x^(5/2)."""
+    """1 - e = 2 b int sqrt(x) x' dx along the elastic path, with x'^2 = 1 - (4/5) x^(5/2)."""
     grains = dem.Grains(gamma_n=1e6)
     mass, radius = grains.contact()
     speed = 0.1

@@ -407,8 +407,7 @@ def test_cost_by_hand():
 
 
 def test_work_falls_with_what_is_left():
-    """When half of a silo has left, half of the points and about half of the active cells are
-    left."""
+    """When half of a silo has left, half of the points and of the active cells are left."""
     soft = glass_beads.replace(E=1e6)
     sim = gr.Simulation(gr.scenes.silo(orifice=0.2, cell=0.02, material=soft), threads=1)
     sim.step(5)

@@ -143,8 +143,7 @@ def test_bits_do_not_depend_on_threads_or_restarts():
 
 
 def test_the_soil_of_the_excavation():
-    """Friction angles of 35 to 44 degrees as in section 4.2 of Haeri & Skonieczny 2021; peak
-    57.6."""
+    """Friction angle 35 to 44 degrees, peak 57.6, as in section 4.2 of Haeri & Skonieczny 2021."""
     soil = materials.grc_1_hardening
     assert soil.friction_angle_deg(0.0) == 35.0
     assert soil.friction_angle_deg(math.inf) == soil.friction_angle_deg(1e4) == 44.0

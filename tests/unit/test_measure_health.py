@@ -1,4 +1,4 @@
-"""Health and energy of states whose answers follow from a line of algebra."""
+"""Health and energy of states whose values follow from a line of algebra."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def freed(points, free):
 def test_only_the_bulk_counts_as_disconnected():
     points = pool()
     assert disconnected_fraction(points) == 0
-    # the bulk is the eight rows of cells below .08, sixteen rows of points
+    # the bulk is the eight rows of cells below 0.08, which hold sixteen rows of points
     assert disconnected_fraction(freed(points, points.x[:, 1] > 0.08)) == 0
     row = np.isclose(points.x[:, 1], 0.0525)
     assert disconnected_fraction(freed(points, row)) == pytest.approx(1 / 16)
@@ -84,7 +84,7 @@ def test_a_box_at_rest_balances_by_its_normal_stress_and_not_by_its_pressure():
     points = pool()
     weight = points.p
     stress = isotropic(weight)
-    # uniaxial strain: sideways nu/(1 - nu) of the weight, nu = .3
+    # uniaxial strain: the sideways stress is nu/(1 - nu) of the weight, nu = 0.3
     stress[:, [0, 2]] *= 3 / 7
     rest = state(points.scene, points.x, stress=stress)
     assert mean_pressure_error(rest) < 1e-12

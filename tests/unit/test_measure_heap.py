@@ -11,7 +11,7 @@ HALF = 0.2
 
 
 def triangle(*, height=0.2, foot=0.5, top_x=0.0, lower=(0.0, 0.0), shape=(80, 40), fine=4):
-    """A heap falling linearly from `height` at top_x to zero at distance `foot`."""
+    """A heap whose height falls linearly from `height` at top_x to zero at distance `foot`."""
     s = scene(shape, CELL, lower=lower, parameters={"half_width": HALF})
     x = regular_points(s, fine, lambda x: x[:, 1] < height * (1 - abs(x[:, 0] - top_x) / foot))
     return state(s, x, per_cell=fine**2)
@@ -30,7 +30,7 @@ def test_the_steepest_piece_is_found():
     s = scene((80, 60), CELL)
 
     def top(x):
-        # 45 degrees over six columns, atan(.25) elsewhere
+        # 45 degrees over six columns, atan(0.25) elsewhere
         return np.interp(x, [0, 0.2, 0.26, 0.66], [0.21, 0.16, 0.10, 0.0])
 
     slope = repose_angle(
@@ -43,10 +43,10 @@ def test_the_steepest_piece_is_found():
 def test_the_toe_and_the_quantile_of_a_triangle():
     result = runout(triangle())
     assert result.toe == pytest.approx((0.5 - HALF) / HALF, abs=0.01)
-    # the last thousandth of a triangle's mass lies within sqrt(.001) of its length
+    # the last thousandth of a triangle's mass lies within sqrt(0.001) of its length
     reach = 0.5 * (1 - np.sqrt(1e-3))
     assert result.quantile == pytest.approx((reach - HALF) / HALF, abs=0.02)
-    # the height is dx/4 at .00625 m before the foot, in the column that ends at .50 or .49
+    # the height is dx/4 at 0.00625 m before the foot, in the column that ends at 0.50 or 0.49
     assert result.contiguous == pytest.approx((0.5 - HALF) / HALF, abs=CELL / HALF + 1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Appendix A on states: packing fraction, neglected pressures, balance of the rebuilt density."""
+"""Appendix A for states: packing fraction, neglected pressures, balance of the rebuilt density."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def test_the_packing_fraction_solves_the_quadratic():
     phi = packing_fraction(points, restitution=e)
     number = inertial_number(points)
     lam = (1 + e) / 2
-    # (A5) with (A6): Phi (4 lam G + 1) = 9/I, G = .63 Phi/(.6 - Phi)
+    # (A5) with (A6): Phi (4 lam G + 1) = 9/I, G = 0.63 Phi/(0.6 - Phi)
     assert np.all(phi > 0.49)
     assert np.allclose(phi * (2.52 * lam * phi / (0.6 - phi) + 1), 9 / number, rtol=1e-9)
     assert np.all(np.diff(phi) < 0)

@@ -1,4 +1,4 @@
-"""Froude scaling: the same flow at another size, to the last bit at powers of two."""
+"""Froude scaling: the same flow at another size, to the last bit for powers of two."""
 
 import dataclasses
 import math
@@ -27,7 +27,7 @@ FIELDS = {
 
 
 def scene_3d():
-    """A blade that is pushed, turned and free to sink, in a silo that drains."""
+    """A 3D silo that drains, with a blade that is pushed, rotated and free to sink."""
     motion = Motion(
         times=(0.0, 0.1),
         velocity=((0.0, 0.0, 0.0), (0.1, 0.0, -0.3)),
@@ -49,7 +49,7 @@ def scene_3d():
 
 
 def scene_2d():
-    """Everything else that has a length or a time."""
+    """A 2D scene with all other parts that have a length or a time."""
     shapes = (Cylinder(0.05, center=(0.0, 0.1)), Box((0.1, 0.1), rotation_deg=20.0))
     region = Difference(Region((0.0, 0.0), (0.8, 0.4)), Disc((0.4, 0.4), 0.1))
     return gr.Scene(
@@ -112,7 +112,7 @@ def test_there_and_back():
 
 
 def test_factors_are_those_of_dimensions():
-    """Of m, kg, s at one gravity and one density: [time^2] = [length], [mass] = [length^3]."""
+    """At equal gravity and density, [time^2] = [length] and [mass] = [length^3]."""
     ratio = Froude(0.36)
     f = {name: ratio.factor(name) for name in POWERS}
     assert (f["length"], f["time"]) == pytest.approx((0.36, 0.6))
@@ -127,7 +127,7 @@ def test_factors_are_those_of_dimensions():
     assert f["power"] == pytest.approx(f["energy"] / f["time"])
     assert f["rate"] == f["angular_velocity"] == pytest.approx(1 / f["time"])
     assert ratio.factor("force", dim=2) == pytest.approx(f["force"] / f["length"])
-    # the scripts behind the paper: time and velocity x 1/2, omega x 2, force x 1/64
+    # the scripts of the paper: time and velocity x 1/2, omega x 2, force x 1/64
     quarter = Froude(0.25)
     factors = [quarter.factor(q) for q in ("time", "velocity", "angular_velocity", "force")]
     assert factors == [0.5, 0.5, 2.0, 1 / 64]
@@ -172,7 +172,7 @@ NUMBERS = {
         "h3_deg",
     ),
 }
-"""Fields without a dimension, or that gravity and density leave as they are (xi by itself)."""
+"""Fields without a dimension, or determined by gravity and density alone (xi by itself)."""
 
 
 def test_every_number_of_a_scene_was_thought_of():

@@ -1,4 +1,4 @@
-"""The ready scenes of particle hydrodynamics: numbers of the thesis, walls, and wrong arguments."""
+"""SPH scene functions: numbers of the thesis, walls, and wrong arguments."""
 
 import inspect
 import math
@@ -110,7 +110,7 @@ def test_walls_push_stiff_grains_no_harder():
     assert share == pytest.approx([0.97, 0.97, 0.9997], abs=1e-12)
     fixed = sph.Numerics(wall_density=0.98)
     assert fixed.rho0_wall(materials[2]) == pytest.approx(0.98 * materials[2].rho0, rel=1e-15)
-    # against a lattice at rest
+    # against a seeding lattice at rest
     pressures = [grains.kappa * (s**-1.5 - 1.0) for grains, s in zip(materials, share, strict=True)]
     assert pressures[1:] == pytest.approx([4680, 4500], rel=0.01)
 
@@ -120,7 +120,7 @@ def test_gate_of_the_channel_lifts_clear_and_goes():
     floor, left, *sides, gate = scene.walls
     assert floor.axis == 2 and left.axis == 0 and [wall.axis for wall in sides] == [1, 1]
     assert gate.velocity == (0.0, 0.0, 2.0) and gate.moves_from == 0.5
-    # where it goes its lower edge is above the reach of the highest grains
+    # when removed, its lower edge is higher than the highest particles reach
     risen = 2.0 * (gate.until - gate.moves_from)
     assert risen == pytest.approx(0.14 + 2.0 * scene.h)
     assert scenes.inclined_collapse(side_walls=False).grid.periodic == (False, True, False)

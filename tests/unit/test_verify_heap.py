@@ -1,4 +1,4 @@
-"""The slope that a creeping flank asks for, against stresses made from the same strain rate."""
+"""The slope of a creeping flank, against stresses made from the same strain rate."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ CELL, FOOT, HEIGHT = 0.01, 0.75, 0.3
 THETA = np.arctan(HEIGHT / FOOT)
 SHEAR, PRESSURE = 0.4, 400.0
 TURN = np.array([[np.cos(THETA), -np.sin(THETA)], [np.sin(THETA), np.cos(THETA)]])
-"""To x down the slope, y out of it."""
+"""Rotation to x down the slope and y normal to it."""
 
 
 def creeping(compression, *, rate=SHEAR):
