@@ -63,7 +63,7 @@ def test_restart_after_points_have_left(small_scene, combination):
     + [("quadratic", "tpic", "smoothed"), ("linear", "tpic", "cell_averaged")],
 )
 def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
-    """Half of the silo flows out in 1200 steps; the largest speed is that of a fall from its top."""
+    """Half of the silo flows out in 1200 steps, no faster than by a fall from the top."""
     scene = gr.scenes.silo(
         cell=0.025,
         orifice=0.2,

@@ -60,7 +60,7 @@ def test_wrong_arguments_are_named(change, words):
         change()
 
 
-def test_elastic_grains_need_their_elastic_stress():
+def test_elastic_particles_need_their_elastic_stress():
     """Elastic particles need a stress buffer, also in a checkpoint; others have none."""
     simulation = sph.Simulation(SCENE)
     buffers, rows = simulation.buffers, simulation._rows

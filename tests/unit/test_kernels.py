@@ -9,7 +9,7 @@ import granular as gr
 from granular import _core
 
 TIME = 0.03
-"""In the middle of the ramp of gravity."""
+"""Time in the middle of the gravity ramp."""
 
 
 def living(sim):

@@ -112,7 +112,7 @@ def test_there_and_back():
 
 
 def test_factors_are_those_of_dimensions():
-    """At equal gravity and density, [time^2] = [length] and [mass] = [length^3]."""
+    """Factors of m, kg, s: at one gravity and density [time^2] = [length], [mass] = [length^3]."""
     ratio = Froude(0.36)
     f = {name: ratio.factor(name) for name in POWERS}
     assert (f["length"], f["time"]) == pytest.approx((0.36, 0.6))

@@ -104,7 +104,7 @@ def test_matching_grains_have_the_friction_of_the_other_law_at_one_pressure():
         sph.Viscoplastic.matching(beads, 0.0)
 
 
-def test_walls_push_stiff_grains_no_harder():
+def test_walls_push_stiff_particles_no_harder():
     materials = [sph.Viscoplastic(kappa=kappa) for kappa in (1e4, 1e5, 1e7)]
     share = [sph.Numerics().rho0_wall(grains) / grains.rho0 for grains in materials]
     assert share == pytest.approx([0.97, 0.97, 0.9997], abs=1e-12)
@@ -129,7 +129,7 @@ def test_gate_of_the_channel_lifts_clear_and_goes():
     assert math.degrees(math.atan2(g[0], -g[2])) == pytest.approx(22.0)
 
 
-def test_orifice_opens_and_grains_fall():
+def test_orifice_opens_and_particles_fall():
     scene = scenes.slump_sph(**SMALL["slump_sph"] | {"settle": 0.3, "duration": 0.4})
     simulation = gr.Simulation(scene)
     simulation.run(0.29)

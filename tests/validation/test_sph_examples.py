@@ -49,7 +49,7 @@ def test_a_slope_stands_near_its_friction(phi, dilation, width):
     simulation.run(every=0.25, hooks=(lambda s: angles.append(slope_deg(s.state)),))
     assert simulation.counts["dropped"] > 0.5 * scene.n_points
     last, before = np.mean(angles[-4:]), np.mean(angles[-8:-4])
-    # degrees in a second: the slope does not creep, although grains roll
+    # degrees in a second: the slope does not creep, although particles roll
     assert before - last < 1.0
     assert phi - 3.0 < last < (phi if dilation == 0.0 else phi + 3.0)
     if dilation > 0.0:

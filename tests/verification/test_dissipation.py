@@ -7,7 +7,7 @@ import pytest
 import granular as gr
 
 TRACKED = gr.scenes.excavation().scheme
-"""In this scheme points keep their velocity gradient, so that a step can be repeated outside."""
+"""Scheme whose points keep their velocity gradient, so that a step can be repeated outside."""
 
 SCENES = {
     "excavation": lambda: gr.scenes.excavation(

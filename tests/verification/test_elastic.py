@@ -279,7 +279,7 @@ def test_a_standing_wave_converges_at_second_order(basis, transfer):
 
 @pytest.mark.parametrize("basis", ["linear", "quadratic"])
 def test_a_standing_wave_of_finite_strain_converges_as_well(basis):
-    """Of small amplitude, so that the exact solution is that of the linear law."""
+    """The amplitude is small, so that the exact solution is that of the linear law."""
     errors = [wave("apic", n, 0.7, basis, cfl=0.4, material=HENCKY)[0] for n in (16, 32, 64)]
     assert errors[-1] < 0.01
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)

@@ -178,7 +178,7 @@ def test_stopping_height(angle_deg):
 
 @pytest.mark.parametrize("angle_deg", ANGLES)
 def test_layers_stop_below_and_flow_above(angle_deg):
-    """By the measure of the paper, which also takes the creep just above H_stop for rest."""
+    """The measure of the paper also takes the creep just above H_stop for rest."""
     assert energy_at_end(0.98, 3.0, angle_deg=angle_deg) < AT_REST
     assert energy_at_end(1.02, 3.0, angle_deg=angle_deg) > AT_REST
 
