@@ -7,7 +7,7 @@ from test_kernels import living
 import granular as gr
 from granular.gravity import Gravity
 
-SHARED = ("linear", "tpic", "cell_averaged")
+CELL_AVERAGED = ("linear", "tpic", "cell_averaged")
 MEAN, PART = 1e-3, 1e-4
 """Mean log-density of the layer, and the amplitude of its variation between cells."""
 
@@ -32,7 +32,7 @@ def still(small_scene):
 
     def make(dim):
         return small_scene(
-            "periodic", dim, SHARED, jitter=0.0, relaxation=0.0, shifting=0.0, diffusion=0.5
+            "periodic", dim, CELL_AVERAGED, jitter=0.0, relaxation=0.0, shifting=0.0, diffusion=0.5
         )
 
     return make

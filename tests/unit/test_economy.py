@@ -245,10 +245,10 @@ def test_grains_are_only_told_of():
 
 
 def test_fields():
-    tracked, diffused = (
+    particle, smoothed = (
         gr.economy.suggest(scene).about("fields").reason for scene in (PUBLISHED[5], PAPER[5])
     )
-    assert "88 bytes" in tracked and "160 bytes" in diffused and "density_gradient" in diffused
+    assert "88 bytes" in particle and "160 bytes" in smoothed and "density_gradient" in smoothed
 
 
 def test_unknown_scene_keeps_its_stiffness():

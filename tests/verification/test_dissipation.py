@@ -6,7 +6,7 @@ import pytest
 
 import granular as gr
 
-TRACKED = gr.scenes.excavation().scheme
+PARTICLE_DENSITY = gr.scenes.excavation().scheme
 """Scheme whose points keep their velocity gradient, so that a step can be repeated outside."""
 
 SCENES = {
@@ -15,12 +15,12 @@ SCENES = {
         width=0.4, start=0.2, travel=0.1,
     ),
     "wheel": lambda: gr.scenes.wheel(
-        settle=0.1, ramp=0.05, cell=0.05, soil=0.1, width=0.2, scheme=TRACKED
+        settle=0.1, ramp=0.05, cell=0.05, soil=0.1, width=0.2, scheme=PARTICLE_DENSITY
     ),
     "couette": lambda: gr.scenes.couette(
-        inner=0.1, outer=0.14, height=0.02, cell=0.01, omega=1.0, scheme=TRACKED
+        inner=0.1, outer=0.14, height=0.02, cell=0.01, omega=1.0, scheme=PARTICLE_DENSITY
     ),
-    "silo_3d": lambda: gr.scenes.silo_3d(cell=0.0125, width=0.025, scheme=TRACKED),
+    "silo_3d": lambda: gr.scenes.silo_3d(cell=0.0125, width=0.025, scheme=PARTICLE_DENSITY),
 }  # fmt: skip
 
 

@@ -34,7 +34,7 @@ from granular.verify.chute import (
 )
 
 GRAINS = scenes.chute_ngf().material
-HATS = scenes.chute_ngf().scheme
+CHUTE_SCHEME = scenes.chute_ngf().scheme
 
 
 def steady(until=1.0, ratio=None, **parameters):
@@ -50,7 +50,7 @@ def top_speed(**parameters):
 
 def diffused(**changes):
     """The scheme of the chute with another `Fluidity`."""
-    return HATS.replace(fluidity=Fluidity(**changes))
+    return CHUTE_SCHEME.replace(fluidity=Fluidity(**changes))
 
 
 def laplacian(cells):
