@@ -1,4 +1,4 @@
-"""Fixtures that the rooms of the tests share: small scenes in every scheme that can be built."""
+"""Fixtures shared by all test folders: small scenes in every scheme that can be built."""
 
 import pytest
 from schemes_by_name import scheme_of
@@ -19,14 +19,14 @@ CELL = 0.1
 
 
 def pytest_collection_modifyitems(items):
-    """Every scheme is tested, those too that are warned of; other warnings are errors."""
+    """Let schemes that warn run in tests of every scheme; all other warnings are errors."""
     for item in items:
         item.add_marker(pytest.mark.filterwarnings("ignore::granular.StabilityWarning"))
 
 
 @pytest.fixture(params=COMBINATIONS, ids="-".join)
 def combination(request):
-    """(basis, transfer, density): everything a scheme can be made of."""
+    """Choices that make up a scheme: (basis, transfer, density)."""
     return request.param
 
 
@@ -41,7 +41,7 @@ def _box(dim, lower, upper):
 
 
 def _walls(dim):
-    """Rough floor, Coulomb and free_slip sides, an inner wall, an sponge and a solid step."""
+    """No-slip floor, Coulomb and free-slip sides, an inner wall, a sponge layer, a solid step."""
     last, up = dim - 1, 5 * CELL
     beside = ((0.0, 3 * CELL),) * (dim - 2)
     walls = [
@@ -68,7 +68,7 @@ def _walls(dim):
 
 
 def _periodic(dim):
-    """A layer on a rough floor that goes on for ever along the other axes."""
+    """A layer on a no-slip floor, periodic along the other axes."""
     last = dim - 1
     shape = (*(4, 3, 5)[:last], 5)
     return {
@@ -82,7 +82,7 @@ def _periodic(dim):
 
 
 def _outlet(dim):
-    """A box with a hole in its floor, open from 0.05 s on."""
+    """A box with an opening in its floor, which opens at 0.05 s."""
     last = dim - 1
     shape = (*(6, 3, 6)[:last], 6)
     hole = ((0.0, 2 * CELL),) + ((0.0, 3 * CELL),) * (dim - 2)
@@ -106,7 +106,7 @@ KINDS = {"walls": _walls, "periodic": _periodic, "outlet": _outlet}
 
 
 def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, **scheme):
-    """A scene of a few dozen cells: kind "walls", "periodic" or "outlet"."""
+    """Build a scene of a few dozen cells; `kind` is "walls", "periodic" or "outlet"."""
     basis, transfer, density = combination
     parts = KINDS[kind](dim)
     side = (1.5, 0.7)[: dim - 1]
@@ -126,5 +126,5 @@ def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, 
 
 @pytest.fixture
 def small_scene():
-    """`make_scene`."""
+    """The function `make_scene`."""
     return make_scene

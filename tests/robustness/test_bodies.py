@@ -1,4 +1,4 @@
-"""Bodies in a run: the same bits for any number of threads and over a restart."""
+"""Rigid bodies in a run: the same bits for any number of threads and after a restart."""
 
 from dataclasses import replace
 
@@ -18,12 +18,13 @@ pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scene_of(dim, thin=False):
-    """A turning bucket, a free box and a disc that goes back and forth, in a bed."""
+    """A bed with a rotating bucket, a free box and a disc that moves back and forth."""
     up, turning = dim - 1, 3.0 if dim == 2 else (0.0, -3.0, 0.0)
     shape, middle = ((16, 12), ()) if dim == 2 else ((8, 4, 6), (0.2,))
     cell = 0.8 / shape[0]
     edges = (2 * cell,) * (dim - 2)
-    thickness = 0.05 if thin else 2 * cell  # kept apart by double nodes, or by nodes alone
+    # thin: sides separated by duplicate nodes; thick: separated by the nodes alone
+    thickness = 0.05 if thin else 2 * cell
     bucket = Union(
         (
             Box((0.2, *edges, thickness)),
@@ -121,7 +122,7 @@ def test_stages_are_the_step(thin):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("turn", [0.0, 45.0])
 def test_bodies_that_begin_within_one_another_are_refused(dim, turn):
-    """Half a cell may be shared: bodies that touch, on nodes of the grid or not."""
+    """Bodies may overlap by half a cell, so that they can touch, whether on grid nodes or not."""
     scene, up = scene_of(dim), (0.0,) * (dim - 2)
     cell = scene.grid.cell
     edge, rotation = 4 * cell, turn if dim == 2 else (0.0, -turn, 0.0)
@@ -142,7 +143,7 @@ def test_bodies_that_begin_within_one_another_are_refused(dim, turn):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_bodies_in_the_midst_of_a_fill_are_doubted(dim):
+def test_bodies_in_the_midst_of_a_fill_are_warned_of(dim):
     scene = scene_of(dim)
     cell, up = scene.grid.cell, (0.2,) * (dim - 2)
 
@@ -150,7 +151,8 @@ def test_bodies_in_the_midst_of_a_fill_are_doubted(dim):
         body = Body(Box((4 * cell,) * dim), (0.4, *up, height))
         return [d for d in warnings_of(scene.replace(bodies=(body,), fills=fills)) if "within" in d]
 
-    assert scene_warnings(0.4 + 1.2 * cell) == []  # half a cell in, as a body that presses is
+    # half a cell deep, as a body that presses on the material
+    assert scene_warnings(0.4 + 1.2 * cell) == []
     assert len(scene_warnings(0.2)) == 1
     hole = Region((0.4 - 2 * cell, *(0.0,) * (dim - 2), 0.0), (0.4 + 2 * cell, *(0.4,) * (dim - 1)))
     rest = replace(scene.fills[0], region=Difference(scene.fills[0].region, hole))

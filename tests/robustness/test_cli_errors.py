@@ -1,4 +1,4 @@
-"""What the command line refuses: one line, exit code 2, nothing written; failures and Ctrl-C."""
+"""Errors of the command line: one line, exit code 2, nothing written; also failures and Ctrl-C."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Wrong arguments to the engine: documented exceptions only, no crash, no changed engine."""
+"""Wrong arguments to the engine raise documented exceptions: no crash, no change to the engine."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ from granular.mpm import engine as core
 
 
 def arguments(scene, mean_mass=1.0):
-    """The keywords with which an engine of this scene is built."""
+    """Keyword arguments with which the engine of this scene is built."""
     caught = {}
 
     class Catcher:
@@ -93,7 +93,7 @@ def test_node_positions_refuses_wrong_axes(lines, basis, n, periodic):
 
 
 @pytest.mark.parametrize("how", WAYS)
-def test_node_positions_refuses_wrong_creases(how):
+def test_node_positions_refuses_wrong_c0_lines(how):
     lines = spoiled(np.array([2, 4, 6], dtype=np.int32), how)
     if how in ("int32", "read-only", "empty", "short", "flat"):
         assert len(_core.node_positions(2, 9, False, np.ascontiguousarray(lines)))
@@ -183,7 +183,7 @@ def test_restore_refuses_wrong_scalars(small_scene, data):
 @QUICK
 @given(data=st.data())
 def test_any_number_at_a_point_is_survived(small_scene, data):
-    """A step on NaN, infinity or absurd numbers ends in SimulationError or goes on."""
+    """A step on NaN, infinite or absurd values ends in SimulationError or completes; no crash."""
     combination = data.draw(
         st.sampled_from([("linear", "flip", "particle"), ("quadratic", "tpic", "smoothed")])
     )

@@ -1,4 +1,4 @@
-"""Wrong arguments to laws and diffusion in the core: documented exceptions only, no crash."""
+"""Wrong arguments to laws and diffusion in the core raise documented exceptions: no crash."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_law_update_refuses_wrong_arrays(place, how):
     wrong = law_arguments()
     wrong[place] = spoiled(wrong[place], how)
     if how == "read-only" and place in (5, 6):
-        _core.law_update(*wrong)  # it only reads them
+        _core.law_update(*wrong)  # the array is only read, so that the call may succeed
         return
     if how == "long" and place == 5:
         wrong[5] = wrong[5][..., : wrong[5].shape[-1] - 1]
@@ -36,7 +36,7 @@ def test_law_update_refuses_wrong_arrays(place, how):
 
 
 def nonlocal_arguments(n=3, dim=2):
-    """`law_arguments` of the nonlocal law, with g_star and g."""
+    """Arguments of the nonlocal law: those of `law_arguments`, with g_star and g."""
     given = law_arguments(n, dim)
     given[0] = "ngf"
     given[2] = dict(
@@ -54,7 +54,8 @@ def test_law_update_refuses_wrong_fluidities(place, how):
     wrong = nonlocal_arguments()
     wrong[place] = spoiled(wrong[place], how)
     if (how, place) == ("read-only", 10) or (how, place) == ("none", 10):
-        _core.law_update(*wrong)  # it only reads it; without one it is in its local phase
+        # the array is only read; without a fluidity the law is in its local phase
+        _core.law_update(*wrong)
         return
     with pytest.raises((TypeError, ValueError)):
         _core.law_update(*wrong)
@@ -111,7 +112,7 @@ def test_law_update_refuses_wrong_numbers(place, value):
         _core.law_update(*given_arguments)
     except DOCUMENTED:
         return
-    # what is taken is a legal number in that place
+    # the value is valid for that argument
     assert isinstance(value, (int, float, np.floating))
 
 
@@ -155,7 +156,7 @@ def test_fluidity_update_refuses_wrong_arrays(place, how):
     wrong = update_arguments()
     wrong[place] = spoiled(wrong[place], how)
     if how == "read-only" and place < 6:
-        _core.fluidity_update(*wrong)  # it only reads them
+        _core.fluidity_update(*wrong)  # the array is only read, so that the call may succeed
         return
     with pytest.raises((TypeError, ValueError)):
         _core.fluidity_update(*wrong)
@@ -175,7 +176,8 @@ def test_fluidity_diffuse_refuses_wrong_arrays(name, how):
     wrong = diffuse_arguments()
     wrong[name] = spoiled(wrong[name], how)
     if name != "g" and how in ("read-only", "swapped", "unaligned"):
-        _core.fluidity_diffuse(**wrong)  # it only reads them; bytes have no order
+        # the array is only read; byte order does not matter to single bytes
+        _core.fluidity_diffuse(**wrong)
         return
     with pytest.raises((TypeError, ValueError)):
         _core.fluidity_diffuse(**wrong)
@@ -205,7 +207,7 @@ def test_fluidity_update_refuses_wrong_numbers(place, value):
 @given(name=st.sampled_from(sorted(diffuse_arguments())), value=numbers)
 def test_fluidity_diffuse_refuses_wrong_numbers(name, value):
     if name == "steps" and isinstance(value, int) and value > 1000:
-        return  # legal, and long
+        return  # valid, but slow
     try:
         report = _core.fluidity_diffuse(**diffuse_arguments() | {name: value})
     except DOCUMENTED:
@@ -243,8 +245,8 @@ def test_fluidity_diffuse_survives_any_number_in_its_arrays(data):
 # ---- hencky ----
 
 HENCKY = {
-    "K": 1e6, "G": 5e5, "reconnect_fluidity": 1.0, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28,
-    "rho_s": 2550.0, "d": 4e-3, "t0": 1e-4, "p_averaging": 0.0,
+    "K": 1e6, "G": 5e5, "reconnect_fluidity": 1.0, "mu_s": 0.38, "mu_2": 0.64,
+    "I0": 0.28, "rho_s": 2550.0, "d": 4e-3, "t0": 1e-4, "p_averaging": 0.0,
 }  # fmt: skip
 
 
@@ -259,7 +261,7 @@ def test_hencky_update_refuses_wrong_arrays(place, how):
     wrong = hencky_arguments()
     wrong[place] = spoiled(wrong[place], how)
     if how == "read-only" and place in (3, 4):
-        _core.hencky_update(*wrong)  # it only reads them
+        _core.hencky_update(*wrong)  # the array is only read, so that the call may succeed
         return
     with pytest.raises((TypeError, ValueError)):
         _core.hencky_update(*wrong)

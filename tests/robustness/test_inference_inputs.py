@@ -1,4 +1,4 @@
-"""What cannot be meant is refused by name: packings, friction, choices."""
+"""Meaningless inputs (packings, friction, options) are refused by name."""
 
 import numpy as np
 import pytest
@@ -126,7 +126,7 @@ def test_boundary_forces(options, words):
 
 
 def test_boundaries_that_say_nothing():
-    """A wall that is not there, a cluster that the wall does not reach, a way without its wall."""
+    """A wall that does not exist, a cluster away from the wall, a scaling without its wall."""
     packing = Packing(**GOOD)
     with pytest.raises(ValueError, match="body = -7 must be a wall"):
         inference.infer_with_boundary(

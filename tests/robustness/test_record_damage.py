@@ -41,7 +41,7 @@ def make_checkpoint(i):
 
 
 def content(path):
-    """All that a user can read: what must not change."""
+    """Everything that a user can read from the file and that must not change."""
     with open_trajectory(path) as record:
         frames = [
             (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
@@ -100,7 +100,7 @@ def make_record(path, frames=3):
 
 
 def unfinished(path, gas=0):
-    """With so many points of a gas in its frames."""
+    """An unfinished record whose frames hold this number of gas particles."""
     writer = TrajectoryWriter(path, SCENE)
     for i in range(2):
         more = {"gas": make_state(i + 5, n=gas - i).fields} if gas else {}
@@ -121,7 +121,7 @@ def unfinished(path, gas=0):
     ],
 )
 def test_mutants_are_refused_or_harmless(tmp_path, member, count, gas):
-    """In a process of its own, so that a crash or a hang of HDF5 is seen too."""
+    """Damaged files are read in a separate process, so that a crash or hang of HDF5 is noticed."""
     path = tmp_path / "a.h5"
     writer = unfinished(path, gas)
     if member == "a.h5":

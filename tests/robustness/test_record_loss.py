@@ -1,4 +1,4 @@
-"""Runs are never lost: kills, full disks, attempts to overwrite them."""
+"""Runs are never lost: processes killed, disks full, attempts to overwrite records."""
 
 import errno
 import os
@@ -40,7 +40,7 @@ def make_checkpoint(i):
 
 
 def content(path):
-    """Steps, bytes of all fields, and step of the checkpoint: what must not change."""
+    """Steps, bytes of all fields, and step of the checkpoint, none of which may change."""
     with open_trajectory(path) as record:
         frames = [
             (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
@@ -102,7 +102,7 @@ def test_kill_leaves_all_completed_frames(tmp_path):
         assert last + 1 <= len(frames) <= last + 2
         assert frames == expected(range(len(frames)), None)[0]
         assert checkpoint >= 10 * last
-        with TrajectoryWriter.resume(path) as writer:  # the lock died with its holder
+        with TrajectoryWriter.resume(path) as writer:  # the lock was released when its holder ended
             writer.append(make_state(len(frames)))
         assert content(path) == expected(range(len(frames) + 1), checkpoint)
         assert sorted(p.name for p in tmp_path.iterdir()) == [f"{k}.h5" for k in range(trial + 1)]
@@ -138,17 +138,17 @@ def test_kill_while_frames_wait_costs_a_second(tmp_path):
         frames, checkpoint = content(path)
         assert frames == expected(range(len(frames)), None)[0]
         assert checkpoint <= frames[-1][0], "no restart state is ahead of the frames"
-        # all but what was made in the last second before the last sign of life
-        pause = max(np.diff(times).max(), 0.1)  # of a busy machine, at the very moment
+        # all frames but those made in the last second before the process was killed
+        pause = max(np.diff(times).max(), 0.1)  # of a busy machine at that moment
         assert len(frames) >= np.sum(times < times[-1] - WAITING_SECONDS - pause)
-        with TrajectoryWriter.resume(path) as writer:  # made again from the checkpoint on
+        with TrajectoryWriter.resume(path) as writer:  # frames made again from the checkpoint on
             for i in range(checkpoint // 10, len(lines)):
                 writer.append(make_state(i), may_wait=True)
         assert content(path) == expected(range(len(lines)), checkpoint)
 
 
 def test_kill_while_merged_parts_are_removed(tmp_path, monkeypatch):
-    """Cut the removal of the parts after every single step of it."""
+    """Stop the removal of the segments after each of its steps in turn."""
     for survivors in range(7):
         path = tmp_path / f"{survivors}.h5"
         writer = TrajectoryWriter(path, SCENE)
@@ -172,7 +172,7 @@ def test_kill_while_merged_parts_are_removed(tmp_path, monkeypatch):
                 writer.close()
         assert content(path) == expected(range(4), 30)
         if survivors < 6:
-            os.close(writer._lock)  # as the end of its process would
+            os.close(writer._lock)  # as at the end of the process
         TrajectoryWriter.resume(path).close()
         assert content(path) == expected(range(4), 30)
 
@@ -181,7 +181,7 @@ def test_kill_while_merged_parts_are_removed(tmp_path, monkeypatch):
 
 
 class Failing:
-    """A function of os that fails at its k-th call, and from then on."""
+    """Function of `os` that fails at its k-th call and at all later ones."""
 
     def __init__(self, name, k, code):
         self.real, self.left, self.code, self.hit = getattr(os, name), k, code, False
@@ -203,7 +203,7 @@ FAULTS = [
 
 
 def fail_at_each(monkeypatch, name, code, prepare, act, check):
-    """Let each call of ``os.name`` within ``act`` fail in turn; how many there were."""
+    """Let each call of ``os.name`` within ``act`` fail in turn; return the number of calls."""
     hits = 0
     while True:
         subject = prepare(hits)
@@ -251,7 +251,7 @@ def test_failed_append_and_checkpoint_keep_what_was(tmp_path, monkeypatch, name,
         frames, checkpoint = content(writer.path)
         assert frames == expected(range(len(frames)), None)[0]
         assert checkpoint == (20 if len(frames) == 3 and checkpoint else 0)
-        act(writer)  # there is room again
+        act(writer)  # there is space on the disk again
         writer.close()
         assert content(writer.path) == expected(range(3), 20)
 

@@ -1,4 +1,4 @@
-"""A run that stops and goes on is the run that never stopped, to the last bit."""
+"""A run that stops and is resumed equals the uninterrupted run to the last bit."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,13 @@ import granular as gr
 
 
 def bits(sim):
-    """All that a restart needs, in the order of the core, as bytes."""
+    """All data that a restart needs, as bytes in the order of the core."""
     point = sim.checkpoint()
     return point.scalars, {name: array.tobytes() for name, array in point.arrays.items()}
 
 
 def shown(state):
-    """What a user sees of a state, as bytes."""
+    """The fields of a state that a user sees, as bytes."""
     return state.time, state.step, state.dt, {k: a.tobytes() for k, a in state.fields.items()}
 
 
@@ -25,7 +25,7 @@ def whole_and_parts(scene, steps, cuts, threads=(1, 1)):
         first = gr.Simulation(scene, threads=threads[0])
         first.step(cut)
         point = first.checkpoint()
-        first.step(1)  # the checkpoint is a copy: what happens later does not touch it
+        first.step(1)  # the checkpoint is a copy: later steps do not change it
         second = gr.Simulation.from_checkpoint(scene, point, threads=threads[1])
         assert second.steps == cut
         second.step(steps - cut)
@@ -34,7 +34,7 @@ def whole_and_parts(scene, steps, cuts, threads=(1, 1)):
 
 @pytest.mark.parametrize("kind", ["walls", "periodic", "outlet"])
 def test_restart_from_memory(small_scene, combination, dim, kind):
-    """At three places, one of them between two looks at the time step."""
+    """Restart at three steps, one of them between two evaluations of the adaptive time step."""
     scene = small_scene(kind, dim, combination, E=1e5)
     for whole, second in whole_and_parts(scene, 90, (1, 40, 77)):
         assert bits(whole) == bits(second)
@@ -64,7 +64,7 @@ def test_restart_after_points_have_left(small_scene, combination):
     + [("quadratic", "tpic", "smoothed"), ("linear", "tpic", "cell_averaged")],
 )
 def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
-    """1200 steps in which half of it flows out; nothing is faster than a fall from its top."""
+    """Half of the silo flows out in 1200 steps, no faster than by a fall from the top."""
     scene = gr.scenes.silo(
         cell=0.025,
         orifice=0.2,
@@ -94,7 +94,7 @@ def test_frames_leave_out_what_only_a_restart_needs(small_scene, tmp_path):
 
 
 def test_restart_by_a_record(small_scene, combination, tmp_path):
-    """Through the file, in the middle of the output, and on in the same record."""
+    """Restart from the file between two outputs, and append to the same record."""
     scene = small_scene("outlet", 2, combination, E=1e5)
     whole, path, other = tmp_path / "whole.h5", tmp_path / "parts.h5", tmp_path / "cut.h5"
     gr.Simulation(scene, threads=1).run(until=0.06, save=whole, every=0.02)
@@ -105,14 +105,14 @@ def test_restart_by_a_record(small_scene, combination, tmp_path):
     with gr.open(whole) as one, gr.open(path) as parts, gr.open(other) as cut:
         assert one.checkpoint().digest == parts.checkpoint().digest == cut.checkpoint().digest
         assert [shown(s) for s in one] == [shown(s) for s in parts]
-        # a run that ends between two frames has one frame more
+        # a run that ends between two frames stores one more frame
         assert {shown(s)[:2] for s in one} <= {shown(s)[:2] for s in cut}
         assert shown(one[-1]) == shown(cut[-1])
 
 
 @pytest.mark.parametrize("basis", ["linear", "quadratic"])
 def test_a_domain_that_has_emptied_goes_on(small_scene, basis, tmp_path):
-    """All points leave: the run and its frames reach their time, resumed or not."""
+    """When all points have left, the run and its frames still reach their end, resumed or not."""
     scene = small_scene("outlet", 2, (basis, None, None), E=1e5)
     scene = scene.replace(walls=tuple(w for w in scene.walls if w.kind == "free_slip"))
     whole, cut = tmp_path / "whole.h5", tmp_path / "cut.h5"
@@ -133,7 +133,7 @@ def test_a_domain_that_has_emptied_goes_on(small_scene, basis, tmp_path):
 
 
 def test_frames_go_on_as_they_were_asked_for(small_scene, tmp_path):
-    """The time between frames is told by the record, not by its frames: there may be few."""
+    """The interval between frames is read from the record, as its frames may be few."""
     scene, path = small_scene("walls", 2, ("linear", "flip", "particle"), E=1e5), tmp_path / "a.h5"
     gr.Simulation(scene, threads=1).run(until=0.01, save=path, every=0.035)
     sim = gr.Simulation.resume(path, threads=1).run(until=0.08)
@@ -149,7 +149,7 @@ def test_frames_go_on_as_they_were_asked_for(small_scene, tmp_path):
 
 
 def test_nothing_that_the_engine_carries_is_left_out(small_scene, combination, dim):
-    """Every field and scalar of the core is in a checkpoint, and every one of them matters."""
+    """A checkpoint holds every field and scalar of the core, and each of them affects the run."""
     scene = small_scene("walls", dim, combination, E=1e5)
     sim = gr.Simulation(scene, threads=1)
     sim.step(20)
@@ -175,10 +175,11 @@ def test_nothing_that_the_engine_carries_is_left_out(small_scene, combination, d
 
 
 def test_a_changed_field_changes_the_run(small_scene, combination):
-    """The fields of a checkpoint are really read back: another value makes another run."""
+    """The fields of a checkpoint are really read back: another value gives another run."""
     scene = small_scene("walls", 2, combination, E=1e5)
     sim = gr.Simulation(scene, threads=1)
-    sim.step(61)  # one past a step that averages: what the shift has lent is still to be taken back
+    # one step after an averaging step: the shift momentum correction is still to be subtracted
+    sim.step(61)
     point = sim.checkpoint()
     sim.step(20)
     for name in set(point.arrays) - {"id", "shear_rate"}:
@@ -205,7 +206,7 @@ def test_a_checkpoint_of_another_scene_is_refused(small_scene):
 
 
 def test_the_core_saves_all_its_fields_in_some_scheme(small_scene):
-    """The scheme that carries the most carries every field the core knows."""
+    """One scheme uses every field that the core knows."""
     scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"))
     carried = {name for name, *_ in gr.Simulation(scene, threads=1)._engine.fields()}
     assert carried == {

@@ -1,4 +1,4 @@
-"""What goes wrong during a run stops it, says where, and loses nothing."""
+"""Errors during a run stop it, name the place, and lose no data."""
 
 import os
 import signal
@@ -19,12 +19,12 @@ PLAIN = ("linear", "flip", "particle")
 
 
 def shown(state):
-    """What a user sees of a state, as bytes."""
+    """The fields of a state that a user sees, as bytes."""
     return state.time, state.step, state.dt, {k: a.tobytes() for k, a in state.fields.items()}
 
 
 def spoil(sim, name, value, point=None):
-    """Write a value to one place of a living point; returns its id."""
+    """Write a value into one field of an active point; return the id of the point."""
     ids = sim.buffers["id"]
     place = np.flatnonzero(ids >= 0)[5] if point is None else np.flatnonzero(ids == point)[0]
     sim.buffers[name][0, place] = value
@@ -32,7 +32,7 @@ def spoil(sim, name, value, point=None):
 
 
 class Saboteur:
-    """A hook that spoils a field at a given frame."""
+    """Hook that writes a wrong value into a field at a given frame."""
 
     def __init__(self, frame, name, value):
         self.frame, self.name, self.value = frame, name, value
@@ -124,7 +124,7 @@ def test_a_hook_that_raises_ends_the_run_and_keeps_the_record(small_scene, tmp_p
 
 
 def test_a_finished_frame_does_not_wait_for_the_next(small_scene, tmp_path, monkeypatch):
-    """Between two frames of a slow run, too, the writer is asked whether it is time to store."""
+    """During a slow run the writer is also asked between two frames whether it is time to store."""
     monkeypatch.setattr("granular.simulation.CHUNK_SECONDS", 1e-5)
     asked, real = [], TrajectoryWriter.store
 
@@ -140,7 +140,7 @@ def test_a_finished_frame_does_not_wait_for_the_next(small_scene, tmp_path, monk
 
 
 def test_an_interrupt_in_the_step_of_a_frame_does_not_cost_the_frame(small_scene, tmp_path):
-    """The run that goes on looks for the next one: it would never be made."""
+    """A frame whose step is interrupted is stored; the resumed run would only make the next one."""
     scene, path = small_scene("walls", 2, PLAIN, E=1e5), tmp_path / "run.h5"
     sim = gr.Simulation(scene, threads=1)
     advance = sim._advance
@@ -189,10 +189,10 @@ CHILD = textwrap.dedent(
 
 
 def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_path):
-    """Five times in a run, after many frames, too: within 0.2 s, with a state that goes on.
+    """An interrupt returns within 0.2 s, with a state that can be resumed, five times in one run.
 
-    A busy machine can only add to the wall time: the least of five is the package's own. The time
-    of the processor is its own each time.
+    Other load on the machine can only increase the wall time, so that the smallest of the five
+    measures the package itself. The processor time is measured each time.
     """
     path = tmp_path / "run.h5"
     code = CHILD.format(tests=str(ROOT / "tests"), path=str(path))
@@ -225,7 +225,7 @@ def test_the_handler_of_the_user_comes_back(small_scene):
 
 
 def test_a_point_within_a_solid_does_no_harm(small_scene):
-    """Nodes there have no room, and no fullness: a point that is pressed in goes on finite."""
+    """Nodes within a solid have no volume or filling fraction; a point forced in stays finite."""
     scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e6, points_per_axis=4)
     sim = gr.Simulation(scene, threads=1)
     sim.step(8)

@@ -1,4 +1,4 @@
-"""What scene functions and scene files are given wrongly is refused, and named."""
+"""Wrong arguments to scene functions and damaged scene files are refused by name."""
 
 import math
 
@@ -181,7 +181,7 @@ def test_texts_that_are_no_scene(text):
 
 
 def test_damaged_texts_give_a_scene_or_a_value_error():
-    """Random damage: any exception but ValueError fails the test, and most damage is noticed."""
+    """Random damage raises ValueError only, and most damage is noticed."""
     rng = np.random.default_rng(0)
     original = scenes.silo().to_json()
     refused = 0

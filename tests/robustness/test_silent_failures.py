@@ -1,4 +1,4 @@
-"""Runs that fail without an error: the monitors say so, and say nothing of those that do not."""
+"""Runs that fail without an error are reported by the diagnostics; sound runs are not."""
 
 import math
 
@@ -17,7 +17,7 @@ BEADS = gr.materials.glass_beads.replace(E=1e6)
 
 @pytest.fixture(autouse=True)
 def often(monkeypatch):
-    """Looks at every frame, whatever they cost."""
+    """Diagnostics that sample at every frame, whatever the cost."""
     monkeypatch.setattr(diagnostics, "STEPS", 1)
     monkeypatch.setattr(diagnostics, "POINT_STEPS", 0)
 
@@ -27,15 +27,15 @@ def incline(columns=8, **options):
     return gr.scenes.incline(**(settings | options))
 
 
-def test_the_default_scheme_is_sound_in_two_dimensions():
+def test_the_default_scheme_is_ok_in_two_dimensions():
     health = gr.Simulation(incline(), threads=1).run(until=3.0, every=0.1).health()
     assert health.ok, str(health)
     assert health["disconnected"].value < 0.03
     assert health["ill_posed"].value < 0.1
 
 
-def test_the_published_scheme_is_not():
-    """Its bulk loses contact, and its layer compacts while the densities do not know."""
+def test_the_published_scheme_is_not_ok():
+    """The bulk is disconnected, and the layer compacts although the densities do not show it."""
     scene = incline(scheme=gr.schemes.dunatunga_kamrin_2015.replace(dt=None))
     health = gr.Simulation(scene, threads=1).run(until=4.0, every=0.1).health()
     assert health["disconnected"].verdict == "suspect"
@@ -43,7 +43,7 @@ def test_the_published_scheme_is_not():
 
 
 def test_too_large_a_step_makes_energy(monkeypatch):
-    """Linear FLIP at c dt/dx = .9, where no NaN tells of it; refused unless the limit is lifted."""
+    """Linear FLIP at c dt/dx = 0.9 gains energy without NaN; refused unless the limit is lifted."""
     step = 0.9 * 0.02 / BEADS.wave_speed
     scene = incline(columns=1, jitter=0.0, scheme=gr.schemes.dunatunga_kamrin_2015.replace(dt=step))
     with pytest.raises(ValueError, match="dt = "):
@@ -61,7 +61,7 @@ def test_slow_flow_is_ill_posed_and_reported():
 
 
 def test_a_bar_that_is_torn_by_the_grid():
-    """Drawn out to twice its length with four points a cell, the points are a cell apart."""
+    """Four points per cell: a bar stretched to twice its length has points a cell apart."""
     scene = gr.Scene(
         name="drawn",
         grid=Grid((0.0, 0.0), 0.1, (40, 3)),

@@ -1,4 +1,4 @@
-"""What a gas refuses, and what the core refuses of it."""
+"""Wrong arguments to the SPH gas are refused, in Python and in the core."""
 
 import math
 
@@ -109,7 +109,7 @@ def test_core_refuses_rows_that_do_not_fit(rows):
 @pytest.mark.parametrize("field", ["x", "v", "mass", "rho", "porosity"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e300, -1.0, 0.0])
 def test_any_number_of_the_gas_is_survived(field, value):
-    """The core may stop with an error, or go on with what it was given; it does not crash."""
+    """The core stops with an error or continues with any value; it does not crash."""
     simulation = sph.Simulation(SOIL)
     simulation.step(1)
     simulation.buffers[field][0, simulation._rows.gas_first + 3] = value
@@ -133,7 +133,7 @@ def test_grid_of_another_dimension_is_refused():
 
 
 def test_record_goes_on_with_its_gas(tmp_path):
-    """The checkpoints of a record hold the gas, to the last bit."""
+    """The checkpoints of a record hold the gas to the last bit."""
     simulation = sph.Simulation(SOIL)
     simulation.run(0.002, save=tmp_path / "run.h5", every=0.001)
     again = sph.Simulation.resume(tmp_path / "run.h5")

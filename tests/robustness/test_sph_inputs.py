@@ -1,4 +1,4 @@
-"""Wrong arguments to particle hydrodynamics: exceptions that name them, and no crash."""
+"""Wrong arguments to SPH raise exceptions that name them; no crash."""
 
 import math
 
@@ -60,8 +60,8 @@ def test_wrong_arguments_are_named(change, words):
         change()
 
 
-def test_elastic_grains_need_their_elastic_stress():
-    """A buffer, and in a checkpoint, that grains without a spring do not have."""
+def test_elastic_particles_need_their_elastic_stress():
+    """Elastic particles need a stress buffer, also in a checkpoint; others have none."""
     simulation = sph.Simulation(SCENE)
     buffers, rows = simulation.buffers, simulation._rows
     del buffers["elastic_stress"]
@@ -104,7 +104,7 @@ NUMBERS = st.sampled_from([math.nan, math.inf, -math.inf, 0.0, -1.0, 1e300, -1e3
     fresh=st.booleans(),
 )
 def test_any_number_in_the_buffers_is_survived(field, place, value, fresh):
-    """The core may stop with an error, or go on with what it was given; it does not crash."""
+    """The core stops with an error or continues with any value; it does not crash."""
     simulation = sph.Simulation(SCENE)
     simulation.step(1)
     simulation.buffers[field][0, place] = value

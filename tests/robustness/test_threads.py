@@ -1,4 +1,4 @@
-"""The number of threads does not touch a bit of the result."""
+"""The result is the same to the last bit for any number of threads."""
 
 import multiprocessing
 import os
@@ -13,7 +13,7 @@ import granular as gr
 
 
 def bits(sim):
-    """All that a restart needs, in the order of the core, as bytes."""
+    """All data that a restart needs, as bytes in the order of the core."""
     point = sim.checkpoint()
     return point.scalars, {name: array.tobytes() for name, array in point.arrays.items()}
 
@@ -27,7 +27,7 @@ def run(scene, threads, steps, cut=None):
 
 @pytest.mark.parametrize("kind", ["walls", "outlet"])
 def test_threads_give_the_same_bits(small_scene, combination, dim, kind):
-    """With points that change cells, gather at new places and (kind "outlet") leave."""
+    """Points change cells, come together at new places and (kind "outlet") leave."""
     scene = small_scene(kind, dim, combination, E=1e5)
     one = run(scene, 1, 120)
     expected = bits(one)
@@ -47,7 +47,7 @@ def test_threads_give_the_same_bits_when_many_points_leave(small_scene):
 
 
 def test_twenty_runs_give_the_same_bits(small_scene):
-    """Whatever the order in which the threads come to their work; points change cells and leave."""
+    """Threads may start in any order, also where points change cells and leave."""
     scene = small_scene("outlet", 2, ("quadratic", "tpic", "smoothed"), E=1e5, points_per_axis=4)
     found = [bits(run(scene, threads, 150)) for threads in (1, 2, 3) for _ in range(20)]
     assert found[0][0]["dropped"] > 0
@@ -99,7 +99,7 @@ FORK = textwrap.dedent(
 
 @pytest.mark.parametrize("method", multiprocessing.get_all_start_methods())
 def test_processes_beside_threads(method, tmp_path):
-    """A child forked after a threaded run is told to use one thread: it would wait for ever."""
+    """A process forked after a threaded run must use one thread, or it would wait for ever."""
     program = tmp_path / "program.py"
     program.write_text(FORK.format(tests=str(Path(__file__).parents[1]), method=method))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}

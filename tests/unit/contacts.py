@@ -1,4 +1,4 @@
-"""Shear frames by hand: few grains whose stress and dissipation can be worked out on paper."""
+"""Shear frames made by hand: few grains whose stress and dissipation can be computed on paper."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from granular.grain_scale.dem import Contacts, Frame
 
 
 def contacts(frame_x, pairs, force, *, tangential=None, normal_velocity=None, sliding=None):
-    """Contacts of pairs of grains along their branches; `force` is repulsion [N]."""
+    """Contacts of pairs of grains along their branch vectors; `force` is the repulsion [N]."""
     i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
     branch = frame_x[i] - frame_x[j]
     distance = np.linalg.norm(branch, axis=1)
@@ -29,7 +29,7 @@ def contacts(frame_x, pairs, force, *, tangential=None, normal_velocity=None, sl
 def frame(
     x, v, *, radius=0.5, mass=1.0, time=0.0, box=(2.0, 2.0, 2.0), shear_rate=1.0, wall=None, **made
 ):
-    """A frame of grains at x with velocities v, and contacts from `contacts`."""
+    """Frame of grains at x with velocities v and the contacts returned by `contacts`."""
     x, v = np.array(x, dtype=float), np.array(v, dtype=float)
     n = len(x)
     return Frame(

@@ -1,9 +1,9 @@
-"""Discs and spheres by the discrete element method, small and plain: packings with known forces.
+"""Plain discrete element method for discs and spheres: packings with known contact forces.
 
-An oracle for `granular.grain_scale.inference`, shared by its tests and by the scripts in `benchmarks`. Linear
-springs at contacts (tangential ones with memory and a Coulomb limit), free_slip walls, several
-boxes beside one another in the same arrays. All is in three components; in the plane the third
-stays zero.
+Reference for `granular.grain_scale.inference`, used by its tests and by the scripts in
+`benchmarks`. Contacts have linear springs (the tangential one with memory and a Coulomb limit),
+walls are free-slip, and several boxes are stored side by side in the same arrays. All vectors have
+three components; in 2D the third stays zero.
 """
 
 from dataclasses import dataclass, replace
@@ -27,8 +27,8 @@ def cross(a, b):
 class Grains:
     """Grains, each in a box of walls; with `load` the upper walls of the last axis are pistons.
 
-    Walls are numbered -1 - 2 axis (lower) and -2 - 2 axis (upper); infinite ones are not there.
-    Masses are per unit depth in the plane. `drag` is a rate [1/s] at which motion fades.
+    Walls are numbered -1 - 2 axis (lower) and -2 - 2 axis (upper); infinite walls are absent.
+    Masses are per unit depth in 2D. `drag` [1/s] is the rate at which velocities decay.
     """
 
     def __init__(self, x, R, m, lower, upper, *, dim, kn, kt, mu, dt, damping=0.3, **options):
@@ -52,7 +52,7 @@ class Grains:
         self.search()
 
     def search(self):
-        """Pairs that may soon touch, with the memory of those that do."""
+        """Find the pairs that may soon touch; pairs in contact keep the memory of their springs."""
         n = len(self.x)
         largest = np.sort(self.R)[-1] + np.sort(self.R)[-min(n, 2)]
         pairs = cKDTree(self.x).query_pairs(largest + self.skin, output_type="ndarray")
@@ -70,7 +70,7 @@ class Grains:
         self.seen = self.x.copy()
 
     def pair_forces(self, dt):
-        """Normals, arms and forces on the first of each pair; the springs move on by `dt`."""
+        """Normals, arms and forces on the first grain of each pair; springs advance by `dt`."""
         i, j = self.pairs.T
         apart = self.x[j] - self.x[i]
         far = np.sqrt((apart**2).sum(axis=1))
@@ -90,7 +90,7 @@ class Grains:
         return normal, arm_i, arm_j, -push[:, None] * normal - self.kt * h, touching
 
     def wall_forces(self):
-        """Penetration and outward push of each grain at the lower and upper walls, (2, n, 3)."""
+        """Penetration and outward push of each grain at lower and upper walls, shape (2, n, 3)."""
         R = self.R[:, None]
         depth = np.stack([self.lower + R - self.x, self.x + R - self.upper])
         speed = np.stack([-self.v, self.v])
@@ -103,7 +103,7 @@ class Grains:
         normal, arm_i, arm_j, f, _ = self.pair_forces(dt)
         _, push = self.wall_forces()
         force = self.act @ f + push[0] - push[1] + self.m[:, None] * self.gravity
-        # Of the force on i and its reaction on j alike: arm times normal x force.
+        # The force on i and its reaction on j give the same torque: arm times normal x force.
         turn = cross(normal, f)
         i, j = self.pairs.T
         n = len(self.x)
@@ -117,7 +117,7 @@ class Grains:
         return force, torque, np.bincount(self.box, push[1, :, self.dim - 1])
 
     def step(self, steps):
-        """Move on by some steps (semi-implicit Euler)."""
+        """Advance by a number of steps (semi-implicit Euler)."""
         fade = np.exp(-self.drag * self.dt)
         up = self.dim - 1
         for _ in range(steps):
@@ -132,12 +132,12 @@ class Grains:
                 self.upper[:, up] += self.dt * self.piston_v[self.box]
 
     def unbalance(self):
-        """Largest net force on a grain over the largest force."""
+        """Largest net force on a grain over the largest contact force."""
         force, _, _ = self.total(0.0)
         return np.abs(force).max() / np.abs(self.pair_forces(0.0)[3]).max()
 
     def contacts(self, box=None):
-        """What `Packing` asks for, and the forces: of all grains, or of those of one box."""
+        """Contact arrays of a `Packing` and the contact forces, of all grains or of one box."""
         normal, arm, _, f, touching = self.pair_forces(0.0)
         depth, push = self.wall_forces()
         side, grain, axis = np.nonzero(depth > 0)
@@ -173,7 +173,7 @@ def volumes(R, dim):
 
 
 def sums(table, centroids):
-    """Sparse rows of force, moment and sym(f x) for each grain, written down one by one."""
+    """Sparse matrices of force and moment sums and of sym(f x), row by row for each grain."""
     dim = centroids.shape[1]
     rows, columns, values = [], [], []
     planes = [(0, 1)] if dim == 2 else [(1, 2), (2, 0), (0, 1)]
@@ -201,21 +201,21 @@ def sums(table, centroids):
 
 
 def balanced(table, centroids, scale):
-    """The nearest forces in exact equilibrium, without what is left of the motion."""
+    """Contact forces in exact equilibrium that are nearest to those of grains still in motion."""
     balance, _ = sums(table, centroids)
     dim = centroids.shape[1]
     size = balance.shape[0] // len(centroids)
     weights = np.where(np.arange(balance.shape[0]) % size < dim, 1.0, 1 / scale)
     scaled = csr_array(balance * weights[:, None])
     f = table["forces"].ravel()
-    # Twice: once leaves what the tolerance of the first sum lets through.
+    # Two passes: the first leaves an error of the size of the solver tolerance.
     for _ in range(2):
         f = f - lsqr(scaled, scaled @ f, atol=1e-15, btol=1e-15, iter_lim=20 * len(f))[0]
     return f.reshape(-1, dim)
 
 
 def average_stresses(table, centroids, volume):
-    """Of each grain (n, dim, dim), by adding up sym(f x)/V contact after contact."""
+    """Stress of each grain, shape (n, dim, dim): the sum of sym(f x)/V over its contacts."""
     dim = centroids.shape[1]
     found = np.zeros((len(centroids), dim, dim))
     for (p, q), at, f in zip(table["bodies"], table["positions"], table["forces"], strict=True):
@@ -226,8 +226,8 @@ def average_stresses(table, centroids, volume):
     return found
 
 
-def lattice(n, across, spacing, dim, rng):
-    """n places, shaken, in layers of across[0] (x across[1]) at a spacing."""
+def layered_places(n, across, spacing, dim, rng):
+    """n positions with random offsets, in layers of across[0] (x across[1]) points at a spacing."""
     places = np.zeros((n, dim))
     rest = np.arange(n)
     for axis, count in enumerate(across):
@@ -238,12 +238,12 @@ def lattice(n, across, spacing, dim, rng):
 
 
 def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, free=5000, damped=4000, mu=0.5):
-    """Grains of 2.5 to 4 mm pressed in boxes by free_slip pistons, one box for each seed."""
+    """Grains of 2.5 mm to 4 mm compressed in boxes by free-slip pistons, one box for each seed."""
     places, radii, boxes = [], [], []
     across = (int(width / 7.8e-3),) * (dim - 1)
     for k, seed in enumerate(seeds):
         rng = np.random.default_rng(seed)
-        x = lattice(n, across, width / across[0], dim, rng)
+        x = layered_places(n, across, width / across[0], dim, rng)
         x[:, 0] += 10 * width * k
         places.append(x)
         radii.append(rng.uniform(2.5e-3, 4e-3, n))
@@ -254,7 +254,7 @@ def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, free=5000, dam
     lower[:, 0], upper[:, 0] = 10 * width * box, 10 * width * box + width
     upper[:, -1] = x[:, -1].max() + 5e-3
     load = pressure * width ** (dim - 1)
-    kn = 2000 * load / width  # an overlap of some thousandths of a radius
+    kn = 2000 * load / width  # the overlap is some thousandths of a radius
     grains = Grains(
         x, R, m, lower, upper, dim=dim, kn=kn, kt=kn, mu=0.98 * mu, load=load, box=box,
         dt=0.2 * np.sqrt(m.min() / kn), drag=0.0,
@@ -270,21 +270,21 @@ def oedometers(seeds, *, dim=2, n=58, width=0.039, pressure=30e3, free=5000, dam
 
 @dataclass(frozen=True)
 class Case:
-    """A packing and the forces in it."""
+    """A packing and its contact forces."""
 
     packing: Packing
     forces: np.ndarray
 
 
 def case_of(grains, box=None):
-    """At rest: the forces of a relaxation, put into balance, and the stresses that follow."""
+    """Case at rest: relaxed forces, corrected to exact equilibrium, and the resulting stresses."""
     table, dim = grains.contacts(box), grains.dim
     mine = slice(None) if box is None else grains.box == box
     return case_from(table, grains.x[mine, :dim], grains.R[mine])
 
 
 def case_from(table, centroids, R):
-    """Of contacts with roughly balanced forces."""
+    """Case of contacts whose forces are approximately balanced."""
     volume = volumes(R, centroids.shape[1])
     table = table | {"forces": balanced(table, centroids, R.mean())}
     packing = Packing(
@@ -299,7 +299,8 @@ def case_from(table, centroids, R):
 
 
 def jittered_grid(shape, *, shake=0.05, seed=0):
-    """Grains on a square or cubic lattice, shaken, that push about evenly; any number at once.
+    """Grains on a square or cubic grid with random offsets and similar pushes; any number of
+    grains.
 
     The outermost layers are walls. Contacts lie halfway between centroids.
     """
@@ -332,7 +333,7 @@ def jittered_grid(shape, *, shake=0.05, seed=0):
 
 
 def settled(grains, boxes, mu=0.5, rounds=30):
-    """Cases of boxes, after as many steps more as balance needs to be admissible in all."""
+    """Cases of several boxes, stepped on until the forces are admissible in all of them."""
     for _ in range(rounds):
         cases = [case_of(grains, box) for box in boxes]
         if all(admissible(case, mu) for case in cases):
@@ -342,7 +343,7 @@ def settled(grains, boxes, mu=0.5, rounds=30):
 
 
 def admissible(case, mu):
-    """Whether all contacts push and none slips."""
+    """True if all contacts push and none slips."""
     normals, f = case.packing.normals, case.forces
     push = -(f * normals).sum(axis=1)
     slip = np.linalg.norm(f + push[:, None] * normals, axis=1)
@@ -351,14 +352,14 @@ def admissible(case, mu):
 
 @cache
 def pressed_discs():
-    """Ten oedometric tests of section 2.4: 58 discs, other ones in each."""
-    seeds = [0, 1, 2, 3, 5, 6, 7, 8, 9, 10]  # 4 settles slowly
+    """Ten oedometric tests of section 2.4: 58 discs, with other radii in each."""
+    seeds = [0, 1, 2, 3, 5, 6, 7, 8, 9, 10]  # seed 4 settles slowly
     return settled(oedometers(seeds), range(len(seeds)))
 
 
 @cache
 def pressed_spheres(n=80):
-    """Spheres pressed in a box."""
+    """Spheres compressed in a box."""
     grains = oedometers([0], dim=3, n=n, width=0.026, free=12000, damped=1500)
     return settled(grains, [0])[0]
 
@@ -371,9 +372,10 @@ FRAME = 2e-4
 
 @dataclass(frozen=True)
 class Record:
-    """Frames of grains that are hit: places and velocities of them, places of the others.
+    """Frames of grains under impact: their positions and velocities, and the positions of the
+    others.
 
-    `frames` holds the cases of frames `touching`, in which there are contacts at all.
+    `frames` holds the cases of those frames, numbered `touching`, that have contacts.
     """
 
     times: np.ndarray
@@ -387,7 +389,7 @@ class Record:
 
 @cache
 def impact():
-    """Six discs in a corner, hit by a heavy body at 27 degrees off the last one's centre."""
+    """Six discs in a corner, hit by a heavy body at 27 degrees off the centre of the last disc."""
     gap, R = 2e-5, np.array([DISC] * 6 + [0.06])
     rise = DISC * (1 + np.sqrt(3)) + gap
     x = np.array(
@@ -407,7 +409,7 @@ def impact():
 
 
 def film(grains, seen, count, interval):
-    """Frames of the first grains; the others are bodies from outside."""
+    """Record frames of the first `seen` grains; the others count as bodies from outside."""
     steps = round(interval / grains.dt)
     d = grains.dim
     x, v, others, frames, touching = [], [], [], [], []
@@ -429,7 +431,7 @@ def film(grains, seen, count, interval):
 
 
 def moving_case(grains, table, seen):
-    """With exact accelerations, of the centroids and about them, in the plane."""
+    """Case in 2D with the exact accelerations of the centroids and the angular accelerations."""
     force, torque, _ = grains.total(0.0)
     x, volume = grains.x[:seen, :2], volumes(grains.R[:seen], 2)
     gravity = {"gravity": grains.gravity[:2]} if grains.gravity.any() else {}
@@ -450,11 +452,11 @@ def moving_case(grains, table, seen):
 
 
 def noisy_record(record, seed):
-    """Packings as filmed at 5 kHz: stresses off by 10 %, centroids by .02 mm, no rotation.
+    """Packings as filmed at 5 kHz: stresses wrong by 10 %, centroids by 0.02 mm, no rotation.
 
-    Accelerations of centroids after a low pass, as in section 3.3.2, here of 600 Hz. Errors as an
-    experiment knows them: accelerations by what they are where nothing touches, stresses by a tenth
-    of their size, and a hundredth of the largest where there is none.
+    Accelerations of the centroids are low-pass filtered as in section 3.3.2, here at 600 Hz. Errors
+    are those an experiment could state: for accelerations their size in frames without contact; for
+    stresses a tenth of their size plus a hundredth of the largest one.
     """
     rng, taps = np.random.default_rng(seed), firwin(31, 600, fs=1 / FRAME, window="hamming")
 

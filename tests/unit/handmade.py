@@ -1,4 +1,4 @@
-"""Scenes made by hand, which no scene function makes."""
+"""Scenes built by hand that no scene function builds."""
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
@@ -8,7 +8,7 @@ from granular.mpm.walls import Wall
 
 
 def full_silo(**changes):
-    """The silo of the paper with both of its halves, made by hand."""
+    """The silo of the paper with both halves, built by hand."""
     floor = [Wall(1, 0.0, span=(s,)) for s in ((-0.5, -0.06), (0.06, 0.5))]
     parts = {
         "name": "full silo",

@@ -1,26 +1,28 @@
-"""The step once more, slow and plain: NumPy written from the equations, for comparison.
+"""Reference step of the MPM engine in plain NumPy, written from the equations.
 
-Every function here works on whole arrays over all nodes; nothing is shared with the C core but the
-table of walls. Equation numbers are those of Dunatunga & Kamrin 2015.
+Every function works on whole arrays over all nodes; only the table of walls is shared with the C
+core. Equation numbers are those of Dunatunga & Kamrin 2015.
 """
 
 import math
 from types import SimpleNamespace
 
 import numpy as np
-from oracle_cell_averaged import flow_of_cells, share
+from oracle_cell_averaged import cell_averages, flow_of_cells
 from oracle_law import components, law, tensor
-from oracle_nonlocal import Path
+from oracle_nonlocal import Substeps
 from oracle_shapes import Shapes, node_volumes
-from oracle_smoothed import average, averages, look_around
+from oracle_smoothed import average, averages, neighbour_corrections
 from oracle_walls import alone_at_wall
 
 from granular.mpm.node_codes import node_codes
 
 
-def scatter(scene, points, step=0, shift_dt=1.0):
-    """Nodal sums (3.4): mass, momentum, force; phi and cbar where the step averages the density,
-    and `cells` where they share it."""
+def p2g(scene, points, step=0, shift_dt=1.0):
+    """Nodal sums (3.4): mass, momentum, force.
+
+    Steps that average the density add phi and cbar; a cell-averaged density adds `cells`.
+    """
     dim = scene.grid.dim
     s = Shapes(scene, points["x"])
     m = points["mass"]
@@ -41,7 +43,7 @@ def scatter(scene, points, step=0, shift_dt=1.0):
         force=s.to_nodes(force),
     )
     if scene.scheme.density.name == "cell_averaged":
-        share(scene, points, out)
+        cell_averages(scene, points, out)
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
@@ -63,7 +65,7 @@ def _ratio(a, b):
 
 
 def _wall(row, v, after):
-    """What a wall leaves of the velocities before and after the forces, shape (dim,)."""
+    """Apply a wall, in place, to the velocities (dim,) before and after the forces."""
     dim = len(v)
     rub = 0.0
     if row.normal >= 0:
@@ -79,7 +81,7 @@ def _wall(row, v, after):
 
 
 def keepshare(scene, dt):
-    """The part of the old velocity of a point that survives a step."""
+    """Fraction of the old velocity of a point that is kept in a step."""
     scheme = scene.scheme
     if scheme.transfer in ("apic", "xpic"):
         return 0.0
@@ -89,7 +91,7 @@ def keepshare(scene, dt):
 
 
 def grid(scene, points, nodes, dt, time):
-    """Nodal velocities (3.5-3.7): `v` after the forces, `w` what the points receive."""
+    """Nodal velocities (3.5-3.7): `v` after the forces, `w` the velocity that points receive."""
     used = nodes.mass > 0
     v = _ratio(nodes.momentum, nodes.mass[:, None])
     after = np.zeros_like(v)
@@ -98,7 +100,7 @@ def grid(scene, points, nodes, dt, time):
     fixed = _at_walls(scene, used, v, after, time)
     keep = keepshare(scene, dt)
     if hasattr(nodes, "uneven"):
-        look_around(scene, nodes, fixed)
+        neighbour_corrections(scene, nodes, fixed)
     nodes.v, nodes.before = after, v
     nodes.w = keep * (after - v) + (1 - keep) * after
     if scene.scheme.transfer == "xpic":
@@ -106,7 +108,7 @@ def grid(scene, points, nodes, dt, time):
 
 
 def _at_walls(scene, used, v, after, time):
-    """Apply the walls of a time to nodal velocities; which components they hold."""
+    """Apply the walls active at a time to nodal velocities; return which components are fixed."""
     codes, rows = node_codes(scene)
     codes = codes.ravel()
     fixed = np.zeros(v.shape, dtype=bool)
@@ -123,7 +125,10 @@ def _at_walls(scene, used, v, after, time):
 
 
 def _filtered(scene, points, nodes, v, fixed):
-    """sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v (Hammerquist & Nairn 2017, eq. 20)."""
+    """Filtered velocity sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v
+
+    Hammerquist & Nairn 2017, eq. 20.
+    """
     s, order, out = nodes.shapes, scene.scheme.xpic_order, 0.0
     used = nodes.mass > 0
     for r in range(1, order + 1):
@@ -136,7 +141,7 @@ def _filtered(scene, points, nodes, v, fixed):
     return out
 
 
-def gather(scene, points, nodes, dt, step=0):
+def g2p(scene, points, nodes, dt, step=0):
     """Points after the step (3.8-3.16), as a new mapping."""
     new = _moved(scene, points, nodes, dt, step)
     for sponge in scene.sponge_layers:
@@ -147,7 +152,7 @@ def gather(scene, points, nodes, dt, step=0):
 
 
 def _moved(scene, points, nodes, dt, step):
-    """The same without sponge_layers."""
+    """The points after the step, before the sponge layers act."""
     dim, s = scene.grid.dim, nodes.shapes
     new, keep = dict(points), keepshare(scene, dt)
     v, w = nodes.v[s.node], nodes.w[s.node]
@@ -161,22 +166,23 @@ def _moved(scene, points, nodes, dt, step):
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
     if scene.material.law == "ngf":
-        path = Path(scene, points, gradient, dt)
-        points = path.points
+        substeps = Substeps(scene, points, gradient, dt)
+        points = substeps.points
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
     if averages(scene, step):
         average(scene, points, new, nodes, L, dt)
-    if "affine" in new and scene.material.law != "elastic":  # these loose points carry none
-        loose = new["log_density"] < -scene.scheme.density.separation_strain
+    # disconnected points have no affine field
+    if "affine" in new and scene.material.law != "elastic":
+        disconnected = new["log_density"] < -scene.scheme.density.separation_strain
         if scene.scheme.density.name == "particle":
-            loose &= alone_at_wall(scene, points["x"])
-        new["affine"] = np.where(loose[:, None], 0.0, new["affine"])
+            disconnected &= alone_at_wall(scene, points["x"])
+        new["affine"] = np.where(disconnected[:, None], 0.0, new["affine"])
     material = scene.material
     if material.law == "ngf":
-        made = path.part(new["log_density"])
+        made = substeps.substep(new["log_density"])
         names = {"stress", "shear_rate", "g", "g_gain"} & set(points)
         return new | {name: made[name] for name in names}
     stress, rate = law(

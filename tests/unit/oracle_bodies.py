@@ -1,4 +1,4 @@
-"""Rigid bodies, slow and plain: distances, contact, and one step of free motion."""
+"""Plain reference for rigid bodies: distances, contact, and one step of free motion."""
 
 import numpy as np
 from scipy.optimize import brentq
@@ -34,7 +34,7 @@ def _cylinder(shape, x):
 
 
 def distance(shape, x):
-    """Signed distance of a place (3,) in coordinates of the body."""
+    """Signed distance of a position (3,) in coordinates of the body."""
     if isinstance(shape, Union):
         return min(distance(part, x) for part in shape.parts)
     if isinstance(shape, Box):
@@ -46,7 +46,7 @@ def distance(shape, x):
 
 
 def gradient(shape, x, h=1e-6):
-    """By central differences."""
+    """Unit normal: the gradient of the distance by central differences."""
     dim = shape.dim
     out = np.zeros(3)
     for d in range(dim):
@@ -56,7 +56,7 @@ def gradient(shape, x, h=1e-6):
 
 
 def contact(body, normal, surface, v):
-    """Velocity after contact."""
+    """Velocity of the material after contact with the body."""
     u = v - surface
     into = u @ normal
     if body.contact == "sticky":
@@ -72,7 +72,8 @@ def contact(body, normal, surface, v):
 def step(body, nodes, velocity, omega, gravity, dt):
     """Velocities of the nodes after contact, impulse, angular impulse, velocity of the body.
 
-    One free component, if any, by backward Euler: the root of M (V' - V) - P(V') - M g dt.
+    A free component, of which there is at most one, is integrated by backward Euler: the velocity
+    is the root of M (V' - V) - P(V') - M g dt.
     """
     turn = _turn(body.rotation_deg)
     arms = np.array([_space(x) for x in nodes["x"]]) - _space(body.position)

@@ -1,26 +1,26 @@
-"""The density that the points of a cell share, once more, slow and plain."""
+"""Plain reference for the cell-averaged density: the points of a cell share one density."""
 
 from types import SimpleNamespace
 
 import numpy as np
 from oracle_law import tensor
 from oracle_shapes import Shapes, node_volumes
-from oracle_smoothed import averaged_part, kinematic_rate, pull
+from oracle_smoothed import averaged_part, kinematic_rate, relaxation
 from oracle_walls import faces, held_at_walls, near_outlet
 
 
-def share(scene, points, nodes):
-    """Cells with points: what they are, and their forces in place of those of the points."""
+def cell_averages(scene, points, nodes):
+    """Averages over cells with points; forces from cell stresses replace those of the points."""
     grid, s, m, dim = scene.grid, nodes.shapes, points["mass"], scene.grid.dim
     at = np.floor((points["x"] - grid.lower) / grid.cell)
     place, which = np.unique(at, axis=0, return_inverse=True)
     which = which.ravel()
     mean = _mean_over_cells(which, m)
-    room = node_volumes(scene) * grid.cell**dim
+    free_volume = node_volumes(scene) * grid.cell**dim
     middle = Shapes(scene, grid.lower + (place + 0.5) * grid.cell)
     around = middle.w > 0
     filled = around @ nodes.mass[middle.node] / scene.material.rho_c
-    free = around @ room[middle.node]
+    free = around @ free_volume[middle.node]
     phi = filled / free
     inside = np.clip((phi - 0.8) / 0.1, 0.0, 1.0)
     centre = mean((points["x"] - grid.lower) / grid.cell) - place
@@ -33,7 +33,7 @@ def share(scene, points, nodes):
     nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
         np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
     )
-    excess = np.maximum(nodes.mass / scene.material.rho_c - room, 0.0) / grid.cell**dim
+    excess = np.maximum(nodes.mass / scene.material.rho_c - free_volume, 0.0) / grid.cell**dim
     nodes.cells = SimpleNamespace(
         which=which,
         place=place,
@@ -41,12 +41,12 @@ def share(scene, points, nodes):
         c=mean(points["log_density"]),
         inside=inside,
         log_phi=2 * (phi - 1) / (phi + 1),
-        crowding=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
+        excess_gradient=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
     )
 
 
 def _mean_over_cells(which, m):
-    """The mean by mass of values (points, ...) over the points of each cell."""
+    """Return a function that averages values (points, ...) by mass over the points of each cell."""
 
     def mean(values):
         flat = values.reshape(len(m), -1)
@@ -57,8 +57,8 @@ def _mean_over_cells(which, m):
     return mean
 
 
-def _unevenness(scene, cells):
-    """The mean over the axes of a quarter of the second difference of c, where all three join."""
+def _second_difference(scene, cells):
+    """Mean over axes of a quarter of the second difference of c, between connected cells."""
     grid = scene.grid
     joins = np.where(cells.c >= -scene.scheme.density.separation_strain, cells.c, np.nan)
     known = {tuple(place): c for place, c in zip(cells.place, joins, strict=True)}
@@ -71,7 +71,7 @@ def _unevenness(scene, cells):
 
 
 def _beyond(scene, place, d, side, known):
-    """c of the cell beside one; NaN beyond a wall or an end, and where there is none."""
+    """c of the neighbour cell; NaN beyond a wall or an end of the domain, and for empty cells."""
     grid = scene.grid
     at = grid.lower[d] + (place[d] + max(side, 0)) * grid.cell
     middle = grid.lower + (place + 0.5) * grid.cell
@@ -88,19 +88,19 @@ def _beyond(scene, place, d, side, known):
 
 
 def flow_of_cells(scene, points, new, nodes, dt):
-    """Density and shift of the points, by cells; returned are the velocity gradients of these."""
+    """Update density and position of the points by cells; return the velocity gradients."""
     q, cells, dx = scene.scheme.density, nodes.cells, scene.grid.cell
     L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
     rate = dt * kinematic_rate(L)
     eta = averaged_part(scene, dt, rate, cells.c)
-    c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + eta * _unevenness(scene, cells)
+    c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + eta * _second_difference(scene, cells)
     gap = cells.log_phi - c
-    fed = pull(scene, dt, rate, gap)
+    fed = relaxation(scene, dt, rate, gap)
     c = np.where((gap > 0) | (c >= 0), c + np.where(gap < 0, cells.inside, 1.0) * fed, c)
-    length = np.linalg.norm(cells.crowding, axis=1)
+    length = np.linalg.norm(cells.excess_gradient, axis=1)
     most = np.minimum(q.shifting_limit, 0.5 * rate)
     scale = np.minimum(q.shifting * rate, most / np.maximum(length, 1e-300))
-    shift = (-scale[:, None] * dx * cells.crowding)[cells.which]
+    shift = (-scale[:, None] * dx * cells.excess_gradient)[cells.which]
     shift[near_outlet(scene, points["x"])] = 0.0
     new["log_density"] = c[cells.which]
     new["x"] = new["x"] + held_at_walls(scene, points["x"], shift)

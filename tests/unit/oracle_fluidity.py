@@ -1,4 +1,4 @@
-"""The fluidity once more, slow and plain: a matrix for a lattice, 60 digits for a point."""
+"""Plain reference for the fluidity: a dense matrix for the grid, 60 digits for a single point."""
 
 from decimal import Decimal, localcontext
 
@@ -11,7 +11,7 @@ LINKED, OPEN, ROUGH = 0, 1, 2
 
 
 def available():
-    """Instruction sets of this machine."""
+    """Instruction sets that this machine supports."""
     found = []
     for name in ("baseline", "avx2", "avx512"):
         try:
@@ -22,11 +22,11 @@ def available():
     return found
 
 
-# ---- the lattice ----
+# ---- the grid ----
 
 
 def faces_of(shape, **sides):
-    """Faces, all linked inside; sides: {"x_low": ROUGH, ...} at the ends of the lattice."""
+    """Faces, all linked inside; `sides` sets the ends of the grid: {"x_low": ROUGH, ...}."""
     faces = np.full((2 * len(shape), *shape), LINKED, dtype=np.uint8)
     for name, kind in sides.items():
         axis, side = "xyz".index(name[0]), name.endswith("high")
@@ -66,7 +66,7 @@ def outflow(dense, faces, periodic):
 
 
 def stages(ratio):
-    """Least odd number of rkl2 stages that is stable for `ratio` explicit limits."""
+    """Smallest odd number of rkl2 stages that is stable for `ratio` explicit limits."""
     s = 3
     while not ratio < (s * s + s - 2) / 4:
         s += 2
@@ -74,7 +74,7 @@ def stages(ratio):
 
 
 def step(method, L, k, g, ratio=None):
-    """One step of g' = -L g with k = dt A^2 d^2/(t0 dx^2), not clamped."""
+    """One step of g' = -L g with k = dt A^2 d^2/(t0 dx^2), without clamping at zero."""
     if method == "explicit":
         return g - k * (L @ g)
     if method == "implicit":
@@ -87,7 +87,7 @@ def step(method, L, k, g, ratio=None):
 
 
 def diffuse(g, *, faces=None, dense=None, periodic=None, threads=1, isa="", **numbers):
-    """`_core.fluidity_diffuse` of a copy of g; returns it and the report."""
+    """Apply `_core.fluidity_diffuse` to a copy of g; return the copy and the report."""
     g = g.copy()
     given = {
         "method": "implicit", "stencil": "faces", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3,
@@ -107,7 +107,7 @@ def diffuse(g, *, faces=None, dense=None, periodic=None, threads=1, isa="", **nu
 
 
 def number_k(dt, *, dx=0.01, A=0.5, d=0.005, t0=1e-3):
-    """k of `step` for the numbers of `diffuse`."""
+    """k of `step` for the arguments of `diffuse`."""
     return dt * A**2 * d**2 / (t0 * dx**2)
 
 
@@ -115,17 +115,16 @@ def number_k(dt, *, dx=0.01, A=0.5, d=0.005, t0=1e-3):
 
 
 def exactly(a):
-    """A number without rounding."""
+    """Exact decimal value of a floating-point number."""
     return a if isinstance(a, Decimal) else Decimal(float(a))
 
 
 def point(q, dt, m, p, g_star, rate):
-    """mu, X = G dt g/p and the condition of X at one point, in 60 digits.
+    """mu, X = G dt g/p and the condition number of X at one point, in 60 digits.
 
-    From the quadratic of (5.6), rederived, undivided. The condition is by how much more X changes
-    than the terms of its linear coefficient do, in parts of themselves.
-
-    The larger of its two roots, which is the only one with X >= 0 and mu < mu_2.
+    X solves the quadratic that follows from (5.6), here derived again and without a division. It is
+    the larger of the two roots, the only one with X >= 0 and mu < mu_2. The condition number is the
+    relative change of X over that of the terms in the linear coefficient.
     """
     with localcontext() as context:
         context.prec = 60
@@ -143,7 +142,7 @@ def point(q, dt, m, p, g_star, rate):
         c = -(mu_2 - m) * start
         root = (b * b - 4 * a * c).sqrt()
         X, other = (-b + root) / (2 * a), (-b - root) / (2 * a)
-        if c:  # else the other one is g = 0, from which the larger one has grown
+        if c:  # for c = 0 the other root is g = 0, from which the larger one has grown
             assert other < 0 or m / (1 + other) >= mu_2
         X = X if c else max(Decimal(0), -b / a)
         assert X >= 0
@@ -153,7 +152,7 @@ def point(q, dt, m, p, g_star, rate):
 
 
 def residual(q, dt, m, p, g_star, rate, mu, X):
-    """What is left of the equation of the fluidity (5.4), over its largest term."""
+    """Residual of the fluidity equation (5.4), divided by its largest term."""
     with localcontext() as context:
         context.prec = 60
         G, mu_s, mu_2, I0, rho_s, d, t0 = (

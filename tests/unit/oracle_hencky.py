@@ -1,4 +1,4 @@
-"""The finite-strain law once more, slow and plain: matrix functions, ODEs, the published form.
+"""Plain reference for the finite-strain law: matrix functions, ODEs, the published form.
 
 Full matrices (..., 3, 3) throughout; only `update` calls `granular._core`.
 """
@@ -17,8 +17,7 @@ SAND = {
     "t0": 1e-4, "p_averaging": 0.0, "reconnect_fluidity": 1.0,
 }  # fmt: skip
 FLOWS = (
-    "elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf",
-    "ngf",
+    "elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf", "ngf",
 )  # fmt: skip
 PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
 
@@ -45,7 +44,7 @@ def gradients(step, dim):
 
 
 def update(flow, q, dt, step, c, stress, g, rate, *, dim=3, isa=""):
-    """`_core.hencky_update` of matrices: stress, g and shear rate after the step."""
+    """Apply `_core.hencky_update` to matrices; return stress, g and shear rate after the step."""
     n = len(step)
     rows = components(stress, dim)
     g, rate = (np.array(np.broadcast_to(a, n), dtype=float) for a in (g, rate))
@@ -62,7 +61,7 @@ def deviator(a):
 
 
 def function_of(a, f):
-    """A function of symmetric matrices, by their eigenvalues."""
+    """Function of symmetric matrices, through their eigenvalues."""
     value, vector = np.linalg.eigh(a)
     return np.einsum("...ik,...k,...jk->...ij", vector, f(value), vector)
 
@@ -74,17 +73,17 @@ def shear(stress):
 
 
 def trial_strain(h, step):
-    """Deviator of the logarithmic strain after F = exp(dev L dt); of scipy and LAPACK."""
+    """Deviator of the logarithmic strain after F = exp(dev L dt), by scipy and LAPACK."""
     F = expm(deviator(step))
     b = F @ function_of(2 * h, np.exp) @ np.swapaxes(F, -1, -2)
     return deviator(function_of(b, lambda value: np.log(value) / 2))
 
 
 def friction(flow, q, dt, m, p, g_star, rate):
-    """Friction and fluidity after a step, from the trial friction, one point, by bisection."""
+    """Friction and fluidity of one point after a step from its trial friction m, by bisection."""
     dmu, grain = q["mu_2"] - q["mu_s"], q["d"] * math.sqrt(q["rho_s"] / p)
 
-    def slip(mu):  # shear rate that would lead from m to mu
+    def slip(mu):  # shear rate that would change the friction from m to mu
         return (m - mu) * p / (q["G"] * dt)
 
     if flow == "drucker_prager":
@@ -94,7 +93,7 @@ def friction(flow, q, dt, m, p, g_star, rate):
         if m <= q["mu_s"]:
             return m, 0.0
 
-        def excess(mu):  # growing
+        def excess(mu):  # increases with mu
             inertial = slip(mu) * grain
             steady = (
                 inertial / (inertial + q["I0"])
@@ -105,12 +104,14 @@ def friction(flow, q, dt, m, p, g_star, rate):
 
         mu = bisected(excess, q["mu_s"], m)
         return mu, slip(mu) / mu
-    theta, g_star = dt / q["t0"], g_star
+    theta = dt / q["t0"]
 
-    def left(g):  # of the equation of the fluidity, over g: growing in g
+    def left(g):  # residual of the fluidity equation over g, which increases with g
         mu = m / (1 + q["G"] * dt * g / p)
-        pull = (q["mu_s"] - mu) * (dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0)
-        return 1 + theta * (pull + dmu / q["I0"] * grain * rate) - g_star / g
+        drive = (q["mu_s"] - mu) * (
+            dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0
+        )
+        return 1 + theta * (drive + dmu / q["I0"] * grain * rate) - g_star / g
 
     low, high = 1e-300, 1.0
     if not flow.startswith("linear") and m >= q["mu_2"]:
@@ -122,7 +123,7 @@ def friction(flow, q, dt, m, p, g_star, rate):
 
 
 def bisected(f, low, high):
-    """Where f, growing, becomes positive."""
+    """Zero of the increasing function f."""
     for _ in range(200):
         middle = (low + high) / 2
         low, high = (low, middle) if f(middle) > 0 else (middle, high)
@@ -133,8 +134,10 @@ def bisected(f, low, high):
 
 
 def stepped(flow, q, gradient, times, *, p0, g0=1.0, substeps=1):
-    """Stress, g and shear rate at `times` by steps of the core, with L in the middle of each; one
-    point from an isotropic pressure, no diffusion."""
+    """Stress, g and shear rate at `times` by steps of the core, with L in the middle of each step.
+
+    One point that starts from an isotropic pressure, without diffusion of the fluidity.
+    """
     c, stress = np.array([p0 / q["K"]]), -p0 * np.eye(3)[None]
     g, rate = np.array([g0]), np.array([0.0])
     found = [(stress[0], g[0], rate[0])]
@@ -154,12 +157,12 @@ def plastic_rate(flow, q, p, tau, g):
     if flow.endswith("ngf"):
         return mu * g
     over = max(mu - q["mu_s"], 0.0)
-    span = q["mu_2"] - (mu if not flow.startswith("linear") else q["mu_s"])
+    span = q["mu_2"] - (q["mu_s"] if flow.startswith("linear") else mu)
     return q["I0"] / grain * over / max(span, 1e-12)
 
 
 def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
-    """The same by scipy's Radau, in b_e, c and ln g: stress and g at `times`.
+    """Stress and g at `times` as in `stepped`, by scipy's Radau in the unknowns b_e, c and ln g.
 
     db/dt = L b + b L^T - (gdot/tau) s b, less what changes its determinant.
     """
@@ -168,7 +171,8 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
     def parts(y):
         b, c = y[:9].reshape(3, 3), y[9]
         s = 2 * q["G"] * deviator(function_of((b + b.T) / 2, lambda value: np.log(value) / 2))
-        # differences for a Jacobian try any number where nothing depends on it
+        # the finite differences of the Jacobian try any value where the result does not depend on
+        # it
         return b, q["K"] * c, s, shear(s), math.exp(min(y[10], 700.0))
 
     def rates(t, y):
@@ -180,11 +184,11 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
         grow = 0.0
         if flow.endswith("ngf"):
             mu = tau / p
-            pull = (mu - q["mu_s"]) * (
+            drive = (mu - q["mu_s"]) * (
                 dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0
             )
             sink = dmu / q["I0"] * q["d"] * math.sqrt(q["rho_s"] / p) * mu * g
-            grow = (pull - sink) / q["t0"]
+            grow = (drive - sink) / q["t0"]
         return np.concatenate([db.ravel(), [-np.trace(L), grow]])
 
     start = np.concatenate([np.eye(3).ravel(), [p0 / q["K"], math.log(g0)]])
@@ -204,7 +208,7 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
 
 
 class Published:
-    """One point as Haeri & Skonieczny (2021) step it: F and F^p, eqs 18-31, pressure from F^e."""
+    """One point as in Haeri & Skonieczny (2021): F and F^p, eqs 18-31, pressure from F^e."""
 
     def __init__(self, q, p0):
         self.q, self.p = q, p0
@@ -213,7 +217,7 @@ class Published:
         self.g, self.mu = 1.0, 0.0
 
     def step(self, L, dt):
-        """The local limit A = 0. Returned: pressure and shear stress."""
+        """Take a step in the local limit A = 0; return pressure and shear stress."""
         q = self.q
         self.F = (np.eye(3) + dt * L) @ self.F
         Fe = self.F @ np.linalg.inv(self.Fp)

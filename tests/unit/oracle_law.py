@@ -1,4 +1,4 @@
-"""Constitutive laws once more, slow and plain, and stresses as matrices."""
+"""Plain reference for constitutive laws, and conversion of stresses to matrices."""
 
 import math
 
@@ -17,12 +17,12 @@ def tensor(components, dim):
 
 
 def components(matrices, dim):
-    """The components of symmetric matrices, shape (n, 4 or 6)."""
+    """Components of symmetric matrices, shape (n, 4 or 6)."""
     return np.stack([matrices[:, i, j] for i, j in STRESS_PLACES[dim]], axis=1)
 
 
 def law(name, q, stress, L, log_density, dt, equation_of_state=False):
-    """One update of stresses (n, 3, 3) under velocity gradients L (n, 3, 3) in the time dt.
+    """Update stresses (n, 3, 3) under velocity gradients L (n, 3, 3) over the time dt.
 
     Returns the new stresses and the equivalent plastic shear rates (n,).
     """
@@ -57,13 +57,16 @@ def split_trial(q, stress, L, dt):
 
 
 def returned(name, q, trial, p, dt):
-    """Shear stress after the return: bisection on tau_trial - tau = G dt gamma(tau) (2.13-2.15)."""
+    """Shear stress after the return to yield.
+
+    Bisection on tau_trial - tau = G dt gamma(tau) (2.13-2.15).
+    """
     static = (q["mu_s"] if name == "mu_I" else q["mu"]) * p
     if trial <= static:
         return trial
     if name == "drucker_prager":
         return static
-    # gamma = xi sqrt(p) (mu - mu_s)/(mu_2 - mu), cleared of its denominator: a quadratic in tau
+    # gamma = xi sqrt(p) (mu - mu_s)/(mu_2 - mu), times its denominator: a quadratic in tau
     upper = q["mu_2"] * p
     alpha = q["xi"] * q["G"] * dt * math.sqrt(p)
 

@@ -1,4 +1,4 @@
-"""The nonlocal law once more, slow and plain: at points, and coupled through cells."""
+"""Plain reference for the nonlocal law: at single points, and coupled through cells."""
 
 import numpy as np
 from oracle_fluidity import outflow
@@ -19,15 +19,16 @@ def numbers(scene):
         spread = 0.5
         if scene.scheme.basis == "quadratic":
             spread /= scene.fills[0].points_per_axis
-    weight = material.rho_c * largest_gravity(scene) * grid.cell  # of a layer of cells
+    # overburden pressure of a layer one cell high
+    weight = material.rho_c * largest_gravity(scene) * grid.cell
     return vars(material) | {"K": material.K, "G": material.G, "p_averaging": spread * weight}
 
 
 def root(q, dt, m, p, g_star, rate):
     """X = G dt g/p after a step: bisection on g - g* + f [(mu_s - mu)/(mu_2 - mu) + k] g = 0.
 
-    In Y = X - e, e = max(0, m/mu_2 - 1), on a logarithmic scale: mu_2 (1 + X) - m is then a sum of
-    terms of one sign.
+    The unknown is Y = X - e, e = max(0, m/mu_2 - 1), on a logarithmic scale: mu_2 (1 + X) - m is
+    then a sum of terms of one sign, without cancellation.
     """
     mu_s, mu_2 = q["mu_s"], q["mu_2"]
     f = dt / q["t0"] * (mu_2 - mu_s)
@@ -47,9 +48,9 @@ def root(q, dt, m, p, g_star, rate):
 
 
 def ngf(q, stress, L, log_density, dt, g_star, rate, equation_of_state=False):
-    """One update of stresses (n, 3, 3) in the time dt by the fluidity g_star left by diffusion.
+    """Update stresses (n, 3, 3) over the time dt, with the fluidity g_star left by diffusion.
 
-    Returns the new stresses, plastic shear rates, fluidities and what the law added to g_star.
+    Returns the new stresses, plastic shear rates, fluidities and the gain of the law over g_star.
     """
     p, deviator = split_trial(q, stress, L, dt)
     p = pressure(q, p, log_density, equation_of_state)
@@ -58,14 +59,14 @@ def ngf(q, stress, L, log_density, dt, g_star, rate, equation_of_state=False):
 
 
 def pressure(q, p, log_density, equation_of_state):
-    """Pressure of the trial or of the density, 0 where loose."""
+    """Pressure of the trial stress or of the density; 0 where disconnected."""
     if equation_of_state:
         p = q["K"] * log_density
     return np.where((log_density >= 0) & (p > 0), p, 0.0)
 
 
 def flow(q, deviator, p, dt, g_star, rate):
-    """Deviator, plastic shear rate, fluidity and gain after a flow from a trial deviator."""
+    """Deviator, plastic shear rate, fluidity and its gain after flow from a trial deviator."""
     dense = p > 0
     safe = np.where(dense, p, 1.0)
     m = np.sqrt(np.einsum("pij,pij->p", deviator, deviator) / 2) / safe
@@ -83,7 +84,7 @@ def cell_of(scene, x):
 
 
 def means(scene, points, name, bears):
-    """Means by mass over the points of cells that bear pressure, and where there are any."""
+    """Means by mass over the stressed points of each cell, and a mask of cells with such points."""
     shape = scene.grid.shape[::-1]
     mass, total = np.zeros(shape), np.zeros(shape)
     weight = np.where(bears, points["mass"], 0.0)
@@ -94,7 +95,7 @@ def means(scene, points, name, bears):
 
 
 def diffused(scene, points, dt, bears):
-    """The fluidity g_star from which the law begins, of the cells, after a substep of diffusion."""
+    """Fluidity g_star of the cells after a substep of diffusion, from which the law begins."""
     q, fluidity, grid = scene.material, scene.scheme.fluidity, scene.grid
     g, dense = means(scene, points, "g", bears)
     L = outflow(dense, fluidity_faces(scene), grid.periodic)
@@ -109,11 +110,12 @@ def diffused(scene, points, dt, bears):
     return np.maximum(balanced - gain, 0.0)
 
 
-class Path:
-    """A step of velocity gradients L (n, 3, 3) in substeps.
+class Substeps:
+    """A step with velocity gradients L (n, 3, 3), in substeps.
 
-    The step turns the stress; its strain and its flow come in parts, each at the pressure of the
-    end. Before the last part, that is what a density without averaging would have.
+    The rotation of the stress is applied once; strain and flow are divided among the substeps. Each
+    uses the pressure at the end of the step. Before the last substep that is the pressure of the
+    density before averaging.
     """
 
     def __init__(self, scene, points, L, dt):
@@ -128,10 +130,10 @@ class Path:
         self.points = points
         c = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
         for _ in range(1, self.n):
-            self.part(c)
+            self.substep(c)
 
-    def part(self, log_density):
-        """A part; points after it, with its stress."""
+    def substep(self, log_density):
+        """Take one substep; return the points after it, with their stress."""
         scene, now = self.scene, self.points
         p = pressure(self.q, self.p_trial, log_density, scene.scheme.density.name != "particle")
         g_star = diffused(scene, now, self.dt, self.bears)[cell_of(scene, now["x"])]

@@ -1,4 +1,4 @@
-"""Shape functions once more, slow and plain: NumPy written from their definitions."""
+"""Plain reference for shape functions: NumPy written from their definitions."""
 
 import math
 
@@ -7,8 +7,8 @@ import numpy as np
 from granular.mpm.node_codes import c0_lines
 
 
-def _hats(x, lines):
-    """Hats of the unit grid at x, and their antiderivatives, shape (n, len(lines))."""
+def _linear_shapes(x, lines):
+    """Linear shape functions of the unit grid at x and their antiderivatives, (n, len(lines))."""
     r = x[:, None] - lines
     inner = np.clip(r, -1.0, 1.0)
     area = np.where(inner < 0, (1 + inner) ** 2 / 2, 1 - (1 - inner) ** 2 / 2)
@@ -18,15 +18,18 @@ def _hats(x, lines):
 def _linear(x, lines):
     side = np.where(x[:, None] < lines, 1.0, -1.0)
     near = (abs(x[:, None] - lines) < 1) | (x[:, None] == lines - 1)
-    return _hats(x, lines)[0], np.where(near, side, 0.0)
+    return _linear_shapes(x, lines)[0], np.where(near, side, 0.0)
 
 
 def _ugimp(x, lines, half, ends):
-    """Hats averaged over [x - half, x + half], cut off at the nearest of `ends` (walls)."""
+    """Linear shape functions averaged over [x - half, x + half], cut at walls (`ends`)."""
     ends = np.array(sorted({-np.inf, np.inf, *ends}))
     place = np.searchsorted(ends, x, side="right") - 1
     low, high = np.maximum(x - half, ends[place]), np.minimum(x + half, ends[place + 1])
-    (at_low, area_low), (at_high, area_high) = _hats(low, lines), _hats(high, lines)
+    (at_low, area_low), (at_high, area_high) = (
+        _linear_shapes(low, lines),
+        _linear_shapes(high, lines),
+    )
     width = (high - low)[:, None]
     return (area_high - area_low) / width, (at_high - at_low) / width
 
@@ -52,7 +55,7 @@ def _splines(x, knots, degree=2):
 
 
 def axis_functions(basis, n, periodic, lines, half, x):
-    """Values and slopes (per cell) at x (cells), node positions (cells), and the true node of each.
+    """Values and slopes (per cell) at x (cells), node positions (cells), true node of each.
 
     Nodes of periodic axes appear several times, once for each image.
     """
@@ -88,8 +91,9 @@ def axis_nodes(scene, d):
 class Shapes:
     """Shape functions of all nodes at all points.
 
-    `w` (points, images), `g` (points, images, dim) [1/m], `r` (points, images, dim) [m] from the
-    point to the node, `node` (images,) the number of the node, x fastest.
+    `w` (points, images) are the values, `g` (points, images, dim) [1/m] the gradients, `r` (points,
+    images, dim) [m] the vectors from point to node, `node` (images,) the number of the node, x
+    fastest.
     """
 
     def __init__(self, scene, x):
@@ -115,7 +119,7 @@ class Shapes:
         self.g = np.stack([self._times(slopes, d) for d in range(grid.dim)], axis=-1)
 
     def _times(self, factors, d):
-        """Product of the values along all axes but d, and of the factor along d."""
+        """Product of the values along all axes but d and of `factor` along d."""
         return math.prod(factors[j] if j == d else w for j, w in enumerate(self.w1))
 
     def to_nodes(self, values):
@@ -126,7 +130,7 @@ class Shapes:
 
 
 def node_volumes(scene):
-    """Integral of each shape function over the room of the domain, in cells; Gauss quadrature."""
+    """Integral of each shape function over the domain, in volumes of cells; Gauss quadrature."""
     grid = scene.grid
     at, weight = np.polynomial.legendre.leggauss(3)
     one = [
@@ -136,9 +140,9 @@ def node_volumes(scene):
     mesh = np.meshgrid(*one, indexing="ij")
     x = np.stack([m.ravel() for m in mesh], axis=1)
     share = [np.tile(weight / 2, n) for n in grid.shape]
-    room = math.prod(np.meshgrid(*share, indexing="ij")).ravel()
+    volume = math.prod(np.meshgrid(*share, indexing="ij")).ravel()
     for wall in scene.walls:
         if type(wall).__name__ == "Solid":
-            room[np.all((x > wall.lower) & (x < wall.upper), axis=1)] = 0.0
+            volume[np.all((x > wall.lower) & (x < wall.upper), axis=1)] = 0.0
     shapes = Shapes(scene, x)
-    return shapes.to_nodes(shapes.w * room[:, None])
+    return shapes.to_nodes(shapes.w * volume[:, None])

@@ -1,4 +1,4 @@
-"""The averaging of a diffused density, once more, slow and plain."""
+"""Plain reference for the smoothed density, which is averaged over the grid at intervals."""
 
 import itertools
 
@@ -9,15 +9,19 @@ from granular.mpm.engine import averaging_interval
 
 
 def averages(scene, step):
-    """Whether a step averages the density."""
+    """True if the density is averaged in this step."""
     return scene.scheme.density.name == "smoothed" and step % averaging_interval(scene) == 0
 
 
-def look_around(scene, nodes, fixed):
-    """What nodes take from those next to them: the gap to the fullness, the weight that would fill
-    the room, and where unevenness is left: inside, where no wall bears it and no domain ends."""
+def neighbour_corrections(scene, nodes, fixed):
+    """Corrections at nodes that depend on their neighbours, updated in `nodes`.
+
+    `gap` is the log filling fraction less the log density, averaged over the neighbours. `excess`
+    is the relative quadrature weight above that which fills the volume. `uneven` is the residual
+    force, set to zero where a wall or an end of the domain can bear it, and outside of the bulk.
+    """
     counts, periodic = nodes.shapes.counts, scene.grid.periodic
-    own = 2 * (nodes.phi - 1) / (nodes.phi + 1) - nodes.cbar  # ln phi by its first approximant
+    own = 2 * (nodes.phi - 1) / (nodes.phi + 1) - nodes.cbar  # first Pade approximant of ln phi
     gaps = own.reshape(counts, order="F")
     full = gaps > -0.5
     inside, mean = full.copy(), np.zeros(counts)
@@ -39,7 +43,7 @@ def look_around(scene, nodes, fixed):
 
 
 def _beside(field, offset, periodic):
-    """The field at the neighbours by an offset; beyond an end there is none: no step that way."""
+    """Field at the neighbours by an offset; beyond an end of the domain, the field at the end."""
     for d, step in enumerate(offset):
         at = np.arange(field.shape[d]) + step
         at = at % field.shape[d] if periodic[d] else np.clip(at, 0, field.shape[d] - 1)
@@ -48,8 +52,10 @@ def _beside(field, offset, periodic):
 
 
 def average(scene, points, new, nodes, L, dt):
-    """Averaging of the density, its pull to the geometric density, and the shift: for all the steps
-    until the next one."""
+    """Average the density, relax it to the nodal density and shift the points.
+
+    One call stands for all the steps until the next averaging.
+    """
     many = averaging_interval(scene)
     q, dx, s, dim = scene.scheme.density, scene.grid.cell, nodes.shapes, scene.grid.dim
     trace = np.trace(L, axis1=1, axis2=2)
@@ -60,7 +66,7 @@ def average(scene, points, new, nodes, L, dt):
     near = s.w @ nodes.cbar[s.node]
     eta = averaged_part(scene, many * dt, dt * rate, old)
     c = old - dt * trace + np.where(joins, eta, 0.0) * (near - old)
-    fed = pull(scene, many * dt, rate * dt, s.w @ nodes.gap[s.node])
+    fed = relaxation(scene, many * dt, rate * dt, s.w @ nodes.gap[s.node])
     c = np.where(c >= 0, c + fed, c)
     slope = np.einsum("k,pkj->pj", np.maximum(nodes.phi[s.node] - 1, 0.0), s.g)
     delta = -q.shifting * (rate * dt)[:, None] * dx**2 * slope
@@ -70,7 +76,7 @@ def average(scene, points, new, nodes, L, dt):
     scale = np.where(length > most, most / np.maximum(length, 1e-300), 1.0)
     delta = delta * scale[:, None]
     delta = held_at_walls(scene, points["x"], delta)
-    lent = np.einsum("pdj,pj->pd", L, delta)
+    borrowed = np.einsum("pdj,pj->pd", L, delta)
     u = points["weight_correction"]
     divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
     u = (
@@ -83,11 +89,11 @@ def average(scene, points, new, nodes, L, dt):
     gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
-    new["v"], new["shift_velocity"] = new["v"] + lent, lent
+    new["v"], new["shift_velocity"] = new["v"] + borrowed, borrowed
 
 
 def averaged_part(scene, dt, strain, c):
-    """What an averaging moves log-densities towards their mean by, in a time and a strain."""
+    """Fraction by which averaging moves log-densities to their mean in a time and a strain."""
     q = scene.scheme.density
     rest = dt * q.diffusion * scene.material.wave_speed / scene.grid.cell
     pressed = np.maximum(c, 0)
@@ -102,8 +108,8 @@ def kinematic_rate(L):
     return np.sqrt(np.maximum(2 * deviator_squared, 0)) + abs(trace)
 
 
-def pull(scene, dt, strain, gap):
-    """What densities are pulled to the fullness by, in a time and a strain."""
+def relaxation(scene, dt, strain, gap):
+    """Relaxation of log-densities to the nodal density in a time and a strain."""
     q, g = scene.scheme.density, np.linalg.norm(scene.gravity.vectors, axis=1).max()
     most = q.relaxation_limit * g / scene.material.wave_speed * dt
     apart = np.minimum(q.compression_rate * strain, 1.0) * np.maximum(gap - q.dead_band, 0.0)

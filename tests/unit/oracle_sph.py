@@ -1,4 +1,4 @@
-"""One evaluation of the equations of particle hydrodynamics in plain NumPy, over all pairs."""
+"""Reference evaluation of the SPH equations in plain NumPy, over all pairs."""
 
 import itertools
 
@@ -22,14 +22,14 @@ def kernel(dim, h, d):
 
 
 def seeding_gradient(dim, h, spacing):
-    """Gradient of a linear field by the kernel on a lattice, over that of the field."""
+    """Kernel gradient of a linear field on the seeding lattice over the exact gradient."""
     ways = np.stack(np.meshgrid(*[np.arange(-4, 5) * spacing] * dim), axis=-1).reshape(1, -1, dim)
     weights, gradient = kernel(dim, h, ways)
     return (ways * gradient)[0, :, 0].sum() / weights.sum()
 
 
 def images(scene, x):
-    """Shifts by whole periods under which points may be neighbours."""
+    """Shifts by whole periods under which particles may be neighbours."""
     grid = scene.grid
     steps = [(-1, 0, 1) if p else (0,) for p in grid.periodic]
     lengths = np.array(grid.shape) * grid.cell
@@ -42,7 +42,7 @@ def size(T):
 
 
 def within(T, strength):
-    """Tensors cut to a strength."""
+    """Tensors scaled back so that |T| does not exceed the strength."""
     norm = size(T)
     share = np.where(norm > strength, strength / np.maximum(norm, 1e-300), 1.0)
     return share[:, None, None] * T
@@ -53,7 +53,7 @@ def deviator(T):
 
 
 def velocity_gradients(scene, pairs, x, v, volume, wall, walls, n_grains):
-    """L (n, 3, 3), zero out of a plane; wall points strain by grains alone."""
+    """L (n, 3, 3), zero out of the plane in 2D; wall particles use the others only."""
     dim, n = scene.dim, scene.numerics
     L = np.zeros((len(x), 3, 3))
     normal = np.concatenate([np.zeros((n_grains, dim)), walls["normal"]])
@@ -70,8 +70,11 @@ def velocity_gradients(scene, pairs, x, v, volume, wall, walls, n_grains):
 
 
 def evaluate(scene, grains, walls, dt, gravity, elastic):
-    """Densities, rates, stresses (n, 3, 3), accelerations of the grains, which are first, and
-    elastic stresses (n, 3, 3) after a step from those before it."""
+    """Evaluate the SPH equations once.
+
+    Returns densities, rates, stresses (n, 3, 3), accelerations of the free particles, which come
+    first, and elastic stresses (n, 3, 3) after a step from `elastic`.
+    """
     dim, h, m, n = scene.dim, scene.h, scene.material, scene.numerics
     x, v = (np.concatenate([grains[k], walls[k]]) for k in ("x", "v"))
     mass = np.full(len(x), scene.point_mass)
@@ -104,7 +107,7 @@ def evaluate(scene, grains, walls, dt, gravity, elastic):
     bulk = shear - p[:, None, None] * np.eye(3)
     mu_wall = mu if m.mu_wall is None else m.mu_wall
     at_wall = within(trial, (mu_wall + beta) * p + m.cohesion) - p[:, None, None] * np.eye(3)
-    # the strain of spring and dashpot together is what leaves the shear stress that is left
+    # the strain shared by spring and dashpot follows from the remaining shear stress
     strained = (deviator(shear) - kept) / (eta + G * dt)
     elastic = within(kept + G * dt * strained, strength)
 

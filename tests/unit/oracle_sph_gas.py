@@ -1,4 +1,4 @@
-"""One evaluation of the equations of the gas in plain NumPy, over all pairs; see docs/sph.md."""
+"""Reference evaluation of the gas equations in plain NumPy, over all pairs; see docs/sph.md."""
 
 import numpy as np
 from oracle_sph import images, kernel
@@ -7,7 +7,7 @@ LEAST, FULL, NEAREST = 0.05, 0.9, 0.25
 
 
 def drag_coefficient(gas, diameter, e, rho, speed):
-    """B of Darcy, of Wen and Yu, and between them."""
+    """Drag coefficient B of Darcy, of Wen and Yu, and between them."""
     darcy = e**2 * gas.viscosity / gas.permeability
     reynolds = np.maximum(e * rho * speed * diameter / gas.viscosity, 1e-300)
     c_d = np.where(reynolds < 1000, 24 / reynolds * (1 + 0.15 * reynolds**0.687), 0.44)
@@ -17,12 +17,14 @@ def drag_coefficient(gas, diameter, e, rho, speed):
 
 
 def evaluate(scene, grains, walls, points, dry, dt, gravity):
-    """Fields of the gas at the start.
+    """Fields of the gas at the start of a run.
 
-    `grains` and `points` (of gas): x, v; the former with rho, the latter with the density of the
-    gas; `walls`: x, porosity, normal, depth; `dry`: accelerations of the grains without gas.
-    Returned: mass, porosity, push and acceleration of the gas, gain of mass, acceleration of the
-    grains.
+    Arguments: `grains` (solid particles) have x, v and rho; `points` (gas particles) have x, v and
+    rho, the density of the gas; `walls` have x, porosity, normal and depth; `dry` holds the
+    accelerations of the solid particles without gas.
+
+    Returns mass, porosity, pressure force and acceleration of the gas, its gain of mass, and the
+    accelerations of the solid particles.
     """
     gas, h = scene.gas, scene.h
     x, v, rho = points["x"], points["v"], points["rho"]
@@ -81,7 +83,7 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
         jump = p[None] - p[:, None]
         jump = jump - 0.5 * np.einsum("abi,abi->ab", slope[:, None] + slope[None], d)
         r2 = (d**2).sum(-1)
-        # grad W is towards the neighbour, as d is
+        # grad W points towards the neighbour, as d does
         per = np.divide(np.einsum("abi,abi->ab", d, grad), r2, out=0 * r2, where=r2 > 0)
         weight = gas.diffusion * h / gas.sound_speed * (e[:, None] + e[None]) * V[:, None] * V[None]
         gain += (weight * jump * per).sum(1)

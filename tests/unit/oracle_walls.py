@@ -1,4 +1,4 @@
-"""Where walls and openings are, once more: what the density correction and lonely points ask."""
+"""Plain reference for the positions of walls and openings, as the density correction uses them."""
 
 import math
 
@@ -17,7 +17,7 @@ def faces(scene):
 
 
 def _beside_walls(scene, middle, reach=0.5):
-    """Faces, and which cells have their middle at most so many cells from them."""
+    """Faces of walls, each with a mask of the cells whose centres lie within `reach` cells."""
     cell, more = scene.grid.cell, (reach - 0.5 + 1e-6) * scene.grid.cell
     for axis, at, extents in faces(scene):
         beside = abs(middle[:, axis] - at) < reach * cell + 1e-6 * cell
@@ -28,9 +28,9 @@ def _beside_walls(scene, middle, reach=0.5):
 
 
 def alone_at_wall(scene, x):
-    """Points in a cell with one other at most, and with a wall among its nodes."""
+    """Points at most two in a cell, with a wall among the nodes of the cell."""
     cell, lower = scene.grid.cell, np.array(scene.grid.lower)
-    if scene.scheme.basis == "ugimp":  # cells about the nodes
+    if scene.scheme.basis == "ugimp":  # cells are centred on the nodes
         at, reach = np.floor((x - lower) / cell + 0.5), 1.0
         middle = lower + at * cell
     else:
@@ -42,7 +42,10 @@ def alone_at_wall(scene, x):
 
 
 def held_at_walls(scene, x, delta):
-    """What is left of the shift in the cell at a wall: towards it as much as the distance to it."""
+    """Shift of the points, limited at walls.
+
+    In a cell at a wall the part towards the wall is multiplied by the distance in cells.
+    """
     cell, delta = scene.grid.cell, delta.copy()
     middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
     for a, at, beside in _beside_walls(scene, middle):

@@ -1,4 +1,4 @@
-"""Arrays and numbers that are wrong, for calls of the core."""
+"""Wrong arrays and numbers for calls of the core."""
 
 import numpy as np
 from hypothesis import HealthCheck, settings
@@ -14,11 +14,11 @@ QUICK = settings(
 
 
 class Wrapped(np.ndarray):
-    """A subclass, which the core must not take for an array."""
+    """Subclass that the core must not accept as an array."""
 
 
 def spoiled(array, how):
-    """An array that is wrong in one way, or a thing that is no array."""
+    """Return an array that is wrong in one way, or an object that is not an array."""
     with np.errstate(all="ignore"):
         return {
             "float32": lambda: array.astype(np.float32),

@@ -10,7 +10,7 @@ XI = 1.1233
 
 
 def material(**changes):
-    """Glass beads (table 1) by xi alone."""
+    """Glass beads (table 1) with their rate constant given as xi."""
     E, nu = 1e7, 0.3
     numbers = dict(
         E=E, nu=nu, K=E / (3 * (1 - 2 * nu)), G=E / (2 * (1 + nu)), mu_s=0.3819, mu_2=0.6435,
@@ -20,7 +20,7 @@ def material(**changes):
 
 
 def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=None, grains=None):
-    """A scene's grid, material and constant gravity."""
+    """Grid, material and constant gravity of a scene."""
     dim = len(shape)
     down = (0.0,) * (dim - 1) + (-9.8,) if gravity is None else gravity
     return SimpleNamespace(
@@ -40,7 +40,7 @@ def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=No
 
 
 def silo(*, half, cell=0.0175, rows=36, width=0.14, left=None, **changes):
-    """A silo .595 m wide, half of it or all, whose opening's middle is at x = 0 unless told."""
+    """A silo 0.595 m wide, or half of it; the middle of the opening is at x = 0 by default."""
     columns = round((0.2975 if half else 0.595) / cell)
     left = (0.0 if half else -columns * cell / 2) if left is None else left
     parameters = {"orifice": width, "half": half}
@@ -65,8 +65,8 @@ def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **f
     )  # fmt: skip
 
 
-def lattice(scene, per_axis=2, keep=None):
-    """Regular points, `per_axis`**dim in every cell of the grid, where keep(x) holds."""
+def regular_points(scene, per_axis=2, keep=None):
+    """Regularly spaced points, `per_axis`**dim in every cell of the grid, where keep(x) is true."""
     grid = scene.grid
     axes = [
         low + grid.cell * (np.arange(count * per_axis) + 0.5) / per_axis

@@ -1,4 +1,4 @@
-"""The scripts that time: they run; the chart of error against core-seconds counts right."""
+"""The timing scripts run, and the chart of error against core-seconds computes correctly."""
 
 import importlib
 import json
@@ -17,7 +17,7 @@ RESULTS = FOLDER / "results"
 
 @pytest.fixture
 def module(monkeypatch):
-    """A module of the benchmarks by its name."""
+    """Module of the benchmarks, by its name."""
     monkeypatch.syspath_prepend(FOLDER)
     return importlib.import_module
 
@@ -30,7 +30,7 @@ def run(module, tmp_path, *options):
 
 
 def test_a_quick_chart_is_written(module, tmp_path, capsys):
-    """Every scene has a row with a time and its own number; a second call runs nothing."""
+    """Every scene has a row with a time and its own result; a second call runs nothing."""
     table = run(module, tmp_path)
     assert {"machine", "compiler", "isa"} <= table["head"].keys()
     rows = table["rows"]
@@ -73,7 +73,7 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
-    """A time for each scheme and state with one thread and with two."""
+    """The table has a time for each scheme and state, with one thread and with two."""
     script, out = module("speed"), tmp_path / "speed.json"
     script.main(["--quick", "--out", str(out)])
     table = json.loads(out.read_text())
@@ -85,7 +85,7 @@ def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_a_quick_table_in_space_is_written(module, tmp_path, capsys):
+def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
     script, out = module("speed_in_space"), tmp_path / "speed.json"
     script.main(["--quick", "--out", str(out)])
     rows = json.loads(out.read_text())["rows"]
@@ -96,7 +96,7 @@ def test_a_quick_table_in_space_is_written(module, tmp_path, capsys):
 
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_roofline_is_written(module, tmp_path, capsys):
-    """The bounds follow from the rates that were measured beside them."""
+    """The bounds follow from the rates that were measured in the same run."""
     out = tmp_path / "roofline.json"
     module("roofline").main(["--quick", "--out", str(out)])
     found = json.loads(out.read_text())
@@ -112,7 +112,7 @@ def test_a_quick_roofline_is_written(module, tmp_path, capsys):
 
 
 def test_a_quick_account_of_a_record(module, capsys):
-    """All parts are charged, their sum is the whole, and nothing stays charged afterwards."""
+    """All parts are timed, their sum is the whole, and the timers are removed afterwards."""
     script, advance = module("record"), gr.Simulation._advance
     script.main(["--quick", "--threads", "1"])
     head, _, *lines = capsys.readouterr().out.splitlines()
@@ -125,7 +125,7 @@ def test_a_quick_account_of_a_record(module, capsys):
 
 
 def test_time_is_charged_once(module, monkeypatch):
-    """What a part spends in another one is the other's."""
+    """Time that one part spends in another is counted for the other only."""
     script = module("record")
     account = script.Account()
     ticks = iter([[0.0, 0.0], [1.0, 1.0], [4.0, 3.0], [6.0, 5.0]])
@@ -154,7 +154,7 @@ def test_the_front_holds_what_nothing_beats(module):
 
 
 def test_rates_are_extrapolated_to_no_cell(module):
-    """Q = 600 (1 + a dx), with another a and limit for each scheme."""
+    """Q = 600 (1 + a dx), with another a and another limit for each scheme."""
     rows = [
         _row(scheme=scheme, cell=cell, rate=limit * (1 + a * cell))
         for scheme, limit, a in (("default", 606.0, 5.0), ("linear flip", 594.0, -2.0))
@@ -166,7 +166,7 @@ def test_rates_are_extrapolated_to_no_cell(module):
 
 
 def test_the_slope_of_a_bias_is_found(module):
-    """A rate of 600 (1 + 3 p/K): steps of the slope -1, and 3 over p/K but for second order."""
+    """A rate of 600 (1 + 3 p/K) gives steps of slope -1 and a bias of 3 p/K to first order."""
     errors, slopes = module("accuracy.errors"), module("accuracy.slopes")
     rows = [_row(E=E) for E in (1e5, 1e6, 1e7, 1e8)]
     for row in rows:
@@ -179,7 +179,7 @@ def test_the_slope_of_a_bias_is_found(module):
 
 
 def test_what_the_committed_table_says_follows_from_its_rows(module):
-    """Every case of the full list is in it, with its results or the reason why not."""
+    """The table has every case of the full list, with its results or the reason for absence."""
     table = json.loads((RESULTS / "speed_accuracy.json").read_text())
     script, cases = module("speed_accuracy"), module("accuracy.cases").full()
     found = {tuple(row[name] for name in cases[0].row()) for row in table["rows"]}
@@ -199,7 +199,7 @@ def test_the_laws_are_timed(module, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_an_empty_box_costs_next_to_nothing(module, tmp_path, capsys):
-    """64 times the room of a heap: the same time but for noise, some bytes a point."""
+    """The box is 64 times larger than the heap: equal time but for noise, few bytes per point."""
     out = tmp_path / "box.json"
     module("box_size").main(["--out", str(out)])
     capsys.readouterr()
@@ -211,7 +211,7 @@ def test_an_empty_box_costs_next_to_nothing(module, tmp_path, capsys):
 
 
 def test_digests_of_bits(module, tmp_path, monkeypatch, capsys):
-    """Any number of threads has the same digests; one bit, a lost name or case is a difference."""
+    """Digests are equal for any number of threads; a changed bit or lost name is a difference."""
     cases, bits = module("bits_cases"), module("bits")
     out = tmp_path / "digests.json"
     monkeypatch.setattr(sys, "argv", ["bits_cases.py", "--out", str(out), "--only", "slug"])

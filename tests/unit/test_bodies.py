@@ -1,4 +1,4 @@
-"""Rigid bodies against an oracle: distance, motion, contact at the nodes; what is refused."""
+"""Rigid bodies against a plain reference: distance, motion, contact at nodes, refused input."""
 
 import math
 
@@ -15,7 +15,7 @@ from granular.materials import MuI
 from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
 from granular.mpm.walls import Wall
 
-CELL, DT = 0.04, 4e-4  # no part is thinner than three cells
+CELL, DT = 0.04, 4e-4  # all parts are at least three cells thick
 
 PLANE = {
     "box": Box((0.21, 0.13), center=(0.02, -0.01), rotation_deg=20.0),
@@ -53,7 +53,7 @@ def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
 
 
 def grid_of(scene):
-    """An engine after the grid stage of its first step, with random velocities of the points."""
+    """Engine after the grid stage of its first step, with random velocities of the points."""
     sim = gr.Simulation(scene, threads=1)
     v = sim.buffers["v"]
     v[:] = np.random.default_rng(5).normal(size=v.shape)
@@ -110,7 +110,8 @@ def test_contact_of_all_nodes(shape, contact):
     omega[2 if dim == 2 else slice(None)] = turning[0]
     velocity = np.pad(motion.velocity[0], (0, 3 - dim))
     v, *_ = oracle_bodies.step(body, free, velocity, omega, np.zeros(3), DT)
-    fixed = (free["v"] == 0) & (free["mass"][:, None] > 0)  # by walls, which go before
+    # fixed by walls, which act before the bodies
+    fixed = (free["v"] == 0) & (free["mass"][:, None] > 0)
     v = np.where(fixed, 0, v[:, :dim])
     assert np.abs(v - free["v"]).max() > 0.1
     assert np.allclose(nodes["v"], v, rtol=0, atol=1e-8)
@@ -128,7 +129,7 @@ def test_contact_of_all_nodes(shape, contact):
 @pytest.mark.parametrize("mass", [1.0, 1e5])
 @pytest.mark.parametrize("contact", ["sticky", "separating"])
 def test_free_body_takes_up_the_impulse(contact, mass):
-    """As light as a hundredth of the nodes it touches, and heavy."""
+    """Free bodies with a hundredth of the mass of the nodes they touch, and heavy ones."""
     body = Body(
         Box((0.31, 0.25)),
         (0.31, 0.27),
@@ -156,7 +157,7 @@ def test_free_body_takes_up_the_impulse(contact, mass):
 
 
 def test_scripted_motion_is_exact():
-    """The place after steps that cut the table anywhere is the integral of the velocity."""
+    """After steps that divide the table anywhere, the displacement is the integral of velocity."""
     motion = Motion(
         times=(0.0105, 0.02, 0.0333),
         velocity=((1.0, 0.0), (-2.0, 1.0), (0.5, 3.0)),
@@ -176,7 +177,7 @@ def test_scripted_motion_is_exact():
     assert sim.bodies[0].angular_velocity == -10.0
 
 
-def test_turning_in_space_about_an_oblique_axis():
+def test_turning_in_3d_about_an_oblique_axis():
     omega = np.array([3.0, -4.0, 12.0])
     motion = Motion(velocity=((0.0, 0.0, 0.0),), angular_velocity=(tuple(omega),))
     shape = Box((0.02, 0.03, 0.04))
@@ -187,7 +188,7 @@ def test_turning_in_space_about_an_oblique_axis():
 
 
 def test_free_fall_and_empty_space():
-    """A body that touches nothing feels nothing, and falls with g."""
+    """A body that touches nothing feels no force and falls with g."""
     falling = Body(Box((0.1, 0.1)), (0.3, 9.0), free="y", mass=2.0)
     passing = Body(HalfSpace((0.0, 1.0)), (0.0, -3.0), motion=Motion(velocity=((1.0, 0.0),)))
     sim = gr.Simulation(scene_of(falling, passing), threads=1)

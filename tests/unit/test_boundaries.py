@@ -1,4 +1,4 @@
-"""Creases, node positions and node codes, checked by hand on tiny grids."""
+"""C0 lines, node positions and node codes, checked by hand on tiny grids."""
 
 import math
 from types import SimpleNamespace
@@ -17,7 +17,7 @@ BASES = ("linear", "ugimp", "quadratic")
 
 
 def coded(walls, *, shape=(3, 2), basis="linear", periodic=(), lower=None):
-    """Node codes of a bare scene with unit cells."""
+    """Node codes of a scene with unit cells and without material."""
     grid = Grid(lower or (0.0,) * len(shape), 1.0, shape, periodic)
     scene = SimpleNamespace(grid=grid, walls=walls, scheme=Scheme(basis=basis))
     return node_codes(scene)
@@ -70,10 +70,10 @@ def test_positions_refuse(arguments, error, message):
 # --- c0_lines
 
 
-def test_creases_at_inner_walls_and_ends_of_spans():
+def test_c0_lines_at_inner_walls_and_ends_of_spans():
     grid = Grid((-1.0, 0.0), 0.5, (6, 4))
     walls = [
-        Wall(0, -1.0),  # domain walls over their whole length make none
+        Wall(0, -1.0),  # domain walls over their whole length make no C0 line
         Wall(1, 2.0),
         Wall(1, 0.0, span=((0.0, 2.0),)),  # floor with an opening: x = 0 is line 2
         Wall(1, 0.0, opens_at=0.1),
@@ -90,13 +90,13 @@ def test_a_wall_off_the_grid_lines_is_refused():
     grid = Grid((0.0, 0.0), 0.1, (10, 10))
     with pytest.raises(ValueError, match=r"walls\[0\].* = 0.25 must lie on a grid line of x"):
         c0_lines(grid, [Wall(0, 0.25)], 0)
-    assert c0_lines(grid, [Wall(0, 0.1 + 0.2)], 0) == (3,)  # round-off is forgiven
+    assert c0_lines(grid, [Wall(0, 0.1 + 0.2)], 0) == (3,)  # rounding errors are accepted
 
 
 # --- node codes
 
 
-def test_rough_floor_and_symmetry_plane():
+def test_no_slip_floor_and_symmetry_plane():
     walls = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
     assert fixed(walls) == [[3, 3, 3, 3], [1, 0, 0, 0], [1, 0, 0, 0]]
     assert fixed(walls, basis="ugimp") == fixed(walls)
@@ -116,7 +116,7 @@ def test_orifice_opens(basis):
     walls = (Wall(1, 0.0, span=((2.0, 4.0),)), Wall(1, 0.0, opens_at=0.1))
     codes, rows = coded(walls, shape=(4, 2), basis=basis)
     floor = [rows[code - 1] for code in codes[0]]
-    # quadratic nodes: 0, .5, 1.5 | 2, 2.5, 3.5, 4
+    # quadratic nodes: 0, 0.5, 1.5 | 2, 2.5, 3.5, 4
     lids = 3 if basis == "quadratic" else 2
     assert floor[:lids] == [WallRow(fixed=3, opens_at=0.1, after=0)] * lids
     assert all(row == WallRow(fixed=3) for row in floor[lids:])
@@ -144,7 +144,7 @@ def test_coulomb_walls_know_their_side():
 def test_coulomb_in_corners():
     rough = (Wall(1, 0.0, kind="coulomb", friction=0.3), Wall(0, 0.0, kind="no_slip"))
     codes, rows = coded(rough)
-    assert rows[codes[0, 0] - 1] == WallRow(fixed=3)  # nothing is left to rub
+    assert rows[codes[0, 0] - 1] == WallRow(fixed=3)  # no free direction is left for friction
     edge = (
         Wall(0, 0.0, kind="coulomb", friction=0.2),
         Wall(1, 0.0, kind="coulomb", friction=0.4),
@@ -171,7 +171,7 @@ def test_walls_that_open_one_after_the_other_are_chained():
             yield row.fixed, row.friction, row.opens_at
             code = row.after
 
-    # where nothing changes at an opening there is no extra row
+    # where nothing changes at an opening there is no additional row
     assert list(history(codes[0, 0])) == [(3, 0.0, 3.0), (1, 0.0, math.inf)]
     assert list(history(codes[0, 1])) == [(3, 0.0, 2.0), (2, 0.5, 3.0)]
     assert list(history(codes[1, 0])) == [(1, 0.0, math.inf)]
@@ -186,12 +186,12 @@ def test_periodic_axis():
         fixed(floor, periodic=(True, False), basis="quadratic")
 
 
-def test_rough_block():
+def test_no_slip_block():
     block = (Solid((1.0, 0.0), (2.0, 1.0), kind="no_slip"),)
     assert fixed(block) == [[0, 3, 3, 0], [0, 3, 3, 0], [0, 0, 0, 0]]
 
 
-def test_frictionless_block_by_faces():
+def test_free_slip_block_by_faces():
     block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
     assert fixed(block, shape=(5, 5)) == [
         [0, 0, 0, 0, 0, 0],
@@ -203,8 +203,8 @@ def test_frictionless_block_by_faces():
     ]
 
 
-def test_frictionless_block_of_quadratic_splines_lets_material_slide_along_its_faces():
-    # nodes at 0, .5, ..., 4.5, 5; inside from 1.5; .5 deep at 1.5 and 3.5, 1.5 deep at 2.5
+def test_free_slip_block_of_quadratic_splines_lets_material_slide_along_its_faces():
+    # nodes at 0, 0.5, ..., 4.5, 5; inside from 1.5; 0.5 deep at 1.5 and 3.5, 1.5 deep at 2.5
     block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
     inner = np.array(fixed(block, shape=(5, 5), basis="quadratic"))
     assert inner[2:5, 2:5].tolist() == [[3, 2, 3], [1, 3, 1], [3, 2, 3]]
@@ -239,14 +239,14 @@ def test_more_rows_than_a_byte_holds_are_refused():
         coded(more, shape=(255, 1))
 
 
-def test_shape_of_codes_in_space_is_z_y_x():
+def test_shape_of_codes_in_3d_is_z_y_x():
     codes, rows = coded((Wall(2, 0.0),), shape=(1, 2, 3))
     assert codes.shape == (4, 3, 2)
     assert (codes[0] == 1).all() and not codes[1:].any() and rows == (WallRow(fixed=7),)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_spans_in_space_follow_the_order_of_the_other_axes(axis):
+def test_spans_in_3d_follow_the_order_of_the_other_axes(axis):
     wall = Wall(axis, 0.0, kind="free_slip", span=((0.0, 1.0), (2.0, 3.0)))
     codes, _ = coded((wall,), shape=(3, 3, 3))
     found = np.argwhere(codes.transpose(2, 1, 0))  # in the order x, y, z

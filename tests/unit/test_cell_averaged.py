@@ -1,4 +1,4 @@
-"""The density that the points of a cell share: what it does to pressures that make no force."""
+"""The cell-averaged density: how it damps pressure modes that exert no force on the nodes."""
 
 import numpy as np
 import pytest
@@ -7,13 +7,13 @@ from test_kernels import living
 import granular as gr
 from granular.gravity import Gravity
 
-SHARED = ("linear", "tpic", "cell_averaged")
+CELL_AVERAGED = ("linear", "tpic", "cell_averaged")
 MEAN, PART = 1e-3, 1e-4
-"""Log-density of the layer, and what is added from cell to cell."""
+"""Mean log-density of the layer, and the amplitude of its variation between cells."""
 
 
 def stepped(scene, pattern):
-    """Change of c in a step from rest, by cells in the order of their places; r/(1 + r)."""
+    """Change of c in a step from rest, in cells ordered by position, and the factor r/(1 + r)."""
     scene = scene.replace(gravity=Gravity((0.0,), ((0.0,) * scene.dim,)))
     sim = gr.Simulation(scene, threads=1)
     at, cell = living(sim), scene.grid.cell
@@ -28,18 +28,18 @@ def stepped(scene, pattern):
 
 @pytest.fixture
 def still(small_scene):
-    """A regular layer four cells high on a rough floor, without relaxation and shift."""
+    """A regular layer four cells high on a no-slip floor, without relaxation and shifting."""
 
     def make(dim):
         return small_scene(
-            "periodic", dim, SHARED, jitter=0.0, relaxation=0.0, shifting=0.0, diffusion=0.5
+            "periodic", dim, CELL_AVERAGED, jitter=0.0, relaxation=0.0, shifting=0.0, diffusion=0.5
         )
 
     return make
 
 
 def test_a_pressure_that_alternates_is_taken_away(still):
-    """In the second row all of it by r/(1 + r); at the floor what the neighbours beside say."""
+    """The second row loses the fraction r/(1 + r), the row at the floor half of it."""
     place, change, share = stepped(still(2), lambda at: (-1.0) ** at.sum(axis=1))
     sign = (-1.0) ** place.sum(axis=1)
     second, floor = place[:, 1] == 1, place[:, 1] == 0
@@ -48,7 +48,7 @@ def test_a_pressure_that_alternates_is_taken_away(still):
 
 
 def test_a_linear_pressure_is_left(still, dim):
-    """It sets cells in motion at both ends, with or without the neighbours' word."""
+    """A linear pressure moves cells at both ends, with or without exchange between neighbours."""
     scene = still(dim)
     alone = scene.replace(
         scheme=scene.scheme.replace(density=scene.scheme.density.replace(diffusion=0.0))
@@ -61,7 +61,7 @@ def test_a_linear_pressure_is_left(still, dim):
 
 @pytest.mark.parametrize("threads", [2, 3])
 def test_same_bits_with_any_number_of_threads(threads):
-    """Cells read their neighbours while others are already scattered."""
+    """Some cells read their neighbours while others already transfer to the nodes (P2G)."""
     scene = gr.scenes.column_collapse(
         aspect=1.0, cell=0.0125, scheme=gr.schemes.cell_averaged, jitter=0.5
     )

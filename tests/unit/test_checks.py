@@ -1,4 +1,4 @@
-"""Argument checks: what passes, what is refused, and that messages say enough."""
+"""Argument checks: accepted values, refused values, and messages that are specific."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The command line: what it prints, writes and returns."""
+"""The command line: printed output, written files and exit codes."""
 
 import pytest
 
@@ -117,7 +117,7 @@ def test_tuples_and_words_reach_the_scene(tmp_path):
 
 
 def test_what_is_not_said_is_that_of_the_scene(tmp_path):
-    """Its grains but for E, its scheme, and keywords that are yes or no."""
+    """Defaults are those of the scene: material except E, scheme, and yes-or-no keywords."""
     out = tmp_path / "silo.h5"
     words = ["run", "clogging_silo", "--half", "no", "--cell", "0.07", "--width", "0.7"]
     words += ["--height", "0.7", "--E", "2e6", "--quiet", "--until", "2e-4", "-o", str(out)]
@@ -152,8 +152,8 @@ def test_help_and_version(capsys):
     assert "--orifice" in capsys.readouterr().out
 
 
-def test_doubts_are_one_line_each(tmp_path, capsys):
-    """The published scheme in two dimensions: said on stderr, and the run goes on."""
+def test_scene_warnings_are_one_line_each(tmp_path, capsys):
+    """In 2D the published scheme gives warnings on stderr, and the run goes on."""
     options = ["--until", "1e-3", "--quiet", "--cell", "0.05", "-o"]
     words = ["run", "column_collapse", "--E", "1e5", *options, str(tmp_path / "a.h5")]
     assert cli.main([*words, "--scheme", "dunatunga_kamrin_2015"]) == 0

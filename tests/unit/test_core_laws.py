@@ -1,4 +1,4 @@
-"""The stress update of every registered law: 50 digits, the oracle, and its properties."""
+"""Stress update of every registered law: against 50 digits, the plain reference, and properties."""
 
 import decimal
 import itertools
@@ -27,14 +27,14 @@ FRICTIONAL = [law for law in LAWS if law != "elastic"]
 
 
 def numbers(law):
-    """The law's parameters, moduli included."""
+    """Parameters of the law, with the elastic moduli."""
     material = MATERIALS[law]
     more = {"K": material.K, "G": material.G, "xi": getattr(material, "xi", None)}
     return vars(material) | more | {"p_averaging": 40.0}
 
 
 def before(n):
-    """Fluidity after its diffusion, alike in eight points, and shear rates of the step before."""
+    """Fluidity after its diffusion, equal in eight points, and shear rates of the step before."""
     rng = np.random.default_rng(n)
     cells = -(-n // 8)
     g_star = rng.choice([0.0, 1.0], cells, p=[0.3, 0.7]) * 10 ** rng.uniform(-6, 3, cells)
@@ -42,7 +42,7 @@ def before(n):
 
 
 def update(law, dim, *state, **options):
-    """`full_update` without the fluidity; a nonlocal law begins from `before`."""
+    """Results of `full_update` without the fluidity; a nonlocal law begins from `before`."""
     if law == "ngf" and "g_star" not in options:
         options["g_star"], options["shear_rate"] = before(len(state[0]))
     return full_update(law, dim, *state, **options)[:2]
@@ -52,7 +52,10 @@ def full_update(
     law, dim, stress, Ldt, log_density, dt, *, equation_of_state=False, isa="", g_star=None,
     shear_rate=0.0,
 ):  # fmt: skip
-    """`_core.law_update`: stress (n, 4 or 6), L dt (n, dim, dim); new stress, rates, fluidity."""
+    """Apply `_core.law_update` to stress (n, 4 or 6) and L dt (n, dim, dim).
+
+    Returns new stresses, plastic shear rates and fluidities.
+    """
     lanes = {"baseline": 2, "avx2": 4, "avx512": 8}[isa or _core.build_info()["isa"]]
     n = len(stress)
     padded = -(-n // lanes) * lanes
@@ -74,7 +77,7 @@ def full_update(
 
 
 def random_states(rng, n, dim, law, steepest=0.9):
-    """Stresses below the limit friction, increments L dt and log-densities, all of broad sizes."""
+    """Stresses below the limit friction, increments L dt and log-densities, of many magnitudes."""
     material = numbers(law)
     p = 10 ** rng.uniform(0.0, 4.5, n)
     stress = rng.normal(size=(n, 4 if dim == 2 else 6))
@@ -94,7 +97,7 @@ def random_states(rng, n, dim, law, steepest=0.9):
 
 
 def exact(array):
-    """Doubles as decimal numbers, without rounding."""
+    """Exact decimal values of floating-point numbers."""
     return np.vectorize(Decimal, otypes=[object])(array)
 
 
@@ -102,7 +105,7 @@ root = np.vectorize(lambda a: a.sqrt(), otypes=[object])
 
 
 def law_in_decimals(law, dim, stress, Ldt, dt):
-    """The update (3.10-3.16) of dense points in exact numbers, and what decides its branches."""
+    """The update (3.10-3.16) of dense points in exact numbers, and what selects branches."""
     q = {name: Decimal(float(v)) for name, v in numbers(law).items() if isinstance(v, float)}
     K, G, step = q["K"], q["G"], Decimal(dt)
     zero = np.full(len(stress), Decimal(0), dtype=object)
@@ -153,7 +156,7 @@ def law_in_decimals(law, dim, stress, Ldt, dt):
         new[i, i] = new[i, i] - safe
     new = np.where(dense, new, Decimal(0))
     gap = abs((tau_trial - static).astype(float))
-    # Near p = 0 the square root of p, and at yield the branch, hang on the last bit of the trial.
+    # Near p = 0 the root of p depends on the last bit of the trial, and near yield the branch does.
     clear = (abs(p.astype(float)) > 1e-3 * size) & (gap > 1e-6 * size)
     return new, size, clear
 
@@ -181,7 +184,7 @@ def test_stress_update_against_fifty_digits(law, dim):
 @pytest.mark.parametrize("equation_of_state", [False, True])
 @pytest.mark.parametrize("law", LAWS)
 def test_stress_update_against_the_oracle(law, dim, equation_of_state, isa):
-    """With all branches: connected or not by density and by pressure, elastic and flowing."""
+    """All branches: connected or disconnected by density and by pressure, elastic and flowing."""
     rng = np.random.default_rng(5)
     stress, Ldt, c = random_states(rng, 1500, dim, law, steepest=1.2)
     c = np.where(rng.random(len(c)) < 0.3, -c, c)
@@ -215,7 +218,7 @@ def test_stress_update_against_the_oracle(law, dim, equation_of_state, isa):
 
 
 def rotations(rng, n, dim):
-    """Random rotations of the plane or of space, shape (n, 3, 3)."""
+    """Random rotations in 2D or 3D, shape (n, 3, 3)."""
     if dim == 2:
         angle, Q = rng.uniform(0, 2 * math.pi, n), np.zeros((n, 3, 3))
         Q[:, 0, 0] = Q[:, 1, 1] = np.cos(angle)
@@ -251,7 +254,7 @@ def test_the_frame_in_which_a_state_is_written_does_not_matter(law, dim):
     expected = Q @ oracle.tensor(one, dim) @ Q.transpose(0, 2, 1)
     size = abs(stress).max(axis=1) + numbers(law)["K"] * abs(Ldt).max(axis=(1, 2))
     error = abs(other - oracle.components(expected, dim)).max(axis=1)
-    # where the trial pressure is a rounding error from zero the branch may differ
+    # where the trial pressure is zero but for rounding, the branch may differ
     decided = abs(pressure(one)) > 1e-9 * size
     assert decided.mean() > 0.5
     assert (error <= 1e-12 * size)[decided].all()
@@ -259,11 +262,11 @@ def test_the_frame_in_which_a_state_is_written_does_not_matter(law, dim):
 
 
 STILL = {"g_star": 0.0, "shear_rate": 0.0}
-"""No fluidity: a nonlocal law lets nothing flow then."""
+"""No fluidity, with which a nonlocal law does not flow."""
 
 
 def spun(law, dim, stress, steps, angle):
-    """The stresses after a rigid rotation by `angle` about z in so many steps."""
+    """Stresses after a rigid rotation by `angle` about z, in a number of steps."""
     w = angle / steps
     Ldt = np.zeros((len(stress), dim, dim))
     Ldt[:, 0, 1], Ldt[:, 1, 0] = -w, w
@@ -274,7 +277,7 @@ def spun(law, dim, stress, steps, angle):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_stress_turns_with_the_material(law, dim):
-    """Rigid rotation: error of the orientation and of the invariants falls with the step."""
+    """In a rigid rotation the errors of orientation and invariants decrease with the step."""
     rng = np.random.default_rng(2)
     stress, _, _ = random_states(rng, 50, dim, law, steepest=0.5)
     angle, Q = 1.0, np.eye(3)
@@ -288,7 +291,7 @@ def test_stress_turns_with_the_material(law, dim):
     for s in found.values():
         np.testing.assert_allclose(pressure(s), pressure(stress), rtol=1e-12)
     grown = [abs(shear(s) / shear(stress) - 1).max() for s in found.values()]
-    # the explicit Jaumann form lengthens a shear in the plane of rotation by sqrt(1 + 4 w^2) a step
+    # the explicit Jaumann form scales in-plane shear stress by sqrt(1 + 4 w^2) in each step
     for steps, growth in zip(found, grown, strict=True):
         assert growth < 1.001 * ((1 + 4 * (angle / steps) ** 2) ** (steps / 2) - 1)
 
@@ -309,7 +312,7 @@ def test_no_strain_leaves_the_stress(law, dim):
 
 
 def nonlocal_states(rng, n, dim):
-    """`random_states` of all kinds, a quarter of them loose."""
+    """States of `random_states` of all kinds, a quarter of them disconnected."""
     stress, Ldt, c = random_states(rng, n, dim, "ngf", steepest=1.2)
     return stress, Ldt, np.where(rng.random(n) < 0.25, -c, c)
 
@@ -317,7 +320,7 @@ def nonlocal_states(rng, n, dim):
 @pytest.mark.parametrize("isa", oracle_fluidity.available())
 @pytest.mark.parametrize("equation_of_state", [False, True])
 def test_without_diffused_fluidity_the_nonlocal_law_is_the_local_one(dim, equation_of_state, isa):
-    """Its local phase: mu(I) to the last bit, and g = gdot/mu."""
+    """In its local phase the law equals mu(I) to the last bit, and g = gdot/mu."""
     state = nonlocal_states(np.random.default_rng(11), 3000, dim)
     options = {"equation_of_state": equation_of_state, "isa": isa}
     local = full_update("mu_I", dim, *state, 1e-4, **options)
@@ -333,7 +336,7 @@ def test_without_diffused_fluidity_the_nonlocal_law_is_the_local_one(dim, equati
 
 @pytest.mark.parametrize("isa", oracle_fluidity.available())
 def test_fluidity_against_the_oracle(dim, isa):
-    """With fluidity before and without, dense or not; the rate is that of g mu."""
+    """Points with and without earlier fluidity, dense or not; the rate is that of g mu."""
     stress, Ldt, c = nonlocal_states(np.random.default_rng(12), 3000, dim)
     dt, start = 1e-4, before(len(c))
     L = np.zeros((len(c), 3, 3))
@@ -348,7 +351,7 @@ def test_fluidity_against_the_oracle(dim, isa):
     assert 0.2 < dense.mean() < 0.9
     assert not g[~dense].any() and not rate[~dense].any() and not gain[~dense].any()
     X = numbers("ngf")["G"] * dt * np.stack([g, expected]) / np.where(dense, pressure(found), 1.0)
-    # where the trial pressure is a small difference, its friction hangs on the last bits
+    # where the trial pressure is a small difference, its friction depends on the last bits
     clear = dense & (pressure(found) > 1e-4 * abs(stress).max(axis=1))
     assert (abs(X[0] - X[1]) <= 1e-9 * X[1] + 1e-12)[clear].all()
     mu = shear(found)[clear] / pressure(found)[clear]
@@ -388,7 +391,7 @@ def test_flow_dissipates_and_friction_is_bounded(law, dim):
     dev = oracle.tensor(found, dim) + p[:, None, None] * np.eye(3)
     power = np.einsum("pij,pij->p", dev, plastic) / dt
     dense = p > 0
-    # what little flows is a difference of stresses: to the rounding of these
+    # slow flow is a difference of stresses, and accurate only to their rounding
     rounding = 1e-12 + 1e-15 * abs(oracle.tensor(trial, dim)).max(axis=(1, 2)) ** 2 / (G * dt)
     assert (power >= -1e-9 * tau * abs(rate) - rounding)[dense].all()
     np.testing.assert_allclose(power[dense], (tau * rate)[dense], rtol=1e-6, atol=1e-3)
@@ -396,7 +399,7 @@ def test_flow_dissipates_and_friction_is_bounded(law, dim):
 
 @pytest.mark.parametrize("law", LAWS)
 def test_axes_are_alike(law, dim):
-    """A permutation of the axes permutes the result, to round-off."""
+    """Permuting the axes permutes the result, to round-off."""
     rng = np.random.default_rng(6)
     stress, Ldt, c = random_states(rng, 300, dim, law)
     dt = 1e-4
@@ -412,7 +415,7 @@ def test_axes_are_alike(law, dim):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_the_plane_is_space_without_its_third_axis(law):
+def test_2d_is_3d_without_its_third_axis(law):
     rng = np.random.default_rng(8)
     stress, Ldt, c = random_states(rng, 500, 2, law)
     dt = 1e-4
@@ -427,7 +430,7 @@ def test_the_plane_is_space_without_its_third_axis(law):
 
 
 def test_every_registered_law_is_tested():
-    """Here, or, those of finite strain, in test_hencky*.py and test_hardening.py."""
+    """Each law is tested here; those of finite strain in test_hencky*.py and test_hardening.py."""
     finite = {law for law in _core.laws() if law.startswith("hencky_")}
     assert finite == set(FLOW_OF) | {"hencky_hardening_drucker_prager"}
     assert set(MATERIALS) == set(_core.laws()) - finite

@@ -1,4 +1,4 @@
-"""Discrete elements without LAMMPS: settings, scripts, the grains at the start, dumps."""
+"""Discrete elements without LAMMPS: settings, scripts, initial grains, dump files."""
 
 import math
 from dataclasses import replace
@@ -50,7 +50,7 @@ def test_units_are_consistent():
 
 
 def positions(data):
-    """Types, diameters and places from a data file."""
+    """Types, diameters and positions from a data file."""
     rows = data.split("Atoms # sphere\n\n")[1].split("\n")[:-1]
     table = np.array([row.split() for row in rows], dtype=float)
     return table[:, 1].astype(int), table[:, 2], table[:, 4:]
@@ -99,7 +99,7 @@ def test_scripts_hold_the_settings_in_scaled_units():
 
 
 def test_time_step_resolves_the_stiffest_contact():
-    """A contact between two small grains under 5 p d^2 swings in no less than 30 steps."""
+    """A contact of two small grains under the pressure 5 p d^2 oscillates over 30 steps or more."""
     settings = dem.Shear(grains=dem.Grains(), inertial_number=0.01)
     mass, radius = settings.grains.contact(settings.grains.diameters[0])
     overlap = (5.0 * 1e3 * 1e-6 / (radius * 1e9)) ** (2 / 3)
@@ -147,7 +147,7 @@ BOX = "ITEM: BOX BOUNDS xy xz yz pp pp pp\n-1 5 -1\n0 2 0\n0 3 0\nITEM: {what} c
 
 
 def written(folder, *, time=2.0, pairs=1, place="3.9 -0.2"):
-    """Two grains of diameter 1 and 1.2 that touch, one above the other, in a tilted box."""
+    """Two grains of diameter 1 and 1.2 in contact, one above the other, in a tilted box."""
     atoms = [f"2 2 1.2 1.0 {place} 1 0 0 0 0 8 0 0 0 0", "1 1 1.0 0.5 3.9 0.8 1 1 2 3 0 -1 0 0 0 0"]
     contact = "1 2 0 1.0 0 0.25 0.5 0 0 0 -4 0 6 0 7"
     text = (HEAD + BOX).format(time=2.0, what="ATOMS", count=2) + "\n".join(atoms) + "\n"
@@ -180,19 +180,19 @@ def test_dumps_are_read_into_si_units(tmp_path):
     assert found.contact_points[0] == pytest.approx([7.8, 1.6 - 0.9, 2.0])
     # The box grows by a quarter in unit time, and i is a unit above j.
     assert c.normal_velocity[0] == pytest.approx([0.0, (-4.0 + 0.25) * 2.0, 0.0])
-    # Accelerations -2 and 8 along y: half a step before, i was faster by 5 dt against j.
+    # Accelerations are -2 and 8 along y: half a step before, i was faster than j by 5 dt.
     half = 0.5 * (-2.0 - 8.0) * settings.dt / u.time
     assert c.damped_velocity[0] == pytest.approx([0.0, (-4.0 - half) * 2.0, 0.0])
     assert c.tangential_velocity[0] == pytest.approx([12.0, 0.0, 14.0])
 
 
 def test_an_image_lags_half_a_step(tmp_path):
-    """The velocity of the image of j is from before the last half of its acceleration, 8."""
+    """The velocity of the image of j lacks the last half step of its acceleration, 8."""
     settings = dem.Shear(grains=dem.Grains(d=2.0, rho_s=3.0), pressure=12.0)
     written(tmp_path, place="2.9 1.8")
     (found,) = read_frames(tmp_path, settings, 1)
     half = 0.5 * settings.dt / settings.units.time
-    # v_i - v_j is 8 half smaller than written, and 10 half larger before.
+    # v_i - v_j is 8 half steps smaller than written, and 10 half steps larger before.
     late = (-4.0 + 0.25 - 8.0 * half) * 2.0
     assert found.contacts.normal_velocity[0] == pytest.approx([0.0, late, 0.0])
     before = (-4.0 - 8.0 * half + 10.0 * half) * 2.0
@@ -231,7 +231,7 @@ def test_damaged_dumps_are_refused(tmp_path, change, said):
 
 
 def test_stress_of_a_grain_by_hand():
-    """A grain between two others that press with 3 N: 2 x .45 x 3 N m over its volume."""
+    """A grain between two others that push with 3 N each: 2 x 0.45 x 3 N m over its volume."""
     x = [[0.0, 0.1, 0.0], [0.0, 1.0, 0.0], [0.0, 1.9, 0.0]]
     found = packed(frame(x, np.zeros((3, 3)), pairs=[(0, 1), (2, 1)], force=[3.0, 3.0]))
     volume = math.pi / 6
@@ -240,7 +240,7 @@ def test_stress_of_a_grain_by_hand():
     )
     assert found.arm_j[0] == pytest.approx([0.0, -0.45, 0.0])
     assert found.points[1] == pytest.approx([0.0, 1.45, 0.0])
-    assert found.imbalance == pytest.approx(1.0)  # of the two at the ends
+    assert found.imbalance == pytest.approx(1.0)  # imbalance of the two grains at the ends
     packing, forces = found.for_inference()
     assert packing.bodies.tolist() == [[0, 1], [2, 1]]
     assert forces.tolist() == found.force.tolist()
@@ -249,9 +249,9 @@ def test_stress_of_a_grain_by_hand():
 
 
 def test_a_packing_over_a_periodic_side_for_the_inference():
-    """The second grain touches the first through the side of the box, 2 long."""
+    """The second grain touches the first through the periodic side of the box, which is 2 long."""
     made = frame([[0.2, 1, 1], [1.3, 1, 1]], np.zeros((2, 3)), pairs=[(0, 1)], force=[3.0])
-    # The nearest image of the second grain is the one at -.7.
+    # The nearest image of the second grain is the one at -0.7.
     c = replace(made.contacts, normal=np.array([[-1.0, 0, 0]]), distance=np.array([0.9]))
     packing, forces = packed(replace(made, contacts=c)).for_inference()
     assert forces.tolist() == [[3.0, 0.0, 0.0]]

@@ -1,4 +1,4 @@
-"""The script of the table of the density correction: it keeps its rows, and writes them into a page."""
+"""The script of the density correction table keeps its rows and writes them into a page."""
 
 import importlib
 import json
@@ -14,7 +14,7 @@ PAGE = "before\n<!-- table: begin -->\nold\n<!-- table: end -->\nafter\n"
 
 @pytest.fixture
 def script(monkeypatch):
-    """The script, with one check that is quick and knows the scheme it is given."""
+    """The script, with a single fast check that knows the scheme it is given."""
     monkeypatch.syspath_prepend(Path(__file__).parents[2] / "benchmarks")
 
     def rows(scheme):

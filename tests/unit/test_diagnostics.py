@@ -1,4 +1,4 @@
-"""The monitors of a run: when they look, what samples add up to, and where they are kept."""
+"""Diagnostics of a run: when they sample, how samples are combined, and where they are stored."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ DEFAULT = ("quadratic", "tpic", "smoothed")
 
 
 def samples(**columns):
-    """Looks of a run, by name; what is not given was not told."""
+    """Samples of a run, by name; values that are not given are absent."""
     length = max(map(len, columns.values()))
     return {name: np.array(columns.get(name, [np.nan] * length), dtype=float) for name in NAMES}
 
@@ -26,12 +26,12 @@ def scene(small_scene):
 
 @pytest.fixture
 def often(monkeypatch):
-    """Looks every ten steps, whatever they cost."""
+    """Diagnostics that sample every ten steps, whatever the cost."""
     monkeypatch.setattr(diagnostics, "STEPS", 10)
     monkeypatch.setattr(diagnostics, "POINT_STEPS", 0)
 
 
-# ---- what samples add up to ----
+# ---- how samples are combined ----
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_verdicts(scene, name, ok, suspect):
 
 
 def test_energy_from_nowhere_is_a_rise_of_the_account(scene):
-    """Over what was turned over: 10 J held at the begin and 30 J of work."""
+    """The created energy is relative to the energy turnover: 10 J at the start and 30 J of work."""
 
     def value(created):
         seen = samples(created=created, work=[10.0, -10.0, 10.0], held_before=[10.0, 0.0, 0.0])
@@ -94,7 +94,7 @@ def test_samples_are_far_apart(scene):
     assert watch.due(22_000, 100)
 
 
-def test_a_run_looks_unless_told_not_to(scene, often):
+def test_a_run_samples_unless_told_not_to(scene, often):
     watched, blind = gr.Simulation(scene, threads=1), gr.Simulation(scene, threads=1)
     watched.run(until=0.1, every=0.02)
     blind.run(until=0.1, every=0.02, monitor=False)
@@ -102,12 +102,12 @@ def test_a_run_looks_unless_told_not_to(scene, often):
     assert watched.health().samples == 6
     assert blind.health().samples == 1
     assert watched.state.x.tobytes() == blind.state.x.tobytes()
-    assert watched.health().samples == 6  # asking leaves no trace
+    assert watched.health().samples == 6  # asking for the health adds no sample
     assert gr.Simulation(scene, threads=1).health().samples == 0
 
 
 def test_work_of_bodies_is_in_no_account(scene, often):
-    """A disc that falls into the layer brings energy: that is not said to come from nowhere."""
+    """Work of a falling disc on the layer is not reported as created energy."""
     disc = gr.bodies.Cylinder(0.1, center=(0.0, 0.0))
     motion = gr.bodies.Motion(velocity=((0.0, -1.0),))
     x, y = scene.grid.lower[0] + 0.2, scene.grid.lower[1] + 0.45
@@ -129,7 +129,7 @@ def test_a_step_alone_needs_no_run(scene):
 
 
 def test_work_and_losses_of_a_fall(small_scene):
-    """Free fall: the work of gravity is the kinetic energy, nothing is made or lost."""
+    """In free fall the work of gravity equals the kinetic energy; no energy is created or lost."""
     scene = small_scene("outlet", 2, DEFAULT)
     fall = scene.replace(
         walls=(),
@@ -145,7 +145,7 @@ def test_work_and_losses_of_a_fall(small_scene):
     assert row["work"] == pytest.approx(kinetic, rel=2 * sim.dt / sim.time)
     assert row["created"] == pytest.approx(kinetic - row["work"], abs=1e-9 * kinetic)
     assert row["held_before"] == 0.0
-    assert np.isnan(row["disconnected"])  # loose: no bulk
+    assert np.isnan(row["disconnected"])  # disconnected material has no bulk
 
 
 FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
@@ -154,7 +154,7 @@ FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
 # ---- in the record ----
 
 
-def test_looks_are_recorded_and_read(scene, often, tmp_path, capsys):
+def test_samples_are_recorded_and_read(scene, often, tmp_path, capsys):
     sim = gr.Simulation(scene, threads=1)
     sim.run(until=0.1, every=0.02, save=tmp_path / "a.h5")
     with gr.open(tmp_path / "a.h5") as record:
@@ -172,7 +172,7 @@ def test_looks_are_recorded_and_read(scene, often, tmp_path, capsys):
     assert str(seen) in capsys.readouterr().out
 
 
-def test_an_unfinished_record_has_looks(scene, often, tmp_path):
+def test_an_unfinished_record_has_samples(scene, often, tmp_path):
     def stop(sim):
         if sim.time > 0.05:
             raise KeyboardInterrupt
@@ -186,7 +186,7 @@ def test_an_unfinished_record_has_looks(scene, often, tmp_path):
         assert np.isfinite(record.samples["courant"]).sum() == len(record) - 1
 
 
-def test_a_resumed_run_remembers_its_looks(scene, often, tmp_path):
+def test_a_resumed_run_remembers_its_samples(scene, often, tmp_path):
     gr.Simulation(scene, threads=1).run(until=0.1, every=0.02, save=tmp_path / "a.h5")
     resumed = gr.Simulation.resume(tmp_path / "a.h5", threads=1)
     assert len(resumed._monitor.rows) >= 5

@@ -1,4 +1,4 @@
-"""Suggestion: each piece by itself, what is refused, and that nothing is changed unasked."""
+"""Suggestions of cheaper scenes: each topic, refused input, and nothing changed unasked."""
 
 import math
 
@@ -31,7 +31,7 @@ PUBLISHED = [scene.replace(scheme=gr.schemes.dunatunga_kamrin_2015) for scene in
 
 @pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.1])
 @pytest.mark.parametrize("scene", PAPER + PUBLISHED, ids=lambda s: f"{s.name}-{s.scheme.basis}")
-def test_what_is_advised_stays_within_the_tolerance(scene, tolerance):
+def test_suggestions_stay_within_the_tolerance(scene, tolerance):
     before = scene.to_json()
     suggestion = gr.economy.suggest(scene, tolerance)
     assert [item.topic for item in suggestion] == [
@@ -50,14 +50,14 @@ def test_what_is_advised_stays_within_the_tolerance(scene, tolerance):
     assert scene.to_json() == before
     spared = gr.economy.cost(scene).seconds / gr.economy.cost(cheaper).seconds
     assert spared == pytest.approx(suggestion.saving, rel=1e-6)
-    # What was advised is not improved on by asking again with nothing left to give.
+    # Asking again for a scene that was already made cheaper suggests nothing more.
     again = gr.economy.suggest(cheaper, 1e-6)
     assert gr.economy.apply(cheaper, again) == cheaper
 
 
 @pytest.mark.parametrize("scene", PAPER + PUBLISHED, ids=lambda s: f"{s.name}-{s.scheme.basis}")
 def test_two_per_cent_spare_nine_tenths(scene):
-    """Of E = 1 GPa, and with the paper's scheme its dt = 3e-6 s."""
+    """A tolerance of 2 % saves nine tenths for E = 1 GPa, and for the paper's dt = 3e-6 s."""
     suggestion = gr.economy.suggest(scene, 0.02)
     refused = {
         ("slug", "linear"): "not been measured",  # its final place drifts with E, without end
@@ -79,8 +79,8 @@ def test_two_per_cent_spare_nine_tenths(scene):
         assert suggestion.saving >= 10
 
 
-def test_a_silo_a_seventh_off_is_not_advised():
-    """E = 1e5 Pa changes the rate of the published scheme by 14 %."""
+def test_a_silo_a_seventh_off_is_not_suggested():
+    """E = 1e5 Pa changes the rate of the published scheme by 14 %, beyond the tolerance."""
     for scheme in (gr.schemes.dunatunga_kamrin_2015, gr.schemes.default):
         scene = gr.scenes.silo(orifice=0.2, scheme=scheme)
         for tolerance in (0.015, 0.02, 0.05):
@@ -89,14 +89,14 @@ def test_a_silo_a_seventh_off_is_not_advised():
         soft = gr.scenes.silo(material=glass_beads.replace(E=1e5), scheme=scheme)
         item = gr.economy.suggest(soft, 0.02).about("stiffness")
         assert not item.changes and item.error > 0.02
-    # Stiff runs differ by 1.5 % from one another: less than that is not promised.
+    # Stiff runs differ from one another by 1.5 %: a smaller error is not promised.
     item = gr.economy.suggest(gr.scenes.silo(), 0.01).about("stiffness")
     assert not item.changes and "should be the same" in item.reason
     assert gr.economy.suggest(PUBLISHED[5], 0.13).about("stiffness").changes["E"] > 1e5
 
 
 def test_pressure_strain_by_hand():
-    """rho g H/K: 1500 9.8 1 m over 1 GPa/1.2; the same for a silo twice as high and as stiff."""
+    """rho g H/K is 1500 9.8 1 m over 1 GPa/1.2; the same for a silo twice as high and as stiff."""
     scene = gr.scenes.silo()
     assert bias.pressure_strain(scene) == pytest.approx(1500 * 9.8 / (1e9 / 1.2))
     tall = gr.scenes.silo(height=2.0, material=glass_beads.replace(E=2e9))
@@ -106,7 +106,7 @@ def test_pressure_strain_by_hand():
 
 
 def test_soft_layer_loses_friction_as_the_closed_form_says():
-    """mu tau/G at the base, 5/7 of it for the mean velocity, times d ln v/d ln mu of A."""
+    """The loss is mu tau/G at the base, 5/7 of it for the mean velocity, times d ln v/d ln mu."""
     scene = gr.scenes.incline(angle_deg=25.0, duration=200.0)
     grains = glass_beads.replace(E=1e6)
     t = math.tan(math.radians(25))
@@ -115,7 +115,7 @@ def test_soft_layer_loses_friction_as_the_closed_form_says():
     gain = bias.incline_flow(scene, weaker=1e-4) / bias.incline_flow(scene) - 1
     closed = grains.mu_s / (t - grains.mu_s) + grains.mu_2 / (grains.mu_2 - t)
     assert gain / 1e-4 == pytest.approx(closed, rel=5e-3)
-    # The design study measured .7 % at 25 degrees, 1.8 % at 30, E = 1e6, steady.
+    # The design study measured 0.7 % at 25 degrees, 1.8 % at 30, E = 1e6, steady.
     for angle, measured in ((25.0, 0.007), (30.0, 0.018)):
         scene = gr.scenes.incline(angle_deg=angle, duration=200.0)
         assert 0.8 * measured < bias.incline_error(scene, grains) < 2 * measured
@@ -145,27 +145,27 @@ def test_dimension():
 
 
 def test_a_fixed_step_of_the_default_scheme_is_kept():
-    """The time between two averagings of the density goes with it, and the flow with that."""
+    """The step sets the time between two averagings of the density, and so affects the flow."""
     fixed = gr.schemes.default.replace(dt=3e-6)
     suggestion = gr.economy.suggest(gr.scenes.silo(scheme=fixed), 0.1)
     for topic in ("stiffness", "time step"):
         item = suggestion.about(topic)
         assert not item.changes and math.isnan(item.error)
-    # One column does not feel it: linear functions in an adaptive step serve as well.
-    cheaper = gr.economy.apply(*_advised(gr.scenes.incline(scheme=fixed), 0.02))
+    # One column is not affected: linear functions with an adaptive step serve as well.
+    cheaper = gr.economy.apply(*_suggested(gr.scenes.incline(scheme=fixed), 0.02))
     assert cheaper.scheme.basis == "linear" and cheaper.scheme.dt is None
 
 
-def _advised(scene, tolerance):
+def _suggested(scene, tolerance):
     return scene, gr.economy.suggest(scene, tolerance)
 
 
 def test_a_damping_that_moves_the_run_out_is_not_softened_away():
-    """Cells of .025 m at 1 GPa: the run-out is 9 % less than at 1e7, by the damping."""
+    """In cells of 0.025 m the run-out at 1 GPa is 9 % less than at 1e7 Pa, by the grid damping."""
     coarse = gr.scenes.column_collapse(aspect=1.0, cell=0.025)
     item = gr.economy.suggest(coarse, 0.1).about("stiffness")
     assert not item.changes and math.isnan(item.error)
-    # .03 of 947 m/s and a cell of .025 m, against a fall through .2 m.
+    # 0.03 of 947 m/s and a cell of 0.025 m, against a fall through 0.2 m.
     assert bias.grid_damping(coarse) == pytest.approx(0.03 * 947.3 * 0.025 / (0.2 * 1.4), rel=1e-3)
 
 
@@ -194,7 +194,7 @@ def test_time_step():
     scene = gr.scenes.column_collapse(scheme=coarse, material=glass_beads.replace(E=1.3e9))
     kept = gr.economy.suggest(scene, 1e-9).about("time step")
     assert not kept.changes
-    # An adaptive step that a simulation would refuse is no suggestion.
+    # An adaptive step that a simulation would refuse is not suggested.
     quick = gr.scenes.silo(scheme=gr.schemes.dunatunga_kamrin_2015.replace(cfl=0.9))
     assert "beyond its limit" in gr.economy.suggest(quick, 0.2).about("time step").reason
     with pytest.raises(ValueError, match="cfl"):
@@ -216,7 +216,7 @@ def test_rate():
 
 
 def test_damping_is_held_where_grains_are_softened():
-    """decay c_w/dx, and nothing else: what a point and step costs stays as it is."""
+    """The change is decay c_w/dx and nothing else: the cost per point and step stays the same."""
     scene = gr.scenes.silo()
     cheaper = gr.economy.apply(scene, gr.economy.suggest(scene, 0.03).about("stiffness"))
     soft, stiff = cheaper.material, scene.material
@@ -225,7 +225,7 @@ def test_damping_is_held_where_grains_are_softened():
     assert rates[0] == pytest.approx(rates[1], rel=1e-12)
     assert cheaper.scheme.replace(tpic_decay=scene.scheme.tpic_decay) == scene.scheme
     column = gr.economy.suggest(gr.scenes.column_collapse(aspect=1.0), 0.1).about("stiffness")
-    assert set(column.changes) == {"E"}  # whose run-out that does not keep
+    assert set(column.changes) == {"E"}  # the run-out of E does not keep to that
     damped = gr.scenes.column_collapse(aspect=1.0, scheme=cheaper.scheme, material=soft)
     assert math.isnan(gr.economy.suggest(damped, 0.1).about("stiffness").error)
     flip = scene.replace(scheme=gr.schemes.dunatunga_kamrin_2015)
@@ -246,10 +246,10 @@ def test_grains_are_only_told_of():
 
 
 def test_fields():
-    tracked, diffused = (
+    particle, smoothed = (
         gr.economy.suggest(scene).about("fields").reason for scene in (PUBLISHED[5], PAPER[5])
     )
-    assert "88 bytes" in tracked and "160 bytes" in diffused and "density_gradient" in diffused
+    assert "88 bytes" in particle and "160 bytes" in smoothed and "density_gradient" in smoothed
 
 
 def test_unknown_scene_keeps_its_stiffness():
@@ -267,7 +267,7 @@ SCHEMES = [
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda s: f"{s.basis}-{s.transfer}")
 @pytest.mark.parametrize("fixed", [False, True])
 def test_no_scheme_is_refused_or_led_astray(scheme, fixed):
-    """What is advised of any scheme can be run, and keeps to the tolerance that it was asked at."""
+    """Suggestions for any scheme can be run, and keep to the tolerance that was asked for."""
     scheme = scheme.replace(dt=2e-6) if fixed else scheme
     inclines = (
         {"columns": 1},
@@ -291,7 +291,7 @@ def test_no_scheme_is_refused_or_led_astray(scheme, fixed):
 
 
 def test_elastic_and_coulomb_materials_keep_their_stiffness():
-    """The laws were measured with mu(I) grains."""
+    """The error laws were measured with mu(I) grains only."""
     for material in (DruckerPrager(), Elastic(E=1e9)):
         for scene in (*PAPER, *PUBLISHED):
             item = gr.economy.suggest(scene.replace(material=material), 0.1).about("stiffness")
@@ -313,7 +313,8 @@ def test_schemes_of_the_same_kind():
         assert bias.kind(scheme) == "default"
     for changes in ({"averaging_time": 1.0}, {"dt": 1e-6}):
         assert bias.kind(scheme_of("quadratic", "tpic", "smoothed", **changes)) == ""
-    assert bias.kind(default.replace(tpic_decay=0.02)) == ""  # of softer grains: not measured
+    # the effect of softer grains was not measured
+    assert bias.kind(default.replace(tpic_decay=0.02)) == ""
     assert bias.kind(published) == bias.kind(published.replace(dt=None, cfl=0.3)) == "published"
     assert bias.kind(published.replace(mass_cutoff=0.01)) == ""
 
@@ -338,7 +339,7 @@ def test_pieces_can_be_chosen():
     assert gr.economy.apply(scene, []) == scene
 
 
-def test_advice_for_another_scene_is_refused():
+def test_suggestion_for_another_scene_is_refused():
     suggestion = gr.economy.suggest(gr.scenes.silo(orifice=0.1))
     with pytest.raises(ValueError, match="another scene"):
         gr.economy.apply(gr.scenes.silo(orifice=0.2), suggestion)
@@ -365,7 +366,7 @@ def test_a_name_alone_makes_no_ready_scene():
     assert math.isnan(gr.economy.suggest(bare, 0.02).about("stiffness").error)
 
 
-def test_a_scene_read_again_is_the_same_to_advice():
+def test_a_scene_read_again_has_the_same_suggestion():
     for scene in PAPER:
         again = gr.Scene.from_json(scene.to_json())
         assert str(gr.economy.suggest(again, 0.02)) == str(gr.economy.suggest(scene, 0.02))
@@ -377,12 +378,12 @@ def test_tolerance_is_checked(tolerance):
         gr.economy.suggest(gr.scenes.silo(), tolerance)
 
 
-def test_only_scenes_are_advised():
+def test_only_scenes_have_suggestions():
     with pytest.raises(TypeError, match="Scene"):
         gr.economy.suggest("silo")
 
 
-def test_advice_prints_as_a_table():
+def test_suggestion_prints_as_a_table():
     suggestion = gr.economy.suggest(gr.scenes.silo())
     text = str(suggestion)
     assert (
@@ -406,7 +407,7 @@ def test_cost_by_hand():
 
 
 def test_work_falls_with_what_is_left():
-    """Half of a silo gone, half of the points and about half of the cells to visit."""
+    """When half of a silo has left, half of the points and of the active cells are left."""
     soft = glass_beads.replace(E=1e6)
     sim = gr.Simulation(gr.scenes.silo(orifice=0.2, cell=0.02, material=soft), threads=1)
     sim.step(5)
@@ -414,7 +415,7 @@ def test_work_falls_with_what_is_left():
     assert sim.cell_counts.sum() == points
     while sim.n_points > 0.5 * points:
         sim.run(until=sim.time + 1 / 60)
-    visited = []  # cells that have emptied stay until points are sorted anew
+    visited = []  # cells that have emptied stay until the points are sorted again
     for _ in range(20):
         visited.append(len(sim.run(until=sim.time + 1e-3).cell_counts))
         assert sim.cell_counts.sum() == sim.n_points

@@ -1,4 +1,4 @@
-"""The scripts about economy, and that the laws bound the runs in the committed table."""
+"""The scripts about economy run, and the error laws bound the runs in the committed table."""
 
 import argparse
 import importlib
@@ -16,14 +16,14 @@ FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 @pytest.fixture
 def script(monkeypatch):
-    """A script by its name, as a module."""
+    """Script by its name, as a module."""
     monkeypatch.syspath_prepend(FOLDER)
     return importlib.import_module
 
 
 @pytest.fixture
 def table(script):
-    """The runs: {case: numbers}."""
+    """The committed runs: {case: numbers}."""
     rows = json.loads((FOLDER / "results" / "economy.json").read_text())["rows"]
     case = script("economy").Case
     return {case(**row["case"]).key: row["numbers"] for row in rows}
@@ -46,8 +46,11 @@ QUANTITY = {"column_collapse": "run-out", "silo": "rate", "hourglass": "rate", "
 
 
 def reference(case, law, cases):
-    """The run that a softer one is compared with: of the stiffness whose decay it holds, or the
-    stiffest of its kind, if its damping is not beyond that of the law; None if there is none."""
+    """Stiff run with which a softer run is compared, or None.
+
+    It has the stiffness whose decay the softer run holds, or is the stiffest of its kind whose
+    damping does not exceed that of the law.
+    """
     same = [
         c
         for c in cases
@@ -69,7 +72,7 @@ def uncertainty(found):
 
 @pytest.mark.parametrize("name", list(bias.LAWS), ids="-".join)
 def test_laws_bound_the_runs(script, table, name):
-    """Means over the seedings: no softer one is further off than its law says."""
+    """The mean error of softer runs over the seedings is within the law."""
     scene, scheme = name
     law, groups = bias.LAWS[name], {}
     cases = [case for case in script("economy").GROUPS[scene]() if case.scheme == scheme]
@@ -86,7 +89,7 @@ def test_laws_bound_the_runs(script, table, name):
         ]
         soft, stiff = (numbers.mean(axis=0) for numbers in found)
         bound = law(bias.pressure_strain(pairs[0][0].build()))
-        # Run-outs scatter: a standard error of both means.
+        # Run-outs vary between seedings: the standard error of both means is allowed.
         slack = uncertainty(found) if scene == "column_collapse" else 0.0
         assert np.linalg.norm(soft - stiff) <= bound * np.linalg.norm(stiff) + slack, key
         compared += np.isfinite(bound)
@@ -94,7 +97,7 @@ def test_laws_bound_the_runs(script, table, name):
 
 
 def test_what_runs_are_said_to_cost_was_measured(script):
-    """With one thread: the mean of seeded and fallen small columns, and quarters of cylinders."""
+    """Costs with one thread: mean of seeded and collapsed small columns; quarters of cylinders."""
     table = json.loads((FOLDER / "results" / "speed.json").read_text())
     single = [row for row in table["rows"] if row["threads"] == 1]
     fewest = min(row["points"] for row in single)
@@ -119,7 +122,7 @@ def test_a_tolerance_starts_from_the_papers_stiffness(script, monkeypatch):
     monkeypatch.syspath_prepend(FOLDER / "figures")
     common = script("common")
     chosen = common.options("", ["--tolerance", "0.05"])
-    assert chosen.E == common.PUBLISHED_E == 1e9 and "advised at 0.05" in chosen.note
+    assert chosen.E == common.PUBLISHED_E == 1e9 and "at 0.05" in chosen.note
     assert common.options("", []).tolerance is None
 
 

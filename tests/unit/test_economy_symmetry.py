@@ -1,4 +1,4 @@
-"""Half of a scene that is its own mirror image, and what is none."""
+"""Mirror halves of symmetric scenes, and scenes that have none."""
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_what_is_no_mirror_image_is_not_halved(changes, reason):
 
 
 def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
-    """A rough partition is not a plane of symmetry; a free_slip one is."""
+    """A no-slip partition is not a plane of symmetry; a free-slip one is."""
     whole = full_silo()
     for wall in (Wall(0, 0.0), Wall(0, 0.0, kind="coulomb", friction=0.3)):
         scene = whole.replace(walls=(*whole.walls, wall))
@@ -56,7 +56,7 @@ def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
 
 
 def test_what_ends_on_the_plane_is_not_cut_to_nothing():
-    """A middle that is off zero by round-off."""
+    """The middle is off zero by round-off."""
     grid = Grid((-0.9, 0.0), 0.3, (6, 6))
     middle = 0.5 * (grid.lower[0] + grid.upper[0])
     assert middle < 0.0
@@ -90,7 +90,7 @@ def test_a_block_across_the_plane_is_cut():
 
 
 def test_bodies_are_no_mirror_images():
-    """A wheel that rolls, a cylinder that turns."""
+    """A wheel that rolls and a cylinder that turns have no mirror plane."""
     for scene in (gr.scenes.wheel(), gr.scenes.couette(cell=0.02)):
         assert gr.economy.suggest(scene).about("dimension").changes == {}
         with pytest.raises(ValueError, match=r"cannot be halved: .* bodies"):

@@ -1,4 +1,4 @@
-"""The scripts of the figures: each runs to its end and writes its pictures where it is told."""
+"""The scripts of the figures run to their end and write pictures to the folder they are given."""
 
 import importlib
 import json
@@ -24,12 +24,12 @@ PICTURES = {
     ],
 }
 FAST = ("figure_11", "figure_13")
-"""A second each."""
+"""Figures that take about a second each."""
 
 
 @pytest.fixture
 def script(monkeypatch):
-    """A script by its name, as a module."""
+    """Script by its name, as a module."""
     monkeypatch.syspath_prepend(FOLDER)
     return importlib.import_module
 
@@ -52,7 +52,7 @@ def test_a_quick_figure_is_written(script, name, tmp_path):
 
 
 def test_every_layer_of_the_nonlocal_figure_was_on_its_side(script):
-    """As saved; and that a layer on the wrong side is told."""
+    """The saved layers are on their sides of the threshold; one on the wrong side is reported."""
     figure = script("ngf_figure_2")
     rows = json.loads(figure.RESULTS.read_text())["rows"]
     assert len(rows) >= 40
@@ -63,13 +63,13 @@ def test_every_layer_of_the_nonlocal_figure_was_on_its_side(script):
 
 
 def test_pictures_go_where_git_does_not_look(script):
-    """By default into a folder `build`, which .gitignore names."""
+    """Pictures go by default into a folder `build`, which .gitignore names."""
     ignored = (FOLDER.parents[1] / ".gitignore").read_text().split()
     assert script("common").OUT.parts[0] + "/" in ignored
 
 
 def test_an_option_that_means_nothing_is_refused(script, capsys):
-    """Figure 3 is of both schemes, figure 13 of no run."""
+    """Figure 3 always shows both schemes, figure 13 needs no run."""
     for name in ("figure_3", "figure_13"):
         with pytest.raises(SystemExit):
             script(name).main(["--scheme", "published"])

@@ -1,4 +1,4 @@
-"""Diffusion of the fluidity on a lattice: the plain matrix, bits, sums, bounds, bad input."""
+"""Diffusion of the fluidity on a grid: plain matrix, same bits, sums, bounds, bad input."""
 
 import math
 
@@ -13,11 +13,11 @@ METHODS = ("explicit", "implicit", "rkl2")
 ISAS = oracle.available()
 SHAPES = [(7, 9), (1, 12), (12, 1), (2, 5), (5, 4, 6), (1, 3, 2), (3, 1, 1)]
 SHORT = 2e-3
-"""s: below the explicit limit of `diffuse`, 4e-3 s in the plane, 2.7e-3 s in space."""
+"""Time step [s] below the explicit limit of `diffuse`, which is 4e-3 s in 2D and 2.7e-3 s in 3D."""
 
 
-def lattice(shape, seed):
-    """Random faces inside and at the ends, a random mask, some axes periodic, many sizes."""
+def random_grid(shape, seed):
+    """Random faces inside and at the ends, a random mask, some axes periodic, any size."""
     rng = np.random.default_rng(seed)
     faces = rng.choice([LINKED, OPEN, ROUGH], (2 * len(shape), *shape), p=[0.8, 0.1, 0.1]).astype(
         np.uint8
@@ -32,7 +32,7 @@ def lattice(shape, seed):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_step_is_that_of_the_plain_matrix(method, shape, isa):
     for seed in range(8):
-        parts, g = lattice(shape, seed)
+        parts, g = random_grid(shape, seed)
         L = oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
         start = np.where(parts["dense"], g, 0.0)
         limit = diffuse(g, method="explicit", dt=1e-9, steps=0, **parts)[1]["limit"]
@@ -51,7 +51,7 @@ def test_explicit_steps_that_undershoot_are_clamped_and_counted():
     limit = 4e-3
     found, report = diffuse(g, method="explicit", dt=0.99 * limit, faces=faces)
     assert report["limit"] == pytest.approx(limit, rel=1e-14)
-    assert 1 - 6 * number_k(0.99 * limit) < 0  # two links, two rough faces
+    assert 1 - 6 * number_k(0.99 * limit) < 0  # two links, two no-slip faces
     assert report["clamped"] == 1
     assert found[0, 0] == 0.0
     assert found[0, 1] == pytest.approx(number_k(0.99 * limit), rel=1e-14)
@@ -59,9 +59,9 @@ def test_explicit_steps_that_undershoot_are_clamped_and_counted():
 
 @pytest.mark.parametrize("shape", [(9, 11), (5, 4, 6)], ids=str)
 def test_backward_euler_is_an_m_matrix(shape):
-    """No new value is negative, however long the step: the inverse has no negative entry."""
+    """No new value is negative, however long the step: no entry of the inverse is negative."""
     for seed in range(6):
-        parts, _ = lattice(shape, seed)
+        parts, _ = random_grid(shape, seed)
         k = number_k(1.0)
         matrix = np.eye(parts["dense"].size)
         matrix += k * oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
@@ -90,8 +90,8 @@ def test_backward_euler_stays_positive_where_rkl2_does_not():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_fluidity_that_dies_out_is_no_error(method):
-    """A jammed fill loses a factor a step: its squares underflow long before it does."""
-    parts, g = lattice((20, 20), 1)
+    """The fluidity of a jammed fill falls by a factor in each step; its squares underflow early."""
+    parts, g = random_grid((20, 20), 1)
     expected, _ = diffuse(g, method=method, dt=SHORT, **parts)
     for exponent in np.arange(-130, -320, -0.25):
         found, _ = diffuse(g * 10.0**exponent, method=method, dt=SHORT, **parts)
@@ -102,10 +102,10 @@ def test_a_fluidity_that_dies_out_is_no_error(method):
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8, 1e-12])
 def test_tolerance_bounds_the_error_of_backward_euler(tolerance):
-    parts, g = lattice((20, 20), 1)
+    parts, g = random_grid((20, 20), 1)
     L = oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
     dense = np.where(parts["dense"], g, 0).ravel()
-    for dt in (1e-4, 0.1):  # a share of the change, however short the step
+    for dt in (1e-4, 0.1):  # the tolerance is relative to the change, however short the step
         k = number_k(dt)
         exact = oracle.step("implicit", L, k, dense).reshape(g.shape)
         found, _ = diffuse(g, dt=dt, tolerance=tolerance, **parts)
@@ -118,7 +118,7 @@ def test_tolerance_bounds_the_error_of_backward_euler(tolerance):
 @pytest.mark.parametrize("shape", [(70, 71), (17, 18, 19)], ids=str)
 @pytest.mark.parametrize("method", METHODS)
 def test_bits_do_not_depend_on_threads(method, shape, isa):
-    parts, g = lattice(shape, 2)
+    parts, g = random_grid(shape, 2)
     dt = SHORT if method == "explicit" else 20 * SHORT
     runs = [
         diffuse(g, method=method, dt=dt, steps=5, threads=threads, isa=isa, **parts)
@@ -132,7 +132,7 @@ def test_bits_do_not_depend_on_threads(method, shape, isa):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_steps_in_one_call_are_those_of_many(method):
-    parts, g = lattice((20, 30), 3)
+    parts, g = random_grid((20, 30), 3)
     together, report = diffuse(g, method=method, dt=SHORT, steps=4, **parts)
     apart, iterations, clamped = g, 0, 0
     for _ in range(4):
@@ -144,10 +144,10 @@ def test_steps_in_one_call_are_those_of_many(method):
 
 @pytest.mark.parametrize("shape", [(40, 30), (9, 10, 11)], ids=str)
 @pytest.mark.parametrize("method", METHODS)
-def test_dropped_links_keep_the_sum_and_rough_walls_do_not(method, shape):
-    parts, g = lattice(shape, 4)
+def test_dropped_links_keep_the_sum_and_no_slip_walls_do_not(method, shape):
+    parts, g = random_grid(shape, 4)
     parts["faces"][parts["faces"] == ROUGH] = OPEN
-    g += 20.0  # far from zero: rkl2 undershoots, and what is clamped is gained
+    g += 20.0  # far from zero: rkl2 undershoots, and clamping adds fluidity
     dt = SHORT if method == "explicit" else 5 * SHORT
     before = g[parts["dense"]].sum()
     found, report = diffuse(g, method=method, dt=dt, steps=10, tolerance=1e-14, **parts)
@@ -161,7 +161,7 @@ def test_dropped_links_keep_the_sum_and_rough_walls_do_not(method, shape):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_uniform_field_stays_to_the_last_bit(method):
-    parts, _ = lattice((20, 21), 5)
+    parts, _ = random_grid((20, 21), 5)
     parts["faces"][parts["faces"] == ROUGH] = OPEN
     g = np.where(parts["dense"], 0.1, 0.0)
     found, report = diffuse(g, method=method, dt=SHORT, steps=3, **parts)
@@ -182,7 +182,7 @@ def test_what_is_not_dense_is_left_out_and_becomes_zero():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_no_amplitude_no_diffusion(method):
-    parts, g = lattice((6, 7), 6)
+    parts, g = random_grid((6, 7), 6)
     found, report = diffuse(g, method=method, A=0.0, dt=10.0, **parts)
     assert report["limit"] == math.inf
     np.testing.assert_allclose(
@@ -236,7 +236,7 @@ def test_stages_grow_with_the_root_of_the_step():
 
 
 def test_iterations_that_do_not_suffice_are_an_error_that_leaves_the_field():
-    parts, g = lattice((20, 20), 7)
+    parts, g = random_grid((20, 20), 7)
     before = g.copy()
     with pytest.raises(
         RuntimeError, match=r"did not converge to tolerance = 1e-13 in max_iterations = 2"

@@ -7,7 +7,7 @@ from oracle_fluidity import LINKED, OPEN, ROUGH, diffuse, faces_of, number_k
 SHARES = {2: {1: 4 / 6, 2: 1 / 6}, 3: {1: 14 / 30, 2: 3 / 30, 3: 1 / 30}}
 STIFFEST = {2: 16 / 3, 3: 92 / 15}
 TINY = 1e-5
-"""s: a step so short that the change is L g but for round-off."""
+"""Time step [s] so short that the change is L g but for round-off."""
 
 
 def outflow(dense, faces, periodic):
@@ -25,7 +25,7 @@ def outflow(dense, faces, periodic):
 
 
 def mirrored(g, ends, periodic):
-    """The lattice with one more cell at each end: its image, times -1 at rough ends."""
+    """The grid with one more cell at each end: its mirror image, times -1 at no-slip ends."""
     dim = g.ndim
     for axis in range(dim):
         place = dim - 1 - axis
@@ -40,7 +40,7 @@ def mirrored(g, ends, periodic):
 
 
 def plain_outflow(g, ends, periodic):
-    """L g of a box of dense cells, from its mirror images."""
+    """L g of a box of dense cells, computed from its mirror images."""
     wide = mirrored(g, ends, periodic)
     inner = tuple(slice(1, -1) for _ in g.shape)
     out = np.zeros_like(g)
@@ -71,8 +71,8 @@ def test_a_box_is_a_part_of_its_mirror_images(shape):
         np.testing.assert_allclose(after, wanted, rtol=0, atol=1e-15)
 
 
-def random_lattice(shape, seed):
-    """Random walls and dense cells; of some seeds, all cells dense or no walls."""
+def random_grid(shape, seed):
+    """Random walls and dense cells; for some seeds all cells dense, or no walls."""
     rng = np.random.default_rng(seed)
     share = [(0.8, 0.1, 0.1), (1.0, 0.0, 0.0), (0.3, 0.0, 0.7)][seed % 3]
     faces = rng.choice([LINKED, OPEN, ROUGH], (2 * len(shape), *shape), p=share).astype(np.uint8)
@@ -82,10 +82,10 @@ def random_lattice(shape, seed):
 
 
 @pytest.mark.parametrize("shape", [(6, 7), (1, 5), (2, 2, 3), (3, 4, 5)], ids=str)
-def test_matrix_of_any_lattice(shape):
-    """Symmetric, for the conjugate gradients; an M-matrix; of no eigenvalue beyond the limit."""
+def test_matrix_of_any_grid(shape):
+    """The matrix is symmetric, an M-matrix, and has no eigenvalue beyond the limit."""
     for seed in range(18):
-        dense, faces, periodic = random_lattice(shape, seed)
+        dense, faces, periodic = random_grid(shape, seed)
         L = outflow(dense, faces, periodic)
         np.testing.assert_allclose(L, L.T, rtol=0, atol=1e-9)
         off = L - np.diag(np.diag(L))
@@ -97,7 +97,7 @@ def test_matrix_of_any_lattice(shape):
 
 @pytest.mark.parametrize(("shape", "limit"), [((8, 8), 3 / 8), ((8, 8, 8), 15 / 46)], ids=str)
 def test_limit_is_that_of_the_shortest_wave(shape, limit):
-    """Just below it the stiffest wave dies out, at it the step is refused; it is the largest."""
+    """The stiffest wave decays just below the limit; at the limit the step is refused."""
     step = limit / number_k(1.0)
     wave = sum(np.indices(shape)) % 2 * 2.0 - 1.0
     both = {"periodic": (True,) * len(shape), "stencil": "isotropic", "method": "explicit"}
@@ -111,9 +111,9 @@ def test_limit_is_that_of_the_shortest_wave(shape, limit):
 @pytest.mark.parametrize("method", ["explicit", "implicit", "rkl2"])
 @pytest.mark.parametrize("isa", ["baseline", ""])
 def test_methods_and_threads(method, isa):
-    """A long step of any method, against the matrix; the bits of any number of threads."""
+    """A long step of each method against the matrix; the same bits for any number of threads."""
     for shape, seed in (((5, 6), 3), ((3, 4, 5), 0), ((3, 4, 5), 1)):
-        dense, faces, periodic = random_lattice(shape, seed)
+        dense, faces, periodic = random_grid(shape, seed)
         g = np.random.default_rng(seed).random(shape)
         L = outflow(dense, faces, periodic)
         value, vectors = np.linalg.eigh((L + L.T) / 2)
@@ -122,7 +122,7 @@ def test_methods_and_threads(method, isa):
                            dense=dense, faces=faces, periodic=periodic)  # fmt: skip
         k = number_k(dt)
         growth = {"explicit": 1 - k * value, "implicit": 1 / (1 + k * value)}.get(method)
-        if growth is None:  # of second order
+        if growth is None:  # second-order methods
             growth = np.exp(-k * value)
         wanted = vectors @ (growth * (vectors.T @ (dense * g).ravel()))
         error = 2e-3 if method == "rkl2" else 1e-11

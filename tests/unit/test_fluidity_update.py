@@ -1,4 +1,4 @@
-"""The point update of the nonlocal law: 60 digits, bounds, limits, bad input."""
+"""Point update of the nonlocal law: against 60 digits, bounds, limits, bad input."""
 
 import math
 
@@ -17,7 +17,7 @@ EPS = 2.0**-53
 
 
 def update(q, dt, m, p, g_star, rate, isa=""):
-    """`_core.fluidity_update`: mu and g."""
+    """Apply `_core.fluidity_update`; return mu and g."""
     given = [
         np.ascontiguousarray(np.broadcast_to(a, np.shape(m)), float) for a in (m, p, g_star, rate)
     ]
@@ -31,7 +31,7 @@ def logarithmic(rng, low, high, n):
 
 
 def states(rng, q, dt, n):
-    """m, p, g_star and rate over their ranges, a third of m close to where something happens."""
+    """m, p, g_star and rate over their ranges, a third of m close to critical values."""
     p = logarithmic(rng, 1e-3, 1e5, n)
     f = dt / q["t0"] * (q["mu_2"] - q["mu_s"])
     special = np.array([q["mu_s"], q["mu_2"], (q["mu_2"] + f * q["mu_s"]) / (1 + f)])
@@ -44,10 +44,10 @@ def states(rng, q, dt, n):
 
 
 def worst_errors(n_of_each, seed):
-    """Largest relative errors of mu and of X on any instruction set, and the number of states.
+    """Largest relative errors of mu and X on any instruction set, and the number of states.
 
-    X grows from zero at the critical friction: so close to it that rounding m alone would change X
-    by more than 1e-12, the error of X is taken in units of that.
+    X grows from zero at the critical friction. Close to it rounding of m alone may change X by more
+    than 1e-12; there the error of X is given in units of that change.
     """
     rng = np.random.default_rng(seed)
     worst, count, residual, unclear = np.zeros(2), 0, 0.0, 0
@@ -73,7 +73,8 @@ def worst_errors(n_of_each, seed):
                     worst[column] = max(worst[column], error.max())
             count += n_of_each
     assert unclear < 0.02 * count
-    assert residual < 1e-40  # the reference solves the equation, not only its quadratic form
+    # the reference solves the fluidity equation, not only its quadratic form
+    assert residual < 1e-40
     return worst, count
 
 
@@ -104,7 +105,7 @@ def test_any_number_of_points_gives_the_same(isa):
 
 @pytest.mark.parametrize("isa", ISAS)
 def test_without_fluidity_friction_is_bounded_by_what_the_step_lets_pass(isa):
-    """g* = 0, no rate: mu = min(m, mu_c) with mu_c = (mu_2 + f mu_s)/(1 + f)."""
+    """For g* = 0 without shear, mu = min(m, mu_c) with mu_c = (mu_2 + f mu_s)/(1 + f)."""
     dt = 1e-4
     f = dt / BEADS["t0"] * (BEADS["mu_2"] - BEADS["mu_s"])
     critical = (BEADS["mu_2"] + f * BEADS["mu_s"]) / (1 + f)
@@ -130,7 +131,7 @@ def test_extreme_states_stay_finite_and_below_the_bound(isa):
 
 
 def test_steady_flow_is_the_local_rheology():
-    """Repeated without diffusion a held shear rate ends in mu(I): mu = mu_s + dmu I/(I + I0)."""
+    """Repeated steps at a fixed shear rate without diffusion end in mu = mu_s + dmu I/(I + I0)."""
     p, rate, dt = 1000.0, 5.0, 1e-4
     mu = g = np.array([0.4])
     for _ in range(4000):
@@ -190,7 +191,7 @@ def test_values_are_checked(name, bad):
     arrays = [np.full(3, bad if key == name else value) for key, value in given.items()]
     arrays[list(given).index(name)][:2] = 1.0
     if name == "g_star" and bad == -1.0:
-        update(BEADS, 1e-5, *arrays)  # taken for zero
+        update(BEADS, 1e-5, *arrays)  # negative values are taken for zero
         return
     with pytest.raises(ValueError, match=rf"{name}\[2\] = .* is outside the range"):
         update(BEADS, 1e-5, *arrays)

@@ -1,4 +1,4 @@
-"""Friction law: sums over contacts and averages over frames, against numbers by hand."""
+"""Friction law: sums over contacts and averages over frames, against values computed by hand."""
 
 import math
 from dataclasses import replace
@@ -12,19 +12,19 @@ from granular.grain_scale.friction_law.contacts import _share_between
 
 GRAINS = dem.Grains(d=1.0, spread=0.0, rho_s=2.0, kn=1e3, gamma_n=0.7, mu_p=0.5)
 ABOVE = [[1.0, 0.55, 1.0], [1.0, 1.45, 1.0]]
-"""Two grains of diameter 1, one above the other, with an overlap of .1."""
+"""Two grains of diameter 1, one above the other, with an overlap of 0.1."""
 
 
 def two(**made):
-    """They rest; the upper one is pulled to the left, the lower one to the right."""
+    """Two grains at rest; the force on the upper one points left, that on the lower one right."""
     given = {"pairs": [(0, 1)], "force": [3.0], "tangential": [[1.5, 0.0, 0.0]]}
     return frame(ABOVE, np.zeros((2, 3)), **(given | made))
 
 
 def test_stress_by_hand():
-    """sigma = -sum branch (x) force/V; the branch is that from the upper to the lower grain."""
+    """sigma = -sum branch (x) force/V; the branch points from the upper to the lower grain."""
     found = friction_law.sample(two(shear_rate=1e-9), GRAINS)
-    # force on the lower grain: (1.5, -3, 0); branch (0, -.9, 0); V = 8.
+    # force on the lower grain: (1.5, -3, 0); branch (0, -0.9, 0); V = 8.
     assert found.stress[1] == pytest.approx([0.9 * 1.5 / 8, -0.9 * 3.0 / 8, 0.0], abs=1e-12)
     assert found.stress[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     assert (found.contacts, found.grains, found.slipping) == (1, 2, 1)
@@ -40,7 +40,7 @@ def test_stress_of_motion_is_that_relative_to_the_shear():
 
 
 def test_dissipation_by_hand():
-    """m = 1/2, R = sqrt(1/4); overlap .1; the spring of the tangential force gives some back."""
+    """m = 1/2, R = sqrt(1/4), overlap 0.1; the tangential spring returns some of the energy."""
     given = two(normal_velocity=[2.0], sliding=[[-4.0, 0.0, 1.0]])
     normal, tangential = friction_law.dissipation(given.contacts, given.radius, given.mass, GRAINS)
     assert normal == pytest.approx([0.5 * 0.5 * 0.7 * math.sqrt(0.1) * 4.0])
@@ -55,7 +55,7 @@ def test_sticking_contacts_count_for_the_power_but_not_as_slipping():
 
 
 def test_law_is_the_balance_of_energy():
-    """What comes out of (Z phi/I) <Gamma>/Gamma~ is the power over stress, shear rate, volume."""
+    """(Z phi/I) <Gamma>/Gamma~ equals the power over stress, shear rate and volume."""
     frames = [
         two(force=[f], sliding=[[-s, 0, 0]], normal_velocity=[0.2]) for f, s in ((3, 1), (5, 2))
     ]
@@ -68,13 +68,13 @@ def test_law_is_the_balance_of_energy():
     assert point.coordination == pytest.approx(1.0)
     assert point.packing_fraction == pytest.approx(math.pi / 24)
     assert point.inertial_number == pytest.approx(math.sqrt(2.0 / point.normal_stress))
-    # The mass of the grains by hand does not enter: the volumes of spheres do.
+    # The mass of the handmade grains does not enter, but the volumes of spheres do.
     share = point.friction_viscoelastic / point.friction_by_law
     assert share == pytest.approx(point.viscoelastic / (point.viscoelastic + point.sliding))
 
 
 def test_what_expands_does_work_on_its_load():
-    """The height grows by a tenth in a strain of 4."""
+    """The height grows by a tenth during a strain of 4."""
     samples = [
         friction_law.sample(two(time=t, box=(2.0, h, 2.0)), GRAINS)
         for t, h in ((1.0, 2.0), (3.0, 2.1), (5.0, 2.2))
@@ -92,7 +92,7 @@ def test_invariants_of_a_stress_by_hand():
         inertial_number=0.1,
     )
     assert point.friction == 0.25
-    # p = 2, s = (1, 0, -1) and .5: s:s/2 = (2 + .5)/2.
+    # p = 2, s = (1, 0, -1) and 0.5: s:s/2 = (2 + 0.5)/2.
     assert point.invariants == pytest.approx((math.sqrt(1.25) / 2.0, 0.1))
 
 
@@ -101,7 +101,7 @@ def test_errors_come_from_the_scatter_of_blocks():
     forces = rng.normal(3.0, 0.3, 4000)
     samples = [friction_law.sample(two(force=[f]), GRAINS) for f in forces[:400]]
     point = friction_law.average(samples, GRAINS)
-    # mu = 1.5/<force>: the error of the mean force, to first order.
+    # mu = 1.5/<force>, so that its error is that of the mean force, to first order.
     expected = 0.5 * 0.1 / math.sqrt(400)
     assert 0.4 * expected < point.friction_error < 2.0 * expected
     assert point.frames == 400
@@ -109,7 +109,7 @@ def test_errors_come_from_the_scatter_of_blocks():
 
 
 def test_share_of_a_sphere_between_two_heights():
-    """Against the integral of the area of its sections."""
+    """Comparison with the integral of the area of the sections of the sphere."""
     y, radius = np.array([0.2]), np.array([0.5])
     z = np.linspace(-0.1, 0.55, 200001)
     area = np.pi * np.maximum(0.25 - (z - 0.2) ** 2, 0.0)
@@ -132,7 +132,7 @@ def test_a_layer_between_walls_has_the_slope_of_its_own_velocity():
     assert friction_law.sample(given, GRAINS, (0.6, 1.0)).shear_rate == pytest.approx(
         0.0, abs=1e-12
     )
-    # Nearly uniform: the share of grains in the layer is that of its height, wall grains apart.
+    # The layer is nearly uniform: its share of grains is that of its height, without wall grains.
     assert lower.grains == pytest.approx(400 * 0.45 * 9.1 / 10.0, rel=0.1)
     for layer, said in (
         (None, "one side only"),
@@ -146,7 +146,7 @@ def test_a_layer_between_walls_has_the_slope_of_its_own_velocity():
 
 
 def test_all_of_a_flow_between_walls_by_hand():
-    """Two grains between single ones as walls, at 3 and -2 m/s; touching diameters of 1."""
+    """Two grains between single wall grains that move at 3 m/s and -2 m/s; diameters are 1."""
     x = [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 3.0, 1.0]]
     v = [[-2.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]]
     given = {"wall": [True, False, False, True], "shear_rate": np.nan}

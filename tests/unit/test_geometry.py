@@ -1,4 +1,4 @@
-"""Grid, regions and seeding, against areas, counts and places known by hand."""
+"""Grid, regions and seeding, against areas, counts and positions known by hand."""
 
 import math
 
@@ -104,7 +104,7 @@ def test_parts_refuse(make, error, message):
         make()
 
 
-def test_lattice_of_a_cell_by_hand():
+def test_seeding_lattice_of_a_cell_by_hand():
     points = seed_points(
         Grid((1.0, 2.0), 0.5, (2, 2)), [Fill(Box((1, 2), (1.5, 2.5)), 4)], 0, 1000.0
     )
@@ -162,7 +162,7 @@ def test_jitter_is_bounded_reproducible_and_uniform():
             [Fill(Box((0, 0), (0.5, 1)), 4), Fill(Box((0.4, 0), (1, 1)), 4)],
             r"fills\[0\] and fills\[1\] must not overlap",
         ),
-        # the second lies between the sites of the first: found from its own sites
+        # the second region lies between the sites of the first, and is found by its own sites
         (
             [Fill(Box((0, 0), (1, 1)), 1), Fill(Box((0.3, 0.3), (0.33, 0.33)), 100)],
             r"fills\[1\] and fills\[0\] must not overlap",

@@ -1,4 +1,4 @@
-"""Drucker-Prager whose friction changes with the plastic strain, in a step and along a way."""
+"""Drucker-Prager law whose friction changes with plastic strain, in one step and in many."""
 
 import math
 
@@ -18,13 +18,16 @@ ANGLES = {"h0_deg": 44.0, "h1_deg": 9.0, "h2": 0.2, "h3_deg": 9.0}
 
 
 def friction(q):
-    """The cone through triaxial compression at the angle phi(q)."""
+    """Cone through triaxial compression at the friction angle phi(q)."""
     sine = np.sin(np.radians(44.0 + (9.0 * q - 9.0) * np.exp(-0.2 * q)))
     return 2 * math.sqrt(3) * sine / (3 - sine)
 
 
 def step(dim, gradient, c, stress, q, isa="", dt=1e-3):
-    """`_core.law_update` of matrices (n, 3, 3), in whole blocks; stress, rates, plastic strain."""
+    """Apply `_core.law_update` to matrices (n, 3, 3) in whole blocks.
+
+    Returns stress, plastic shear rates and plastic strain.
+    """
     n, lanes = len(c), _core.build_info(isa)["lanes"]
     rows, rate, q = oracle.components(stress, dim), np.zeros(n), q.copy()
     blocks = oracle.gradients(gradient, dim).reshape(dim * dim, n // lanes, lanes).swapaxes(0, 1)
@@ -37,7 +40,7 @@ def step(dim, gradient, c, stress, q, isa="", dt=1e-3):
 @pytest.mark.parametrize("isa", available())
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_step_returns_to_the_cone_of_its_start(dim, isa):
-    """Against matrix functions of scipy; q grows by the norm of what the return takes away."""
+    """Comparison with matrix functions of scipy; q grows by the norm of the plastic strain."""
     rng, n = np.random.default_rng(dim), 320
     gradient = np.zeros((n, 3, 3))
     gradient[:, :dim, :dim] = 1e-3 * rng.normal(size=(n, dim, dim))
@@ -73,7 +76,7 @@ def test_a_step_returns_to_the_cone_of_its_start(dim, isa):
 
 
 def test_shear_at_constant_volume_follows_the_curve():
-    """tau = mu(q) p with sqrt(2) q = Gamma - tau/G, solved by scipy; errors fall as the step."""
+    """tau = mu(q) p with sqrt(2) q = Gamma - tau/G, solved by scipy; errors fall with the step."""
     p, total = 800.0, 10.0
     errors = []
     for steps in (1000, 2000):
@@ -140,7 +143,7 @@ def test_bits_do_not_depend_on_threads_or_restarts():
 
 
 def test_the_soil_of_the_excavation():
-    """35 to 44 degrees as in section 4.2 of Haeri & Skonieczny 2021, over a peak of 57.6."""
+    """Friction angle 35 to 44 degrees, peak 57.6, as in section 4.2 of Haeri & Skonieczny 2021."""
     soil = materials.grc_1_hardening
     assert soil.friction_angle_deg(0.0) == 35.0
     assert soil.friction_angle_deg(math.inf) == soil.friction_angle_deg(1e4) == 44.0

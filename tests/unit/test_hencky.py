@@ -19,8 +19,11 @@ def norm(a):
 
 
 def random_states(rng, n, dim, strain, step):
-    """Deviatoric strains h and L dt, of norms (the latter of its deviator) up to these; a tenth of
-    the strains has two eigenvalues that are equal or nearly so."""
+    """Deviatoric strains h and increments L dt with norms up to the given ones.
+
+    The norm of L dt is that of its deviator. A tenth of the strains has two eigenvalues that are
+    (nearly) equal.
+    """
     L, h = rng.normal(size=(2, n, 3, 3))
     h = h + np.swapaxes(h, 1, 2)
     axis = rng.normal(size=(n // 10, 3))
@@ -34,7 +37,7 @@ def random_states(rng, n, dim, strain, step):
 
 
 def trial(h, step, dim, isa):
-    """Strain after an elastic step; G = 1/2 makes the deviator of the stress the strain."""
+    """Strain after an elastic step; with G = 1/2 the stress deviator equals the strain."""
     q = SAND | {"G": 0.5}
     return oracle.update("elastic", q, 1.0, step, 0.0, h, 0.0, 0.0, dim=dim, isa=isa)[0]
 
@@ -83,7 +86,7 @@ def exact_strain(h, step):
 
 
 def test_strain_has_all_digits_however_small():
-    """Relative to the strain, in 40 digits: LAPACK's logarithm keeps 1e-16 of 1 + strain only."""
+    """Relative to the strain, in 40 digits; LAPACK's logarithm only keeps 1e-16 of 1 + strain."""
     rng = np.random.default_rng(6)
     for size in (1e-12, 1e-8, 1e-4, 1e-2, 0.06, 0.12):
         for dim in (2, 3):
@@ -94,14 +97,14 @@ def test_strain_has_all_digits_however_small():
                 assert (norm(trial(h, L, dim, isa) - exact) / scale).max() <= 2e-15
 
 
-def test_plane_is_space_without_the_third_axis():
+def test_2d_is_3d_without_its_third_axis():
     h, L = random_states(np.random.default_rng(7), 500, 2, 0.2, 0.4)
     for isa in ISAS:
         np.testing.assert_allclose(trial(h, L, 2, isa), trial(h, L, 3, isa), atol=2e-15)
 
 
 def test_determinant_stays_one_over_a_hundred_thousand_steps():
-    """Loads of random direction, also beyond the short series, with flow that keeps them finite."""
+    """Loads of random direction, also beyond the short series; plastic flow limits the strains."""
     rng = np.random.default_rng(8)
     q, stress, g, rate = SAND | {"K": 1e4}, np.tile(-800.0 * np.eye(3), (8, 1, 1)), 1.0, 0.0
     steps = rng.normal(size=(64, 8, 3, 3)) * np.geomspace(1e-4, 0.1, 8)[:, None, None]
@@ -121,7 +124,7 @@ def test_determinant_stays_one_over_a_hundred_thousand_steps():
 
 
 def states(rng, n):
-    """p, g*, rate and the gradient of points that load, unload and flow."""
+    """p, g*, rate and velocity gradients of points that load, unload and flow."""
     p = 10 ** rng.uniform(0, 4, n)
     tau = p * rng.uniform(0, 1.5, n)
     s = rng.normal(size=(n, 3, 3))
@@ -140,7 +143,7 @@ def test_flow_against_bisection(flow, isa):
     found, g, shear_rate = oracle.update(
         flow, SAND, dt, step, p / SAND["K"], stress, g_star, rate, isa=isa
     )
-    # the trial state of the core, which the tests above look at; LAPACK's has not digits enough
+    # the trial state of the core, checked above; that of LAPACK is not accurate enough
     trial, _, _ = oracle.update("elastic", SAND, dt, step, p / SAND["K"], stress, 0.0, 0.0, isa=isa)
     tau = oracle.shear(trial)
     for k in range(n):
@@ -148,7 +151,7 @@ def test_flow_against_bisection(flow, isa):
         share = mu * p[k] / tau[k]
         expected = oracle.deviator(trial[k]) * share - p[k] * np.eye(3)
         np.testing.assert_allclose(found[k], expected, atol=1e-12 * p[k])
-        # of slow flow g is the small difference of tau and its trial value in the local laws
+        # in slow flow of the local laws g is the small difference of tau and its trial value
         lost = 1e-15 * tau[k] / (SAND["G"] * dt * mu * p[k]) * p[k] / mu
         assert g[k] == pytest.approx(fluidity, rel=1e-11, abs=20 * lost)
         assert shear_rate[k] == pytest.approx(mu * g[k], rel=1e-12)
@@ -158,7 +161,7 @@ def test_flow_against_bisection(flow, isa):
 @pytest.mark.parametrize("isa", ISAS)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_any_number_of_points_gives_the_same(flow, isa, dim):
-    """To the last bit, whoever the neighbours are: small and large strains, dense and loose."""
+    """Same bits whoever the neighbours are: small and large strains, dense and disconnected."""
     rng = np.random.default_rng(10)
     h, L = random_states(rng, 37, dim, 0.2, 0.5)
     stress = 2 * SAND["G"] * h - np.eye(3)
@@ -176,7 +179,7 @@ def test_any_number_of_points_gives_the_same(flow, isa, dim):
         assert all((a == b[order]).all() for a, b in zip(part, whole, strict=True))
 
 
-def test_loose_points_bear_nothing_and_reconnect_by_their_shear_rate():
+def test_disconnected_points_are_stress_free_and_reconnect_by_their_shear_rate():
     L = np.array([[[2.0, 5.0, 0.0], [1.0, -3.0, 0.0], [0.0, 0.0, 0.5]]])
     dt, p = 1e-3, 50.0
     step, D = L * dt, (L[0] + L[0].T) / 2

@@ -1,4 +1,4 @@
-"""The finite-strain laws at the points of the engine: Cauchy stress, parts of a step, gains."""
+"""Finite-strain laws at the points of the engine: Cauchy stress, substeps, gains of fluidity."""
 
 import numpy as np
 import oracle_hencky as oracle
@@ -15,7 +15,7 @@ FLOW_OF = {
     "hencky_ngf": ("ngf", "mu_I"),
     "hencky_linear_ngf": ("linear_ngf", "linear_mu_I"),
 }
-"""Flow of each law, and that of its local phase."""
+"""Flow rule of each law, and that of its local phase."""
 PARAMETERS = oracle.SAND | {"A": 0.48, "reconnect_fluidity": 0.0}
 
 
@@ -30,7 +30,7 @@ def parameters(law):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("law", FLOW_OF)
 def test_the_law_is_the_kernel_with_cauchy_stress(law, dim, isa, local):
-    """Cauchy stress is rho/rho_c times that of Kirchhoff, before the step and after it."""
+    """Cauchy stress is rho/rho_c times Kirchhoff stress, before the step and after it."""
     nonlocal_law = "ngf" in law
     flow = FLOW_OF[law][local or not nonlocal_law]
     lanes, blocks, dt = _core.build_info(isa)["lanes"], 5, 1e-4

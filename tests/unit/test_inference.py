@@ -1,4 +1,4 @@
-"""Inference in small: rows by hand, cones, choices, sums; the way without Clarabel."""
+"""Small inference problems: rows by hand, cones, choices, sums; also without Clarabel."""
 
 import sys
 import warnings
@@ -14,7 +14,7 @@ from granular.grain_scale.inference.dynamic import knee_of
 
 
 def square():
-    """A unit disc between four walls, pressed by 3 N/m across and 5 N/m down."""
+    """A unit disc between four walls, compressed by 3 N/m horizontally and 5 N/m vertically."""
     normals = np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]])
     return Packing(
         bodies=[[0, -2], [0, -1], [0, -4], [0, -3]],
@@ -28,7 +28,7 @@ def square():
 
 @pytest.mark.parametrize("shape", [(6, 5), (4, 4, 4)])
 def test_rows_are_those_written_down_one_by_one(shape):
-    """K_eq and K_st against the plain loops of the oracle; b_st from known forces."""
+    """K_eq and K_st against the plain loops of the reference; b_st from known forces."""
     case = jittered_grid(shape)
     packing, f = case.packing, case.forces.ravel()
     table = {"bodies": packing.bodies, "positions": packing.positions}
@@ -41,7 +41,7 @@ def test_rows_are_those_written_down_one_by_one(shape):
 
 
 def test_blocks_of_the_thesis():
-    """Eqs 2.5 and 2.8, a contact at (2, 3) from the one centroid and (-1, 0) from the other."""
+    """Eqs 2.5 and 2.8 for a contact at (2, 3) from one centroid and (-1, 0) from the other."""
     packing = Packing(
         bodies=[[0, 1]],
         positions=[[2.0, 3.0]],
@@ -79,8 +79,8 @@ def test_a_disc_between_four_walls(mu, solver):
         found = inference.infer_static(square(), mu=mu, solver=solver)
     assert found.stress_residual < 1e-7
     assert found.balance_residual < 1e-7
-    # 4 pushes; with friction 8 components in 6 rows: pushes may differ from left to right, and
-    # friction make up for it. Cones do not count in a rank.
+    # 4 pushes. With friction there are 8 components in 6 rows: left and right pushes may differ if
+    # friction balances them. Cones do not affect the rank.
     assert (found.rank, found.unknowns) == ((4, 4) if mu == 0 else (6, 8))
     assert found.trusted == (mu == 0)
     if mu == 0:
@@ -91,7 +91,7 @@ def test_a_disc_between_four_walls(mu, solver):
 
 
 def test_strains_and_stiffness_give_the_stresses():
-    """Plane stress, plane strain and space against Hooke's law written out."""
+    """Plane stress, plane strain and 3D against Hooke's law written out."""
     E, nu = 5.5e6, 0.3
     strain = np.array([[1e-3, 2e-4], [2e-4, -2e-3]])
     free = inference.isotropic_stiffness(E, nu, 2)
@@ -112,8 +112,8 @@ def test_strains_and_stiffness_give_the_stresses():
     assert from_strains.stresses[0] == pytest.approx(stress)
 
 
-def test_frictionless_walls_are_known_zeros():
-    """mu_wall: a number for all walls, or one for some by their name."""
+def test_free_slip_walls_are_known_zeros():
+    """mu_wall is a number for all walls, or one for each wall by its name."""
     packing = square()
     assert inference.friction_of_contacts(packing, 0.5, 0.0).tolist() == [0, 0, 0, 0]
     some = inference.friction_of_contacts(packing, 0.5, {-4: 0.1, -1: 0.0})
@@ -136,7 +136,7 @@ def test_a_subset_keeps_contacts_in_order_and_names_the_rest():
 
 
 def test_boundary_force_by_scaling():
-    """Stresses wrong by a factor are put right by the load, by each way of scaling exactly."""
+    """Stresses wrong by a factor are corrected exactly by the load, with each way of scaling."""
     case = pressed_discs()[0]
     stiff = replace(case.packing, stresses=1.3 * case.packing.stresses)
     value = -case.forces[case.packing.bodies[:, 1] == -4, 1].sum()
@@ -161,7 +161,7 @@ def test_a_boundary_force_that_no_lambda_meets_is_flagged():
     assert found.regularization == 0.0
 
 
-def test_without_clarabel_the_plane_is_solved_and_space_says_what_to_install(monkeypatch):
+def test_without_clarabel_2d_is_solved_and_3d_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "clarabel", None)
     case = pressed_discs()[1]
     noise = np.random.default_rng(0).normal(1, 0.3, (case.packing.n, 1, 1))
@@ -175,9 +175,9 @@ def test_without_clarabel_the_plane_is_solved_and_space_says_what_to_install(mon
 
 
 def test_grains_that_cannot_stand_are_refused():
-    """Weight on a slope that is too steep, beside one that stands: refused, and it is said which.
+    """A weight on too steep a slope is refused by name, also beside a weight that can stand.
 
-    Both have grains on top of them that could rest there.
+    Both carry grains that could rest there.
     """
     packing = Packing(
         bodies=[[0, -1], [1, -1], [2, 0], [3, 1]],
@@ -213,7 +213,7 @@ def test_a_grain_under_stress_without_contact_is_flagged():
 
 
 def test_knee_is_the_corner():
-    """Of a front like 1/x, whatever its units; of a flat one the weight next to one."""
+    """Knee of a front like 1/x in any units; of a flat front the weight closest to one."""
     x = np.logspace(-2, 2, 41)
     weights = np.logspace(-3, 3, 41)
     assert knee_of(x, 1 / x, weights=weights) == 20
@@ -222,7 +222,7 @@ def test_knee_is_the_corner():
 
 
 def test_statistics_of_exponential_forces():
-    """The decay above the mean, the strong share 1/e, and its error."""
+    """Decay rate above the mean, fraction 1/e of strong forces, and its error."""
     rng = np.random.default_rng(0)
     size = rng.exponential(3.0, 20000)
     angle = rng.uniform(0, 2 * np.pi, 20000)
@@ -235,7 +235,7 @@ def test_statistics_of_exponential_forces():
 
 
 def test_a_chain_is_found_and_ends_where_it_bends():
-    """A column of five loaded grains beside idle ones; a sixth loaded across does not belong."""
+    """A column of five loaded grains beside unloaded ones; a sixth, loaded sideways, is no part."""
     x = np.array([[0.0, 2 * k] for k in range(5)] + [[2.0, 8.0], [2.0, 0.0], [2.0, 2.0]])
     bodies = [[k, k + 1] for k in range(4)] + [[4, 5], [0, 6], [6, 7]]
     way = np.array([x[b] - x[a] for a, b in bodies]) / 2
@@ -254,7 +254,7 @@ def test_a_chain_is_found_and_ends_where_it_bends():
 
 
 def test_a_grain_may_be_given_in_any_image_of_a_periodic_box():
-    """All of it is the same when some grains are moved by the box, but where contacts are seen."""
+    """Moving some grains by a period changes nothing but the positions where contacts are seen."""
     case, box = jittered_grid((5, 6)), np.array([40.0, -30.0])
     packing, moved = case.packing, np.zeros(case.packing.n, bool)
     moved[[1, 4, 7]] = True

@@ -1,4 +1,4 @@
-"""Pictures of forces: what is drawn is what was given. The scripts run and write their files."""
+"""Pictures of forces show the data they are given; the scripts run and write their files."""
 
 import importlib
 import importlib.util
@@ -51,7 +51,7 @@ def test_lines_lead_from_centroid_to_centroid_and_to_walls():
 
 
 def test_lines_over_a_periodic_side_have_a_gap():
-    """Two discs that touch each other's images, a box of 3 apart: from each centroid a stub."""
+    """Two discs touch each other's images in a box of length 3: a stub starts at each centroid."""
     packing = inference.Packing(
         bodies=[[0, 1]],
         positions=[[-0.25, 0.0]],
@@ -130,7 +130,7 @@ def test_every_script_is_known():
 @pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 def test_the_benchmark_writes_a_table_and_a_chart(monkeypatch, tmp_path):
     pytest.importorskip("clarabel")
-    # By its path: the name is also that of a module of the package.
+    # Loaded by its path: the name is also that of a module of the package.
     spec = importlib.util.spec_from_file_location("bench_inference", FOLDER / "inference.py")
     module = importlib.util.module_from_spec(spec)
     monkeypatch.syspath_prepend(FOLDER)
@@ -145,7 +145,7 @@ def test_the_benchmark_writes_a_table_and_a_chart(monkeypatch, tmp_path):
 
 
 def test_the_speeds_on_record_are_within_what_is_promised():
-    """.1 s for 58 discs, 10 s for 5000 grains in the plane, 60 s for 1000 in space."""
+    """The promise is 0.1 s for 58 discs, 10 s for 5000 grains in 2D, 60 s for 1000 grains in 3D."""
     table = json.loads((FOLDER / "results" / "inference.json").read_text())
     mine = [row for row in table if row["solver"] == "auto"]
     for row in mine:

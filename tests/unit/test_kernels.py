@@ -1,4 +1,4 @@
-"""Scatter, grid and gather of the core against the plain NumPy step of oracle.py."""
+"""P2G, grid and G2P stages of the core against the plain NumPy step of oracle.py."""
 
 import numpy as np
 import oracle
@@ -9,25 +9,25 @@ import granular as gr
 from granular import _core
 
 TIME = 0.03
-"""In the middle of the ramp of gravity."""
+"""Time in the middle of the gravity ramp."""
 
 
 def living(sim):
-    """Places of the points in the buffers, in the order of their ids."""
+    """Columns of the active points in the buffers, in the order of their ids."""
     ids = sim.buffers["id"]
     places = np.flatnonzero(ids >= 0)
     return places[np.argsort(ids[places])]
 
 
 def read(sim):
-    """The buffers as arrays (n, ...) by id."""
+    """Buffers as arrays (n, ...) by id."""
     places = living(sim)
     fields = {name: array[..., places].T.copy() for name, array in sim.buffers.items()}
     return {n: a[:, 0] if a.ndim == 2 and a.shape[1] == 1 else a for n, a in fields.items()}
 
 
 def disturbed(scene, seed=3, step=0, **options):
-    """A simulation after so many steps: points move, bear stress (some none), carry all fields."""
+    """Simulation after some steps: points move, most bear stress, and all fields are in use."""
     sim = gr.Simulation(scene, threads=1, **options)
     rng, at = np.random.default_rng(seed), living(sim)
     n, material = len(at), scene.material
@@ -70,7 +70,7 @@ def nodes_by_number(scene, found):
 
 
 def assert_close(actual, expected, scale, text):
-    """Equal to round-off of what was summed."""
+    """Assert equality to the round-off of the sums."""
     error = abs(np.asarray(actual) - np.asarray(expected)).max() if len(actual) else 0.0
     assert error <= 2e-13 * scale, f"{text}: {error:.3g} of {scale:.3g}"
 
@@ -86,7 +86,7 @@ def test_stages_agree_with_the_oracle(small_scene, combination, dim, kind):
 
 @pytest.mark.parametrize("step", [0, 1, 2, 3])
 def test_steps_between_averagings_agree_with_the_oracle(small_scene, dim, step):
-    """Of three steps the first averages and the second takes back what the shift has lent."""
+    """The first of three steps averages; the second subtracts the shift momentum correction."""
     combination = ("quadratic", "tpic", "smoothed")
     scene = small_scene("walls", dim, combination, shifting_limit=3e-3, averaging_time=1.5)
     compare_stages(scene, step)
@@ -107,7 +107,7 @@ METHODS = [("explicit", 1), ("explicit", 3), ("implicit", 1), ("implicit", 3), (
 def test_a_step_with_fluidity_agrees_with_the_oracle(
     small_scene, nonlocal_combination, dim, kind, method, substeps
 ):
-    """Means of the cells, their diffusion, the balance with the law, and the law, in substeps."""
+    """Compare cell means, diffusion, the balance with the law, and the law, all in substeps."""
     scene = small_scene(kind, dim, nonlocal_combination, shifting_limit=1e-3, averaging_time=0.0)
     fluidity = gr.schemes.Fluidity(method=method, substeps=substeps, initial=0.0, tolerance=1e-13)
     grains = gr.materials.NGF(E=1e6, A=0.25 if method == "explicit" else 1.0, d=0.1, t0=1e-3)
@@ -117,10 +117,10 @@ def test_a_step_with_fluidity_agrees_with_the_oracle(
 
 
 def compare_stages(scene, step):
-    """Scatter, grid and gather of one step from a disturbed state, all fields."""
+    """Compare P2G, grid and G2P of one step from a disturbed state, in all fields."""
     sim = disturbed(scene, step=step)
     before, engine = read(sim), sim._engine
-    expected = oracle.scatter(scene, before, step)
+    expected = oracle.p2g(scene, before, step)
     assert engine.p2g() == 0
     found = engine.nodes()
     number = nodes_by_number(scene, found["x"])
@@ -131,10 +131,10 @@ def compare_stages(scene, step):
 
     engine.grid()
     found, dt = engine.nodes(), engine.scalars()["dt"]
-    if step:  # what was lent goes back in a step of this length
-        expected = oracle.scatter(scene, before, step, dt)
+    if step:  # the shift momentum is subtracted in a step of this length
+        expected = oracle.p2g(scene, before, step, dt)
     oracle.grid(scene, before, expected, dt, TIME)
-    # velocities of nodes of little mass are quotients of small sums
+    # velocities of nodes of small mass are quotients of small sums
     heavy = expected.mass[number] > 1e-4 * expected.mass.max()
     assert heavy.mean() > 0.3
     for name in ("v", "w"):
@@ -144,7 +144,7 @@ def compare_stages(scene, step):
     assert not found["v"][light].any()
 
     engine.g2p()
-    after, expected = read(sim), oracle.gather(scene, before, expected, dt, step)
+    after, expected = read(sim), oracle.g2p(scene, before, expected, dt, step)
     np.testing.assert_array_equal(after["id"], before["id"])
     length = np.array(scene.grid.shape) * scene.grid.cell
     difference = after["x"] - expected["x"]
@@ -162,7 +162,7 @@ def compare_stages(scene, step):
     np.testing.assert_array_equal(after["mass"], before["mass"])
 
 
-def test_the_quick_logarithm_of_the_feedback_is_near_enough():
+def test_the_approximate_logarithm_of_the_relaxation_is_accurate():
     full = np.linspace(np.exp(-0.2), np.exp(0.2), 1001)
     assert abs(2 * (full - 1) / (full + 1) - np.log(full)).max() < 1e-3
 
@@ -239,7 +239,7 @@ def test_instruction_sets_agree_to_round_off(small_scene, combination, dim, isa)
 
 
 def test_no_point_is_lost_when_points_spread(small_scene, combination, dim):
-    """Cells fill up and empty: grouping keeps every point, once, with all that it carries."""
+    """Cells fill and empty: sorting keeps every point once, with all of its fields."""
     sim = disturbed(small_scene("walls", dim, combination))
     before = read(sim)
     sim.step(200)

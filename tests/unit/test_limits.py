@@ -1,4 +1,4 @@
-"""What is refused and warned of before a run, and what is not."""
+"""Scenes and settings that are refused or warned of before a run, and those that are not."""
 
 import warnings
 
@@ -16,22 +16,22 @@ BEADS = gr.materials.glass_beads.replace(E=1e6)
 
 
 def layer(**options):
-    """Eight columns of the incline in the middle of the well-posed range: nothing to doubt."""
+    """Eight columns of the incline in the middle of the well-posed range: no warnings."""
     return gr.scenes.incline(**({"columns": 8, "cell": 0.01, "material": BEADS} | options))
 
 
 @pytest.mark.parametrize("name", gr.scenes.names())
-def test_scenes_as_they_are_raise_no_doubts(name):
+def test_scenes_as_they_are_raise_no_warnings(name):
     scene = gr.scenes.registry[name]()
-    if name == "clogging_silo":  # as published, and half of its points are stress-free in flow
-        (doubt,) = scene_warnings(scene)
-        assert doubt.startswith("ParticleDensity()")
+    if name == "clogging_silo":  # the published scheme; half of its points are stress-free in flow
+        (warning,) = scene_warnings(scene)
+        assert warning.startswith("ParticleDensity()")
         scene = scene.replace(scheme=gr.Scheme())
-    if name == "excavation":  # only a tracked density keeps the sides of its thin blade apart
+    if name == "excavation":  # only the particle density separates the sides of its thin blade
         density, blade = scene_warnings(scene)
         assert density.startswith("ParticleDensity()") and blade.startswith("bodies[0]")
         return
-    if name == "excavator":  # sheets of two cells, held by the nodes within them
+    if name == "excavator":  # sheets of two cells, which contain nodes
         (sheets,) = scene_warnings(scene)
         assert "feels a part of the other" in sheets
         return
@@ -41,18 +41,18 @@ def test_scenes_as_they_are_raise_no_doubts(name):
         gr.Simulation(layer(), threads=1)
 
 
-def test_the_published_incline_is_sound():
-    """One column is one-dimensional: the published numbers hold there, at every slope."""
+def test_the_published_incline_is_ok():
+    """One column is one-dimensional: there the published scheme is ok at every slope."""
     for angle in (19.0, 25.0, 34.0):
         scene = gr.scenes.incline(angle_deg=angle, scheme=gr.schemes.dunatunga_kamrin_2015)
         assert scene_warnings(scene) == []
 
 
-def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
-    """Where a tracked density is no doubt by itself."""
+def test_transfers_that_damp_by_the_step_are_warned_of_in_one_column():
+    """A particle density alone gives no warning in one column."""
     for scheme in (gr.Scheme(transfer="apic"), gr.Scheme(basis="linear", transfer="xpic")):
-        (doubt,) = scene_warnings(layer(columns=1, scheme=scheme))
-        assert scheme.transfer in doubt and "damps by the step" in doubt
+        (warning,) = scene_warnings(layer(columns=1, scheme=scheme))
+        assert scheme.transfer in warning and "damps by the step" in warning
     assert scene_warnings(layer(columns=1, scheme=gr.Scheme(basis="linear", transfer="apic"))) == []
 
 
@@ -81,7 +81,7 @@ def test_transfers_that_damp_by_the_step_are_doubted_in_one_column():
         ),
     ],
 )
-def test_one_doubtful_setting_is_one_warning(options, names):
+def test_one_suspect_setting_is_one_warning(options, names):
     scene = layer(**options)
     assert len(scene_warnings(scene)) == 1
     with pytest.warns(gr.StabilityWarning, match=names) as caught:
@@ -93,8 +93,8 @@ def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
     scene = gr.scenes.chute_ngf()
     assert scene.grid.cell < scene.material.d and scene_warnings(scene) == []
     local = scene.replace(material=scene.material.replace(A=0.0))
-    (doubt,) = scene_warnings(local)
-    assert "cell = 0.001 is smaller than the grains, d = 0.005" in doubt
+    (warning,) = scene_warnings(local)
+    assert "cell = 0.001 is smaller than the grains, d = 0.005" in warning
 
 
 def test_at_rest_a_slope_is_never_ill_posed():
@@ -121,7 +121,7 @@ def test_cfl_beyond_the_limit_is_refused(small_scene, basis, dim, limit):
 
 
 def test_limits_are_those_of_a_single_point():
-    """2/sqrt(lambda_max) c/dx of one point between the nodes of a spline, one dimension.
+    """The limit is 2/sqrt(lambda_max) c/dx of one point between the nodes of a spline, in 1D.
 
     lambda_max = sum slope^2/weight; its first term is 2 wherever the point stands and the others
     tend to 4 at the border of a cell, so that the worst step is 2/sqrt(6).
@@ -132,13 +132,13 @@ def test_limits_are_those_of_a_single_point():
     steps = 2 / np.sqrt(np.sum(slope**2 / weight, axis=0))
     assert steps.min() == pytest.approx(2 / np.sqrt(6), rel=1e-3)
     for dim, limit in COURANT_LIMIT["quadratic"].items():
-        # That point is strained evenly along every axis: 1 + (dim - 1) nu/(1 - nu) times as stiff.
+        # That point strains equally along every axis: 1 + (dim - 1) nu/(1 - nu) times as stiff.
         corner = steps.min() / np.sqrt(1 + (dim - 1) * 0.3 / 0.7)
         assert 0.9 * corner < limit < corner
 
 
 def test_a_fixed_step_must_suit_the_speed_at_the_start():
-    """What flies crosses the sooner a cell: the speed counts with that of waves."""
+    """Moving material crosses a cell sooner: its speed is added to that of waves."""
     material = gr.materials.MuI(E=1e4)
     scene = gr.Scene(
         name="thrown",
@@ -150,7 +150,7 @@ def test_a_fixed_step_must_suit_the_speed_at_the_start():
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
         duration=1.0,
     )
-    step = 0.99 * dt_limit(scene)  # sound at rest
+    step = 0.99 * dt_limit(scene)  # stable at rest
     with pytest.raises(ValueError, match=r"dt = .* points or bodies of 3 m/s"):
         gr.Simulation(scene.replace(scheme=gr.Scheme(dt=step)))
     c = material.wave_speed

@@ -1,4 +1,4 @@
-"""Materials: relations between moduli, the two forms of the rate constant, refusals."""
+"""Materials: relations between moduli, the two forms of the rate constant, refused input."""
 
 import math
 import pickle
@@ -18,7 +18,7 @@ def test_moduli_of_isotropic_elasticity():
 
 
 def test_wave_speed_of_the_papers_glass_beads():
-    # E = 1 GPa, nu = .3: M = 1.346 GPa, c = sqrt(M/1500)
+    # E = 1 GPa, nu = 0.3: M = 1.346 GPa, c = sqrt(M/1500)
     assert materials.glass_beads.wave_speed == pytest.approx(947.3, abs=0.1)
 
 
@@ -51,12 +51,12 @@ def test_arguments_make_an_equal_material():
 
 
 def test_the_two_forms_of_the_nonlocal_rate_constant():
-    """b = (mu_2 - mu_s)/I0: the one that was given is kept."""
+    """b = (mu_2 - mu_s)/I0: the form that was given is kept."""
     by_I0, by_b = NGF(I0=0.279), NGF(b=1.0)
     assert NGF() == by_I0 and by_I0.b == pytest.approx((0.6435 - 0.3819) / 0.279)
     assert by_b.I0 == pytest.approx(0.6435 - 0.3819)
     assert "b" not in by_I0.arguments() and "I0" not in by_b.arguments()
-    # another limiting friction leaves what was given
+    # another limiting friction leaves the given form
     assert by_I0.replace(mu_2=1.5).I0 == 0.279 and by_b.replace(mu_2=1.5).b == 1.0
     assert by_b.replace(I0=0.279) == by_I0 and by_I0.replace(b=1.0) == by_b
     assert by_I0.xi == pytest.approx(0.279 / (0.005 * math.sqrt(2450.0)))
@@ -147,7 +147,7 @@ def test_finite_strain_and_friction_that_does_not_saturate():
         materials.MuI(elasticity="soft")
 
 
-def test_kindling_needs_finite_strain():
+def test_reconnect_fluidity_needs_finite_strain():
     scene = scenes.chute_ngf()
     reconnected = scene.scheme.replace(
         fluidity=scene.scheme.fluidity.replace(reconnect_fluidity=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import isotropic, lattice, silo, state
+from synthetic import isotropic, regular_points, silo, state
 
 from granular.measure import Opening, arch_outline
 
@@ -15,10 +15,10 @@ def parabola(x, crown=0.1):
 
 
 def jammed(outline=parabola, *, half=True, cell=CELL, left=None, axis=0.0, shift=0.0, per_axis=4):
-    """Points of 2 kPa above an outline, some that fall below it free of stress, strays dense."""
+    """Points under 2 kPa above an outline; some fall below it without stress, strays are dense."""
     s = silo(half=half, cell=cell, rows=round(0.63 / cell), left=left)
-    x = lattice(s, per_axis, lambda x: x[:, 1] < 0.5)
-    # to the lattice an outline is the lowest point; a shift moves what is cut within a spacing
+    x = regular_points(s, per_axis, lambda x: x[:, 1] < 0.5)
+    # the points see an outline as the lowest point; a shift moves the cut within one spacing
     gap = outline(x[:, 0] - axis) + shift
     solid = (x[:, 1] - cell / per_axis / 2 >= gap) | (np.abs(x[:, 0] - axis) > WIDTH / 2)
     free = ~solid & (np.arange(len(x)) % 5 == 0) & (x[:, 1] < gap - 3 * cell)
@@ -32,11 +32,11 @@ def jammed(outline=parabola, *, half=True, cell=CELL, left=None, axis=0.0, shift
 @pytest.mark.parametrize("half", [True, False])
 def test_a_parabola_is_found_within_a_spacing(half):
     arch = arch_outline(jammed(half=half))
-    # columns of two spacings over the opening
+    # columns two spacings wide over the opening
     assert len(arch.x) == (8 if half else 16)
     assert np.all(np.diff(arch.x) > 0)
     off = arch.y - parabola(arch.x)
-    # the first row of points above the outline: from 0 to one spacing too high
+    # the first row of points above the outline is up to one spacing too high
     assert off.min() >= -1e-12
     assert off.max() <= SPACING + 1e-12
     assert arch.crown == arch.y.max()

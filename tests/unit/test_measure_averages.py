@@ -1,8 +1,8 @@
-"""Averages over frames, the centre line and contours of fields that are known."""
+"""Averages over frames, the centre line and contours of known fields."""
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, isotropic, lattice, scene, silo, state
+from synthetic import RHO_C, isotropic, regular_points, scene, silo, state
 
 from granular.measure import (
     LatticeField,
@@ -19,7 +19,7 @@ CELL = 0.0175
 
 
 def filled(s, field, *, top=0.56, jitter=0.0, seed=0, **fields):
-    x = lattice(s, 4, lambda x: x[:, 1] < top)
+    x = regular_points(s, 4, lambda x: x[:, 1] < top)
     x = x + jitter * CELL / 4 * np.random.default_rng(seed).uniform(-0.5, 0.5, x.shape)
     return state(s, x, per_cell=16, **{name: f(x) for name, f in (field | fields).items()})
 
@@ -78,7 +78,7 @@ def test_stress_goes_by_volume():
 
 @pytest.mark.parametrize("half", [True, False])
 def test_lithostatic_pressure_on_the_centre_line(half):
-    """A field that depends on x too tells how far from the axis is averaged."""
+    """A field that also depends on x shows how far from the axis is averaged."""
     s = silo(half=half)
 
     def p(x):
@@ -90,13 +90,13 @@ def test_lithostatic_pressure_on_the_centre_line(half):
     assert np.isnan(line.value[32:]).all()
     expected = RHO_C * 9.8 * (0.56 - line.centroid[:32])
     off = (line.value[:32] - expected) / 1e5
-    # half a cell; where the points lie in it scatters by .8 spacings over sqrt(12 * 32 points)
+    # half a cell; point positions in it vary by 0.8 spacings over sqrt(12 * 32 points)
     assert off == pytest.approx(CELL / 2, abs=4 * 0.8 * CELL / 4 / np.sqrt(12 * 32))
     assert off.mean() == pytest.approx(CELL / 2, rel=0.01)
     wide = centre_line_pressure(frames, columns=3)
     expected = RHO_C * 9.8 * (0.56 - wide.centroid[:32])
     assert np.allclose(wide.value[:32] - expected, 1e5 * 1.5 * CELL, rtol=0.02)
-    # the volume of whole cells, as many columns on each modelled side
+    # the volume of whole cells, with the same number of columns on each modelled side
     assert wide.weight[:32] == pytest.approx((1 if half else 2) * 3 * CELL**2)
     raised = centre_line_pressure(frames, opening=Opening(0.14, floor=2 * CELL))
     assert np.allclose(raised.y, line.y[:-2])
@@ -105,10 +105,10 @@ def test_lithostatic_pressure_on_the_centre_line(half):
 
 def test_an_axis_through_cells_and_points_free_of_stress():
     s = scene((5, 2), 1.0, parameters={"orifice": 1.0})
-    x = lattice(s, 2)
+    x = regular_points(s, 2)
     p = np.where(x[:, 1] > 1, 10.0 * np.floor(x[:, 0]) ** 2, 0.0)
     line = centre_line_pressure(state(s, x, stress=isotropic(p)))
-    # the middle of five cells is the middle of the third
+    # the middle of five cells is that of the third cell
     assert np.allclose(line.value, [0.0, 40.0])
     with pytest.raises(ValueError, match="no column of cells beside"):
         centre_line_pressure(state(s, x), opening=Opening(1.0, axis=-9.0))
@@ -162,5 +162,5 @@ def test_bad_averages_are_refused():
     for levels in ([], [0.2, 0.1], [np.nan], [[0.1]]):
         with pytest.raises(ValueError, match="levels"):
             contours(field, levels)
-    with pytest.raises(ValueError, match="one a place in the plane"):
+    with pytest.raises(ValueError, match="must have one"):
         contours(frame_average(points, "v"), [0.1])

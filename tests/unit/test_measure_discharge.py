@@ -1,4 +1,4 @@
-"""Rates and Beverloo fits from histories that are known exactly."""
+"""Discharge rates and Beverloo fits from histories that are known exactly."""
 
 from types import SimpleNamespace
 
@@ -10,7 +10,7 @@ from granular.measure import MassHistory, beverloo, discharge, mass_history
 
 
 def silo(rate, *, half=False, orifice=0.1, frames=200, end=4.0):
-    """A list of one-point states that lose `rate` kg/s of the full silo's 1500 kg."""
+    """One-point states that lose `rate` kg/s of the 1500 kg in the whole silo."""
     s = scene((10, 10), 0.1, parameters={"orifice": orifice, "half": half})
     share = 0.5 if half else 1.0
     return Run(
@@ -23,7 +23,7 @@ def silo(rate, *, half=False, orifice=0.1, frames=200, end=4.0):
 
 
 class Run(list):
-    """States that know their scene, as a trajectory does."""
+    """States that hold their scene, as a trajectory does."""
 
     def __init__(self, scene, states):
         super().__init__(states)
@@ -48,7 +48,7 @@ def test_the_errors_of_a_regression():
     noise = np.random.default_rng(1).normal(0, 2.0, len(times))
     history = MassHistory(times, 1200 - 100 * times + noise, 1.0)
     result = discharge(history, window=(2000.0, 10.0))
-    # textbook: sigma/sqrt(sum (t - tbar)^2)
+    # textbook formula: sigma/sqrt(sum (t - tbar)^2)
     expected = 2.0 / np.sqrt(np.sum((times - 1.5) ** 2))
     assert result.standard_error == pytest.approx(expected, rel=0.1)
     assert abs(result.rate - 100) < 4 * expected
@@ -58,7 +58,7 @@ def test_a_changing_rate_shows_in_the_spread_of_the_window():
     times = np.linspace(0, 10, 2001)
     mass = 1500 * np.exp(-0.1 * times)
     result = discharge(MassHistory(times, mass, 1.0))
-    # the rate is .1 m: between the means of the two halves of the window it falls by a tenth
+    # the rate is 0.1 m: between the means of the two halves of the window it falls by a tenth
     assert result.window_spread == pytest.approx(0.1 * 150, rel=0.05)
     assert result.standard_error < result.window_spread / 20
 
@@ -87,7 +87,7 @@ def test_beverloo_with_another_exponent():
     assert fit.exponent_free == pytest.approx(1.47, rel=1e-10)
     assert fit.C_free == pytest.approx(1.31, rel=1e-10)
     assert np.abs(fit.residuals_free).max() < 1e-12
-    # the mean of ln(1.31 D**-.03) over the orifices
+    # the mean of ln(1.31 D**-0.03) over the orifices
     assert pytest.approx(1.31 * np.exp(-0.03 * np.log(D).mean()), rel=1e-12) == fit.C
     assert fit.residuals.sum() == pytest.approx(0, abs=1e-12)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, isotropic, lattice, scene, state
+from synthetic import RHO_C, isotropic, regular_points, scene, state
 
 import granular as gr
 from granular.measure import (
@@ -21,7 +21,7 @@ CELL = 0.1
 
 def box(shape=(6, 5), **options):
     s = scene(shape, CELL, **options)
-    return state(s, lattice(s), per_cell=2 ** len(shape))
+    return state(s, regular_points(s), per_cell=2 ** len(shape))
 
 
 def irregular(n=300, seed=3, **options):
@@ -71,7 +71,7 @@ def test_a_linear_field_is_reproduced_inside(shape):
     low, high = CELL, CELL * (np.array(shape) - 1)
     inside = np.all((points.x > low) & (points.x < high), axis=1)
     assert np.allclose(smooth(points, f)[inside], f[inside], rtol=1e-12)
-    # one-sided at the walls: nodes there know only points from within
+    # one-sided at the walls: nodes there only have points on the inner side
     assert not np.allclose(smooth(points, f), f, rtol=1e-3)
 
 
@@ -79,7 +79,7 @@ def test_smoothing_knows_the_periodic_axis():
     points = box(periodic=(True, False))
     f = np.sin(2 * np.pi * points.x[:, 0] / 0.6)
     once = smooth(points, f)
-    # half a period on, points beyond the edge fold back and the answer moves along
+    # moved by half a period, points beyond the edge fold back and the result moves with them
     shifted = state(points.scene, points.x + np.array([0.3, 0.0]))
     assert shifted.x[:, 0].max() > 0.6
     assert np.allclose(smooth(shifted, f), once, rtol=1e-12)
@@ -107,9 +107,9 @@ def test_a_full_box_has_the_density_of_its_points_in_edges_and_corners_too(shape
 
 def test_a_full_layer_has_the_density_of_its_points_at_the_surface_too():
     s = scene((6, 8), CELL)
-    layer = state(s, lattice(s, 2, lambda x: x[:, 1] < 0.35 + 0.1 * (x[:, 0] > 0.3)))
+    layer = state(s, regular_points(s, 2, lambda x: x[:, 1] < 0.35 + 0.1 * (x[:, 0] > 0.3)))
     density = nodal_density(layer)
-    # whole cells are filled up to .3 and .4; the half-filled cells above have half the density
+    # whole cells are filled up to 0.3 and 0.4; half-filled cells above have half the density
     assert np.allclose(density[layer.x[:, 1] < 0.2], RHO_C, rtol=1e-13)
     assert np.all(density[layer.x[:, 1] > 0.4] < 0.9 * RHO_C)
 
@@ -119,16 +119,16 @@ def test_one_periodic_column_is_full():
     assert np.allclose(nodal_density(points), RHO_C, rtol=1e-13)
 
 
-def test_the_phase_follows_the_room_and_not_the_tracked_density():
+def test_the_phase_follows_the_nodal_and_not_the_particle_density():
     s = scene((6, 20), CELL)
-    heap = lattice(s, 2, lambda x: x[:, 1] < 0.5)
-    rain = lattice(s, 1, lambda x: x[:, 1] > 1.0)
+    heap = regular_points(s, 2, lambda x: x[:, 1] < 0.5)
+    rain = regular_points(s, 1, lambda x: x[:, 1] > 1.0)
     points = state(s, np.vstack([heap, rain]))
     assert np.array_equal(phase(points), points.x[:, 1] < 0.5)
     assert np.allclose(nodal_density(points)[points.x[:, 1] > 1.2], RHO_C / 4)
-    looser = state(s, heap, mass=0.98 * RHO_C * CELL**2 / 4)
-    assert not phase(looser).any()
-    assert phase(looser, tolerance=0.03).all()
+    less_dense = state(s, heap, mass=0.98 * RHO_C * CELL**2 / 4)
+    assert not phase(less_dense).any()
+    assert phase(less_dense, tolerance=0.03).all()
 
 
 def test_cell_averages_by_mass_and_by_volume():
@@ -166,12 +166,12 @@ def test_the_density_of_cells_and_its_percentile():
     points = box()
     assert np.allclose(cell_density(points).value, RHO_C)
     assert cell_density_percentile(points) == pytest.approx(1)
-    # all points of the third row pushed into the second
+    # all points of the third row moved into the second
     x = points.x - [0.0, CELL] * ((points.x[:, 1] > 0.2) & (points.x[:, 1] < 0.3))[:, None]
-    crowded = state(points.scene, x)
-    assert cell_density_percentile(crowded) == pytest.approx(2)
-    assert cell_density_percentile(crowded, q=50) == pytest.approx(1)
-    assert np.count_nonzero(np.isclose(cell_density(crowded).value, 2 * RHO_C)) == 6
+    compressed = state(points.scene, x)
+    assert cell_density_percentile(compressed) == pytest.approx(2)
+    assert cell_density_percentile(compressed, q=50) == pytest.approx(1)
+    assert np.count_nonzero(np.isclose(cell_density(compressed).value, 2 * RHO_C)) == 6
 
 
 def test_bad_fields_are_refused():

@@ -1,4 +1,4 @@
-"""Lines that part static from flowing cases, of diagrams that were made with known slopes."""
+"""Lines that separate static from flowing cases, for diagrams made with known slopes."""
 
 from itertools import product
 
@@ -10,7 +10,7 @@ from granular import plot, theory
 from granular.measure import flow_threshold
 
 A, RATIO = np.array(list(product((0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0), (1, 2, 3, 4, 5)))).T
-"""The lattice of the paper."""
+"""Amplitudes and openings of the paper."""
 
 
 def verdicts(static_below, flowing_above):
@@ -34,7 +34,7 @@ def test_lines_are_half_way_between_the_cases_they_part():
     assert np.all(found_verdicts[RATIO > found.flowing_above * A] == "flowing")
 
 
-def test_without_doubt_there_is_one_line():
+def test_without_unsure_cases_there_is_one_line():
     found = flow_threshold(A, RATIO, verdicts(1.9, 1.9))
     assert found.static_below == found.flowing_above
     assert found.static_bracket == found.flowing_bracket
@@ -48,7 +48,7 @@ def test_a_flow_among_the_static_widens_the_band():
     assert found.overlap
     assert found.static_bracket[1] == 1.0
     assert found.static_bracket[0] == pytest.approx(0.8)
-    # others of slope 1 are static, and of 2 unsure
+    # others of slope 1 are static, and those of slope 2 unsure
     assert found.flowing_bracket[0] == pytest.approx(2.0)
 
 
@@ -123,7 +123,7 @@ def test_the_picture_of_layers_has_the_curve_of_theory():
     assert np.interp(27.0, *curve.get_data()) == pytest.approx(
         theory.stopping_height(27.0, **numbers), rel=1e-3
     )
-    # without lines through the origin there is no need of it
+    # without lines through the origin it is not needed
     assert ax.get_xlim()[0] > 20
     with pytest.raises(ValueError, match="boundary gives shape"):
         plot.phase_diagram(angles, heights, ["static"] * 3, boundary=lambda x: 1.0)

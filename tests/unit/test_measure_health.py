@@ -1,8 +1,8 @@
-"""Health and energy of states whose answers follow from a line of algebra."""
+"""Health and energy of states whose values follow from a line of algebra."""
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, isotropic, lattice, material, scene, state
+from synthetic import RHO_C, isotropic, material, regular_points, scene, state
 
 from granular.measure import (
     disconnected_fraction,
@@ -19,7 +19,7 @@ CELL = 0.01
 
 def pool(height=0.1, *, shape=(5, 20), **options):
     s = scene(shape, CELL, **options)
-    x = lattice(s, 2, lambda x: x[:, -1] < height - 1e-9)
+    x = regular_points(s, 2, lambda x: x[:, -1] < height - 1e-9)
     p = RHO_C * 9.8 * (height - x[:, -1])
     return state(s, x, per_cell=2 ** len(shape), stress=isotropic(p, len(shape)))
 
@@ -32,7 +32,7 @@ def freed(points, free):
 def test_only_the_bulk_counts_as_disconnected():
     points = pool()
     assert disconnected_fraction(points) == 0
-    # the bulk is the eight rows of cells below .08, sixteen rows of points
+    # the bulk is the eight rows of cells below 0.08, which hold sixteen rows of points
     assert disconnected_fraction(freed(points, points.x[:, 1] > 0.08)) == 0
     row = np.isclose(points.x[:, 1], 0.0525)
     assert disconnected_fraction(freed(points, row)) == pytest.approx(1 / 16)
@@ -42,7 +42,7 @@ def test_only_the_bulk_counts_as_disconnected():
 
 def test_sprays_and_falling_streams_are_not_bulk():
     points = pool(shape=(5, 40))
-    stream = lattice(points.scene, 1, lambda x: (x[:, 1] > 0.15) & (x[:, 0] < 0.02))
+    stream = regular_points(points.scene, 1, lambda x: (x[:, 1] > 0.15) & (x[:, 0] < 0.02))
     x = np.vstack([points.x, stream])
     stress = np.vstack([points.stress, np.zeros((len(stream), 4))])
     assert disconnected_fraction(state(points.scene, x, stress=stress)) == 0
@@ -50,7 +50,7 @@ def test_sprays_and_falling_streams_are_not_bulk():
 
 def test_the_upper_heap_of_an_hourglass_has_its_own_surface():
     s = scene((5, 40), CELL)
-    x = lattice(s, 2, lambda x: (x[:, 1] < 0.05) | ((x[:, 1] > 0.2) & (x[:, 1] < 0.25)))
+    x = regular_points(s, 2, lambda x: (x[:, 1] < 0.05) | ((x[:, 1] > 0.2) & (x[:, 1] < 0.25)))
     p = np.where((x[:, 1] > 0.23) | (x[:, 1] < 0.05) & (x[:, 1] > 0.03), 0.0, 100.0)
     assert disconnected_fraction(state(s, x, stress=isotropic(p))) == 0
 
@@ -84,7 +84,7 @@ def test_a_box_at_rest_balances_by_its_normal_stress_and_not_by_its_pressure():
     points = pool()
     weight = points.p
     stress = isotropic(weight)
-    # uniaxial strain: sideways nu/(1 - nu) of the weight, nu = .3
+    # uniaxial strain: the sideways stress is nu/(1 - nu) of the weight, nu = 0.3
     stress[:, [0, 2]] *= 3 / 7
     rest = state(points.scene, points.x, stress=stress)
     assert mean_pressure_error(rest) < 1e-12
@@ -94,7 +94,7 @@ def test_a_box_at_rest_balances_by_its_normal_stress_and_not_by_its_pressure():
 def test_columns_of_different_height_have_their_own_overburden():
     s = scene((10, 20), CELL)
     height = 0.1
-    x = lattice(s, 2, lambda x: x[:, 1] < height + 0.05 * (x[:, 0] > 0.05))
+    x = regular_points(s, 2, lambda x: x[:, 1] < height + 0.05 * (x[:, 0] > 0.05))
     p = RHO_C * 9.8 * (height + 0.05 * (x[:, 0] > 0.05) - x[:, 1])
     heap = state(s, x, stress=isotropic(p))
     assert mean_pressure_error(heap, per_column=True) < 1e-12

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, lattice, scene, state
+from synthetic import RHO_C, regular_points, scene, state
 
 from granular.measure import repose_angle, runout, surface
 
@@ -11,9 +11,9 @@ HALF = 0.2
 
 
 def triangle(*, height=0.2, foot=0.5, top_x=0.0, lower=(0.0, 0.0), shape=(80, 40), fine=4):
-    """A heap falling linearly from `height` at top_x to zero at distance `foot`."""
+    """A heap whose height falls linearly from `height` at top_x to zero at distance `foot`."""
     s = scene(shape, CELL, lower=lower, parameters={"half_width": HALF})
-    x = lattice(s, fine, lambda x: x[:, 1] < height * (1 - abs(x[:, 0] - top_x) / foot))
+    x = regular_points(s, fine, lambda x: x[:, 1] < height * (1 - abs(x[:, 0] - top_x) / foot))
     return state(s, x, per_cell=fine**2)
 
 
@@ -30,10 +30,12 @@ def test_the_steepest_piece_is_found():
     s = scene((80, 60), CELL)
 
     def top(x):
-        # 45 degrees over six columns, atan(.25) elsewhere
+        # 45 degrees over six columns, atan(0.25) elsewhere
         return np.interp(x, [0, 0.2, 0.26, 0.66], [0.21, 0.16, 0.10, 0.0])
 
-    slope = repose_angle(state(s, lattice(s, 8, lambda x: x[:, 1] < top(x[:, 0])), per_cell=64))
+    slope = repose_angle(
+        state(s, regular_points(s, 8, lambda x: x[:, 1] < top(x[:, 0])), per_cell=64)
+    )
     assert slope.largest_deg == pytest.approx(45, abs=2)
     assert slope.mean_deg < 30
 
@@ -41,10 +43,10 @@ def test_the_steepest_piece_is_found():
 def test_the_toe_and_the_quantile_of_a_triangle():
     result = runout(triangle())
     assert result.toe == pytest.approx((0.5 - HALF) / HALF, abs=0.01)
-    # the last thousandth of a triangle's mass lies within sqrt(.001) of its length
+    # the last thousandth of a triangle's mass lies within sqrt(0.001) of its length
     reach = 0.5 * (1 - np.sqrt(1e-3))
     assert result.quantile == pytest.approx((reach - HALF) / HALF, abs=0.02)
-    # the height is dx/4 at .00625 m before the foot, in the column that ends at .50 or .49
+    # the height is dx/4 at 0.00625 m before the foot, in the column that ends at 0.50 or 0.49
     assert result.contiguous == pytest.approx((0.5 - HALF) / HALF, abs=CELL / HALF + 1e-9)
 
 
@@ -58,7 +60,9 @@ def test_a_full_heap_runs_out_as_its_half_does():
 
 def test_an_undisturbed_column_has_not_run_out():
     s = scene((60, 30), CELL, parameters={"half_width": HALF})
-    column = state(s, lattice(s, 4, lambda x: (x[:, 0] < HALF) & (x[:, 1] < 0.1)), per_cell=16)
+    column = state(
+        s, regular_points(s, 4, lambda x: (x[:, 0] < HALF) & (x[:, 1] < 0.1)), per_cell=16
+    )
     result = runout(column)
     assert abs(result.quantile) < CELL / 4 / HALF
     assert result.contiguous == pytest.approx(0, abs=1e-12)
@@ -78,7 +82,9 @@ def test_sprays_change_the_run_out_by_less_than_their_mass():
 def test_a_cone_in_a_quarter_and_whole_runs_out_alike():
     def cone(lower, shape):
         s = scene(shape, 0.05, lower=lower, parameters={"radius": 0.5})
-        inside = lattice(s, 2, lambda x: x[:, 2] < 0.5 * (1 - np.hypot(x[:, 0], x[:, 1]) / 1.0))
+        inside = regular_points(
+            s, 2, lambda x: x[:, 2] < 0.5 * (1 - np.hypot(x[:, 0], x[:, 1]) / 1.0)
+        )
         return state(s, inside, per_cell=8)
 
     quarter = runout(cone((0.0, 0.0, 0.0), (22, 22, 10)))
@@ -90,7 +96,7 @@ def test_a_cone_in_a_quarter_and_whole_runs_out_alike():
 
 def test_a_cone_has_the_height_of_its_mass():
     s = scene((22, 22, 10), 0.05, parameters={"radius": 0.5})
-    x = lattice(s, 2, lambda x: (np.hypot(x[:, 0], x[:, 1]) < 1.0) & (x[:, 2] < 0.3))
+    x = regular_points(s, 2, lambda x: (np.hypot(x[:, 0], x[:, 1]) < 1.0) & (x[:, 2] < 0.3))
     top = surface(state(s, x, per_cell=8))
     assert np.allclose(top.height[2:18], 0.3, rtol=0.15)
     assert np.allclose(top.top[1:18], 0.3)
@@ -98,7 +104,7 @@ def test_a_cone_has_the_height_of_its_mass():
 
 def test_the_surface_by_points_and_by_mass():
     s = scene((4, 6), CELL)
-    x = lattice(s, 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
+    x = regular_points(s, 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
     top = surface(state(s, x))
     assert np.allclose(top.x, [0.005, 0.015, 0.025, 0.035])
     assert np.allclose(top.top[:3], 0.02)
@@ -114,7 +120,7 @@ def test_both_sides_of_a_lopsided_heap():
         right = 0.3 * (1 - (x[:, 0] - 0.5) / 0.4)
         return x[:, 1] < np.minimum(left, right)
 
-    heap = state(s, lattice(s, 4, keep), per_cell=16)
+    heap = state(s, regular_points(s, 4, keep), per_cell=16)
     left, right = np.degrees(np.arctan([0.6, 0.75]))
     assert repose_angle(heap, side="left").mean_deg == pytest.approx(left, abs=0.2)
     assert repose_angle(heap, side="right").mean_deg == pytest.approx(right, abs=0.2)
@@ -131,7 +137,7 @@ def test_the_two_heaps_of_an_hourglass():
         upper = (x[:, 1] >= 0.5) & (x[:, 1] < 0.5 + 0.3 * x[:, 0])
         return lower | upper
 
-    glass = state(s, lattice(s, 4, keep), per_cell=16)
+    glass = state(s, regular_points(s, 4, keep), per_cell=16)
     crater = repose_angle(glass, above=0.5)
     heap = repose_angle(glass, below=0.4)
     assert crater.mean_deg == pytest.approx(np.degrees(np.arctan(0.3)), abs=0.2)
@@ -144,7 +150,7 @@ def test_the_two_heaps_of_an_hourglass():
 def test_bad_heaps_are_refused():
     heap = triangle()
     bare = scene((80, 40), CELL)
-    flat = state(bare, lattice(bare, 2, lambda x: x[:, 1] < 0.1))
+    flat = state(bare, regular_points(bare, 2, lambda x: x[:, 1] < 0.1))
     with pytest.raises(ValueError, match="0 points"):
         runout(state(heap.scene, np.empty((0, 2))))
     with pytest.raises(ValueError, match="half_width = None"):
@@ -163,7 +169,7 @@ def test_bad_heaps_are_refused():
 
 def test_heights_by_mass_follow_the_mass():
     s = scene((4, 8), CELL)
-    x = lattice(s, 2, lambda x: x[:, 1] < 0.02)
+    x = regular_points(s, 2, lambda x: x[:, 1] < 0.02)
     once, twice = (surface(state(s, x, mass=RHO_C * CELL**2 / 4 * f)) for f in (1.0, 2.0))
     assert np.allclose(twice.height, 2 * once.height)
 

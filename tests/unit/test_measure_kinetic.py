@@ -1,8 +1,8 @@
-"""Appendix A on states: packing fraction, neglected pressures, balance of the rebuilt density."""
+"""Appendix A for states: packing fraction, neglected pressures, balance of the rebuilt density."""
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, RHO_S, isotropic, lattice, material, scene, state
+from synthetic import RHO_C, RHO_S, isotropic, material, regular_points, scene, state
 
 from granular.measure import (
     inertial_number,
@@ -17,7 +17,7 @@ CELL = 0.05
 
 def flow(*, shape=(6, 6), p=2000.0, rate=4.0, v=None, periodic=None):
     s = scene(shape, CELL, grains=material(d=D, I0=0.278), periodic=periodic)
-    x = lattice(s)
+    x = regular_points(s)
     speed = None if v is None else v(x)
     fields = {"stress": isotropic(np.full(len(x), p)), "shear_rate": rate}
     return state(s, x, **fields, **({} if v is None else {"v": speed}))
@@ -29,7 +29,7 @@ def test_the_packing_fraction_solves_the_quadratic():
     phi = packing_fraction(points, restitution=e)
     number = inertial_number(points)
     lam = (1 + e) / 2
-    # (A5) with (A6): Phi (4 lam G + 1) = 9/I, G = .63 Phi/(.6 - Phi)
+    # (A5) with (A6): Phi (4 lam G + 1) = 9/I, G = 0.63 Phi/(0.6 - Phi)
     assert np.all(phi > 0.49)
     assert np.allclose(phi * (2.52 * lam * phi / (0.6 - phi) + 1), 9 / number, rtol=1e-9)
     assert np.all(np.diff(phi) < 0)
@@ -101,7 +101,7 @@ def test_the_balance_closes_over_a_periodic_axis_and_in_three_dimensions():
     assert len(mass_balance_error(wave, density="rho").cells) == 24
     assert mass_balance_error(wave, density="rho").relative < 1e-12
     s = scene((4, 4, 4), CELL)
-    x = lattice(s)
+    x = regular_points(s)
     v = np.stack([2 * x[:, 0], -x[:, 1], -0.5 * x[:, 2]], axis=1)
     block = mass_balance_error(state(s, x, v=v, per_cell=8), density="rho")
     assert np.allclose(block.residual, 0.5 * RHO_C)
@@ -109,7 +109,7 @@ def test_the_balance_closes_over_a_periodic_axis_and_in_three_dimensions():
 
 def test_bad_estimates_are_refused():
     s = scene((3, 3), CELL)
-    bare = state(s, lattice(s), stress=isotropic(np.full(36, 10.0)))
+    bare = state(s, regular_points(s), stress=isotropic(np.full(36, 10.0)))
     with pytest.raises(ValueError, match="d = None"):
         packing_fraction(bare, restitution=0.7)
     with pytest.raises(ValueError, match="d = None"):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, RHO_S, XI, isotropic, lattice, material, scene, state
+from synthetic import RHO_C, RHO_S, XI, isotropic, material, regular_points, scene, state
 
 from granular import measure
 from granular.measure import (
@@ -24,7 +24,7 @@ def layer(height=0.2, *, angle_deg=25.0, grains=None, v=None, headroom=4):
     g = 9.8 * np.array([np.sin(angle), -np.cos(angle)])
     rows = round(height / CELL) + headroom
     s = scene((4, rows), CELL, periodic=(True, False), gravity=tuple(g), grains=grains)
-    x = lattice(s, 2, lambda x: x[:, 1] < height)
+    x = regular_points(s, 2, lambda x: x[:, 1] < height)
     p = RHO_C * 9.8 * np.cos(angle) * (height - x[:, 1])
     stress = isotropic(p)
     stress[:, 3] = p * np.tan(angle)

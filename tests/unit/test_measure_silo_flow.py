@@ -1,4 +1,4 @@
-"""Verdicts on made-up silos whose fate is known, and the history of states made by hand."""
+"""Verdicts on made-up silos whose state is known, and the history of states made by hand."""
 
 from types import SimpleNamespace
 
@@ -17,11 +17,11 @@ FULL = RHO_C * 0.595**2
 POINT = RHO_C * 0.0175**2 / 16
 """Mass of one of the paper's points."""
 FLOW = 100.0
-"""kg/s per metre, .41 of free fall."""
+"""Outflow [kg/s per metre], 0.41 of free fall."""
 
 
 def history(velocity, outflow, head=0.5):
-    """Of a velocity and an outflow at every frame."""
+    """History with a velocity and an outflow at every frame."""
     velocity, outflow, head = (np.broadcast_to(a, TIMES.shape) for a in (velocity, outflow, head))
     lost = np.concatenate([[0.0], np.cumsum((outflow[1:] + outflow[:-1]) / 2 * np.diff(TIMES))])
     mass = FULL - lost
@@ -29,7 +29,7 @@ def history(velocity, outflow, head=0.5):
 
 
 def stopped(at):
-    """A flow that stops within a frame, and creeps no more."""
+    """A flow that stops within one frame and does not creep afterwards."""
     return history(np.where(TIMES < at, -0.1, -1e-9), np.where(TIMES < at, FLOW, 0.0))
 
 
@@ -47,7 +47,7 @@ def test_a_steady_flow():
 
 
 def test_a_jam_that_rings_out():
-    """A tenth of a second of flow, then waves of 20 Hz that decay but cross zero to the end."""
+    """A tenth of a second of flow, then decaying waves of 20 Hz that cross zero to the end."""
     sink = -0.3 * np.exp(-TIMES / 0.05)
     ring = 0.02 * np.exp(-TIMES / 0.3) * np.sin(2 * np.pi * 20 * TIMES)
     found = flow_verdict(history(sink + ring, FLOW * np.exp(-TIMES / 0.05)))
@@ -61,7 +61,7 @@ def test_a_jam_that_creeps_at_1e_5_is_static_though_it_never_crosses_zero():
     found = flow_verdict(history(creep, FLOW * np.exp(-TIMES / 0.05)))
     assert (found.verdict, found.published) == ("static", "unsure")
     assert found.last_crossing == 0.0
-    # both are below the floor, that counts for both
+    # both are below the speed floor, which replaces both
     assert found.decay == 1.0
     noisy = creep + 1e-5 * np.random.default_rng(3).standard_normal(len(TIMES))
     assert flow_verdict(history(noisy, 0.0)).verdict == "static"
@@ -75,12 +75,12 @@ def test_a_jam_that_creeps_at_1e_5_is_static_though_it_never_crosses_zero():
     [(0.7, "static"), (1.3, "static"), (1.40, "unsure"), (1.43, "unsure"), (1.46, "unsure")],
 )
 def test_a_flow_that_stops_late(at, verdict):
-    """Judged are 1.35 to 1.425 and 1.425 to 1.5 s."""
+    """The verdict compares 1.35 s to 1.425 s with 1.425 s to 1.5 s."""
     assert flow_verdict(stopped(at)).verdict == verdict
 
 
 def test_half_a_judgement_is_none():
-    """Outflow without sinking, sinking without outflow, a flow that has just begun or is dying."""
+    """Unsure: outflow without sinking, sinking without outflow, flows that just begin or stop."""
     begun = TIMES > 1.0
     assert flow_verdict(history(-1e-5, FLOW)).verdict == "unsure"
     assert flow_verdict(history(-0.1, 0.0)).verdict == "unsure"
@@ -95,14 +95,14 @@ def test_half_a_judgement_is_none():
     assert flow_verdict(late).decay == pytest.approx(0.1 / flow_verdict(late).speed_floor)
     dying = history(-0.4 * np.exp(-TIMES / 0.5), FLOW)
     found = flow_verdict(dying)
-    # half-way is .75 s, the middle of the slower half 1.4625; the rest is of second order
+    # half-way is 0.75 s, the middle of the slower half 1.4625 s; the rest is of second order
     assert found.decay == pytest.approx(np.exp(-0.7125 / 0.5), rel=5e-3)
     assert found.verdict == "unsure"
     assert flow_verdict(dying, persistence=0.2).verdict == "flowing"
 
 
 def test_a_silo_that_drained_has_flowed():
-    """What remains in the corners is at rest, and the paper's rule sees only that."""
+    """The remainder in the corners is at rest, and the paper's rule sees only that."""
     empty = TIMES >= 1.0
     head = np.where(empty, 0.02, 0.5 - 0.3 * TIMES)
     rest = 1e-7 * (-1.0) ** np.arange(len(TIMES))
@@ -121,7 +121,7 @@ def test_a_silo_that_drained_has_flowed():
     ],
 )  # fmt: skip
 def test_the_votes_of_the_published_rule(crossing, lost, published):
-    """One crossing between two frames; so many points lost in each."""
+    """One zero crossing between two frames, and a number of points lost in each."""
     velocity = np.where(TIMES < crossing * 1.5, 0.1, -0.1)
     found = flow_verdict(history(velocity, lost * POINT * 240))
     assert found.last_crossing == pytest.approx(crossing, abs=1 / 360)
@@ -149,9 +149,9 @@ def test_a_velocity_of_nothing_is_no_flow_and_zero_is_a_crossing():
     assert np.isnan(nothing.speed)
     assert np.isnan(nothing.decay)
     assert flow_verdict(history(np.nan, 0.0)).verdict == "unsure"
-    # at rest from the first frame to the last: zero, again and again
+    # at rest from the first frame to the last: every frame is a crossing
     assert flow_verdict(history(0.0, 0.0)).last_crossing == 1.0
-    # that it starts at rest is no crossing
+    # starting at rest is not a crossing
     assert flow_verdict(history(np.where(TIMES > 0, -0.1, 0.0), FLOW)).last_crossing == 0.0
 
 
@@ -171,7 +171,7 @@ def test_the_history_of_states(half):
     assert np.array_equal(found.times, [0.0, 0.5])
     assert np.allclose(found.mass, np.array([8.0, 7.0]) / share)
     assert np.allclose(found.points, np.array([5, 4]) / share)
-    # the third point bears nothing; it is above the opening all the same
+    # the third point is stress-free, but it is above the opening and counts
     assert np.allclose(found.velocity, [(-2 - 0.1 - 6 + 0.5) / 7, (-2 - 0.1 - 6) / 6])
     assert np.allclose(found.head, np.array([7.0, 6.0]) / (RHO_C * share * WIDTH))
     assert (found.width, found.rho_c, found.gravity) == (WIDTH, RHO_C, 9.8)
@@ -181,7 +181,7 @@ def test_the_history_of_states(half):
 
 
 def test_waves_in_a_closed_silo_are_no_flow():
-    """Slower than the window, and far above the floor; but without outflow, and about zero."""
+    """Their period is longer than the window and they exceed the floor, but there is no outflow."""
     wave = 0.04 * np.cos(2 * np.pi * TIMES / 0.27)
     found = flow_verdict(history(wave, 0.0))
     assert found.verdict == "static"
@@ -205,7 +205,7 @@ def test_a_record_of_the_local_law_flows_when_it_is_let(tmp_path):
             assert np.nanmax(line.value) > 0.5 * 1500 * 9.8
     flowing, closed = verdicts
     assert flowing.verdict == "flowing"
-    # Beverloo's C = 1.42 of the opening, which this scene makes two cells wider
+    # Beverloo's C = 1.42 for the opening, which this scene makes two cells wider
     assert flowing.relative_outflow == pytest.approx(1.42 * (0.4 / 0.3) ** 1.5, rel=0.3)
     assert closed.verdict == "static"
     assert closed.outflow == 0.0

@@ -1,4 +1,4 @@
-"""Measures of tools and cylinders, on states and records whose answer is known."""
+"""Measures of tools and cylinders, for states and records whose values are known."""
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ from granular.state import State
 CELL = 0.02
 
 
-def scene_in_space(*bodies, elasticity="hencky", **parameters):
-    """A box of 0.4 x 0.2 x 0.3 m of which two thirds are full."""
+def scene_3d(*bodies, elasticity="hencky", **parameters):
+    """A box of 0.4 m x 0.2 m x 0.3 m, two thirds full."""
     return gr.Scene(
         name="box",
         grid=Grid((0.0, 0.0, -0.2), CELL, (20, 10, 15)),
@@ -30,7 +30,7 @@ def scene_in_space(*bodies, elasticity="hencky", **parameters):
 
 
 def state_of(scene, time=0.0, **fields):
-    """A state of the points of the scene, at rest unless told."""
+    """A state of the points of the scene, at rest by default."""
     points = scene.points()
     n = len(points.x)
     known = {
@@ -49,7 +49,7 @@ def state_of(scene, time=0.0, **fields):
 
 
 def turned(scene, state, law, span):
-    """The state after every point has turned about (0.2, 0.1) by law(r) span."""
+    """State after every point has rotated about (0.2, 0.1) by the angle law(r) span."""
     arm = state.x[:, :2] - [0.2, 0.1]
     r, angle = np.hypot(*arm.T), np.arctan2(arm[:, 1], arm[:, 0])
     angle = angle + law(r) * span
@@ -59,7 +59,7 @@ def turned(scene, state, law, span):
 
 
 def test_profile_in_a_cylinder_is_that_of_the_ways():
-    scene = scene_in_space()
+    scene = scene_3d()
     edges = np.linspace(0.02, 0.1, 5)
     frames = [state_of(scene)]
     for _ in range(3):
@@ -69,15 +69,15 @@ def test_profile_in_a_cylinder_is_that_of_the_ways():
     assert found.omega == pytest.approx(0.5 - 4.0 * found.r, abs=1e-12)
     assert found.speed == pytest.approx(found.omega * found.r)
     assert found.radial == pytest.approx(0.0, abs=1e-12)
-    # mass, within the places of the points; uniform spread of omega in a ring
+    # mean by mass over the range of points; uniform variation of omega in a ring
     area = np.pi * (0.1**2 - 0.02**2)
     assert found.mass.sum() == pytest.approx(area * 0.2 * RHO_C, rel=0.02)
     assert found.spread == pytest.approx(4.0 * 0.02 / np.sqrt(12), rel=0.15)
 
 
 def test_profile_of_a_part_and_of_those_who_stay():
-    """The upper half turns, the lower half does not; a third of the points leaves."""
-    scene = scene_in_space()
+    """The upper half rotates, the lower half does not; a third of the points leaves."""
+    scene = scene_3d()
     first = state_of(scene)
     last = turned(scene, first, lambda r: 0.3 + 0 * r, 0.5)
     below = first.x[:, 2] < -0.1
@@ -100,7 +100,7 @@ def test_profile_knows_the_cylinders_of_its_scene():
 
 
 def test_what_a_profile_refuses():
-    scene = scene_in_space()
+    scene = scene_3d()
     state, late = state_of(scene), state_of(scene, time=1.0)
     profile = gr.measure.cylinder_profile
     with pytest.raises(ValueError, match="states has 1 frame, at least 2"):
@@ -125,7 +125,7 @@ def recorded(tmp_path):
     def run(**parameters):
         motion = Motion(velocity=((0.2, 0.0, -0.1),), angular_velocity=((0.0, 1.0, 0.0),))
         box = Body(Box((0.08, 0.08, 0.08)), (0.2, 0.1, -0.02), motion=motion, friction=0.3)
-        sim = gr.Simulation(scene_in_space(box, **parameters), threads=1)
+        sim = gr.Simulation(scene_3d(box, **parameters), threads=1)
         sim.run(until=0.02, save=tmp_path / "tool.h5", every=0.005, overwrite=True)
         return sim, gr.open(tmp_path / "tool.h5")
 
@@ -160,18 +160,18 @@ def test_history_of_a_wheel(recorded):
     assert found.sinkage == pytest.approx(0.1 * found.times)
 
 
-def test_tools_are_in_space(tmp_path):
+def test_tools_are_in_3d(tmp_path):
     scene = gr.scenes.couette(cell=0.02, pressure=100.0)
     gr.Simulation(scene, threads=1).run(until=0.01, save=tmp_path / "flat.h5", every=0.005)
     with gr.open(tmp_path / "flat.h5") as record:
         for measure in (gr.measure.tool_force, gr.measure.wheel_history):
-            with pytest.raises(ValueError, match="must be one in space"):
+            with pytest.raises(ValueError, match="must be one in"):
                 measure(record)
 
 
 def test_failure_surface_of_a_wedge():
-    """All above the plane z = x - 0.3 moves at 0.05 m/s, and one cell below, in the dark, too."""
-    scene = scene_in_space()
+    """All points above the plane z = x - 0.3 move at 0.05 m/s, and hidden ones one cell below."""
+    scene = scene_3d()
     points = scene.points().x
     moving = points[:, 2] > points[:, 0] - 0.3
     moving |= (points[:, 0] > 0.36) & (points[:, 2] < -0.18)
@@ -182,7 +182,7 @@ def test_failure_surface_of_a_wedge():
     assert found.speed == pytest.approx(0.025)
     assert found.top == pytest.approx(0.0, abs=1e-12)
     wedge = (found.x > 0.12) & (found.x < 0.28)
-    # cells across the plane move by half
+    # cells across the plane move at half the speed
     assert np.abs(found.z - (found.x - 0.3))[wedge].max() <= CELL / 2 + 1e-9
     assert np.isnan(found.z[found.x > 0.32]).all()
     assert found.z[found.x < 0.08] == pytest.approx(-0.2)
@@ -195,15 +195,15 @@ def test_failure_surface_of_a_wedge():
 
 
 def test_elastic_strain_is_that_of_the_stress():
-    """Half of the points with e = diag(-.01, 0, 0), the others without stress."""
-    scene = scene_in_space()
+    """Half of the points with e = diag(-0.01, 0, 0), the others without stress."""
+    scene = scene_3d()
     material = scene.material
     n = scene.n_points
     e = np.array([-0.01, 0.0, 0.0])
     mean = e.sum() / 3
     kirchhoff = 2 * material.G * (e - mean) + material.K * e.sum()
     stress = np.zeros((n, 6))
-    stress[::2, :3] = kirchhoff * np.exp(0.01)  # rho/rho_c = exp(.01)
+    stress[::2, :3] = kirchhoff * np.exp(0.01)  # rho/rho_c = exp(0.01)
     log_density = np.where(np.arange(n) % 2 == 0, 0.01, -0.3)
     states = [state_of(scene, time=t, stress=stress, log_density=log_density) for t in (0.0, 1.0)]
     found = gr.measure.strain_history(states)
@@ -214,12 +214,12 @@ def test_elastic_strain_is_that_of_the_stress():
     assert found.deviation == pytest.approx(0.0, abs=1e-12)
     assert np.isnan(gr.measure.strain_history(state_of(scene)).norm).all()
     with pytest.raises(ValueError, match="elasticity = 'hypoelastic'"):
-        gr.measure.strain_history(state_of(scene_in_space(elasticity="hypoelastic")))
+        gr.measure.strain_history(state_of(scene_3d(elasticity="hypoelastic")))
 
 
 def test_slope_between_parallel_walls():
-    """A heap of z = x/2 - 0.2 along x, whatever y."""
-    scene = scene_in_space()
+    """A heap of z = x/2 - 0.2 along x, independent of y."""
+    scene = scene_3d()
     points = scene.points().x
     keep = points[:, 2] + 0.2 < points[:, 0] / 2
     fields = {name: value[keep].copy() for name, value in state_of(scene).fields.items()}
@@ -232,8 +232,8 @@ def test_slope_between_parallel_walls():
         gr.measure.surface(state, along="y")
 
 
-def test_rings_are_still_the_default_in_space():
-    scene = scene_in_space().replace(
+def test_rings_are_still_the_default_in_3d():
+    scene = scene_3d().replace(
         fills=(Fill(Cylinder((0.2, 0.1, -0.2), 0.1, 0.2), 8),),
     )
     assert len(gr.measure.surface(state_of(scene)).x) != 20

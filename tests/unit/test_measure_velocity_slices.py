@@ -3,19 +3,19 @@
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
-from synthetic import lattice, material, silo, state
+from synthetic import material, regular_points, silo, state
 
 from granular.measure import Opening, VelocitySlices, gaussian_fit, velocity_slices
 
 WIDTH, D = 0.14, 0.028
 B = 0.6 * D
-"""The paper's, at A = 0.5 and W/d = 5."""
+"""Values of the paper at A = 0.5 and W/d = 5."""
 HEIGHTS = np.array([1.5, 2.0, 2.5]) * WIDTH
 GRAINS = material(d=D)
 
 
 def gaussian(x, y, B=B):
-    """Sinking at .3 m/s over the opening and .02 m/s by the walls, as the kinematic model."""
+    """Speed 0.3 m/s over the opening and 0.02 m/s at the walls, as in the kinematic model."""
     return -0.3 * np.sqrt(0.2 / y) * np.exp(-(x**2) / (4 * B * y)) - 0.02
 
 
@@ -25,7 +25,7 @@ def frames(v, *, half=True, cell=0.0175, top=0.56, count=2, left=None, noise=0.0
     random = np.random.default_rng(7)
     found = []
     for k in range(count):
-        x = lattice(s, 4, lambda x: x[:, 1] < top)
+        x = regular_points(s, 4, lambda x: x[:, 1] < top)
         x = x + cell / 4 * random.uniform(-0.5, 0.5, x.shape)
         up = v(x[:, 0] - axis, x[:, 1]) + noise * random.standard_normal(len(x))
         found.append(state(s, x, v=np.stack([0 * up, up], axis=1), per_cell=16, time=k))
@@ -41,14 +41,14 @@ def exact(noise=0.0, seed=1, x=None, d=D):
 
 @pytest.mark.parametrize("half", [True, False])
 def test_slices_of_a_linear_field_are_exact_inside(half):
-    """Also between rows of nodes: 1.53 W lies between the 12th and the 13th."""
+    """The height 1.53 W lies between the 12th and the 13th row of nodes."""
     found = velocity_slices(frames(lambda x, y: 3 * y - 1, half=half, count=40), [1.5, 1.53])
     assert found.frames == 40
     assert found.x[0] == (0.0 if half else pytest.approx(-0.2975))
     assert len(found.x) == (18 if half else 35)
     assert found.d == D
     assert np.allclose(found.heights, [0.21, 0.2142])
-    # irregular points: their centroid is off the node by noise of some hundredths of a cell
+    # irregular points: their centroid is off the node by some hundredths of a cell
     assert found.velocity[0] == pytest.approx(3 * 0.21 - 1, abs=0.004)
     assert found.velocity[1] == pytest.approx(3 * 0.2142 - 1, abs=0.004)
 
@@ -57,7 +57,7 @@ def test_the_error_of_a_slice_is_of_second_order():
     errors = []
     for cell in (0.0175, 0.00875):
         s = silo(half=True, cell=cell, rows=round(0.595 / cell))
-        x = lattice(s, 4)
+        x = regular_points(s, 4)
         v = np.stack([0 * x[:, 0], gaussian(*x.T)], axis=1)
         found = velocity_slices(state(s, x, v=v, per_cell=16))
         expected = gaussian(found.x[None, :], found.heights[:, None])
@@ -87,12 +87,12 @@ def test_the_standard_error_is_that_of_many_tries():
     found = np.array([fit.B for fit in fits])
     assert found.mean() == pytest.approx(B, abs=4 * found.std() / np.sqrt(80))
     assert np.mean([fit.B_error for fit in fits]) == pytest.approx(found.std(), rel=0.2)
-    # 105 places, 7 parameters
+    # 105 positions, 7 parameters
     assert np.mean([fit.rms**2 for fit in fits]) == pytest.approx(0.005**2 * 98 / 105, rel=0.05)
 
 
 def test_the_fit_is_that_of_scipy():
-    """All seven parameters at once, by another method."""
+    """scipy fits all seven parameters at once, by another method."""
     slices = exact(noise=0.01)
     which = np.repeat(np.arange(3), len(slices.x))
     q = np.tile(slices.x, 3) ** 2 / (4 * HEIGHTS[which])
@@ -120,7 +120,7 @@ def test_r_squared_is_about_the_mean_of_each_height():
 
 @pytest.mark.parametrize("half", [True, False])
 def test_a_field_on_points_gives_its_width_back(half):
-    """What averaging about nodes adds to the variance 2 B y is cell**2/6, .7 % at 1.5 W."""
+    """Averaging about nodes adds cell**2/6 to the variance 2 B y, which is 0.7 % at 1.5 W."""
     fit = gaussian_fit(velocity_slices(frames(gaussian, half=half, count=4, noise=0.01)))
     assert pytest.approx(B, rel=0.02) == fit.B
     assert fit.B_over_d == pytest.approx(0.6, rel=0.02)
@@ -142,7 +142,7 @@ def test_an_axis_at_the_right_and_a_width_that_is_not_as_the_height():
 
 
 def test_the_highest_row_with_material_needs_none_above():
-    """.56 m is the 32nd row of nodes and 4 W; .595 m is the last one."""
+    """0.56 m is the 32nd row of nodes and 4 W; 0.595 m is the last row."""
     assert np.isfinite(velocity_slices(frames(gaussian), [4.0]).velocity).all()
     full = velocity_slices(frames(gaussian, top=1.0), [4.25])
     assert np.isfinite(full.velocity).all()

@@ -1,4 +1,4 @@
-"""The nonlocal law in a simulation: what it is without fluidity, its bits, its limits."""
+"""The nonlocal law in a simulation: its local limit, its bits, its stability limits."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ METHODS = ["explicit", "implicit", "rkl2"]
 
 
 def silo(method="implicit", substeps=1, seed=None, cell=0.035, dt=5e-4, **options):
-    """A soft silo of a few hundred cells that flows, some 0.6 m high."""
+    """A soft silo of a few hundred cells that flows, about 0.6 m high."""
     scheme = HATS.replace(dt=dt, fluidity=Fluidity(method=method, substeps=substeps, initial=seed))
     grains = gr.materials.silo_grains.replace(E=2e5, t0=1e-3)
     given = {"A": 0.1, "width": 0.56, "height": 0.56, "points_per_cell": 4, "material": grains}
@@ -63,7 +63,7 @@ def test_a_record_has_a_fluidity_only_of_a_nonlocal_law(tmp_path):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_local_phase_is_the_local_law_and_seeds_the_fluidity(method):
-    """Until 10 t0 the state of mu(I), and g = gdot/mu; from then on another."""
+    """Until 10 t0 the state is that of mu(I), with g = gdot/mu; afterwards it differs."""
     scene = silo(method, A=0.05)
     grains = scene.material
     local = gr.materials.MuI(
@@ -83,11 +83,11 @@ def test_the_local_phase_is_the_local_law_and_seeds_the_fluidity(method):
     p = -stress[:, :3].sum(axis=1) / 3
     tau = np.sqrt(((stress[:, :3] + p[:, None]) ** 2).sum(axis=1) / 2 + stress[:, 3] ** 2)
     np.testing.assert_allclose(g[flows], rate[flows] * p[flows] / tau[flows], rtol=1e-8)
-    # nothing comes of nothing, short of the friction that a step cannot exceed
+    # fluidity does not grow from zero below the friction that bounds a step
     assert not run(silo(seed=0.0, cell=0.07), 1).state.fields["g"].any()
 
 
-def test_what_bears_nothing_has_no_fluidity():
+def test_what_is_stress_free_has_no_fluidity():
     sim = run(silo(seed=1.0), 300)
     state = sim.state
     free = ~state.stress.any(axis=1)
@@ -102,7 +102,7 @@ def test_what_bears_nothing_has_no_fluidity():
 
 @pytest.mark.parametrize("method", METHODS)
 def test_threads_and_cuts_give_the_same_bits(method):
-    """On a lattice of nine chunks of 512 cells, so that the diffusion is shared out."""
+    """Nine chunks of 512 cells are needed for threads to share the diffusion."""
     scene = silo(method, 2, seed=1.0, cell=0.00875, dt=5e-5, A=0.05, width=0.595, height=1.05)
     assert np.prod(scene.grid.shape) > 8 * 512
     expected = bits(run(scene, 12))
@@ -112,7 +112,7 @@ def test_threads_and_cuts_give_the_same_bits(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_restarts_frames_and_threads_do_not_matter(method, tmp_path):
-    """Over the end of the local phase, and in flow; the balance is in the checkpoint."""
+    """The restart is at the end of the local phase or in flow; the checkpoint holds the balance."""
     scene = silo(method, 2, dt=2.5e-4)
     whole = run(scene, 120)
     assert ("g_gain" in whole.checkpoint().arrays) == (method == "implicit")
@@ -147,7 +147,7 @@ def test_fused_and_separate_stages_have_the_same_bits(method, substeps):
 
 
 def fluidity_after(substeps, **options):
-    """g of the points after five steps, in which strains are some 1e-5."""
+    """g of the points after five steps, in which strains are about 1e-5."""
     grains = gr.materials.silo_grains.replace(E=2e6, t0=1e-3, **options)
     state = run(silo("implicit", substeps, 1.0, material=grains, A=0.3, dt=2e-4), 5).state
     return state.fields["g"][np.argsort(state.fields["id"])]
@@ -155,12 +155,12 @@ def fluidity_after(substeps, **options):
 
 @pytest.mark.parametrize("rheology", ["mu_I", "linear_mu_I"])
 def test_substeps_converge_and_are_those_of_small_strains(rheology):
-    """Both elasticities go their own paths through the substeps."""
+    """Each elasticity has its own way through the substeps; at small strain the results agree."""
     hencky = {"elasticity": "hencky", "rheology": rheology}
     g = {n: fluidity_after(n, **hencky) for n in (1, 2, 4, 32)}
     off = [abs(g[n] - g[32]).sum() / g[32].sum() for n in (1, 2, 4)]
     assert 0.002 < off[2] < off[1] / 1.8 < off[0] / 3 < 0.01
-    if rheology == "mu_I":  # the other has no hypoelastic form
+    if rheology == "mu_I":  # the other rheology has no hypoelastic form
         for n in (1, 4):
             small = fluidity_after(n)
             assert abs(small - g[n]).sum() <= 3e-5 * g[n].sum()
@@ -170,7 +170,7 @@ def test_substeps_converge_and_are_those_of_small_strains(rheology):
 
 
 def still(dim, dt, method="explicit", substeps=1):
-    """A block on rough ground in a box with smooth sides, 8 cells wide."""
+    """A block on no-slip ground in a box with free-slip sides, 8 cells wide."""
     last, n = dim - 1, 8
     size = 0.1 * n
     return gr.Scene(
@@ -213,15 +213,16 @@ def test_a_point_that_is_not_a_number_is_named(name, method):
     with pytest.raises(gr.SimulationError) as error:
         sim.step(5)
     assert 10 <= error.value.step <= 12
-    assert error.value.point >= 0  # where nothing has to converge, the first that it has reached
+    assert error.value.point >= 0  # without iterations, the first such point that is reached
     if name == "g" and method == "implicit":
         assert error.value.point == 37
     assert "converge" not in str(error.value)
 
 
 def test_the_means_of_the_cells_are_those_of_dense_points():
-    """Diffusion that reaches nothing in a step leaves g* = the mean by mass of dense points."""
-    grains = gr.materials.silo_grains.replace(E=2e5, t0=1e3)  # no reaction in a step either
+    """With negligible diffusion g* is the mean by mass over the dense points of a cell."""
+    # the reaction is negligible in a step, too
+    grains = gr.materials.silo_grains.replace(E=2e5, t0=1e3)
     sim = run(silo("explicit", seed=1.0, material=grains, A=1e-6), 100)
     rng, ids = np.random.default_rng(1), sim.buffers["id"]
     living = ids >= 0
@@ -259,11 +260,11 @@ def walled(*walls, periodic=(False, False)):
     )
 
 
-def test_only_rough_walls_hold_the_fluidity():
+def test_only_no_slip_walls_hold_the_fluidity():
     faces = fluidity_faces(walled(Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"),
                                   Wall(0, 0.4, kind="coulomb", friction=0.3)))  # fmt: skip
     expected = np.full((4, 3, 4), FACE_LINK)
-    expected[2, 0] = FACE_ROUGH  # low side along y
+    expected[2, 0] = FACE_ROUGH  # lower side along y
     expected[0, :, 0] = expected[1, :, -1] = FACE_OPEN
     np.testing.assert_array_equal(faces, expected)
 
@@ -278,13 +279,13 @@ def test_walls_inside_blocks_and_openings():
     faces = fluidity_faces(scene)
     assert (faces[3, 0] == [FACE_ROUGH, FACE_ROUGH, FACE_LINK, faces[3, 0, 3]]).all()
     assert (faces[2, 1, :3] == [FACE_ROUGH, FACE_ROUGH, FACE_LINK]).all()
-    # the block, from outside: above, below, and through the periodic end from the left
+    # faces of the block, from outside: above, below, and through the periodic end from the left
     kind = FACE_ROUGH if scene.walls[2].kind == "no_slip" else FACE_OPEN
     assert (faces[2, 2, 3], faces[3, 0, 3], faces[1, 1, 2]) == (kind, kind, kind)
     assert faces[0, 0, 0] == faces[1, 0, 3] == FACE_LINK
     flags = cell_flags(scene)
     assert flags[1, 3] & 1 and not flags[0, 0] & 1  # the block is solid
-    assert flags[0, 0] & 4 << 3 and flags[1, 0] & 4 << 2  # the wall from below and above
+    assert flags[0, 0] & 4 << 3 and flags[1, 0] & 4 << 2  # the wall, from below and above
     assert flags[0, 2] & 2  # near the opening
 
 

@@ -1,4 +1,4 @@
-"""Notebooks run as they are, with the interpreter of the tests, and are stored without outputs."""
+"""Notebooks run unchanged with the interpreter of the tests and are stored without outputs."""
 
 import json
 import os
@@ -10,13 +10,13 @@ import pytest
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
 
-# Warnings of the machinery of notebooks are not ours; the kernel is a process of its own.
+# Warnings of the notebook machinery are not checked; the kernel is a separate process.
 pytestmark = pytest.mark.filterwarnings("default")
 
 
 @pytest.fixture
 def kernel(tmp_path, monkeypatch):
-    """A kernel of this very interpreter, known to no one else."""
+    """A kernel of the running interpreter, not registered anywhere else."""
     folder = tmp_path / "kernels" / "here"
     folder.mkdir(parents=True)
     command = [sys.executable, "-m", "ipykernel_launcher", "-f", "{connection_file}"]
@@ -25,7 +25,7 @@ def kernel(tmp_path, monkeypatch):
     monkeypatch.setenv("JUPYTER_PATH", str(tmp_path))
     monkeypatch.setenv("JUPYTER_RUNTIME_DIR", str(tmp_path / "runtime"))
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))
-    # The kernel starts in the folder of notebooks and must find the package the tests found.
+    # The kernel starts in the folder of notebooks and must import the package that the tests use.
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, sys.path)))
     return "here"
 

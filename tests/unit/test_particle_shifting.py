@@ -1,4 +1,4 @@
-"""The shift out of crowded places, at walls."""
+"""Particle shifting out of over-compressed regions, at walls."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from granular.mpm.cell_codes import FLAG_WALL, cell_flags
 
 CELL = 0.1
 WALL = 3 * CELL
-"""Where the inner wall of the scene "walls" stands, up to two cells above the floor."""
+"""Position of the inner wall of the scene "walls", which is up to two cells high."""
 
 
 @pytest.mark.parametrize("distance", [1e-4, 1e-12])
@@ -19,7 +19,7 @@ WALL = 3 * CELL
     ids="-".join,
 )
 def test_the_shift_carries_no_point_through_an_inner_wall(small_scene, combination, dim, distance):
-    """Points at a wall, with more crowded ones behind them that shift them towards it."""
+    """Over-compressed points behind the points at a wall shift these towards it."""
     scene = small_scene("walls", dim, combination)
     sim = disturbed(scene)
     at, buffers = living(sim), sim.buffers
@@ -29,7 +29,8 @@ def test_the_shift_carries_no_point_through_an_inner_wall(small_scene, combinati
     assert min((side > 0).sum(), (side < 0).sum()) >= 3
     x[beside] = WALL + side * distance * CELL
     ids = buffers["id"][beside]
-    buffers["mass"][0, at] *= np.where(np.isin(at, beside), 0.5, 1.8)  # crowded but at the wall
+    # over-compressed except at the wall
+    buffers["mass"][0, at] *= np.where(np.isin(at, beside), 0.5, 1.8)
 
     sim.step(1)
     state = sim.state
@@ -40,7 +41,7 @@ def test_the_shift_carries_no_point_through_an_inner_wall(small_scene, combinati
 
 
 def test_faces_of_blocks_hold_the_shift_as_walls_do(small_scene):
-    """The cells around a block of one cell know on which side it is."""
+    """The cells around a block of one cell know on which side the block is."""
     base = small_scene("periodic", 2, ("quadratic", "tpic", "smoothed"))
     low, cell = np.array(base.grid.lower), base.grid.cell
     block = gr.mpm.walls.Solid(tuple(low + 2 * cell), tuple(low + 3 * cell))

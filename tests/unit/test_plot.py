@@ -1,4 +1,4 @@
-"""Pictures: values and scales, what is drawn where, movies."""
+"""Pictures: values and scales, positions of what is drawn, movies."""
 
 import stat
 
@@ -24,7 +24,7 @@ def small(**parameters):
 
 
 def moved(scene, **fields):
-    """The initial state of a scene with some fields replaced."""
+    """Initial state of a scene with some fields replaced."""
     start = gr.Simulation(scene, threads=1).state
     kept = {name: array.copy() for name, array in start.fields.items()}
     return gr.State(scene=scene, time=0.5, step=1, dt=1e-4, fields=kept | fields)
@@ -86,7 +86,7 @@ def test_frame_draws_every_point_where_it_is_in_its_true_size(state):
     ax = figure.axes[0]
     (points,) = ax.collections
     assert np.array_equal(points.get_offsets(), state.x)
-    # 4 points a cell of .05 m are .025 m apart; discs that reach across leave no gaps.
+    # 4 points per cell of 0.05 m are 0.025 m apart; overlapping discs leave no gaps.
     assert points.get_widths()[0] == pytest.approx(np.sqrt(2) * 0.025)
     assert ax.get_title() == "t = 0.5 s"
     assert figure.axes[1].get_ylabel() == "pressure [Pa]"
@@ -106,7 +106,7 @@ def test_a_picture_shows_itself(state):
 
 
 def test_the_middle_of_a_picture_has_the_colour_of_its_value(state):
-    """Pixels are where the points are: material in the lower left, none in the upper right."""
+    """Pixels lie where the points are: material in the lower left, none in the upper right."""
     figure = plot.frame(state, np.ones(state.n), limits=(0.0, 1.0), cmap="viridis")
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
@@ -189,7 +189,7 @@ def test_bad_views_are_refused(solid, options, message):
 
 
 def falling(n=4):
-    """States that fall by two points' spacings a frame."""
+    """States that fall by two point spacings per frame."""
     scene = small()
     start = gr.Simulation(scene, threads=1).state
     return [moved(scene, x=start.x + np.array([0.05 * k, 0.0])) for k in range(n)]
@@ -213,7 +213,7 @@ def test_movie_has_a_picture_for_each_frame_that_moves(tmp_path):
         material = (abs(axes - [68, 1, 84]) < 12).all(axis=2)
         assert material.sum() > 1000
         middle.append(np.nonzero(material)[1].mean())
-    # The same way from frame to frame, to a pixel.
+    # the same motion from frame to frame, to a pixel
     assert np.diff(middle) == pytest.approx(np.full(3, np.diff(middle).mean()), abs=1.5)
     assert middle[1] - middle[0] > 5
     assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
@@ -268,7 +268,7 @@ def test_mp4_without_ffmpeg_says_so(tmp_path, monkeypatch):
 
 @pytest.fixture
 def ffmpeg(tmp_path, monkeypatch):
-    """A stand-in that keeps the raw pictures, or fails."""
+    """A stand-in for ffmpeg that keeps the raw pictures, or fails."""
 
     def install(script):
         folder = tmp_path / "bin"

@@ -1,4 +1,4 @@
-"""The figures of the paper: panels, curves and numbers are those that were given."""
+"""Figures of the paper: panels, curves and numbers are those that were given."""
 
 from itertools import pairwise
 
@@ -63,7 +63,7 @@ def test_panels_of_a_figure_have_the_shape_of_what_they_show_and_do_not_overlap(
             boxes.append(box)
     boxes += [bar.get_position() for bar in bars]
     first, second = boxes[:2]
-    # .2 m enlarged three times beside 1 m.
+    # 0.2 m enlarged three times beside 1 m
     assert second.width / first.width == pytest.approx(0.6)
     for i, box in enumerate(boxes):
         assert 0.0 <= box.x0 < box.x1 <= 1.0
@@ -82,7 +82,7 @@ def test_figure_2_gives_each_column_the_same_width_and_the_static_angle():
     for ax in panels[2:]:
         (x0, x1), (y0, y1) = ax.lines[-1].get_data()
         assert (y1 - y0) / (x0 - x1) == pytest.approx(SOFT.mu_s)
-        # The last points of a block .2 m wide are half a spacing inside; 16 a cell of .05 m.
+        # The last points of a block 0.2 m wide are half a spacing inside; 16 per cell of 0.05 m.
         assert x0 == pytest.approx(0.2 - 0.05 / 8)
 
 
@@ -167,7 +167,7 @@ def test_figure_5_draws_the_fit_and_the_rates():
 
 
 def test_the_ticks_of_all_orifices_and_aspects_can_be_read():
-    """Those of the scripts; labels that run into each other are no labels."""
+    """Tick labels of the scripts must not overlap."""
     orifices = np.arange(6, 21, 2) / 100
     fit = measure.beverloo(orifices, theory.beverloo_rate(orifices, 1500.0), rho=1500.0)
     times = np.linspace(0, 5, 50)
@@ -198,7 +198,7 @@ def test_figure_9_draws_friction_speed_and_acceleration():
 
 
 def test_figure_9_draws_where_flows_end():
-    """tan(angle) in the range of steady flow, mu_2 and the rest of gravity beyond."""
+    """Shows tan(angle) in the range of steady flow; beyond it mu_2 and the remaining gravity."""
     flows = [flow(19.0, 0.0), flow(25.0, 0.3), flow(34.0, 0.6)]
     left, _, right = plot.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
     dotted = [line.get_ydata()[0] for line in left.lines if line.get_linestyle() == ":"]
@@ -209,7 +209,7 @@ def test_figure_9_draws_where_flows_end():
 
 
 def test_figure_10_draws_speeds_at_their_time_and_the_profile_at_its_own():
-    """Flows up to 2 s, a profile at 6 s."""
+    """Flows are shown up to 2 s, a profile at 6 s."""
     left, right = plot.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)).axes
     lines = {line.get_label(): line for line in left.lines}
     expected = [
@@ -221,7 +221,7 @@ def test_figure_10_draws_speeds_at_their_time_and_the_profile_at_its_own():
 
 
 def incline(time):
-    """A state whose velocity is the Bagnold profile, and whose stress has a friction of 0.45."""
+    """State with the Bagnold velocity profile and stresses of friction 0.45."""
     scene = gr.scenes.incline(angle_deg=25.0, cell=0.02, material=SOFT)
     start = gr.Simulation(scene, threads=1).state
     v = np.zeros_like(start.x)

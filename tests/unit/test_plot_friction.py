@@ -1,4 +1,4 @@
-"""Figures of the friction law: what is drawn is what was given."""
+"""Figures of the friction law show the data they are given."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ INERTIAL = (0.01, 0.1, 0.2, 0.5, 1.0)
 
 
 def flows(sliding=1.0):
-    """Isotropic normal stress, so that friction is that of the invariants."""
+    """Flows with isotropic normal stress, so that friction is that of the invariants."""
     one = SteadyShear(
         inertial_number=0.1,
         shear_rate=1.0,
@@ -54,7 +54,7 @@ def texts(figure):
 
 
 def markers(ax):
-    """Ordinates of what is drawn with markers."""
+    """Ordinates of the data drawn with markers."""
     return [line.get_ydata() for line in ax.get_lines() if line.get_marker() not in ("", "None")]
 
 

@@ -1,4 +1,4 @@
-"""Pictures in space: what is on them, of a state, a run and a record, and what is refused."""
+"""3D pictures: their content for a state, a run and a record, and refused input."""
 
 import sys
 
@@ -25,7 +25,7 @@ def pixels(path):
 
 
 def parts(picture):
-    """Shares of the picture that bodies (grey in any light) and points (coloured) cover."""
+    """Fractions of the picture covered by bodies (grey in any light) and points (coloured)."""
     low, high = picture.min(axis=2), picture.max(axis=2)
     grey = (high - low < 0.06) & (high < 0.85) & (low > 0.2)
     return grey.mean(), (high - low > 0.15).mean()
@@ -48,7 +48,8 @@ def test_points_and_bodies_are_there(sim, tmp_path):
         assert picture.shape == (240, 320, 3)
         shares[name] = parts(picture)
     assert shares["all"] == shares["state"]
-    assert shares["all"][0] > shares["no_bodies"][0] + 0.01  # a blade of 1:9 in a quarter of it
+    # a blade of aspect ratio 1:9 in a quarter of the picture
+    assert shares["all"][0] > shares["no_bodies"][0] + 0.01
     assert shares["all"][1] > 0.05
     assert shares["slice"][1] < 0.8 * shares["all"][1]
 
@@ -90,7 +91,7 @@ def test_bad_arguments_are_named(sim, tmp_path, options, error, message):
         gr.plot.view(sim.state, tmp_path / "x.png", bodies=sim.bodies * 2)
 
 
-def test_the_plane_is_refused(tmp_path):
+def test_2d_is_refused(tmp_path):
     pytest.importorskip("pyvista")
     flat = gr.Simulation(gr.scenes.column_collapse(cell=0.05), threads=1)
     with pytest.raises(ValueError, match="source of dimension 2 must have 3"):

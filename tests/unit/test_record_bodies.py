@@ -13,7 +13,7 @@ from granular.record.surfaces import surface
 
 
 def bodies_of(dim):
-    """One of each kind, some of them moving."""
+    """One body of each kind, some of them moving."""
     turning = (0.0, 3.0) if dim == 2 else ((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
     velocity = ((0.0,) * dim, (0.5,) * dim)
     motion = Motion(times=(0.0, 0.05), velocity=velocity, angular_velocity=turning)
@@ -52,7 +52,7 @@ def recorded(tmp_path):
 
 
 def moved(body, numbers, dim):
-    """The body as if it began where it is in a frame."""
+    """The body as if it started from its position in a frame."""
     from scipy.spatial.transform import Rotation
 
     turn = Rotation.from_quat(numbers[[4, 5, 6, 3]]).as_rotvec(degrees=True)
@@ -83,19 +83,19 @@ def test_paraviews_reader_sees_the_bodies_where_they_are(recorded, tmp_path, dim
             for k, body in enumerate(record.scene.bodies):
                 ids = set()
                 for c in np.flatnonzero(owner == k):
-                    cell = data.GetCell(int(c))  # the same object for the next one
+                    cell = data.GetCell(int(c))  # the reader reuses this object for the next cell
                     ids |= {cell.GetPointId(j) for j in range(cell.GetNumberOfPoints())}
                 x = np.array([data.GetPoint(j) for j in sorted(ids)])
                 at = np.ascontiguousarray(x[:, :dim])
                 distance, _ = moved(body, record.bodies[i, k], dim).distance(at)
-                # of strips in the plane the far side is in the solid
+                # the far side of 2D strips is in the solid
                 assert distance.max() == pytest.approx(0.0, abs=1e-9)
                 if dim == 3 and k != 0:
                     assert np.abs(distance).max() < 1e-9
 
 
 def test_faces_of_a_box_are_its_sides(recorded, tmp_path):
-    """Each in one plane, all six together as large as the surface."""
+    """Each face lies in one plane, and all six together have the area of the box."""
     vtk_io = pytest.importorskip(
         "vtkmodules.vtkIOHDF", reason="needs the extra 'paraview' (the vtk wheel)"
     )
@@ -115,7 +115,7 @@ def test_faces_of_a_box_are_its_sides(recorded, tmp_path):
 
 
 def test_a_mesh_is_drawn_as_it_is():
-    """Its own triangles beside a box, in a union too."""
+    """A mesh is drawn with its own triangles, also in a union with a box."""
     corner = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     faces = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
     mesh = Mesh(corner, faces, spacing=0.1)

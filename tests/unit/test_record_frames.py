@@ -1,4 +1,4 @@
-"""What goes into a record comes out of it, to the last bit, here and in ParaView's reader."""
+"""A record returns what was written to the last bit, here and in the reader of ParaView."""
 
 import json
 import sys
@@ -15,7 +15,7 @@ from granular.record.chunks import Packed, Packer
 
 @dataclass(frozen=True)
 class SceneDouble:
-    """The two members of a Scene that a record uses."""
+    """Stand-in with the two members of a Scene that a record uses."""
 
     name: str = "heap"
 
@@ -29,7 +29,7 @@ class SceneDouble:
 
 @dataclass(frozen=True, kw_only=True)
 class StateDouble:
-    """The members of a State that a record uses."""
+    """Stand-in with the members of a State that a record uses."""
 
     scene: SceneDouble
     time: float
@@ -40,7 +40,7 @@ class StateDouble:
 
 @pytest.fixture(autouse=True)
 def doubles(monkeypatch):
-    """The record is tested by itself, without the scene and the state of the package."""
+    """Test the record by itself, without the scene and the state of the package."""
     for name, attribute, double in (
         ("granular.serializable", "Serializable", SceneDouble),
         ("granular.state", "State", StateDouble),
@@ -84,7 +84,7 @@ def assert_same(got, expected):
         assert stored.tobytes() == array.tobytes(), name
 
 
-# points leave, arrive, vanish; 40000 exceeds the longest chunk
+# points leave, arrive and vanish; 40000 exceeds the largest chunk
 COUNTS = ([50, 50, 47, 1, 0, 60, 200], [0, 3], [40000, 33000, 12])
 
 
@@ -226,7 +226,7 @@ def test_nothing_waits_for_long(tmp_path, monkeypatch):
         writer.store(may_wait=True)
         assert stored() == 1
         now += 0.2
-        writer.store(may_wait=True)  # a run asks so between two frames, too
+        writer.store(may_wait=True)  # a run also asks between two frames
         assert stored() == 3
         with open_trajectory(tmp_path / "a.h5") as record:
             assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
@@ -242,7 +242,7 @@ def test_nothing_waits_for_long(tmp_path, monkeypatch):
 
 def test_no_more_waits_than_memory_is_meant_for(tmp_path, monkeypatch):
     monkeypatch.setattr("granular.record.writer.time.monotonic", lambda: 100.0)
-    frame = 9000  # bytes at least: 100 points with 10 columns of noise, and zeros and masses
+    frame = 9000  # at least these bytes: 100 points with 10 columns of noise, and zeros and masses
     monkeypatch.setattr("granular.record.writer.WAITING_BYTES", 5 * frame)
     most = 0
     with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
@@ -270,7 +270,7 @@ def test_what_waits_is_a_copy(tmp_path):
 
 
 def test_columns_that_change_their_nature_come_back_as_they_were():
-    """What was constant becomes noise and is constant again, for frames enough to be looked at."""
+    """A column is constant, then noise, then constant, for enough frames to be examined again."""
     rng, packer, n = np.random.default_rng(0), Packer(), 300
     noise = [rng.random(n) for _ in range(Packer.PATIENCE + 2)]
     same, zero = np.full(n, 0.1), np.where(np.arange(n) == 7, -0.0, 0.0)
@@ -282,7 +282,7 @@ def test_columns_that_change_their_nature_come_back_as_they_were():
 
 @pytest.mark.parametrize("value", [np.nan, -np.nan, -0.0, np.inf])
 def test_strange_numbers_survive_a_segment(tmp_path, value):
-    """JSON, of which the headers of segments are made, would lose the sign of a nan."""
+    """JSON, in which the headers of segments are written, would lose the sign of a NaN."""
     scalars = {"strange": float(value)}
     point = Checkpoint(time=1.0, step=10, dt=1e-3, scalars=scalars, arrays={})
     state = make_state(1, 5, mass=np.full(5, value))
@@ -332,7 +332,7 @@ def test_frames_must_advance_and_agree(tmp_path):
         assert writer.frames == 0
         assert writer, "callers ask `if writer:`"
         writer.append(make_state(1, 5))
-        writer.append(make_state(1, 5))  # the same again: taken for the recorded one
+        writer.append(make_state(1, 5))  # the same frame again counts as the recorded one
         assert writer.frames == 1
         for step in (10, 5):
             late = StateDouble(**(make_state(3, 5).__dict__ | {"step": step}))
@@ -359,7 +359,7 @@ def test_resume_appends_and_recognises_frames_made_again(tmp_path):
             writer.append(state)
         writer.checkpoint(make_checkpoint())
     with TrajectoryWriter.resume(path) as writer:
-        for state in states[2:]:  # the checkpoint was before frame 2
+        for state in states[2:]:  # the checkpoint was made before frame 2
             writer.append(state)
     with open_trajectory(path) as record:
         for got, expected in zip(record, states, strict=True):
@@ -387,7 +387,7 @@ def test_a_different_frame_supersedes_what_followed(tmp_path, close):
 
 
 def test_a_frame_with_gas_supersedes_the_same_without(tmp_path):
-    """And is recognised when it is made again."""
+    """The frame is also recognised when it is made again."""
     path, states = tmp_path / "a.h5", [make_state(i, 20) for i in range(3)]
     write(path, states)
     gas = {"x": np.random.default_rng(3).random((7, 2)), "mass": np.ones(7)}

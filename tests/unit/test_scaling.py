@@ -1,4 +1,4 @@
-"""Froude scaling: the same flow at another size, to the last bit at powers of two."""
+"""Froude scaling: the same flow at another size, to the last bit for powers of two."""
 
 import dataclasses
 import math
@@ -26,8 +26,8 @@ FIELDS = {
 }
 
 
-def in_space():
-    """A blade that is pushed, turned and free to sink, in a silo that drains."""
+def scene_3d():
+    """A 3D silo that drains, with a blade that is pushed, rotated and free to sink."""
     motion = Motion(
         times=(0.0, 0.1),
         velocity=((0.0, 0.0, 0.0), (0.1, 0.0, -0.3)),
@@ -48,8 +48,8 @@ def in_space():
     return scene.replace(bodies=(blade,))
 
 
-def in_the_plane():
-    """Everything else that has a length or a time."""
+def scene_2d():
+    """A 2D scene with all other parts that have a length or a time."""
     shapes = (Cylinder(0.05, center=(0.0, 0.1)), Box((0.1, 0.1), rotation_deg=20.0))
     region = Difference(Region((0.0, 0.0), (0.8, 0.4)), Disc((0.4, 0.4), 0.1))
     return gr.Scene(
@@ -74,7 +74,7 @@ def in_the_plane():
     )
 
 
-@pytest.mark.parametrize("make", [in_space, in_the_plane])
+@pytest.mark.parametrize("make", [scene_3d, scene_2d])
 def test_the_same_flow_to_the_last_bit(make):
     scene, ratio = make(), Froude(1 / 4)
     dim = scene.dim
@@ -104,7 +104,7 @@ def test_the_same_flow_to_the_last_bit(make):
 
 
 def test_there_and_back():
-    scene = in_the_plane()
+    scene = scene_2d()
     back = Froude(16.0).scene(Froude(1 / 16).scene(scene))
     assert back.parameters["froude_length"] == 1.0
     assert back.replace(parameters=scene.parameters) == scene
@@ -112,7 +112,7 @@ def test_there_and_back():
 
 
 def test_factors_are_those_of_dimensions():
-    """Of m, kg, s at one gravity and one density: [time^2] = [length], [mass] = [length^3]."""
+    """Factors of m, kg, s: at one gravity and density [time^2] = [length], [mass] = [length^3]."""
     ratio = Froude(0.36)
     f = {name: ratio.factor(name) for name in POWERS}
     assert (f["length"], f["time"]) == pytest.approx((0.36, 0.6))
@@ -127,7 +127,7 @@ def test_factors_are_those_of_dimensions():
     assert f["power"] == pytest.approx(f["energy"] / f["time"])
     assert f["rate"] == f["angular_velocity"] == pytest.approx(1 / f["time"])
     assert ratio.factor("force", dim=2) == pytest.approx(f["force"] / f["length"])
-    # the scripts behind the paper: time and velocity x 1/2, omega x 2, force x 1/64
+    # the scripts of the paper: time and velocity x 1/2, omega x 2, force x 1/64
     quarter = Froude(0.25)
     factors = [quarter.factor(q) for q in ("time", "velocity", "angular_velocity", "force")]
     assert factors == [0.5, 0.5, 2.0, 1 / 64]
@@ -181,7 +181,7 @@ NUMBERS = {
         "h3_deg",
     ),
 }
-"""Fields without a dimension, or that gravity and density leave as they are (xi by itself)."""
+"""Fields without a dimension, or determined by gravity and density alone (xi by itself)."""
 
 
 def test_every_number_of_a_scene_was_thought_of():
@@ -212,4 +212,4 @@ def test_bad_quantities():
         pass
 
     with pytest.raises(TypeError, match="cannot be scaled"):
-        Froude(0.25).scene(in_the_plane().replace(material=Odd()))
+        Froude(0.25).scene(scene_2d().replace(material=Odd()))

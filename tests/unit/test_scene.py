@@ -27,7 +27,7 @@ PARTS = {
 
 
 def rich_scene() -> Scene:
-    """Every kind of part, with numbers that have no short decimal form."""
+    """A scene with every kind of part, with numbers that have no short decimal form."""
     third = 1.0 / 3.0
     cylinder = Cylinder((third, third, 0.0), third / 2, 0.1 + 0.2)
     ball = Disc((0.8, 0.8, 0.8), 0.1)
@@ -59,7 +59,7 @@ def test_json_round_trip_of_every_part():
     again = Scene.from_json(text)
     assert text.isascii()
     assert again == scene and hash(again) == hash(scene)
-    # repr of a float is unique to its bits, and tells 1 from 1.0 from True and 0.0 from -0.0
+    # repr of a float is unique to its bits, and distinguishes 1, 1.0 and True, and 0.0 and -0.0
     assert repr(again) == repr(scene) and again.to_json() == text
 
 

@@ -1,4 +1,4 @@
-"""The ready scenes: mass, walls and openings against what the paper gives."""
+"""Scene functions: mass, walls and openings against the values of the paper."""
 
 import inspect
 import math
@@ -22,7 +22,7 @@ def mass(scene):
 
 
 def fixed_along_y(scene, y, time=0.0):
-    """x [m] of the nodes at height y, and whether their vertical component is held at `time`."""
+    """x [m] of the nodes at height y, and a mask of those fixed vertically at `time`."""
     codes, rows = node_codes(scene)
     grid, basis = scene.grid, scene.scheme.basis
     xs, ys = (
@@ -62,7 +62,7 @@ def test_registry_holds_keyword_only_functions():
 
 NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
 COARSE = {"couette": {"cell": 0.02}, "excavation": {"cell": 0.025}}
-"""Cells of the scenes that have very many by default."""
+"""Coarse cells for scenes that have very many by default."""
 
 
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
@@ -84,7 +84,7 @@ def test_every_scene_is_whole(name, basis):
     assert len(scene.points().x) == scene.n_points
     codes, rows = node_codes(scene)
     assert codes.max() == len(rows) or any(row.after for row in rows)
-    # what a scene function was called with makes it again
+    # the arguments of the scene function build the same scene again
     called = {
         key: value
         for key, value in scene.parameters.items()
@@ -105,7 +105,7 @@ def test_column(aspect, cell):
     floor, plane, lip = scene.walls
     assert (floor.axis, floor.at, floor.kind) == (1, 0.0, "no_slip")
     assert (plane.axis, plane.at, plane.kind) == (0, 0.0, "free_slip")
-    # room for the run-outs measured with the published scheme
+    # space for the run-outs measured with the published scheme
     assert lip.at / 0.2 - 1 > {0.5: 0.88, 1.0: 2.31, 2.0: 4.62}[aspect]
 
 
@@ -131,7 +131,7 @@ def test_silo_opening_by_the_papers_definition(D):
 
 def test_silo_other_bases_and_definition():
     x, held = fixed_along_y(scenes.silo(orifice=0.1), 0.0, time=0.2)
-    assert x[held].min() == pytest.approx(0.06)  # quadratic: a node stands on the edge itself
+    assert x[held].min() == pytest.approx(0.06)  # quadratic: a node lies on the edge itself
     x, held = fixed_along_y(scenes.silo(orifice=0.1, edge="wall"), 0.0, time=0.2)
     assert x[held].min() == pytest.approx(0.05)
 
@@ -168,7 +168,7 @@ def test_sloped_hourglass():
     for block in blocks:
         assert block.upper[1] - 0.5 == pytest.approx(block.lower[0] - 0.03, abs=1e-12)
         assert block.upper[0] == 0.25
-    # the fill: a box of .25 x .25 less the steps (22 columns of 0, 1, ..., 21 cells)
+    # the fill: a box of 0.25 x 0.25 less the steps (22 columns of 0, 1, ..., 21 cells)
     area = 0.25**2 - 0.01**2 * sum(range(22))
     assert mass(scene) == pytest.approx(1500 * area)
     x, held = fixed_along_y(scene, 0.6)
@@ -191,7 +191,7 @@ def test_incline():
     assert scene.walls[0].kind == "no_slip"
 
 
-def test_incline_in_space():
+def test_incline_in_3d():
     scene = scenes.incline(columns=4, columns_across=3, height=0.1, cell=0.01, points_per_cell=8)
     assert scene.grid.periodic == (True, True, False) and scene.grid.shape == (4, 3, 18)
     assert mass(scene) == pytest.approx(1500 * 0.1 * 0.04 * 0.03)
@@ -220,7 +220,7 @@ def test_chute_of_the_paper():
 
 @pytest.mark.parametrize("half", [True, False])
 def test_clogging_silo_of_the_paper(half):
-    """Section 7: an opening between fixed nodes, closed rough floor beside it, lithostatic."""
+    """Section 7: an opening between fixed nodes, no-slip floor beside it, lithostatic stress."""
     scene = scenes.clogging_silo(half=half, opening_over_d=2.0)
     assert scene.material.d == 0.07 and scene.material.A == 1.0
     assert (scene.material.mu_2, scene.material.b) == (50.0, 1.0)
@@ -230,7 +230,7 @@ def test_clogging_silo_of_the_paper(half):
     assert held[abs(x) > 0.07 - 1e-9].all() and not held[abs(x) < 0.07 - 1e-9].any()
     assert x.min() == pytest.approx(0.0 if half else -0.2975) and x.max() == pytest.approx(0.2975)
     K, H = scene.material.K, 0.595
-    column = -K * np.log1p(-1500 * 9.81 * H / K) / 9.81  # of the mass a square metre
+    column = -K * np.log1p(-1500 * 9.81 * H / K) / 9.81  # mass per square metre
     start = initial_points(scene)
     assert start["mass"].sum() == pytest.approx((0.2975 if half else 0.595) * column, rel=1e-7)
     assert scene.sponge_layers == (SpongeLayer(1, 0.49, 1000.0),) and scene.grid.open_sides == {

@@ -1,4 +1,4 @@
-"""The scenes with bodies and the silo in space: geometry and motions by hand."""
+"""3D scenes with bodies, and the 3D silo: geometry and motions by hand."""
 
 import math
 
@@ -37,7 +37,7 @@ def test_couette_of_the_paper():
     assert scene.walls[0].kind == "free_slip" and len(scene.walls) == 1
 
 
-def test_couette_in_the_plane_is_under_its_pressure():
+def test_couette_in_2d_is_under_its_pressure():
     scene = scenes.couette(cell=0.01, pressure=700.0)
     assert scene.dim == 2 and not scene.walls and not any(scene.gravity.at(1.0))
     sim = gr.Simulation(scene, threads=1)
@@ -50,7 +50,7 @@ def test_blade_begins_at_the_surface_and_goes_where_it_should(half):
     (blade,) = scene.bodies
     assert scene.grid.upper[1] == pytest.approx(0.35 if half else 0.7)
     assert scene.duration == pytest.approx(20.4)
-    # its front edge is at the surface, its back 6 mm behind; the top leans back by 3.8 deg
+    # the front edge is at the surface, the back 6 mm behind; the top leans back by 3.8 deg
     lean = math.tan(math.radians(3.8))
     places = np.array([[0.3, 0.0], [0.3 - 0.2 * lean, 0.2]])
     middle = 0.0 if half else 0.35
@@ -59,7 +59,7 @@ def test_blade_begins_at_the_surface_and_goes_where_it_should(half):
     assert distance == pytest.approx(0.0, abs=1e-12)
     assert normal[1, 0] == pytest.approx(math.cos(math.radians(3.8)))
     assert blade.distance(at[1:] - [0.006, 0.0, 0.0])[0] == pytest.approx(0.0, abs=2e-5)
-    # trapezia: 0.05 m down and forward, 0.64 m forward, 0.05 m up and forward
+    # trapezoids: 0.05 m down and forward, 0.64 m forward, 0.05 m up and forward
     times = np.array(blade.motion.times)
     velocity = np.array(blade.motion.velocity)
     way = np.concatenate(
@@ -68,7 +68,7 @@ def test_blade_begins_at_the_surface_and_goes_where_it_should(half):
     way = np.cumsum(way, axis=0)
     assert way[-1] == pytest.approx([0.74, 0.0, 0.0])
     assert way[:, 2].min() == pytest.approx(-0.05)
-    # 0.05 m of the dive and the first 0.05 s of the way forward
+    # 0.05 m of the dive and the first 0.05 s of the forward motion
     assert np.interp(2.25, times, way[:, 0]) == pytest.approx(0.05 + 0.05 * 0.04)
 
 
@@ -78,7 +78,8 @@ def test_thick_blades_stay_as_they_are():
     (blade,) = scenes.excavation(cell=0.0125, width=0.3, blade=(0.04, 0.3, 0.4)).bodies
     ends = blade.distance(np.array([[0.29, 0.0, 0.1], [0.29, 0.15, 0.1]]))[0]
     assert (ends < 0).all()  # from wall to wall, nodes on the wall included
-    (blade,) = scenes.excavation(cell=0.0125).bodies  # by a density that has two sides
+    # the sides are separated by a particle density
+    (blade,) = scenes.excavation(cell=0.0125).bodies
     assert blade.shape.size == (0.006, 0.305, 0.457)
     (blade,) = scenes.excavation(cell=0.0125, scheme=gr.schemes.default).bodies
     assert blade.shape.size == (0.025, 0.305, 0.457)
@@ -107,11 +108,11 @@ def test_bucket_is_open_above_and_before():
     )
     inner = np.array([[-0.15, 0.0, 0.2], [-0.15, 0.0, 0.5], [0.1, 0.0, 0.2]]) @ axes
     sheets = np.array([[-0.15, 0.0, 0.01], [-0.3, 0.0, 0.2], [-0.15, 0.13, 0.2]]) @ axes
-    where = np.array([0.35, 0.0, 0.0])  # that of the edge
+    where = np.array([0.35, 0.0, 0.0])  # position of the edge
     assert bucket.distance(where[None])[0] == pytest.approx(0.0, abs=1e-12)
     assert (bucket.distance(inner + where)[0] > 0).all()
     assert (bucket.distance(sheets + where)[0] < 0).all()
-    # 90 degrees in all, evenly
+    # 90 degrees in all, at a constant rate
     times = np.array(bucket.motion.times)
     turning = np.array(bucket.motion.angular_velocity)[:, 1]
     turned = np.sum(np.diff(times) * (turning[1:] + turning[:-1]) / 2)
@@ -123,8 +124,8 @@ def test_beds_are_in_balance_from_the_start():
     """dp/dz = -rho g with p = K ln(rho/rho_c): p = -K ln(1 - rho_c g z/K) at the depth z."""
     scene = scenes.excavation(cell=0.025)
     K, rho = scene.material.K, scene.material.rho_c
-    column = -K * np.log1p(-rho * 9.81 * 0.15 / K) / 9.81  # of the mass a square metre
+    column = -K * np.log1p(-rho * 9.81 * 0.15 / K) / 9.81  # mass per square metre
     mass = initial_points(scene)["mass"].sum()
-    # by the rule of the middle over 12 points
+    # by the midpoint rule over 12 points
     assert mass == pytest.approx(1.6 * 0.35 * column, rel=1e-5)
     assert mass > 1.6 * 0.35 * 0.15 * rho * (1 + 1e-3)

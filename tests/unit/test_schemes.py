@@ -1,4 +1,4 @@
-"""Schemes: the two presets and the checks."""
+"""Schemes: the two presets and the checks of arguments."""
 
 import math
 

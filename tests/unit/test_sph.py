@@ -1,4 +1,4 @@
-"""Particle hydrodynamics against a plain evaluation of its equations, and what it must keep."""
+"""SPH against a plain evaluation of its equations, and its conservation properties."""
 
 import itertools
 import math
@@ -16,7 +16,7 @@ DX = 0.01
 
 
 def small_scene(dim, *, periodic=(True, True, False), walls=True, jitter=0.5, **material):
-    """A few layers on a floor, disordered, so dense that they bear pressure."""
+    """A few disordered layers on a floor, dense enough to be under pressure."""
     shape = (6, 5, 7)[-dim:] if dim == 3 else (6, 7)
     periodic = (*periodic[: dim - 1], periodic[-1])
     fill = Fill(Box((0.0,) * dim, (*(n * DX for n in shape[:-1]), 4 * DX)), 1, jitter=jitter)
@@ -33,7 +33,7 @@ def small_scene(dim, *, periodic=(True, True, False), walls=True, jitter=0.5, **
 
 
 def stirred(scene, **options):
-    """A simulation whose grains have random velocities."""
+    """Simulation whose particles have random velocities."""
     simulation = sph.Simulation(scene, **options)
     v = simulation.buffers["v"]
     ids = simulation.buffers["id"]
@@ -44,14 +44,14 @@ def stirred(scene, **options):
 
 
 def matrix(stress):
-    """(n, 4 or 6) as (n, 3, 3)."""
+    """Stresses (n, 4 or 6) as matrices (n, 3, 3)."""
     if stress.shape[1] == 4:
         stress = np.pad(stress, ((0, 0), (0, 2)))
     return stress[:, [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
 
 
 def rows_of(simulation, name):
-    """A buffer of grains and of wall points, each in the order of ids: (n, components)."""
+    """Rows of free and of wall particles in a buffer, each in the order of ids: (n, components)."""
     rows, ids = simulation._rows, simulation.buffers["id"]
     parts = []
     for first, n in ((0, rows.grains), (rows.wall_first, rows.walls)):
@@ -77,7 +77,7 @@ def available(isa):
 )
 @pytest.mark.parametrize("dim", [2, 3])
 def test_evaluation_agrees_with_the_plain_one(dim, nu, mu_wall, z_max, isa):
-    """Twice: at the start, and where elastic stresses are there that the step turns and strains."""
+    """At the start, and after a step, when elastic stresses are rotated and strained."""
     available(isa)
     scene = small_scene(dim, mu_wall=mu_wall, nu=nu).replace(numerics=sph.Numerics(z_max=z_max))
     simulation = stirred(scene, isa=isa)
@@ -104,7 +104,7 @@ def test_evaluation_agrees_with_the_plain_one(dim, nu, mu_wall, z_max, isa):
         if nu < 0.5:
             assert np.abs(elastic).max() > 0.01 * scale
             found = matrix(np.concatenate(rows_of(simulation, "elastic_stress")))
-            # the core turns by a quaternion: as exact as its angle is small, here .02 a step
+            # the core rotates by a quaternion, accurate for small angles, here 0.02 per step
             assert np.allclose(found, elastic, atol=1e-6 * scale)
             elastic = found
         else:
@@ -114,17 +114,17 @@ def test_evaluation_agrees_with_the_plain_one(dim, nu, mu_wall, z_max, isa):
 
 
 def places(simulation):
-    """Positions, and velocities halfway through the step, of grains and of wall points."""
+    """Positions and mid-step velocities of free and wall particles."""
     x, v, a = (rows_of(simulation, name) for name in ("x", "v", "a"))
     back = 0.5 * simulation.dt if simulation.steps else 0.0
     return (x[0], v[0] - back * a[0]), (x[1], v[1])
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_lattice_has_its_density(dim):
-    """The weights of a lattice sum to one, so that its density is rho0 to round-off."""
+def test_seeding_lattice_has_its_density(dim):
+    """The kernel weights on the seeding lattice sum to one: the density is rho0 to round-off."""
     scene = sph.Scene(
-        name="lattice",
+        name="seeding",
         grid=Grid((0.0,) * dim, DX, (8,) * dim, periodic=(True,) * dim),
         fills=(Fill(Box((0.0,) * dim, (8 * DX,) * dim), 1),),
         gravity=Gravity((0.0,), ((0.0,) * dim,)),
@@ -138,11 +138,11 @@ def test_lattice_has_its_density(dim):
 
 @pytest.mark.parametrize(("dim", "smoothing", "factor"), GRADIENTS)
 def test_gradient_of_a_linear_field(dim, smoothing, factor):
-    """Inside a lattice the rate of shear of v = (gamma y, ...) is that of the field.
+    """Inside the seeding lattice the shear rate of v = (gamma y, ...) is that of the field.
 
-    By itself the gradient of eq. 5.21 is not: on a lattice it gives the factor sum V_b d_x^2 G.
+    The gradient of eq. 5.21 alone is wrong by the factor sum V_b d_x^2 G on the seeding lattice.
     """
-    n = 2 * math.ceil(6 * smoothing) + 2  # the surface is farther than three reaches of the kernel
+    n = 2 * math.ceil(6 * smoothing) + 2  # the surface is farther away than three kernel radii
     scene = sph.Scene(
         name="shear",
         grid=Grid((0.0,) * dim, DX, (n,) * dim),
@@ -164,7 +164,7 @@ def test_gradient_of_a_linear_field(dim, smoothing, factor):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_force_of_a_linear_pressure(dim):
-    """Inside a lattice whose density grows slowly, rho a is minus the gradient of the pressure."""
+    """Inside a seeding lattice with a small density gradient, rho a = -grad p."""
     n = 16
     scene = sph.Scene(
         name="pressed",
@@ -236,7 +236,7 @@ def test_bits_do_not_depend_on_a_restart():
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_list_misses_no_neighbour(dim):
-    """After many steps on old lists the densities are those of a new one."""
+    """After many steps with old neighbour lists the densities equal those of a new list."""
     scene = small_scene(dim, walls=True)
     simulation = stirred(scene)
     for _ in range(20):
@@ -273,7 +273,7 @@ def test_time_step_is_that_of_its_limits():
     assert dt > 0
 
 
-def test_grains_that_leave_are_dropped():
+def test_particles_that_leave_are_dropped():
     scene = small_scene(2, walls=False, jitter=0.0)
     simulation = sph.Simulation(scene)
     simulation.run(0.2)
@@ -293,7 +293,7 @@ def test_what_is_not_finite_is_named():
 
 
 def test_periods_are_alike():
-    """A scene moved by a part of its period moves alike."""
+    """A scene moved by a part of its period has the same motion."""
     scene = small_scene(2)
     runs = []
     for shift in (0.0, 0.37):

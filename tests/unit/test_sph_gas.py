@@ -1,4 +1,4 @@
-"""The gas of particle hydrodynamics against a plain evaluation, and what it must keep."""
+"""The gas of SPH against a plain evaluation of its equations, and its conservation properties."""
 
 import math
 
@@ -15,7 +15,7 @@ ISAS = ("baseline", "avx2", "avx512")
 
 
 def small_scene(dim, *, walls=True, permeable=False, **gas):
-    """Grains on a floor and gas about and above them, disordered."""
+    """Solid particles on a floor with gas between and above them, disordered."""
     shape = (7, 6, 9)[-dim:] if dim == 3 else (7, 9)
     ends = tuple(n * DX for n in shape)
     still = (0.0,) * dim
@@ -36,7 +36,7 @@ def small_scene(dim, *, walls=True, permeable=False, **gas):
 
 
 def stirred(scene, speed=3.0, **options):
-    """A simulation whose grains and gas have random velocities, and whose gas random densities."""
+    """Simulation with random velocities of solid and gas, and random densities of the gas."""
     simulation = sph.Simulation(scene, **options)
     rng, rows, buffers = np.random.default_rng(2), simulation._rows, simulation.buffers
     ids = buffers["id"]
@@ -92,7 +92,8 @@ def test_evaluation_agrees_with_the_plain_one(dim, permeable, isa):
 
 
 def test_mass_is_exchanged_as_in_the_plain_evaluation():
-    scene = small_scene(2, walls=False, damping=0.0)  # which needs the velocities of half a step
+    # damping would need the velocities of half a step
+    scene = small_scene(2, walls=False, damping=0.0)
     simulation = stirred(scene)
     simulation.step(0)
     before = simulation.gas
@@ -125,7 +126,7 @@ def test_drag_is_continuous_and_that_of_its_ends():
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_momentum_and_mass_of_a_closed_system(dim):
-    """Without walls the forces between all points sum to zero, at any strength of the drag."""
+    """Without walls the forces between all particles sum to zero, at any strength of the drag."""
     for permeability in (1e-9, 1e-13):
         scene = small_scene(dim, walls=False, permeability=permeability)
         scene = scene.replace(gravity=Gravity((0.0,), ((0.0,) * dim,)))
@@ -184,13 +185,13 @@ def test_jet_has_its_velocity_and_leaving_gas_is_counted():
 
 
 def test_gas_at_rest_stays():
-    """A uniform pressure moves neither a gas nor the grains in it, whatever their order."""
+    """A uniform pressure moves neither the gas nor the particles in it, whatever their order."""
     scene = small_scene(2).replace(gravity=Gravity((0.0,), ((0.0, 0.0),)))
     with_gas, without = sph.Simulation(scene), sph.Simulation(scene.replace(gas=None))
     for simulation in (with_gas, without):
         simulation.step(0)
     assert np.allclose(with_gas.gas.p, 1e5, rtol=1e-13)
-    # but that the grains are accelerated by their own pressure, which the gas resists
+    # but the solid is accelerated by its own pressure, which the gas resists
     assert np.abs(with_gas.state.a).max() <= np.abs(without.state.a).max() * (1 + 1e-6)
 
 

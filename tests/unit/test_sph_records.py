@@ -1,7 +1,8 @@
-"""Particle hydrodynamics in the house: records, resuming, walls that move and go, pictures."""
+"""SPH with the tools of the package: records, resuming, moving walls, pictures."""
 
 import dataclasses
 import math
+import re
 from concurrent.futures import ThreadPoolExecutor
 
 import h5py
@@ -19,7 +20,7 @@ DX = 0.01
 
 
 def gated(dim=2, **changes):
-    """A small heap behind a gate that lifts at .02 s and is gone at .05 s."""
+    """A small heap behind a gate that lifts at 0.02 s and is removed at 0.05 s."""
     level = (0.0,) * (dim - 2)
     shape = (14, *(6,) * (dim - 2), 8)
     across = tuple((0.0, n * DX) for n in shape[1:-1])
@@ -61,7 +62,7 @@ def test_scene_is_written_and_read():
     assert sph.Scene.from_json(scene.to_json()) == scene
     with pytest.raises(ValueError, match="not the JSON of a scene"):
         gr.Scene.from_json(scene.to_json())
-    assert "particle hydrodynamics" in scene._repr_html_()
+    assert re.search("SPH|hydrodynamics", scene._repr_html_())
 
 
 def test_the_scene_chooses_the_method():
@@ -77,7 +78,7 @@ def test_the_scene_chooses_the_method():
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("stop", [0.015, 0.035, 0.06])
 def test_a_record_goes_on_bitwise(dim, stop, tmp_path):
-    """Stopped before the gate moves, while it does, and after it has gone."""
+    """The record is interrupted before the gate moves, while it moves, and after it is removed."""
     scene = gated(dim)
     through = gr.Simulation(scene).run(0.075, every=0.01)
     gr.Simulation(scene).run(stop, every=0.01, save=tmp_path / "a.h5")
@@ -122,7 +123,7 @@ def same_gas(a, b):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_frames_hold_the_gas(dim, tmp_path):
-    """Bitwise, while the record is open, after it is closed, and where a run has been resumed."""
+    """Frames are equal while the record is open, after closing, and after a resumed run."""
     scene, path, seen = blown(dim), tmp_path / "a.h5", []
 
     def see(simulation):
@@ -148,7 +149,7 @@ def test_frames_hold_the_gas(dim, tmp_path):
 
 
 def test_frames_without_gas_are_as_they_were(tmp_path):
-    """And a run that goes on with the gas may follow, as it does on records of earlier versions."""
+    """A run with gas may be appended, as it can to records of earlier versions."""
     path = tmp_path / "a.h5"
     gr.Simulation(blown()).run(0.002, save=path, every=1e-3, gas=False)
     with h5py.File(path) as file:
@@ -207,7 +208,7 @@ def test_gate_moves_on_time_and_goes():
     walls = simulation.walls
     lifted = np.isin(walls.id, ids)
     assert walls.v[lifted, 1].min() == 1.0 and walls.v[~lifted].max() == 0.0
-    # from .02 s on, whatever the steps are
+    # from 0.02 s on, whatever the steps are
     assert walls.x[lifted, 1].min() - low == pytest.approx(simulation.time - 0.02, abs=1e-12)
     simulation.run(0.055)
     assert not np.isin(simulation.walls.id, ids).any()
@@ -216,8 +217,8 @@ def test_gate_moves_on_time_and_goes():
     assert simulation.state.x[:, 0].max() > 6 * DX and simulation.counts["dropped"] == 0
 
 
-def test_grains_that_are_too_fast_for_the_step_are_stopped_by_walls():
-    """With next to no pressure only the walls themselves are left, and they say so."""
+def test_particles_that_are_too_fast_for_the_step_are_stopped_by_walls():
+    """With hardly any pressure only the walls themselves stop particles, and they report it."""
     floor, side = sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1)
     scene = sph.Scene(
         name="soft",
@@ -239,8 +240,8 @@ def test_grains_that_are_too_fast_for_the_step_are_stopped_by_walls():
     assert again.counts["stopped"] == simulation.counts["stopped"]
 
 
-def test_the_step_follows_the_fastest_grain():
-    """No grain moves more than h/4 in a step, even where it is faster than sound."""
+def test_the_step_follows_the_fastest_particle():
+    """No particle moves more than h/4 in a step, even where it is faster than sound."""
     scene = gated(walls=())
     fast = dataclasses.replace(scene.fills[0], velocity=(30.0, 0.0))
     with pytest.warns(gr.StabilityWarning, match="take kappa >="):
@@ -304,7 +305,7 @@ def test_a_sweep_takes_scenes_of_both_methods(tmp_path):
 
 
 def test_a_run_ends_at_rest():
-    """By the share of the largest speed, which creep never goes below in the thesis' limit."""
+    """Rest is relative to the largest speed; creep never falls below the limit of the thesis."""
     seen = []
     simulation = gr.Simulation(gated(duration=1.0))
     time = sph.run_to_rest(

@@ -1,4 +1,4 @@
-"""The ready scenes of particle hydrodynamics: numbers of the thesis, walls, and wrong arguments."""
+"""SPH scene functions: numbers of the thesis, walls, and wrong arguments."""
 
 import inspect
 import math
@@ -104,13 +104,13 @@ def test_matching_grains_have_the_friction_of_the_other_law_at_one_pressure():
         sph.Viscoplastic.matching(beads, 0.0)
 
 
-def test_walls_push_stiff_grains_no_harder():
+def test_walls_push_stiff_particles_no_harder():
     materials = [sph.Viscoplastic(kappa=kappa) for kappa in (1e4, 1e5, 1e7)]
     share = [sph.Numerics().rho0_wall(grains) / grains.rho0 for grains in materials]
     assert share == pytest.approx([0.97, 0.97, 0.9997], abs=1e-12)
     fixed = sph.Numerics(wall_density=0.98)
     assert fixed.rho0_wall(materials[2]) == pytest.approx(0.98 * materials[2].rho0, rel=1e-15)
-    # against a lattice at rest
+    # against a seeding lattice at rest
     pressures = [grains.kappa * (s**-1.5 - 1.0) for grains, s in zip(materials, share, strict=True)]
     assert pressures[1:] == pytest.approx([4680, 4500], rel=0.01)
 
@@ -120,7 +120,7 @@ def test_gate_of_the_channel_lifts_clear_and_goes():
     floor, left, *sides, gate = scene.walls
     assert floor.axis == 2 and left.axis == 0 and [wall.axis for wall in sides] == [1, 1]
     assert gate.velocity == (0.0, 0.0, 2.0) and gate.moves_from == 0.5
-    # where it goes its lower edge is above the reach of the highest grains
+    # when removed, its lower edge is higher than the highest particles reach
     risen = 2.0 * (gate.until - gate.moves_from)
     assert risen == pytest.approx(0.14 + 2.0 * scene.h)
     assert scenes.inclined_collapse(side_walls=False).grid.periodic == (False, True, False)
@@ -129,7 +129,7 @@ def test_gate_of_the_channel_lifts_clear_and_goes():
     assert math.degrees(math.atan2(g[0], -g[2])) == pytest.approx(22.0)
 
 
-def test_orifice_opens_and_grains_fall():
+def test_orifice_opens_and_particles_fall():
     scene = scenes.slump_sph(**SMALL["slump_sph"] | {"settle": 0.3, "duration": 0.4})
     simulation = gr.Simulation(scene)
     simulation.run(0.29)

@@ -1,4 +1,4 @@
-"""Absorbers: what rises in them slows down, and nothing else."""
+"""Sponge layers damp upward motion in them, and nothing else."""
 
 import math
 
@@ -20,7 +20,7 @@ SCHEMES = [
 
 
 def moved(velocity, sponge, combination, steps=10):
-    """A cloud without weight that moves as a whole, in the middle of 8 by 8 m."""
+    """A cloud without weight that moves as a whole, in the middle of 8 m by 8 m."""
     basis, transfer, density = combination
     scene = gr.Scene(
         name="cloud",
@@ -40,7 +40,7 @@ def moved(velocity, sponge, combination, steps=10):
 @pytest.mark.parametrize("combination", SCHEMES, ids="-".join)
 @pytest.mark.parametrize("axis", [0, 1])
 def test_what_rises_slows_down_at_the_rate(combination, axis):
-    """All of it lies in the layer, so that each step takes the same share."""
+    """The whole cloud lies in the layer, so that each step removes the same fraction."""
     for sign in (1.0, -1.0):
         velocity = tuple(sign * (2.0 if d == axis else 0.5) for d in range(2))
         state = moved(velocity, SpongeLayer(axis, 1.0, damping=30.0), combination)

@@ -1,4 +1,4 @@
-"""The map of failure: the script runs, and what is committed says what the product does."""
+"""The stability map: the script runs, and the committed map agrees with the package."""
 
 import importlib
 import sys
@@ -16,7 +16,7 @@ FAST = [
     *("patch", "arrangement", "courant", "courant_space", "courant_speed"),
     *("transfers", "tearing"),
 ]
-"""A few seconds together."""
+"""Maps that take a few seconds together."""
 
 
 @pytest.fixture
@@ -44,13 +44,13 @@ def test_a_quick_map_is_written_and_drawn(script, tmp_path):
     patch = {(c.row, c.column): c for c in maps["patch"].cells}
     assert patch["quadratic", "16, 0.2"].verdict == "stable"
     assert patch["linear", "1, 1"].verdict == "degraded"
-    again = ends(script, tmp_path, "--only", "patch")  # the others are kept
+    again = ends(script, tmp_path, "--only", "patch")  # the other maps are kept
     assert list(again) == list(maps)
 
 
 @pytest.mark.parametrize(("dim", "tries"), [(2, 300), (3, 40)])
 def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
-    """No limit is beyond 2/sqrt(lambda_max) of a point that stands alone, nor far below it."""
+    """No limit exceeds 2/sqrt(lambda_max) of a single point, nor is it far below."""
     part, rng = script.arrangements, np.random.default_rng(2)
     x = rng.uniform(1.0, 2.0, (tries, 1, dim))
     for basis, shape in (("quadratic", part.spline), ("ugimp", part.averaged_hat(0.25))):
@@ -60,7 +60,7 @@ def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_points_that_weigh_unlike_are_stable_within_the_limits(script, dim):
-    """The worst that a search found: two in the corner of a cell; alone, their weights are 1."""
+    """Worst case of a search: two points in the corner of a cell; single points have weight 1."""
     part, most = script.arrangements, gr.schemes.default.weight_correction_limit
     x = np.array([np.full(dim, 1.501), np.full(dim, 1.499)])
 
@@ -87,7 +87,7 @@ def test_the_committed_map_is_whole(script):
 
 
 def test_what_the_map_shows_as_failing_is_refused(script):
-    """No time step that is not refused makes energy on the map, save with hats."""
+    """No accepted time step gains energy on the map, except with linear shape functions."""
     maps = script.read(script.RESULTS)
     seen = 0
     for name, found in maps.items():
@@ -104,7 +104,7 @@ def test_what_the_map_shows_as_failing_is_refused(script):
 
 
 def test_no_arrangement_on_the_map_is_beyond_the_limits(script):
-    """The analysis bounds the limits in every dimension, save with hats."""
+    """The analysis bounds the limits in every dimension, except for linear shape functions."""
     for cell in script.read(script.RESULTS)["arrangement"].cells:
         dim = max(int(cell.column[0]), 2)
         basis = cell.row.partition(",")[0]
@@ -113,17 +113,18 @@ def test_no_arrangement_on_the_map_is_beyond_the_limits(script):
 
 
 def test_locking_begins_at_the_limits(script):
-    """Sound up to the limit of the basis, and locked beyond it with hats."""
+    """Stable up to the limit of the basis; beyond it linear shape functions lock."""
     for cell in script.read(script.RESULTS)["locking"].cells:
         shape = script.elastic.SCHEMES[cell.row].basis
         if float(cell.column) <= LOCKING[shape]:
             assert cell.verdict == "stable"
-        elif shape != "quadratic" and cell.row != "cell_averaged":  # one stress a cell: no locking
+        # one stress per cell does not lock
+        elif shape != "quadratic" and cell.row != "cell_averaged":
             assert cell.verdict == "degraded"
 
 
 def test_what_the_page_says_of_refinement_is_on_the_map(script):
-    """One column does not change by refinement; along the slope it gets worse at every angle."""
+    """One column does not change under refinement; several columns get worse at every angle."""
     cells = script.read(script.RESULTS)["incline_refinement"].cells
     values = {(cell.row, cell.column): cell.value for cell in cells}
     for angle in {column for _, column in values}:

@@ -1,4 +1,4 @@
-"""Sweeps: every case once, in order, in its own record; what stops goes on to the same bits."""
+"""Sweeps: every case once, in order, in its own record; resumed to the same bits."""
 
 import os
 import pickle
@@ -23,7 +23,7 @@ EVERY = 0.01
 
 
 class AtOnce:
-    """An executor in its plainest form: works in `submit`, counts, and can be interrupted."""
+    """Minimal executor: works in `submit`, counts calls, and can be interrupted."""
 
     def __init__(self, stop_before=None):
         self.calls, self.stop_before = 0, stop_before
@@ -46,7 +46,7 @@ def scenes(small_scene):
 
 @pytest.fixture
 def processors(monkeypatch):
-    """A machine on which a simulation by itself would take three threads."""
+    """A machine on which a single simulation would use three threads."""
     monkeypatch.setattr(simulation, "SMALL", 0)
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1, 2}, raising=False)
 
@@ -124,7 +124,7 @@ def test_complete_cases_are_not_run_again(scenes, tmp_path, monkeypatch):
 def test_an_interrupted_sweep_goes_on_to_the_same_bits(
     scenes, tmp_path, monkeypatch, processors, moment
 ):
-    """Ctrl-C in the second of three cases, between two frames and in the step that makes one."""
+    """Ctrl-C in the second of three cases, between two frames or in the step that makes one."""
     whole = quiet(scenes, AtOnce(), folder=tmp_path / "whole", every=EVERY)
     advance = gr.Simulation._advance
 
@@ -148,11 +148,11 @@ def test_an_interrupted_sweep_goes_on_to_the_same_bits(
         assert other.finished
         assert shown(one) == shown(other)
         assert other.provenance["threads"] == 1
-    assert len(again[1].provenance["earlier"]) == 1  # it was resumed, not run anew
+    assert len(again[1].provenance["earlier"]) == 1  # resumed, not run again
 
 
 def test_a_record_without_a_checkpoint_is_begun_anew(scenes, tmp_path):
-    """What a kill leaves in the first moments of a run."""
+    """A process killed in the first moments of a run leaves such a record."""
     gr.record.TrajectoryWriter(tmp_path / "0.h5", scenes[0]).leave()
     (record,) = quiet(scenes[:1], AtOnce(), folder=tmp_path, every=EVERY)
     assert record.finished
@@ -185,14 +185,15 @@ def test_failing_cases_do_not_stop_the_others(scenes, tmp_path, monkeypatch):
             quiet(cases, AtOnce(), folder=tmp_path, every=EVERY, strict=True)
     (error,) = caught.value.exceptions
     assert "in case 'b'" in error.__notes__[-1]
-    again = quiet(cases, AtOnce(), folder=tmp_path, every=EVERY)  # the fault is gone: it goes on
+    # the fault is gone: the case is resumed
+    again = quiet(cases, AtOnce(), folder=tmp_path, every=EVERY)
     assert again.errors == {}
     whole = gr.Simulation(scenes[1], threads=1).run()
     assert again[1][-1].x.tobytes() == whole.state.x.tobytes()
 
 
 class Odd(Exception):
-    """An error that cannot be unpickled: a pool that met it would break."""
+    """An error that cannot be unpickled, which would break a process pool."""
 
     def __init__(self, one, two):
         super().__init__(one)
@@ -219,7 +220,7 @@ def test_a_damaged_record_fails_its_case_only(scenes, tmp_path):
 
 
 def test_processes(scenes, tmp_path):
-    """The default executor: two processes, results as in this one; an error comes home."""
+    """The default executor: two processes, same results as in this one; errors are returned."""
     here = quiet(scenes, AtOnce(), folder=tmp_path / "here", every=EVERY)
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "2.h5").write_bytes(b"not a record")
@@ -242,7 +243,7 @@ def test_processes(scenes, tmp_path):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_signal_stops_processes_and_leaves_valid_records(small_scene, tmp_path, number):
-    """Only the parent gets it, as when a notebook is interrupted; its processes stop at once."""
+    """Only the parent receives the signal, as in a notebook; its processes stop at once."""
     scene = small_scene("walls", 2, PLAIN, E=1e6).replace(duration=1e4)
     (tmp_path / "scene.json").write_text(scene.to_json())
     script = tmp_path / "script.py"
@@ -272,7 +273,8 @@ def test_a_signal_stops_processes_and_leaves_valid_records(small_scene, tmp_path
             assert time.monotonic() < deadline
             time.sleep(0.02)
         process.send_signal(number)
-        _, errors = process.communicate(timeout=15)  # of the processes too: they have its stderr
+        # including those of the processes, which share stderr
+        _, errors = process.communicate(timeout=15)
     finally:
         process.kill()
     assert process.returncode == -number, errors
@@ -283,7 +285,7 @@ def test_a_signal_stops_processes_and_leaves_valid_records(small_scene, tmp_path
             assert not record.damage()
             assert len(record.times) >= 1
         sim = gr.Simulation.resume(tmp_path / "records" / f"{i}.h5", threads=1)
-        sim.run(sim.time + 0.01)  # nobody holds the record
+        sim.run(sim.time + 0.01)  # no process holds the record
     assert not list((tmp_path / "records").glob("2.h5*"))
 
 
@@ -295,7 +297,7 @@ def test_progress_is_shown_in_cases(scenes, capsys):
 
 
 def test_beverloo_of_a_sweep():
-    """The line of the design: rates of discharge straight from a sweep."""
+    """The example of the design document: discharge rates straight from a sweep."""
     soft = gr.materials.glass_beads.replace(E=1e5)
     silos = [
         gr.scenes.silo(orifice=D, cell=0.025, material=soft).replace(duration=1.5)
@@ -370,7 +372,7 @@ def test_an_executor_without_futures_is_refused(scenes):
 
 
 def test_a_measure_typed_into_a_session_is_refused():
-    """Processes that are spawned could not find it, and the pool would break."""
+    """Spawned processes could not import it, and the pool would break."""
     code = """
         import granular as gr
         def measure(record): return 1

@@ -1,4 +1,4 @@
-"""The script of the runs of tools in soil, and that of their pictures, at the smallest size."""
+"""The scripts of tools in soil and of their pictures run at the smallest size."""
 
 import importlib
 import json
@@ -14,7 +14,7 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 @pytest.fixture
 def runs(monkeypatch, tmp_path):
-    """The script, with tiny cases of two names and its numbers kept aside."""
+    """The script with tiny cases of two names, with its results in a separate folder."""
     monkeypatch.syspath_prepend(BENCHMARKS)
     script = importlib.import_module("three_d")
     size = {"cell": 0.05, "length": 0.6, "width": 0.2, "start": 0.2, "headroom": 0.15}
@@ -67,7 +67,7 @@ def test_unknown_cases_are_refused(runs, capsys):
 
 
 def test_all_cases_are_scenes(monkeypatch):
-    """Their sizes fit together: each can be built."""
+    """Each case can be built: its sizes fit together."""
     monkeypatch.syspath_prepend(BENCHMARKS)
     scenes = [make() for make in importlib.import_module("three_d").CASES.values()]
     assert all(scene.bodies for scene in scenes)

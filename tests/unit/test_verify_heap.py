@@ -1,8 +1,8 @@
-"""The slope that a creeping flank asks for, against stresses made from the same strain rate."""
+"""The slope of a creeping flank, against stresses made from the same strain rate."""
 
 import numpy as np
 import pytest
-from synthetic import isotropic, lattice, scene, state
+from synthetic import isotropic, regular_points, scene, state
 
 from granular.verify.hourglass import STEEPEST, creep_slope
 
@@ -10,13 +10,13 @@ CELL, FOOT, HEIGHT = 0.01, 0.75, 0.3
 THETA = np.arctan(HEIGHT / FOOT)
 SHEAR, PRESSURE = 0.4, 400.0
 TURN = np.array([[np.cos(THETA), -np.sin(THETA)], [np.sin(THETA), np.cos(THETA)]])
-"""To x down the slope, y out of it."""
+"""Rotation to x down the slope and y normal to it."""
 
 
 def creeping(compression, *, rate=SHEAR):
     """A triangle whose points move with D_xx = -D_yy = -compression, dv_x/dy = SHEAR."""
     s = scene((100, 40), CELL, parameters={"drop": 0.5, "orifice_radius": 0.02})
-    x = lattice(s, 2, lambda x: x[:, 1] < HEIGHT * (1 - x[:, 0] / FOOT))
+    x = regular_points(s, 2, lambda x: x[:, 1] < HEIGHT * (1 - x[:, 0] / FOOT))
     L = np.array([[-compression, SHEAR], [0.0, compression]])
     v = (x @ TURN.T) @ L.T @ TURN
     return state(s, x, v=v, shear_rate=rate, stress=isotropic(np.full(len(x), PRESSURE)))

@@ -1,4 +1,4 @@
-"""The clogging silo: the cases that any numerics should agree on, and mirror images."""
+"""The clogging silo: cases on which every numerical method should agree, and mirror images."""
 
 import warnings
 from functools import cache
@@ -15,9 +15,9 @@ SPLINES = gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensi
 
 @cache
 def frames(duration, **keywords):
-    """States each 1/120 s."""
+    """States every 1/120 s."""
     found = []
-    with warnings.catch_warnings():  # the marks of tests do not reach what is cached
+    with warnings.catch_warnings():  # marks of tests do not apply to cached results
         warnings.simplefilter("ignore", gr.StabilityWarning)
         scene = gr.scenes.clogging_silo(duration=duration, **keywords)
         sim = gr.Simulation(scene, threads=1)
@@ -30,7 +30,7 @@ def verdict(duration, **keywords):
 
 
 def outflow(states, start):
-    """Mean from a time to the end [kg/s]."""
+    """Mean outflow [kg/s] from a time to the end."""
     history = gr.measure.silo_history(states)
     mass = np.interp((start, history.times[-1]), history.times, history.mass)
     return (mass[0] - mass[1]) / (history.times[-1] - start)
@@ -38,21 +38,21 @@ def outflow(states, start):
 
 @pytest.mark.parametrize(("A", "opening", "duration"), [(1.0, 1, 0.7), (2.0, 1, 0.6)])
 def test_small_openings_clog(A, opening, duration):
-    """Shorter runs still see what lay below the arch fall out."""
+    """Shorter runs would still see the material below the arch fall out."""
     assert verdict(duration, A=A, opening_over_d=opening) == "static"
 
 
 @pytest.mark.parametrize(("A", "opening"), [(1.0, 3), (1.0, 5), (0.1, 1)])
 def test_large_openings_flow(A, opening):
-    """In grains and amplitudes: what is small for A = 1 is large for A = .1.
+    """Opening in grains and amplitude A: an opening that is small for A = 1 is large for A = 0.1.
 
-    The flow pulses: at .4 s the dense points of A = .1 happen to have slowed down.
+    The flow pulses: at 0.4 s the dense points of A = 0.1 happen to be slower.
     """
     assert verdict(0.5, A=A, opening_over_d=opening) == "flowing"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", [None, SPLINES], ids=["hats", "splines"])
+@pytest.mark.parametrize("scheme", [None, SPLINES], ids=["linear", "splines"])
 @pytest.mark.parametrize(
     ("A", "opening", "expected"),
     [
@@ -73,7 +73,7 @@ def test_gates_at_the_published_time(A, opening, expected, scheme):
 
 
 def test_friction_below_one_bears_no_arch():
-    """The face of an arch needs mu = 1: with the mu_2 of glass beads what stands else flows."""
+    """The face of an arch needs mu = 1: with the mu_2 of glass beads the arch fails and flows."""
     weak = gr.materials.silo_grains.replace(mu_2=0.6435)
     with pytest.warns(gr.StabilityWarning, match="cannot jam"):
         gr.scenes.clogging_silo(material=weak)
@@ -81,7 +81,7 @@ def test_friction_below_one_bears_no_arch():
 
 
 def test_half_a_silo_is_the_whole_one():
-    """To rounding, at all nodes; on the axis half a silo sees the sideways motion of one side."""
+    """Equal to rounding at all nodes; on the axis a half silo has the sideways motion of a side."""
     half, whole = (frames(0.05, opening_over_d=3, half=h)[-1] for h in (True, False))
     assert whole.n == 2 * half.n
     v, both = (gr.measure.frame_average(s, "v", at="nodes").value for s in (half, whole))
@@ -95,7 +95,7 @@ def test_half_a_silo_is_the_whole_one():
 
 
 def test_outflow_falls_and_shear_spreads_with_the_amplitude():
-    """W/d = 5, figures 6 and 8: nonlocality slows the flow, and lets all of it shear."""
+    """W/d = 5, figures 6 and 8: nonlocality slows the flow and makes all of it shear."""
     rates, spreads = [], []
     for A in (0.1, 1.0):
         states = frames(0.4, A=A, opening_over_d=5)
@@ -106,7 +106,7 @@ def test_outflow_falls_and_shear_spreads_with_the_amplitude():
 
 
 def least_fluidity(states, height):
-    """The least at a height over the largest."""
+    """Ratio of the smallest to the largest fluidity at a height."""
     field = gr.measure.frame_average(states, "g", points="dense")
     row = field.value[:, int(np.argmin(np.abs(field.axes[1] - height)))]
     return np.nanmin(row) / np.nanmax(row)

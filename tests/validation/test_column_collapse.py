@@ -1,4 +1,4 @@
-"""Collapse of columns: the rows of the verification table."""
+"""Collapse of columns: rows of the verification table."""
 
 import pytest
 

@@ -1,7 +1,7 @@
 """Grains sheared and packed by LAMMPS: balances that must hold, and the numbers of the thesis.
 
-The law must give the measured friction within 2 %. A short run cannot tell it so well, because
-the energy that contacts store comes and goes: its own standard error is allowed three times.
+The law must give the measured friction within 2 %. In a short run the energy stored in contacts
+varies, so that three times its own standard error is allowed.
 """
 
 import importlib
@@ -21,12 +21,12 @@ pytestmark = pytest.mark.skipif(
 )
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SOFT = dem.Grains(kn=1e8).with_restitution(0.5, 0.06)
-"""kn/p = 1e5: half the steps."""
+"""Stiffness kn/p = 1e5, which halves the number of steps."""
 
 
 @pytest.fixture(scope="module")
 def frames():
-    """A small, fast flow: some seconds."""
+    """A small, fast flow that takes some seconds to compute."""
     settings = dem.Shear(
         grains=SOFT, inertial_number=0.5, count=80, approach=2.0, strain=8.0, frames=300
     )
@@ -34,9 +34,10 @@ def frames():
 
 
 def test_forces_of_the_contacts_make_those_of_the_grains(frames):
-    """LAMMPS writes both, one made half a step after the other: what is read must agree.
+    """LAMMPS writes both, one of them half a step after the other; what is read must agree.
 
-    As written they differ by a per cent. What is left are contacts between sticking and slipping.
+    As written they differ by one per cent. The remaining difference is due to contacts between
+    sticking and slipping.
     """
     off = []
     for frame in frames:
@@ -55,7 +56,7 @@ def test_the_flow_is_the_one_asked_for(frames):
     assert 0.45 < solid / volume < 0.6
     settings = dem.Shear(grains=SOFT, inertial_number=0.5)
     rates = np.array([frame.shear_rate for frame in frames])
-    # The rate is that of the height at the start of the measurement.
+    # The rate is relative to the height at the start of the measurement.
     assert rates.mean() == pytest.approx(settings.shear_rate, rel=0.1)
     assert (frames[-1].time - frames[0].time) * rates.mean() == pytest.approx(8.0, rel=0.1)
     for frame in frames[::50]:
@@ -64,7 +65,7 @@ def test_the_flow_is_the_one_asked_for(frames):
         assert np.linalg.norm(c.normal, axis=1) == pytest.approx(1.0)
         assert (overlap > 0).all()
         assert overlap.max() < 0.05 * SOFT.d
-        # Tangential: perpendicular to the normal, and within the limit of friction.
+        # The tangential force is perpendicular to the normal, and within the limit of friction.
         assert np.abs(np.einsum("ka,ka->k", c.tangential_force, c.normal)).max() < 1e-6
         pull = np.linalg.norm(c.tangential_force, axis=1)
         excess = pull - 0.3 * np.abs(c.normal_force)
@@ -95,7 +96,7 @@ def test_a_packing_is_in_equilibrium_with_the_stress_asked_for():
     pack = dem.pack(dem.Packing(grains=SOFT, count=80, stress=(1e3, 1.5e3, 0.8e3)))
     assert pack.imbalance < 1e-6
     total = (pack.stress * pack.volume[:, None, None]).sum(axis=0) / pack.box.prod()
-    # The mean stress by the branches, which knows nothing of the arms, nor is it made symmetric.
+    # The mean stress by the branch vectors is independent of the arms and not made symmetric.
     by_branch = -np.einsum("ka,kb->ab", pack.arm_j - pack.arm_i, pack.force) / pack.box.prod()
     assert by_branch == pytest.approx(total, abs=1e-4 * 1e3)
     assert np.diag(total) == pytest.approx([-1e3, -1.5e3, -0.8e3], rel=1e-4)
@@ -103,7 +104,7 @@ def test_a_packing_is_in_equilibrium_with_the_stress_asked_for():
     np.add.at(moment, pack.i, np.cross(pack.arm_i, pack.force))
     np.add.at(moment, pack.j, np.cross(pack.arm_j, -pack.force))
     scale = np.linalg.norm(pack.force, axis=1).mean() * SOFT.d
-    # LAMMPS lets the tangential force act at the full radius, the contact is half an overlap below.
+    # LAMMPS applies the tangential force at the full radius; the contact is half an overlap inside.
     assert np.abs(moment).max() < 1e-2 * scale
     assert 0.55 < pack.packing_fraction < 0.65
     packing, forces = pack.for_inference()
@@ -125,7 +126,7 @@ def test_law_within_two_per_cent(inertial):
 
 @pytest.mark.slow
 def test_between_walls_as_in_the_homogeneous_cell():
-    """The same friction at the same inertial number; the power of the walls is dissipated."""
+    """Friction is equal at the same inertial number; the power of the walls is dissipated."""
     shared = {"grains": SOFT, "count": 400, "approach": 5.0, "strain": 10.0, "frames": 500}
     walls = friction_law.steady_shear(
         dem.Shear(inertial_number=0.3, drive="walls", aspect=2.0, **shared)
@@ -134,7 +135,7 @@ def test_between_walls_as_in_the_homogeneous_cell():
     cell = friction_law.steady_shear(dem.Shear(inertial_number=walls.inertial_number, **shared))
     assert walls.normal_stress == pytest.approx(1e3, rel=0.1)
     assert walls.friction == pytest.approx(cell.friction, rel=0.1)
-    # Between the walls are 13 diameters, and one of them is lost beside walls of spheres.
+    # 13 diameters lie between the walls, and one of them is lost next to walls of spheres.
     assert 0.88 * cell.packing_fraction < walls.packing_fraction < cell.packing_fraction
 
 

@@ -1,4 +1,4 @@
-"""The series of shear flows that is kept: the law, the scalings of the thesis, the figures."""
+"""The stored series of shear flows: the law, the scalings of the thesis, the figures."""
 
 import importlib
 import json
@@ -28,13 +28,13 @@ def test_law_within_two_per_cent_from_one_thousandth_to_one():
     assert max(inertial) > 0.95
     for flow in flows + series("high") + series("walls"):
         assert flow.friction_by_law == pytest.approx(flow.friction, rel=0.02)
-        # With the work of dilation energy is balanced, as well as the samples tell.
+        # With the work of dilation the energy is balanced, within the error of the samples.
         assert flow.balance == pytest.approx(1.0, abs=max(0.01, 3 * flow.law_error))
         assert flow.normal_stress == pytest.approx(1e3, rel=0.06)
 
 
 def test_scalings_are_those_of_the_thesis():
-    """Gamma_n ~ I^2.4, Gamma_s ~ I^1.87, phi = .59 - .135 I, Z = 4 at rest, other grains there."""
+    """Gamma_n ~ I^2.4, Gamma_s ~ I^1.87, phi = 0.59 - 0.135 I, Z = 4 at rest (other grains)."""
     flows = series("low")
     inertial = np.array([flow.inertial_number for flow in flows])
     for kind, exponent in (("viscoelastic", 2.4), ("sliding", 1.87)):

@@ -1,4 +1,4 @@
-"""Hourglasses: the rows of the verification table."""
+"""Hourglasses: rows of the verification table."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Silos: the rows of the verification table."""
+"""Silos: rows of the verification table."""
 
 import pytest
 

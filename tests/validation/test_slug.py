@@ -1,4 +1,4 @@
-"""The slug: the rows of the verification table, and what the parabola can see."""
+"""The slug: rows of the verification table, and the accuracy of the discrete parabola."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def test_at_rest():
 
 
 def test_the_discrete_parabola_is_not_the_exact_one():
-    """The integrator is first order in time: its parabola lies n dt^2 g/2 off the exact one."""
+    """The integrator is first order in time: its parabola is n dt^2 g/2 off the exact one."""
     start, now = fly(schemes.dunatunga_kamrin_2015, 1e5, 0.05)
     t, g = now.step * now.dt, 9.8
     exact = start.x[:, 1] + t * start.v[:, 1] - 0.5 * g * t**2

@@ -1,4 +1,4 @@
-"""The examples of chapter 5 of Hurley's thesis: small forms in the plane, and the table of all."""
+"""Examples of chapter 5 of Hurley's thesis: small 2D forms, and the table of all of them."""
 
 import json
 from pathlib import Path
@@ -20,11 +20,11 @@ def reach(simulation, share=0.99):
 
 
 WIDTHS = (0.0, pytest.param(0.06, marks=pytest.mark.slow))
-"""In the plane, and with a period across."""
+"""Widths for 2D and for 3D with a periodic axis."""
 
 
 def slope_deg(state):
-    """Angle of the line through the surface over the middle 75 % of a floor of .24 m."""
+    """Angle of the line through the surface over the middle 75 % of a floor of 0.24 m."""
     top = gr.measure.surface(state, above=0.0, along="x")
     kept = (top.x > 0.03) & (top.x < 0.21) & np.isfinite(top.top)
     return -np.degrees(np.arctan(np.polyfit(top.x[kept], top.top[kept], 1)[0]))
@@ -33,7 +33,7 @@ def slope_deg(state):
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize(("phi", "dilation"), [(20.0, 0.0), (20.0, 0.5), (30.0, 0.0)])
 def test_a_slope_stands_near_its_friction(phi, dilation, width):
-    """A small box, so that it empties soon; without dilation the slope is below phi."""
+    """A small box, so that it empties soon; without dilation the slope angle is below phi."""
     scene = gr.scenes.slump_sph(
         phi_deg=phi,
         dilation=dilation,
@@ -49,7 +49,8 @@ def test_a_slope_stands_near_its_friction(phi, dilation, width):
     simulation.run(every=0.25, hooks=(lambda s: angles.append(slope_deg(s.state)),))
     assert simulation.counts["dropped"] > 0.5 * scene.n_points
     last, before = np.mean(angles[-4:]), np.mean(angles[-8:-4])
-    assert before - last < 1.0  # deg in a second: it does not creep, though grains roll
+    # degrees in a second: the slope does not creep, although particles roll
+    assert before - last < 1.0
     assert phi - 3.0 < last < (phi if dilation == 0.0 else phi + 3.0)
     if dilation > 0.0:
         assert last > phi - 1.0
@@ -71,7 +72,7 @@ def test_dilation_shortens_a_collapse_and_taller_columns_run_farther(width):
 
 @pytest.mark.parametrize("width", WIDTHS)
 def test_an_inclined_collapse_runs_farther_down_a_steeper_slope(width):
-    """Without side walls; those are in the table."""
+    """Slopes without side walls; those with side walls are in the table."""
     far = {}
     for angle, dilation in ((0.0, 0.0), (16.0, 0.0), (16.0, 0.5)):
         scene = gr.scenes.inclined_collapse(
@@ -124,10 +125,10 @@ def test_the_table_has_the_exponents_of_the_thesis(table):
         entry = found[name]
         assert entry["columns"] == 4 * (8 if "grit" in name else 9)
         assert entry["alpha_1"] == pytest.approx(height, abs=0.15)
-        if name != "grit beta 0.5":  # .16 below in the plane
+        if name != "grit beta 0.5":  # 0.16 below in 2D
             assert entry["alpha_L"] == pytest.approx(far, abs=0.15)
         if "grit" in name:
-            entry = found[f"{name} in space"]
+            (entry,) = (row for key, row in found.items() if key.startswith(f"{name} in "))
             assert entry["alpha_1"] == pytest.approx(height, abs=0.15)
             assert entry["alpha_L"] == pytest.approx(far, abs=0.15)
     for material in ("grit", "glass"):
@@ -145,7 +146,8 @@ def test_the_table_has_slopes_below_and_near_the_friction(table):
         if phi <= 30.0:
             assert dilative["angle_deg"] > plain["angle_deg"] + 1.0
             assert dilative["angle_deg"] == pytest.approx(phi, abs=1.5)
-    for phi in (20.0, 30.0, 40.0):  # without a spring nothing stands, and a shorter step helps
+    # without a spring no slope is stable, and a shorter step reduces creep
+    for phi in (20.0, 30.0, 40.0):
         long, short = (
             rows(table, "repose", phi_deg=phi, creeping=True, cfl=c)[0]["angle_deg"]
             for c in (1.0, 0.25)

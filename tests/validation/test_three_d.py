@@ -1,4 +1,4 @@
-"""Scenes of Haeri & Skonieczny 2021 against what needs no digitised figure."""
+"""Scenes of Haeri & Skonieczny 2021 against results that need no digitised figure."""
 
 import math
 
@@ -15,7 +15,7 @@ FRICTION_ANGLE = math.degrees(math.atan(0.3819))
 
 
 def drained(until, **size):
-    """A silo that has drained, and the share of its mass that is left."""
+    """A silo that has drained, and the fraction of its mass that is left."""
     sim = gr.Simulation(gr.scenes.silo_3d(**size), threads=1)
     begin = sim.state.mass.sum()
     sim.run(until=until, every=until)
@@ -27,9 +27,9 @@ def slope(sim):
 
 
 def wedge(scene):
-    """Share of the mass below a plane from the edge of the slot at the friction angle.
+    """Fraction of the mass below a plane from the edge of the slot at the friction angle.
 
-    More is left: what stands at the edge is about half a cell high, and goes last.
+    More is left in the run: the material at the edge is about half a cell high and leaves last.
     """
     size = scene.parameters
     rest = size["length"] - size["slot"]
@@ -54,7 +54,7 @@ def test_silo_in_finer_cells():
 # ---- between cylinders ----
 
 D = 0.016
-"""Grains [m], so large that cells of a quarter of their size can be paid for in space."""
+"""Grain size [m], large enough for 3D runs in cells of a quarter of it."""
 
 
 def beads(**changes):
@@ -63,7 +63,7 @@ def beads(**changes):
 
 
 def turning(until, material, *, begin=None, frames=10, above=None, **size):
-    """The profile between two times, half of the last and the last, and the moments."""
+    """Profile between two times, half of the last and the last, and the moments."""
     scene = gr.scenes.couette(**({"inner": 0.1} | size), material=material)
     sim = gr.Simulation(scene, threads=1)
     kept, begin = [], until / 2 if begin is None else begin
@@ -81,13 +81,13 @@ def turning(until, material, *, begin=None, frames=10, above=None, **size):
 
 
 def error(profile, omega, flow):
-    """Differences of the speed over that of the wall, and of omega alone."""
+    """Differences of the speed, relative to that of the wall, and of omega alone."""
     expected = np.interp(profile.r, flow.r, flow.omega)
     return np.abs(profile.omega / omega - expected) * profile.r / 0.1
 
 
 def tail(r, omega):
-    """Length over which omega falls by e, beyond the flow next to the inner cylinder."""
+    """Length over which omega falls by a factor e, outside of the flow at the inner cylinder."""
     far = (r > 0.11) & (r < 0.135)
     return -1 / np.polyfit(r[far], np.log(omega[far]), 1)[0]
 
@@ -95,7 +95,7 @@ def tail(r, omega):
 PLANE = {"outer": 0.15, "height": 0.08, "cell": 0.004, "pressure": 5e3, "omega": 1.0}
 
 
-def test_flow_between_cylinders_in_the_plane():
+def test_flow_between_cylinders_in_2d():
     """Grains and cells of 4 mm, as in the paper: within 3 % of the wall's speed, with the tail."""
     material = beads(d=0.004)
     profile, torque = turning(0.4, material, **PLANE)
@@ -105,15 +105,15 @@ def test_flow_between_cylinders_in_the_plane():
     )
     assert error(profile, 1.0, smooth).max() < 0.03
     assert error(profile, 1.0, rough).max() > 0.2  # cylinders do not hold the fluidity
-    # rings are nearly as wide as it is long
+    # the tail is hardly longer than a ring is wide
     assert tail(profile.r, profile.omega) == pytest.approx(tail(smooth.r, smooth.omega), rel=0.15)
-    # steady: what one cylinder takes the other gives
+    # steady: the two cylinders have equal and opposite moments
     assert torque[0] == pytest.approx(-torque[1], rel=0.02)
 
 
 @pytest.mark.slow
-def test_rough_cylinders_hold_the_fluidity():
-    """As drawn: the material that an overlap holds is where the fluidity should be 0."""
+def test_no_slip_cylinders_hold_the_fluidity():
+    """As in the figure: the fluidity should be 0 in the material held by an overlap."""
     material = beads(d=0.004)
     profile, _ = turning(0.4, material, rough=True, overlap=0.0, **PLANE)
     flow = couette_flow(0.1, 0.15, material, rate=1.0, pressure=5e3, walls="rough")
@@ -131,8 +131,10 @@ def test_local_flow_between_cylinders_has_no_tail():
 @pytest.mark.slow
 @pytest.mark.parametrize("omega", [0.25, 0.5])
 def test_top_of_a_taylor_couette_cell(omega):
-    """Under gravity, in cells of d/4: the shape of the slow limit at both rates, within 3 % of the
-    wall's speed, and the moment of each rate."""
+    """Under gravity, in cells of d/4, the profile has the shape of the slow limit at both rates.
+
+    It is within 3 % of the wall's speed, and the moment is that of each rate.
+    """
     material = beads()
     size = {"outer": 0.15, "height": 0.02, "cell": 0.004}
     profile, torque = turning(0.4, material, omega=omega, above=0.014, **size)
@@ -147,7 +149,7 @@ def test_top_of_a_taylor_couette_cell(omega):
 
 
 PAPER = {"inner": 0.0999, "outer": 0.2001, "cell": 0.004, "frames": 4}
-"""Radii and cells; 4 mm are one diameter."""
+"""Radii and cells of the paper; 4 mm are one diameter."""
 
 
 @pytest.mark.slow
@@ -159,12 +161,13 @@ PAPER = {"inner": 0.0999, "outer": 0.2001, "cell": 0.004, "frames": 4}
     ],
 )
 def test_top_of_the_papers_taylor_couette_cell(height, omega, begin, until):
-    """Radii, grains and cells of the paper; not its 22 s, but from when all of it has yielded.
+    """Radii, grains and cells of the paper; measured after all of it has yielded, not after its 22
+    s.
 
-    The elastic twist there is mu_w p/S (1 - (R_i/R_o)^2)/2 at the bottom: .26 and .27 s of turning.
-    24 mm of height at the rate of the paper take 4 minutes of a core, its 100 mm at 4 times the
-    rate 13. Against the flow at this rate under the pressure of what is looked at, two cells; at 4
-    times the rate that is .02 from the slow limit.
+    The elastic twist before yield at the bottom is mu_w p/S (1 - (R_i/R_o)^2)/2: 0.26 s and 0.27 s
+    of rotation. A height of 24 mm at the rate of the paper takes 4 minutes on one core; its 100 mm
+    at 4 times the rate take 13 minutes. The reference is the flow at this rate under the pressure
+    of the two cells that are measured; at 4 times the rate it differs by 0.02 from the slow limit.
     """
     material = gr.scenes.couette().material
     above = height - 2 * PAPER["cell"]

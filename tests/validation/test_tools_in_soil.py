@@ -17,7 +17,7 @@ def recorded(scene, path, every=0.05):
 
 
 def between_walls(depth, **changes):
-    """A fast blade from wall to wall: nothing depends on y."""
+    """A fast blade from wall to wall, so that nothing depends on y."""
     size = {
         "width": 0.05,
         "blade": (0.05, 0.05, 0.457),
@@ -33,21 +33,21 @@ def between_walls(depth, **changes):
 
 
 def at_depth(record):
-    """Mean forward and vertical force over the way forward."""
+    """Mean forward and vertical force over the forward motion."""
     force = gr.measure.tool_force(record)
     level = force.position[:, 2] < 0.98 * force.position[:, 2].min()
     return force.forward[level].mean(), force.vertical[level].mean()
 
 
 def rankine(scene):
-    """Passive pressure on a smooth, upright wall, times its width [N]."""
+    """Passive pressure on a smooth vertical wall, times its width [N]."""
     soil, parameters = scene.material, scene.parameters
     passive = math.tan(math.radians(45.0) + math.atan(soil.mu_s) / 2) ** 2
     return passive * soil.rho_c * 9.81 * parameters["depth"] ** 2 / 2 * parameters["blade"][1]
 
 
 def test_forces_grow_with_depth(tmp_path):
-    """Forward and vertical; and no less than the pressure on a smooth wall with nothing heaped."""
+    """Both forces grow, and exceed the pressure on a smooth wall with no heaped material."""
     found = {}
     for depth in (0.025, 0.05, 0.075):
         scene = between_walls(depth)
@@ -61,7 +61,7 @@ def test_forces_grow_with_depth(tmp_path):
 
 @pytest.mark.slow
 def test_forces_in_finer_cells(tmp_path):
-    """Forward and vertical within 10 % in cells two thirds as large, with the blade of 6 mm."""
+    """Both forces agree to 10 % in cells two thirds as large, with the blade of 6 mm."""
     narrow = {"length": 0.65, "start": 0.25, "blade": (0.006, 0.05, 0.457), "travel": 0.1}
     found = []
     for cell in (0.0125, 0.0125 / 1.5):
@@ -72,12 +72,13 @@ def test_forces_in_finer_cells(tmp_path):
 
 @pytest.mark.parametrize("transfer", ["apic", "tpic"])
 def test_momentum_of_a_driven_blade_closes(transfer):
-    """Step by step: change = weight + walls - what the blade has felt, to round-off.
+    """In each step change = weight + walls - force on the blade, to round-off.
 
-    With a tracked density: a diffused one moves points, which take the velocity of their new place.
-    `w` is what points receive from the nodes beside the share that they keep of their velocity.
+    The scheme uses a particle density: a smoothed one shifts points, which take the velocity of
+    their new position. `w` is the nodal velocity that points receive besides the share of their own
+    velocity that they keep.
     """
-    # A step of its own: that of the scene knows the speed of the blade, which the copy has not.
+    # The step is fixed: that of the scene depends on the speed of the blade, which the copy lacks.
     tracked = gr.scenes.excavation().scheme.replace(transfer=transfer, dt=1e-3)
     size = {"cell": 0.05, "length": 0.6, "width": 0.4, "start": 0.2, "travel": 0.1}
     scene = gr.scenes.excavation(**size, settle=0.02, ramp=0.01, scheme=tracked)
@@ -107,7 +108,7 @@ def test_momentum_of_a_driven_blade_closes(transfer):
 
 
 def rolled(slip, path, **changes):
-    """A wheel in coarse cells that turns faster than the paper's."""
+    """A wheel in coarse cells that rotates faster than that of the paper."""
     size = {"cell": 0.025, "soil": 0.1, "width": 0.15, "length": 0.5, "headroom": 0.1, "start": 0.2}
     motion = {"omega": 0.4, "settle": 0.4, "duration": 1.8, "slip": slip}
     with recorded(gr.scenes.wheel(**(size | motion | changes)), path) as record:
@@ -128,7 +129,7 @@ def test_wheel_pulls_and_sinks_more_as_it_slips(tmp_path):
 
 @pytest.mark.slow
 def test_excavator_shows_the_three_states():
-    """Soil at rest, soil that flows about the bucket, and soil that falls; some is lifted."""
+    """Soil at rest, soil that flows around the bucket, and soil that falls; some is lifted."""
     scene = gr.scenes.excavator(cell=0.025, speed=0.08, duration=3.4)
     sim = gr.Simulation(scene, threads=1)
     flowing = falling = 0

@@ -35,7 +35,7 @@ def bed(*bodies, height=0.4, holes=(), walls=True, gravity=-G, transfer="apic"):
 
 
 def test_box_at_rest_weighs_what_it_weighs():
-    """Mean of .4 s after it has settled; it does not sink by more than a cell before that."""
+    """Mean force over 0.4 s after settling; before that the box sinks by less than a cell."""
     mass = 100.0
     box = Body(Box((0.3, 0.2)), (0.5, 0.52), friction=0.3, free="y", mass=mass)
     sim = gr.Simulation(bed(box), threads=1)
@@ -57,7 +57,7 @@ def _momentum(sim):
 
 @pytest.mark.parametrize("transfer", ["flip", "apic", "tpic", "xpic"])
 def test_momentum_of_material_and_bodies_is_kept(transfer):
-    """Without walls and gravity: what the bodies have felt is what the material has lost."""
+    """Without walls and gravity, the bodies gain the momentum that the material loses."""
     bodies = (
         Body(Box((0.2, 0.1), rotation_deg=30.0), (0.2, 0.35), free="xy", mass=5.0, friction=0.4),
         Body(
@@ -78,10 +78,14 @@ def test_momentum_of_material_and_bodies_is_kept(transfer):
 
 
 def test_momentum_with_walls_and_gravity():
-    """Step by step, with what the walls take known from the nodes: P = -(change + walls) + W dt."""
+    """Momentum balance of each step, with the wall forces known from the nodes.
+
+    P = -(change + walls) + W dt.
+    """
     box = Body(Box((0.3, 0.2)), (0.5, 0.43), motion=Motion(velocity=((0.3, -0.2),)), friction=0.3)
     scene = bed(box)
-    scene = scene.replace(scheme=scene.scheme.replace(dt=5e-4))  # with the body and without
+    # the same step with and without the body
+    scene = scene.replace(scheme=scene.scheme.replace(dt=5e-4))
     sim, free = (gr.Simulation(scene.replace(bodies=b), threads=1) for b in ((box,), ()))
     for _ in range(40):
         engine = sim._engine
@@ -102,7 +106,7 @@ def test_momentum_with_walls_and_gravity():
 
 
 def _sheared(contact, divided):
-    """A cylinder that turns in a bed, in cells finer than the bed's."""
+    """A cylinder that rotates in a bed with finer cells than the other beds."""
     motion = Motion(velocity=((0.0, 0.0),), angular_velocity=(2.0,))
     cylinder = Body(Cylinder(0.12, center=(0.0, 0.0)), (0.5, 0.2), motion=motion, contact=contact)
     grid = Grid((0.0, 0.0), 0.05 / divided, (20 * divided, 16 * divided))
@@ -111,7 +115,7 @@ def _sheared(contact, divided):
 
 
 def _ring_torque(state):
-    """Torque of the shear stress over the ring .12 m to .14 m about the axis of the cylinder."""
+    """Torque of the shear stress over the ring 0.12 m to 0.14 m about the axis of the cylinder."""
     x = state.x - [0.5, 0.2]
     r = np.hypot(*x.T)
     ring = (r > 0.12) & (r < 0.14)
@@ -123,9 +127,9 @@ def _ring_torque(state):
 
 
 def test_turning_cylinder_is_held_back():
-    """The torque is that of the shear stress in the ring about it, which is its reaction.
+    """The torque on the cylinder is the reaction to that of the shear stress in the ring about it.
 
-    What is between them takes some angular momentum while the material spins up.
+    The material in between takes up some angular momentum while it starts to rotate.
     """
     sim = _sheared("sticky", 2)
     sim.run(until=0.2)

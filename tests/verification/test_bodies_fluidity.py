@@ -19,7 +19,7 @@ GRAINS = NGF(
 
 
 def layer(dim, stencil, elasticity, **scene):
-    """A periodic layer on a slope of 24 degrees, hats: nodes stand on the grid lines."""
+    """A periodic layer on a slope of 24 degrees, linear functions: nodes lie on the grid lines."""
     length = (2,) * (dim - 1)
     lower = (0.0,) * (dim - 1)
     upper = tuple(n * CELL for n in length)
@@ -52,15 +52,15 @@ def flow(scene):
 
 @pytest.mark.parametrize("stencil", ["faces", "isotropic"])
 @pytest.mark.parametrize(("dim", "elasticity"), [(2, "hypoelastic"), (3, "hencky")])
-def test_a_rough_body_is_a_rough_wall(dim, elasticity, stencil):
-    """All that moves over the nodes and faces that both hold; a smooth body is another thing."""
+def test_a_no_slip_body_is_a_no_slip_wall(dim, elasticity, stencil):
+    """On common nodes and faces a no-slip body acts as a no-slip wall; a free-slip body differs."""
     up = (0.0,) * (dim - 1) + (1.0,)
     ground = HalfSpace(up, (0.0,) * (dim - 1) + (1e-9,))
     wall = flow(layer(dim, stencil, elasticity, walls=(Wall(dim - 1, 0.0, kind="no_slip"),)))
     body = {}
     for rough in (True, False):
-        plate = Body(ground, (0.0,) * dim, contact="sticky", rough=rough)
-        body[rough] = flow(layer(dim, stencil, elasticity, below=BELOW, bodies=(plate,)))
+        ground_body = Body(ground, (0.0,) * dim, contact="sticky", rough=rough)
+        body[rough] = flow(layer(dim, stencil, elasticity, below=BELOW, bodies=(ground_body,)))
     assert wall.v[:, 0].max() > 0.03
     for name in ("v", "g"):
         reference, found = (getattr(state, name) for state in (wall, body[True]))
@@ -72,7 +72,7 @@ def test_a_rough_body_is_a_rough_wall(dim, elasticity, stencil):
 
 
 def pool(shift, *, dim=2, **body):
-    """A periodic bed with a paddle that stands `shift` cells along x."""
+    """A periodic bed with a paddle whose position is `shift` cells along x."""
     length = (10,) * (dim - 1)
     position = (0.26 + 0.1 * shift, *(0.26,) * (dim - 2), 0.33)  # no face on a node
     motion = Motion(velocity=((0.4, *(0.0,) * (dim - 2), -0.2),))
@@ -91,11 +91,11 @@ def pool(shift, *, dim=2, **body):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_bodies_have_images(dim):
-    """Where the ends of the period are does not matter, nor how often a body has passed them."""
+    """The result is independent of where the period ends and how often a body has passed it."""
     impulses = []
     for shift in (0, 2, -3, 30):
         sim = gr.Simulation(pool(shift, dim=dim), threads=1)
-        sim.step(60)  # before round-off decides whether a point is loose
+        sim.step(60)  # before round-off decides whether a point is disconnected
         impulses.append(np.append(sim.bodies[0].impulse, sim.bodies[0].angular_impulse))
     assert np.linalg.norm(impulses[0][:dim]) > 0.1
     for impulse in impulses[1:]:
@@ -116,7 +116,7 @@ def test_bodies_whose_images_meet_are_refused():
     space = pool(0, dim=3)
     axle = Cylinder(0.1, center=(0, 0, 0), axis=(0, 1, 0))
     with pytest.raises(ValueError, match="half the period along x"):
-        space.replace(bodies=(Body(axle, (0.2, 0.2, 0.3)),))  # endless along y alone
+        space.replace(bodies=(Body(axle, (0.2, 0.2, 0.3)),))  # infinite along y only
     narrow = Grid((0.0,) * 3, 0.05, (10, 10, 10), periodic=(False, True, False))
     turning = [Motion(velocity=((0,) * 3,), angular_velocity=(w,)) for w in ((0, 1, 0), (0, 0, 1))]
     walled = space.replace(grid=narrow, bodies=(Body(axle, (0.2, 0.2, 0.3), motion=turning[0]),))
@@ -129,7 +129,7 @@ def test_bodies_whose_images_meet_are_refused():
 
 
 def test_time_step_knows_the_speed_of_bodies():
-    """Of the fastest place of each: a corner, a rim; in the domain where a body has no end."""
+    """The step uses the fastest place: a corner, a rim; in the domain if a body is infinite."""
     scene = pool(0).replace(
         scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity(), cfl=0.4)
     )
@@ -138,7 +138,8 @@ def test_time_step_knows_the_speed_of_bodies():
     spin = Motion(velocity=((0.0, 3.0),), angular_velocity=(50.0,))
     for shape, speed in (
         (Box((0.6, 0.8)), np.hypot(50.0 * 0.4, 50.0 * 0.3 + 3.0)),
-        (Cylinder(0.2, center=(0, 0)), np.hypot(50.0 * 0.2, 50.0 * 0.2 + 3.0)),  # of the square
+        # corner of the square domain
+        (Cylinder(0.2, center=(0, 0)), np.hypot(50.0 * 0.2, 50.0 * 0.2 + 3.0)),
         (HalfSpace((0.0, 1.0)), 3.0 + 50.0 * np.hypot(0.25, 10.5)),
     ):
         far = Body(shape, (0.25, -10.0), motion=spin)

@@ -1,4 +1,4 @@
-"""Triangle meshes as bodies: their sampled distance, their contact, and what is refused."""
+"""Triangle meshes as bodies: their sampled distance, their contact, and refused input."""
 
 import builtins
 
@@ -22,7 +22,7 @@ FACES = (
 
 
 def test_samples_are_signed_distances():
-    """Of a cube: exact at the lattice where the distance is linear, to its bend elsewhere."""
+    """Distance to a cube: exact at samples where it is linear; elsewhere within its curvature."""
     pytest.importorskip("trimesh")
     pytest.importorskip("rtree")
     mesh = Body(Mesh(CUBE, FACES, spacing=0.02), (0.3, 0.0, 0.0))
@@ -44,7 +44,7 @@ def test_samples_are_signed_distances():
 
 
 def test_error_falls_with_the_spacing():
-    """On the surface of a ball of triangles, whose distance bends: second order."""
+    """The distance of a triangulated ball is curved: the error is of second order."""
     trimesh = pytest.importorskip("trimesh")
     pytest.importorskip("rtree")
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
@@ -75,7 +75,7 @@ def bed(shape):
 
 
 def test_a_mesh_moves_through_a_bed_as_the_box_it_is(tmp_path):
-    """Alone and as a part of a union; in a record; momentum is another test's."""
+    """The mesh moves alone, as a part of a union, and in a record; momentum is tested elsewhere."""
     pytest.importorskip("trimesh")
     pytest.importorskip("rtree")
     mesh = Mesh(CUBE, FACES, spacing=0.0125)  # a quarter of a cell

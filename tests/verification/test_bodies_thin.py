@@ -1,4 +1,4 @@
-"""Blades thinner than the grid resolves: no coupling through them, momentum, bits, fluidity."""
+"""Blades thinner than the cells: no coupling across them, momentum, same bits, fluidity."""
 
 import numpy as np
 import pytest
@@ -21,8 +21,8 @@ def scheme(**changes):
     return gr.Scheme(**{"transfer": "apic", "density": "particle", "dt": 4e-4} | changes)
 
 
-def layers(plate, *, dim=2, velocity=(0.6, -0.5), **changes):
-    """A layer at rest under a plate without end, and one above it that is thrown at it."""
+def layers(thin_body, *, dim=2, velocity=(0.6, -0.5), **changes):
+    """A layer at rest under an infinite thin body, and one above it that is thrown at it."""
     length = (6,) * (dim - 1)
     flat = tuple(n * CELL for n in length)
     low = (0.0,) * (dim - 1)
@@ -36,7 +36,7 @@ def layers(plate, *, dim=2, velocity=(0.6, -0.5), **changes):
         ),
         material=MuI(E=1e6),
         scheme=scheme(**changes),
-        bodies=(plate,),
+        bodies=(thin_body,),
         gravity=Gravity((0.0,), ((0.0,) * dim,)),
         duration=1.0,
         seed=2,
@@ -52,10 +52,10 @@ def endless(dim=2, *, thickness=0.2, **body):
 @pytest.mark.parametrize("contact", ["sticky", "separating", "bilateral"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_nothing_passes_through_a_blade(dim, contact, basis, thickness):
-    """What is under it stays at rest to the last bit; what is above it is stopped by it."""
+    """Material below stays at rest to the last bit; material above is stopped by the blade."""
     friction = 0.0 if contact == "sticky" else 0.3
-    plate = endless(dim, thickness=thickness, contact=contact, friction=friction)
-    sim = gr.Simulation(layers(plate, dim=dim, basis=basis), threads=1)
+    thin_body = endless(dim, thickness=thickness, contact=contact, friction=friction)
+    sim = gr.Simulation(layers(thin_body, dim=dim, basis=basis), threads=1)
     below = sim.state.x[:, -1] < 0.3
     start = sim.state.x[below]
     before = sim.state.mass @ sim.state.v
@@ -71,9 +71,9 @@ def test_nothing_passes_through_a_blade(dim, contact, basis, thickness):
 
 @pytest.mark.parametrize("cells", [1.9, 2.1, 2.9, 3.1])
 def test_nothing_passes_through_what_is_not_thin(cells):
-    """Material at both faces of a body of any thickness, with nodes in common up to three cells."""
-    plate = Body(Box((np.inf, cells * CELL)), (0.0, 0.4), friction=0.3)
-    scene = layers(plate)
+    """Material at both faces of a body of any thickness, with common nodes up to three cells."""
+    thin_body = Body(Box((np.inf, cells * CELL)), (0.0, 0.4), friction=0.3)
+    scene = layers(thin_body)
     top = 0.4 + 0.5 * cells * CELL
     fills = (
         Fill(Region((0.0, 0.05), (0.3, 0.4 - 0.5 * cells * CELL)), 4),
@@ -89,7 +89,7 @@ def test_nothing_passes_through_what_is_not_thin(cells):
 
 
 def test_a_thick_body_of_the_same_place_does_the_same():
-    """Far from the plane, where the layer does not know how thick it is: the same impulse."""
+    """Far from its plane the layer does not depend on the thickness of the body: equal impulse."""
     impulses = []
     for thickness in (0.2, 1.9):
         shape = Box((np.inf, thickness * CELL), center=(0.0, -0.5 * thickness * CELL))
@@ -105,7 +105,7 @@ def test_a_thick_body_of_the_same_place_does_the_same():
 
 
 def blade(dim=2, **body):
-    """A blade that is drawn and turned through a bed, its edges in the material."""
+    """A blade that is moved and rotated through a bed, with its edges in the material."""
     turning = (3.0,) if dim == 2 else ((0.0, 3.0, 0.5),)
     motion = Motion(velocity=((0.5, *(0.1,) * (dim - 2), -0.1),), angular_velocity=turning)
     size = (0.4 * CELL, *(0.2,) * (dim - 2), 0.3)
@@ -141,7 +141,7 @@ NONLOCAL = NGF(E=1e6, mu_s=0.38, mu_2=0.64, I0=0.28, d=2e-2, rho_s=2450.0, A=0.5
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_bits_do_not_depend_on_threads_or_restarts(dim):
-    """While the blade moves by several cells, with the nonlocal law in substeps."""
+    """The blade moves by several cells, with the nonlocal law in substeps."""
     fluidity = Fluidity(method="implicit", initial=1.0, substeps=2)
     scene = blade(dim, material=NONLOCAL, scheme=scheme(fluidity=fluidity), rough=True)
     sims = [gr.Simulation(scene, threads=n) for n in (1, 2)]
@@ -159,23 +159,23 @@ def test_bits_do_not_depend_on_threads_or_restarts(dim):
         assert np.array_equal(sims[0]._engine.bodies(), sim._engine.bodies())
 
 
-def behind(g, dim, place, turned_deg, stencil, plates=1, **body):
-    """Fluidity behind a plate through a bed, after steps in which that before it is held at `g`."""
+def behind(g, dim, place, turned_deg, stencil, thin_bodies=1, **body):
+    """Fluidity behind a thin body in a bed, after steps with that in front of it held at `g`."""
     rotation = turned_deg if dim == 2 else (0.0, turned_deg, 0.6 * turned_deg)
     middle = (0.15,) * (dim - 1) + (place * CELL,)
     size = (1.0,) * (dim - 1) + (0.2 * CELL,)
-    plate = Body(Box(size), middle, rotation_deg=rotation, contact="sticky", **body)
+    thin_body = Body(Box(size), middle, rotation_deg=rotation, contact="sticky", **body)
     fluidity = Fluidity(method="implicit", stencil=stencil, initial=0.1, tolerance=1e-13)
     scene = layers(endless(dim), dim=dim).replace(
         grid=Grid((0.0,) * dim, CELL, (6,) * (dim - 1) + (12,)),
         fills=(Fill(Region((0.0,) * dim, (0.3,) * (dim - 1) + (0.5,)), 4**dim, lithostatic=True),),
         material=NONLOCAL,
         scheme=scheme(fluidity=fluidity),
-        bodies=(plate,) * plates,
+        bodies=(thin_body,) * thin_bodies,
         gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
     )
     sim = gr.Simulation(scene, threads=1)
-    normal = turned(plate.rotation_deg).apply(np.eye(3)[dim - 1])[:dim]
+    normal = turned(thin_body.rotation_deg).apply(np.eye(3)[dim - 1])[:dim]
     before = np.append((sim.state.x - middle) @ normal > 0, False)
     for _ in range(5):
         sim.buffers["g"][0, before[sim.buffers["id"]]] = g
@@ -190,11 +190,11 @@ def behind(g, dim, place, turned_deg, stencil, plates=1, **body):
     [(2, 5.0, 0.0), (2, 5.25, 0.0), (2, 5.5, 0.0), (2, 5.75, 0.0), (2, 5.3, 25.0), (3, 5.3, 20.0)],
 )
 def test_fluidity_does_not_pass(dim, place, turned_deg, rough, stencil):
-    """What is behind a plate keeps its fluidity whatever agitates the front, wherever it cuts."""
+    """Fluidity behind a thin body is independent of that in front, wherever cells are cut."""
     quiet, loud = (behind(g, dim, place, turned_deg, stencil, rough=rough) for g in (0.01, 100.0))
     assert quiet.max() > 0.01
     np.testing.assert_allclose(loud, quiet, rtol=1e-5, atol=1e-9)
-    held = behind(100.0, dim, place, turned_deg, stencil, plates=0)
+    held = behind(100.0, dim, place, turned_deg, stencil, thin_bodies=0)
     assert held.max() > 10.0
 
 
@@ -215,7 +215,7 @@ def test_what_is_not_held_is_told():
 
 
 def small_mesh(edge):
-    """An octahedron, in which a ball of edge/sqrt(3) has room."""
+    """An octahedron that contains a ball of diameter edge/sqrt(3)."""
     tips = 0.5 * edge * np.array([*np.eye(3), *-np.eye(3)])
     faces = [(0, 1, 2), (1, 3, 2), (3, 4, 2), (4, 0, 2), (1, 0, 5), (3, 1, 5), (4, 3, 5), (0, 4, 5)]
     return Mesh(tuple(map(tuple, tips.tolist())), tuple(faces), spacing=edge / 24)
@@ -230,16 +230,16 @@ def small_mesh(edge):
         (3.0, {"transfer": "tpic", "density": "smoothed"}, None),
     ],
 )
-def test_plates_of_two_to_three_cells(cells, changes, told):
-    """Nodes of splines see both faces of a plate below three cells."""
+def test_thin_bodies_of_two_to_three_cells(cells, changes, told):
+    """Below a thickness of three cells, nodes of splines see both faces of the body."""
     scene = layers(endless(thickness=cells), **changes)
-    said = [doubt for doubt in gr.scene_warnings(scene) if doubt.startswith("bodies")]
+    said = [message for message in gr.scene_warnings(scene) if message.startswith("bodies")]
     assert len(said) == (told is not None)
     assert told is None or told in said[0]
 
 
 def test_thick_parts_beside_thin_ones():
-    """A block with a blade under it, pressed into a bed: neither is entered."""
+    """A block with a blade below it is pressed into a bed; no material enters either."""
     block, knife = Box((0.3, 0.3)), Box((0.3 * CELL, 0.3), center=(0.0, -0.3))
     motion = Motion(velocity=((0.0, -0.4),))
     scene = layers(endless()).replace(
@@ -262,8 +262,8 @@ def test_thick_parts_beside_thin_ones():
     assert (x[left & facing, 0] < 0.15 * CELL).all()
 
 
-def test_a_bucket_of_plates_keeps_its_load():
-    """A box without a lid of thin plates, lifted out of a bed: what is in it comes with it."""
+def test_a_bucket_of_thin_bodies_keeps_its_load():
+    """A box of thin walls without a lid, lifted out of a bed, takes its content with it."""
     wide, tall, thin = 0.5, 0.25, 0.3 * CELL
     shape = Union(
         (

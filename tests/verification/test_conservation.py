@@ -1,4 +1,4 @@
-"""What must be kept: mass, momentum, and the energy of the grid, line by line."""
+"""Conservation of mass and momentum, and the energy budget of the grid, line by line."""
 
 import dataclasses
 import math
@@ -37,7 +37,7 @@ def momentum(state):
 
 
 def borrowed(sim):
-    """Momentum that the shift has lent to points, to be taken back in the next step."""
+    """Shift momentum that points carry until it is subtracted in the next step."""
     state, interval = sim.state, averaging_interval(sim.scene)
     if "shift_velocity" not in state.fields or (state.step - 1) % interval:
         return 0.0
@@ -84,7 +84,7 @@ def test_mass_is_exact(small_scene, combination, dim):
 
 @pytest.mark.parametrize("kind", ["walls", "periodic", "outlet"])
 def test_energy_of_the_grid(small_scene, combination, dim, kind):
-    """Work of forces and walls is the change of the grid's kinetic energy, to round-off."""
+    """The work of forces and walls is the change of the grid's kinetic energy, to round-off."""
     sim = gr.Simulation(small_scene(kind, dim, combination, E=1e5), threads=1)
     sim.step(40)
     works = np.zeros(3)
@@ -97,7 +97,7 @@ def test_energy_of_the_grid(small_scene, combination, dim, kind):
 
 
 def test_the_budget_closes_and_is_the_step(small_scene, combination):
-    """Kinetic energy of the points from line to line, and the bits of a plain step."""
+    """Kinetic energies agree from line to line, and the step has the bits of a plain one."""
     scene = small_scene("outlet", 2, combination, E=1e5)
     sim, plain = gr.Simulation(scene, threads=1), gr.Simulation(scene, threads=1)
     sim.step(30)
@@ -119,7 +119,7 @@ def test_the_budget_closes_and_is_the_step(small_scene, combination):
 
 
 def lost(transfer, cfl, time=0.08):
-    """Share of the kinetic energy that the transfers lose, and the losses of P2G alone."""
+    """Fraction of the kinetic energy lost in transfers, and the losses of P2G alone."""
     scene = closed_box(("quadratic", transfer, "particle"), material=Elastic(E=1e6), cfl=cfl)
     sim, budgets = gr.Simulation(scene, threads=1), []
     while sim.time < time:
@@ -129,7 +129,7 @@ def lost(transfer, cfl, time=0.08):
 
 
 def test_transfers_lose_energy_of_their_own_kind():
-    """P2G of velocities alone cannot gain energy; what FLIP loses vanishes with the step."""
+    """P2G of velocities alone cannot gain energy; the loss of FLIP vanishes with the step."""
     coarse, p2g = lost("flip", 0.5)
     fine, _ = lost("flip", 0.05)
     assert (p2g >= 0).all()
@@ -140,7 +140,7 @@ def test_transfers_lose_energy_of_their_own_kind():
 
 
 def test_energy_of_a_disconnection_is_reported_once():
-    """Loose points that bear stress lose all of it in one step, and no other line shows it."""
+    """Disconnected points under stress lose its energy in one step, shown in one line only."""
     scene = closed_box(("linear", "flip", "particle"))
     sim = gr.Simulation(scene, threads=1)
     at = np.flatnonzero(sim.buffers["id"] >= 0)
@@ -158,7 +158,7 @@ def test_energy_of_a_disconnection_is_reported_once():
 
 
 def test_strain_residual_falls_with_the_step():
-    """It is an error of the time integration: of first order when summed over a given time."""
+    """An error of the time integration: of first order when summed over a given time."""
     totals = []
     for steps in (20, 40, 80):
         dt = 0.02 / steps

@@ -1,4 +1,4 @@
-"""The stress update by itself: the rows of the verification table, and what they can see."""
+"""The stress update by itself: rows of the verification table, and errors that they detect."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def test_path_of_pure_compression_is_the_closed_form():
 
 
 def test_appendix_b_sees_a_wrong_update():
-    """With the pressure of the trial stress the loose start is off its order at some dt."""
+    """With the trial pressure the disconnected start is off its order at some dt."""
     found = path_errors(SOFT, 0.0, STEPS[:2], log_density0=-500.0 / SOFT.K)
     right = path_errors(
         SOFT, 0.0, STEPS[:2], log_density0=-500.0 / SOFT.K, pressure_from_density=True

@@ -1,4 +1,4 @@
-"""The table of the density correction: its quick rows, its long ones, and what its measures can see."""
+"""The table of the density correction: quick and long rows, errors that its measures detect."""
 
 import numpy as np
 import pytest
@@ -36,7 +36,7 @@ def test_the_published_scheme_fails_the_quick_rows():
 
 @pytest.mark.parametrize("across", [0, 2])
 def test_a_steady_layer_starts_in_balance(across):
-    """Its stress balances gravity and lies on the law; nothing is in error yet."""
+    """The stress balances gravity and satisfies the law; no error has developed yet."""
     points = 8 if across else 4
     sim = layers.layer(steady=True, columns=2, across=across, height=0.1, points=points)
     state = sim.state
@@ -50,15 +50,18 @@ def test_a_steady_layer_starts_in_balance(across):
 
 
 def loudest(sim, crossings=4):
-    """Largest kinetic energy of a layer in so many crossings by sound, read eight times in each."""
+    """Largest kinetic energy of a layer over some crossings by sound, read eight times in each."""
     crossing = layers.HEIGHT / sim.scene.material.wave_speed
     times = sim.time + crossing * np.arange(1, 8 * crossings + 1) / 8
     return max(measure.energy(sim.run(until=float(time)).state).kinetic for time in times)
 
 
 def test_elastic_waves_of_a_layer_at_rest_die_out():
-    """A layer of .1 m below its angle rings at its quarter wave, and nothing feeds it: driven by
-    the strain of the waves, as it once was, the density correction made its energy threefold from 1 to 3 s."""
+    """A layer of 0.1 m below its flow angle oscillates as a quarter wave and gains no energy.
+
+    An earlier density correction, driven by the strain of the waves, made the energy grow threefold
+    from 1 s to 3 s.
+    """
     sim = layers.layer(15.0, height=0.1)
     early = loudest(sim.run(until=1.0))
     assert loudest(sim.run(until=3.0)) < 1.1 * early
@@ -83,8 +86,8 @@ def test_the_worst_seed_counts():
     assert [row.passed for row in layers.rows("told", [good], 0.02)] == [True, True, True, None]
 
 
-def test_crowding_by_hand():
-    """A column as it is seeded is full everywhere; points of twice the mass make it twice so."""
+def test_filling_by_hand():
+    """A seeded column is full everywhere; with points of twice the mass it is twice as full."""
     sim = Simulation(scenes.column_collapse(cell=0.025), threads=1)
     assert [density_correction.crowding(sim.state, k) for k in (1, 3, 5)] == pytest.approx(
         [1.0] * 3, rel=1e-12
@@ -95,20 +98,20 @@ def test_crowding_by_hand():
 
 @pytest.mark.parametrize(("name", "more"), [("dunatunga_kamrin_2015", 0.0), ("default", 0.01)])
 def test_free_opening(name, more):
-    """From the first to the last free node: the paper's D; splines have theirs half a cell out."""
+    """From the first to the last free node: the paper's D, or a cell more with splines."""
     scheme = getattr(schemes, name)
     assert silo.free_opening(0.1, 0.01, scheme) == pytest.approx(0.1 + more, abs=1e-12)
 
 
 def test_stop_time():
-    """A block at 20 deg, pushed to 1 m/s."""
+    """A block at 20 degrees, pushed to 1 m/s."""
     g, angle = 9.8, np.radians(20.0)
     a = g * (density_correction.SOFT.mu_s * np.cos(angle) - np.sin(angle))
     assert density_correction.stop_time(20.0, 1.0) * a == pytest.approx(1.0)
 
 
-def test_an_idle_cure_gives_nothing():
-    """The comparison of two steps is exact, and it sees what the shift does."""
+def test_an_idle_correction_gives_nothing():
+    """The comparison of two steps is exact, and it detects the particle shifting."""
     sim = layers.layer(
         steady=True,
         scheme=schemes.Scheme(density=schemes.SmoothedDensity(**density_correction_budget.IDLE)),

@@ -1,4 +1,4 @@
-"""Flow takes elastic energy from every point of scenes in space, step by step; none gains any."""
+"""Plastic flow takes elastic energy from every point of 3D scenes, in each step; none gains any."""
 
 import numpy as np
 import oracle_hencky as oracle
@@ -6,8 +6,8 @@ import pytest
 
 import granular as gr
 
-TRACKED = gr.scenes.excavation().scheme
-"""Its strain is the velocity gradient that points keep: a step can be made again outside."""
+PARTICLE_DENSITY = gr.scenes.excavation().scheme
+"""Scheme whose points keep their velocity gradient, so that a step can be repeated outside."""
 
 SCENES = {
     "excavation": lambda: gr.scenes.excavation(
@@ -15,17 +15,17 @@ SCENES = {
         width=0.4, start=0.2, travel=0.1,
     ),
     "wheel": lambda: gr.scenes.wheel(
-        settle=0.1, ramp=0.05, cell=0.05, soil=0.1, width=0.2, scheme=TRACKED
+        settle=0.1, ramp=0.05, cell=0.05, soil=0.1, width=0.2, scheme=PARTICLE_DENSITY
     ),
     "couette": lambda: gr.scenes.couette(
-        inner=0.1, outer=0.14, height=0.02, cell=0.01, omega=1.0, scheme=TRACKED
+        inner=0.1, outer=0.14, height=0.02, cell=0.01, omega=1.0, scheme=PARTICLE_DENSITY
     ),
-    "silo_3d": lambda: gr.scenes.silo_3d(cell=0.0125, width=0.025, scheme=TRACKED),
+    "silo_3d": lambda: gr.scenes.silo_3d(cell=0.0125, width=0.025, scheme=PARTICLE_DENSITY),
 }  # fmt: skip
 
 
 def stored(h, material):
-    """Energy of a deviatoric logarithmic strain (n, 3, 3) [J/m3]."""
+    """Energy [J/m3] of a deviatoric logarithmic strain (n, 3, 3)."""
     return material.G * (h * h).sum(axis=(1, 2))
 
 
@@ -38,9 +38,9 @@ def strain(state, rows):
 
 
 def made_again(before, after):
-    """Energy lost by flow in a step, mean stress times plastic strain, energy of the trial [J/m3].
+    """Energy lost by flow in a step, mean stress times plastic strain, trial energy [J/m3].
 
-    The trial is of scipy's exponential and LAPACK's eigenvalues.
+    The trial state uses scipy's exponential and LAPACK's eigenvalues.
     """
     _, here, there = np.intersect1d(before.id, after.id, return_indices=True)
     dense = before.dense[here] & after.dense[there]
@@ -67,7 +67,7 @@ def test_no_point_gains_energy_by_flow(name):
         assert (lost >= -rounding).all()
         np.testing.assert_allclose(lost, said, rtol=0, atol=1e-9 * lost.max() + rounding)
         share.append(np.mean(lost > 1e-6 * trial))
-    assert max(share) > 0.05  # some flow
+    assert max(share) > 0.05  # some points flow
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -1,4 +1,4 @@
-"""What advice leads to, and that half of a symmetric scene is half of its flow."""
+"""Results of suggestions, and halves of symmetric scenes that flow as half of the whole."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def test_half_of_a_scene_flows_as_half_of_the_whole():
 
 
 def mean_velocity(scheme):
-    """Of one column on an incline of 25 degrees after a second [m/s]."""
+    """Mean velocity [m/s] of one column on an incline of 25 degrees after one second."""
     grains = glass_beads.replace(E=1e6)
     scene = gr.scenes.incline(cell=0.02, material=grains, scheme=scheme)
     state = gr.Simulation(scene, threads=1).run(until=1.0).state
@@ -61,14 +61,14 @@ def mean_velocity(scheme):
 @pytest.mark.parametrize("transfer", TRANSFERS)
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_which_transfers_damp_by_the_step(transfer, basis):
-    """Where a fifth of the step makes another flow, advice leaves step, cells and E alone."""
+    """Where a fifth of the step changes the flow, suggestions keep step, cells and E."""
     scheme = gr.Scheme(basis=basis, transfer=transfer, density=gr.ParticleDensity())
     coarse, fine = (mean_velocity(scheme.replace(cfl=cfl)) for cfl in (0.5, 0.1))
     assert (abs(fine / coarse - 1) > 0.005) == damps_by_step(scheme), fine / coarse
 
 
 def test_half_of_a_silo_with_the_default_scheme():
-    """Not the same flow as with linear functions, but within what advice takes for the change."""
+    """The flow differs from that with linear functions, within the stated error."""
     floor = [Wall(1, 0.0, span=(s,)) for s in ((-0.5, -0.1), (0.1, 0.5))]
     whole = gr.Scene(
         name="full silo",
@@ -94,7 +94,7 @@ def test_half_of_a_silo_with_the_default_scheme():
 
 
 def test_quantities_tell_soft_from_stiff():
-    """The numbers of a run, and their change: an incline ten times softer flows faster."""
+    """Numbers of a run and their change: an incline with ten times softer grains flows faster."""
     soft, stiff = (
         quantities(
             gr.scenes.incline(

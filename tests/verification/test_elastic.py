@@ -1,4 +1,4 @@
-"""What a scheme does to plain motions: patches, flight, rotation, waves, and the null space."""
+"""Plain motions in every scheme: patches, flight, rotation, waves, and the null space."""
 
 import itertools
 
@@ -38,7 +38,7 @@ def places(sim):
 
 
 def block(combination, points=4, **options):
-    """A jittered block in the middle of an empty grid."""
+    """A block of jittered points in the middle of an empty grid."""
     fills = (Fill(Box((0.4, 0.4), (1.2, 1.2)), points, jitter=1.0),)
     return gr.Simulation(scene(combination, (16, 16), fills, **options), threads=1)
 
@@ -47,10 +47,10 @@ def block(combination, points=4, **options):
 
 
 def patch_error(basis, seed, jitter):
-    """Largest force that a uniform pressure makes on nodes inside, in units of p dx.
+    """Largest force that a uniform pressure exerts on inner nodes, in units of p dx.
 
-    The jittered lattice first flies a quarter of a cell, so that points lie on both sides of the
-    borders of cells: on the lattice itself each keeps to its own quarter and no basis is at fault.
+    The jittered points first move by a quarter of a cell, so that points lie on both sides of the
+    borders of cells. Without this each point stays in its own quarter and no basis shows an error.
     """
     box = Box((0.3, 0.3), (1.9, 1.9))
     fills = (Fill(box, 4, jitter=jitter, density=1200.0, velocity=(1.0, 1.0)),)
@@ -71,13 +71,14 @@ def median_patch_error(basis, jitter):
 
 
 def test_a_uniform_stress_makes_little_force():
-    """Cell crossing: hats err by a jump of their gradient, splines by no more than the jitter.
+    """Error of cell crossing: a jump for linear functions, proportional to the jitter for splines.
 
-    The gradient of a hat jumps at the border of a cell, so that its error does not vanish with
-    the displacement of the points; that of a quadratic spline is continuous, and its error is
-    proportional to the displacement. A bound for splines means nothing without it: for points
-    displaced by up to a tenth of their spacing it is 0.1 p dx (summing the spline gradients of
-    such lattices in plain NumPy gives a median of 0.080), for the full half of a spacing 0.4.
+    The gradient of a linear function jumps at the border of a cell, so that its error does not
+    vanish with the displacement of the points; that of a quadratic spline is continuous, and its
+    error is proportional to the displacement. A bound for splines means nothing without the
+    displacement: for points displaced by up to a tenth of their spacing it is 0.1 p dx (summing the
+    spline gradients of such points in plain NumPy gives a median of 0.080), for the full half of a
+    spacing 0.4.
     """
     small, full = (
         {basis: median_patch_error(basis, jitter) for basis in ("linear", "ugimp", "quadratic")}
@@ -120,7 +121,7 @@ def test_a_linear_velocity_is_carried_exactly(basis, transfer):
     sim._engine.g2p()
     after = sim.state
     L = after.affine.reshape(-1, 2, 2)
-    # a light node's velocity is a quotient of small sums
+    # the velocity of a light node is a quotient of small sums
     assert abs(L - A).max() <= 1e-9
     assert np.median(abs(L - A)) <= 1e-13
     v = b + before.x @ A.T
@@ -133,7 +134,7 @@ def test_a_linear_velocity_is_carried_exactly(basis, transfer):
 
 
 def test_free_flight_is_the_parabola_of_the_integrator(combination):
-    """Loose material in flight: v += g dt, then x += v dt, every point alike and free of stress."""
+    """Disconnected material in flight: v += g dt, then x += v dt, every point free of stress."""
     g = np.array([0.5, -9.8])
     fills = (Fill(Box((0.3, 0.6), (0.8, 1.1)), 4, jitter=1.0, density=1200.0, velocity=(0.9, 2.0)),)
     material = gr.materials.MuI(E=1e6)
@@ -155,7 +156,7 @@ def test_free_flight_is_the_parabola_of_the_integrator(combination):
 
 
 def angular_momentum(state):
-    """About the origin, with the spin of the affine field (its moment is dx^2/4 for splines)."""
+    """Angular momentum, with the spin of the affine field (its moment is dx^2/4 for splines)."""
     m, x, v = state.mass, state.x, state.v
     C = state.affine.reshape(-1, 2, 2)
     spin = (C[:, 1, 0] - C[:, 0, 1]) * CELL**2 / 4
@@ -163,7 +164,7 @@ def angular_momentum(state):
 
 
 def rotating(transfer, rate, material=SOLID):
-    """A free block of 0.4 m that turns about its centre without strain."""
+    """A free block of 0.4 m that rotates about its centre without strain."""
     fills = (Fill(Box((0.6, 0.6), (1.0, 1.0)), 4, jitter=1.0),)
     base = scene(("quadratic", transfer, "particle"), (16, 16), fills, material=material)
     sim = gr.Simulation(base, threads=1)
@@ -182,14 +183,14 @@ def gyration(state):
 
 @pytest.mark.parametrize(("rate", "material"), [(0.1, SOLID), (2.0, SOLID), (2.0, HENCKY)])
 def test_ten_turns_of_a_free_block(rate, material):
-    """APIC keeps the angular momentum; what it loses of the energy is the step's, not the grid's.
+    """APIC keeps the angular momentum; its loss of energy is due to the step, not to the grid.
 
-    In balance the tracked density is steady, tr L = 0, and a step takes the points by I + dt L, L
-    the rotation at the rate w. That has the determinant 1 + dt^2 w^2, of which dt tr L knows
-    nothing: by so much the area, and with it the mean square radius R, grows in a step. From the
-    angular momentum m w (R + dx^2/2), where dx^2/2 is the spin of the affine field, follow w and
-    the kinetic energy m w^2 R/2 of the points. The loss is of first order in w dt, and a hundredth
-    in ten turns at w dt = 2e-4.
+    In balance the particle density is steady, tr L = 0, and a step maps the points by I + dt L, L
+    the rotation at the rate w. Its determinant is 1 + dt^2 w^2, while dt tr L = 0: the area, and
+    with it the mean square radius R, grows by this factor in a step. From the angular momentum m w
+    (R + dx^2/2), where dx^2/2 is the spin of the affine field, follow w and the kinetic energy m
+    w^2 R/2 of the points. The loss is of first order in w dt, and a hundredth in ten turns at w dt
+    = 2e-4.
     """
     sim = rotating("apic", rate, material)
     before, kinetic = angular_momentum(sim.state), gr.measure.energy(sim.state).kinetic
@@ -220,7 +221,7 @@ def test_angular_momentum_is_a_test_that_can_fail():
 
 
 def bar(combination, cells, points=4, material=SOLID, **options):
-    """A bar along x, periodic along both axes, of one row of cells."""
+    """A bar along x with one row of cells, periodic along both axes."""
     basis, transfer, density = combination
     cell = 3.2 / cells
     base = gr.Scene(
@@ -236,10 +237,10 @@ def bar(combination, cells, points=4, material=SOLID, **options):
 
 
 def wave(transfer, cells, periods, basis="quadratic", cfl=0.2, material=SOLID):
-    """A standing wave after so many periods: error of v against its amplitude, energy kept.
+    """Standing wave after some periods: error of v relative to its amplitude, energy kept.
 
-    Velocities are those of the middle of the last step: the first one, from no stress at all,
-    leaves them as they are. Compared at its end they would be wrong by omega dt/2.
+    Velocities are those of the middle of the last step: the first step starts without stress and
+    does not change them. Compared at its end they would be wrong by omega dt/2.
     """
     sim = bar((basis, transfer, "particle"), cells, cfl=cfl, material=material)
     k, amplitude = 2 * np.pi / 3.2, 1e-3
@@ -269,7 +270,7 @@ def test_a_standing_wave_keeps_its_energy(transfer, least):
 @pytest.mark.parametrize("transfer", ["flip", "apic", "tpic", "xpic"])
 @pytest.mark.parametrize("basis", ["linear", "quadratic"])
 def test_a_standing_wave_converges_at_second_order(basis, transfer):
-    """In space and, the step being a share of dx/c, in time."""
+    """Second order in the cell size and, as the step is a fraction of dx/c, in time."""
     errors = [wave(transfer, cells, 0.7, basis, cfl=0.4)[0] for cells in (16, 32, 64)]
     orders = [np.log2(a / b) for a, b in itertools.pairwise(errors)]
     assert errors[-1] < 0.01
@@ -279,7 +280,7 @@ def test_a_standing_wave_converges_at_second_order(basis, transfer):
 
 @pytest.mark.parametrize("basis", ["linear", "quadratic"])
 def test_a_standing_wave_of_finite_strain_converges_as_well(basis):
-    """Small as it is, it is that of the linear law."""
+    """The amplitude is small, so that the exact solution is that of the linear law."""
     errors = [wave("apic", n, 0.7, basis, cfl=0.4, material=HENCKY)[0] for n in (16, 32, 64)]
     assert errors[-1] < 0.01
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)
@@ -289,7 +290,7 @@ def test_a_standing_wave_of_finite_strain_converges_as_well(basis):
 
 
 def settled_column(cells, material):
-    """A column between smooth walls that its weight compresses by some per cent, at rest."""
+    """A column between smooth walls, at rest, that its weight compresses by some per cent."""
     base = gr.Scene(
         name="column",
         grid=Grid((0.0, 0.0), 1.0 / cells, (1, cells), periodic=(True, False)),
@@ -297,7 +298,7 @@ def settled_column(cells, material):
         material=material,
         scheme=gr.Scheme(
             basis="quadratic", transfer="xpic", xpic_order=1, density=gr.ParticleDensity(), cfl=0.3
-        ),  # damps most
+        ),  # strongest damping
         walls=(gr.mpm.walls.Wall(1, 0.0, kind="free_slip"),),
         gravity=Gravity((0.0, 4.0), ((0.0, 0.0), (0.0, -9.81))),
         duration=8.0,
@@ -306,9 +307,10 @@ def settled_column(cells, material):
 
 
 def test_a_column_that_its_weight_compresses():
-    """Against the closed form; the linear law, at 3.4 % of compression, is 4.5 % of that away.
+    """Agreement with the closed form for a compression of 3.4 %; the linear law is 4.5 % of it off.
 
-    Stress as a mean of sizes: points that have crossed into other cells make it uneven by 1 %.
+    Stress is compared as a mean of absolute values: points that have crossed into other cells make
+    it vary by 1 %.
     """
     for cells in (8, 32):
         off = {}
@@ -329,7 +331,7 @@ def test_a_column_that_its_weight_compresses():
 
 
 def test_a_velocity_that_the_grid_does_not_see():
-    """Alternating between the points of a cell: FLIP keeps it for ever, the others remove it."""
+    """A velocity that alternates in a cell is kept by FLIP and removed by other schemes."""
     left = {}
     for transfer in ("flip", "apic", "xpic"):
         sim = bar(("quadratic", transfer, "particle"), 32)

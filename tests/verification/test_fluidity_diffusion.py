@@ -1,4 +1,4 @@
-"""Diffusion of the fluidity against exact solutions: orders in space and time, explicit limit."""
+"""Diffusion of the fluidity against exact solutions: orders in dx and dt, explicit limit."""
 
 import itertools
 import math
@@ -12,7 +12,7 @@ RATE = 0.25 * 0.005**2 / 1e-3
 LENGTH = 0.2
 
 
-# Shapes along one axis of [0, 1]: value at u, and the number by which -(d/du)^2 multiplies it.
+# Shapes along one axis of [0, 1]: value at u, and the eigenvalue of -(d/du)^2.
 def periodic(u, n):
     return np.cos(2 * math.pi * n * u + 0.3), (2 * math.pi * n) ** 2
 
@@ -47,7 +47,7 @@ def modes(case):
 
 
 def solution(case, n, t):
-    """The exact field at the centres of n cells along each axis."""
+    """Exact field at the centres of n cells along each axis."""
     u = (np.arange(n) + 0.5) / n
     total = 0.0
     for weight, orders in modes(case):
@@ -60,7 +60,7 @@ def solution(case, n, t):
     return total
 
 
-def lattice(case, n):
+def grid_of(case, n):
     """Faces and periodic axes of a case."""
     sides = {
         f"{name}_{end}": ROUGH
@@ -74,7 +74,7 @@ def lattice(case, n):
 
 
 def numbers(case, n):
-    return lattice(case, n) | {"dx": LENGTH / n}
+    return grid_of(case, n) | {"dx": LENGTH / n}
 
 
 def limit(case, n):
@@ -84,8 +84,8 @@ def limit(case, n):
 
 @pytest.mark.parametrize("stencil", ["faces", "isotropic"])
 @pytest.mark.parametrize("case", CASES, ids=lambda case: "-".join(kind.__name__ for kind in case))
-def test_second_order_in_space(case, stencil):
-    """rkl2 with steps so short that only the lattice errs: halving dx leaves a quarter."""
+def test_second_order_in_the_cell_size(case, stencil):
+    """rkl2 with steps so short that only the grid errs: halving dx leaves a quarter."""
     time, errors = 0.1 * LENGTH**2 / RATE / math.pi**2, []
     for n in (8, 16, 32) if len(case) == 2 else (6, 12, 24):
         steps = 64
@@ -102,7 +102,7 @@ def test_second_order_in_space(case, stencil):
 
 
 def wave_error(n, numbers, stencil):
-    """Relative error of the rate at which a wave of so many lengths along each axis dies out."""
+    """Relative error of the decay rate of a wave with given numbers of lengths along each axis."""
     place = np.indices((n,) * len(numbers))
     wave = np.cos(2 * math.pi / n * sum(m * u for m, u in zip(numbers, place[::-1], strict=True)))
     found, report = diffuse(
@@ -115,7 +115,7 @@ def wave_error(n, numbers, stencil):
 
 
 def test_isotropy():
-    """Waves of one length in different directions: how unlike their rates are, over the wavelength.
+    """Spread of the decay rates of waves of one length in different directions.
 
     The difference is of second order with faces and of fourth with the isotropic stencil.
     """
@@ -135,8 +135,8 @@ def test_isotropy():
 
 
 def semidiscrete(case, n, time):
-    """Exact in time on the lattice: exp of the outflow matrix."""
-    parts, start = lattice(case, n), solution(case, n, 0.0)
+    """Solution on the grid that is exact in time: exp of the outflow matrix."""
+    parts, start = grid_of(case, n), solution(case, n, 0.0)
     value, vectors = np.linalg.eigh(outflow(np.ones(start.shape, bool), **parts))
     decay = np.exp(-value * RATE * time * n**2 / LENGTH**2)
     return start, (vectors @ (decay * (vectors.T @ start.ravel()))).reshape(start.shape)
@@ -150,9 +150,9 @@ def semidiscrete(case, n, time):
     "case", CASES[:2] + CASES[-1:], ids=lambda case: f"{len(case)}d-{case[0].__name__}"
 )
 def test_order_in_time(method, limits, order, case):
-    """Against the exact solution on the same lattice: steps of so many explicit limits, and half.
+    """Errors against the exact solution on the same grid, for a number of explicit limits and half.
 
-    The number of rkl2 stages is the same for both (3 or 5): the error of a step depends on it.
+    The number of rkl2 stages is the same for both (3 or 5), as the error of a step depends on it.
     """
     n = 16 if len(case) == 2 else 8
     time = 24 * limits * limit(case, n)
@@ -171,7 +171,7 @@ def test_order_in_time(method, limits, order, case):
 
 @pytest.mark.parametrize("shape", [(1, 24), (14, 14), (7, 7, 7)], ids=["1d", "2d", "3d"])
 def test_explicit_limit_is_sharp(shape):
-    """.98 of it decays; 1.02 is refused, and would grow: by the eigenvalue, and by doing it."""
+    """0.98 of the limit decays; 1.02 is refused, and would grow, by eigenvalue and by trial."""
     axes = sum(n > 1 for n in shape)
     names = [f"{'xyz'[a]}_{end}" for a in range(axes) for end in ("low", "high")]
     faces = faces_of(shape, **dict.fromkeys(names, ROUGH))
@@ -185,7 +185,7 @@ def test_explicit_limit_is_sharp(shape):
     stable, unstable = (part * bulk * RATE / 0.01**2 for part in (0.98, 1.02))
     assert abs(1 - stable * largest) < 1 < abs(1 - unstable * largest)
 
-    # a field that the shortest wave lifts nowhere below zero
+    # a field that stays positive when the shortest wave is added
     value, vectors = np.linalg.eigh(L)
     shortest = vectors[:, -1].reshape(shape) / abs(vectors[:, -1]).max()
     slowest = abs(vectors[:, 0].reshape(shape))

@@ -1,4 +1,4 @@
-"""Fits of the friction law and the mu(I) rheology, on data whose constants are known."""
+"""Fits of the friction law and the mu(I) rheology, to data with known constants."""
 
 import math
 from dataclasses import replace
@@ -27,7 +27,7 @@ def test_exact_data_give_their_constants():
 
 @pytest.mark.parametrize("confidence", [0.95, 0.6])
 def test_intervals_hold_the_constants_as_often_as_they_say(confidence):
-    # Fast flows: mu_2 is known much better than the rise to it from mu_s.
+    # Fast flows: mu_2 is known much better than the increase to it from mu_s.
     rng, inertial = np.random.default_rng(11), np.geomspace(0.1, 30.0, 12)
     hits, runs = dict.fromkeys(TRUE, 0), 300
     for _ in range(runs):
@@ -35,14 +35,14 @@ def test_intervals_hold_the_constants_as_often_as_they_say(confidence):
         found = friction_law.fit_mu_I(inertial, noisy, confidence=confidence).intervals
         for name, value in TRUE.items():
             hits[name] += found[name][0] <= value <= found[name][1]
-    # Four standard deviations of a binomial count, and .015 for what is not linear.
+    # Four standard deviations of a binomial count, and 0.015 for nonlinearity.
     allowed = 4 * math.sqrt(confidence * (1 - confidence) / runs) + 0.015
     for name, count in hits.items():
         assert abs(count / runs - confidence) < allowed, (name, count / runs)
 
 
 def test_errors_weigh_the_points():
-    """A point that is wrong and known to be uncertain leaves the constants alone."""
+    """A wrong point that is known to be uncertain does not change the constants."""
     friction, error = law(INERTIAL), np.full(len(INERTIAL), 1e-4)
     friction[5] += 0.05
     error[5] = 1.0

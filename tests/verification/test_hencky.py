@@ -17,9 +17,9 @@ SHEAR[0, 1] = 1.0
 
 
 def sheared(flow, q, rates, dt, gamma=5.0, p0=800.0, held=None):
-    """Simple shear of one point for each rate until the slowest has come to gamma: stress, g.
+    """Simple shear of one point for each rate until the slowest has reached gamma: stress, g.
 
-    `held` is a fluidity that diffusion would keep the same, for each point.
+    `held` is a fluidity for each point that diffusion would keep constant.
     """
     n = len(rates)
     step = oracle.gradients(np.asarray(rates)[:, None, None] * SHEAR * dt, 3)
@@ -48,7 +48,7 @@ def test_shear_keeps_the_pressure_and_comes_to_the_friction_of_its_rate(flow):
         "mu_I": dmu * inertial / (inertial + q["I0"]),
         "ngf": dmu * inertial / (inertial + q["I0"]),
     }[flow] * np.ones(3)
-    # the shear stress is that on the planes of shear; the axes lean by the elastic strain
+    # the shear stress on the planes of shear; its axes are inclined by the elastic strain
     np.testing.assert_allclose(oracle.shear(stress) / p, expected, rtol=1e-4)
     np.testing.assert_allclose(stress[:, 0, 1] / p, expected, rtol=1e-4)
     np.testing.assert_allclose(rate, rates, rtol=1e-4)
@@ -57,8 +57,10 @@ def test_shear_keeps_the_pressure_and_comes_to_the_friction_of_its_rate(flow):
 
 @pytest.mark.parametrize("flow", ["linear_ngf", "ngf"])
 def test_with_the_fluidity_held_friction_is_shear_rate_over_fluidity(flow):
-    """Below mu_s: what a neighbour's flow makes of a point that would not flow by itself. The
-    steady g is then known from the equation of one step, as is mu = gdot/g."""
+    """Below mu_s, the fluidity of neighbours makes a point flow that would not flow by itself.
+
+    The steady g is then known from the equation of one step, as is mu = gdot/g.
+    """
     rates, q, dt, held = np.array([0.3, 1.0, 5.0]), SAND | {"t0": 1e-3}, 1e-3, np.array([2, 8, 40])
     stress, g, rate = sheared(flow, q, rates, dt, gamma=2.0, held=held)
     mu = oracle.shear(stress) / 800.0
@@ -66,8 +68,8 @@ def test_with_the_fluidity_held_friction_is_shear_rate_over_fluidity(flow):
     np.testing.assert_allclose(rate, rates, rtol=1e-4)
     assert (mu < q["mu_s"]).all()
     dmu, grain = q["mu_2"] - q["mu_s"], q["d"] * np.sqrt(q["rho_s"] / 800.0)
-    pull = (q["mu_s"] - mu) * (1.0 if flow.startswith("linear") else dmu / (q["mu_2"] - mu))
-    after = held / (1 + dt / q["t0"] * (pull + dmu / q["I0"] * grain * rates))
+    drive = (q["mu_s"] - mu) * (1.0 if flow.startswith("linear") else dmu / (q["mu_2"] - mu))
+    after = held / (1 + dt / q["t0"] * (drive + dmu / q["I0"] * grain * rates))
     np.testing.assert_allclose(g, after, rtol=1e-4)
 
 
@@ -81,7 +83,7 @@ def published_pressure(gdot, until, q, dt):
 
 
 def test_the_published_form_loses_pressure_in_shear():
-    """p falls by K dt gdot^2 t/4, the growth of det F^p; here nothing is lost."""
+    """p falls by K dt gdot^2 t/4, the growth of det F^p; in this package it is constant."""
     q, dt = SAND | {"K": 1e7, "G": 1e6}, 1e-4
     for gdot, until in ((1.0, 0.2), (5.0, 0.1)):
         lost = q["K"] * dt * gdot**2 * until / 4
@@ -102,7 +104,7 @@ def test_the_published_form_over_seconds():
 
 
 def test_ten_turns_leave_the_invariants_and_come_back():
-    """A rigid rotation is exact for any step: the exponential of a constant L is."""
+    """A rigid rotation is exact for any step, as the exponential of a constant L is."""
     start = np.array([[-900.0, 120.0, 40.0], [120.0, -700.0, -60.0], [40.0, -60.0, -800.0]])
     axis = np.array([1.0, 2.0, -2.0]) / 3
     spin = np.cross(np.eye(3), axis)
@@ -121,7 +123,7 @@ def test_ten_turns_leave_the_invariants_and_come_back():
 
 
 def test_orientation_converges_with_the_square_of_the_step_where_the_spin_changes():
-    """About an axis that itself turns, L taken in the middle of each step."""
+    """Rotation about an axis that itself rotates, with L taken in the middle of each step."""
 
     def spin(t):
         return np.cross(np.eye(3), [math.cos(2 * t), math.sin(2 * t), 0.5])
@@ -177,7 +179,7 @@ def test_elastic_work_is_stored():
 
 @pytest.mark.parametrize("flow", oracle.FLOWS[1:])
 def test_dissipation_is_not_negative_in_a_hundred_thousand_states(flow):
-    """What the elastic step would have stored more; and it is stress times plastic strain."""
+    """The dissipation is the excess energy of the elastic step, and stress times plastic strain."""
     rng, n, dt, q = np.random.default_rng(12), 100_000, 1e-4, SAND
     h, step, c0, c = strained(rng, n, -5, -2)
     stress = 2 * q["G"] * h - (q["K"] * c0)[:, None, None] * np.eye(3)
@@ -187,7 +189,7 @@ def test_dissipation_is_not_negative_in_a_hundred_thousand_states(flow):
     stored = [energy(oracle.deviator(s) / (2 * q["G"]), c, q) for s in (trial, found)]
     lost = stored[0] - stored[1]
     assert (lost >= 0).all()
-    assert (lost > 1e-6 * stored[0]).mean() > 0.1  # states that flow are among them
+    assert (lost > 1e-6 * stored[0]).mean() > 0.1  # some of the states flow
     mean = (oracle.shear(trial) + oracle.shear(found)) / 2
     np.testing.assert_allclose(lost, mean * rate * dt, atol=1e-13 * stored[0].max(), rtol=1e-6)
 
@@ -196,15 +198,14 @@ def test_dissipation_is_not_negative_in_a_hundred_thousand_states(flow):
 
 
 def path(t):
-    """Start-up, stop, and shear back, with compression in between; smooth."""
+    """Smooth path of start-up, stop and reversed shear, with compression in between."""
     L = 2.0 * math.sin(2 * math.pi * t / 0.5) * SHEAR
     return L - 0.02 * math.sin(math.pi * t / 0.5) * np.diag([1.0, 0.5, 0.2])
 
 
 @pytest.mark.parametrize("flow", oracle.FLOWS[2:])
 def test_start_up_and_return_converge_to_the_continuous_law(flow):
-    """First order, as the flow of a step is implicit; extrapolated, the steps come to scipy's Radau
-    in b_e."""
+    """First order, as flow is implicit; extrapolated, the steps converge to scipy's Radau."""
     q = SAND | {"t0": 0.02}
     times = np.linspace(0.0, 0.5, 10)
     expected, g_expected = oracle.continuous(flow, q, path, times, p0=2000.0, g0=2.0, rtol=1e-8)
@@ -217,7 +218,7 @@ def test_start_up_and_return_converge_to_the_continuous_law(flow):
     orders = np.log2(np.array(sizes[:-1]) / sizes[1:])
     np.testing.assert_allclose(orders, 1.0, atol=0.1)
     extrapolated = 2 * errors[-1] - errors[-2]
-    # the median of the times: about the turn yield is met within a step, not at a multiple of it
+    # the median over times: near the reversal yield occurs within a step, not at its end
     assert np.median(np.abs(extrapolated).max(axis=(1, 2))) < 0.02 * sizes[-1]
     if flow.endswith("ngf"):
         g = 2 * fluidities[-1] - fluidities[-2]
@@ -225,7 +226,7 @@ def test_start_up_and_return_converge_to_the_continuous_law(flow):
 
 
 def test_elastic_path_converges_with_the_square_of_the_step():
-    """Without flow (a fluidity of zero), through strains of a tenth."""
+    """Elastic path (a fluidity of zero) through strains of a tenth."""
     times = np.linspace(0.0, 0.5, 11)
 
     def gradient(t):

@@ -17,7 +17,7 @@ def test_steady_profile():
 
 
 def test_profile_error_sees_the_profile():
-    """None where points have the Bagnold profile, all of it where they have just set off."""
+    """Zero for the Bagnold profile, and one for points that have just started to move."""
     (state,) = states(25.0, 1e7, (0.02,))
     assert profile_error(state) == pytest.approx(1.0, abs=0.05)
     x, material = state.x[:, 1], state.scene.material

@@ -1,4 +1,4 @@
-"""Forces inferred in motion against those that moved the grains (Hurley's thesis, chapter 3)."""
+"""Forces inferred in motion against the true forces (Hurley's thesis, chapter 3)."""
 
 from dataclasses import replace
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.
 
 
 def error(found):
-    """Of all forces of all frames, relative."""
+    """Relative error of all forces of all frames."""
     true = [case.forces for case in impact().frames]
     wrong = sum(((f - t) ** 2).sum() for f, t in zip(found, true, strict=True))
     return np.sqrt(wrong / sum((t**2).sum() for t in true))
@@ -42,7 +42,7 @@ def test_exact_data(weight, solver):
 
 
 def test_without_the_angular_momentum():
-    """The term that the thesis drops: some per cent, more the more the balance counts."""
+    """The term that the thesis drops costs some per cent, more if the balance has more weight."""
     packings = [
         replace(case.packing, inertias=None, angular_accelerations=None) for case in impact().frames
     ]
@@ -54,7 +54,7 @@ def test_without_the_angular_momentum():
 
 
 def test_impulses_are_the_changes_of_velocity():
-    """Of exact forces sampled at 5 kHz; a collision of some milliseconds is resolved."""
+    """Exact forces sampled at 5 kHz; a collision of some milliseconds is resolved."""
     record = impact()
     packings = [case.packing for case in record.frames]
     found = velocity_changes(packings, [case.forces for case in record.frames])
@@ -79,7 +79,7 @@ def errors_along_the_front(packings, **options):
 
 
 def check_noisy_records(seeds):
-    """Each draw: at the knee and at w = 1 near the best weight, impulses to .2 of the largest."""
+    """In each draw the knee and w = 1 are near the best weight; impulses to 0.2 of the largest."""
     worst = []
     for seed in seeds:
         front, errors, worst_here = errors_along_the_front(
@@ -94,18 +94,18 @@ def check_noisy_records(seeds):
 
 
 def test_noisy_records():
-    """Within 20 % of the best weight; impulses to .2 of the largest."""
+    """Errors exceed those of the best weight by 20 % at most; impulses to 0.2 of the largest."""
     check_noisy_records([0])
 
 
 @pytest.mark.slow
 def test_noisy_records_at_length():
-    """Twenty draws, each of them."""
+    """Twenty draws, each checked by itself."""
     assert np.mean(check_noisy_records(range(20))) < 0.11
 
 
 def test_noisy_records_as_the_thesis_has_them():
-    """All rows alike and no rotation: forces are no worse than by a quarter, impulses by twice."""
+    """Equal weights and no rotation: forces are worse by a quarter at most, impulses by twice."""
     packings = noisy_record(impact(), 0)
     _, _, worst = errors_along_the_front(packings, moments=False)
     front, errors, plain = errors_along_the_front(without_errors(packings))
@@ -115,7 +115,7 @@ def test_noisy_records_as_the_thesis_has_them():
 
 
 def test_what_leaving_rotation_out_does_to_impulses():
-    """All else exact: what a balance of moments does that takes the grains not to turn."""
+    """Exact data but for a balance of moments that takes grains not to rotate."""
     packings = [
         replace(case.packing, inertias=None, angular_accelerations=None) for case in impact().frames
     ]
@@ -127,7 +127,7 @@ def test_what_leaving_rotation_out_does_to_impulses():
 
 
 def over_errors(packing, moments):
-    """All rows and targets, each over its standard deviation, written out."""
+    """All rows and targets, each divided by its standard deviation, written out."""
     d, n = packing.dim, packing.n
     rows = [inference.stress_matrix(packing), inference.equilibrium_matrix(packing)]
     target = [inference.stress_vector(packing), inference.momentum_vector(packing)]
@@ -144,8 +144,8 @@ def over_errors(packing, moments):
     )
 
 
-def moving_lattice(tensors):
-    """Grains in space with rows that contradict each other, and errors unlike one another."""
+def moving_grid_of_spheres(tensors):
+    """3D grains with rows that contradict each other, and errors of different size."""
     rng, case = np.random.default_rng(5), jittered_grid((6, 6, 6))
     n, R = case.packing.n, case.packing.radii
     masses = rng.uniform(1.0, 2.0, n)
@@ -165,9 +165,9 @@ def moving_lattice(tensors):
 
 @pytest.mark.parametrize("kind", ["turning", "open", "space", "space, tensors"])
 def test_rows_over_their_errors_are_generalised_least_squares(kind):
-    """Against dense least squares of rows written out; no contact pulls, cones have no say."""
+    """Against dense least squares of rows written out; no contact pulls, cones are inactive."""
     if kind.startswith("space"):
-        packing = moving_lattice("tensors" in kind)
+        packing = moving_grid_of_spheres("tensors" in kind)
     else:
         exact = impact().frames[20].packing
         turning = ("inertias", "angular_accelerations") if kind == "turning" else ()
@@ -192,7 +192,7 @@ def test_the_front_of_rows_over_their_errors_counts_standard_deviations():
 
 
 def test_a_front_of_norms_is_the_front_of_squares():
-    """What (3.18) asks for, weights of norms: no point of the front is better by that measure."""
+    """For (3.18) with weights of norms, no point of the front is better by that measure."""
     packings = without_errors(noisy_record(impact(), 0)[20:21])
     front = inference.pareto_front(packings, mu=MU, mu_wall=0.0, solver="nnls")
     for k in range(2, len(front.weights) - 2):
@@ -207,7 +207,7 @@ def test_a_front_of_norms_is_the_front_of_squares():
 
 
 def test_what_falls_freely_does_not_push():
-    """Accelerations that are gravity's, and no stress: no forces."""
+    """Accelerations are those of gravity, and there is no stress: no forces are inferred."""
     g = np.array([0.0, -9.81])
     packing = impact().frames[-1].packing
     falling = replace(
@@ -223,7 +223,7 @@ def test_what_falls_freely_does_not_push():
 
 
 def test_a_disc_on_a_slope_by_hand():
-    """It rolls down with a = (2/3) g sin: friction g sin/3, from I alpha alone."""
+    """The disc rolls down with a = (2/3) g sin: friction g sin/3, from I alpha alone."""
     angle, m = np.radians(20.0), 1.5
     down, out = np.array([1.0, 0.0]), np.array([0.0, -1.0])
     push, slip = m * 9.81 * np.cos(angle), m * 9.81 * np.sin(angle) / 3
@@ -251,7 +251,7 @@ def test_a_disc_on_a_slope_by_hand():
 
 
 def test_spheres_in_flight_together():
-    """(3.19): the pressed spheres under a common acceleration that a gravity makes up for.
+    """(3.19): the compressed spheres under a common acceleration that gravity compensates.
 
     Exact forces for any weight; with noise the cones hold.
     """

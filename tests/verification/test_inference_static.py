@@ -1,4 +1,4 @@
-"""Inferred forces against those of packings whose forces are known (Hurley's thesis, chapter 2)."""
+"""Inferred forces against known forces of packings (Hurley's thesis, chapter 2)."""
 
 import warnings
 from dataclasses import replace
@@ -15,12 +15,12 @@ TOP, BOTTOM = -4, -3
 
 
 def error(found, true):
-    """Relative error, eq. 2.15."""
+    """Relative error of the forces, eq. 2.15."""
     return np.linalg.norm(found - true) / np.linalg.norm(true)
 
 
 def with_noise(packing, rng, *, bias=0.15, spread=0.1):
-    """Stresses as eq. 2.16 has them: too stiff by 15 %, and each component off by 10 %."""
+    """Stresses with the errors of eq. 2.16: too stiff by 15 %, and each component off by 10 %."""
     noise = 1 + bias + rng.normal(0, spread, packing.stresses.shape)
     upper = np.triu(noise)
     symmetric = upper + np.triu(noise, 1).transpose(0, 2, 1)
@@ -28,7 +28,7 @@ def with_noise(packing, rng, *, bias=0.15, spread=0.1):
 
 
 def load_of(case):
-    """What the load cell at the top says."""
+    """Force on the load cell at the top."""
     value = inference.boundary_force(
         case.packing, case.forces, BoundaryForce(body=TOP, direction=(0, -1), value=1.0)
     )
@@ -36,7 +36,7 @@ def load_of(case):
 
 
 def test_known_forces_are_in_balance_and_admissible():
-    """Else the oracle would prove nothing; 30 kPa on 39 mm are 1170 N per metre."""
+    """This checks the reference itself; 30 kPa on 39 mm are 1170 N per metre."""
     for case in [*pressed_discs(), pressed_spheres()]:
         packing, f = case.packing, case.forces
         assert abs(inference.net_forces(packing, f)).max() < 1e-12 * abs(f).max()
@@ -61,7 +61,7 @@ def test_discs_without_noise(solver):
 
 
 def test_spheres_without_noise_and_with():
-    """80 spheres; with noise friction cones are met and some contacts are on them."""
+    """80 spheres; with noise the friction cones hold and some contacts are at their limit."""
     pytest.importorskip("clarabel")
     case = pressed_spheres()
     for solver in ("auto", "clarabel"):
@@ -86,7 +86,7 @@ WAYS = [
 
 
 def ensemble(cases, draws):
-    """Errors of the ways to infer, a row a draw, over all packings."""
+    """Errors of the ways to infer forces, one row per draw, over all packings."""
     rows = []
     for k, case in enumerate(cases):
         rng, known = np.random.default_rng(1000 + k), load_of(case)
@@ -129,7 +129,7 @@ def test_noise_protocol_at_length():
 
 
 def test_what_is_known_badly_counts_little():
-    """A grain whose stress is ten times too large, and whose error says so."""
+    """One grain has a stress ten times too large, and an error that states it."""
     case = pressed_discs()[0]
     stresses = case.packing.stresses.copy()
     worst = int(np.argmax(np.linalg.norm(stresses, axis=(1, 2))))
@@ -162,9 +162,9 @@ def test_nnls_and_clarabel_find_the_same_under_noise():
 
 
 def test_the_weight_of_norms_is_that_of_the_thesis():
-    """Its lambda, .0714, belongs to norms that are not squared; ours translates to that size.
+    """The thesis' lambda, 0.0714, is for norms that are not squared; ours is converted to it.
 
-    And the direct minimum with norms, by a descent along the null space, lies at the same forces.
+    The direct minimum with norms, by a descent along the null space, lies at the same forces.
     """
     from scipy.linalg import null_space
 
@@ -173,7 +173,7 @@ def test_the_weight_of_norms_is_that_of_the_thesis():
     found = inference.infer_with_boundary(rough, load_of(case), mu=MU, solver="nnls")
     assert 0.06 < np.sqrt(found.weight_of_norms) < 0.09
     free = inference.infer_static(rough, mu=np.inf, regularization=0.7, solver="nnls")
-    if free.pushes.min() <= 0:  # then inequalities hold it and the gradient need not vanish
+    if free.pushes.min() <= 0:  # then inequalities are active and the gradient need not vanish
         pytest.fail("the case must have no pull")
     Z = null_space(inference.equilibrium_matrix(rough).toarray())
     K, b = inference.stress_matrix(rough), inference.stress_vector(rough)
@@ -185,7 +185,7 @@ def test_the_weight_of_norms_is_that_of_the_thesis():
 
 
 def clusters_of_six(packing):
-    """Around each grain the five that are nearest of those that touch anything."""
+    """Clusters of a grain in contact and the five grains in contact that are nearest to it."""
     live = np.setdiff1d(np.arange(packing.n), packing.rattlers())
     for grain in live:
         away = np.linalg.norm(packing.centroids[live] - packing.centroids[grain], axis=1)
@@ -193,7 +193,7 @@ def clusters_of_six(packing):
 
 
 def test_six_particles():
-    """Section 2.4.3: exact where the rank is full; the others are flagged and say what is open."""
+    """Section 2.4.3: exact where the rank is full; other clusters are flagged with what is open."""
     full = deficient = 0
     for case in pressed_discs()[:4]:
         for grains in clusters_of_six(case.packing):
@@ -222,14 +222,14 @@ def test_six_particles():
 
 @pytest.mark.parametrize("shape", [(14, 12), (6, 6, 6)])
 def test_rank_is_that_of_the_singular_values(shape):
-    """Also of larger packings, and where contacts are more than can be told."""
+    """Larger packings are included, also with more contacts than can be determined."""
     case = jittered_grid(shape)
     packing = case.packing
     rng = np.random.default_rng(0)
     for doubled in (0, 3, 10):
         extra = rng.choice(len(packing.bodies), doubled, replace=False)
         more = np.concatenate([np.arange(len(packing.bodies)), extra])
-        crowded = replace(
+        shrunk = replace(
             packing,
             bodies=packing.bodies[more],
             positions=packing.positions[more],
@@ -237,20 +237,20 @@ def test_rank_is_that_of_the_singular_values(shape):
         )
         d = packing.dim
         moments = np.arange(d * (d + 1) // 2 * packing.n) % (d * (d + 1) // 2) >= d
-        balance = inference.equilibrium_matrix(crowded).toarray()
+        balance = inference.equilibrium_matrix(shrunk).toarray()
         balance[moments] /= packing.radius
-        rows = np.vstack([balance, inference.stress_matrix(crowded).toarray() / packing.radius])
+        rows = np.vstack([balance, inference.stress_matrix(shrunk).toarray() / packing.radius])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", InferenceWarning)
-            found = inference.infer_static(crowded, mu=MU)
+            found = inference.infer_static(shrunk, mu=MU)
         assert found.rank == np.linalg.matrix_rank(rows, rtol=1e-6)
         assert found.unknowns - found.rank == d * doubled
-        twins = np.concatenate([extra, len(packing.bodies) + np.arange(doubled)])
-        assert set(np.flatnonzero(found.undetermined)) == set(twins)
+        duplicates = np.concatenate([extra, len(packing.bodies) + np.arange(doubled)])
+        assert set(np.flatnonzero(found.undetermined)) == set(duplicates)
 
 
 def test_too_little_friction_is_reported():
-    """With exact stresses: no forces are left but f = 0, or the misfit and the limits say so."""
+    """With exact stresses either no forces but f = 0 are left, or misfit and limits report it."""
     for case in pressed_discs()[:4]:
         with pytest.warns(InferenceWarning):
             found = inference.infer_static(case.packing, mu=0.1, solver="nnls")
@@ -261,10 +261,11 @@ def test_too_little_friction_is_reported():
 
 
 def test_the_trap_of_zero_forces():
-    """Positions off by 1 and 3 % of R: f = 0 is always in balance, and at times all that is.
+    """Positions off by 1 % and 3 % of R: f = 0 is always in balance, and at times the only
+    solution.
 
-    Either the forces are right to some times the shift, or they are flagged; weighing the balance
-    instead gives them in every case.
+    Either the errors of the forces are at most some times the shift, or they are flagged; weighing
+    the balance instead gives the forces in every case.
     """
     trapped = 0
     for case in pressed_discs():
@@ -288,7 +289,7 @@ def test_the_trap_of_zero_forces():
 
 
 def test_gravity_on_a_pile_by_hand():
-    """Three spheres in a tower: each contact bears what is above it, whatever the noise."""
+    """Three spheres in a tower: each contact bears the weight above it, whatever the noise."""
     weight = 2.0 * 9.81
     packing = inference.Packing(
         bodies=[[0, -5], [0, 1], [1, 2]],
@@ -306,7 +307,7 @@ def test_gravity_on_a_pile_by_hand():
 
 
 def test_macroscopic_stress_is_that_of_the_load():
-    """Eq. 2.1 with walls: F over the width, but for what grains sink into walls; without, less."""
+    """Eq. 2.1 with walls: F over the width, but for overlaps with walls; without walls, less."""
     for case in pressed_discs()[:3]:
         packing, f = case.packing, case.forces
         at_top = packing.positions[packing.bodies[:, 1] == TOP, 1].mean()

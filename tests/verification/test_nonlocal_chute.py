@@ -1,5 +1,8 @@
-"""Layers on a rough incline by the nonlocal law: profiles, the height at which they stop, steady
-states and their approach, against the one-dimensional equation and its form on the same cells."""
+"""Layers on a no-slip incline by the nonlocal law, against the one-dimensional equation.
+
+Profiles, the height at which layers stop, steady states and their approach; also against the
+discrete form of the equation on the same cells.
+"""
 
 from __future__ import annotations
 
@@ -31,11 +34,11 @@ from granular.verify.chute import (
 )
 
 GRAINS = scenes.chute_ngf().material
-HATS = scenes.chute_ngf().scheme
+CHUTE_SCHEME = scenes.chute_ngf().scheme
 
 
 def steady(until=1.0, ratio=None, **parameters):
-    """The state of a column at the time `until` [s], when it flows steadily."""
+    """State of a column at the time `until` [s], when it flows steadily."""
     simulation = column(ratio, **parameters)
     simulation.run(until=until)
     return simulation.state
@@ -47,22 +50,22 @@ def top_speed(**parameters):
 
 def diffused(**changes):
     """The scheme of the chute with another `Fluidity`."""
-    return HATS.replace(fluidity=Fluidity(**changes))
+    return CHUTE_SCHEME.replace(fluidity=Fluidity(**changes))
 
 
 def laplacian(cells):
-    """Of an even lattice with g = 0 on the face below and dg/dz = 0 above, times dx^2."""
+    """Laplacian of a uniform grid with g = 0 on the face below and dg/dz = 0 above, times dx^2."""
     matrix = np.diag(np.full(cells, -2.0)) + np.eye(cells, k=1) + np.eye(cells, k=-1)
     matrix[0, 0], matrix[-1, -1] = -3.0, -1.0
     return matrix
 
 
 def seeding_speed(height, cells, spread=0.5, felt=None, m=GRAINS, angle_deg=27.0, gravity=9.81):
-    """Speed at the surface of the steady flow over the cells of the engine, by Newton's method.
+    """Surface speed of the steady flow over the cells of the engine, by Newton's method.
 
     The discrete equations alone, in balance: no points, no elasticity, no time step. Over a cell,
-    p^-1/2 has its mean over the depths `spread` cells to either side of the middle. `felt` makes of
-    the matrix A^2 d^2 lap the one that acts where law and diffusion take turns.
+    p^-1/2 has its mean over the depths `spread` cells to either side of the middle. `felt` turns
+    the matrix A^2 d^2 lap into the effective one when law and diffusion alternate.
     """
     angle, cell = math.radians(angle_deg), height / cells
     weight = m.rho_c * gravity * math.cos(angle)
@@ -103,8 +106,11 @@ def test_profiles_of_the_figure(height):
 
 
 def test_profile_just_above_the_stopping_height():
-    """Where the speed is that of the square of a small difference: H_stop is .03 % low with cells
-    of H/20, which at H/H_stop = 1.03 alone makes it 1 % faster."""
+    """The speed depends on the square of a small difference.
+
+    H_stop is 0.03 % low with cells of H/20, which at H/H_stop = 1.03 alone makes the flow 1 %
+    faster.
+    """
     speed, shape = profile_errors(steady(until=2.0, ratio=1.03, cell=0.0005))
     assert abs(speed) < 0.02
     assert shape < 0.002
@@ -112,8 +118,11 @@ def test_profile_just_above_the_stopping_height():
 
 @pytest.mark.parametrize(("spread", "order"), [(None, 2.0), (0.0, 0.6)])
 def test_convergence_in_the_cell(spread, order):
-    """Of the mean velocity. With one pressure for a cell p^-1/2 is too small at the surface, by a
-    share that falls as the root of the cell alone."""
+    """Error of the mean velocity.
+
+    With one pressure for a cell p^-1/2 is too small at the surface; this part of the error falls
+    only as the square root of the cell size.
+    """
     error = []
     for cell in (0.002, 0.001, 0.0005):
         state = steady(cell=cell, scheme=diffused(pressure_averaging=spread))
@@ -127,7 +136,7 @@ def test_convergence_in_the_cell(spread, order):
 @pytest.mark.parametrize("spread", [0.5, 0.0])
 @pytest.mark.parametrize("cells", [5, 10, 25])
 def test_the_discrete_equations_are_those_that_flow(cells, spread):
-    """To a few 1e-4, which is what E = 1 MPa gives way: the rest is the error of the cells."""
+    """Agreement to a few 1e-4, the effect of E = 1 MPa; all other errors are those of the cells."""
     speed = top_speed(cell=0.01 / cells, scheme=diffused(pressure_averaging=spread))
     assert speed == pytest.approx(seeding_speed(0.01, cells, spread), rel=3e-4)
 
@@ -142,7 +151,7 @@ def test_without_the_mean_of_the_pressure_thin_layers_are_too_fast():
 
 @pytest.mark.parametrize(("height", "bound"), [(0.01, 0.04), (0.025, 0.015)])
 def test_profiles_with_the_default_scheme(height, bound):
-    """Splines share g between cells: too slow, by less in thicker layers."""
+    """Splines spread g over cells: the flow is too slow, by less in thicker layers."""
     speed, shape = profile_errors(steady(height=height, scheme=schemes.default))
     assert -bound < speed < 0
     assert shape < 0.01
@@ -171,14 +180,14 @@ def test_stopping_height(angle_deg):
 
 @pytest.mark.parametrize("angle_deg", ANGLES)
 def test_layers_stop_below_and_flow_above(angle_deg):
-    """By the measure of the paper, which takes for rest the creep just above H_stop, too."""
+    """The measure of the paper also takes the creep just above H_stop for rest."""
     assert energy_at_end(0.98, 3.0, angle_deg=angle_deg) < AT_REST
     assert energy_at_end(1.02, 3.0, angle_deg=angle_deg) > AT_REST
 
 
 @pytest.mark.parametrize("cells", [5, 10])
-def test_growth_is_that_of_the_slowest_mode_on_the_lattice(cells):
-    """1.05 H_stop, after a flow long enough to have forgotten the stress of its start."""
+def test_growth_is_that_of_the_slowest_mode_on_the_grid(cells):
+    """1.05 H_stop, after a flow long enough to be independent of its initial stress."""
     rate = growth_rate(1.05, cell=0.01 / cells)
     growth = float(fluidity_growth(math.tan(math.radians(27.0)), GRAINS.mu_s, GRAINS.mu_2))
     mode = np.linalg.eigvalsh(laplacian(cells)).max() * (2 * cells / math.pi / 1.05) ** 2
@@ -191,7 +200,7 @@ def test_growth_is_that_of_the_slowest_mode_on_the_lattice(cells):
 
 @pytest.fixture(scope="module")
 def reference():
-    """Speed by the explicit method, at dt/t0 = .017."""
+    """Speed by the explicit method, at dt/t0 = 0.017."""
     return top_speed()
 
 
@@ -199,7 +208,7 @@ def reference():
 @pytest.mark.parametrize("step", [0.017, 0.17, 0.83])
 @pytest.mark.parametrize("method", ["explicit", "implicit"])
 def test_steady_flow_of_any_method_and_step(reference, method, step, substeps):
-    """dt/t0 by t0, on which a steady flow does not depend either."""
+    """dt/t0 is changed through t0, on which a steady flow does not depend either."""
     grains = GRAINS.replace(t0=GRAINS.t0 * 0.017 / step)
     scheme = diffused(method=method, substeps=substeps)
     if (method, step, substeps) == ("explicit", 0.83, 1):
@@ -225,8 +234,10 @@ def test_steady_flow_of_rkl2_is_that_of_taking_turns(reference, step, substeps):
 
 
 def test_steady_flow_of_any_start(reference):
-    """From the local phase and from even fluidities, which need points that bear pressure, and so
-    gravity from the start."""
+    """Starts from the local phase and from uniform fluidities.
+
+    The latter need points under pressure, and so gravity from the start.
+    """
     for seed in (None, 1e-6, 100.0):
         found = top_speed(ramp=0.0, scheme=diffused(initial=seed))
         assert found == pytest.approx(reference, rel=1e-5)
@@ -237,8 +248,10 @@ def test_steady_flow_of_any_start(reference):
 
 @pytest.mark.parametrize("factor", [0.05, 2.0])
 def test_transient(factor):
-    """t0 = 10 ms, so that the layer is nearly in balance while it changes: the speed follows the
-    fluidity, from less and from more than it comes to."""
+    """t0 = 10 ms keeps the layer nearly in balance, so that the speed follows the fluidity.
+
+    The fluidity starts below and above its final value.
+    """
     grains = GRAINS.replace(t0=0.01)
     simulation = column(material=grains)
     simulation.run(until=1.5)

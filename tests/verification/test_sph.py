@@ -1,4 +1,4 @@
-"""Layers on inclines and beds at rest by particle hydrodynamics, against closed forms."""
+"""Layers on inclines and beds at rest by SPH, against closed forms."""
 
 import math
 
@@ -42,7 +42,7 @@ def misfit(state, power):
 
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(18, 8.0, 4.5), (21, 9.0, 12.0)])
 def test_steady_shear_is_uniform(angle, seconds, rate):
-    """The friction depends on |D| alone, so that the law gives one shear rate at all depths."""
+    """Friction depends on |D| alone, so that the law gives one shear rate at all depths."""
     simulation = sph.Simulation(scenes.incline_sph(angle_deg=angle, columns=6))
     material = simulation.scene.material
     assert uniform_rate(material, angle) == pytest.approx(rate, rel=0.01)
@@ -54,12 +54,12 @@ def test_steady_shear_is_uniform(angle, seconds, rate):
 
 @pytest.mark.slow
 def test_layers_come_nearer_to_the_law_with_finer_points():
-    """At 24 deg, of 26.9 1/s a fifth is lost to layers that slip: in proportion to the spacing."""
+    """At 24 deg, a fifth of 26.9 1/s is lost by layers that slip: in proportion to the spacing."""
     lost, slip = [], []
     for spacing in (0.01, 0.005):
         scene = scenes.incline_sph(angle_deg=24, spacing=spacing, columns=6)
         simulation = sph.Simulation(scene)
-        simulation.run(10.0)  # until then it still becomes faster
+        simulation.run(10.0)  # until then it still accelerates
         lost.append(uniform_rate(scene.material, 24) - mean_rate(simulation))
         state = simulation.state
         slip.append(state.v[state.x[:, 1] < spacing, 0].mean())
@@ -70,7 +70,7 @@ def test_layers_come_nearer_to_the_law_with_finer_points():
 
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(12, 4.0, 1e-6), (15, 8.0, 0.1)])
 def test_below_the_friction_nothing_moves(angle, seconds, rate):
-    """At 15 deg the slope is that of mu_l to 1e-4: half a per cent less friction makes .1 1/s."""
+    """At 15 deg the slope is mu_l to 1e-4; half a per cent less friction makes 0.1 1/s."""
     simulation = sph.Simulation(scenes.incline_sph(angle_deg=angle, columns=6))
     simulation.run(seconds)
     assert abs(mean_rate(simulation, 0.5)) < rate
@@ -78,7 +78,7 @@ def test_below_the_friction_nothing_moves(angle, seconds, rate):
 
 @pytest.mark.parametrize("angle", [9, 12])
 def test_without_a_spring_slopes_creep(angle):
-    """They do so at the largest viscosity k rho h^2/dt: the rate halves with the step."""
+    """The viscosity is the largest, k rho h^2/dt: the creep rate halves with the step."""
     rates = []
     for cfl in (1.0, 0.5):
         numerics = sph.Numerics(cfl=cfl)
@@ -97,7 +97,7 @@ def test_without_a_spring_slopes_creep(angle):
 
 
 def test_too_steep_a_layer_accelerates():
-    """Above atan(mu_h) the acceleration falls towards g (sin - mu_h cos) from above."""
+    """Above atan(mu_h) the acceleration falls from above towards g (sin - mu_h cos)."""
     a = math.radians(33)
     limit = G * (math.sin(a) - 0.577 * math.cos(a))
     assert limit == pytest.approx(0.60, abs=0.005)
@@ -111,8 +111,11 @@ def test_too_steep_a_layer_accelerates():
 
 @pytest.mark.parametrize("nu", [0.5, 0.45])
 def test_pressure_of_a_bed_is_its_overburden(nu):
-    """Without a spring there is no shear at rest, and p is the overburden; with one the vertical
-    stress is, and p is less, as the sides bear less than the floor."""
+    """Without a spring there is no shear stress at rest, and p equals the overburden.
+
+    With a spring the vertical stress does; p is less, as the horizontal stress is less than the
+    vertical one.
+    """
     scene = scenes.incline_sph(
         angle_deg=0.0, height=0.2, columns=6, material=sph.Viscoplastic(nu=nu)
     )
@@ -128,19 +131,19 @@ def test_pressure_of_a_bed_is_its_overburden(nu):
         ratio.append(yy)
         sideways.append(xx / yy)
     bulk, wall = np.array(ratio[4:]), np.array(ratio[:3])
-    if nu < 0.5:  # a spring keeps what differs from row to row, by 10 % near the surface
+    if nu < 0.5:  # a spring keeps differences between rows, of 10 % near the surface
         bulk = 0.5 * (bulk[1:] + bulk[:-1])
     assert np.abs(bulk - 1).max() < 0.05
-    # the lowered rho0 of the wall: the first row bears less and the second more
+    # the rho0 of the wall is reduced: the first row bears less and the second more
     assert wall[0] == pytest.approx(0.75, abs=0.05) and wall[1] == pytest.approx(1.15, abs=0.05)
-    elastic = nu / (1 - nu)  # of a layer that is not strained sideways
+    elastic = nu / (1 - nu)  # for a layer without lateral strain
     assert elastic - 0.01 < np.mean(sideways[3:]) < elastic + (0.1 if nu < 0.5 else 0.01)
     assert np.abs(state.v).max() < 0.03
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("angle", "seconds", "rate"), [(18, 8.0, 4.5), (21, 9.0, 12.0)])
-def test_steady_shear_in_space(angle, seconds, rate):
+def test_steady_shear_in_3d(angle, seconds, rate):
     scene = scenes.incline_sph(angle_deg=angle, columns=6, columns_across=5)
     simulation = sph.Simulation(scene, threads=2)
     simulation.run(seconds)

@@ -1,4 +1,4 @@
-"""The gas of particle hydrodynamics against closed forms: drag, Darcy, diffusion, fluidisation."""
+"""The gas of SPH against closed forms: drag, Darcy, diffusion, fluidisation."""
 
 import math
 from dataclasses import replace
@@ -13,11 +13,11 @@ from granular.gravity import Gravity
 
 DX = 0.01
 HEAVY = 1e6
-"""Factor of densities with which grains stand still."""
+"""Factor on the densities with which the solid particles do not move."""
 
 
 def porous_box(shape, *, heavy=1.0, rho0=1600.0, wind=None, jitter=0.0, dt=None, **gas):
-    """Grains and gas everywhere in a box with periodic sides, without weight."""
+    """Solid particles and gas everywhere in a periodic box without gravity."""
     dim = len(shape)
     grid = Grid((0.0,) * dim, DX, shape, periodic=(True,) * dim)
     box = Box((0.0,) * dim, grid.upper)
@@ -48,8 +48,10 @@ def slip(simulation):
 @pytest.mark.parametrize(("rho0", "grain_density"), [(1600.0, 2500.0), (1.3, 2.0)])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_two_box_drag_decays(dim, rho0, grain_density):
-    """Slip of a uniform gas dies as exp(-t/t_s), 1/t_s = B (1/(e rho_g) + 1/rho); grains that are
-    as light as the gas share its momentum."""
+    """The slip of a uniform gas decays as exp(-t/t_s), 1/t_s = B (1/(e rho_g) + 1/rho).
+
+    A solid as light as the gas takes up its momentum.
+    """
     wind = (1.0,) + (0.0,) * (dim - 1)
     scene = porous_box((8,) * dim, rho0=rho0, grain_density=grain_density, wind=wind)
     gas, e = scene.gas, 1 - rho0 / grain_density
@@ -69,7 +71,7 @@ def test_two_box_drag_decays(dim, rho0, grain_density):
 
 @pytest.mark.parametrize(("rho0", "grain_density"), [(1600.0, 2500.0), (1.3, 2.0)])
 def test_drag_far_beyond_the_explicit_limit(rho0, grain_density):
-    """Steps of a thousand times t_s: no overshoot, and the momentum stays."""
+    """Steps of a thousand times t_s: no overshoot, and the momentum is kept."""
     scene = porous_box(
         (8, 8),
         rho0=rho0,
@@ -95,10 +97,10 @@ def test_drag_far_beyond_the_explicit_limit(rho0, grain_density):
 
 @pytest.mark.parametrize(("jitter", "within"), [(0.0, 0.01), (0.3, 0.02)])
 def test_flux_is_that_of_darcy(jitter, within):
-    """Gas driven around a ring of grains: -(k/eta) dp/dx is e v away from where it is driven.
+    """Gas driven around a periodic ring: -(k/eta) dp/dx equals e v away from the driven region.
 
-    Disorder of both sets of points costs another percent: 1.3 % was found, -2 to 1 % for other
-    seeds, by the disorder of the gas alone: see `test_disorder_has_a_rate_of_its_own`.
+    Disorder of both sets of particles costs another per cent: 1.3 % was found, -2 % to 1 % for
+    other seeds, due to the disorder of the gas alone: see `test_disorder_has_a_rate_of_its_own`.
     """
     columns = 40
     scene = porous_box((columns, 6), heavy=HEAVY, sound_speed=100.0, jitter=jitter)
@@ -106,22 +108,21 @@ def test_flux_is_that_of_darcy(jitter, within):
     scene = scene.replace(gas=replace(scene.gas, jets=(jet,)))
     simulation, slopes, fluxes = sph.Simulation(scene), [], []
 
-    def look(simulation):
+    def sample(simulation):
         gas = simulation.gas
         away = (gas.x[:, 0] > 10 * DX) & (gas.x[:, 0] < (columns - 6) * DX)
         slopes.append(np.polyfit(gas.x[away, 0], gas.p[away], 1)[0])
         fluxes.append((gas.porosity * gas.v[:, 0])[away].mean())
 
     simulation.run(0.05)
-    simulation.run(0.1, every=5e-4, hooks=(look,))
+    simulation.run(0.1, every=5e-4, hooks=(sample,))
     darcy = -scene.gas.permeability / scene.gas.viscosity * np.mean(slopes)
     assert np.mean(fluxes) > 0.07
     assert darcy == pytest.approx(np.mean(fluxes), rel=within)
 
 
 def soaked(columns, jitter=0.0, ordering=0):
-    """Grains at rest and a gas, whose disorder a pressure above the ambient one has worked on for
-    some steps before."""
+    """Solid at rest and a gas, ordered for some steps by a pressure above the ambient one."""
     scene = porous_box((columns, 6), heavy=HEAVY, permeability=2e-11, jitter=jitter)
     simulation = sph.Simulation(scene)
     if ordering:
@@ -137,7 +138,7 @@ def soaked(columns, jitter=0.0, ordering=0):
 
 
 def decay_rate(simulation, steps):
-    """Rate at which a cosine of pressure decays, over D q^2."""
+    """Decay rate of a cosine of pressure, over D q^2."""
     scene, rows = simulation.scene, simulation._rows
     q, ambient = 2 * math.pi / (scene.grid.shape[0] * DX), scene.gas.pressure
     points = slice(rows.gas_first, rows.gas_first + rows.gas)
@@ -146,7 +147,7 @@ def decay_rate(simulation, steps):
     )
 
     def wave():
-        """By least squares beside a constant, as points that come to order take more room."""
+        """Least-squares fit with a constant, as ordering particles take more volume."""
         gas = simulation.gas
         waves = np.stack([f(q * gas.x[:, 0]) for f in (np.ones_like, np.cos, np.sin)], axis=1)
         return simulation.time, np.linalg.lstsq(waves, gas.p / ambient, rcond=None)[0][1]
@@ -160,8 +161,11 @@ def decay_rate(simulation, steps):
 
 
 def disorder(simulation):
-    """Root of the mean of (h E/V)^2, -p E being the force that a uniform pressure p above the
-    ambient one makes: E = sum_b (V_a/n_a + V_b/n_b) grad W, V = 1/n."""
+    """Root mean square of h E/V, where E measures the disorder of the gas particles.
+
+    A uniform pressure p above the ambient one exerts the force -p E: E = sum_b (V_a/n_a + V_b/n_b)
+    grad W, V = 1/n.
+    """
     rows, h = simulation._rows, simulation.scene.h
     x = simulation.buffers["x"][:, rows.gas_first : rows.gas_first + rows.gas].T
     parts = [kernel(2, h, x[None] + shift - x[:, None]) for shift in images(simulation.scene, x)]
@@ -177,7 +181,7 @@ def test_pore_pressure_diffuses():
 
 
 def test_pore_pressure_diffuses_in_a_gas_that_has_come_to_order():
-    """As disordered as the gas in the beds of the ready scenes, .02 to .03."""
+    """The disorder is that of the gas in the beds of the scene functions, 0.02 to 0.03."""
     simulation = soaked(48, jitter=0.3, ordering=1000)
     assert 0.02 < disorder(simulation) < 0.03
     assert decay_rate(simulation, 1000) == pytest.approx(1.0, abs=0.02)
@@ -185,9 +189,12 @@ def test_pore_pressure_diffuses_in_a_gas_that_has_come_to_order():
 
 @pytest.mark.parametrize("columns", [48, 64, 96])
 def test_disorder_has_a_rate_of_its_own(columns):
-    """Points that a pressure moves by -p E come to more or less order and so to more or less room:
-    the pressure decays at D (h E/V)^2/h^2 besides D q^2, however long its wave is. That is the
-    most, where exchange takes all pressures away that stand against E; .72 to .91 was found."""
+    """Particles that move by -p E change their order, and with it the volume they take.
+
+    The pressure then decays at D (h E/V)^2/h^2 in addition to D q^2, whatever the wavelength. That
+    is an upper bound, reached if the exchange removes all pressures that oppose E; 0.72 to 0.91 was
+    found.
+    """
     simulation = soaked(columns, jitter=0.3)
     q_h = 2 * math.pi / (columns * DX) * simulation.scene.h
     most = (disorder(simulation) / q_h) ** 2
@@ -198,8 +205,11 @@ def test_disorder_has_a_rate_of_its_own(columns):
 
 
 def bed_means(share, height, begin=0.15, end=0.3):
-    """Means over a time of flux over that of fluidisation, drop of pressure over the weight of the
-    bed, and height of its centre [m]; the piston moves with a share of that flux."""
+    """Means over a time of flux, pressure drop and height of the centre of the bed [m].
+
+    The flux is relative to that of fluidisation, the drop to the weight of the bed; the piston
+    moves with `share` of that flux.
+    """
     trial = scenes.fluidised_bed(pressure=2e4)
     gas = trial.gas
     weight = 1600.0 * 9.81
@@ -209,7 +219,7 @@ def bed_means(share, height, begin=0.15, end=0.3):
     )
     base, rows = scene.walls[1].at, []
 
-    def look(simulation):
+    def sample(simulation):
         points, grains = simulation.gas, simulation.state
         y, top = points.x[:, 1], grains.x[:, 1].max()
         inside = (y > base + 0.02) & (y < top - 0.03)
@@ -221,14 +231,15 @@ def bed_means(share, height, begin=0.15, end=0.3):
 
     simulation = sph.Simulation(scene)
     simulation.run(begin)
-    simulation.run(end, every=0.002, hooks=(look,))
+    simulation.run(end, every=0.002, hooks=(sample,))
     return np.mean(rows, axis=0)
 
 
 def test_bed_is_fluidised_where_the_gradient_is_its_weight():
     flux, drop, _ = bed_means(0.5, 0.2)
     assert 0.4 < flux < 0.55
-    assert flux / drop == pytest.approx(1.0, abs=0.05)  # the flux whose drop carries the bed
+    # the flux whose pressure drop carries the bed
+    assert flux / drop == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.slow

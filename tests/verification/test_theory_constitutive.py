@@ -34,7 +34,7 @@ def test_hydrostatic_compression_is_logarithmic():
         return -0.1 * (1 + t) * np.eye(2)
 
     result = reference(STICKY, 100.0, TIMES, velocity_gradient=squeeze, breakpoints=(0.0,))
-    # Integral of -tr L: ln(rho/rho_0) = .2 (t + t^2/2).
+    # Integral of -tr L: ln(rho/rho_0) = 0.2 (t + t^2/2).
     log_density = 100 / STICKY.K + 0.2 * (TIMES + TIMES**2 / 2)
     np.testing.assert_allclose(result.log_density, log_density, rtol=1e-12)
     p, _ = invariants(result.stress)
@@ -61,7 +61,7 @@ def test_elastic_simple_shear_has_the_jaumann_solution():
 
 
 def test_rotation_turns_the_stress():
-    """Stretch, then ten rigid turns: the stress is rotated, its invariants are kept."""
+    """Stretch, then ten rigid turns: the stress is rotated, its invariants are unchanged."""
     turn = 20 * math.pi
 
     def gradient(t):
@@ -72,7 +72,7 @@ def test_rotation_turns_the_stress():
     )
     start, eighth, end = result.stress
     np.testing.assert_allclose(end, start, atol=1e-5)
-    # After 1/8 turn the deviator diag(-s, s) is all shear: R diag(-s, s) R^T has xy = -s.
+    # After 1/8 turn the deviator diag(-s, s) is pure shear: R diag(-s, s) R^T has xy = -s.
     difference = (start[1] - start[0]) / 2
     assert difference == pytest.approx(2 * SOFT.G * 0.02, rel=1e-8)
     np.testing.assert_allclose(eighth, [-500, -500, -500, -difference], atol=1e-5)
@@ -90,7 +90,7 @@ def test_pressure_is_that_of_the_density_while_dense():
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e7])
 def test_steady_shear_stress_is_mu_of_i(stiffness):
-    """After many strains: exactly the flow rule, and mu(I) p of the imposed rate up to tau/G."""
+    """After large strain: exactly the flow rule, and mu(I) p of the imposed rate up to tau/G."""
     grains, rate, p0 = material(E=stiffness), 3.0, 200.0
 
     def shear(t):
@@ -106,7 +106,7 @@ def test_steady_shear_stress_is_mu_of_i(stiffness):
 
     assert tau == pytest.approx(friction(result.shear_rate[0]) * p0, rel=1e-7)
     assert result.stress[0, 3] == pytest.approx(friction(rate) * p0, rel=(tau / grains.G) ** 2)
-    # The Jaumann rate's normal stress difference, from D:s = rate s_xy = gp tau in steady state.
+    # Normal stress difference of the Jaumann rate, from D:s = rate s_xy = gp tau when steady.
     ratio = rate / result.shear_rate[0]
     normal = ratio * result.stress[0, 3] * tau / grains.G
     assert result.stress[0, 0] + p == pytest.approx(normal, rel=1e-5)
@@ -128,7 +128,7 @@ def test_explicit_and_implicit_integrators_agree(start):
     assert np.abs(explicit.stress - implicit.stress).max() < 1e-6 * largest
 
 
-def test_events_of_the_loose_case():
+def test_events_of_the_disconnected_case():
     """ln(rho/rho_c) rises by 8 (t - 1/4)^2 at first and ends 8 (1 - t)^2 above its start."""
     result = reference(SOFT, times=TIMES, **LOOSE)
     wait = math.sqrt(500 / SOFT.K / 8)
@@ -141,7 +141,7 @@ def test_events_of_the_loose_case():
 
 
 def test_contact_under_pure_shear_starts_on_the_yield_surface():
-    """Contact that elastically would lie beyond mu_2 stays admissible from the first instant."""
+    """Contact that elastically would exceed mu_2 is admissible from the first instant."""
 
     def gradient(t):
         return np.array([[-0.01, 1.0], [0.0, -0.01]])

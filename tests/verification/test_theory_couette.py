@@ -22,13 +22,15 @@ def material(**changes):
 
 @pytest.mark.parametrize("walls", ["rough", "smooth"])
 def test_slow_flow_is_a_bessel_function_of_imaginary_order(walls):
-    """For an infinite mu_2 g = K_{i nu}(k r) + a Re I_{i nu}(k r), k = sqrt(mu_s)/(A d),
-    nu = R_i sqrt(mu_w)/(A d), the a being told by the outer cylinder; over 8 decades."""
+    """Solution for an infinite mu_2, over 8 decades: g = K_{i nu}(k r) + a Re I_{i nu}(k r).
+
+    k = sqrt(mu_s)/(A d), nu = R_i sqrt(mu_w)/(A d); the outer cylinder determines a.
+    """
     flow = theory.couette_quasi_static(INNER, OUTER, BEADS, walls=walls, points=401)
     reach = BEADS.A * BEADS.d
     k, order = math.sqrt(BEADS.mu_s) / reach, 1j * INNER * math.sqrt(flow.mu_wall) / reach
 
-    def ending(f, r):  # what is zero at a cylinder
+    def ending(f, r):  # value or slope that vanishes at a cylinder
         return f(r) if walls == "rough" else mpmath.diff(f, r, h=1e-9) * INNER / 30
 
     with mpmath.workdps(40):
@@ -41,7 +43,7 @@ def test_slow_flow_is_a_bessel_function_of_imaginary_order(walls):
         for i in (30, 100, 200, 300, 380, 395):
             assert flow.g[i] == pytest.approx(float(scale * g(flow.r[i])), rel=1e-8)
         assert abs(ending(g, mpmath.mpf(INNER)) * scale) < 1e-8 * flow.g[top]
-    assert (flow.g[1:-1] > 0).all()  # the first mode has no node
+    assert (flow.g[1:-1] > 0).all()  # the first mode has no zero
     assert flow.g[395] / flow.g[top] < 1e-7
     assert flow.error < 1e-7
 
@@ -70,7 +72,7 @@ def test_the_tail_falls_by_the_decay_length():
     ("walls", "mu_2", "rate"), [("rough", math.inf, 1.0), ("smooth", 0.6435, 5.0)]
 )
 def test_flow_at_a_rate_against_solve_bvp(walls, mu_2, rate):
-    """scipy's collocation in r with mu_w as its parameter; g, g' and omega."""
+    """scipy's collocation in r with mu_w as its parameter; compares g, g' and omega."""
     beads, p = material(mu_2=mu_2), 500.0
     flow = theory.couette_flow(INNER, OUTER, beads, rate=rate, pressure=p, walls=walls)
     grain = beads.d * math.sqrt(beads.rho_s / p)
@@ -113,11 +115,11 @@ def test_slow_is_the_limit_of_the_rate():
         )
         assert flow.mu_wall == pytest.approx(slow.mu_wall, rel=1e-6)
         np.testing.assert_allclose(flow.omega, slow.omega, atol=1e-6)
-        np.testing.assert_allclose(flow.g[1:-1], slow.g[1:-1], rtol=3e-3)  # the tail too
+        np.testing.assert_allclose(flow.g[1:-1], slow.g[1:-1], rtol=3e-3)  # the tail is included
 
 
 def test_fast_flow_of_tiny_grains_is_the_local_law():
-    """A -> 0: gdot = (mu - mu_s) sqrt(p/rho_s)/(b d) where mu > mu_s, and rest outside."""
+    """A -> 0: gdot = (mu - mu_s) sqrt(p/rho_s)/(b d) where mu > mu_s, and no flow outside."""
     beads, p, rate = material(A=0.02), 500.0, 20.0
     flow = theory.couette_flow(INNER, OUTER, beads, rate=rate, pressure=p, walls="smooth")
     over = np.maximum(flow.mu - beads.mu_s, 0) * math.sqrt(p / beads.rho_s) / (beads.b * beads.d)

@@ -16,7 +16,7 @@ MODULUS = SOFT.K + 4 * SOFT.G / 3
 
 
 def test_column_against_an_integration_of_its_balance():
-    """A tall soft one: strained by 6.5 %."""
+    """A tall soft column with a strain of 6.5 %."""
     height, gravity = 0.8, 9.81
     Y = np.linspace(0.0, height, 41)
     column = theory.hencky_column(Y, height, SOFT, gravity)

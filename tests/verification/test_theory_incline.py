@@ -16,7 +16,7 @@ HEIGHT, GRAVITY = 0.2, 9.8
 
 
 def flow_rule(p, mu):
-    """mu(I) solved for the shear rate, written out on its own."""
+    """mu(I) solved for the shear rate, written independently."""
     return MATERIAL.xi * math.sqrt(p) * (mu - MATERIAL.mu_s) / (MATERIAL.mu_2 - mu)
 
 
@@ -97,7 +97,7 @@ def regularised(angle_deg, times, cells, sharpness):
 
 
 def test_transient_against_a_regularised_solution():
-    """An ODE solver on the regularised law tends to the transient as the creep vanishes."""
+    """An ODE solution of the regularised law tends to the transient as the creep vanishes."""
     times = [0.3, 1.0]
     exact = transient(25.0, HEIGHT, MATERIAL, times, cells=40, rtol=1e-8).mean
     sharpness = (1e-4, 1e-5, 1e-6)
@@ -108,7 +108,7 @@ def test_transient_against_a_regularised_solution():
 
 
 def test_transient_figures():
-    """25 degrees: a prototype's equation of motion gave .26552, 1.62612, 2.0055 m/s (5 digits)."""
+    """25 degrees: a prototype gave 0.26552, 1.62612, 2.0055 m/s (5 digits)."""
     mean = transient(25.0, HEIGHT, MATERIAL, [0.5, 6.0, 11.5]).mean
     np.testing.assert_allclose(mean, [0.26552, 1.62612, 2.0055], rtol=1.5e-4)
 
@@ -153,7 +153,7 @@ def test_flow_rule_and_sign_of_the_plastic_work():
 
 @pytest.mark.parametrize("angle_deg", [25.0, 34.0])
 def test_momentum_and_energy_balance(angle_deg):
-    """Gained momentum = weight - base friction; work of gravity = kinetic energy + dissipation."""
+    """Momentum gain = weight - base friction; work of gravity = kinetic energy + dissipation."""
     times = np.linspace(0.1, 0.6, 201)
     flow = transient(angle_deg, HEIGHT, MATERIAL, times, cells=100, rtol=1e-7)
     drive = MATERIAL.rho_c * GRAVITY * math.sin(math.radians(angle_deg))

@@ -1,4 +1,4 @@
-"""Appendix A: each closed form against the equation it solves."""
+"""Appendix A: each closed form against the equation that it solves."""
 
 from __future__ import annotations
 

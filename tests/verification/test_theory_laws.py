@@ -54,7 +54,7 @@ def test_exponents_without_coefficient():
 
 
 def test_beverloo_by_hand():
-    # 1.42 * 1500 * sqrt(9.8) * .2^1.5 = 596.4 kg/s per metre
+    # 1.42 * 1500 * sqrt(9.8) * 0.2^1.5 = 596.4 kg/s per metre
     assert beverloo_rate(0.2, 1500.0) == pytest.approx(596.4, abs=0.05)
     free = beverloo_rate(0.2, 1500.0, C=1.31, exponent=1.47)
     assert free == pytest.approx(1.31 * 1500 * math.sqrt(9.8) * math.exp(1.47 * math.log(0.2)))

@@ -1,5 +1,7 @@
-"""The nonlocal law on a rough incline: H_stop, the steady flow and its start, against independent
-solutions of the same equations."""
+"""The nonlocal law on a no-slip incline: H_stop, the steady flow and its start.
+
+All are compared with independent solutions of the same equations.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ def make(**changes):
 
 
 def spoilt(**changes):
-    """The same grains with numbers that make no sense."""
+    """The same grains with meaningless numbers."""
     return SimpleNamespace(**(vars(MATERIAL) | changes))
 
 
@@ -51,7 +53,7 @@ def threshold(angle_deg, m=MATERIAL):
 
 
 def coefficients(angle_deg, height, m=MATERIAL):
-    """(A d/H)^2, lambda and that of -g^2/sqrt(z/H) in t0 dg/dt, written out on their own."""
+    """(A d/H)^2, lambda and the factor of -g^2/sqrt(z/H) in t0 dg/dt, written independently."""
     angle = math.radians(angle_deg)
     slope, weight = math.tan(angle), m.rho_c * GRAVITY * math.cos(angle)
     growth = -(m.mu_2 - m.mu_s) * (m.mu_s - slope) / (m.mu_2 - slope)
@@ -70,11 +72,11 @@ def bagnold_top(angle_deg, height, m=MATERIAL):
 
 
 def test_stopping_height_by_hand():
-    # 27 deg: tan = .509525, sqrt(.990475/(1.1181 * .127625)) = 2.63459, times pi/2 * .25 * 5 mm
+    # 27 deg: tan = 0.509525, sqrt(0.990475/(1.1181 * 0.127625)) = 2.63459, times pi/2 * 0.25 * 5 mm
     assert stopping_height(27.0, **CHUTE) == pytest.approx(5.1730e-3, rel=1e-4)
-    # 24 deg, glass beads: tan = .445229, sqrt(.198271/(.2616 * .063329)) = 3.45946
+    # 24 deg, glass beads: tan = 0.445229, sqrt(0.198271/(0.2616 * 0.063329)) = 3.45946
     assert stopping_height(24.0, **BEADS) == pytest.approx(13.042e-3, rel=1e-4)
-    # without mu_2: 1/sqrt(.063329) = 3.97373
+    # without mu_2: 1/sqrt(0.063329) = 3.97373
     endless = BEADS | {"mu_2": math.inf}
     assert stopping_height(24.0, **endless) == pytest.approx(14.981e-3, rel=1e-4)
 
@@ -136,7 +138,7 @@ def test_the_discrete_equation_loses_stability_at_the_stopping_height(angle_deg)
 
 
 def test_cells_hold_the_whole_of_a_singular_sink():
-    """int s^-1/2 ds = 2 over the layer, however few the cells."""
+    """int s^-1/2 ds = 2 over the layer, for any number of cells."""
     layer = Layer(27.0, 0.01, MATERIAL, GRAVITY, 8)
     assert np.sum(layer.width) == pytest.approx(1.0, rel=1e-14)
     assert np.sum(layer.sink * layer.width) == pytest.approx(2 * layer.slope, rel=1e-14)
@@ -158,7 +160,7 @@ def test_small_fluidity_grows_or_decays_at_the_rate_of_its_slowest_mode(angle_de
     height = ratio * threshold(angle_deg)
     diffusion, growth, _ = coefficients(angle_deg, height)
     rate = (growth - diffusion * math.pi**2 / 4) / MATERIAL.t0
-    # by then the next mode, nine times as curved, has decayed by e^-16 and more
+    # by then the next mode, with nine times the curvature, has decayed by e^-16 and more
     wait = 2 / growth * MATERIAL.t0
     times = np.array([1.0, 2.0]) * wait
     top = chute_transient(angle_deg, height, MATERIAL, times, 1e-12, cells=100).v[:, -1]
@@ -179,7 +181,7 @@ def test_what_is_too_thin_stops_and_what_is_not_saturates():
 
 
 def test_without_nonlocality_every_depth_follows_its_own_logistic():
-    """A = 0 has a closed form; the cells see it with the mean of p^-1/2."""
+    """A = 0 has a closed form; the cells use it with the mean of p^-1/2."""
     height, g0, times = 0.02, 0.3, np.array([0.0, 0.02, 0.04, 0.2])
     local = make(A=0.0)
     _, growth, damping = coefficients(27.0, height, local)
@@ -187,7 +189,7 @@ def test_without_nonlocality_every_depth_follows_its_own_logistic():
     def velocity(y, time):
         grown = math.exp(growth * time / local.t0)
 
-        def rate(root):  # of the depth, over which g is smooth
+        def rate(root):  # over the root of the depth, in which g is smooth
             return 2 * root * g0 * grown * root / (root + damping * g0 * (grown - 1) / growth)
 
         return math.tan(math.radians(27.0)) * height * quad(rate, math.sqrt(1 - y), 1)[0]
@@ -206,7 +208,7 @@ def modes(angle_deg, height, times, start, number=128):
     diffusion, growth, damping = coefficients(angle_deg, height)
     wave = (np.arange(number) + 0.5) * math.pi
     node, weight = np.polynomial.legendre.leggauss(4 * number)
-    root, weight = (node + 1) / 2, weight / 2  # of the depth: dz/sqrt(z) = 2 d sqrt(z)
+    root, weight = (node + 1) / 2, weight / 2  # root of the depth: dz/sqrt(z) = 2 d sqrt(z)
     shape = np.cos(np.outer(wave, root**2))
 
     def rate(_, a):
@@ -278,7 +280,7 @@ def test_profile_against_a_boundary_value_problem(angle_deg, ratio):
     height = ratio * threshold(angle_deg)
     diffusion, growth, damping = coefficients(angle_deg, height)
 
-    # Over r = sqrt(z/H) g, dg/d(z/H) and the integral of g are smooth: d(z/H) = 2 r dr.
+    # As functions of r = sqrt(z/H), g, dg/d(z/H) and the integral of g are smooth: d(z/H) = 2 r dr.
     def rate(r, y):
         return 2 * np.vstack(
             [r * y[1], (damping * y[0] ** 2 - r * growth * y[0]) / diffusion, r * y[0]]
@@ -297,7 +299,7 @@ def test_profile_against_a_boundary_value_problem(angle_deg, ratio):
     flow = chute_profile(angle_deg, height, MATERIAL)
 
     def exact(y):
-        """Fluidity and velocity, the integral from the base up."""
+        """Fluidity and velocity, the integral of the shear rate from the base up."""
         g, _, above = found.sol(np.sqrt(np.maximum(1 - y / height, 0)))
         return g, slope * height * (found.y[2, -1] - above)
 
@@ -322,7 +324,7 @@ def test_order_and_error_of_the_profile():
 
 
 def test_only_the_height_over_that_of_stopping_matters():
-    """Shape and speed over Bagnold's, whatever the grains, the slope and gravity."""
+    """Shape and speed over Bagnold's do not depend on the grains, the slope or gravity."""
     other = make(A=0.9, d=1e-3, mu_s=0.3, mu_2=0.8, I0=0.1, rho_s=2000.0, rho_c=1100.0, t0=0.2)
     for ratio in (1.2, 3.0, 12.0):
         flows = []
@@ -341,8 +343,11 @@ def test_shapes_of_the_limits():
 
 
 def test_near_the_stopping_height():
-    """Shape of the slowest mode; its height a from the balance projected on it, to first order:
-    a int s^-1/2 cos^3(pi s/2) ds = (1 - (H_stop/H)^2)/2."""
+    """Shape of the slowest mode; its amplitude a follows from the projected balance, to first
+    order.
+
+    a int s^-1/2 cos^3(pi s/2) ds = (1 - (H_stop/H)^2)/2.
+    """
     off = []
     for ratio in (1.03, 1.0075):
         flow = chute_profile(27.0, ratio * threshold(27.0), MATERIAL, cells=1600)
@@ -357,8 +362,11 @@ def test_near_the_stopping_height():
 
 
 def test_approach_to_bagnold():
-    """What is missing at the surface is (3/2) EXCESS l/H, l = 2 H_stop/pi, to leading order: the
-    layer in which the base is felt. 19.3 H_stop, 20 d of the figure, is still 6.4 % off."""
+    """The deficit at the surface is (3/2) EXCESS l/H, l = 2 H_stop/pi, to leading order.
+
+    l is the thickness of the layer affected by the base. At 19.3 H_stop, 20 d of the figure, the
+    speed is still 6.4 % off.
+    """
     missing, shape = [], []
     ratios = np.array([2.9, 4.83, 6.77, 19.3, 100.0, 400.0])
     for ratio in ratios:
@@ -372,7 +380,7 @@ def test_approach_to_bagnold():
     assert shape[3] == pytest.approx(0.0534, abs=2e-4)
     leading = 1.5 * EXCESS * 2 / (math.pi * ratios)
     assert missing[4] == pytest.approx(leading[4], rel=0.02)
-    # the rest comes from the surface, from the depth l, and goes with sqrt(l/H)
+    # the remaining deficit comes from the surface, from the depth l, and scales as sqrt(l/H)
     rest = np.array(missing)[3:] / leading[3:] - 1
     np.testing.assert_allclose(rest[:-1] / rest[1:], np.sqrt(ratios[4:] / ratios[3:-1]), rtol=0.2)
 
@@ -395,7 +403,7 @@ def test_rest_up_to_the_stopping_height_and_flow_above():
         assert rest.error == 0
     barely = chute_profile(27.0, (1 + 1e-6) * height, MATERIAL)
     assert barely.v[-1] > 0
-    assert barely.error > 0.5  # the grid has a threshold of its own
+    assert barely.error > 0.5  # the grid has its own threshold
 
 
 # Bad input

@@ -12,7 +12,7 @@ BEADS = gr.materials.glass_beads
 
 
 def stress(D, p, material):
-    """Deviator mu(I) p A of the law, xi in place of d and rho_s."""
+    """Deviator mu(I) p A of the law, with xi in place of d and rho_s."""
     shear_rate = math.sqrt(2 * np.sum(D * D))
     x = shear_rate / (material.xi * math.sqrt(p))
     mu = material.mu_s + (material.mu_2 - material.mu_s) * x / (1 + x)
@@ -20,10 +20,10 @@ def stress(D, p, material):
 
 
 def response(angle, D, p, material, h=1e-6):
-    """Shear across a short wave that the law sets against its motion, per unit gradient.
+    """Shear stress by which the law resists the motion of a short wave, per unit gradient.
 
-    By differences of the law; the momentum along the wave, 0 = -p' + k.s'.k, gives p'. Negative:
-    the stress drives the wave on, at a rate that goes with |k|^2.
+    Computed by differences of the law; the momentum along the wave, 0 = -p' + k.s'.k, gives p'. If
+    negative, the stress drives the wave, at a rate proportional to |k|^2.
     """
     k = np.array([math.cos(angle), math.sin(angle)])
     t = np.array([-k[1], k[0]])
@@ -39,7 +39,7 @@ def response(angle, D, p, material, h=1e-6):
 
 @pytest.mark.parametrize("mu_2", [0.45, 0.6435, 0.9])
 def test_waves_grow_where_the_criterion_says_so(mu_2):
-    """Any direction of the wave with a growing amplitude, at 40 inertial numbers."""
+    """A wave grows in at least one direction, for 40 inertial numbers."""
     material = BEADS.replace(mu_2=mu_2)
     D = np.array([[0.3, 0.8], [0.8, -0.3]])
     shear_rate = math.sqrt(2 * np.sum(D * D))
@@ -48,14 +48,14 @@ def test_waves_grow_where_the_criterion_says_so(mu_2):
         p = (shear_rate / (x * material.xi)) ** 2
         worst = min(response(angle, D, p, material) for angle in np.linspace(0, math.pi, 181))
         C = theory.ill_posedness(x, material)
-        assert abs(C) > 1e-3  # the directions are a finite number
+        assert abs(C) > 1e-3  # the number of directions is finite
         assert (worst < 0) == (C > 0), (x, C, worst)
         seen.add(bool(C > 0))
     assert seen == ({True, False} if theory.well_posed_range(material) else {True})
 
 
 def test_ends_of_the_range():
-    """Table 1 of Dunatunga & Kamrin 2015: .0193 < I < .849, slopes of 21.7 to 30.1 deg."""
+    """Table 1 of Dunatunga & Kamrin 2015: 0.0193 < I < 0.849, slopes of 21.7 to 30.1 deg."""
     low, high = theory.well_posed_range(BEADS)
     assert 0.278 * low == pytest.approx(0.0193, abs=1e-4)
     assert 0.278 * high == pytest.approx(0.849, abs=1e-3)

@@ -1,4 +1,4 @@
-"""Where the incline begins to flow, and all its angles."""
+"""Threshold of flow on the incline, and all its angles."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The table itself: its rows, its exit status, and the rows of what must hold bit by bit."""
+"""The verification table itself: its rows, its exit status, and rows that must hold bit by bit."""
 
 import io
 import math
@@ -32,7 +32,7 @@ def test_nan_never_passes(row):
 
 @pytest.fixture
 def registered(monkeypatch):
-    """A register with nothing in it, and what it is filled with."""
+    """An empty register of checks, which a test fills."""
     monkeypatch.setattr("granular.verify.rows.checks", (table := {}))
     monkeypatch.setattr("granular.verify.table.checks", table)
     return table
