@@ -26,7 +26,7 @@ def bed(seed: int) -> grains.Grains:
     rng = np.random.default_rng(seed)
     R = np.append(rng.choice(RADII, GRAINS), INTRUDER)
     x = np.zeros((GRAINS + 1, 2))
-    x[:-1] = grains.lattice(GRAINS, (24,), WIDTH / 24, 2, rng)
+    x[:-1] = grains.layered_places(GRAINS, (24,), WIDTH / 24, 2, rng)
     x[-1] = WIDTH / 2, 2.0
     m = DENSITY * np.pi * R**2
     m[-1] = 7850 * np.pi * INTRUDER**2
