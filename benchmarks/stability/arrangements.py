@@ -131,7 +131,7 @@ def arrangements(quick: bool) -> Map:
         least=True,
     )
     rows = {basis: (basis, 0.0) for basis in ("linear", "ugimp", "quadratic")}
-    rows["quadratic, weighted"] = "quadratic", gr.schemes.default.weight_correction_limit
+    rows["quadratic, weighted"] = "quadratic", gr.schemes.default.density.weight_correction_limit
     for row, (basis, limit) in rows.items():
         for dim in (1, 2, 3):
             for per_axis in (1, 2) if quick or dim == 3 else (1, 2, 3):

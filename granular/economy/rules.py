@@ -16,7 +16,7 @@ from granular.materials import MuI
 from granular.mpm import engine
 from granular.mpm.limits import check_time_step, courant_limit, damps_by_step, height
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Scheme, default
+from granular.mpm.schemes import ParticleDensity, Scheme, default
 from granular.theory.stopping import stopping_height
 from granular.theory.well_posed import scaled_inertial_number_of_slope
 
@@ -169,7 +169,7 @@ def _basis(asked: _Asked) -> Suggestion:
         reason = f"Kept: linear functions change the flow by about {LINEAR_COLUMN:.2g}."
         return asked.suggestion("basis", reason)
     reason = "One column cannot fail in two dimensions: linear functions serve as well."
-    changes = {"basis": "linear", "transfer": "flip", "density": "particle"}
+    changes = {"basis": "linear", "transfer": "flip", "density": ParticleDensity()}
     return asked.suggestion("basis", reason, LINEAR_COLUMN, changes)
 
 

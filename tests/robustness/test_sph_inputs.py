@@ -121,7 +121,7 @@ def test_any_number_in_the_buffers_is_survived(field, place, value, fresh):
 @given(
     counts=st.tuples(*[st.integers(-3, 90)] * 3),
     spoil=st.sampled_from(
-        ["none", "float32", "short", "missing", "cell_averaged", "read-only", "text"]
+        ["none", "float32", "short", "missing", "overlapping", "read-only", "text"]
     ),
     name=st.sampled_from(["x", "mass", "stress", "id"]),
 )
@@ -134,7 +134,7 @@ def test_any_binding_is_refused_or_works(counts, spoil, name):
         buffers[name] = buffers[name][..., :-1].copy()
     elif spoil == "missing":
         del buffers[name]
-    elif spoil == "cell_averaged":
+    elif spoil == "overlapping":
         buffers["v"] = buffers["x"]
     elif spoil == "read-only":
         buffers[name].flags.writeable = False

@@ -5,7 +5,12 @@ from granular.mpm.schemes import DENSITIES
 
 
 def scheme_of(basis, transfer, density, **numbers):
-    """A scheme; numbers of the density by their names beside those of the scheme."""
+    """A scheme; numbers of the density by their names beside those of the scheme.
+
+    Numbers that this density does not have are left out, None for the default density.
+    """
+    if density is None:
+        return gr.Scheme(basis=basis, transfer=transfer, **numbers)
     kind = DENSITIES[density]
     own = {name: numbers.pop(name) for name in kind.units if name in numbers}
     foreign = {name for other in DENSITIES.values() for name in other.units}

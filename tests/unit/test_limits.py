@@ -59,11 +59,11 @@ def test_transfers_that_damp_by_the_step_are_warned_of_in_one_column():
 @pytest.mark.parametrize(
     ("options", "names"),
     [
-        ({"scheme": gr.schemes.dunatunga_kamrin_2015.replace(dt=None)}, "density"),
-        ({"scheme": gr.Scheme(transfer="apic")}, "density"),
+        ({"scheme": gr.schemes.dunatunga_kamrin_2015.replace(dt=None)}, "ParticleDensity"),
+        ({"scheme": gr.Scheme(transfer="apic")}, "ParticleDensity"),
         (
             {"scheme": gr.schemes.cell_averaged, "material": gr.materials.Elastic(E=1e6)},
-            "CellAveragedDensity() is made for granular material",
+            "is made for granular material",
         ),
         (
             {"scheme": gr.Scheme(basis="linear"), "material": gr.materials.Elastic(E=1e6)},

@@ -61,7 +61,7 @@ def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_points_that_weigh_unlike_are_stable_within_the_limits(script, dim):
     """Worst case of a search: two points in the corner of a cell; single points have weight 1."""
-    part, most = script.arrangements, gr.schemes.default.weight_correction_limit
+    part, most = script.arrangements, gr.schemes.default.density.weight_correction_limit
     x = np.array([np.full(dim, 1.501), np.full(dim, 1.499)])
 
     def step(x, u):

@@ -82,7 +82,7 @@ def test_momentum_of_a_driven_blade_closes(transfer):
     tracked = gr.scenes.excavation().scheme.replace(transfer=transfer, dt=1e-3)
     size = {"cell": 0.05, "length": 0.6, "width": 0.4, "start": 0.2, "travel": 0.1}
     scene = gr.scenes.excavation(**size, settle=0.02, ramp=0.01, scheme=tracked)
-    damping = tracked.decay * scene.material.wave_speed / scene.grid.cell
+    damping = tracked.tpic_decay * scene.material.wave_speed / scene.grid.cell
     keep = math.exp(-damping * tracked.dt) if transfer == "tpic" else 0.0
     sim = gr.Simulation(scene, threads=1)
     sim.run(until=0.1)

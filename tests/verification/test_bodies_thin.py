@@ -18,7 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scheme(**changes):
-    return gr.Scheme(**{"transfer": "apic", "density": "particle", "dt": 4e-4} | changes)
+    return gr.Scheme(**{"transfer": "apic", "density": gr.ParticleDensity(), "dt": 4e-4} | changes)
 
 
 def layers(thin_body, *, dim=2, velocity=(0.6, -0.5), **changes):
@@ -202,7 +202,7 @@ def test_what_is_not_held_is_told():
     scene = layers(endless())
     with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] has parts of 0.01 m, thinner"):
         gr.Simulation(scene)
-    for changes in ({"transfer": "xpic"}, {"transfer": "tpic", "density": "smoothed"}):
+    for changes in ({"transfer": "xpic"}, {"transfer": "tpic", "density": gr.SmoothedDensity()}):
         with pytest.raises(ValueError, match=r"bodies\[0\] has parts of 0.01 m, must be >= 0.1 m"):
             gr.Simulation(scene.replace(scheme=scheme(**changes)))
     rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
@@ -224,10 +224,10 @@ def small_mesh(edge):
 @pytest.mark.parametrize(
     ("cells", "changes", "told"),
     [
-        (2.5, {"transfer": "tpic", "density": "smoothed"}, "feels a part of the other"),
+        (2.5, {"transfer": "tpic", "density": gr.SmoothedDensity()}, "feels a part of the other"),
         (2.5, {}, "kept apart by double nodes"),
         (2.5, {"basis": "linear"}, None),
-        (3.0, {"transfer": "tpic", "density": "smoothed"}, None),
+        (3.0, {"transfer": "tpic", "density": gr.SmoothedDensity()}, None),
     ],
 )
 def test_thin_bodies_of_two_to_three_cells(cells, changes, told):
