@@ -25,8 +25,7 @@ def closed_box(combination, *, material=None, gravity=(0.0, 0.0), **options):
             Fill(Box((0.2, 0.0), (0.5, 0.4)), 4, jitter=1.0, density=1505.0, velocity=(-0.2, 0.4)),
         ),
         material=material or MuI(E=1e6),
-        # little damping, or all is at rest before the end
-        scheme=scheme_of(basis, transfer, density, **{"tpic_decay": 0.03} | options),
+        scheme=scheme_of(basis, transfer, density, **options),
         gravity=Gravity((0.0,), (gravity,)),
         duration=1.0,
         seed=1,
@@ -51,10 +50,11 @@ def test_momentum_of_a_closed_system(combination, dt, steps):
     sim = gr.Simulation(closed_box(combination, dt=dt), threads=1)
     before = momentum(sim.state) - borrowed(sim)
     scale = np.sum(sim.state.mass * np.linalg.norm(sim.state.v, axis=1))
-    sim.step(steps)
+    sim.step(100)
+    assert sim.state.stress.any()  # the streams have met
+    sim.step(steps - 100)
     assert sim.n_points == len(sim.state.mass)
     assert abs(momentum(sim.state) - borrowed(sim) - before).max() <= 1e-12 * scale
-    assert sim.state.stress.any()
 
 
 def test_momentum_under_gravity(combination):
