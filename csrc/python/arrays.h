@@ -1,4 +1,4 @@
-/* What the Python rooms share: checks of NumPy arrays, and the one place where core errors become exceptions. */
+/* What this folder shares: checks of NumPy arrays, and the one place where core errors become exceptions. */
 #ifndef GR_PYTHON_ARRAYS_H
 #define GR_PYTHON_ARRAYS_H
 
@@ -56,7 +56,7 @@ PyObject *gr_raise_at(int error, const struct gr_failure *at);
 /* A table of gravity; n may be 0. The numbers stay those of the arrays. */
 int gr_take_gravity(int dim, PyObject *times, PyObject *vectors, int *n, const double **time, const double **vector);
 
-/* Room for what the configuration of an engine is made of. */
+/* Space for what the configuration of an engine is made of. */
 struct gr_tables {
     struct gr_wall wall[256];
     struct gr_body body[GR_MAX_BODIES];
@@ -67,17 +67,12 @@ struct gr_tables {
  * an exception set. */
 int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, struct gr_tables *tables, const char **isa);
 
-/* Whether the team of OpenMP died in a fork of this process, so that only one thread can run. Returned: 0, or 1 with
- * RuntimeError set. */
-int gr_team_is_lost(int threads);
-
 /* declarations.c: functions of the module. */
 PyObject *gr_python_scheme_numbers(PyObject *module, PyObject *unused);
 PyObject *gr_python_enumerations(PyObject *module, PyObject *unused);
 PyObject *gr_python_laws(PyObject *module, PyObject *unused);
 
-/* fluidity.c: functions of the module. */
-PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);
+/* fluidity.c: function of the module. */
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
 
 /* bodies.c: those of a configuration, from rows (parts, pose, motion, contact, free, friction, mass); their state as an
@@ -91,7 +86,9 @@ PyObject *gr_python_split(const struct gr_engine *e);
 int gr_restore_split(struct gr_engine *e, PyObject *object);
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
-/* hencky.c: function of the module. */
+/* testing.c: functions of the module. */
+PyObject *gr_python_law_update(PyObject *module, PyObject *args);
+PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);
 PyObject *gr_python_hencky_update(PyObject *module, PyObject *args);
 
 extern PyObject *gr_SimulationError;

@@ -30,7 +30,7 @@ static int take_samples(PyObject *object, struct gr_part *part)
 
 /* Rows (kind, inside, center[3], rotation[9], size[3]) of an array (n, 17), and the samples of those that have some, a
  * tuple. Returned: n, or -1. */
-static int take_parts(PyObject *object, PyObject *samples, int room, struct gr_part *out)
+static int take_parts(PyObject *object, PyObject *samples, int capacity, struct gr_part *out)
 {
     Py_ssize_t sampled = 0;
     if (!PyTuple_Check(samples)) return refuse("samples must be a tuple of arrays");
@@ -38,7 +38,7 @@ static int take_parts(PyObject *object, PyObject *samples, int room, struct gr_p
     PyArrayObject *array = gr_array(object, "parts", NPY_DOUBLE, 2, shape, 0);
     if (!array) return -1;
     const npy_intp n = PyArray_DIM(array, 0);
-    if (n < 1 || n > room) return refuse("the bodies must have 1 to 256 parts in all, and each at least one");
+    if (n < 1 || n > capacity) return refuse("the bodies must have 1 to 256 parts in all, and each at least one");
     const double *row = PyArray_DATA(array);
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
         if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return refuse("the kind of a part must be 0 to 3");

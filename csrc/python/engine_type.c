@@ -1,29 +1,21 @@
 /* The Python type `Engine`: it borrows the buffers of the points and steps them with the GIL released. */
 #include <math.h>
 #include <stddef.h>
-#include <unistd.h>
 
-#include "python/arrays.h"
+#include "python/engine_common.h"
 
 struct engine_object {
     PyObject_HEAD
     struct gr_engine *engine;
     const struct gr_kernels *kernels;
-    PyObject *buffers[GR_FIELD_COUNT + 1]; /* the arrays that are lent, the ids last */
+    PyObject *buffers[GR_FIELD_COUNT + 1]; /* the borrowed arrays, the ids last */
     int busy;
 };
 
 static struct gr_engine *ready(struct engine_object *self, int bound)
 {
-    if (!self->engine || (bound && !self->engine->id)) {
-        PyErr_SetString(PyExc_RuntimeError, "the engine has no points: call bind first");
-        return NULL;
-    }
-    if (self->busy) {
-        PyErr_SetString(PyExc_RuntimeError, "the engine is running in another thread");
-        return NULL;
-    }
-    return self->engine;
+    struct gr_engine *e = self->engine;
+    return gr_refuse_state(e != NULL, e && (!bound || e->id), self->busy) ? NULL : e;
 }
 
 /* ---- construction ---- */
@@ -60,11 +52,8 @@ static int engine_init(struct engine_object *self, PyObject *args, PyObject *kwa
         return -1;
     }
     if (gr_parse_config(args, kwargs, &config, &tables, &isa)) return -1;
-    self->kernels = gr_kernels_select(isa);
-    if (!self->kernels) {
-        PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
-        return -1;
-    }
+    self->kernels = gr_take_kernels(isa);
+    if (!self->kernels) return -1;
     const int error = gr_engine_new(&self->engine, &config);
     if (error) gr_raise(error, NULL);
     return error || refuse_diffusion(self->engine) ? -1 : 0;
@@ -146,39 +135,14 @@ static PyObject *engine_regroup(struct engine_object *self, PyObject *unused)
 
 /* ---- stepping ---- */
 
-/* A team of gcc's OpenMP does not live on in a forked child, which would wait for it for ever. The process in
- * which a team first ran is all that is kept beyond an engine. */
-int gr_team_is_lost(int threads)
-{
-#if defined(_OPENMP) && !defined(__clang__)
-    static pid_t home;
-    if (threads == 1) return 0;
-    if (!home) home = getpid();
-    if (home == getpid()) return 0;
-    PyErr_Format(PyExc_RuntimeError,
-                 "threads = %d must be 1 in a process that was forked after a simulation ran with threads; or begin "
-                 "processes by multiprocessing's \"spawn\" or \"forkserver\"",
-                 threads);
-    return 1;
-#else
-    (void)threads;
-    return 0;
-#endif
-}
-
 /* advance(max_steps, until, threads) -> needed capacity: 0, or the places that the buffers must have to go on. */
 static PyObject *engine_advance(struct engine_object *self, PyObject *args)
 {
     long long max_steps;
     double until;
     int threads, error;
-    if (!PyArg_ParseTuple(args, "Ldi", &max_steps, &until, &threads)) return NULL;
     struct gr_engine *e = ready(self, 1);
-    if (!e) return NULL;
-    if (max_steps < 0 || isnan(until) || threads < 1 || threads > GR_MAX_THREADS)
-        return PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d",
-                            GR_MAX_THREADS);
-    if (gr_team_is_lost(threads)) return NULL;
+    if (!e || gr_take_run(args, &max_steps, &until, &threads)) return NULL;
     self->busy = 1;
     Py_BEGIN_ALLOW_THREADS
     error = gr_advance(e, self->kernels, max_steps, until, threads);
@@ -283,25 +247,16 @@ static PyObject *engine_scalars(struct engine_object *self, PyObject *unused)
 {
     (void)unused;
     struct gr_engine *e = ready(self, 0);
-    PyObject *out = e ? PyDict_New() : NULL, *value;
-    if (!out) return NULL;
-#define GR_X(name)                                                    \
-    value = PyFloat_FromDouble(e->name);                              \
-    if (!value || PyDict_SetItemString(out, #name, value)) goto fail; \
-    Py_CLEAR(value);
+    PyObject *out = e ? PyDict_New() : NULL;
+#define GR_X(name) \
+    if (out && gr_put_float(out, #name, e->name)) Py_CLEAR(out);
     GR_FLOATS(GR_X)
 #undef GR_X
-#define GR_X(name)                                                    \
-    value = PyLong_FromLongLong(e->name);                             \
-    if (!value || PyDict_SetItemString(out, #name, value)) goto fail; \
-    Py_CLEAR(value);
+#define GR_X(name) \
+    if (out && gr_put_integer(out, #name, e->name)) Py_CLEAR(out);
     GR_INTEGERS(GR_X)
 #undef GR_X
     return out;
-fail:
-    Py_XDECREF(value);
-    Py_DECREF(out);
-    return NULL;
 }
 
 static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
@@ -309,23 +264,19 @@ static PyObject *engine_restore(struct engine_object *self, PyObject *dict)
     struct gr_engine *e = ready(self, 0);
     if (!e) return NULL;
     if (!PyDict_Check(dict)) return PyErr_Format(PyExc_TypeError, "restore needs a dict of scalars");
-    PyObject *value;
-#define GR_X(name)                                                                \
-    if (!(value = PyDict_GetItemString(dict, #name)))                             \
-        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
-    const double float_##name = PyFloat_AsDouble(value);                          \
-    if (PyErr_Occurred()) return NULL;
+#define GR_X(name)       \
+    double float_##name; \
+    if (gr_take_float(dict, #name, &float_##name)) return NULL;
     GR_FLOATS(GR_X)
 #undef GR_X
-#define GR_X(name)                                                                \
-    if (!(value = PyDict_GetItemString(dict, #name)))                             \
-        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
-    const long long integer_##name = PyLong_AsLongLong(value);                    \
-    if (PyErr_Occurred()) return NULL;
+#define GR_X(name)          \
+    int64_t integer_##name; \
+    if (gr_take_integer(dict, #name, &integer_##name)) return NULL;
     GR_INTEGERS(GR_X)
 #undef GR_X
     if (integer_n_points != e->n_points)
-        return PyErr_Format(PyExc_ValueError, "n_points = %lld does not agree with the points bound", integer_n_points);
+        return PyErr_Format(PyExc_ValueError, "n_points = %lld does not agree with the points bound",
+                            (long long)integer_n_points);
     if (!isfinite(float_time) || !isfinite(float_time_anchor) || !(float_dt >= 0) || !(float_shift_dt > 0) ||
         integer_step < integer_step_anchor)
         return PyErr_Format(PyExc_ValueError, "the scalars of the restart are not valid");
@@ -405,10 +356,7 @@ static PyObject *engine_fields(struct engine_object *self, PyObject *unused)
     PyObject *out = e ? PyList_New(0) : NULL;
     for (int f = 0; out && f < GR_FIELD_COUNT; f++) {
         if (!gr_engine_uses(&e->config, f)) continue;
-        const struct gr_field_info *info = &gr_field_table[f];
-        PyObject *row = Py_BuildValue("siss", info->name, gr_field_components(f, e->config.dim), info->unit, info->doc);
-        if (!row || PyList_Append(out, row)) Py_CLEAR(out);
-        Py_XDECREF(row);
+        out = gr_add_field(out, &gr_field_table[f], gr_field_components(f, e->config.dim));
     }
     return out;
 }

@@ -1,46 +1,5 @@
-/* The kernels of the fluidity as functions of the module. */
-#include "python/arrays.h"
-
-/* ---- fluidity_update ---- */
-
-static int take_parameters(PyObject *dict, double parameter[GR_FLUIDITY_PARAMETER_COUNT])
-{
-    const unsigned may_be_zero = 1u << GR_FLUIDITY_mu_s | 1u << GR_FLUIDITY_p_averaging;
-    if (gr_take_parameters(dict, gr_fluidity_parameter_table, GR_FLUIDITY_PARAMETER_COUNT, may_be_zero, parameter))
-        return -1;
-    return gr_refuse_frictions(parameter[GR_FLUIDITY_mu_s], parameter[GR_FLUIDITY_mu_2]);
-}
-
-PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args)
-{
-    (void)module;
-    static const char *const names[] = {"mu_trial", "p", "g_star", "shear_rate", "mu", "g"};
-    const double low[] = {0, 1e-60, -GR_LARGEST, 0};
-    struct gr_fluidity_call call = {0};
-    PyObject *parameters, *objects[6];
-    const char *isa;
-    if (!PyArg_ParseTuple(args, "O!dOOOOOOs:fluidity_update", &PyDict_Type, &parameters, &call.dt, &objects[0], &objects[1],
-                          &objects[2], &objects[3], &objects[4], &objects[5], &isa))
-        return NULL;
-    const struct gr_kernels *kernels = gr_kernels_select(isa);
-    if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
-    if (take_parameters(parameters, call.parameter) || gr_refuse_number("dt", call.dt, 0)) return NULL;
-    npy_intp length[1] = {-1};
-    PyArrayObject *arrays[6];
-    for (int k = 0; k < 6; k++) {
-        arrays[k] = gr_array(objects[k], names[k], NPY_DOUBLE, 1, length, k >= 4);
-        if (!arrays[k] || (k < 4 && gr_refuse_values(names[k], arrays[k], low[k]))) return NULL;
-        length[0] = PyArray_DIM(arrays[0], 0);
-    }
-    if (gr_refuse_overlap(arrays, names, 6)) return NULL;
-    call.n = length[0];
-    call.mu_trial = PyArray_DATA(arrays[0]), call.p = PyArray_DATA(arrays[1]), call.g_star = PyArray_DATA(arrays[2]);
-    call.shear_rate = PyArray_DATA(arrays[3]), call.mu = PyArray_DATA(arrays[4]), call.g = PyArray_DATA(arrays[5]);
-    kernels->update_fluidity(&call);
-    Py_RETURN_NONE;
-}
-
-/* ---- fluidity_diffuse ---- */
+/* The diffusion of the fluidity as a function of the module. */
+#include "python/engine_common.h"
 
 static int method_of(const char *name)
 {
@@ -75,8 +34,8 @@ static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_di
     return PyErr_Occurred() ? -1 : 0;
 }
 
-/* Shape and maps of the lattice; dim is that of `g`. */
-static int take_lattice(struct gr_fluidity_config *c, PyObject *periodic, PyObject *objects[3], PyArrayObject *arrays[3])
+/* Shape and maps of the grid; dim is that of `g`. */
+static int take_grid(struct gr_fluidity_config *c, PyObject *periodic, PyObject *objects[3], PyArrayObject *arrays[3])
 {
     static const char *const names[] = {"g", "dense", "faces"};
     c->dim = PyArray_CheckExact(objects[0]) && PyArray_NDIM((PyArrayObject *)objects[0]) == 3 ? 3 : 2;
@@ -129,7 +88,7 @@ static PyObject *raise_diffusion(int error, const struct gr_fluidity *f, const s
     return NULL;
 }
 
-/* The diffusion of a lattice made for it, in place; g is left alone where it fails. */
+/* The diffusion on a grid made for it, in place; g is left alone where it fails. */
 static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels, const struct gr_diffusion_call *call,
                          PyArrayObject *const arrays[3], int threads)
 {
@@ -165,11 +124,10 @@ PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject 
                                      &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &threads, &isa))
         return NULL;
     call.steps = steps, config.max_iterations = max_iterations;
-    const struct gr_kernels *kernels = gr_kernels_select(isa);
-    if (!kernels) return PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine", isa);
+    const struct gr_kernels *kernels = gr_take_kernels(isa);
+    if (!kernels) return NULL;
     if ((call.method = method_of(method)) < 0 || (config.stencil = gr_stencil_of(stencil)) < 0 ||
-        refuse_numbers(&config, &call, threads) || take_lattice(&config, periodic, objects, arrays) ||
-        gr_team_is_lost(threads))
+        refuse_numbers(&config, &call, threads) || take_grid(&config, periodic, objects, arrays) || gr_team_is_lost(threads))
         return NULL;
     struct gr_fluidity *f;
     const int error = gr_fluidity_new(&f, &config);

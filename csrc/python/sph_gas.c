@@ -1,4 +1,4 @@
-/* The gas of particle hydrodynamics, from Python. */
+/* The gas of SPH, from Python. */
 #include <math.h>
 
 #include "python/arrays.h"

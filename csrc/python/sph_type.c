@@ -1,29 +1,22 @@
-/* The Python type `Sph`: the engine of smoothed particle hydrodynamics, which borrows the buffers of the points and steps
+/* The Python type `Sph`: the engine of smoothed particle hydrodynamics (SPH), which borrows the buffers of the points and steps
  * them with the GIL released. */
 #include <math.h>
 
-#include "python/arrays.h"
+#include "python/engine_common.h"
 #include "sph/sph.h"
 
 struct sph_object {
     PyObject_HEAD
     struct gr_sph *engine;
     const struct gr_kernels *kernels;
-    PyObject *buffers[GR_SPH_FIELD_COUNT + 1]; /* the arrays that are lent, the ids last */
+    PyObject *buffers[GR_SPH_FIELD_COUNT + 1]; /* the borrowed arrays, the ids last */
     int busy;
 };
 
 static struct gr_sph *ready(struct sph_object *self, int bound)
 {
-    if (!self->engine || (bound && !self->engine->id)) {
-        PyErr_SetString(PyExc_RuntimeError, "the engine has no points: call bind first");
-        return NULL;
-    }
-    if (self->busy) {
-        PyErr_SetString(PyExc_RuntimeError, "the engine is running in another thread");
-        return NULL;
-    }
-    return self->engine;
+    struct gr_sph *s = self->engine;
+    return gr_refuse_state(s != NULL, s && (!bound || s->id), self->busy) ? NULL : s;
 }
 
 /* ---- construction ---- */
@@ -97,9 +90,10 @@ static int sph_init(struct sph_object *self, PyObject *args, PyObject *kwargs)
         gr_take_parameters(parameters, gr_sph_parameter_table, GR_SPH_PARAMETER_COUNT, gr_sph_may_be_zero, c.parameter) ||
         gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) || take_walls(&c, walls))
         return -1;
-    self->kernels = gr_kernels_select(isa);
-    if (!self->kernels || c.n_gravity < 1) {
-        PyErr_Format(PyExc_ValueError, "instruction set \"%s\" is not available on this machine, or gravity is empty", isa);
+    self->kernels = gr_take_kernels(isa);
+    if (!self->kernels) return -1;
+    if (c.n_gravity < 1) {
+        PyErr_SetString(PyExc_ValueError, "gravity_times must hold at least one time");
         return -1;
     }
     const int error = gr_sph_new(&self->engine, &c, self->kernels->lanes);
@@ -160,10 +154,11 @@ static PyObject *sph_bind(struct sph_object *self, PyObject *args)
     const npy_intp capacity = PyArray_DIM(arrays[n_arrays - 1], 0);
     if (n_particles < 0 || n_walls < 0 || capacity > INT32_MAX || wall_first < GR_LANES || wall_first > capacity ||
         n_particles > wall_first - GR_LANES || n_walls > capacity - wall_first - GR_LANES)
-        return PyErr_Format(PyExc_ValueError,
-                            "%zd grains and %zd wall points from row %zd on do not fit buffers of %zd places with %d spare "
-                            "ones behind each",
-                            n_particles, n_walls, wall_first, (Py_ssize_t)capacity, GR_LANES);
+        return PyErr_Format(
+            PyExc_ValueError,
+            "%zd particles and %zd wall points from row %zd on do not fit buffers of %zd places with %d spare "
+            "ones behind each",
+            n_particles, n_walls, wall_first, (Py_ssize_t)capacity, GR_LANES);
     if (gr_refuse_gas_rows(s, wall_first + n_walls, gas_first, n_gas, capacity)) return NULL;
     for (int k = 0; k < n_arrays; k++) {
         Py_INCREF(arrays[k]);
@@ -184,13 +179,8 @@ static PyObject *sph_advance(struct sph_object *self, PyObject *args)
     long long max_steps;
     double until;
     int threads, error;
-    if (!PyArg_ParseTuple(args, "Ldi", &max_steps, &until, &threads)) return NULL;
     struct gr_sph *s = ready(self, 1);
-    if (!s) return NULL;
-    if (max_steps < 0 || isnan(until) || threads < 1 || threads > GR_MAX_THREADS)
-        return PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d",
-                            GR_MAX_THREADS);
-    if (gr_team_is_lost(threads)) return NULL;
+    if (!s || gr_take_run(args, &max_steps, &until, &threads)) return NULL;
     self->busy = 1;
     Py_BEGIN_ALLOW_THREADS
     error = gr_sph_advance(s, self->kernels->sph, max_steps, until, threads);
@@ -213,22 +203,18 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
     (void)unused;
     const struct gr_sph *s = ready(self, 0);
     if (!s) return NULL;
-    return Py_BuildValue(
-#define GR_X(name) "s:d,"
-        "{" GR_FLOATS(GR_X)
+    PyObject *out = PyDict_New();
+#define GR_X(name) \
+    if (out && gr_put_float(out, #name, s->name)) Py_CLEAR(out);
+    GR_FLOATS(GR_X)
 #undef GR_X
-#define GR_X(name) "s:L,"
-            GR_INTEGERS(GR_X) "s:L,s:L,s:L,s:L}",
+#define GR_X(name) \
+    if (out && gr_put_integer(out, #name, s->name)) Py_CLEAR(out);
+    GR_INTEGERS(GR_X)
+    GR_X(rebuilds) GR_X(n_walls) GR_X(n_gas)
 #undef GR_X
-#define GR_X(name) #name, s->name,
-        GR_FLOATS(GR_X)
-#undef GR_X
-#define GR_X(name) #name, (long long)s->name,
-            GR_INTEGERS(GR_X)
-#undef GR_X
-                "n_points",
-        (long long)s->n_particles, "n_walls", (long long)s->n_walls, "n_gas", (long long)s->n_gas, "rebuilds",
-        (long long)s->rebuilds);
+        if (out && gr_put_integer(out, "n_points", s->n_particles)) Py_CLEAR(out);
+    return out;
 }
 
 static PyObject *sph_restore(struct sph_object *self, PyObject *dict)
@@ -237,19 +223,12 @@ static PyObject *sph_restore(struct sph_object *self, PyObject *dict)
     if (!s) return NULL;
     if (!PyDict_Check(dict)) return PyErr_Format(PyExc_TypeError, "restore needs a dict of scalars");
     struct gr_sph new = *s;
-    PyObject *value;
-#define GR_X(name)                                                                \
-    if (!(value = PyDict_GetItemString(dict, #name)))                             \
-        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
-    new.name = PyFloat_AsDouble(value);                                           \
-    if (PyErr_Occurred()) return NULL;
+#define GR_X(name) \
+    if (gr_take_float(dict, #name, &new.name)) return NULL;
     GR_FLOATS(GR_X)
 #undef GR_X
-#define GR_X(name)                                                                \
-    if (!(value = PyDict_GetItemString(dict, #name)))                             \
-        return PyErr_Format(PyExc_ValueError, "the scalar %s is missing", #name); \
-    new.name = PyLong_AsLongLong(value);                                          \
-    if (PyErr_Occurred()) return NULL;
+#define GR_X(name) \
+    if (gr_take_integer(dict, #name, &new.name)) return NULL;
     GR_INTEGERS(GR_X)
 #undef GR_X
     if (!isfinite(new.time) || !(new.dt > 0) || !(new.speed2 > 0) || !(new.acceleration2 >= 0) || new.step < 0)
@@ -271,11 +250,8 @@ static PyObject *sph_fields(struct sph_object *self, PyObject *unused)
     const struct gr_sph *s = ready(self, 0);
     PyObject *list = s ? PyList_New(0) : NULL;
     for (int f = 0; list && f < GR_SPH_FIELD_COUNT; f++) {
-        const struct gr_field_info *info = &gr_sph_field_table[f];
         if (!gr_sph_components(s, f)) continue;
-        PyObject *row = Py_BuildValue("siss", info->name, gr_sph_components(s, f), info->unit, info->doc);
-        if (!row || PyList_Append(list, row)) Py_CLEAR(list);
-        Py_XDECREF(row);
+        list = gr_add_field(list, &gr_sph_field_table[f], gr_sph_components(s, f));
     }
     return list;
 }
@@ -306,7 +282,7 @@ static PyType_Slot slots[] = {{Py_tp_init, sph_init},
                               {Py_tp_dealloc, sph_dealloc},
                               {Py_tp_methods, methods},
                               {Py_tp_getset, getters},
-                              {Py_tp_doc, "The engine of particle hydrodynamics; see granular.sph."},
+                              {Py_tp_doc, "The engine of SPH; see granular.sph."},
                               {0, NULL}};
 
 static PyType_Spec spec = {"granular._core.Sph", sizeof(struct sph_object), 0, Py_TPFLAGS_DEFAULT, slots};
