@@ -18,10 +18,10 @@ import granular as gr
 from granular import plot
 from granular.measure import LatticeField
 from granular.measure.velocity_slices import HEIGHTS
-from granular.scenes.clogging_silo import hats
+from granular.scenes.clogging_silo import linear_flip
 
 SCHEMES = {
-    "hats": hats,
+    "hats": linear_flip,
     "splines": gr.Scheme(basis="quadratic", transfer="tpic", density="particle", dt=1e-4),
 }
 DIAGRAM = Path(__file__).parents[1] / "results" / "clogging.json"
