@@ -79,7 +79,7 @@ def renamed(before: Digests, after: Digests) -> dict[str, str]:
 
 
 def compare(before: Digests, after: Digests, gone: list[str]) -> int:
-    """Say what differs; the number of differences."""
+    """Print the differences and return their number."""
     names = renamed(before, after)
     for old, new in names.items():
         print(f"renamed: {old} -> {new}")

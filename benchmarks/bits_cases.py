@@ -44,7 +44,7 @@ READY = {
     "wheel": {},
     "excavator": {"cell": 0.025},
 }
-"""Ready scenes of the material point method, coarse."""
+"""Ready-made MPM scenes, coarse."""
 
 READY_SPH = {
     "slump_sph": {"length": 0.1, "height": 0.06, "orifice": 0.03, "dilation": 0.2},
@@ -130,7 +130,7 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
 
 
 def ready() -> Iterator[tuple[str, object, int]]:
-    """The ready scenes of both methods, with the scheme of each and with others."""
+    """The ready-made scenes of both methods, with the scheme of each and with others."""
     for name, numbers in READY.items():
         yield name, scenes.registry[name](**numbers), 100
     for label, scheme in {
@@ -156,7 +156,7 @@ def digest(array: np.ndarray) -> str:
 def digests(scene: object, steps: int, threads: int, isa: str) -> dict[str, str]:
     """Digest of each field of the state, and of each number and array of the checkpoint.
 
-    Some schemes are known to fail: then also of the step and the point at which they do.
+    Some schemes are known to fail; then the step and the point of the failure are included.
     """
     sim = gr.Simulation(scene, threads=threads, isa=isa)
     found = {}

@@ -1,10 +1,10 @@
-"""What an empty box costs: time and memory per point of a heap over the size of its box.
+"""Cost of an empty box: time and memory per point of a heap against the size of its box.
 
     python benchmarks/box_size.py [--quick] [--out benchmarks/results/box_size.json]
 
-A heap of 8 points per cell at rest in space, in the corner of a box of 1, 8 and 64 times its
-volume; finite strain, with the local and the nonlocal law (implicit). One thread, processor time,
-best of several batches; the memory is what the process has grown by, all arrays included.
+A heap of 8 points per cell rests in 3D, in the corner of a box of 1, 8 and 64 times its volume;
+finite strain, with the local and the nonlocal law (implicit). The time is the processor time of one
+thread, best of several batches. The memory is the growth of the process, all arrays included.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ LAWS = {
 
 
 def heap(law: str, cells: int, times: int) -> gr.Scene:
-    """Cubic heap of so many cells along an edge, in a box `times` as wide along each axis."""
+    """Cubic heap with a given number of cells per edge, in a box `times` as wide per axis."""
     cell = 4e-3
     edge = cells * cell
     return gr.Scene(
@@ -58,7 +58,7 @@ def heap(law: str, cells: int, times: int) -> gr.Scene:
 
 
 def measure(law: str, cells: int, times: int, batches: int) -> dict:
-    """One case, in a process of its own."""
+    """Row of one case, which is run in a separate process."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -1,13 +1,14 @@
-"""Which silos clog: the phase diagram of the nonlocal law, and what it depends on.
+"""Phase diagram of clogging silos by the nonlocal law, and its dependence on the numerics.
 
     python benchmarks/clogging.py [--quick] [--workers N] [--folder build/clogging]
                                   [--out benchmarks/results/clogging.json]
 
 Half silos of `scenes.clogging_silo` (Dunatunga & Kamrin, Modelling silo clogging, section 7) over
-the amplitude A and the opening W/d of figure 4a, with the scheme of the scene ("hats") and with
-splines; the outflow against the substeps of the fluidity; cells of half the size (figures 9 and
-10). Each case has a record in the folder: a script that was stopped goes on when it is called
-again. A case's seconds are of the wall clock, from the start of its run to the end of its record.
+the amplitude A and the opening W/d of figure 4a, with the scheme of the scene (linear shape
+functions) and with splines; the outflow against the substeps of the fluidity; cells of half the
+size (figures 9 and 10). Each case has a record in the folder, so that a script that was stopped
+continues when it is called again. The seconds of a case are wall-clock time, from the start of its
+run to the end of its record.
 """
 
 from __future__ import annotations
@@ -34,12 +35,13 @@ COMPARED = (1, 5)
 """Openings W/d that are run with cells of half the size, at A = 1."""
 
 STATIC_FRAME, FLOWING_FRAME = 350 / 240, 105 / 240
-"""s: those of figures 9 and 10, of a silo that jams and of one that flows."""
+"""Times of figures 9 and 10 [s], of a silo that jams and of one that flows."""
 AROUND = 0.05
-"""s: to either side of it, for the velocity of packings."""
+"""Half-width of the time window for the velocity of packings [s]."""
 
+LINEAR = "linear"  # name in the table of results
 SCHEMES = {
-    "hats": gr.scenes.clogging_silo().scheme,
+    LINEAR: gr.scenes.clogging_silo().scheme,
     "splines": gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4),
 }
 SUBSTEPS = (
@@ -53,15 +55,15 @@ PAPER = {
     "flowing": [[0.1, 5], [0.5, 5], [1.0, 5]],
     "boundary": {"A": 0.5, "opening_over_d": [1.0, 1.5]},
 }
-"""What the text of the paper says of cases (A, W/d); figure 4a has the others as symbols alone. Its
-boundary at A = 0.5 is that of lines W/d = 2 A to 3 A."""
+"""Verdicts in the text of the paper on cases (A, W/d); figure 4a has the others as symbols only.
+Its boundary at A = 0.5 is that of lines W/d = 2 A to 3 A."""
 
 Key = tuple[str | float, ...]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run: amplitudes, openings, packings, sizes, duration and time between frames [s]."""
+    """Cases to run: amplitudes, openings, packings, sizes, duration and frame interval [s]."""
 
     amplitudes: Sequence[float] = (0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
     openings: Sequence[int] = (1, 2, 3, 4, 5)
@@ -98,22 +100,22 @@ class Plan:
         }
 
     def refined(self) -> dict[Key, gr.Scene]:
-        """Half the cells, a quarter of the time step (table 2), of the scheme of the scene, by W/d.
+        """Cells of half the size and a quarter of the time step (table 2), by W/d.
 
-        Of the opening between two fixed nodes a cell is not free. So that the free part can be
-        compared, the same grains also flow out of an opening two fine cells narrower: the mean of
-        the two has the free part of the coarse one.
+        One cell of the opening between two fixed nodes is not free. So that silos with the same
+        free part can be compared, the same grains also flow out of an opening two fine cells
+        narrower: the mean of the two has the free part of the coarse one.
         """
         cell, W = self.size["cell"], gr.scenes.clogging_silo().parameters["orifice"]
         return {
-            ("hats", tag, ratio): self.fine(orifice, ratio * orifice / W)
+            (LINEAR, tag, ratio): self.fine(orifice, ratio * orifice / W)
             for tag, orifice in (("refined", W), ("narrow", W - cell))
             for ratio in COMPARED
         }
 
     def fine(self, orifice: float, ratio: float, **keywords: Any) -> gr.Scene:
         return self.silo(
-            SCHEMES["hats"].replace(dt=2.5e-5),
+            SCHEMES[LINEAR].replace(dt=2.5e-5),
             opening_over_d=ratio,
             orifice=orifice,
             A=1.0,
@@ -122,17 +124,19 @@ class Plan:
         )
 
     def packed(self) -> dict[Key, gr.Scene]:
-        """W/d = 5 coarse, refined and refined with the narrow opening, of points a tenth of a cell
-        off their places, by the seed: how far single runs are apart."""
+        """W/d = 5: coarse, refined, and refined with the narrow opening, by the seed.
+
+        The points are displaced by a tenth of a cell at random, to measure the scatter of runs.
+        """
         cell, W = self.size["cell"], gr.scenes.clogging_silo().parameters["orifice"]
         scenes: dict[Key, gr.Scene] = {}
         for seed in range(self.packings):
             one = {"jitter": 0.1, "seed": seed}
-            scenes["hats", "packing", "coarse", seed] = self.silo(
-                SCHEMES["hats"], opening_over_d=5, A=1.0, **one
+            scenes[LINEAR, "packing", "coarse", seed] = self.silo(
+                SCHEMES[LINEAR], opening_over_d=5, A=1.0, **one
             )
-            scenes["hats", "packing", "refined", seed] = self.fine(W, 5, **one)
-            scenes["hats", "packing", "narrow", seed] = self.fine(
+            scenes[LINEAR, "packing", "refined", seed] = self.fine(W, 5, **one)
+            scenes[LINEAR, "packing", "narrow", seed] = self.fine(
                 W - cell, 5 * (1 - cell / W), **one
             )
         return {
@@ -152,25 +156,26 @@ QUICK = Plan(
 )
 
 
-# ---- what a record says ----
+# ---- numbers of a record ----
 
 
 def late(record: gr.Trajectory, duration: float) -> list[gr.State]:
-    """The frames of the last tenth."""
+    """Frames of the last tenth of the duration."""
     first = int(np.searchsorted(record.times, 0.9 * duration - 1e-9))
     return [record[i] for i in range(first, len(record))]
 
 
 def stress_free(states: Sequence[gr.State]) -> float:
-    """Share of the points above the bottom that bear nothing."""
+    """Stress-free share of the points above the bottom."""
     found = [np.mean(~np.asarray(s.dense, dtype=bool)[s.x[:, 1] > 0]) for s in states]
     return float(np.mean(found))
 
 
 def pressure_noise(states: Sequence[gr.State]) -> float:
-    """How far the pressures of the points of a cell are apart, over their mean.
+    """Scatter of the pressures of the points of a cell, relative to their mean.
 
-    Standard deviation, median over cells with 4 dense points or more, mean over the states.
+    It is the standard deviation in a cell, of which the median is taken over cells with 4 dense
+    points or more, and then the mean over the states.
     """
     found = []
     for state in states:
@@ -187,7 +192,7 @@ def pressure_noise(states: Sequence[gr.State]) -> float:
 
 
 def numbers(record: gr.Trajectory) -> dict[str, Any]:
-    """Verdicts, outflow, the arch, and how quiet the material is."""
+    """Verdicts, outflow, arch, and noise of a record."""
     history = gr.measure.silo_history(record)
     verdict = gr.measure.flow_verdict(history)
     duration = record.scene.duration
@@ -238,22 +243,22 @@ def coarsened(field: LatticeField) -> LatticeField:
 
 
 def mean_field(fields: Sequence[LatticeField]) -> LatticeField:
-    """The mean of fields of equal size; nan where one has none."""
+    """Mean of fields of equal size; nan where one of them is nan."""
     weight = np.min([f.weight for f in fields], axis=0)
     value = np.mean([f.value for f in fields], axis=0)
     return LatticeField(fields[0].axes, value, weight, fields[0].frames)
 
 
 def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) -> dict[str, Any]:
-    """Pressure, vertical velocity and arch of coarse and refined records, as differences.
+    """Differences in pressure, vertical velocity and arch of coarse and refined records.
 
-    Of several refined ones the fields are averaged.
+    If there are several refined records, their fields are averaged.
 
-    Pressures are compared in cells that are full in both, above the opening's width and two cells
-    below the highest full ones, so away from the surface, the rough bottom and the free fall;
-    times and frames are those of figures 9 and 10 (a static silo 350, a flowing one 105 frames of
-    1/240 s), averaged over .05 s. Differences are shares of the largest pressure of the region and
-    of the largest speed of the slice.
+    Pressures are compared in cells that are full in both, at heights above the opening's width and
+    two cells below the highest full ones, away from the surface, the rough bottom and the free
+    fall. Times are those of figures 9 and 10 (350 frames of 1/240 s in a static silo, 105 in a
+    flowing one), averaged over 0.05 s. Differences are relative to the largest pressure of the
+    region and to the largest speed of the slice.
     """
     at = min(STATIC_FRAME if ratio < 3 else FLOWING_FRAME, 0.9 * coarse.scene.duration)
     states = [window(record, at, 0.025) for record in (coarse, *fine)]
@@ -294,7 +299,7 @@ def pressure_difference(coarse: LatticeField, fine: LatticeField, W: float) -> d
 
 
 def slice_difference(states: Sequence[list[gr.State]]) -> dict[str, Any]:
-    """Of the coarse states, the first, and the mean of the others, at heights in coarse W."""
+    """Velocities of the coarse states and mean of the others, at heights in units of coarse W."""
     W = [frames[0].scene.parameters["orifice"] for frames in states]
     coarse, *fine = (
         gr.measure.velocity_slices(frames, np.array(HEIGHTS) * W[0] / width)
@@ -314,7 +319,7 @@ def slice_difference(states: Sequence[list[gr.State]]) -> dict[str, Any]:
 
 
 def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """x [m] and the vertical velocity [m/s] there about the frame, by height in W of the scene."""
+    """x [m] and vertical velocity [m/s] around the frame, by height in units of W of the scene."""
     W = gr.scenes.clogging_silo().parameters["orifice"]
     at = min(FLOWING_FRAME, record.scene.duration - AROUND)
     heights = np.array(HEIGHTS) * W / record.scene.parameters["orifice"]
@@ -323,10 +328,10 @@ def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
-    """Velocity slices of coarse and refined silos of equal free parts, as means of packings.
+    """Velocity slices of coarse and refined silos with equal free parts, averaged over packings.
 
-    By height: the largest difference of the two means over the peak of the coarse one, its standard
-    error there, and the least and largest such difference of single packings.
+    For each height: the largest difference of the two means, divided by the peak of the coarse one,
+    its standard error there, and the smallest and largest such difference of single packings.
     """
     results = gr.sweep(
         plan.packed(),
@@ -368,7 +373,7 @@ def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
 def rows_of(
     scenes: dict[Key, gr.Scene], plan: Plan, chosen: argparse.Namespace
 ) -> list[dict[str, Any]]:
-    """Numbers of each case, run as far as need be."""
+    """Numbers of each case; cases without a finished record are run."""
     results = gr.sweep(
         scenes,
         measure=numbers,
@@ -384,7 +389,7 @@ def rows_of(
 
 
 def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """Lines through the origin by scheme, by our verdict and by the paper's rule."""
+    """Lines through the origin for each scheme, by our verdict and by the paper's rule."""
     found: dict[str, Any] = {}
     for scheme in SCHEMES:
         mine = [row for row in rows if row["scheme"] == scheme]
@@ -397,10 +402,10 @@ def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def refinement(folder: Path) -> list[dict[str, Any]]:
-    """Coarse against refined, by the records of both."""
+    """Comparison of coarse and refined silos, from the records of both."""
     rows = []
     for ratio in COMPARED:
-        names = (f"hats_{tag}_{ratio}.h5" for tag in ("1.0", "refined", "narrow"))
+        names = (f"linear_{tag}_{ratio}.h5" for tag in ("1.0", "refined", "narrow"))
         with ExitStack() as stack:
             coarse, *fine = (stack.enter_context(gr.open(folder / name)) for name in names)
             for equal, chosen in (("nodes", fine[:1]), ("free part", fine)):
@@ -410,7 +415,7 @@ def refinement(folder: Path) -> list[dict[str, Any]]:
 
 
 def plain(value: Any) -> Any:
-    """JSON knows neither nan nor infinity."""
+    """Replace nan and infinity, which JSON does not have."""
     if isinstance(value, dict):
         return {name: plain(v) for name, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -419,14 +424,14 @@ def plain(value: Any) -> Any:
 
 
 def seconds(tables: dict[str, Any]) -> float:
-    """Of all runs, one after another."""
+    """Sum over all runs."""
     return round(
         sum(r["seconds"] for part in ("diagram", "refined", "substeps") for r in tables[part])
     )
 
 
 def show(tables: dict[str, Any]) -> None:
-    """The diagrams, one line an opening and one letter a case, and the lines through the origin."""
+    """Print the diagrams (a line per opening, a letter per case) and lines through the origin."""
     rows = tables["diagram"]
     for scheme in SCHEMES:
         cases = {tuple(row["case"]): row for row in rows if row["scheme"] == scheme}

@@ -1,11 +1,13 @@
-"""The table of the density correction for several schemes: which keeps what the published one loses.
+"""The checks of the density correction, run for several schemes.
 
-    python benchmarks/density_correction_table.py [--checks NAME ...] [--schemes NAME ...] [--page FILE]
+    python benchmarks/density_correction_table.py [--checks NAME ...] [--schemes NAME ...]
+                                                  [--page FILE]
 
-Runs checks of `granular.verify.density_correction` and `granular.verify.density_correction_budget` (all of them by default)
-with each scheme, and keeps their rows in the JSON file beside the build and the processor time.
-Rows of other checks and schemes that are in the file stay, so that it can be filled piece by piece:
-all of it takes hours. `--page` writes the table into a page, between two lines that mark its place.
+Runs checks of `granular.verify.density_correction` and
+`granular.verify.density_correction_budget` (all of them by default) with each scheme, and stores
+their rows in the JSON file together with the build and the processor time. Rows of other checks and
+schemes that are in the file stay, so that it can be filled piece by piece: all of it takes hours.
+`--page` writes the table into a page, between two lines that mark its place.
 """
 
 from __future__ import annotations
@@ -37,13 +39,13 @@ BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
 
 
 def commit() -> str:
-    """The commit of the working tree, with a + if it has been changed since."""
+    """Commit of the working tree, with a + if files have changed since."""
     command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+"]
     return subprocess.run(command, capture_output=True, text=True).stdout.strip() or "unknown"
 
 
 def run(check: str, scheme: str) -> dict:
-    """Rows of a check with a scheme, and what they cost."""
+    """Rows of a check with a scheme, and their processor time."""
     begin, rows = time.process_time(), []
     try:
         for row in verify.checks[check].run(SCHEMES[scheme]):
@@ -85,7 +87,7 @@ def lines(results: list[dict]) -> list[str]:
 
 
 def write_page(page: Path, results: list[dict]) -> None:
-    """Put the table between the marks of a page."""
+    """Insert the table between the marks of a page."""
     before, rest = page.read_text().split(BEGIN)
     after = rest.split(END)[1]
     page.write_text(before + "\n".join([BEGIN, "", *lines(results), "", END]) + after)

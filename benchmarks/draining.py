@@ -1,12 +1,13 @@
-"""What a step costs while a silo drains and a column comes to rest.
+"""Cost of a step while a silo drains and while a column comes to rest.
 
     python benchmarks/draining.py [--quick] [--out benchmarks/results/draining.json]
 
-The silo of the paper (opening .2 m) and a column of aspect 1, default scheme, E = 1 MPa, one
-thread. For each share of the points that is left: the cells that the kernels visit, and the
-processor time of a step. For the column over time: the share of its points that do not flow, the
-share that a step leaves as they are to the last bit (what could be skipped exactly is no more),
-and the time of a step, which should be the same if material at rest costs as much as flowing one.
+The cases are the silo of the paper (opening 0.2 m) and a column of aspect 1, default scheme,
+E = 1 MPa, one thread. For the silo the table has, for each share of the points that is left, the
+cells that the kernels visit and the processor time of a step. For the column it has over time: the
+share of points that do not flow; the share of points that a step does not change at all, an upper
+bound of the work that could be skipped exactly; and the time of a step, which is constant if
+material at rest costs as much as flowing material.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ AT_REST = 1e-3
 
 
 def step_time(sim: gr.Simulation, batches: int) -> float:
-    """Processor time of a step [s], the least of some batches, on a copy of the simulation."""
+    """Processor time of a step [s], least of several batches, on a copy of the simulation."""
     copy = gr.Simulation.from_checkpoint(sim.scene, sim.checkpoint(), threads=1)
     steps = max(int(0.1 / (60e-9 * copy.n_points)), 1)
     best = np.inf
@@ -63,7 +64,7 @@ def draining(cell: float, batches: int) -> list[dict]:
 
 
 def unchanged(sim: gr.Simulation) -> float:
-    """Share of the points that the next step leaves as they are, to the last bit."""
+    """Share of the points that the next step does not change, to the last bit."""
     before = sim.state
     sim.step()
     after = sim.state

@@ -1,13 +1,13 @@
-"""How the quantities of interest of the paper's scenes depend on what could be spared.
+"""Quantities of interest of the paper's scenes against settings that make runs cheaper.
 
     python benchmarks/economy.py [--out benchmarks/results/economy.json] [--only silo] [--quick]
 
 Runs each case with one thread and appends a row to the table: the numbers of
-`granular.verify.quantities`, processor time, steps, points moved. Cases that the table has are
-left out, so that the script can be stopped and started again. docs/economy.md draws the laws of
-`gr.economy` from it. "held" names the stiffness whose rates [1/s] the scheme keeps; without it the
-rates go with E. Many cases have cells twice those of the paper: what E does was looked for, and a
-run at 1 GPa then takes an eighth of the time.
+`granular.verify.quantities`, processor time, steps, points moved. Cases that the table already has
+are left out, so that the script can be stopped and started again. The laws of `gr.economy` in
+docs/economy.md are fits to this table. "held" is the stiffness whose decay rates [1/s] the scheme
+keeps; without it the rates vary with E. Many cases have cells twice as large as the paper's: they
+measure the effect of E, and a run at 1 GPa then takes an eighth of the time.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """What the case is, as text."""
+        """Description of the case."""
         return json.dumps(self.__dict__, sort_keys=True)
 
     def build(self) -> gr.Scene:
@@ -69,7 +69,7 @@ class Case:
 
 
 def jittered(keywords: dict[str, Any], count: int = 2) -> list[dict[str, Any]]:
-    """More seedings of a scene: how far runs differ that should be the same."""
+    """More seedings of a scene, to measure the scatter of runs that should be the same."""
     return [keywords | {"jitter": 0.5, "seed": k} for k in range(1, count + 1)]
 
 

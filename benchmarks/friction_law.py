@@ -2,10 +2,11 @@
 
     python benchmarks/friction_law.py [--quick] [--only SET] [--out TABLE]
 
-Two sets of grains as in chapter 4 of Hurley's thesis, which differ in restitution (its figure with
-the values is lost: .5 and .85 at an impact of a tenth of sqrt(p/rho_s) are chosen here), and a
-shorter one between walls. A row is a flow; what is in the file already is not run again, so that a
-series can be stopped and gone on with. The figures draw from the file.
+There are two sets of grains as in chapter 4 of Hurley's thesis, which differ in restitution (its
+figure with the values is lost: 0.5 and 0.85 at an impact speed of a tenth of sqrt(p/rho_s) are
+chosen here), and a shorter set between walls. A row is a flow. Flows that are already in the file
+are not run again, so that a series can be stopped and continued. The figures are drawn from the
+file.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ from granular.grain_scale.friction_law import SteadyShear
 
 RESULTS = Path(__file__).parent / "results" / "friction_law.json"
 PRESSURE = 1e3
-"""[Pa]; kn is 10^6 times as large, so that (kn/p)^(2/3) = 10^4 as in the thesis."""
+"""Pressure [Pa]; kn is 10^6 times as large, so that (kn/p)^(2/3) = 10^4 as in the thesis."""
 SIZE, DENSITY = 1e-3, 2500.0
 IMPACT = 0.1 * (PRESSURE / DENSITY) ** 0.5
-"""Speed [m/s] at which the restitution is that of the set."""
+"""Impact speed [m/s] at which the restitution is that of the set."""
 RESTITUTION = {"low": 0.5, "high": 0.85, "walls": 0.5}
 
 
@@ -87,13 +88,13 @@ def flow(name: str, case: Case, timeout: float) -> SteadyShear:
 
 
 def points(rows: Iterable[dict], name: str) -> list[SteadyShear]:
-    """The flows of a set that a file holds, by their inertial number."""
+    """Flows of a set in a file, by their inertial number."""
     found = [SteadyShear(**row["flow"]) for row in rows if row["set"] == name]
     return sorted(found, key=lambda point: point.inertial_number)
 
 
 def fits(found: list[SteadyShear], d: float) -> dict:
-    """All constants of the laws of the thesis, with intervals, and of the rheology."""
+    """Constants of the laws of the thesis and of the rheology, with confidence intervals."""
     inertial = np.array([p.inertial_number for p in found])
     slow = inertial < 0.1
     rheology = friction_law.fit_rheology(found)

@@ -2,10 +2,11 @@
 
     python benchmarks/inference.py [--quick] [--out FILE] [--figure FILE]
 
-Packings with known forces (58 discs of the oedometric test, shaken lattices from 100 to 5000 grains
-in the plane and to 1000 in space) are inferred from exact stresses and from stresses off by 10 %,
-by each solver that can. Time is processor time of one thread, the best of some repeats; the error
-is that of all forces (eq. 2.15). Friction is .3 on the lattices, so that under noise cones bind.
+The forces of packings with known forces are inferred from exact stresses and from stresses with an
+error of 10 %, by each solver that is able to. The packings are the 58 discs of the oedometric test
+and shaken regular arrays, from 100 to 5000 grains in 2D and to 1000 in 3D. Time is processor time
+of one thread, the best of several repeats; the error is that of all forces (eq. 2.15). The friction
+in the arrays is 0.3, so that with noise the friction limits are active.
 """
 
 from __future__ import annotations
@@ -37,14 +38,14 @@ FIGURE = Path(__file__).parents[1] / "docs" / "inference_speed.png"
 LATTICES = ((12, 12), (24, 24), (46, 46), (73, 73), (7, 7, 7), (9, 9, 9), (12, 12, 12))
 QUICK = ((8, 8), (5, 5, 5))
 LARGEST_DENSE = 500
-"""Grains up to which nnls is timed."""
+"""Largest number of grains for which nnls is timed."""
 REPEAT = 0.3
-"""Seconds to go on for; the first call counts whatever it takes."""
+"""Time for which calls are repeated [s]; the first call counts however long it takes."""
 MARKERS = {"auto": "o", "clarabel": "s", "nnls": "^"}
 
 
 def noisy(packing: inference.Packing, seed: int) -> inference.Packing:
-    """Each component of the stresses off by 10 %."""
+    """Packing with a random error of 10 % in each component of the stresses."""
     noise = np.triu(np.random.default_rng(seed).normal(1, 0.1, packing.stresses.shape))
     return replace(packing, stresses=packing.stresses * (noise + np.triu(noise, 1).swapaxes(1, 2)))
 
@@ -61,7 +62,7 @@ def timed(packing: inference.Packing, mu: float, solver: str, repeat: float) -> 
 
 
 def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[str, Any]]:
-    """One for each solver and kind of stresses."""
+    """Rows, one for each solver and kind of stresses."""
     found = []
     for stresses in ("exact", "noisy"):
         packing = case.packing if stresses == "exact" else noisy(case.packing, 0)

@@ -2,10 +2,11 @@
 
     python benchmarks/laws.py [--quick] [--out benchmarks/results/laws.json]
 
-Points as in a flow: elastic strains of about 1e-3, strains of a step of about 1e-4; or of 0.1,
-beyond the short series of the finite-strain law. 4,096 points, all in the second-level cache.
-Processor time, best of several batches. mu_I is the hypoelastic law, for comparison; "loose" are
-points that bear no stress: the time of the call and of its checks, which is in the others too.
+The points are as in a flow: elastic strains of about 1e-3 and strain increments of about 1e-4 per
+step, or of 0.1, beyond the short series of the finite-strain law. All 4,096 points fit in the
+second-level cache. Times are processor times, best of several batches. mu_I is the hypoelastic law,
+for comparison. "loose" are stress-free points: their time is that of the call and its checks, which
+the other times contain, too.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from granular import _core
 
 PARAMETERS = {
     "K": 1e6, "G": 5e5, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28, "rho_s": 2500.0, "d": 4e-3,
-    "t0": 1e-3, "p_averaging": 0.0, "reconnect_fluidity": 1.0, "xi": 0.28 / (4e-3 * 50.0),
+    "t0": 1e-3, "p_averaging": 0.0, "reconnect_fluidity": 1.0,
+    "xi": 0.28 / (4e-3 * 50.0),
 }  # fmt: skip
 FLOWS = ("drucker_prager", "mu_I", "linear_ngf", "ngf")
 ISAS = ("baseline", "avx2", "avx512")
@@ -32,7 +34,7 @@ POINTS, DT = 4096, 1e-4
 
 
 def state(dim: int, strain: float, p: float = 1000.0) -> dict[str, np.ndarray]:
-    """Gradients of this size times dt, and stresses at p = 1 kPa or where the density tells p."""
+    """Velocity gradients times dt of the size `strain`, and stresses at the pressure `p` [Pa]."""
     rng = np.random.default_rng(1)
     stress = rng.uniform(-300.0, 300.0, (4 if dim == 2 else 6, POINTS))
     stress[:3] -= 1000.0

@@ -1,10 +1,11 @@
-"""What the nonlocal law adds to a step: ns per particle-step over the local law of the same run.
+"""Cost of the nonlocal law: ns per particle-step in addition to the local law of the same run.
 
     python benchmarks/nonlocal_speed.py [--quick] [--out benchmarks/results/nonlocal_speed.json]
 
-The clogging silo (hats, 16 points per cell, half, W/d = 5) after 0.1 s: the local law (A = 0), and
-the nonlocal one by explicit, implicit (A = 1) and Runge-Kutta-Legendre steps with one substep and
-five. One thread, processor time; the batches of all cases take turns, and of each the best counts.
+The case is the clogging silo (linear shape functions, 16 points per cell, half, W/d = 5) after
+0.1 s, with the local law (A = 0), and with the nonlocal one by explicit, implicit (A = 1) and
+Runge-Kutta-Legendre steps with one substep and five. Times are processor times of one thread. The
+batches of all cases take turns, and the best of each case counts.
 """
 
 from __future__ import annotations

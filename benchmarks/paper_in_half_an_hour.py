@@ -1,10 +1,10 @@
-"""All figures of Dunatunga & Kamrin (2015), with no more than a tolerance asks for.
+"""All figures of Dunatunga & Kamrin (2015), as cheap as a tolerance allows.
 
     python benchmarks/paper_in_half_an_hour.py [--tolerance 0.02] [--workers 2] [--quick]
 
-Runs the scripts of `benchmarks/figures/` from the paper's own settings (E = 1 GPa) with the advice
-of `gr.economy`, each in a process of its own with one thread, the longest first, and prints what
-each took. The pictures go to build/figures, the table to --table.
+Runs the scripts of `benchmarks/figures/` from the paper's own settings (E = 1 GPa) with the
+suggestions of `gr.economy`. Each runs in a separate process with one thread, the longest first. The
+time of each is printed. The pictures go to build/figures, the table to --table.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ SCRIPTS = (
     "figure_11",
     "figure_13",
 )
-"""The longest first, so that no worker waits long for the other at the end."""
+"""Scripts, the longest first, so that no worker waits long for the other at the end."""
 
 LEAST = {"figure_2": 0.03, "figure_3": 0.13, "figure_11": 0.04}
-"""What can be promised of run-outs, with the default scheme and with both, and of the slug:
-docs/economy.md."""
+"""Smallest tolerances that can be promised for run-outs (default scheme; both schemes) and for the
+slug, see docs/economy.md."""
 
 WITHOUT_RUNS = ("figure_13",)
-"""Scripts that simulate nothing, and so have nothing to be spared."""
+"""Scripts that simulate nothing, so that no cost can be saved."""
 
 
 def draw(script: str, arguments: list[str]) -> dict[str, float | str]:
-    """Run a script in this process; its processor and wall time [s]."""
+    """Run a script in this process and return its processor and wall time [s]."""
     sys.path.insert(0, str(FIGURES))
     begin, wall = time.process_time(), time.perf_counter()
     importlib.import_module(script).main(arguments)
@@ -56,7 +56,7 @@ def draw(script: str, arguments: list[str]) -> dict[str, float | str]:
 
 
 def arguments_of(script: str, chosen: argparse.Namespace) -> list[str]:
-    """The command line of a script."""
+    """Command line of a script."""
     words = ["--out", str(chosen.out)] + (["--quick"] if chosen.quick else [])
     if script in WITHOUT_RUNS:
         return words

@@ -1,4 +1,4 @@
-"""Where the time of `sim.run` goes behind the README's first command: kernels, and all the rest.
+"""Time of the parts of `sim.run` in the README's first command: the kernels and all the rest.
 
     python benchmarks/record.py [--quick] [--threads N] [--until SECONDS] [--folder FOLDER]
 
@@ -46,7 +46,7 @@ class Account:
         self._within = [np.zeros(2)]
 
     def of(self, function: Callable, part: str) -> Callable:
-        """The function, its time charged to a part."""
+        """Wrap a function so that its time is charged to a part."""
 
         @wraps(function)
         def timed(*args: Any, **kwargs: Any) -> Any:

@@ -1,10 +1,10 @@
-"""What bounds the kernels: their bytes and operations against what the machine can do.
+"""Limits of the kernels: their bytes and operations against the capability of the machine.
 
     python benchmarks/roofline.py [--quick] [--out benchmarks/results/roofline.json]
 
-In one run on one core: the bandwidth of a sum into a third array, in the cache and out of it, and
-the rate of a matrix product as the peak of multiply-adds; beside them the time that a particle-step
-of the plain linear scheme would take if it were bound by either alone, and what it takes.
+Measures on one core: the bandwidth of a sum into a third array, in the cache and in memory, and the
+rate of a matrix product as the peak of multiply-adds. Prints beside them the time of a
+particle-step of the plain linear scheme if it were bound by either alone, and its measured time.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from speed import MATERIAL, best_time
 import granular as gr
 
 COMPONENTS = 9
-"""Read and written of each point: x, v, four of the stress, the log-density; its mass is read."""
+"""Numbers read and written per point: x, v, four stresses, log-density; the mass is only read."""
 OPERATIONS = {"gather": 45, "law": 75, "scatter": 80}
-"""Additions and multiplications a point in the plane with hats, counted by hand; the law has three
-square roots and a division besides."""
+"""Additions and multiplications per point in 2D with linear shape functions, counted by hand; the
+law has three square roots and a division besides."""
 POINTS_PER_CELL, NODE_SUMS = 16, 4 * 5
 
 
 def rate(work: Callable[[], object], amount: float, repeats: int = 20) -> float:
-    """Amount per second, the best of some repeats, by processor time."""
+    """Amount of work per second of processor time, best of several repeats."""
     best = np.inf
     for _ in range(repeats):
         begin = time.process_time()
@@ -42,7 +42,7 @@ def rate(work: Callable[[], object], amount: float, repeats: int = 20) -> float:
 
 
 def bandwidth(megabytes: float) -> float:
-    """Bytes per second of c = a + b with arrays of this size together."""
+    """Bytes per second of c = a + b; the three arrays together have this size."""
     n = int(megabytes * 1e6 / 24)
     a, b, c = np.ones(n), np.ones(n), np.ones(n)
     passes = max(int(1e7 / n), 1)
@@ -61,7 +61,7 @@ def peak(n: int) -> float:
 
 
 def measured(cell: float) -> tuple[int, float]:
-    """Points of a column, and seconds per particle-step of the plain linear scheme on it."""
+    """Number of points of a column, and time per particle-step of the plain linear scheme [s]."""
     scheme = gr.Scheme(basis="linear")
     scene = gr.scenes.column_collapse(aspect=2.0, cell=cell, material=MATERIAL, scheme=scheme)
     sim = gr.Simulation(scene, threads=1)

@@ -4,14 +4,14 @@
 
 Column collapse of aspect 2 with 16 points per cell in double precision: about 8,000 and 200,000
 points, as seeded and after the column has fallen for a while, with one thread and with two. One
-thread is timed by the processor time of the process, two by the wall clock; the best of several
-batches counts, and the ratios within one run are what can be compared. Beside each scheme stands
-its error on the periodic incline of 25 degrees, one column of cells and eight, against the
-one-dimensional equation: a fast scheme that is wrong is no bargain. The last lines are of a quarter
-of a cylinder in space, 8 points per cell, one thread.
+thread is timed by the processor time of the process, two by the wall clock. The best of several
+batches counts; only the ratios within one run can be compared. Beside each scheme stands its error
+on the periodic incline of 25 degrees, with one column of cells and with eight, against the
+one-dimensional equation: a fast scheme that is wrong is no bargain. The last lines are those of a
+quarter of a cylinder in 3D, 8 points per cell, one thread.
 
-`granular.economy.cost` foresees with the times of one thread (small state, mean of seeded and
-fallen; space): after a new results/speed.json renew the constants there, a test compares them.
+`granular.economy.cost` contains the times of one thread (small state, mean of seeded and fallen;
+3D). Update its constants after a new results/speed.json; a test compares them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MATERIAL = gr.materials.glass_beads.replace(E=1e7)
 
 
 def best_time(sim: gr.Simulation, threads: int, batches: int) -> float:
-    """Seconds per particle-step, the best of some batches of about 50 ms each."""
+    """Seconds per particle-step, the best of several batches of about 50 ms each."""
     clock = time.process_time if threads == 1 else time.perf_counter
     steps = max(int(0.05 / (40e-9 * sim.n_points)), 1)
     best = np.inf
@@ -113,7 +113,7 @@ def main(argv: list[str] | None = None) -> None:
     space = []
     for name, scheme in SCHEMES.items():
         row = speed_in_space(scheme, 0.025 if arguments.quick else 0.0125, batches // 2)
-        print(f"{name:16s}{row['points']:8d}  {'in space':14s}{row['ns']:9.1f}", flush=True)
+        print(f"{name:16s}{row['points']:8d}  {'3D':14s}{row['ns']:9.1f}", flush=True)
         space.append(row | {"scheme": name})
     if arguments.out:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)

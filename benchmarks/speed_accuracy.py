@@ -1,12 +1,12 @@
-"""Error against core-seconds, of the schemes of this package and of its peers.
+"""Error against core-seconds for the schemes of this package and for its peers.
 
     python benchmarks/speed_accuracy.py [--quick] [--limit 200] [--out FILE] [--figures FOLDER]
 
 Runs every case of `accuracy/cases.py` that the table does not hold yet, one after the other with
-one thread, and appends it: a benchmark that was stopped goes on where it was. A case that would
-take longer than the limit is left out with its foreseen cost, a peer that is not installed
-(`pip install 'granular[peers]'`) with a message. Then the errors and the slopes of the bias are
-computed and the pictures drawn. docs/accuracy.md says how to read them.
+one thread, and appends it, so that a benchmark that was stopped continues where it was. A case that
+would take longer than the limit is left out, and its estimated cost stored. A peer that is not
+installed (`pip install 'granular[peers]'`) is left out with a message. Then the errors and the
+slopes of the bias are computed and the pictures drawn. docs/accuracy.md explains them.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ PICTURES = {
 }
 DPI = 110
 LIMIT = 200.0
-"""Core-seconds of a case, at most."""
+"""Largest cost of a case [core-seconds]."""
 
 
 def run(case: cases.Case, limit: float) -> dict[str, Any]:
-    """The row of a case: results, or why there are none."""
+    """Row of a case: its results, or the reason why there are none."""
     try:
         own = case.solver == "granular"
         return runs.run(case, gr.Simulation if own else peers.simulation(case.solver), limit)
@@ -59,7 +59,7 @@ def report(row: dict[str, Any]) -> str:
 
 
 def summary(rows: Sequence[errors.Row]) -> dict[str, Any]:
-    """What follows from the rows: references, fronts, and the slopes of the bias."""
+    """Evaluate the rows: references, fronts, and the slopes of the bias."""
     references = errors.references(rows)
     fronts = {}
     for panel, reference in references.items():
@@ -93,7 +93,7 @@ def write(rows: Sequence[errors.Row], out: Path, figures: Path) -> None:
 
 
 def rounded(value: Any) -> Any:
-    """The same with six digits, for what is computed from them has no more."""
+    """Value with its numbers rounded to six digits, as computed results have no more."""
     if isinstance(value, Mapping):
         return {name: rounded(v) for name, v in value.items()}
     if isinstance(value, Sequence) and not isinstance(value, str):

@@ -1,12 +1,12 @@
-"""Time of a step of the finite-strain laws in space, and what the parts of it cost.
+"""Time of a step of the finite-strain laws in 3D, and the cost of its parts.
 
     python benchmarks/speed_in_space.py [--quick] [--out benchmarks/results/speed_in_space.json]
 
-A bed of 8 points per cell flows down a slope of 38 degrees, periodic on its sides: quadratic basis,
-APIC and a tracked density, without a fluidity (A = 0), with one diffused over faces and over all
-neighbours, with a blade in the flow, thick or thin, and with the default scheme. The batches of one
-thread and of two take turns, and of each the best counts. The memory is that of the arrays of the
-points.
+A bed of 8 points per cell flows down a slope of 38 degrees, periodic on its sides. The scheme has
+the quadratic basis, APIC and the particle density. It is run without fluidity (A = 0), with a
+fluidity that diffuses over faces or over all neighbours, and with a blade in the flow, thick or
+thin; for comparison the default scheme is run, too. The batches of one thread and of two take
+turns, and the best of each counts. The memory is that of the arrays of the points.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MLS = gr.Scheme(transfer="apic", density=gr.ParticleDensity())
 
 
 def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | None) -> gr.Scene:
-    """A cube of so many cells along an edge; the blade is as many cells thick."""
+    """Cubic scene with `edge` cells per edge, and with a blade that is `blade` cells thick."""
     length = edge * CELL
     shape = blade and bodies.Box((blade * CELL, 0.4 * length, 0.4 * length))
     middle = (0.5 * length, 0.5 * length, length)

@@ -1,9 +1,9 @@
-"""The examples of chapter 5 of Hurley's thesis by particle hydrodynamics.
+"""The examples of chapter 5 of Hurley's thesis, with SPH.
 
     python benchmarks/sph_examples.py [--quick] [--only repose] [--threads 1] [--out FILE]
 
-Runs every case that the table does not hold yet and writes it after each: a benchmark that was
-stopped goes on where it was. Then the orderings and exponents are computed.
+Runs every case that the table does not hold yet and writes the table after each, so that a
+benchmark that was stopped continues where it was. Then the orderings and exponents are computed;
 docs/sph_examples.md has them.
 """
 
@@ -39,11 +39,11 @@ QUANTILE = 0.99
 Case = tuple[str, dict[str, Any]]
 
 
-# ---- what is measured ----
+# ---- measurements ----
 
 
 def far(state: gr.State) -> dict[str, float]:
-    """Farthest and highest point, and the distance that holds 99 % of the mass [m]."""
+    """Farthest and highest particle, and the distance within which 99 % of the mass lies [m]."""
     order = np.argsort(state.x[:, 0])
     held = np.cumsum(state.mass[order])
     quantile = state.x[order[np.searchsorted(held, QUANTILE * held[-1])], 0]
@@ -64,7 +64,7 @@ def slope_deg(state: gr.State) -> float:
 
 
 def steady_rate(states: list[gr.State]) -> tuple[float, float, float]:
-    """Shear rate at mid-depth [1/s], and the misfits of a line and of Bagnold's profile."""
+    """Shear rate at mid-depth [1/s], and the errors of a line and of Bagnold's profile."""
     rates, misfits = [], {1.0: [], 1.5: []}
     for state in states:
         y, v = state.x[:, -1], state.v[:, 0]
@@ -83,11 +83,11 @@ def decaying(t: np.ndarray, a: float, b: float, c: float) -> np.ndarray:
     return a + (b - a) / (c / t + 1.0)
 
 
-# ---- what is run ----
+# ---- runs ----
 
 
 def watched(scene: sph.Scene, threads: int, every: float, look: Callable[[gr.State], Any]) -> tuple:
-    """A run to its end: the simulation, times and looks, and what all rows of the table have."""
+    """Run a scene; return simulation, times, samples, and the common entries of a row."""
     times, looks = [], []
 
     def hook(simulation: gr.Simulation) -> None:
@@ -111,7 +111,7 @@ def watched(scene: sph.Scene, threads: int, every: float, look: Callable[[gr.Sta
 
 
 def choices(creeping: bool, cfl: float) -> tuple[sph.Numerics, dict[str, float]]:
-    """Numerics, and what changes in the material; creeping is as near to the thesis as can be."""
+    """Numerics and changes of the material; "creeping" is as close to the thesis as possible."""
     if not creeping:
         return sph.Numerics(cfl=cfl), {}
     return sph.Numerics(cfl=cfl, regularisation=1.0, z_max=1.5), {"nu": 0.5}
@@ -120,7 +120,7 @@ def choices(creeping: bool, cfl: float) -> tuple[sph.Numerics, dict[str, float]]
 def repose(
     threads: int, creeping: bool = False, cfl: float = 1.0, **keywords: Any
 ) -> dict[str, Any]:
-    """Angle at the end as a mean of a second, its fall in two seconds before, and the largest."""
+    """Angle at the end, averaged over a second, its fall in the two seconds before, and largest."""
     numerics, changes = choices(creeping, cfl)
     scene = gr.scenes.slump_sph(numerics=numerics, **keywords)
     scene = scene.replace(material=scene.material.replace(**changes))
@@ -141,7 +141,7 @@ def repose(
 
 
 def column(threads: int, material: str, dilation: float, **keywords: Any) -> dict[str, Any]:
-    """Run-out and height at rest, and how they still change in the last half second."""
+    """Run-out and height at rest, and their changes in the last half second."""
     creeping = keywords.pop("creeping", False)
     numerics, changes = choices(creeping, keywords.pop("cfl", 1.0))
     numerics = replace(numerics, wall_density=keywords.pop("wall_density", None))
@@ -158,7 +158,7 @@ def column(threads: int, material: str, dilation: float, **keywords: Any) -> dic
 
 
 def at_rest(scene: sph.Scene, threads: int) -> dict[str, Any]:
-    """A collapse as it is when it comes to rest, before it creeps on."""
+    """A collapse at the time at which it comes to rest, before it creeps."""
     begin = time.process_time()
     simulation = gr.Simulation(scene, threads=threads)
     found = sph.run_to_rest(simulation, after=scene.parameters["settle"], interval=0.05)
@@ -268,9 +268,9 @@ def cases() -> Iterator[Case]:
 
 
 CREEPING = {"creeping": True, "cfl": 0.25}
-"""Without a spring, stopped at rest; a quarter of the time step, so that there is less creep."""
+"""Run without a spring, stopped at rest; a quarter of the time step reduces the creep."""
 OTHERS = tuple({"settle": t} for t in (0.55, 0.6, 0.65))
-"""Other times to settle than .5 s: how far the last grains run differs by chance."""
+"""Settling times other than 0.5 s, which show the random scatter of the run-out."""
 FINE = {"length": 0.025, "spacing": 0.005}
 
 
@@ -283,7 +283,7 @@ def in_space() -> Iterator[Case]:
 
 
 def studies() -> Iterator[Case]:
-    """Stiffness, friction and spacing, one at a time; in the plane."""
+    """Stiffness, friction and spacing, changed one at a time, in 2D."""
     common = {"material": "grit", "dilation": 0.0} | STUDY
     for kappa in (1e5, 1e6, 1e7):
         yield "study", common | {"kappa": kappa}
@@ -297,7 +297,7 @@ def studies() -> Iterator[Case]:
 
 
 def quick() -> Iterator[Case]:
-    """A small and short case of each kind, to see that all of it runs."""
+    """A small and short case of each kind, to check that all of them run."""
     yield "repose", {"length": 0.2, "height": 0.12, "orifice": 0.04, "duration": 0.2}
     for aspect in (1.8, 2.4):
         yield "column", {"material": "glass", "dilation": 0.0, "aspect": aspect} | FINE
@@ -305,18 +305,18 @@ def quick() -> Iterator[Case]:
     yield "incline", {"angle_deg": 24.0, "dilation": 0.0, "duration": 1.5}
 
 
-# ---- what follows ----
+# ---- evaluation ----
 
 
 def kind_of_column(row: dict[str, Any]) -> str:
-    """Name of the columns that it is to be fitted with."""
+    """Name of the set of columns to which a row belongs in the fits."""
     name = f"{row['material']} beta {row['dilation']:g}"
     creeping = " creeping" if row.get("creeping") else ""
     return name + creeping + (" in space" if row.get("width") else "")
 
 
 def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
-    """H0/H = l1 a^a1 and (L - L0)/L0 = l2 a^a2 for a > 1.7, by L and by L99 (eq. 5.32)."""
+    """Fits H0/H = l1 a^a1 and (L - L0)/L0 = l2 a^a2 for a > 1.7, of L and of L99 (eq. 5.32)."""
     found = {}
     columns = [row for row in rows if row["kind"] == "column"]
     for key in dict.fromkeys(map(kind_of_column, columns)):
@@ -348,7 +348,7 @@ def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def rounded(value: Any) -> Any:
-    """The same with five digits."""
+    """Value with its numbers rounded to five digits."""
     if isinstance(value, dict):
         return {name: rounded(v) for name, v in value.items()}
     if isinstance(value, list):
@@ -357,7 +357,7 @@ def rounded(value: Any) -> Any:
 
 
 def write(rows: list[dict[str, Any]], out: Path) -> None:
-    """The table with what follows from it, a row a line."""
+    """The table with its evaluation, as JSON with one row per line."""
     lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
     rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
     text = json.dumps(rounded(rest), indent=1, allow_nan=False)[2:]

@@ -1,4 +1,4 @@
-"""Picture of a jet of gas on a bed (Hurley, thesis, figure 6.2): grains left, gas right.
+"""Picture of a gas jet on a bed (Hurley, thesis, figure 6.2): material left, gas right.
 
 python benchmarks/sph_jet.py [--spacing 0.0125] [--to docs/sph_jet.png] [--record jet.h5]
 
@@ -16,11 +16,11 @@ from matplotlib.figure import Figure
 import granular as gr
 
 EVERY = 0.0075
-"""Time between frames [s]; one of three is drawn, from the second on."""
+"""Time between frames [s]; every third frame is drawn, from the second on."""
 
 
 def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
-    """Speed of the grains, and pressure of the gas above the initial one."""
+    """Speed of the material particles, and pressure of the gas relative to the initial one."""
     frames = record[1::3]
     figure = Figure(figsize=(8.0, 2.4 * len(frames)), layout="constrained")
     axes = figure.subplots(len(frames), 2, sharex=True, sharey=True)

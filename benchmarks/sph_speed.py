@@ -1,9 +1,9 @@
-"""Time of a step of particle hydrodynamics, per point and step, in processor time of one thread.
+"""Processor time per particle and step of SPH, with one thread.
 
     python benchmarks/sph_speed.py [--isa avx512] [--repeats 5]
 
-Beds at rest under their weight and layers that flow, in the plane and in space; the least of the
-repeats counts. Grains, points of walls and of gas are counted alike.
+The cases are beds at rest under their weight and layers that flow, in 2D and 3D; the least of the
+repeats counts. Particles of the material, of walls and of the gas are counted alike.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ CASES = {
 
 
 def nanoseconds(arguments: dict, seconds: float, steps: int, isa: str, repeats: int) -> float:
-    """Processor time per point and step after `seconds` of the scene [ns]."""
+    """Processor time per particle and step after `seconds` of the scene [ns]."""
     make = scenes.jet_on_bed if "depth" in arguments else scenes.incline_sph
     simulation = sph.Simulation(make(**arguments), isa=isa)
     simulation.run(seconds)

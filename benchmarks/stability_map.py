@@ -1,11 +1,11 @@
-"""Where methods fail: the map of failure, measured.
+"""The map of failure: measured limits of the methods.
 
     python benchmarks/stability_map.py [--quick] [--only NAME ...] [--out FILE] [--figures FOLDER]
     python benchmarks/stability_map.py --draw FILE --figures FOLDER
 
-Each cell of a map is a small run with a number and a verdict: *stable*, *degraded*, or *refused*,
-where the product does not start such a run; the number is then that of a run with the limits
-lifted, to show what is spared. Maps that exist in the file are kept unless they are asked for by
+Each cell of a map is a small run with a number and a verdict: *stable*, *degraded*, or *refused* if
+the package does not start such a run. The number is then that of a run with the limits lifted, to
+show what the limits prevent. Maps that exist in the file are kept unless they are requested by
 name, so that one of them can be measured anew.
 """
 
@@ -50,7 +50,7 @@ MAKERS: dict[str, Callable[[bool], Map | list[Map]]] = {
 
 
 def measured(name: str, quick: bool) -> list[Map]:
-    """The maps of a maker."""
+    """Maps that a function makes."""
     made = MAKERS[name](quick)
     return made if isinstance(made, list) else [made]
 
@@ -65,7 +65,7 @@ def read(path: Path) -> dict[str, Map]:
 
 
 def write(path: Path, maps: dict[str, Map]) -> None:
-    """Maps into a file, with what they were measured on."""
+    """Write maps into a file, with the machine and build on which they were measured."""
     path.parent.mkdir(parents=True, exist_ok=True)
     head = {
         "machine": platform.machine(),
@@ -78,7 +78,7 @@ def write(path: Path, maps: dict[str, Map]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """What JSON knows: no nan, no infinity, four digits."""
+    """Value as JSON can hold it: without nan and infinity, numbers rounded to four digits."""
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

@@ -1,4 +1,4 @@
-"""Tools in soil at sizes that can be paid for: runs, records and the numbers of docs/three_d.md.
+"""Tools in soil at affordable sizes: runs, records and the numbers of docs/three_d.md.
 
     python benchmarks/three_d.py wheel_20 excavation_5 --records build/three_d
 
@@ -25,29 +25,29 @@ PLASTIC = gr.materials.DruckerPrager(
     E=SOFT.E, nu=SOFT.nu, rho_c=SOFT.rho_c, rho_s=SOFT.rho_s, mu=SOFT.mu_s, elasticity="hencky"
 )
 BEADS = gr.scenes.couette().material
-KINDLED = gr.scenes.wheel().scheme
-SUBSTEPS = KINDLED.replace(fluidity=KINDLED.fluidity.replace(substeps=8))
-"""The step is six times the t0 of the fluidity."""
+RECONNECTED = gr.scenes.wheel().scheme
+SUBSTEPS = RECONNECTED.replace(fluidity=RECONNECTED.fluidity.replace(substeps=8))
+"""Scheme with substeps, because the time step is six times the t0 of the fluidity."""
 BED = {"length": 0.65, "width": 0.7, "start": 0.25, "travel": 0.1, "cell": 0.0125}
-"""As wide as the paper's, and so long that the wedge before the blade does not fill it."""
+"""Bed as wide as the paper's, and so long that the wedge before the blade does not fill it."""
 BLADE = (0.025, 0.305, 0.457)
-"""Two of these cells thick, and as thick in finer cells."""
+"""Blade two of these cells thick; it has the same thickness with finer cells."""
 NARROW = {"width": 0.05, "blade": (0.025, 0.05, 0.457)}
-"""As between glass walls: a bed as wide as the blade, in which nothing depends on y."""
+"""Bed as wide as the blade, as between glass walls, in which nothing depends on y."""
 SIDED = {"blade": (0.006, 0.305, 0.457), "scheme": gr.scenes.excavation().scheme}
-"""The blade of the paper, whose two sides the scheme keeps apart."""
+"""Blade of the paper, with a scheme that separates the material on its two sides."""
 THIN = SIDED | {"width": 0.05, "blade": (0.006, 0.05, 0.457)}
-"""The same between walls."""
+"""The same blade between walls."""
 ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
 WINDOW = 0.1
-"""Over which the flow between cylinders is averaged [s]."""
+"""Time window over which the flow between cylinders is averaged [s]."""
 RINGS = 3
-"""Every second one, from the inner cylinder on, whose course is kept."""
+"""Number of rings (every second one from the inner cylinder on) whose time series is kept."""
 
 
 def excavation(depth: float, **changes: object) -> gr.Scene:
-    """Short of the way out: the force while it dives and goes forward."""
-    known = BED | {"depth": depth, "blade": BLADE, "scheme": KINDLED}
+    """Scene without the way out, for the force while the blade dives and moves forward."""
+    known = BED | {"depth": depth, "blade": BLADE, "scheme": RECONNECTED}
     scene = gr.scenes.excavation(**(known | changes))
     down = depth / scene.parameters["dive_speed"]
     forward = scene.parameters["travel"] / scene.parameters["speed"]
@@ -55,7 +55,7 @@ def excavation(depth: float, **changes: object) -> gr.Scene:
 
 
 LONG = ("course", "profile")
-"""What is not printed."""
+"""Entries that are not printed."""
 CASES: dict[str, Callable[[], gr.Scene]] = {
     **{
         f"wheel_{slip}": lambda slip=slip: gr.scenes.wheel(slip=slip / 100, **ROLL)
@@ -105,7 +105,7 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
 
 
 def tool(record: gr.Trajectory) -> dict:
-    """Mean forces at depth, and the course of them."""
+    """Mean forces at depth, and their time series."""
     force = gr.measure.tool_force(record, window=2)
     height, deepest = force.position[:, 2], force.position[:, 2].min()
     level = height - deepest < 0.01 * abs(deepest)
@@ -124,7 +124,7 @@ def tool(record: gr.Trajectory) -> dict:
 
 
 def wheel(record: gr.Trajectory) -> dict:
-    """Means over the second half of the time that it rolls."""
+    """Means over the second half of the time in which the wheel rolls."""
     history = gr.measure.wheel_history(record, window=2)
     late = history.times > (record.times[-1] + record.scene.parameters["settle"]) / 2
     load = float(history.load[late].mean())
@@ -141,7 +141,7 @@ def wheel(record: gr.Trajectory) -> dict:
 
 
 def couette(sim: gr.Simulation) -> dict:
-    """Flow between cylinders at the top, window by window, and its slow limit."""
+    """Flow between cylinders at the top, per time window, and its quasi-static limit."""
     scene, kept, windows = sim.scene, [], []
     size = scene.parameters
     top = size["height"] - 2 * scene.grid.cell
@@ -153,11 +153,11 @@ def couette(sim: gr.Simulation) -> dict:
             del kept[0]
 
     sim.run(every=WINDOW, hooks=(look,))
-    # the linear law knows no mu_2 but in b
+    # The linear law has mu_2 only in b.
     material = scene.material.replace(mu_2=np.inf, b=scene.material.b)
     gap = (size["inner"], size["outer"], material.replace(A=material.A or BEADS.A))
     flow = gr.theory.couette_quasi_static(*gap, walls="smooth")
-    # the pressure of the middle of what is looked at
+    # Pressure in the middle of the evaluated layer.
     state = {"rate": size["omega"], "pressure": material.rho_c * size["gravity"] * scene.grid.cell}
     driven = gr.theory.couette_flow(*gap, **state, walls="smooth")
     late = windows[-(len(windows) // 3) :]
@@ -191,7 +191,7 @@ def window(kept: list, top: float) -> dict:
 
 
 def recorded(sim: gr.Simulation, path: Path) -> dict:
-    """Run into a record, and measure what the scene is about."""
+    """Run a scene into a record, and measure its quantities of interest."""
     sim.run(save=path, every=0.05, overwrite=True)
     with gr.open(path) as record:
         return wheel(record) if sim.scene.name == "wheel" else tool(record)
@@ -219,7 +219,7 @@ def run(name: str, records: Path) -> dict:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Run what is asked for."""
+    """Run the requested cases."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("names", nargs="*", metavar="CASE")
     parser.add_argument("--records", type=Path, default=RECORDS)

@@ -1,4 +1,4 @@
-"""What is run: scenes, schemes and resolutions, one case each."""
+"""Cases of the benchmark: scenes, schemes and resolutions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import granular as gr
 
 SOFT_STEP = gr.schemes.dunatunga_kamrin_2015.replace(dt=None)
-"""The published scheme with the time step at half its limit: 3e-6 s belongs to 1 GPa."""
+"""The published scheme with a time step of half its limit, as the paper's 3e-6 s is for 1 GPa."""
 
 SCHEMES = {
     "default": gr.schemes.default,
@@ -25,10 +25,11 @@ SCHEMES = {
     "quadratic apic": SOFT_STEP.replace(basis="quadratic", transfer="apic"),
     "quadratic tpic": SOFT_STEP.replace(basis="quadratic", transfer="tpic"),
 }
-"""By the names that the chart gives them. "quadratic tpic" is the default without its density_correction."""
+"""Schemes by their names in the chart. "quadratic tpic" is the default one without its density
+correction."""
 
 HYDRODYNAMICS = "sph"
-"""The scheme of cases by particle hydrodynamics, with as many points and as stiff."""
+"""Name of the scheme of cases with SPH, with as many particles and the same stiffness."""
 
 PEERS = ("taichi", "newton")
 SCENES = ("incline", "incline_2d", "collapse", "silo")
@@ -44,19 +45,19 @@ class Case:
     scene : {"incline", "incline_2d", "collapse", "silo"}
     solver : {"granular", "taichi", "newton"}
     scheme : str
-        Of `SCHEMES`, or `HYDRODYNAMICS`; a peer has one of its own.
+        Name in `SCHEMES`, or `HYDRODYNAMICS`; a peer has its own.
     E : float
         Young's modulus [Pa].
     cell : float
-        [m]
+        Cell size [m].
     points : int
-        Per cell.
+        Points per cell.
     angle_deg : float or None
-        Of an incline.
+        Inclination of an incline [deg].
     seed : int
-        Of the jitter.
+        Seed of the jitter.
     until : float or None
-        Seconds, where the scene's own time is not meant.
+        Duration [s], if it differs from that of the scene.
     """
 
     scene: str
@@ -71,7 +72,7 @@ class Case:
 
     @property
     def published(self) -> bool:
-        """Whether these are the settings of Dunatunga & Kamrin 2015."""
+        """True if these are the settings of Dunatunga & Kamrin 2015."""
         return self.scheme == "published"
 
     def row(self) -> dict[str, Any]:
@@ -86,7 +87,7 @@ SILO = Case(scene="silo")
 
 
 def _vary(base: Case, **values: Any) -> Iterator[Case]:
-    """The case with each entry of the product of the given values, the last one fastest."""
+    """The case with all combinations of the given values, the last one varying fastest."""
     if not values:
         yield base
         return
@@ -140,7 +141,7 @@ def _silo() -> Iterator[Case]:
 
 
 def _cell_averaged() -> Iterator[Case]:
-    """The main cases of the default scheme once more."""
+    """The main cases of the default scheme, repeated."""
     line, plane, heap, silo = (
         replace(base, scheme="cell_averaged") for base in (INCLINE, INCLINE_2D, COLLAPSE, SILO)
     )
@@ -159,7 +160,7 @@ def _cell_averaged() -> Iterator[Case]:
 
 
 def _hydrodynamics() -> Iterator[Case]:
-    """The collapse and the incline by points without a grid."""
+    """The collapse and the incline with SPH."""
     heap, plane = (replace(base, scheme=HYDRODYNAMICS) for base in (COLLAPSE, INCLINE_2D))
     yield from _vary(heap, points=(4,), cell=(0.025, 0.0125), E=MODULI[:3])
     yield from _vary(heap, E=MODULI[:2])
@@ -172,7 +173,7 @@ def _peers(solver: str) -> Iterator[Case]:
         yield replace(base, solver=solver, scheme=solver, E=1e6)
     if solver == "taichi":
         yield replace(COLLAPSE, solver=solver, scheme=solver, E=1e6)
-        # how the error of its walls falls
+        # these show how the error of its walls falls
         base = replace(INCLINE, solver=solver, scheme=solver, E=1e6)
         yield from _vary(base, cell=(0.02, 0.005))
 
@@ -207,7 +208,7 @@ def full() -> list[Case]:
 
 
 def quick() -> list[Case]:
-    """Four coarse and short cases, to see that all of it runs."""
+    """Four coarse and short cases, to check that everything runs."""
     small = {"E": 1e5, "points": 4}
     return [
         replace(INCLINE, cell=0.04, until=0.2, **small),

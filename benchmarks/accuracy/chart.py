@@ -1,4 +1,4 @@
-"""The pictures: error against core-seconds, and what moves the error."""
+"""Pictures of the error against core-seconds, and of the dependence of the error on settings."""
 
 from __future__ import annotations
 
@@ -42,15 +42,15 @@ LINES = {
     "cell_averaged": {"linestyle": ":", "marker": "h"},
 }
 SCALES = {"cell": 1e3, "points": 1}
-"""Cells are drawn in millimetres."""
+"""Factor for cells, which are drawn in millimetres."""
 WIDE, HIGH = 0.5, 0.12
-"""Decades between two labels."""
+"""Least distance between two labels [decades]."""
 CEILING = 3.0
-"""Errors beyond are drawn there: all is lost anyway."""
+"""Larger errors are drawn at this value, as the results are useless anyway."""
 
 
 def style(scheme: str) -> dict[str, Any]:
-    """Marker by basis and colour by transfer; some have their own."""
+    """Marker by basis and colour by transfer; some schemes have their own."""
     if scheme in OWN:
         return OWN[scheme]
     basis, transfer = scheme.split()
@@ -58,13 +58,13 @@ def style(scheme: str) -> dict[str, Any]:
 
 
 def label(row: Row) -> str:
-    """What a point on the front is: modulus, cell, points per cell."""
+    """Label of a point on the front: modulus, cell, points per cell."""
     modulus = f"{row['E']:.0e}".replace("e+0", "e")
     return f"{modulus}, {row['cell'] * 1e3:.3g} mm, {row['points']}"
 
 
 def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
-    """Lines through runs that differ in E only."""
+    """Draw lines through runs that differ in E only."""
     series: dict[tuple[Any, ...], list[tuple[float, float, float]]] = {}
     for row, e in points:
         key = tuple(row[n] for n in ("solver", "scheme", "cell", "points", "seed"))
@@ -75,7 +75,7 @@ def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
 
 
 def apart(points: Sequence[tuple[Row, float]]) -> list[tuple[Row, float]]:
-    """Those far enough from the one before for a label of their own."""
+    """Points far enough from the previous one to be labelled."""
     kept: list[tuple[Row, float]] = []
     for row, e in points:
         if kept:
@@ -188,7 +188,7 @@ def _trend(ax: Axes, entry: Mapping[str, Any]) -> None:
 
 
 def trends(slopes: Sequence[Mapping[str, Any]]) -> Picture | None:
-    """What a softer material changes against p/K, and the error against cell and points."""
+    """Change due to a softer material against p/K, and error against cell size and points."""
     entries = [entry for entry in slopes if entry["scheme"] in LINES]
     if not entries:
         return None

@@ -23,20 +23,21 @@ QUANTITIES = {
     "runout": "runout",
     "silo": "rate",
 }
-"""What is drawn: the run-out is a second error of the runs of the collapse."""
+"""Panels that are drawn; the run-out is a second error of the runs of the collapse."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What errors are measured from.
+    """Reference value of the errors of a panel.
 
     Attributes
     ----------
     value : ndarray
         A rate [kg/s], a profile [m], or run-outs; empty where the rows hold their errors.
     uncertainty : float
-        Relative; an error below it says nothing.
+        Relative uncertainty; smaller errors are not significant.
     source : str
+        Description of its origin.
     """
 
     value: np.ndarray
@@ -58,12 +59,12 @@ def _profile(row: Row) -> np.ndarray:
 
 
 def _runouts(row: Row) -> np.ndarray:
-    """Mass quantile and toe."""
+    """Run-outs by mass quantile and by toe."""
     return np.array([row["runout_quantile"], row["runout_toe"] or math.nan])
 
 
 def _profile_distance(a: np.ndarray, b: np.ndarray) -> float:
-    """L1 distance of two profiles over the area of the second."""
+    """L1 distance of two profiles, divided by the area of the second."""
     return float(np.abs(a - b).sum() / b.sum())
 
 
@@ -76,9 +77,9 @@ DISTANCES = {"collapse": (_profile, _profile_distance), "runout": (_runouts, _ru
 
 
 def collapse_reference(rows: Sequence[Row], name: str) -> Reference | None:
-    """Finest run of the default scheme.
+    """Reference from the finest run of the default scheme.
 
-    Its uncertainty is the larger of its distances from the next coarser runs, which differ in
+    Its uncertainty is the larger of its differences from the next coarser runs, which differ in
     resolution and in seed.
     """
     value_of, distance = DISTANCES[name]
@@ -92,11 +93,11 @@ def collapse_reference(rows: Sequence[Row], name: str) -> Reference | None:
 
 
 def silo_reference(rows: Sequence[Row]) -> Reference | None:
-    """Rates of the default scheme and of the linear one, each extrapolated to dx = 0.
+    """Mean of the rates of the default and of the linear scheme, each extrapolated to dx = 0.
 
-    An opening that acts wider by a share of a cell makes the error linear in dx. Half the
-    difference of the two is the uncertainty, or half the shorter of the extrapolations if that is
-    more: they may agree by chance.
+    The error is linear in dx, because an opening acts as if it were wider by a fraction of a cell.
+    The uncertainty is half the difference of the two rates, or half the smaller of the two
+    extrapolations if that is more, because the rates may agree by chance.
     """
     limits, steps = [], []
     for scheme in ("default", "linear flip"):
@@ -108,12 +109,12 @@ def silo_reference(rows: Sequence[Row]) -> Reference | None:
         limits.append((ratio * fine["rate"] - coarse["rate"]) / (ratio - 1))
         steps.append(abs(limits[-1] - fine["rate"]))
     mean = float(np.mean(limits))
-    doubt = max(abs(limits[1] - limits[0]), min(steps)) / 2 / mean
-    return Reference(np.array([mean]), doubt, "default and linear FLIP, extrapolated to dx = 0")
+    off = max(abs(limits[1] - limits[0]), min(steps)) / 2 / mean
+    return Reference(np.array([mean]), off, "default and linear FLIP, extrapolated to dx = 0")
 
 
 def references(rows: Sequence[Row]) -> dict[str, Reference | None]:
-    """The reference of each panel of the chart; None if its runs are not there."""
+    """Reference of each panel of the chart; None if its runs are missing."""
     exact = Reference(np.empty(0), 0.0, "one-dimensional equation")
     return {
         "incline": exact,
@@ -127,8 +128,8 @@ def references(rows: Sequence[Row]) -> dict[str, Reference | None]:
 def error(row: Row, panel: str, reference: Reference) -> float:
     """Relative error of a run.
 
-    On an incline it is the larger of that of v(y) and that of the depth average: a layer that
-    has compacted may move at the speed that belongs to the height it has come to.
+    On an incline it is the larger of that of v(y) and that of the depth average, because a layer
+    that has compacted may have the correct profile for its reduced height.
     """
     if panel.startswith("incline"):
         return max(row["profile_error"], abs(row["mean_error"]))
@@ -139,9 +140,9 @@ def error(row: Row, panel: str, reference: Reference) -> float:
 
 
 def of_panel(rows: Sequence[Row], panel: str, reference: Reference) -> list[tuple[Row, float]]:
-    """The runs of a panel and their errors, without those that have none.
+    """Runs of a panel with their errors; runs without an error are left out.
 
-    An incline of another angle is another problem; the run that is the reference has no error.
+    An incline of another angle is another problem, and the run that is the reference has no error.
     """
     scene = "collapse" if panel == "runout" else panel
     found = [
@@ -153,9 +154,9 @@ def of_panel(rows: Sequence[Row], panel: str, reference: Reference) -> list[tupl
 
 
 def front(points: Sequence[tuple[Row, float]], floor: float = 0.0) -> list[tuple[Row, float]]:
-    """The runs that no other beats in both error and core-seconds, by their cost.
+    """Pareto front: runs that no other run beats in both error and core-seconds, by their cost.
 
-    Errors below the floor, the uncertainty of the reference, are all the same.
+    All errors below the floor, the uncertainty of the reference, count as equal.
     """
     best, found = math.inf, []
     for row, e in sorted(points, key=lambda pair: (pair[0]["core_seconds"], pair[1])):
@@ -166,14 +167,14 @@ def front(points: Sequence[tuple[Row, float]], floor: float = 0.0) -> list[tuple
 
 
 def stiffness(row: Row) -> dict[str, float]:
-    """The numbers that the bias of a soft material may depend on, at the deepest point.
+    """Numbers on which the bias of a soft material may depend, at the deepest point.
 
-    p/K, mu tau/G, and, for an incline, the relative bias of the depth average in steady flow by
-    theory, to first order. With the Jaumann rate s_xx = -s_yy = tau^2/G in steady shear, so that
-    p = sigma_yy (1 - mu tau/G) and the friction is too large by mu tau/G. By eq. 4.6 the shear
-    rate grows by gain times that, with gain = mu (mu_2 - mu_s)/((mu_2 - mu)(mu - mu_s)), less
-    half of it as sqrt(p); and compressed rows are thinner by p/K. Over the height these grow
-    linearly: the depth average takes 5/7 of the value at the base.
+    They are p/K, mu tau/G, and, for an incline, the relative bias of the depth average in steady
+    flow by theory, to first order. With the Jaumann rate s_xx = -s_yy = tau^2/G in steady shear, so
+    that p = sigma_yy (1 - mu tau/G) and the friction is too large by mu tau/G. By eq. 4.6 the shear
+    rate grows by gain times that, with gain = mu (mu_2 - mu_s)/((mu_2 - mu)(mu - mu_s)), less half
+    of mu tau/G due to sqrt(p); and compressed rows are thinner by p/K. These numbers grow linearly
+    with depth, so that the depth average has 5/7 of the value at the base.
     """
     material = gr.materials.glass_beads.replace(E=row["E"])
     angle = math.radians(row["angle_deg"] or 0.0)

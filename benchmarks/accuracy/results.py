@@ -1,4 +1,4 @@
-"""The table of results: a JSON file with a head and one row a line, written after every case."""
+"""Table of results: a JSON file with a head and one row per line, written after every case."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def head() -> dict[str, Any]:
-    """Machine and build: times of others do not belong in the same table."""
+    """Machine and build, on which the times in a table depend."""
     build = gr.show_config()
     return {"machine": cpu_name(), "compiler": build["compiler"], "isa": build["isa"]}
 
@@ -33,20 +33,20 @@ def commit() -> str:
 
 
 class Table:
-    """Rows of results that a stopped benchmark goes on from, each with its commit.
+    """Rows of results, each with its commit, from which a stopped benchmark continues.
 
-    A row is run again once it is deleted from the file: those of a scheme that has changed can be
-    renewed, and the others kept.
+    A row that is deleted from the file is run again. Thus the rows of a scheme that has changed can
+    be renewed and the others kept.
 
     Parameters
     ----------
     path : Path
-        Is read if it exists.
+        File, which is read if it exists.
 
     Raises
     ------
     ValueError
-        If the file is of another machine or build: their times do not belong in one table.
+        If the file is of another machine or build, whose times cannot be compared.
     """
 
     def __init__(self, path: Path) -> None:
@@ -62,12 +62,12 @@ class Table:
             self.rows = stored["rows"]
 
     def holds(self, case: Case) -> bool:
-        """Whether the case has been run, or left out."""
+        """True if the case has been run, or left out."""
         key = case.row()
         return any(all(row[name] == key[name] for name in key) for row in self.rows)
 
     def add(self, row: Mapping[str, Any]) -> None:
-        """Append a row and write the file: whole, or not at all."""
+        """Append a row and write the file, atomically."""
         self.rows.append(dict(row) | {"commit": self.commit})
         lines = ",\n".join(json.dumps(row, allow_nan=False) for row in self.rows)
         text = f'{{"head": {json.dumps(self.head)},\n"rows": [\n{lines}\n]}}\n'

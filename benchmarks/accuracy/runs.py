@@ -1,4 +1,4 @@
-"""One case: its scene, the run and its time, and what is measured of it."""
+"""One case: its scene, its run and the processor time, and the measurements."""
 
 from __future__ import annotations
 
@@ -17,28 +17,29 @@ from granular.theory import beverloo_rate
 
 GRAVITY = 9.8
 HEIGHT = 0.2
-"""Of the layer on an incline [m]."""
+"""Height of the layer on an incline [m]."""
 COLUMNS = 8
-"""Of cells, of the truly two-dimensional incline."""
+"""Columns of cells of the two-dimensional incline."""
 JITTER = 0.6
-"""Of the seeding, in point spacings."""
+"""Jitter of the seeding, in point spacings."""
 ORIFICE = 0.2
-"""Of the silo [m]: half as wide as the paper's, to halve its cost, and as high."""
+"""Opening of the silo [m]. The silo is half as wide as the paper's, to halve its cost, and as
+high."""
 SILO = {"orifice": ORIFICE, "width": 0.48, "height": 1.0}
 FILL = 720.0
 """Mass in the full silo [kg]."""
 WINDOW = (0.8 * FILL, 0.6 * FILL)
-"""Mass left while the rate of discharge is measured [kg]."""
+"""Remaining mass at the begin and end of the measurement of the discharge rate [kg]."""
 FRAME = 1 / 120
-"""Between two readings of the mass [s]."""
+"""Time between two readings of the mass [s]."""
 UNTIL = {"incline": 20.0, "incline_2d": 10.0, "collapse": 1.5, "silo": 2.0}
-"""Seconds; the silo stops when the window is through."""
+"""Durations [s]; the silo stops at the end of its mass window."""
 BIN = 0.025
-"""Width of the bins of the profile of a heap [m], whatever the cell."""
+"""Width of the bins of the profile of a heap [m], independent of the cell."""
 REACH = 1.5
-"""How far the profile goes [m]."""
+"""Length of the profile of a heap [m]."""
 PROBE = 100
-"""First steps, from which the cost of a run is foreseen."""
+"""Number of first steps from which the cost of a run is estimated."""
 
 
 def scene_of(case: Case) -> gr.Scene | sph.Scene:
@@ -49,7 +50,7 @@ def scene_of(case: Case) -> gr.Scene | sph.Scene:
         "cell": case.cell,
         "points_per_cell": case.points,
         "material": gr.materials.glass_beads.replace(E=case.E),
-        "scheme": SCHEMES.get(case.scheme, gr.schemes.default),  # peers take none of it
+        "scheme": SCHEMES.get(case.scheme, gr.schemes.default),  # not used by peers
         "seed": case.seed,
         "duration": case.until or UNTIL[case.scene],
     }
@@ -59,13 +60,13 @@ def scene_of(case: Case) -> gr.Scene | sph.Scene:
         layer = {"angle_deg": case.angle_deg, "height": HEIGHT, "columns": COLUMNS}
         return gr.scenes.incline(**layer, jitter=JITTER, **common)
     if case.scene == "collapse":
-        # Seeds differ by what round-off and chance do: a tenth of a point spacing of jitter.
+        # Seeds differ by a jitter of a tenth of a point spacing, to measure the random scatter.
         return gr.scenes.column_collapse(aspect=1.0, jitter=0.1 if case.seed else 0.0, **common)
     return gr.scenes.silo(**SILO, **common)
 
 
 def hydrodynamics_of(case: Case) -> sph.Scene:
-    """The collapse or the incline with the friction of the other law at half the weight."""
+    """SPH scene of the collapse or the incline, with matching friction at half the weight."""
     beads, duration = gr.materials.glass_beads.replace(E=case.E), case.until or UNTIL[case.scene]
     if case.scene == "collapse":
         return gr.scenes.column_collapse(
@@ -93,25 +94,25 @@ def hydrodynamics_of(case: Case) -> sph.Scene:
 
 
 class TooLong(Exception):
-    """A case whose foreseen cost is above the limit."""
+    """A case whose estimated cost is above the limit."""
 
 
 def run(case: Case, simulation: Any = gr.Simulation, limit: float = math.inf) -> dict[str, Any]:
-    """Run a case; the row of its results. Only the steps are timed, not what prepares them.
+    """Run a case and return the row of its results. Only the steps are timed, not the set-up.
 
     Parameters
     ----------
     case : Case
     simulation : callable
-        Makes, of a scene, what has `run(until=)`, `time`, `state`, `steps`, `dt` and `n_points`
-        as `granular.Simulation` does: the peers do.
+        Makes a simulation of a scene, with `run(until=)`, `time`, `state`, `steps`, `dt` and
+        `n_points` as in `granular.Simulation`; peers have such a class.
     limit : float
-        Core-seconds that it may take.
+        Largest cost [core-seconds].
 
     Raises
     ------
     TooLong
-        If it would take longer, going by its first steps.
+        If it would take longer, estimated from its first steps.
     """
     load = os.getloadavg()[0]
     sim = simulation(scene_of(case), threads=1)
@@ -137,7 +138,7 @@ def run(case: Case, simulation: Any = gr.Simulation, limit: float = math.inf) ->
 
 
 def _short(value: Any) -> Any:
-    """Six digits are plenty, and what is not finite is left out: JSON knows no nan."""
+    """Round numbers to six digits and leave out those that are not finite, which JSON lacks."""
     if np.ndim(value):
         return [_short(v) for v in value]
     return float(f"{value:.6g}") if np.isfinite(value) else None
@@ -145,13 +146,13 @@ def _short(value: Any) -> Any:
 
 @cache
 def _exact(angle_deg: float, at: float) -> tuple[np.ndarray, np.ndarray]:
-    """Heights and velocities of the one-dimensional equation; the origin is the base."""
+    """Heights and velocities of the one-dimensional equation, with the origin at the base."""
     exact = gr.theory.transient(angle_deg, HEIGHT, gr.materials.glass_beads, [at])
     return exact.y, np.ravel(exact.v)
 
 
 def incline(state: gr.State) -> dict[str, Any]:
-    """Velocity profile against the one-dimensional equation, L2 over the points."""
+    """Errors of the velocity profile against the one-dimensional equation, L2 over the points."""
     settled = state.scene.parameters.get("settle", 0.0)  # before the tilt
     y, v = _exact(state.scene.parameters["angle_deg"], state.time - settled)
     along = state.v[:, 0]
@@ -181,7 +182,7 @@ def collapse(state: gr.State) -> dict[str, Any]:
 
 
 def empty(sim: Any) -> gr.measure.MassHistory:
-    """Run a silo until the window is through; the mass of the full one at every frame."""
+    """Run a silo to the end of its mass window; the mass of the full silo at every frame."""
     times, mass = [], []
     while sim.time < sim.scene.duration and (not mass or mass[-1] >= WINDOW[1]):
         sim.run(until=(len(times) + 1) * FRAME)
@@ -191,7 +192,7 @@ def empty(sim: Any) -> gr.measure.MassHistory:
 
 
 def discharge(history: gr.measure.MassHistory) -> dict[str, Any]:
-    """Rate of discharge of the full silo, and Beverloo's C at the exponent 3/2."""
+    """Discharge rate of the full silo, and Beverloo's C at the exponent 3/2."""
     flow = gr.measure.discharge(history, window=WINDOW)
     unit = beverloo_rate(ORIFICE, gr.materials.glass_beads.rho_c, C=1.0)
     return {"rate": flow.rate, "rate_spread": flow.window_spread, "C": flow.rate / unit}

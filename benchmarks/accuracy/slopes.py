@@ -1,4 +1,4 @@
-"""How the bias grows with softness, cell and points per cell: a table that machines can read."""
+"""Machine-readable table of the bias against softness, cell size and points per cell."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from accuracy.errors import Reference, Row, error, select, stiffness
 
 PARAMETERS = ("E", "cell", "points")
 VARIED = (*PARAMETERS, "seed")
-"""What differs between runs of one scene and scheme."""
+"""Parameters that differ between runs of one scene and scheme."""
 
 
 def observable(row: Row) -> float:
-    """The number of a run that a user would quote.
+    """Main result of a run.
 
-    Depth average over that of the one-dimensional equation, run-out (mass quantile), or rate of
-    discharge [kg/s].
+    It is the depth average divided by that of the one-dimensional equation, the run-out (mass
+    quantile), or the rate of discharge [kg/s].
     """
     if row["scene"].startswith("incline"):
         return 1.0 + row["mean_error"]
@@ -28,9 +28,9 @@ def observable(row: Row) -> float:
 
 
 def power_law(values: Sequence[float], errors: Sequence[float]) -> dict[str, float | None]:
-    """Least squares of ln(error) over ln(value): error = coefficient value^slope.
+    """Least-squares fit of ln(error) against ln(value): error = coefficient value^slope.
 
-    `scatter` is the rms distance in factors: 1 is a perfect law. Two points have none.
+    `scatter` is the rms deviation as a factor; 1 is a perfect law. Two points have no scatter.
     """
     keep = [(v, abs(e)) for v, e in zip(values, errors, strict=True) if e]
     if len(keep) < 2:
@@ -46,7 +46,7 @@ def power_law(values: Sequence[float], errors: Sequence[float]) -> dict[str, flo
 
 
 def _series(rows: Sequence[Row], parameter: str) -> list[list[Row]]:
-    """Runs that differ in one parameter only, three values of it or more."""
+    """Series of runs that differ in one parameter only, with three or more values of it."""
     groups: dict[tuple[Any, ...], dict[float, Row]] = {}
     for row in select(rows, solver="granular"):
         if row["scheme"] != "published" and row["until"] is None:
@@ -57,12 +57,13 @@ def _series(rows: Sequence[Row], parameter: str) -> list[list[Row]]:
 
 
 def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
-    """What every run gains by the next stiffer one.
+    """Difference of every run from the next stiffer one.
 
-    `step` is the relative difference of the two, and `step_per_p_over_K` the same over the
-    difference of p/K: the bias of a material is about that times its p/K. A difference holds
-    neither the error of the cells nor, but for its last entries, what the scheme itself changes
-    with E. For inclines `predicted_step` is the difference by the theory of steady flow.
+    `step` is the relative difference of the two, and `step_per_p_over_K` this difference divided by
+    that of p/K, so that the bias of a material is about this number times its p/K. A difference
+    does not contain the error of the cells nor, except in its last entries, the dependence of the
+    scheme itself on E. For inclines `predicted_step` is the difference by the theory of steady
+    flow.
     """
     found = []
     for soft, stiff in pairwise(runs):
@@ -77,7 +78,7 @@ def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
 
 
 def _falling(entries: Sequence[dict[str, float]]) -> list[dict[str, float]]:
-    """The softest entries, as long as their steps shrink threefold or more: then comes noise."""
+    """The softest entries, as long as their steps shrink threefold or more; the rest is noise."""
     kept = list(entries[:1])
     for before, entry in pairwise(entries):
         if abs(entry["step"]) > abs(before["step"]) / 3:
@@ -94,11 +95,11 @@ def _resolution(runs: Sequence[Row], name: str, reference: Reference) -> list[di
 
 
 def table(rows: Sequence[Row], references: Mapping[str, Reference | None]) -> list[dict[str, Any]]:
-    """One entry for each series: what was varied, what was held, the points, the power law.
+    """Entry of each series: the varied and the fixed parameters, the points, the power law.
 
-    Under "E" the steps are signed, see `_softness`, and the law is fitted to those that fall;
-    its exponent is about -1 where the bias is one of p/K. Under "cell" and "points" the errors
-    are those of the chart.
+    Under "E" the steps are signed, see `_softness`, and the law is fitted to those that decrease;
+    its exponent is about -1 if the bias is proportional to p/K. Under "cell" and "points" the
+    errors are those of the chart.
     """
     found = []
     for parameter in PARAMETERS:

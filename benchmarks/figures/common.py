@@ -1,4 +1,4 @@
-"""What the scripts of the figures share: options, runs, saving. See docs/figures.md."""
+"""Options, runs and saving, shared by the scripts of the figures. See docs/figures.md."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import granular as gr
 from granular.plot import Picture
 
 OUT = Path("build/figures")
-"""Where the pictures go: git ignores it."""
+"""Folder of the pictures, which git ignores."""
 DPI = 200
 PUBLISHED_E = 1e9
 """Young's modulus of the paper [Pa]."""
 
 SCHEMES = {
     "default": gr.schemes.default,
-    # The published step of 3e-6 s belongs to 1 GPa; softer material needs no such small one.
+    # The published step of 3e-6 s is for 1 GPa; softer material does not need so small a one.
     "published": gr.schemes.dunatunga_kamrin_2015.replace(dt=None),
 }
 
@@ -35,22 +35,22 @@ def options(
     schemes: Mapping[str, gr.Scheme] = SCHEMES,
     grains: gr.materials.Material = gr.materials.glass_beads,
 ) -> argparse.Namespace:
-    """The command line, and the material and scheme it asks for.
+    """Parse the command line, and make the requested material and scheme.
 
     Parameters
     ----------
     doc : str
-        What the script draws.
+        Description of the script.
     argv : sequence of str or None
         Arguments; those of the process if None.
     E, quick_E : float
-        Young's modulus [Pa] unless --E says another, without and with --quick.
+        Default of --E, Young's modulus [Pa], without and with --quick.
     without : collection of str
-        Options that mean nothing to the script, to be refused: "scheme", "threads", "tolerance".
+        Options that the script does not have: "scheme", "threads", "tolerance".
     schemes : mapping of str to Scheme
-        By the names of --scheme; the first is the default.
+        Schemes by the names of --scheme; the first is the default.
     grains : Material
-        What E is changed of.
+        Material whose E is replaced.
     """
     parser = argparse.ArgumentParser(description=doc)
     parser.add_argument("--quick", action="store_true", help="coarse and short, to look at")
@@ -64,7 +64,7 @@ def options(
         parser.add_argument(
             "--tolerance",
             type=float,
-            help=f"start from {PUBLISHED_E:g} Pa, or from --E, and take the advice of gr.economy",
+            help=f"start from {PUBLISHED_E:g} Pa, or from --E, and apply what gr.economy suggests",
         )
     chosen = parser.parse_args(argv)
     tolerance = getattr(chosen, "tolerance", None)
@@ -82,7 +82,7 @@ def options(
 
 
 def simulation_of(scene: gr.Scene, chosen: argparse.Namespace) -> gr.Simulation:
-    """A simulation of the scene, or with --tolerance of the cheaper one that is advised."""
+    """Simulation of the scene, or with --tolerance of the cheaper scene that is suggested."""
     if getattr(chosen, "tolerance", None) is not None:
         suggestion = gr.economy.suggest(scene, chosen.tolerance)
         scene = gr.economy.apply(scene, suggestion)
@@ -92,7 +92,7 @@ def simulation_of(scene: gr.Scene, chosen: argparse.Namespace) -> gr.Simulation:
 def states_at(
     scene: gr.Scene, times: Sequence[float], chosen: argparse.Namespace, *, name: str = ""
 ) -> list[gr.State]:
-    """States of a run at ascending times, each the first step at or past its time."""
+    """States of a run at ascending times, each of the first step at or after its time."""
     simulation = simulation_of(scene, chosen)
     found = []
     for time in tqdm(times, desc=name or scene.name, unit="state"):
@@ -111,7 +111,7 @@ def frames(
     *,
     name: str = "",
 ) -> list[Any]:
-    """What `measure` says of the state at each frame of a run; the states are not kept."""
+    """Results of `measure` for the state at each frame of a run; the states are not kept."""
     found: list[Any] = []
     simulation = simulation_of(scene, chosen)
     with tqdm(total=until, desc=name or scene.name, unit="s", leave=False) as bar:
@@ -125,7 +125,7 @@ def frames(
 
 
 def save(picture: Picture, chosen: argparse.Namespace, name: str) -> None:
-    """Write the PNG, with what it was made with in its corner, and say where."""
+    """Write the PNG, with its settings noted in the corner, and print its path."""
     picture.text(0.995, 0.005, chosen.note, ha="right", va="bottom", fontsize=6, color="0.4")
     chosen.out.mkdir(parents=True, exist_ok=True)
     path = chosen.out / f"{name}.png"

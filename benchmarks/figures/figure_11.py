@@ -1,4 +1,4 @@
-"""Figure 11: a loose slug flies, meets a wall, and comes to rest as a heap."""
+"""Figure 11: a disconnected slug flies, meets a wall, and comes to rest as a heap."""
 
 import sys
 
@@ -10,7 +10,7 @@ from granular import plot
 
 def main(argv: list[str] | None = None) -> None:
     chosen = options(__doc__, argv)
-    # The paper gives cells of .0083 m, 120 to a metre, but no size: here a box of 1 m, so that
+    # The paper gives cells of 0.0083 m, 120 to a metre, but no size: here a box of 1 m, so that
     # the heap ends before the left wall; the way to the right wall is that of the scene.
     scene = gr.scenes.slug(
         center=(0.45, 0.25),

@@ -10,7 +10,7 @@ from granular import plot
 
 
 def _left(state: gr.State) -> tuple[float, float]:
-    """Time [s] and mass still there [kg/m]."""
+    """Time [s] and remaining mass [kg/m]."""
     return state.time, float(state.mass.sum())
 
 

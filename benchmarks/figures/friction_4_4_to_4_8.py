@@ -12,8 +12,8 @@ from granular import plot
 from granular.grain_scale.friction_law import SteadyShear
 
 TABLE = Path(__file__).parents[1] / "results" / "friction_law.json"
-NAMES = {"low": "e = .5", "high": "e = .85", "walls": "walls, e = .5"}
-"""The sets by their restitution at an impact of a tenth of sqrt(p/rho_s)."""
+NAMES = {"low": "e = 0.5", "high": "e = 0.85", "walls": "walls, e = 0.5"}
+"""Names of the sets, by their restitution at an impact speed of a tenth of sqrt(p/rho_s)."""
 
 
 def beads(inertial):
@@ -34,7 +34,7 @@ def main(argv: list[str] | None = None) -> None:
         sets.setdefault(row["set"], []).append(flow)
     sets = {NAMES[name]: sets[name] for name in NAMES if name in sets}
     first = next(iter(sets.values()))
-    chosen.note = f"{rows[0]['case']['count']} grains and fewer below I = .01"
+    chosen.note = f"{rows[0]['case']['count']} grains and fewer below I = 0.01"
     pictures = {
         "friction_4_4": plot.friction_and_packing(sets, {"glass beads": beads}),
         "friction_4_5": plot.friction_by_law(first),

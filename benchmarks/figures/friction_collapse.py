@@ -1,7 +1,7 @@
 """From grains to a heap: mu(I) of sheared spheres, then a column of them that collapses.
 
-The flows are those of benchmarks/friction_law.py. Their rheology becomes a material of the
-continuum, in the column collapse of figure 2; beside it the glass beads of the paper.
+The flows are those of benchmarks/friction_law.py. Their rheology is used as a continuum material in
+the column collapse of figure 2, and compared with the glass beads of the paper.
 """
 
 import json
@@ -20,14 +20,14 @@ TABLE = Path(__file__).parents[1] / "results" / "friction_law.json"
 
 
 def rheology() -> tuple[friction_law.MuIFit, dict]:
-    """The fit to the flows of the table, and the grains they were made of."""
+    """Fit to the flows of the table, and the grains of these flows."""
     table = json.loads(TABLE.read_text())
     flows = [SteadyShear(**row["flow"]) for row in table["rows"] if row["set"] == "low"]
     return friction_law.fit_rheology(flows), table["grains"]["low"]
 
 
 def heap(material: gr.materials.MuI, quick: bool) -> gr.State:
-    """The column at its end."""
+    """State of the column at the end of its run."""
     size = {"cell": 0.05, "duration": 0.5} if quick else {}
     scene = gr.scenes.column_collapse(aspect=1.0, material=material, **size)
     simulation = gr.Simulation(scene)
@@ -38,7 +38,7 @@ def heap(material: gr.materials.MuI, quick: bool) -> gr.State:
 def main(argv: list[str] | None = None) -> None:
     chosen = options(__doc__, argv, without=("scheme", "threads", "tolerance"))
     fit, grains = rheology()
-    # The diameter of a sphere of the mean volume, as in the inertial numbers of the table.
+    # The diameter is that of a sphere of the mean volume, as in the table's inertial numbers.
     d = gr.grain_scale.dem.Grains(**grains).d_volume
     materials = {
         "sheared grains": fit.material(d=d, rho_s=grains["rho_s"], E=chosen.E),

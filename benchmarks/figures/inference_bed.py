@@ -1,6 +1,7 @@
-"""Figures 3.7 to 3.10 of Hurley's thesis: a heavy disc falls into beds of smaller ones, synthetic.
+"""Figures 3.7 to 3.10 of Hurley's thesis, from synthetic data: a heavy disc falls into a bed.
 
-The bed is that of section 3.4 but for its depth; stresses are off by 10 % and rotations not known.
+The bed of smaller discs is that of section 3.4, apart from its depth. The stresses have an error of
+10 %, and the rotations are unknown.
 """
 
 import sys
@@ -17,12 +18,12 @@ MU, STIFFNESS, DENSITY = 0.6, 9e6, 1100.0
 RADII = (0.0127, 0.015875)
 WIDTH, GRAINS, INTRUDER, SPEED = 0.81, 330, 0.1, 2.4
 THICKNESS = 0.0095
-"""Of the grains [m]: forces are found per metre."""
+"""Depth of the grains [m]; forces are inferred per metre of depth."""
 FRAMES, RATE = 180, 4500.0
 
 
 def bed(seed: int) -> grains.Grains:
-    """Grains at rest under gravity, and an intruder that touches them next."""
+    """Grains at rest under gravity, and an intruder that is about to touch them."""
     rng = np.random.default_rng(seed)
     R = np.append(rng.choice(RADII, GRAINS), INTRUDER)
     x = np.zeros((GRAINS + 1, 2))
@@ -38,7 +39,7 @@ def bed(seed: int) -> grains.Grains:
         system.step(2500)
         system.x[-1, 1], system.v[-1] = 2.0, 0.0
     system.drag = 0.0
-    # As low as it can be without touching.
+    # The intruder is as low as possible without a contact.
     beside = abs(system.x[:-1, 0] - WIDTH / 2)
     reach = INTRUDER + R[:-1]
     near = beside < reach
@@ -52,7 +53,7 @@ def bed(seed: int) -> grains.Grains:
 
 @dataclass(frozen=True)
 class Experiment:
-    """An impact: the record, inferred and true forces, and distances from the intruder."""
+    """Data of an impact: record, inferred and true forces, distances from the intruder."""
 
     record: grains.Record
     forces: list[np.ndarray]
@@ -61,7 +62,7 @@ class Experiment:
 
 
 def experiment(seed: int, every: int) -> Experiment:
-    """One in `every` frames of an impact."""
+    """Every `every`-th frame of an impact."""
     system, rng = bed(seed), np.random.default_rng(100 + seed)
     record = grains.film(system, GRAINS, FRAMES // every, every / RATE)
     forces, distances = [], []

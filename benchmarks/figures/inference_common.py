@@ -1,4 +1,4 @@
-"""What the figures of the inference share: synthetic packings of the tests, noise, errors."""
+"""Synthetic packings of the tests, noise and errors, shared by the figures of the inference."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from granular.grain_scale.inference import InferenceWarning, Packing
 
-# The discrete element method is no part of the package: the tests have a small one.
+# The tests contain a small discrete element code, which is not part of the package.
 sys.path.append(str(Path(__file__).parents[2] / "tests" / "unit"))
 import grains
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 
 def chosen_options(doc: str | None, argv: Sequence[str] | None) -> argparse.Namespace:
-    """--quick and --out, as the other figures have them."""
+    """Parse the options --quick and --out, which are those of the other figures."""
     parser = argparse.ArgumentParser(description=doc)
     parser.add_argument("--quick", action="store_true", help="fewer frames, to look at")
     parser.add_argument("--out", type=Path, default=OUT, help=f"folder of the PNG ({OUT})")
@@ -38,18 +38,18 @@ def chosen_options(doc: str | None, argv: Sequence[str] | None) -> argparse.Name
 def with_noise(
     packing: Packing, rng: np.random.Generator, *, bias: float = 0.15, spread: float = 0.1
 ) -> Packing:
-    """Stresses as eq. 2.16 has them, each component off by itself."""
+    """Stresses with the noise of eq. 2.16, independent in each component."""
     noise = np.triu(1 + bias + rng.normal(0, spread, packing.stresses.shape))
     return replace(packing, stresses=packing.stresses * (noise + np.triu(noise, 1).swapaxes(1, 2)))
 
 
 def relative_error(found: Array, true: Array) -> float:
-    """Eq. 2.15."""
+    """Error of all forces, eq. 2.15."""
     return float(np.linalg.norm(found - true) / np.linalg.norm(true))
 
 
 def quietly(infer: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-    """The result of an inference whose flags the picture tells of."""
+    """Result of an inference without its warnings, as the picture shows the flags."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", InferenceWarning)
         return infer(*arguments, **options)

@@ -1,4 +1,4 @@
-"""Figures 3.2 and 3.5 of Hurley's thesis: six discs that are hit, from noisy synthetic records."""
+"""Figures 3.2 and 3.5 of Hurley's thesis: an impact on six discs, from noisy synthetic records."""
 
 import sys
 

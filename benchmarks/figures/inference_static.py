@@ -1,4 +1,4 @@
-"""Figures 2.9 to 2.11 of Hurley's thesis on a packing of our own: forces, noise, a window."""
+"""Figures 2.9 to 2.11 of Hurley's thesis, with our own packing: forces, noise, a window."""
 
 import sys
 

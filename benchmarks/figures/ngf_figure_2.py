@@ -1,4 +1,4 @@
-"""Figure 2 of the nonlocal law: which layers on a rough incline flow, and how."""
+"""Figure 2 of the nonlocal law: flow and rest of layers on a rough incline."""
 
 import json
 import math
@@ -17,23 +17,23 @@ from granular.verify.chute import AT_REST, PROFILES, column, kinetic_energy, vel
 
 GRAINS = gr.scenes.chute_ngf().material
 GLASS = {"A": 0.48, "d": 0.005, "mu_s": 0.3819}
-"""Beads of figure 2(d), their mu_2 apart."""
+"""Beads of figure 2(d), without their mu_2."""
 CELL = 0.001
 ANGLES = (22.0, 24.0, 26.0, 28.0, 30.0, 32.0, 34.0)
 CELLS_HIGH = (2, 3, 4, 5, 6, 7, 8, 10, 12, 14)
 """Heights of figure 2(b), in cells of 1 mm."""
-DOUBTFUL = 0.02
-"""Distance from H_stop, relative, within which a verdict is not judged."""
+MARGIN = 0.02
+"""Relative distance from H_stop within which a verdict is not judged."""
 RESULTS = Path(__file__).parents[1] / "results" / "ngf_figure_2.json"
 
 
 def energy_at_end(record: gr.Trajectory) -> float:
-    """Kinetic energy by mass of the last frame [J/kg]."""
+    """Kinetic energy per mass of the last frame [J/kg]."""
     return kinetic_energy(record[-1])
 
 
 def diagram(quick: bool) -> list[dict]:
-    """Every layer of figure 2(b): where it is, its energy at the end and what that makes of it."""
+    """Rows of figure 2(b): angle and height of a layer, its final energy and the verdict."""
     angles, heights = (ANGLES[1::4], CELLS_HIGH[2::5]) if quick else (ANGLES, CELLS_HIGH)
     cases = {
         (angle, n): gr.scenes.chute_ngf(
@@ -54,17 +54,17 @@ def diagram(quick: bool) -> list[dict]:
 
 
 def wrong(rows: list[dict]) -> list[dict]:
-    """Those further than DOUBTFUL from the line, on the side where the theory has the others."""
+    """Rows that are further than `MARGIN` from the line, on its wrong side by the theory."""
     return [
         row
         for row in rows
-        if abs(row["over_stopping"] - 1) > DOUBTFUL
+        if abs(row["over_stopping"] - 1) > MARGIN
         and (row["verdict"] == "flowing") != (row["over_stopping"] > 1)
     ]
 
 
 def draw_diagram(ax: Axes, rows: list[dict]) -> None:
-    """2(b): verdicts over angle and height, and eq. 3.1."""
+    """Figure 2(b): verdicts over angle and height, and eq. 3.1."""
 
     def stopping(angle: np.ndarray) -> np.ndarray:
         m = GRAINS
@@ -83,7 +83,7 @@ def draw_diagram(ax: Axes, rows: list[dict]) -> None:
 
 
 def draw_profiles(ax: Axes, heights: dict[float, float]) -> None:
-    """2(c): profiles at 27 deg, with the solutions they should have and both limits."""
+    """Figure 2(c): profiles at 27 deg, with the theoretical solutions and both limits."""
     stop = float(theory.stopping_height(27.0, GRAINS.A, GRAINS.d, GRAINS.mu_s, GRAINS.mu_2))
     for k, (height, until) in enumerate(heights.items()):
         simulation = column(height=height)
@@ -103,7 +103,7 @@ def draw_profiles(ax: Axes, heights: dict[float, float]) -> None:
 
 
 def draw_glass(ax: Axes) -> None:
-    """2(d): H_stop of glass beads, with a limit of friction and without."""
+    """Figure 2(d): H_stop of glass beads, with and without a limit of friction."""
     angle = np.linspace(21.5, 34, 400)
     for mu_2, style in ((0.6435, "C0-"), (math.inf, "C3:")):
         height = theory.stopping_height(angle, mu_2=mu_2, **GLASS) / GLASS["d"]

@@ -18,18 +18,18 @@ import granular as gr
 from granular import plot
 from granular.measure import LatticeField
 from granular.measure.velocity_slices import HEIGHTS
-from granular.scenes.clogging_silo import hats
+from granular.scenes.clogging_silo import linear_flip
 
 SCHEMES = {
-    "hats": hats,
+    "linear": linear_flip,
     "splines": gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4),
 }
 DIAGRAM = Path(__file__).parents[1] / "results" / "clogging.json"
-"""Made by benchmarks/clogging.py."""
+"""Table made by benchmarks/clogging.py."""
 W = 0.14
 """Opening of the scene [m]."""
 FRAME = 1 / 240
-"""Between two frames of the paper [s]."""
+"""Time between two frames of the paper [s]."""
 SPEEDS = np.arange(0.05, 0.351, 0.05)
 
 FORMATION = (0, 12, 24, 36, 60, 350)
@@ -45,11 +45,11 @@ COLORS = ("#c2377e", "#2a8a4a", "#2d5d8f")
 
 
 class Silos:
-    """Runs of half silos, and the frames of them that figures ask for."""
+    """Runs of half silos, and those of their frames that figures need."""
 
     def __init__(self, chosen: argparse.Namespace) -> None:
         self.chosen = chosen
-        # quick: cells of twice the size, and the frames of the first sixth of the time
+        # --quick: cells of twice the size, and frames of the first sixth of the time
         self.frame = FRAME / 6 if chosen.quick else FRAME
         self.size = {"width": 0.56, "height": 0.56} if chosen.quick else {}
 
@@ -89,7 +89,7 @@ def some(found: dict[int, gr.State], wanted: Iterable[int]) -> list[gr.State]:
 
 
 def shown(ax: Axes, field: LatticeField, **style) -> object:
-    """A field of half a silo, with its mirror image; white where nothing is."""
+    """Draw a field of half a silo with its mirror image; empty cells are white."""
     cell = field.axes[1][1] - field.axes[1][0]
     x = np.concatenate([-field.axes[0][::-1], field.axes[0]])
     value = np.concatenate([field.value[::-1], field.value])
@@ -106,7 +106,7 @@ def dress(ax: Axes) -> None:
 
 
 def points(ax: Axes, state: gr.State, value: np.ndarray, *, size: float, **style) -> object:
-    """The points of half a silo and their mirror images."""
+    """Draw the points of half a silo and their mirror images."""
     x = np.concatenate([-state.x[:, 0], state.x[:, 0]])
     y = np.concatenate([state.x[:, 1]] * 2)
     image = ax.scatter(x, y, c=np.concatenate([value] * 2), s=size, linewidths=0, **style)
@@ -207,7 +207,7 @@ def figure_7(steady: list[gr.State], chosen: argparse.Namespace) -> None:
 
 
 def figure_8(silos: dict[float, list[gr.State]], chosen: argparse.Namespace) -> None:
-    """Means over dense points; where no frame has one it is white, and 0 in the paper."""
+    """Draw means over dense points; cells without any are white here, and 0 in the paper."""
     fig = plot.Picture(figsize=(12, 4.6), layout="compressed")
     for ax, (A, states) in zip(fig.subplots(1, 3), silos.items(), strict=True):
         field = gr.measure.frame_average(states, "g", points="dense")

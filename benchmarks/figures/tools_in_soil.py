@@ -1,9 +1,10 @@
 """Tools in soil and flow between cylinders: Haeri & Skonieczny 2021, figures 8, 9, 12 to 14, 17.
 
-Forces over time, what fails before a blade by law, a blade of finite width, soil below a wheel, an
-excavator at work, convergence, the profile between cylinders.
+The pictures show forces over time, the failure zone before a blade for several laws, a blade of
+finite width, soil below a wheel, an excavator at work, the convergence, and the profile between
+cylinders.
 
-Draws the records of `benchmarks/three_d.py`, which makes them:
+The script draws the records that `benchmarks/three_d.py` makes:
 
     python benchmarks/three_d.py narrow_5 narrow_5_local narrow_5_drucker_prager excavator ...
     python benchmarks/figures/tools_in_soil.py --records build/three_d --out build/figures
@@ -39,11 +40,11 @@ FORCES = {
     "narrow_5": "5 cm, between walls, held by nodes within",
 }
 WHOLE = "excavation_5_whole"
-"""The run that is no half: what is lateral in it is scatter."""
+"""Run of the whole width; its lateral force should vanish, so that it shows the scatter."""
 WIDTH = 0.305
-"""Of the blade [m]: forces between walls 0.05 m apart are shown as for it."""
+"""Width of the blade [m]; forces between walls 0.05 m apart are scaled to it."""
 GRAINS, BEADS = 3e-4, 4e-3
-"""Diameters of the axis of figure 8 [m]."""
+"""Grain diameters for the axis of figure 8 [m]."""
 SHALLOW = ("couette_shallow_8", "couette_shallow_6", "couette_shallow")
 BLADES = {"thin_5_coarse": ("d", 8), "thin_5": ("d", 8), "thin_5_one": ("v", 1)}
 FINEST = "thin_5_fine"
@@ -52,9 +53,9 @@ LABELS = {
     "thin_5_one": "the same, one point a cell",
 }
 ARRIVED = 0.5
-"""At depth, time over which the force is compared between cells [s]."""
+"""Time at depth over which forces with different cells are compared [s]."""
 STATES = (0.5, 2.5, 4.5, 6.5)
-"""Times at which the excavator is seen [s]."""
+"""Times at which the excavator is drawn [s]."""
 WHEELS = (20, 40, 70)
 FLOWS = {
     "couette": "H = 100 mm",
@@ -64,7 +65,7 @@ FLOWS = {
 
 
 def scale(name: str) -> float:
-    """What makes the force on a blade between walls that on the whole width."""
+    """Factor from the force on a blade between walls to that on the whole width."""
     return WIDTH / 0.05 if name.startswith(("thin", "narrow")) else 1.0
 
 
@@ -88,7 +89,7 @@ def forces(table: dict, names: list[str]) -> plot.Picture:
 
 
 def arrival(row: dict) -> float:
-    """Mean forward force just after the blade has come to its depth [N]."""
+    """Mean forward force just after the blade has reached its depth [N]."""
     times, height, forward, *_ = np.array(row["course"])
     level = height < 0.99 * height.min()
     begin = times[level][0]
@@ -96,8 +97,8 @@ def arrival(row: dict) -> float:
 
 
 def convergence(table: dict) -> plot.Picture:
-    """Errors over dx/(d ppc) (figure 8): the profile against its theory, the force against that
-    in the finest cells."""
+    """Errors against dx/(d ppc) (figure 8): of the profile against its theory, and of the force
+    against that with the finest cells."""
     picture = plot.Picture(figsize=(6, 4.2), layout="compressed")
     ax = picture.subplots()
     flows = [table[name] for name in SHALLOW if name in table]
@@ -116,7 +117,7 @@ def convergence(table: dict) -> plot.Picture:
 
 
 def profile(table: dict, names: list[str]) -> plot.Picture:
-    """Angular velocity at the top between cylinders over that of the inner one (figure 9)."""
+    """Angular velocity at the top between cylinders, relative to the inner one (figure 9)."""
     picture = plot.Picture(figsize=(9, 3.8), layout="compressed")
     axes = picture.subplots(1, 2)
     for name in names:
@@ -133,7 +134,7 @@ def profile(table: dict, names: list[str]) -> plot.Picture:
 
 
 def failure(records: dict[str, Path]) -> plot.Picture:
-    """Speed before the blade at the end, and where it parts from rest, by law."""
+    """Speed before the blade at the end, and the boundary of the moving zone, for each law."""
     rows = (len(records) + 1) // 2
     picture = plot.Picture(figsize=(11, 2.6 * rows), layout="compressed")
     axes = picture.subplots(rows, 2, squeeze=False).ravel()
@@ -154,7 +155,7 @@ def failure(records: dict[str, Path]) -> plot.Picture:
 
 
 def wide(path: Path) -> plot.Picture:
-    """A blade of finite width at the end of its way (figure 12): at its middle, and from above."""
+    """A blade of finite width at the end of its path (figure 12): at its middle and from above."""
     with gr.open(path) as record:
         state, parameters = record[len(record) - 1], record.scene.parameters
         blade = gr.measure.body_motion(record).position[-1]
@@ -184,10 +185,10 @@ def wide(path: Path) -> plot.Picture:
 
 
 def below_wheels(paths: dict[int, Path]) -> plot.Picture:
-    """Speed of the soil at the window over that of the rim, mean of the last second (figure 17).
+    """Speed of the soil at the window, relative to the rim, mean of the last second (figure 17).
 
-    That is from 5 to 6 s of rolling. The frames are not moved with the wheel, which goes a cell or
-    less.
+    That is from 5 to 6 s of rolling. The frames are not shifted with the wheel, which moves by a
+    cell or less.
     """
     picture = plot.Picture(figsize=(6.2, 2.2 * len(paths)), layout="constrained")
     axes = picture.subplots(len(paths), 1, squeeze=False).ravel()
@@ -216,7 +217,7 @@ def below_wheels(paths: dict[int, Path]) -> plot.Picture:
 
 
 def excavator(path: Path) -> plot.Picture:
-    """Shear rate next to the symmetry plane: at rest, flowing, and falling (free of stress)."""
+    """Shear rate next to the symmetry plane: at rest, flowing, and falling (stress-free)."""
     with gr.open(path) as record:
         cell = record.scene.grid.cell
         chosen = [record[int(np.argmin(np.abs(record.times - t)))] for t in STATES]
@@ -250,7 +251,7 @@ def wheels(table: dict) -> plot.Picture:
 
 
 def of_table(table: dict) -> dict[str, plot.Picture]:
-    """What the numbers show."""
+    """Pictures of the numbers in the table."""
     pictures = {"tools_forces": forces(table, [name for name in FORCES if name in table])}
     if any(f"wheel_{slip}" in table for slip in WHEELS):
         pictures["tools_wheel"] = wheels(table)
@@ -263,7 +264,7 @@ def of_table(table: dict) -> dict[str, plot.Picture]:
 
 
 def of_records(folder: Path) -> dict[str, plot.Picture]:
-    """What the records that are there show."""
+    """Pictures of the existing records."""
     there = {path.stem: path for path in folder.glob("*.h5")}
     pictures = {}
     laws = {name: there[name] for name in LAWS if name in there}
@@ -279,7 +280,7 @@ def of_records(folder: Path) -> dict[str, plot.Picture]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Draw what there are records and numbers of."""
+    """Draw all pictures for which records or numbers exist."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--records", type=Path, default=Path("build/three_d"))
     parser.add_argument("--results", type=Path, default=RESULTS)

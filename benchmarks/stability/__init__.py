@@ -1,1 +1,1 @@
-"""The cases of the map of failure, by what they are made of."""
+"""The cases of the map of failure, by their kind."""

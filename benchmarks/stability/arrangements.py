@@ -1,4 +1,4 @@
-"""The largest stable time step of an arrangement of points, by the eigenvalues of M^-1 K."""
+"""Largest stable time step of an arrangement of points, from the eigenvalues of M^-1 K."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from stability.cells import Map
 
 NU = 0.3
 LAME = NU / (1 - NU)
-"""lambda/(lambda + 2 G): moduli are in units of that of compression waves, so that c = dx = 1."""
+"""lambda/(lambda + 2 G). The unit of moduli is that of compression waves, so that c = dx = 1."""
 SHEAR = (1 - LAME) / 2
 LIGHTEST = 1e-14
 """Mass cutoff of the schemes, in point masses."""
 
 
-def hat(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weight and slope at the distance s [cells] from a node."""
+def linear(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Linear shape function: weight and slope at the distance s [cells] from a node."""
     inside = abs(s) < 1
     return np.where(inside, 1 - abs(s), 0.0), np.where(inside, -np.sign(s), 0.0)
 
 
 def spline(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Quadratic B-spline, and its slope."""
+    """Quadratic B-spline: weight and slope at the distance s [cells] from a node."""
     a = abs(s)
     near, far = a < 0.5, (a >= 0.5) & (a < 1.5)
     weight = np.where(near, 0.75 - s * s, np.where(far, (1.5 - a) ** 2 / 2, 0.0))
@@ -33,7 +33,7 @@ def spline(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def averaged_hat(half: float) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Hat averaged over a point of half-width `half` [cells] (uGIMP)."""
+    """Linear shape function averaged over a point of half-width `half` [cells] (uGIMP)."""
 
     def integral(s: np.ndarray) -> np.ndarray:
         t = np.clip(s, -1.0, 1.0)
@@ -41,7 +41,7 @@ def averaged_hat(half: float) -> Callable[[np.ndarray], tuple[np.ndarray, np.nda
 
     def shape(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         weight = (integral(s + half) - integral(s - half)) / (2 * half)
-        return weight, (hat(s + half)[0] - hat(s - half)[0]) / (2 * half)
+        return weight, (linear(s + half)[0] - linear(s - half)[0]) / (2 * half)
 
     return shape
 
@@ -53,10 +53,11 @@ def largest_eigenvalue(
     volume: float,
     weight_correction: np.ndarray | None = None,
 ) -> float:
-    """Of M^-1 K for points at x (n, dim) in a box of so many cells with two empty ones around.
+    """Largest eigenvalue of M^-1 K for points at x (n, dim).
 
-    With the part of its volume, at most, by which each point counts more in the force, less the
-    local mean of that, as an averaging leaves it.
+    The points are in a box of some cells with two empty cells around it. `weight_correction` is the
+    largest fraction of its volume by which each point counts more in the force; its local mean is
+    subtracted, as in an averaging step.
     """
     n, dim = x.shape
     nodes = cells + 5
@@ -97,16 +98,16 @@ def smallest_step(
 ) -> tuple[float, dict]:
     """Smallest c dt/dx = 2/sqrt(lambda_max) over random, shifted and isolated arrangements.
 
-    With weights of the points up to 1 + limit and down to 1 - limit, by chance.
+    The quadrature weights of the points are 1 + limit or 1 - limit at random.
     """
-    shape = {"linear": hat, "quadratic": spline, "ugimp": averaged_hat(0.5 / per_axis)}[basis]
+    shape = {"linear": linear, "quadratic": spline, "ugimp": averaged_hat(0.5 / per_axis)}[basis]
     rng = np.random.default_rng(3)
     cells = 4 if dim == 1 else 2
     steps = []
     for i in range(tries):
         if i % 3 == 0:  # anywhere
             x = rng.uniform(0, cells, (per_axis**dim * cells**dim, dim))
-        else:  # a jittered lattice, shifted; every second one with a single point beside it
+        else:  # a jittered, shifted seeding lattice; every second one with an isolated point
             line = (np.arange(per_axis * cells) + 0.5) / per_axis
             x = np.stack(np.meshgrid(*[line] * dim), -1).reshape(-1, dim)
             x = x + rng.uniform(-0.5, 0.5, x.shape) / per_axis + rng.uniform(0, 1, dim)
@@ -120,7 +121,7 @@ def smallest_step(
 
 
 def arrangements(quick: bool) -> Map:
-    """dt against arrangement: where any step beyond it makes energy, whatever the motion."""
+    """Time step against arrangement; any larger step creates energy, whatever the motion."""
     found = Map(
         "arrangement",
         "Time step of the worst arrangement of points",

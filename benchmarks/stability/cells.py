@@ -1,4 +1,4 @@
-"""What a map is made of, and how the limits of the product are lifted to look beyond them."""
+"""Maps and their cells, and functions that lift the limits of the package to look beyond them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STABLE, DEGRADED, REFUSED = "stable", "degraded", "refused"
 
 @dataclass
 class Cell:
-    """One measured case: what came out, and the verdict."""
+    """One measured case: its result and the verdict."""
 
     row: str
     column: str
@@ -33,7 +33,7 @@ class Cell:
 class Map:
     """Cases over two parameters.
 
-    `sound` is the largest sound value (the least one where `least`).
+    `sound` is the largest value that counts as stable (the smallest one if `least`).
     """
 
     name: str
@@ -59,7 +59,7 @@ class Map:
         case: Callable[[], float | tuple[float, dict[str, Any]]],
         refused: bool = False,
     ) -> None:
-        """Measure a case; a run that stops itself has the value nan and says why."""
+        """Measure a case; a run that stops with an error has the value nan and a note."""
         begin, notes = time.process_time(), {}
         try:
             value = case()
@@ -74,13 +74,13 @@ class Map:
 
 @contextmanager
 def lifted() -> Iterator[None]:
-    """Without the limits of the time step, to see what they spare."""
+    """Lift the limits of the time step, to see what they prevent."""
     with mock.patch.object(limits, "courant_limit", lambda scene: math.inf):
         yield
 
 
 def refuses(scene: gr.Scene) -> bool:
-    """Whether the product refuses a scene."""
+    """True if the package refuses a scene."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", gr.StabilityWarning)
@@ -91,7 +91,7 @@ def refuses(scene: gr.Scene) -> bool:
 
 
 def simulate(scene: gr.Scene) -> gr.Simulation:
-    """A simulation on one thread, whatever the limits say."""
+    """Simulation with one thread, without the limits."""
     with lifted(), warnings.catch_warnings():
         warnings.simplefilter("ignore", gr.StabilityWarning)
         return gr.Simulation(scene, threads=1)
@@ -114,5 +114,5 @@ SCHEMES = {
 
 
 def chosen(values: Sequence[Any], quick: bool, few: int = 2) -> Sequence[Any]:
-    """All values, or the first and last of them for a quick look."""
+    """All values, or only the first and last ones if `quick`."""
     return values if not quick or len(values) <= few else (values[0], values[-1])

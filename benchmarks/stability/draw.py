@@ -62,7 +62,7 @@ FIGURES: dict[str, tuple[tuple[str, ...], int]] = {
 
 
 def number(value: float) -> str:
-    """A number short enough for a cell; what stopped by itself has none."""
+    """A number short enough for a cell; empty for a run that stopped with an error."""
     if math.isnan(value):
         return "stop"
     if math.isinf(value):
@@ -98,7 +98,7 @@ def panel(axes: Axes, found: Map) -> None:
 
 
 def figures(maps: dict[str, Map], folder: Path) -> None:
-    """Write the figures for which there are maps."""
+    """Write the figures for which maps exist."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, (members, across) in FIGURES.items():
         present = [maps[m] for m in members if m in maps]

@@ -19,7 +19,7 @@ BASES = ("linear", "ugimp", "quadratic")
 
 
 def places(sim: gr.Simulation) -> np.ndarray:
-    """Places of the points in the buffers, by id."""
+    """Rows of the points in the buffers, by id."""
     ids = sim.buffers["id"]
     at = np.flatnonzero(ids >= 0)
     return at[np.argsort(ids[at])]
@@ -46,9 +46,10 @@ def body(region: Any, points: int, scheme: gr.Scheme, **options: Any) -> gr.Scen
 
 
 def patch_error(basis: str, points: int, jitter: float, seed: int) -> float:
-    """Largest force that a uniform pressure p makes on a node inside, in units of p dx.
+    """Largest force of a uniform pressure p on a node inside, in units of p dx.
 
-    The lattice first flies a quarter of a cell, so that points lie on both sides of cell borders.
+    The seeded body first flies a quarter of a cell, so that points lie on both sides of cell
+    borders.
     """
     region = Box((0.3, 0.3), (1.9, 1.9))
     scene = body(
@@ -78,7 +79,7 @@ def patches(quick: bool) -> Map:
     found = Map(
         "patch",
         "Cell crossing: force of a uniform pressure",
-        "largest nodal force / (p dx), median of 7 lattices",
+        "largest nodal force / (p dx), median of 7 seedings",
         "basis",
         "points per cell, jitter",
         0.1,
@@ -101,21 +102,22 @@ def patches(quick: bool) -> Map:
 
 
 FLIGHT = (0.02, 0.012, 0.007)
-"""Velocity of a flying body over the wave speed: over many arrangements, and not for long."""
+"""Velocity of a flying body, divided by the wave speed, so that its points pass through many
+arrangements relative to the cells, each for a short time."""
 
 
 def growth(scene: gr.Scene, steps: int, seed: int = 0, flight: tuple[float, ...] = FLIGHT) -> float:
-    """How much the energy of a body that flies freely grows, measured in the moving frame.
+    """Growth factor of the energy of a body in free flight, in the moving frame.
 
-    It flies over the cells with noise of a millionth of the wave speed, so that the step meets
-    many arrangements of points but nothing that is not linear.
+    The body flies over the cells with velocity noise of a millionth of the wave speed. The step is
+    thus tested with many arrangements of points, while all strains stay in the linear range.
     """
     sim = simulate(scene)
     at, c = places(sim), scene.material.wave_speed
     noise = np.random.default_rng(seed).standard_normal((scene.dim, len(at)))
     mean = np.array(flight[: scene.dim])[:, None]
     sim.buffers["v"][:, at] = c * (mean + 1e-6 * noise)
-    sim.step(20)  # what the grid does not see of the noise is soon gone
+    sim.step(20)  # noise that the grid does not resolve decays within these steps
     before = own_energy(sim.state)
     with np.errstate(over="ignore"):
         sim.step(steps)
@@ -130,7 +132,7 @@ def own_energy(state: gr.State) -> float:
 
 
 def worst_growth(scheme: gr.Scheme, points: int, courant: float, quick: bool, **options: Any):
-    """Largest growth over lattices; and whether the product refuses the time step."""
+    """Largest growth over the seedings, and a flag if the package refuses the time step."""
     material = options.pop("material", Elastic(E=1e6))
     region = Disc((0.8, 0.8), 0.43)
     scenes = [
@@ -152,13 +154,13 @@ COURANTS = (0.1, 0.25, 0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.2)
 
 
 def courant_points(quick: bool) -> list[Map]:
-    """CFL x points per cell, one map a scheme: a disc with a ragged edge in flight."""
+    """CFL x points per cell, one map per scheme: a disc with a ragged edge in flight."""
     maps = []
     for name, scheme in SCHEMES.items():
         found = Map(
             f"courant_{name.split()[0].strip(',').lower()}_{scheme.transfer}",
             f"Time step, {name}: a disc in flight",
-            "growth of its energy, worst of 3 lattices",
+            "growth of its energy, worst of 3 seedings",
             "points per cell",
             "c dt/dx",
             1.5,
@@ -176,7 +178,7 @@ def courant_nu(quick: bool) -> Map:
     found = Map(
         "courant_nu",
         "Time step and Poisson's ratio, default scheme: a disc in flight",
-        "growth of its energy, worst of 3 lattices",
+        "growth of its energy, worst of 3 seedings",
         "nu",
         "c dt/dx",
         1.5,
@@ -195,11 +197,11 @@ SPACE_SCHEMES = {name: scheme for name, scheme in SCHEMES.items() if scheme.basi
 
 
 def courant_space(quick: bool) -> Map:
-    """CFL x scheme in space: a short cylinder in flight."""
+    """CFL x scheme in 3D: a short cylinder in flight."""
     found = Map(
         "courant_space",
-        "Time step in space: a cylinder in flight",
-        "growth of its energy, worst of 2 lattices",
+        "Time step in 3D: a cylinder in flight",
+        "growth of its energy, worst of 2 seedings",
         "scheme, points per cell",
         "c dt/dx",
         1.5,
@@ -227,7 +229,7 @@ def courant_speed(quick: bool) -> Map:
     found = Map(
         "courant_speed",
         "Time step of a fast body, default scheme: a disc in flight",
-        "growth of its energy, worst of 3 lattices",
+        "growth of its energy, worst of 3 seedings",
         "v/c",
         "(c + v) dt/dx",
         1.5,

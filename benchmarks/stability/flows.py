@@ -1,4 +1,4 @@
-"""Granular cases: inclines, thin layers, rest, impact, and what a soft material costs."""
+"""Granular cases: inclines, thin layers, rest, impact, and the error of a soft material."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def error_of_profile(state: gr.State, height: float = HEIGHT) -> float:
 
 
 def watched(sim: gr.Simulation, until: float, frames: int = 60) -> dict[str, float]:
-    """Run under a monitor that looks at every frame, whatever it costs; what it says in the end."""
+    """Run under a monitor that samples every frame, and return its final indicators."""
     monitor = Monitor()
     hooks = (lambda sim: monitor.look(sim.state),)
     sim.run(until=until, every=until / frames, hooks=hooks, monitor=False)
@@ -43,7 +43,7 @@ def watched(sim: gr.Simulation, until: float, frames: int = 60) -> dict[str, flo
 
 
 def flow(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
-    """Error of v(y) after a while, and the signs of the monitors."""
+    """Error of v(y) after a while, and the indicators of the monitor."""
     sim = simulate(scene)
     signs = watched(sim, until)
     state = sim.state
@@ -52,7 +52,7 @@ def flow(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
 
 
 def incline_courant(quick: bool) -> Map:
-    """Too large a step without a NaN: one column at 25 deg."""
+    """Time steps that are too large but cause no NaN: one column at 25 deg."""
     found = Map(
         "incline_courant",
         "Too large a step without a NaN: one column of an incline of 25 deg, 10 s",
@@ -124,8 +124,8 @@ def incline_seeding(quick: bool) -> Map:
     for points in chosen((1, 4, 9, 16), quick):
         for cells in chosen((1, 2, 3, 4, 6, 8, 12, 20), quick):
             height = 0.01 * cells
-            # The same ratio of weight to stiffness in each: the bias of a soft material is not
-            # what is looked for.
+            # The ratio of weight to stiffness is the same in each, so that the bias of a soft
+            # material does not vary.
             scene = gr.scenes.incline(
                 height=height,
                 cell=0.01,
@@ -142,7 +142,7 @@ def incline_seeding(quick: bool) -> Map:
 
 
 def layer(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
-    """As `flow`, with the ramp of the scene in the reference."""
+    """Like `flow`, but the reference includes the ramp of the scene."""
     sim = simulate(scene)
     signs = watched(sim, until)
     state, given = sim.state, scene.parameters
@@ -158,7 +158,7 @@ def incline_refinement(quick: bool) -> Map:
     """Slope x refinement, along the slope as well or in one column, where no wave can grow."""
     found = Map(
         "incline_refinement",
-        "Refinement of an incline, one column or .08 m long, jittered, default scheme, 1 s",
+        "Refinement of an incline, one column or 0.08 m long, jittered, default scheme, 1 s",
         "relative L2 error of v(y)",
         "columns, cells over the height",
         "slope [deg] and its inertial number I/I0",
@@ -180,13 +180,13 @@ def incline_refinement(quick: bool) -> Map:
                 found.add(
                     f"{columns}, {cells}", f"{angle:g}: {ratio:.2g}", lambda s=scene: flow(s, until)
                 )
-    # One column first: it is what the others should come to.
+    # One column first, as the result that the others should have.
     found.cells.sort(key=lambda cell: not cell.row.startswith("1,"))
     return found
 
 
 def error_at_the_ends(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
-    """Error of v(y) over its own size, or over a hundredth of sqrt(g h) where that is larger."""
+    """Error of v(y) relative to its size, or to a hundredth of sqrt(g h) if that is larger."""
     sim = simulate(scene)
     signs = watched(sim, until)
     state, angle = sim.state, scene.parameters["angle_deg"]
@@ -197,11 +197,11 @@ def error_at_the_ends(scene: gr.Scene, until: float) -> tuple[float, dict[str, f
 
 
 def law_ends(quick: bool) -> Map:
-    """Slopes about both ends of the law, mu_s = tan 20.90 deg and mu_2 = tan 32.76 deg."""
+    """Slopes near both ends of the law, mu_s = tan 20.90 deg and mu_2 = tan 32.76 deg."""
     found = Map(
         "law_ends",
         "The ends of the mu(I) law: one column of an incline, 4 s",
-        "L2 error of v(y) over max(|v|, .01 sqrt(g h))",
+        "L2 error of v(y) over max(|v|, 0.01 sqrt(g h))",
         "scheme",
         "slope [deg]",
         0.05,
@@ -220,7 +220,7 @@ def law_ends(quick: bool) -> Map:
 
 
 def incline_columns(quick: bool) -> Map:
-    """Columns x scheme: where the published scheme begins to be two-dimensional."""
+    """Columns x scheme, to find where the flow of the published scheme becomes two-dimensional."""
     found = Map(
         "incline_columns",
         "Columns of an incline of 25 deg, jittered, 6 s",
@@ -243,7 +243,7 @@ def incline_columns(quick: bool) -> Map:
 
 
 def layer_at_rest(scheme: gr.Scheme, angle: float, material: MuI) -> gr.Scene:
-    """Endless layer of 10 cells."""
+    """Periodic layer 10 cells high."""
     return gr.scenes.incline(
         angle_deg=angle,
         height=REST_HEIGHT,
@@ -256,7 +256,7 @@ def layer_at_rest(scheme: gr.Scheme, angle: float, material: MuI) -> gr.Scene:
 
 
 def column_at_rest(scheme: gr.Scheme, material: MuI) -> gr.Scene:
-    """The level layer between free_slip walls in place of periodic ends."""
+    """Level layer between free_slip walls in place of periodic ends."""
     scene = layer_at_rest(scheme, 0.0, material)
     walls = [Wall(0, at, kind="free_slip") for at in (0.0, scene.grid.upper[0])]
     grid = replace(scene.grid, periodic=(False, False))
@@ -267,7 +267,7 @@ REST_HEIGHT = 0.1
 
 
 def at_rest(scene: gr.Scene, waves: float) -> tuple[float, dict[str, float]]:
-    """Speed left in a layer after so many wave times, over sqrt(g h); the pressure's error."""
+    """Speed in a layer after some wave times, divided by sqrt(g h), and the pressure error."""
     sim = simulate(scene)
     signs = watched(sim, waves * REST_HEIGHT / scene.material.wave_speed)
     state = sim.state
@@ -277,7 +277,7 @@ def at_rest(scene: gr.Scene, waves: float) -> tuple[float, dict[str, float]]:
 
 
 def rest(quick: bool) -> list[Map]:
-    """Layers that should lie still: level, on a slope below mu_s = tan 20.9 deg, between walls."""
+    """Layers that should be at rest: level, on a slope below mu_s = tan 20.9 deg, between walls."""
     speeds = Map(
         "rest_speed",
         "Rest: a layer after 10^4 wave times",
@@ -306,9 +306,9 @@ def rest(quick: bool) -> list[Map]:
 
 
 def slug(scheme: gr.Scheme, quick: bool) -> tuple[float, dict[str, Any]]:
-    """Speed at which a loose slug leaves a wall, over that at which it came, before it falls down.
+    """Rebound speed of a disconnected slug from a wall, divided by its impact speed.
 
-    Notes: the largest stress in flight and the change of mass, which must be zero.
+    The notes are the largest stress in flight and the change of mass, which must be zero.
     """
     scene = gr.scenes.slug(cell=0.02, material=glass_beads.replace(E=1e6), scheme=scheme)
     sim = simulate(scene)
@@ -325,10 +325,10 @@ def slug(scheme: gr.Scheme, quick: bool) -> tuple[float, dict[str, Any]]:
 
 
 def reconsolidation(quick: bool) -> Map:
-    """Free flight and reconsolidation: nothing in flight, no rebound to speak of."""
+    """Free flight and reconsolidation: no stress in flight, and hardly any rebound."""
     found = Map(
         "slug",
-        "Free flight and impact: a loose slug meets a wall",
+        "Free flight and impact: a disconnected slug meets a wall",
         "speed of rebound / speed of impact",
         "scheme",
         "",
@@ -343,7 +343,7 @@ def reconsolidation(quick: bool) -> Map:
 
 
 def discharge(E: float, quick: bool) -> float:
-    """Discharge [kg/s] of the silo with an orifice of .2 m, cells of .02 m, default scheme."""
+    """Discharge [kg/s] of the silo with an orifice of 0.2 m, cells of 0.02 m, default scheme."""
     material = glass_beads.replace(E=E)
     scene = gr.scenes.silo(orifice=0.2, cell=0.02, material=material)
     states: list[gr.State] = []
@@ -356,10 +356,10 @@ def discharge(E: float, quick: bool) -> float:
 
 
 def softness(quick: bool) -> Map:
-    """What a softer E costs: the change of the quantity of interest."""
+    """Change of the quantity of interest due to a lower E."""
     found = Map(
         "softness",
-        "What a softer material costs",
+        "Error of a softer material",
         "relative change against E = 1e7 Pa (silo), error against the equation (inclines, 10 s)",
         "case",
         "E [Pa]",
@@ -369,7 +369,7 @@ def softness(quick: bool) -> Map:
     stiff = discharge(moduli[0], quick)
     for E in moduli[1:]:
         found.add(
-            "silo, discharge at D = .2 m",
+            "silo, discharge at D = 0.2 m",
             f"{E:.0e}",
             lambda e=E: abs(discharge(e, quick) / stiff - 1),
         )
@@ -385,7 +385,7 @@ def softness(quick: bool) -> Map:
 
 
 def depth_average_error(scene: gr.Scene, until: float) -> float:
-    """Of the mean speed against the one-dimensional equation."""
+    """Relative error of the mean speed against the one-dimensional equation."""
     state = simulate(scene).run(until=until).state
     angle = scene.parameters["angle_deg"]
     exact = gr.theory.transient(angle, HEIGHT, scene.material, [state.time]).mean[0]

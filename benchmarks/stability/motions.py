@@ -1,4 +1,4 @@
-"""Elastic bodies that swing, turn, settle and tear: what each transfer keeps and loses."""
+"""Elastic bodies that swing, rotate, settle and tear: conservation and losses of each transfer."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stability.cells import SCHEMES, Map, chosen, simulate
 from stability.elastic import WEIGHTLESS, body, own_energy, places
 
 LENGTH = 3.2
-"""Of the bar [m]."""
+"""Length of the bar [m]."""
 
 TRANSFERS = {
     "flip": gr.Scheme(transfer="flip"),
@@ -27,7 +27,7 @@ TRANSFERS = {
     "tpic, diffused (default)": gr.schemes.default,
     "cell_averaged": gr.schemes.cell_averaged,
 }
-"""With the quadratic basis, but for the last."""
+"""Transfers; all but the last are with the quadratic basis."""
 
 
 def bar(scheme: gr.Scheme, points: int = 4) -> gr.Simulation:
@@ -82,7 +82,7 @@ def turning(scheme: gr.Scheme, turns: float, rate: float = 0.1) -> tuple[float, 
 
 
 def angular_momentum(state: gr.State, spin: bool) -> float:
-    """About the origin; under apic with the spin of the affine field."""
+    """Angular momentum about the origin; with APIC including the spin of the affine field."""
     arm = state.x[:, 0] * state.v[:, 1] - state.x[:, 1] * state.v[:, 0]
     if spin:
         C = state.affine.reshape(-1, 2, 2)
@@ -91,7 +91,7 @@ def angular_momentum(state: gr.State, spin: bool) -> float:
 
 
 def transfers(quick: bool) -> list[Map]:
-    """Null space, dissipation, rotation: one map each, as their numbers are of different kinds."""
+    """Null space, dissipation, rotation: one map each, because their numbers differ in kind."""
     null = Map("null_space", "Null space", "share left after 4 periods", "transfer", "", 0.05)
     waves = Map("wave", "Dissipation", "energy kept in a period", "transfer", "", 0.9, least=True)
     spin = Map("rotation", "Rotation, ten turns", "relative error", "transfer", "of", 1e-2)
@@ -109,8 +109,8 @@ def transfers(quick: bool) -> list[Map]:
 def settlement(scheme: gr.Scheme, nu: float, cell: float) -> float:
     """Mean sinking [m] of the top of a block of 0.8 x 0.8 m that bulges on a rough floor.
 
-    Half of the block: x = 0 is its plane of symmetry. Gravity grows over 20 wave times, then the
-    block comes to rest under the damping of a transfer that forgets.
+    Half of the block is simulated; x = 0 is its plane of symmetry. Gravity grows over 20 wave
+    times, then the block comes to rest by the damping of a dissipative transfer.
     """
     material = Elastic(E=1e5, nu=nu)
     n = round(0.8 / cell)
@@ -136,7 +136,7 @@ def settlement(scheme: gr.Scheme, nu: float, cell: float) -> float:
 
 
 def locking(quick: bool) -> Map:
-    """Volumetric locking: too stiff a block where the volume can hardly change."""
+    """Volumetric locking: a block that is too stiff because its volume can hardly change."""
     found = Map(
         "locking",
         "Volumetric locking: sinking of a block that bulges, 4 cells across",
@@ -162,11 +162,11 @@ def locking(quick: bool) -> Map:
 
 
 def tear(scheme: gr.Scheme, points: int, most: float) -> tuple[float, dict[str, Any]]:
-    """Stretch at which a bar that is drawn out evenly has lost 1 % of its pull to gaps.
+    """Stretch at which gaps appear in a uniformly stretched bar.
 
-    The bar flies apart with v = rate x and hardly feels its own stress, which should grow with
-    the stretch everywhere. The pull is that of the weakest cell border; the note tells at which
-    stretch `granular.measure.gap_fraction` sees the first gap.
+    The bar flies apart with v = rate x, and its own stress has little effect on its motion. A gap
+    is a pair of neighbouring points that share no node, so that no force is transmitted between
+    them. The note is the stretch at which `granular.measure.gap_fraction` finds the first gap.
     """
     cell, rate = 0.1, 1.0
     material = Elastic(E=1.0, nu=0.0)
@@ -196,20 +196,20 @@ def tear(scheme: gr.Scheme, points: int, most: float) -> tuple[float, dict[str, 
 
 
 def weakest(sim: gr.Simulation, basis: str) -> bool:
-    """Whether some pair of neighbouring points along the bar shares no node."""
+    """True if some pair of neighbouring points along the bar shares no node."""
     x = np.unique(np.round(sim.state.x[:, 0] / sim.scene.grid.cell, 9))
     first, last = node_span(x, basis)
     return bool(np.any(first[1:] > last[:-1]))
 
 
 def node_span(x: np.ndarray, basis: str) -> tuple[np.ndarray, np.ndarray]:
-    """First and last node that a point at x [cells] reaches with some weight."""
+    """First and last node on which a point at x [cells] has a non-zero weight."""
     reach = {"linear": 1.0, "ugimp": 1.25, "quadratic": 1.5}[basis] * (1 - 1e-9)
     return np.ceil(x - reach), np.floor(x + reach)
 
 
 def tearing(quick: bool) -> Map:
-    """Numerical fracture: the stretch at which points no longer reach one another."""
+    """Numerical fracture: the stretch at which neighbouring points no longer share a node."""
     found = Map(
         "tearing",
         "Numerical fracture: a bar drawn out from 1 to 4",

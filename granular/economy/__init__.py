@@ -1,7 +1,8 @@
-"""How little is enough: stiffness, time step, resolution, dimension, law, with the error expected.
+"""Cost of a scene, and the cost and expected error of a cheaper one.
 
-`suggest` says what a scene could do without and why, `apply` makes the cheaper scene, `cost`
-estimates what a run takes. docs/economy.md has the runs behind the figures.
+`suggest` lists changes that make a scene cheaper (of stiffness, time step, resolution, dimension
+or law), each with a reason and an expected error. `apply` makes the cheaper scene, and `cost`
+estimates the cost of a run. docs/economy.md has the runs from which the numbers come.
 """
 
 from granular.economy.bias import held_decay

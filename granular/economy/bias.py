@@ -1,6 +1,6 @@
-"""What softer grains change: laws from dimensionless numbers, prefactors measured.
+"""Errors due to softer grains: laws in dimensionless numbers, with measured prefactors.
 
-docs/economy.md says where each law comes from and shows the runs behind the prefactors.
+docs/economy.md derives each law and shows the runs from which the prefactors come.
 """
 
 from __future__ import annotations
@@ -35,32 +35,34 @@ __all__ = [
 ]
 
 RAMP_SLIP = 0.16
-"""Velocity that a layer on an incline wins while gravity is switched on, over g h/c_w."""
+"""Velocity that a layer on an incline gains while gravity is switched on, divided by g h/c_w."""
 
 RESOLUTION = 0.3
-"""Error of the flow down an incline over (cell/height)^2."""
+"""Error of the flow down an incline, divided by (cell/height)^2."""
 
 PROBE = 1e-4
-"""Relative change of the friction by which the sensitivity of a flow is taken."""
+"""Relative change of the friction from which the sensitivity of a flow is computed."""
 
 
 @dataclass(frozen=True)
 class StiffnessLaw:
-    """``error = scatter + prefactor rho_c g H/K``, measured up to `largest` of that strain.
+    """Error law ``error = scatter + prefactor rho_c g H/K`` of a scene and scheme.
+
+    The strain rho_c g H/K was measured up to the value `largest`.
 
     Attributes
     ----------
     scatter : float
-        What is left of it for stiff grains: how far runs differ that should be the same.
+        Error that remains for stiff grains: the difference of runs that should be the same.
     prefactor : float
-        Such that runs, or the means of several, do not differ more from the stiffest one, within
-        their own uncertainty.
+        Chosen so large that runs (or means of several runs) differ from the stiffest one by no more
+        than the law, within their own uncertainty.
     largest : float
-        Pressure strain of the softest of these runs: nothing is known beyond.
+        Pressure strain of the softest of these runs; nothing is known beyond it.
     held : bool
-        Whether the rate of decay of the default scheme was held (`held_decay`).
+        True if the decay rate of the default scheme was held constant (`held_decay`).
     damping : float
-        Largest damping (`grid_damping`) of a stiff scene that the soft runs agree with.
+        Largest damping (`grid_damping`) of a stiff scene with which the soft runs agree.
     """
 
     scatter: float
@@ -86,20 +88,20 @@ LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
         ("slug", "default"): StiffnessLaw(0.03, 2.0, 5.3e-3, held=True, damping=0.92),
     }
 )
-"""By the name of the scene function and of the scheme that is like the one measured. What is not
-here was not measured, or did not settle: docs/economy.md."""
+"""Error laws by the names of the scene function and of the scheme that was measured. Cases that are
+missing were not measured, or did not converge; see docs/economy.md."""
 
 
 def with_numbers_of_default(scheme: Scheme) -> bool:
-    """Whether a scheme is the default one, its steps aside."""
+    """True if a scheme is the default one, apart from its time step."""
     return scheme.replace(cfl=default.cfl, dt=default.dt) == default
 
 
 def kind(scheme: Scheme) -> str:
-    """The scheme for which measurements of this one hold: "default", "published" or "" for none.
+    """Name of the scheme whose measurements apply to this one: "default", "published" or "".
 
-    The default scheme may have the rate of its decay held from stiffer grains (`held_decay`); with
-    a fixed step it was not measured.
+    The default scheme may have the decay rate of stiffer grains (`held_decay`). With a fixed time
+    step it was not measured.
     """
     if scheme.density.name == "smoothed":
         own = (
@@ -118,7 +120,7 @@ def gravity(scene: Scene) -> float:
 
 
 def pressure_strain(scene: Scene, material: Material | None = None) -> float:
-    """p/K at the foot of the material, with p = rho_c g H."""
+    """Pressure strain p/K at the foot of the material, with p = rho_c g H."""
     grains = scene.material if material is None else material
     return grains.rho_c * gravity(scene) * height(scene) / grains.K
 
@@ -126,9 +128,9 @@ def pressure_strain(scene: Scene, material: Material | None = None) -> float:
 def friction_shift(scene: Scene, material: Material) -> float:
     """Relative loss of friction of a soft layer in steady shear, averaged for its mean velocity.
 
-    In steady shear the Jaumann rate holds a normal stress s_yy = -tau^2/G, so that the pressure
-    is less than the weight, by (mu tau/G) of itself at depth z, tau = rho g z sin(angle). The
-    mean velocity weighs depths by z^(3/2), which takes 5/7 of the value at the base.
+    In steady shear the Jaumann rate causes a normal stress s_yy = -tau^2/G, so that the pressure
+    is lower than the weight by the fraction mu tau/G at depth z, with tau = rho g z sin(angle).
+    The mean velocity weighs depths by z^(3/2), which gives 5/7 of the value at the base.
     """
     angle = math.radians(float(scene.parameters["angle_deg"]))
     tau = material.rho_c * gravity(scene) * math.sin(angle) * height(scene)
@@ -136,9 +138,9 @@ def friction_shift(scene: Scene, material: Material) -> float:
 
 
 def ramp_slip(scene: Scene, material: Material) -> float:
-    """Velocity [m/s] that a layer wins from the waves of the gravity ramp, about g h/c_w.
+    """Velocity [m/s] that a layer gains from the waves of the gravity ramp, about g h/c_w.
 
-    They lower its pressure for a time of h/c_w, in which gravity is not opposed.
+    The waves lower its pressure for a time of h/c_w, in which no friction opposes gravity.
     """
     return RAMP_SLIP * gravity(scene) * height(scene) / material.wave_speed
 
@@ -150,19 +152,22 @@ def _flow(angle: float, depth: float, grains: MuI, g: float, ramp: float, end: f
 
 
 def one_column(scene: Scene) -> bool:
-    """Whether the incline is one column of cells in the plane."""
+    """True if the incline is one column of cells in 2D."""
     return scene.parameters["columns"] == 1 and scene.dim == 2
 
 
 def incline_flow(scene: Scene, *, weaker: float = 0.0) -> float:
-    """Mean velocity [m/s] of a rigid layer at the end of a run, with friction less by a share."""
+    """Mean velocity [m/s] of a rigid layer at the end of a run.
+
+    The friction is reduced by the fraction `weaker`.
+    """
     grains = scene.material
     weak = grains.replace(mu_s=grains.mu_s * (1 - weaker), mu_2=grains.mu_2 * (1 - weaker))
     called = scene.parameters
     return _flow(
         float(called["angle_deg"]),
         float(called["height"]),
-        weak.replace(E=1e9),  # of no account here; one entry for all of them
+        weak.replace(E=1e9),  # E has no effect here; a fixed value means one cache entry for all
         float(called["gravity"]),
         float(called["ramp"]),
         scene.duration,
@@ -172,10 +177,10 @@ def incline_flow(scene: Scene, *, weaker: float = 0.0) -> float:
 def incline_error(scene: Scene, material: MuI) -> float:
     """Largest error of the mean velocity over the run, relative to its value at the end.
 
-    The flow of a layer with as much less friction, by the one-dimensional equation, and the slip
-    of the ramp. nan where the ramp is another than the one measured, and under schemes that do
-    not follow the equation: whose damping depends on the step, or that lose the flow of several
-    columns.
+    It is the sum of the change of the flow due to the lower friction, by the one-dimensional
+    equation, and of the slip of the ramp. It is nan if the ramp differs from the measured one, and
+    for schemes that do not follow the equation: those whose damping depends on the time step, or
+    that lose the flow of several columns.
     """
     if scene.parameters["ramp"] != 0.1:
         return math.nan
@@ -190,12 +195,12 @@ def incline_error(scene: Scene, material: MuI) -> float:
 
 
 def incline_resolution_error(scene: Scene, cell: float) -> float:
-    """Error of the flow down an incline with cells of this size [m], for its mean velocity."""
+    """Relative error of the mean velocity down an incline with cells of this size [m]."""
     return RESOLUTION * (cell / height(scene)) ** 2
 
 
 def stiffness_error(scene: Scene, name: str, material: Material) -> float:
-    """Expected relative change of the quantity of interest from a material as stiff as grains.
+    """Expected relative difference of the quantity of interest from that of stiff grains.
 
     Parameters
     ----------
@@ -207,7 +212,7 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
     Returns
     -------
     float
-        nan where nothing was measured, which was with the mu(I) law alone; inf beyond what was.
+        nan where nothing was measured, such as all laws but mu(I); inf beyond the measured range.
     """
     if not isinstance(material, MuI):
         return math.nan
@@ -218,7 +223,7 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
 
 
 def law_of(scene: Scene, name: str) -> StiffnessLaw | None:
-    """The law for a scene by the name of its function; None where nothing was measured."""
+    """Error law for a scene, by the name of its function; None where nothing was measured."""
     scheme = scene.scheme
     law = LAWS.get((name, kind(scheme)))
     if law is None or grid_damping(scene) > law.damping:
@@ -228,23 +233,26 @@ def law_of(scene: Scene, name: str) -> StiffnessLaw | None:
 
 
 def grid_damping(scene: Scene) -> float:
-    """decay c_w dx over H sqrt(g H): how fast motions of the size of cells die against the flow."""
+    """Ratio of decay c_w dx to H sqrt(g H): the damping of motions at the size of the cells,
+    compared to the flow."""
     flow = height(scene) * math.sqrt(gravity(scene) * height(scene))
     return scene.scheme.tpic_decay * scene.material.wave_speed * scene.grid.cell / flow
 
 
 def softening(scene: Scene, name: str, E: float) -> dict[str, float]:
-    """What is changed to make the grains of a scene as soft as that, by name: the rate of decay is
-    held where the law of its scene was measured so."""
+    """Changes, by name, that reduce Young's modulus of a scene to `E` [Pa].
+
+    The decay rate is held constant where the error law of the scene was measured so.
+    """
     law = law_of(scene, name)
     return {"E": E} | (held_decay(scene, E) if law is not None and law.held else {})
 
 
 def held_decay(scene: Scene, E: float) -> dict[str, float]:
-    """The number of the scheme with which the rate of its own damping [1/s] stays as E changes.
+    """Change of `decay` with which the decay rate of the scheme [1/s] stays constant as E changes.
 
-    The rate of decay goes with c_w/dx: left alone, softer grains would be damped less, which moves
-    the rate of a silo or the way of a slug more than their elasticity does.
+    The decay rate is proportional to c_w/dx. Without this change softer grains would be damped
+    less, which affects the rate of a silo or the path of a slug more than their elasticity does.
     """
     scheme = scene.scheme
     if scheme.transfer != "tpic":

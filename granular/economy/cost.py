@@ -1,4 +1,4 @@
-"""What a run costs, before it is made."""
+"""Estimate of the cost of a run."""
 
 from __future__ import annotations
 
@@ -27,30 +27,31 @@ _NANOSECONDS = {
         ("quadratic", "tpic"): 93.8,
     },
 }
-"""Of a point and step on one core, by dimension; 16 points per cell in the plane and 8 in space.
-From benchmarks/results/speed.json, to be renewed with it: of a machine with AVX-512; one with AVX2
-alone, two generations older, took twice as long."""
+"""Time per point and step on one core [ns], by dimension; 16 points per cell in 2D and 8 in 3D. The
+numbers are those of benchmarks/results/speed.json and must be updated with it. They hold for a
+machine with AVX-512; one with AVX2 only, two generations older, took twice as long."""
 
 _SHARED = {2: 10.2, 3: 34.3}
-"""Of a scheme that shares its density in cells, likewise."""
+"""Time per point and step of a scheme with the cell-averaged density [ns], likewise."""
 
 _CARRIED = 1.15
-"""Of a transfer that is not in the table over "flip": that of quadratic "apic" in the plane. On
-other occasions 1.1 to 2.2."""
+"""Time of a transfer that is not in the table, relative to "flip". This is the ratio of quadratic
+"apic" in 2D; in other measurements it was 1.1 to 2.2."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """An estimate: as if no point ever left, and at the time step of a material at rest.
+    """Estimated cost of a run if no point leaves and the time step is that of material at rest.
 
     Attributes
     ----------
     points : int
-        At the start.
+        Number of points at the start.
     steps : int
+        Number of steps.
     seconds : float
-        Of one core [s], to a factor of two or so; with 4 points per cell in the plane about twice
-        as much.
+        Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
+        about twice as long.
     """
 
     points: int
@@ -59,7 +60,7 @@ class Cost:
 
     @property
     def point_steps(self) -> int:
-        """Points times steps."""
+        """Number of points times number of steps."""
         return self.points * self.steps
 
 
@@ -72,7 +73,7 @@ def time_step(scene: Scene) -> float:
 
 
 def nanoseconds(scheme: Scheme, dim: int) -> float:
-    """Time of a point and step of a scheme on one core, about [ns]."""
+    """Approximate time per point and step of a scheme on one core [ns]."""
     if scheme.density.name == "cell_averaged":
         return _SHARED[dim]
     known = _NANOSECONDS[dim]
@@ -81,12 +82,12 @@ def nanoseconds(scheme: Scheme, dim: int) -> float:
 
 
 def cost(scene: Scene) -> Cost:
-    """What a scene would cost on one core.
+    """Estimate the cost of a scene on one core.
 
     Raises
     ------
     ValueError
-        If its time step is beyond the limit: no simulation would be made of it.
+        If the time step of the scene exceeds its limit, so that no simulation could be made.
     """
     check_time_step(scene)
     steps = math.ceil(scene.duration / time_step(scene))

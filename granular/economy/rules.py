@@ -1,4 +1,7 @@
-"""The pieces of suggestion: each looks at one side of a scene, and takes what the tolerance leaves."""
+"""The rules of `suggest`: each considers one aspect of a scene.
+
+Each rule may use the part of the tolerance that those before it have left.
+"""
 
 from __future__ import annotations
 
@@ -23,42 +26,45 @@ from granular.theory.well_posed import scaled_inertial_number_of_slope
 __all__ = ["suggest"]
 
 NONLOCAL_AMPLITUDE = (0.48, 0.9)
-"""A of the nonlocal law for glass beads: the size of grains is felt over lengths of A d."""
+"""A of the nonlocal law for glass beads; the grain size has an effect over lengths of A d."""
 
 ONE_COLUMN = 0.005
-"""Change of the flow down an incline when many columns become one, default scheme (.0019 and .0014
-off the one-dimensional equation with 8 columns and with one, benchmarks/speed.py)."""
+"""Relative change of the flow down an incline when many columns become one, with the default scheme
+(the errors against the one-dimensional equation are 0.0019 with 8 columns and 0.0014 with one,
+benchmarks/speed.py)."""
 
 LINEAR_COLUMN = 0.002
-"""Change of that flow, in one column, from the default scheme to linear functions."""
+"""Relative change of that flow, in one column, from the default scheme to linear functions."""
 
 HALVED = 0.004
-"""Change of a rate when a scene is halved, with other than linear functions: they see a wall where
-there was none. A silo of .2 m with the default scheme and cells of .02 m: .0008 to .0037."""
+"""Relative change of a rate when a scene is halved and its shape functions are not linear: they
+change near the wall in the symmetry plane. For a silo with an opening of 0.2 m, the default scheme
+and cells of 0.02 m it is 0.0008 to 0.0037."""
 
 LEAST_ROWS = 10
-"""Cells over the height of a layer, at least: fewer were not tried."""
+"""Least number of cells over the height of a layer; fewer were not tested."""
 
 SHARE = 0.25
-"""Share of the tolerance that a piece may take which comes before the stiffness."""
+"""Share of the tolerance that a rule before that of the stiffness may use."""
 
 FRICTION_SHARE = 3.2
-"""Relative change of a run-out over that of the friction: without its dependence on the rate a
-column of aspect 1 runs out by 23 % more, and the friction estimated here is 7 % less."""
+"""Relative change of a run-out, divided by that of the friction. Without the rate dependence of the
+friction the run-out of a column of aspect 1 is 23 % larger, and the friction estimated here 7 %
+lower."""
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """A scene with the changes advised so far.
+    """A scene with the changes suggested so far.
 
     Attributes
     ----------
     given, scene : Scene
-        As it was asked about, and with the changes.
+        The given scene, and the scene with the changes.
     name : str
-        Of the scene function; "" if none made it.
+        Name of the scene function; "" if none made it.
     tolerance : float
-        What the pieces so far have left of it.
+        Remaining tolerance, after the suggestions so far.
     """
 
     given: Scene
@@ -87,18 +93,18 @@ class _Asked:
 
 
 def _flat(asked: _Asked) -> bool:
-    """Whether the scene is an incline of one column of cells."""
+    """True if the scene is an incline of one column of cells."""
     return asked.name == "incline" and bias.one_column(asked.scene)
 
 
 def _columns(asked: _Asked) -> Suggestion:
-    """Of an incline: to one column."""
+    """Suggest one column for an incline."""
     scene = asked.scene
     if _flat(asked):
         return asked.suggestion("dimension", "One column of cells is the least there is.")
     if scene.dim == 3:
         reason = (
-            "The flow is the same all across as well: the plane shows it (columns_across = 0)."
+            "The flow is the same all across as well: a 2D scene shows it (columns_across = 0)."
             " What that changes has not been measured."
         )
         return asked.suggestion("dimension", reason, math.nan)
@@ -112,7 +118,7 @@ def _columns(asked: _Asked) -> Suggestion:
     if scene.scheme.density.name == "particle":
         reason += (
             " This one does: what it makes of many columns is not within this error"
-            " (off by .16 on 8, linear functions), of one it is."
+            " (off by 0.16 on 8, linear functions), of one it is."
         )
     return asked.suggestion("dimension", reason, ONE_COLUMN, {"columns": 1})
 
@@ -122,10 +128,10 @@ def _dimension(asked: _Asked) -> Suggestion:
     if asked.name == "incline":
         return _columns(asked)
     if called.get("half", False):
-        where = "In the plane, and half" if scene.dim == 2 else "Half"
+        where = "2D, and half" if scene.dim == 2 else "Half"
         return asked.suggestion("dimension", f"{where} by symmetry: all there is.")
     if called.get("quarter", False):
-        reason = "A quarter by symmetry. It spreads in two directions: the plane is another flow."
+        reason = "A quarter by symmetry. It spreads in two directions: in 2D it is another flow."
         return asked.suggestion("dimension", reason)
     reason = obstacle(scene)
     if reason:
@@ -159,7 +165,7 @@ def _basis(asked: _Asked) -> Suggestion:
     if not flat:
         reason = (
             f"Kept: linear functions cost {share:.2g} of it, but the layers they shear in two"
-            " dimensions collapse; on the incline of 8 columns the profile is off by .16 in 4 s."
+            " dimensions collapse; on the incline of 8 columns the profile is off by 0.16 in 4 s."
         )
         return asked.suggestion("basis", reason)
     if not bias.with_numbers_of_default(scheme):
@@ -206,7 +212,7 @@ def _rounded(E: float) -> float:
 
 
 def softest(scene: Scene, name: str, tolerance: float) -> float:
-    """The softest E [Pa] whose expected error is within a tolerance; nan where there is none."""
+    """Smallest E [Pa] whose expected error is within a tolerance; nan if there is none."""
 
     def error(E: float) -> float:
         return bias.stiffness_error(scene, name, scene.material.replace(E=E))
@@ -244,7 +250,7 @@ def _stiffness(asked: _Asked) -> Suggestion:
     strain = bias.pressure_strain(scene, scene.material.replace(E=E))
     reason = (
         f"Grains need only be stiff against their load: p/K = {strain:.2g} at the foot."
-        f" Ten times softer still, the error is {beyond}: not advised."
+        f" Ten times softer still, the error is {beyond}: not suggested."
     )
     changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
@@ -276,10 +282,11 @@ def _time_step(asked: _Asked) -> Suggestion:
 
 
 def inertia(scene: Scene, name: str) -> float:
-    """I/I0 of the flow, about; 0 for an incline that stays at rest.
+    """Approximate I/I0 of the flow; 0 for an incline that stays at rest.
 
-    On an incline that of its slope. Elsewhere the rate sqrt(g/L) of a fall through
-    the length L at the pressure rho g L: 1/(xi sqrt(rho_c) L), L the opening or the height.
+    On an incline it is that of its slope. Elsewhere it is that of the rate sqrt(g/L) of a fall
+    through the length L at the pressure rho g L, which gives 1/(xi sqrt(rho_c) L); L is the opening
+    or the height.
     """
     grains = scene.material
     if name == "incline":
@@ -325,7 +332,7 @@ def _grains(asked: _Asked) -> Suggestion:
 
 
 def _stopping_height(scene: Scene, d: float) -> str:
-    """What the nonlocal law would say of layers on this slope, if anything."""
+    """Sentence on the stopping height by the nonlocal law on this slope; empty if there is none."""
     grains, angle_deg = scene.material, float(scene.parameters["angle_deg"])
     low, high = (
         stopping_height(angle_deg, amplitude, d, grains.mu_s, grains.mu_2)
@@ -371,26 +378,28 @@ _RULES: tuple[Callable[[_Asked], Suggestion], ...] = (
 
 
 def suggest(scene: Scene, tolerance: float = 0.02) -> Suggestions:
-    """How little is enough for a scene, with a reason and an expected error for each piece.
+    """Suggest changes that make a scene cheaper, each with a reason and an expected error.
 
     Parameters
     ----------
     scene : Scene
     tolerance : float
-        Relative change of the quantity of interest that may come of it all, 0 < tolerance <= 1/2.
-        The quantities: flow down an incline, run-out of a column, rate of a silo, rate and slope
-        of an hourglass, impact and final shape of a slug.
+        Largest relative change of the quantity of interest by all changes together,
+        0 < tolerance <= 1/2. The quantities are the flow down an incline, the run-out of a column,
+        the rate of a silo, the rate and slope of an hourglass, the impact and final shape of a
+        slug.
 
     Returns
     -------
     Suggestions
-        The errors of what would be changed add up to no more than the tolerance. Nothing is
-        changed until `apply` is asked to.
+        The sum of the expected errors of all changes is at most the tolerance. The scene itself is
+        not changed; `apply` makes the cheaper one.
 
     Raises
     ------
     TypeError, ValueError
-        For anything but a scene, tolerances out of range, and a time step beyond its limit.
+        If `scene` is not a scene, the tolerance is out of range, or the time step of the scene
+        exceeds its limit.
     """
     if not isinstance(scene, Scene):
         raise TypeError(f"scene = {scene!r} must be a Scene")

@@ -1,4 +1,4 @@
-"""A piece of suggestion, a list of them, and the scene that they lead to."""
+"""A suggestion, a list of suggestions, and the scene that they lead to."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ __all__ = ["Suggestion", "Suggestions", "apply", "rebuilt", "scene_function"]
 
 @dataclass(frozen=True, kw_only=True)
 class Suggestion:
-    """What one part of a scene could be, and what that would cost in accuracy.
+    """A suggestion on one aspect of a scene, with its expected error.
 
     Attributes
     ----------
     topic : str
         "dimension", "basis", "resolution", "time step", "stiffness", "rate", "grains" or "fields".
     reason : str
-        In words: what is advised or refused, and why.
+        Explanation why a change is suggested or not.
     error : float
-        Expected change of the quantity of interest, relative; nan where nothing is known.
+        Expected relative change of the quantity of interest; nan where nothing is known.
     saving : float
-        The factor by which it lowers the cost, 1 if it does not.
+        Factor by which the changes lower the cost, 1 if there are none.
     changes : mapping
-        What `apply` changes, by name; empty where the scene should stay as it is.
+        Changes that `apply` makes, by name; empty if the scene should stay as it is.
     scene : Scene
-        The one it was given for.
+        Scene for which the suggestion was made.
     """
 
     topic: str
@@ -59,7 +59,7 @@ class Suggestion:
 
 
 class Suggestions(Sequence[Suggestion]):
-    """Pieces of suggestion, in the order in which they were considered; prints as a table."""
+    """Suggestions in the order in which they were considered; they print as a table."""
 
     def __init__(self, items: Iterable[Suggestion]) -> None:
         self._items = tuple(items)
@@ -77,7 +77,7 @@ class Suggestions(Sequence[Suggestion]):
         return len(self._items)
 
     def about(self, topic: str) -> Suggestion:
-        """The piece on a topic.
+        """The suggestion on a topic.
 
         Raises
         ------
@@ -91,12 +91,12 @@ class Suggestions(Sequence[Suggestion]):
 
     @property
     def error(self) -> float:
-        """Sum of the expected errors of what would be changed."""
+        """Sum of the expected errors of all suggested changes."""
         return math.fsum(item.error for item in self._items if item.changes)
 
     @property
     def saving(self) -> float:
-        """The factor by which all of it together lowers the cost."""
+        """Factor by which all suggestions together lower the cost."""
         return math.prod(item.saving for item in self._items)
 
     def __str__(self) -> str:
@@ -113,9 +113,10 @@ class Suggestions(Sequence[Suggestion]):
 
 
 def scene_function(scene: Scene) -> Callable[..., Scene] | None:
-    """The function that made a ready scene; None for one made by hand, or changed by hand since.
+    """Function that made a ready-made scene; None for a scene made or changed by hand.
 
-    Another material, scheme, duration or seed is no change: functions take them as arguments.
+    A scene with another material, scheme, duration or seed does not count as changed, because the
+    functions take these as arguments.
     """
     names = [n for n in registry if scene.name == n or scene.name.startswith(f"{n}_")]
     if not names:
@@ -124,12 +125,12 @@ def scene_function(scene: Scene) -> Callable[..., Scene] | None:
     try:
         made = function(**_arguments(scene, function))
     except (TypeError, ValueError):
-        return None  # only the name is that of a ready scene
+        return None  # only the name is that of a ready-made scene
     return function if made == scene else None
 
 
 def _arguments(scene: Scene, function: Callable[..., Scene]) -> dict[str, Any]:
-    """What a scene function was called with."""
+    """Arguments with which a scene function was called."""
     known = inspect.signature(function).parameters
     called = {name: value for name, value in scene.parameters.items() if name in known}
     return called | {
@@ -141,12 +142,12 @@ def _arguments(scene: Scene, function: Callable[..., Scene]) -> dict[str, Any]:
 
 
 def rebuilt(scene: Scene, **changes: Any) -> Scene:
-    """The scene made anew by its function, with other arguments.
+    """Make the scene anew by its function, with some other arguments.
 
     Raises
     ------
     ValueError
-        If no scene function made it, or it was changed since.
+        If the scene was not made by a scene function, or was changed since.
     """
     function = scene_function(scene)
     if function is None:
@@ -157,25 +158,25 @@ def rebuilt(scene: Scene, **changes: Any) -> Scene:
 
 
 def apply(scene: Scene, suggestion: Suggestion | Iterable[Suggestion]) -> Scene:
-    """The cheaper scene that suggestions lead to; the one given is left as it is.
+    """Make the cheaper scene of some suggestions; the given scene is not changed.
 
     Parameters
     ----------
     scene : Scene
     suggestion : Suggestion or iterable of Suggestion
-        All of what `suggest` said, or the pieces that are wanted.
+        All suggestions of `suggest`, or some of them.
 
     Raises
     ------
     ValueError
-        If a piece was given for another scene.
+        If a suggestion was made for another scene.
     TypeError
-        If it is no suggestion.
+        If an item is not a `Suggestion`.
     """
     changes: dict[str, Any] = {}
     for item in (suggestion,) if isinstance(suggestion, Suggestion) else suggestion:
         if not isinstance(item, Suggestion):
-            raise TypeError(f"suggestion: {item!r} must be an Suggestion")
+            raise TypeError(f"suggestion: {item!r} must be a Suggestion")
         if item.scene != scene:
             raise ValueError(
                 f"the suggestion on {item.topic} was given for another scene: ask anew"
@@ -185,7 +186,7 @@ def apply(scene: Scene, suggestion: Suggestion | Iterable[Suggestion]) -> Scene:
 
 
 def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
-    """A scene with the changes that suggestions name."""
+    """Copy of a scene with some changes, by name."""
     rest = dict(changes)
     if rest.pop("half", False):
         scene = mirror_half(scene)
@@ -200,5 +201,5 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
 
 
 def saving(scene: Scene, changes: Mapping[str, Any]) -> float:
-    """The factor by which changes lower the cost of a scene."""
+    """Factor by which changes lower the cost of a scene."""
     return cost(scene).seconds / cost(changed(scene, changes)).seconds

@@ -21,7 +21,7 @@ from granular.mpm.walls import Solid, Wall
 __all__ = ["mirror_half", "obstacle"]
 
 _DIGITS = 9
-"""Of a length in cells, to which two places are the same."""
+"""Decimal digits of a length in cells up to which two positions are equal."""
 
 
 class _Mirror:
@@ -36,20 +36,20 @@ class _Mirror:
         return tuple(round(x / self.grid.cell, _DIGITS) + 0.0 for x in lengths)
 
     def place(self, x: float, side: int) -> float:
-        """Where x lies from the plane, seen from the right (side 1) or the left (-1)."""
+        """Position of x relative to the plane, seen from the right (side 1) or the left (-1)."""
         return side * (x - self.middle)
 
     def ends(self, low: float, high: float, side: int) -> tuple[float, ...]:
         return self.key(*sorted((self.place(low, side), self.place(high, side))))
 
     def divides(self, wall: Wall | Solid) -> bool:
-        """Whether a wall stands on the plane, and is more than the plane itself."""
+        """True if a wall stands on the plane and is not just a free_slip symmetry plane."""
         if isinstance(wall, Solid) or wall.axis != 0 or wall.kind == "free_slip":
             return False
         return self.key(self.place(wall.at, 1)) == (0.0,)
 
     def wall(self, wall: Wall | Solid, side: int) -> tuple[object, ...]:
-        """A wall in numbers that are equal for a wall and its image seen from the other side."""
+        """Key of a wall, equal for a wall and for its image seen from the other side."""
         if isinstance(wall, Solid):
             across = self.ends(wall.lower[0], wall.upper[0], side)
             return ("solid", across, wall.lower[1:], wall.upper[1:], wall.kind)
@@ -62,7 +62,7 @@ class _Mirror:
         return (wall.axis, at, tuple(spans), wall.kind, wall.friction, wall.opens_at)
 
     def region(self, region: Region, side: int) -> tuple[object, ...]:
-        """The same of a region."""
+        """Key of a region, equal for a region and for its image seen from the other side."""
         name = type(region).__name__
         if isinstance(region, Box):
             across = self.ends(region.lower[0], region.upper[0], side)
@@ -86,7 +86,7 @@ class _Mirror:
 
 
 def obstacle(scene: Scene) -> str:
-    """Why a scene is not its own mirror image about the middle of its grid; "" if it is."""
+    """Reason why a scene is not its own mirror image about the middle of its grid; "" if it is."""
     grid, mirror = scene.grid, _Mirror(scene)
     if scene.bodies:
         return "what its bodies do is not looked at"
@@ -116,15 +116,16 @@ def obstacle(scene: Scene) -> str:
 
 
 def mirror_half(scene: Scene) -> Scene:
-    """The right half of a symmetric scene, with a free_slip wall on the plane of symmetry.
+    """Make the right half of a symmetric scene, with a free_slip wall on the plane of symmetry.
 
-    With linear functions this is the same flow, to round-off; other bases see a wall where there
-    was none. The parameter `half` is set, which tells measures of the mass to double it.
+    With linear shape functions the flow is the same up to round-off. Other shape functions change
+    near the wall, so that the flow differs. The parameter `half` is set, which tells measures of
+    the mass to double it.
 
     Raises
     ------
     ValueError
-        If the scene is not its own mirror image about the middle of its grid, or is a half.
+        If the scene is not its own mirror image about the middle of its grid, or is already a half.
     """
     if scene.parameters.get("half", False):
         raise ValueError(f"scene {scene.name!r} is a half already")
@@ -133,7 +134,7 @@ def mirror_half(scene: Scene) -> Scene:
     grid = scene.grid
     middle = 0.5 * (grid.lower[0] + grid.upper[0])
     keep = Box((middle, *grid.lower[1:]), grid.upper)
-    beyond = middle + LINE_TOLERANCE * grid.cell  # what ends on the plane is not cut to nothing
+    beyond = middle + LINE_TOLERANCE * grid.cell  # so that no empty part is left on the plane
     walls = [part for wall in scene.walls if (part := _cut_wall(wall, middle, beyond)) is not None]
     fills = [
         fill if fill.region.bounds[0][0] >= middle else _cut_fill(fill, keep)
@@ -161,7 +162,7 @@ def _cut_fill(fill: Fill, keep: Box) -> Fill:
 
 
 def _cut_wall(wall: Wall | Solid, middle: float, beyond: float) -> Wall | Solid | None:
-    """What of a wall is on the right of the plane; None if nothing reaches beyond it."""
+    """Part of a wall on the right of the plane; None if there is none."""
     if isinstance(wall, Solid):
         if wall.upper[0] <= beyond:
             return None

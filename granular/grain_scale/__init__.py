@@ -1,4 +1,4 @@
-"""The scale of grains: discrete simulations, forces from images, and the friction law of contacts."""
+"""Grain scale: discrete simulations, inference of contact forces, and the friction law."""
 
 from granular.grain_scale import dem, friction_law, inference
 

@@ -1,7 +1,7 @@
-"""Ready scenes, with the paper's numbers as defaults: one function a file.
+"""Ready-made scenes, with the numbers of the papers as defaults; one function per file.
 
-To add one, write a file with a function that returns a `Scene` and takes keywords only, and add
-the function to `_FUNCTIONS`.
+To add a scene, write a file with a function that takes keyword arguments only and returns a
+`Scene`, and add the function to `_FUNCTIONS`.
 """
 
 from __future__ import annotations
@@ -75,9 +75,9 @@ sph_registry: Mapping[str, Callable[..., Any]] = MappingProxyType(
         "jet_on_bed": jet_on_bed,
     }
 )
-"""Those of particle hydrodynamics alone; `column_collapse` knows both methods."""
+"""Scene functions for SPH alone, by name; `column_collapse` can be run with either method."""
 
 
 def names() -> tuple[str, ...]:
-    """Names of the ready scenes."""
+    """Names of the ready-made MPM scenes."""
     return tuple(registry)

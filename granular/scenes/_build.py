@@ -1,4 +1,4 @@
-"""What the scenes share."""
+"""Functions and schemes shared by the scenes."""
 
 from __future__ import annotations
 
@@ -11,21 +11,23 @@ from granular.gravity import Gravity
 from granular.mpm.schemes import Fluidity, ParticleDensity, Scheme
 
 ROUND_OFF = 1e-9
-"""Share of a cell by which a length may miss a whole number of cells."""
+"""Fraction of a cell by which a length may differ from a whole number of cells."""
 
 HEADROOM = 4
 """Empty cells above the initial surface of scenes whose material only falls."""
 
 reconnected = Scheme(fluidity=Fluidity(floor=1e-6, reconnect_fluidity=True))
-"""What scenes of Haeri & Skonieczny 2021 are run with: what comes to rest can flow again (their
-code begins with a fluidity of 1 1/s), and points that become dense again have that of eq. 23."""
+"""Scheme of the scenes of Haeri & Skonieczny 2021. Due to the floor of the fluidity, material that
+has come to rest can flow again (their code begins with a fluidity of 1 1/s). Points that become
+dense again get the fluidity of their eq. 23."""
 
 sided = reconnected.replace(transfer="tpic", density=ParticleDensity())
-"""The same with the density of which thin bodies have two sides."""
+"""The scheme `reconnected` with the density with which the material on the two sides of a thin
+body is kept apart."""
 
 
 def scene_parameters(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Of the arguments of a scene function those that are not parts of the scene by name."""
+    """Arguments of a scene function, without those that are parts of the scene of the same name."""
     parts = ("duration", "material", "scheme", "seed")
     return {name: value for name, value in arguments.items() if name not in parts}
 
@@ -36,7 +38,7 @@ def whole_cells(name: str, length: object, cell: float) -> int:
     Raises
     ------
     TypeError, ValueError
-        If it is not a number, not positive, or not a whole number of cells.
+        If the length is not a number, not positive, or not a whole number of cells.
     """
     ratio = positive(name, length) / cell
     count = round(ratio) if math.isfinite(ratio) else 0
@@ -46,12 +48,12 @@ def whole_cells(name: str, length: object, cell: float) -> int:
 
 
 def enough_cells(length: float, cell: float) -> int:
-    """Number of cells that hold a length.
+    """Smallest number of cells that are together at least as long as `length`.
 
     Raises
     ------
     ValueError
-        If they cannot be counted.
+        If the number is not finite.
     """
     if not math.isfinite(length / cell):
         raise ValueError(f"cell = {cell} must not be so small for a domain of {length}")
@@ -59,7 +61,7 @@ def enough_cells(length: float, cell: float) -> int:
 
 
 def gravity_down(dim: int, magnitude: object, ramp: object) -> Gravity:
-    """Gravity against the last axis, from zero to `magnitude` [m/s2] within `ramp` [s]."""
+    """Gravity against the last axis; it grows from zero to `magnitude` [m/s2] within `ramp` [s]."""
     zero = (0.0,) * dim
     full = (*zero[1:], -positive("gravity", magnitude))
     if non_negative("ramp", ramp) == 0.0:

@@ -1,4 +1,4 @@
-"""What the scenes with tools in soil share: beds, and motions made of legs."""
+"""Beds, and motions made of legs, shared by the scenes with tools in soil."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ Leg = tuple[float, tuple[float, ...], float]
 
 
 def legs(parts: Sequence[Leg], ramp: float) -> Motion:
-    """Legs of constant velocity, one after another, that blend within `ramp` seconds.
+    """Motion of successive legs of constant velocity, joined by ramps of `ramp` seconds.
 
-    A ramp is half in the leg before and half in that after it, so that each leg takes the body as
-    far as without ramps; the first and the last leg must be at rest.
+    A ramp lies half in the leg before and half in the leg after it, so that each leg moves the body
+    as far as without ramps. The first and the last leg must be at rest.
 
     Raises
     ------
     ValueError
-        If the ramps of a leg do not fit into it.
+        If a leg is not longer than the ramp.
     """
     if not all(duration > ramp for duration, *_ in parts):
         raise ValueError(
@@ -49,7 +49,7 @@ def legs(parts: Sequence[Leg], ramp: float) -> Motion:
 
 
 def thickness_of(name: str, thickness: float, cell: float, scheme: Scheme) -> float:
-    """The thickness of a body, or the least that the scheme can hold."""
+    """Thickness of a body, increased if necessary to the least that the scheme can represent."""
     thickness = positive(name, thickness)
     if isinstance(scheme, Scheme) and keeps_sides(scheme):
         return thickness
@@ -70,7 +70,7 @@ def bed(
 ) -> dict:
     """Grid, fill, walls and gravity of a level bed with its surface at z = 0.
 
-    x goes from `start` on, y from 0, with a rough floor and smooth sides.
+    x begins at `start` and y at 0. The floor is no_slip and the sides are free_slip.
     """
     cell = positive("cell", cell)
     lengths = (("length", length), ("width", width), ("soil", depth))

@@ -1,4 +1,4 @@
-"""A thin layer on a rough incline, whose grains are felt: it flows only above a height."""
+"""A thin layer on a rough incline. Due to the finite grain size it flows only above a height."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ chute_grains = NGF(
     E=1e6, nu=0.3, mu_s=0.3819, mu_2=1.5, rho_s=2450.0, rho_c=1500.0, I0=0.279, A=0.25, d=0.005,
     t0=1e-3,
 )  # fmt: skip
-hats = Scheme(basis="linear", transfer="flip", density=ParticleDensity())
+linear_flip = Scheme(basis="linear", transfer="flip", density=ParticleDensity())
 
 
 def chute_ngf(
@@ -27,21 +27,22 @@ def chute_ngf(
     ramp: float = 0.1,
     duration: float = 5.0,
     material: NGF = chute_grains,
-    scheme: Scheme = hats,
+    scheme: Scheme = linear_flip,
     seed: int = 0,
 ) -> Scene:
     """Layer on a rough incline by the nonlocal law (Dunatunga & Kamrin, "Modeling silo clogging
     with nonlocal granular rheology", section 6).
 
-    From the paper: cells of 1 mm with 16 points, grains of 5 mm, rho_s = 2450 kg/m3, A = .25,
-    mu_s = .3819, mu_2 = 1.5, t0 = 1 ms, a rough base (no velocity, no fluidity); 27 deg and layers
+    From the paper: cells of 1 mm with 16 points, grains of 5 mm, rho_s = 2450 kg/m3, A = 0.25,
+    mu_s = 0.3819, mu_2 = 1.5, t0 = 1 ms, a rough base (no velocity, no fluidity); 27 deg and layers
     of 2, 3, 5, 7 and 20 grains in its figure 2(c).
 
-    Chosen here: I0 = .279 and E = 1 MPa, which it does not state (1 to 10 MPa serve; at 100 MPa
-    points at the surface come loose), and one periodic column, stress-free at the start, under a
-    gravity that grows in 0.1 s, as in `incline`. The law has no hysteresis: such a layer starts at
-    the height at which a flowing one stops. A layer fills whole cells: approach the height at which
-    it stops, `granular.theory.stopping_height`, by the size of the grains.
+    Chosen here: I0 = 0.279 and E = 1 MPa, which the paper does not state (1 to 10 MPa are suitable;
+    at 100 MPa points at the surface become disconnected), and one periodic column, stress-free at
+    the start, under a gravity that grows within 0.1 s, as in `incline`. The law has no hysteresis:
+    a layer at rest starts at the same height at which a flowing one stops. The height of a layer is
+    a whole number of cells, so vary the grain size to approach the height at which it stops,
+    `granular.theory.stopping_height`.
 
     Parameters
     ----------

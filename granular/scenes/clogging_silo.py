@@ -1,4 +1,4 @@
-"""A silo whose opening is a few grains wide: it flows, or clogs under an arch."""
+"""A silo with an opening a few grains wide, which either flows or clogs under an arch."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from granular.mpm.walls import SpongeLayer, Wall
 from granular.scenes._build import HEADROOM, whole_cells
 
 JAM_FRICTION = 1.0
-"""Friction at the face of an arch in the plane: compressed along it, free across."""
+"""Friction tau/p at the face of a 2D arch: it is compressed along its face and free across it."""
 
-hats = Scheme(basis="linear", transfer="flip", density=ParticleDensity(), dt=1e-4)
+linear_flip = Scheme(basis="linear", transfer="flip", density=ParticleDensity(), dt=1e-4)
 
 
 def clogging_silo(
@@ -36,46 +36,47 @@ def clogging_silo(
     gravity: float = 9.81,
     duration: float = 1.5,
     material: NGF = silo_grains,
-    scheme: Scheme = hats,
+    scheme: Scheme = linear_flip,
     seed: int = 0,
 ) -> Scene:
-    """Silo of grains that are nearly as large as its opening (Dunatunga & Kamrin, "Modeling silo
+    """Silo with grains that are nearly as large as its opening (Dunatunga & Kamrin, "Modeling silo
     clogging with nonlocal granular rheology", section 7).
 
     From the paper: opening 0.14 m between the fixed nodes, 0.595 m wide and filled as high, cells
     of 0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
-    nu = .45, mu_s = .3819, mu_2 = 50, b = 1, t0 = 1 ms; the grains fill the opening
-    `opening_over_d` times. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic
-    start with the orifice open, and no upward motion above 0.49 m, to swallow elastic waves.
-    Some lengths are printed a tenth or a fifth of these; only these fit one another.
+    nu = 0.45, mu_s = 0.3819, mu_2 = 50, b = 1, t0 = 1 ms; the opening is `opening_over_d` grains
+    wide. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic start with the
+    orifice open, and no upward motion above 0.49 m, to damp elastic waves. Some lengths are printed
+    as a tenth or a fifth of these; only these are consistent with one another.
 
-    Chosen here: squares in place of pairs of triangles, the right half for the whole, points leave
-    for good as they cross the bottom, y = 0, and what rises above 0.49 m slows down at a rate: at
-    once, as in the paper, it holds a bed that its waves have pressed together, in cells of half
-    the size for seconds.
+    Chosen here: square cells in place of pairs of triangles, and the right half in place of the
+    whole. Points leave for good as they cross the bottom, y = 0. Upward motion above 0.49 m is
+    damped at a finite rate. If it is stopped at once, as in the paper, a bed that its waves have
+    compressed stays compressed, with cells of half the size for seconds.
 
     Parameters
     ----------
     opening_over_d : float
-        Width of the opening over the diameter of a grain: gives `material` its `d`.
+        Width of the opening divided by the grain diameter; it replaces `d` of `material`.
     A : float
-        Nonlocal amplitude: gives `material` its `A`.
+        Nonlocal amplitude; it replaces `A` of `material`.
     cell : float
-        Cell [m].
+        Cell size [m].
     orifice, width, height : float
-        Opening and silo (full widths) and height of the fill [m], whole cells (half-widths too).
+        Full widths of the opening and of the silo, and height of the fill [m], whole cells (the
+        half-widths too).
     half : bool
-        Whether only the right half is modelled, with a symmetry plane at x = 0.
+        If true, only the right half is modelled, with a symmetry plane at x = 0.
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     sponge : float or None
-        Height [m] above which upward motion dies out; None for none.
+        Height [m] above which upward motion is damped (a sponge layer); None for no damping.
     sponge_damping : float
-        Its rate [1/s]; infinity as published. See `granular.mpm.walls.SpongeLayer`.
+        Rate of the damping [1/s]; infinity as published. See `granular.mpm.walls.SpongeLayer`.
     gravity : float
-        m/s2, from the start.
+        Magnitude [m/s2], constant from the start.
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 
@@ -87,7 +88,7 @@ def clogging_silo(
     Warns
     -----
     StabilityWarning
-        If the friction cannot reach 1, that of an arch: such a silo cannot jam.
+        If the friction cannot reach 1, the friction of an arch, so that the silo cannot jam.
     """
     cell = positive("cell", cell)
     if not isinstance(material, NGF):
@@ -99,7 +100,7 @@ def clogging_silo(
     material = material.replace(A=non_negative("A", A), d=d)
     if material.mu_2 < JAM_FRICTION:
         warnings.warn(
-            f"mu_2 = {material.mu_2} is below 1: the face of an arch in the plane bears friction 1,"
+            f"mu_2 = {material.mu_2} is below 1: the face of a 2D arch bears friction 1,"
             " so that this silo cannot jam",
             StabilityWarning,
             stacklevel=2,
@@ -112,7 +113,7 @@ def clogging_silo(
     low, edge, side = 0.0 if half else -n_x * cell, n_open * cell, n_x * cell
     bottoms = [
         Wall(1, 0.0, kind="no_slip", span=((edge, side),)),
-        # Open from the start: what is done near outlets is done near it.
+        # Open from the start, so that all that is done near outlets is done near it.
         Wall(1, 0.0, kind="no_slip", span=((max(low, -edge), edge),), opens_at=0.0),
     ]
     if not half:

@@ -1,4 +1,4 @@
-"""Collapse of a column onto a rough floor, in the plane."""
+"""Collapse of a column onto a rough floor, in 2D."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from granular.scenes._build import HEADROOM, enough_cells, gravity_down
 
 
 def _expected_runout(aspect: float) -> float:
-    """Run-out over half-width as the paper fits it (figure 3)."""
+    """Run-out divided by half-width, by the paper's fit (figure 3)."""
     return 2.28 * aspect if aspect < 2.83 else 3.24 * aspect**0.66
 
 
@@ -42,33 +42,34 @@ def column_collapse(
     for aspect 0.5) with 16 points, rough floor, free_slip symmetry plane at x = 0 and
     free_slip lip at the right, gravity of 9.8 m/s2 ramped in 0.1 s, 2 s.
 
-    Chosen here: the lip, whose place the paper does not give, stands at 2 + 1.5 R half-widths,
+    Chosen here: the lip, whose position the paper does not give, stands at 2 + 1.5 R half-widths,
     R being the run-out of the paper's fit (2.28 aspect, or 3.24 aspect^0.66 above 2.83), so that
     the foot of the heap does not reach it. Height and half-width are rounded to rows of points.
 
-    By particle hydrodynamics (`method` "sph") the points are as many and the grains those of
-    `granular.sph.Viscoplastic.matching` at half the weight of the column. Walls of points are not
-    free of friction: that in the plane of symmetry and the lip have the friction of the floor. For
+    With SPH (`method` "sph") there are as many particles as points, and the material is that of
+    `granular.sph.Viscoplastic.matching` at half the weight of the column. Walls made of particles
+    always have friction: the wall in the symmetry plane and the lip have that of the floor. For
     the columns of grit and glass of Hurley's thesis see `granular.scenes.column_collapse_sph`.
 
     Parameters
     ----------
     aspect, half_width : float
-        Height over half-width; half-width [m].
+        Height divided by half-width; half-width [m].
     cell : float or None
-        Cell [m]; None for 0.00625 if aspect <= 0.5, else 0.0125.
+        Cell size [m]; None for 0.00625 if aspect <= 0.5, else 0.0125.
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     lip : float or None
         Distance of the right wall from the symmetry plane [m], rounded up to whole cells.
     gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero [s].
+        Magnitude [m/s2] and the time in which it grows from zero to it [s].
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
-        See `Scene`. With "sph" also a `granular.sph.Viscoplastic`; the scheme is not used.
+        See `Scene`. With "sph" the material may also be a `granular.sph.Viscoplastic`, and the
+        scheme is not used.
     method : {"mpm", "sph"}
-        How it is solved.
+        Method of solution.
 
     Raises
     ------

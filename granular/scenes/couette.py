@@ -22,7 +22,7 @@ from granular.scenes._build import (
 )
 
 MARGIN = 3
-"""Cells between the outer cylinder and the ends of the grid: splines reach over two nodes."""
+"""Cells between the outer cylinder and the ends of the grid, as splines extend over two nodes."""
 
 soft_beads = couette_beads.replace(E=couette_beads.E / 100)
 
@@ -48,46 +48,46 @@ def couette(
     """Taylor-Couette cell (Haeri & Skonieczny 2021, section 4.1, figures 9 and 10).
 
     From the paper: B = 10 MPa, S = 1 MPa, the beads of its table 1, cells of 4 mm, 22 s; the inner
-    cylinder turns, the outer one rests, the top surface is looked at. From the scripts behind
-    it: the radii, 0.1 m of height, 0.025 rad/s, cylinders that hold what touches them, a
+    cylinder turns, the outer one rests, and the top surface is observed. From the scripts of the
+    paper: the radii, a height of 0.1 m, 0.025 rad/s, cylinders that material sticks to, a
     free_slip floor, gravity down. The experiment's outer radius was about 195 mm.
 
-    Chosen here: S and B a hundred times less, for ten times longer steps: p/B is 1.6 % at the
-    bottom, which is denser by as much, and slow flow does not see either modulus. 8 points a cell
-    for the paper's 4, which are no cube. Its steps of 1e-4 s are twice as long as waves allow at
-    10 MPa.
+    Chosen here: S and B are a hundred times smaller, so that the time steps are ten times longer.
+    Then p/B is 1.6 % at the bottom, which is denser by as much; a slow flow does not depend on
+    either modulus. There are 8 points per cell, as the paper's 4 are not a cube. The paper's steps
+    of 1e-4 s are twice as long as elastic waves allow at 10 MPa.
 
-    Only nodes inside a cylinder are held, and these begin half a cell within it on the average:
-    drawn as they are (``overlap=0``) cylinders slip, by an eighth of the speed in the paper's
-    cells. Unless `rough`, the fluidity does not see them: compare with
-    `granular.theory.couette_quasi_static` and ``walls="smooth"``. What is left of the error is in
-    the docs, page "Three dimensions".
+    Only the nodes inside a cylinder move with it, and these begin half a cell within it on the
+    average. Cylinders of their true radii (``overlap=0``) therefore slip, by an eighth of the speed
+    in the paper's cells. Unless `rough` is true, the cylinders do not affect the fluidity: compare
+    with `granular.theory.couette_quasi_static` and ``walls="smooth"``. The remaining error is
+    described in the documentation, page "Three dimensions".
 
-    With a `pressure` this is the flow in the plane, a slice that is everywhere under that pressure
-    at the start, without gravity: the case that the theory solves.
+    With a `pressure` the flow is 2D: a slice without gravity that is everywhere under that pressure
+    at the start. This is the case that the theory solves.
 
     Parameters
     ----------
     inner, outer : float
         Radii [m].
     height : float
-        Of the fill [m], whole cells; no meaning in the plane.
+        Height of the fill [m], whole cells; unused in 2D.
     omega : float
         Angular velocity of the inner cylinder [rad/s].
     pressure : float or None
-        At the start, in the plane [Pa]; None for space.
+        Initial pressure of the 2D flow [Pa]; None for 3D.
     overlap : float
         Cells by which the cylinders reach into the material, 0 to 1.
     rough : bool
-        Whether the fluidity is 0 at the cylinders; else they do not see it.
+        If true, the fluidity is 0 at the cylinders; otherwise the cylinders do not affect it.
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`; by default 2 along an edge of a cell.
     gravity : float
-        m/s2, from the start; no meaning in the plane.
+        Magnitude [m/s2], constant from the start; unused in 2D.
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 
@@ -139,7 +139,7 @@ def couette(
 
 
 def _cylinder(radius: float, dim: int, omega: float, *, rough: bool, inside: bool = False) -> Body:
-    """Upright, about the origin, sticky."""
+    """An upright sticky cylinder about the origin."""
     axis, origin = (None, (0.0, 0.0, 1.0))[dim - 2], (0.0,) * dim
     turning = omega if dim == 2 else (0.0, 0.0, omega)
     return Body(

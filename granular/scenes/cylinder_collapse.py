@@ -1,4 +1,4 @@
-"""Axisymmetric collapse of a cylinder onto a rough floor, in space."""
+"""Axisymmetric collapse of a cylinder onto a rough floor, in 3D."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from granular.scenes._build import HEADROOM, enough_cells, gravity_down
 
 
 def _expected_runout(aspect: float) -> float:
-    """Run-out over radius of cylinders of sand (Lube et al. 2004)."""
+    """Run-out divided by radius, of cylinders of sand (Lube et al. 2004)."""
     return 1.24 * aspect if aspect < 1.7 else 1.6 * aspect**0.5
 
 
@@ -32,30 +32,30 @@ def cylinder_collapse(
     scheme: Scheme = schemes.default,
     seed: int = 0,
 ) -> Scene:
-    """A quarter of a cylinder that collapses: the column collapse of section 4.1, in space.
+    """A quarter of a cylinder that collapses: the column collapse of section 4.1, in 3D.
 
-    Dunatunga & Kamrin 2015 stay in the plane; this is the experiment of Lube et al. 2004 with
-    the paper's material, gravity ramp and walls: rough floor, free_slip symmetry planes x = 0
-    and y = 0, free_slip lips.
+    Dunatunga & Kamrin 2015 study 2D flows only. This scene is the experiment of Lube et al. 2004
+    with the paper's material, gravity ramp and walls: no_slip floor, free_slip symmetry planes
+    x = 0 and y = 0, free_slip lips.
 
     Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being
     the run-out that Lube et al. found (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round
-    side is cut from the lattice of points; the height is rounded to rows of points.
+    side is cut out of the seeding lattice; the height is rounded to rows of points.
 
     Parameters
     ----------
     aspect, radius : float
-        Height over radius; radius [m].
+        Height divided by radius; radius [m].
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     lip : float or None
         Distance of the outer walls from the axis [m], rounded up to whole cells.
     gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero [s].
+        Magnitude [m/s2] and the time in which it grows from zero to it [s].
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 

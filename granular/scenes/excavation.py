@@ -1,4 +1,4 @@
-"""A flat blade that dives into a bed, goes forward and comes out again."""
+"""A flat blade that dives into a bed, moves forward and comes out again."""
 
 from __future__ import annotations
 
@@ -43,19 +43,20 @@ def excavation(
 ) -> Scene:
     """Excavation by a blade (Haeri & Skonieczny 2021, section 4.2, figures 11 to 15).
 
-    From the paper: GRC-1 with E = 15 MPa, or a hundredth for speed, at the cost of 16 % of the
-    force; 2 and 5 cm deep; friction of tan 30 deg on the blade; 20 s. From the scripts behind it:
-    a bed of 1.6 x 0.70 x 0.15 m, a blade 0.305 m wide, 0.457 m high and 6 mm thick, 0.025 m/s per
-    axis on the way down and up, 0.04 m/s forward, 3.8 deg from the vertical (another has 30.8),
-    and a run at a quarter of the size, whose cells of 3.3 mm are 13.3 mm here
-    (`granular.mpm.scaling` does the same, openly).
+    From the paper: GRC-1 with E = 15 MPa, or a hundredth of it, which is faster and changes the
+    force by 16 %; 2 and 5 cm deep; friction of tan 30 deg on the blade; 20 s. From the scripts of
+    the paper: a bed of 1.6 x 0.70 x 0.15 m, a blade 0.305 m wide, 0.457 m high and 6 mm thick,
+    0.025 m/s per axis on the way down and up, 0.04 m/s forward, 3.8 deg from the vertical (another
+    script has 30.8), and a run at a quarter of the size, whose cells of 3.3 mm are 13.3 mm here
+    (`granular.mpm.scaling` does the same explicitly).
 
     Chosen here: the softer material; half of the bed, with a symmetry plane at y = 0; cells of
-    12.5 mm, which divide the bed; a rough floor and smooth sides; the top of the blade leans
-    backwards; it begins at `start` with its edge at the surface and travels so far that the
-    paper's 20 s are used. The density is tracked: then a blade thinner than two
-    cells has two sides. With others it is made two cells thick, backwards from its front, and held
-    by the nodes within it: it lets soil through and feels half the force (the docs, page "Three
+    12.5 mm, which divide the bed; a no_slip floor and free_slip sides. The top of the blade leans
+    backwards. The blade begins at `start` with its edge at the surface and travels as far as the
+    paper's 20 s allow. The default scheme uses the particle density, with which a blade thinner
+    than two cells separates the material on its two sides. With other densities the blade is made
+    two cells thick, backwards from its front, and only the nodes within it move with it: soil then
+    passes through it and the force is half as large (see the documentation, page "Three
     dimensions").
 
     The surface of the bed is z = 0. Forces: `granular.measure.tool_force`, which doubles those of
@@ -64,34 +65,34 @@ def excavation(
     Parameters
     ----------
     depth : float
-        Of the edge while it goes forward [m].
+        Depth of the edge while the blade moves forward [m].
     travel, speed : float
-        Way forward at depth [m] and its speed [m/s].
+        Distance travelled at that depth [m] and its speed [m/s].
     dive_speed : float
-        Forward and downward, and upward at the end [m/s].
+        Forward and downward speed at the begin, forward and upward speed at the end [m/s].
     rake_deg : float
-        From the vertical, -60 to 60; positive if the top leans backwards.
+        Angle to the vertical [deg], -60 to 60; positive if the top leans backwards.
     blade : tuple of 3 floats
-        Thickness, width, height [m]; with the width of the bed it goes from wall to wall.
+        Thickness, width, height [m]; a blade as wide as the bed extends from wall to wall.
     friction : float
-        Coefficient between blade and soil.
+        Coefficient of friction between blade and soil.
     length, width, soil, headroom : float
-        Of the bed along x and y, its depth, and the room above [m], whole cells (`width/2` too if
-        `half`).
+        Length (x) and width (y) of the bed, its depth, and the height above it [m], whole cells
+        (`width/2` too if `half`).
     start : float
-        Where the edge begins [m].
+        Initial position x of the edge [m].
     half : bool
-        Whether only y >= 0 is modelled.
+        If true, only y >= 0 is modelled.
     settle, ramp : float
-        Time before the blade moves, and in which it changes its velocity [s].
+        Time before the blade moves, and time in which it changes its velocity [s].
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     gravity : float
-        m/s2, from the start.
+        Magnitude [m/s2], constant from the start.
     duration : float or None
-        Seconds; None for the whole motion.
+        Duration [s]; None for the whole motion.
     material, scheme, seed
         See `Scene`.
 
@@ -128,8 +129,8 @@ def excavation(
         ),
         positive("ramp", ramp),
     )
-    # its front edge is the position of the body
-    # nodes on its face would not be held: between walls it goes through them
+    # The position of the body is its front edge. A blade from wall to wall extends through the
+    # walls, because nodes that lie on its faces would not move with it.
     across = wide + 4 * cell if wide == width else wide
     shape = Box((thick, across, high), center=(-thick / 2, 0.0, high / 2))
     middle = 0.0 if half else width / 2

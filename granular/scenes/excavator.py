@@ -1,4 +1,4 @@
-"""The bucket of an excavator that digs, lifts and empties itself."""
+"""The bucket of an excavator, which digs, lifts the soil and empties itself."""
 
 from __future__ import annotations
 
@@ -40,58 +40,58 @@ def excavator(
     scheme: Scheme = reconnected,
     seed: int = 0,
 ) -> Scene:
-    """Industrial excavator (Haeri & Skonieczny 2021, section 4.3, figure 1): to be looked at.
+    """Industrial excavator (Haeri & Skonieczny 2021, section 4.3, figure 1), a demonstration.
 
     From the paper: soil in a bucket (solid), soil that slides back into the bin (liquid), soil
-    that leaks and falls (gas). From the scripts behind it: a bin of 1.0 x 0.4 x 0.2 m, a bucket
+    that leaks and falls (gas). From the scripts of the paper: a bin of 1.0 x 0.4 x 0.2 m, a bucket
     within 0.31 x 0.41 x 0.28 m, S = 0.06 and B = 0.1 MPa, 60 % full, friction of 0.1, 0.04 m/s in
     and out at 45 deg, a tilt that goes from 30 to -60 deg linearly, 6.75 s.
 
-    Not in the paper, chosen here: which way the bucket stands (0.31 m along x, 0.28 m wide, 0.41 m
-    high), that it is a back, a bottom and two sides, open before and above; half of the bin,
-    with a symmetry plane at y = 0; depth; and the script: in at 45 deg down to the depth, out at 45
-    deg, while it tilts back about its middle, evenly from the begin to the end, by which its edge
-    comes up again before the middle does. Sheets thinner than two cells
-    are made two cells thick, unless the scheme keeps their two sides apart.
+    Not in the paper, chosen here: the orientation of the bucket (0.31 m along x, 0.28 m wide,
+    0.41 m high) and its parts (a back, a bottom and two sides, open to the front and above); half
+    of the bin, with a symmetry plane at y = 0; the depth; and the motion. The bucket moves in at
+    45 deg down to the depth and out at 45 deg, while it tilts back about its middle at a constant
+    rate, so that its edge comes up again before its middle does. Sheets thinner than two cells are
+    made two cells thick, unless the scheme separates the material on their two sides.
 
     Parameters
     ----------
     bucket : tuple of 3 floats
-        Extent along x, y and z [m], at no tilt, outside.
+        Outer extents along x, y and z [m], without tilt.
     thickness : float
-        Of its sheets [m].
+        Thickness of the sheets of the bucket [m].
     depth : float
-        By which its middle goes down [m].
+        Distance by which the middle of the bucket goes down [m].
     speed : float
-        Along each axis [m/s].
+        Speed along each axis [m/s].
     tilt_deg : (begin, end)
-        Of the bottom to the horizontal; positive if the edge points down.
+        Angle of the bottom to the horizontal [deg]; positive if the edge points down.
     friction : float
-        Coefficient between bucket and soil.
+        Coefficient of friction between bucket and soil.
     length, width, soil, headroom : float
-        Of the bed along x and y, its depth, and the room above [m], whole cells (`width/2` too if
-        `half`).
+        Length (x) and width (y) of the bed, its depth, and the height above it [m], whole cells
+        (`width/2` too if `half`).
     start : float
-        Where the edge begins [m].
+        Initial position x of the edge [m].
     half : bool
-        Whether only y >= 0 is modelled.
+        If true, only y >= 0 is modelled.
     settle, ramp : float
-        Time before the bucket moves, and in which it changes its velocity [s].
+        Time before the bucket moves, and time in which it changes its velocity [s].
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     gravity : float
-        m/s2, from the start.
+        Magnitude [m/s2], constant from the start.
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 
     Raises
     ------
     TypeError, ValueError
-        Naming argument, value and allowed range; also if there is no time to come out again.
+        Naming argument, value and allowed range; also if no time is left to come out again.
     """
     called = scene_parameters(locals())
     cell, speed, depth = positive("cell", cell), positive("speed", speed), positive("depth", depth)
@@ -150,13 +150,13 @@ def excavator(
 def _middle(
     x: float, y: float, size: tuple[float, ...], tilt_deg: float
 ) -> tuple[float, float, float]:
-    """Where the middle of the bucket is while its edge is at x, on the surface z = 0."""
+    """Position of the middle of the bucket while its edge is at x, on the surface z = 0."""
     c, s = math.cos(math.radians(tilt_deg)), math.sin(math.radians(tilt_deg))
     return x - (c * size[0] - s * size[2]) / 2, y, (s * size[0] + c * size[2]) / 2
 
 
 def _bucket(size: tuple[float, ...], sheet: float) -> Union:
-    """Bottom, back and two sides about the middle; open before (larger x) and above."""
+    """Bottom, back and two sides about the middle; open to the front (larger x) and above."""
     x, y, z = (positive(f"bucket[{i}]", edge) for i, edge in enumerate(size))
     if not (x > 2 * sheet and y > 2 * sheet and z > 2 * sheet):
         raise ValueError(f"bucket = {size} must exceed two sheets of {sheet} m along each axis")

@@ -1,4 +1,4 @@
-"""Hourglasses with a flat or a sloped divider, in the plane."""
+"""Hourglasses with a flat or a sloped divider, in 2D."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from granular.scenes._build import HEADROOM, gravity_down, whole_cells
 
 WIDTHS = {"flat": 1.0, "sloped": 0.5}
 FLOOR_OVER_WIDTH = 2
-"""Extent of the flat hourglass's floor over the width of its upper part."""
+"""Extent of the flat hourglass's floor, divided by the width of its upper part."""
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """Places of the hourglass on the grid, in cells."""
+    """Dimensions of the hourglass on the grid [cells]."""
 
     neck: int  # the divider begins here
     half: int  # half-width of the upper part
@@ -52,7 +52,7 @@ def _stairs(lines: _Lines, slope_deg: float) -> list[Solid]:
 
 
 def _walls(lines: _Lines, kind: str, opens_at: float) -> list[Wall]:
-    """Walls of both kinds; the lid of the orifice is the one that opens."""
+    """Walls of either kind of hourglass; the lid of the orifice is the wall that opens."""
     neck, half, drop = lines.at(lines.neck), lines.at(lines.half), lines.at(lines.drop)
     top = lines.at(lines.drop + lines.fill + HEADROOM)
     return [
@@ -86,38 +86,38 @@ def hourglass(
     """Right half of an hourglass (Dunatunga & Kamrin 2015, section 4.3).
 
     From the paper: divider 0.5 m above the base, opening radius 0.02 m, fill 0.25 m high, cells
-    of 0.01 m with 4 points, rough base, everything else without friction, 10 s; the rest as in
-    the silo, whose definition of the opening (the last free node) is kept: the divider begins at
+    of 0.01 m with 4 points, no_slip base, all other walls free_slip, 10 s. The rest is as in the
+    silo, including the definition of the opening by the last free node: the divider begins at
     orifice_radius + cell. Flat: 1 m wide, no side wall below the divider. Sloped: 0.5 m wide,
     side wall at 0.25 m down to the base, slope as a staircase of free_slip blocks.
 
-    Chosen here: the slope, not given in the paper, rises at 45 deg from the edge of the opening,
-    with the upper inner corners of the steps on the line, and is filled up to a level
-    `fill_height` above the opening; where both faces of a step meet no component is free, so the
-    staircase hinders sliding. The floor of the flat hourglass ends at the width of its upper
-    part (twice its half-width), and what rolls further is gone.
+    Chosen here: the slope, which the paper does not give, rises at 45 deg from the edge of the
+    opening, with the upper inner corners of the steps on the line. It is filled up to a level
+    `fill_height` above the opening. Where both faces of a step meet, no velocity component is free,
+    so that the staircase hinders sliding. The floor of the flat hourglass ends at the width of its
+    upper part (twice its half-width); points that roll further are removed.
 
     Parameters
     ----------
     kind : {"flat", "sloped"}
     orifice_radius : float
-        Half of the opening [m], whole cells.
+        Half the width of the opening [m], whole cells.
     width : float or None
         Full width of the upper part [m], twice whole cells; None for 1 (flat) or 0.5 (sloped).
     fill_height, drop : float
         Height of the fill above the divider, and of the divider above the base [m], whole cells.
     slope_deg : float
-        Slope of the staircase against the horizontal [deg], 0 < slope < 90; unused when flat.
+        Slope of the staircase to the horizontal [deg], 0 < slope < 90; unused when flat.
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     opens_at : float
         Time at which the orifice opens [s].
     gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero [s].
+        Magnitude [m/s2] and the time in which it grows from zero to it [s].
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 

@@ -1,4 +1,4 @@
-"""A layer on a periodic rough incline, in the plane or in space."""
+"""A layer on a periodic rough incline, in 2D or 3D."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ def incline(
     """Layer on an incline, with x down the slope (Dunatunga & Kamrin 2015, section 4.4).
 
     From the paper: 0.2 m high, cells of 0.005 m with 4 points, one column of cells, periodic in x,
-    rough base, angles of 19 to 34 deg, gravity ramped in 0.1 s. Tilted is gravity, not the grid.
+    no_slip base, angles of 19 to 34 deg, gravity ramped in 0.1 s. Gravity is tilted, not the grid.
 
     Chosen here: 20 s (near 25 deg the flow is steady after 24 s, near 32 deg after more than
-    1000 s: compare the transient), and 8 free cells above the surface. One column cannot show the
-    instabilities of a truly two-dimensional flow: take 4 or more, and a jitter, to see those.
+    1000 s, so compare with the transient solution), and 8 free cells above the surface. One column
+    cannot show the instabilities of a two-dimensional flow: use 4 or more, and a jitter, for those.
 
     Parameters
     ----------
@@ -48,19 +48,19 @@ def incline(
     height : float
         Height of the layer across the slope [m], whole cells.
     cell : float
-        Cell [m].
+        Cell size [m].
     columns : int
-        Cells along the slope.
+        Number of cells along the slope.
     columns_across : int
-        Cells across it, level and periodic as well; 0 for the plane.
+        Number of cells along the horizontal axis across the slope, also periodic; 0 for 2D.
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     headroom : int
-        Free cells above the surface, >= 1.
+        Number of free cells above the surface, >= 1.
     gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero [s].
+        Magnitude [m/s2] and the time in which it grows from zero to it [s].
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 

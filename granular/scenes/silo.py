@@ -1,4 +1,4 @@
-"""Discharge of a flat-bottomed silo, in the plane."""
+"""Discharge of a flat-bottomed silo, in 2D."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def silo(
 ) -> Scene:
     """Right half of a silo that empties (Dunatunga & Kamrin 2015, section 4.2).
 
-    From the paper: 1 m wide, filled 1 m high, half of it modelled, rough bottom, free_slip
+    From the paper: 1 m wide, filled 1 m high, half of it modelled, no_slip bottom, free_slip
     sides, cells of 0.01 m with 4 points, the orifice opened at 0.1 s when gravity is full, 40 s.
-    Its orifice D reaches from the first to the last vertically free node of the bottom. In the
-    whole silo these nodes stand from -D/2 to D/2, so that here those with x <= D/2 are free and
+    Its orifice D extends from the first to the last vertically free node of the bottom. In the
+    whole silo these nodes lie from -D/2 to D/2. Hence the nodes with x <= D/2 are free here and
     the bottom begins one cell further, at D/2 + cell: the default `edge`. The exponent fitted to
-    Beverloo's law depends on this definition. Splines, with_c0_lines where the bottom begins, have their
-    last free node half a cell before it: by that definition their opening is D + cell.
+    Beverloo's law depends on this definition. Splines have a C0 line where the bottom begins and
+    their last free node half a cell before it: by that definition their opening is D + cell.
 
     Chosen here: points leave for good as they cross the bottom, y = 0.
 
@@ -48,17 +48,17 @@ def silo(
     width, height : float
         Full width of the silo and height of the fill [m], whole cells (the half-width too).
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     edge : {"last_free_node", "wall"}
-        Whether the bottom begins at D/2 + cell, as in the paper, or at D/2.
+        Beginning of the bottom: at D/2 + cell, as in the paper, or at D/2.
     opens_at : float
         Time at which the orifice opens [s].
     gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero [s].
+        Magnitude [m/s2] and the time in which it grows from zero to it [s].
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 
@@ -86,7 +86,8 @@ def silo(
         scheme=scheme,
         walls=(
             Wall(1, 0.0, kind="no_slip", span=((begin * cell, n_x * cell),)),
-            # The lid is no wider than the outlet: what is done near outlets is done near it.
+            # The lid has the width of the outlet, so that all that is done near outlets is done
+            # near it.
             Wall(1, 0.0, kind="no_slip", span=((0.0, begin * cell),), opens_at=opens_at),
             Wall(0, 0.0, kind="free_slip"),
             Wall(0, n_x * cell, kind="free_slip"),

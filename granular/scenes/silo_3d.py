@@ -1,4 +1,4 @@
-"""A silo in space that drains through a slot in a corner of its floor."""
+"""A silo in 3D that drains through a slot in a corner of its floor."""
 
 from __future__ import annotations
 
@@ -33,29 +33,30 @@ def silo_3d(
     4.3, figure 19).
 
     From the paper: rough bottom, smooth sides, E = 0.15 MPa, the grains of its table 1 with
-    mu_s = 0.3819, 12 s, after which the slope is that of the friction angle. From the scripts
-    behind it: 0.25 m long, filled 0.125 m high, a quarter of the length wide, a slot of 0.025 m.
+    mu_s = 0.3819, 12 s, after which the slope is at the friction angle. From the scripts of the
+    paper: 0.25 m long, filled 0.125 m high, a quarter of the length wide, a slot of 0.025 m.
 
-    Chosen here: open from the start, under its own weight; points leave for good as they cross
-    the bottom, z = 0, where the paper lets them fall on a floor; mu_2 of table 1 (the scripts have
-    1.5). The paper's cells of 4 mm do not divide these lengths, and its 32 000 points, 8 a
-    cell, fill an eighth of the room: cells of 6.25 mm, 64 000 points. Between smooth sides nothing
-    depends on y: a `width` of two cells gives the same at a fifth of the cost.
+    Chosen here: the slot is open from the start, and the fill is under its own weight. Points leave
+    for good as they cross the bottom, z = 0, where the paper lets them fall on a floor. mu_2 is
+    that of table 1 (the scripts have 1.5). The paper's cells of 4 mm do not divide these lengths,
+    and its 32 000 points, 8 per cell, fill an eighth of the volume; here the cells are 6.25 mm with
+    64 000 points. Between smooth sides nothing depends on y, so that a `width` of two cells gives
+    the same result at a fifth of the cost.
 
     Parameters
     ----------
     length, height, width : float
-        Of the fill along x, z and y [m], whole cells.
+        Extents of the fill along x, z and y [m], whole cells.
     slot : float
-        Opening from the left wall on [m], whole cells.
+        Width of the opening, which begins at the left wall [m], whole cells.
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     gravity : float
-        m/s2, from the start.
+        Magnitude [m/s2], constant from the start.
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 
@@ -83,7 +84,7 @@ def silo_3d(
         scheme=scheme,
         walls=(
             Wall(2, 0.0, kind="no_slip", span=((edge, x), across)),
-            # Open from the start: what is done near outlets is done near it.
+            # Open from the start, so that all that is done near outlets is done near it.
             Wall(2, 0.0, kind="no_slip", span=((0.0, edge), across), opens_at=0.0),
             *(Wall(0, at, kind="free_slip") for at in (0.0, x)),
             *(Wall(1, at, kind="free_slip") for at in (0.0, y)),

@@ -1,4 +1,4 @@
-"""A loose slug thrown against a wall, in the plane."""
+"""A disconnected slug thrown against a wall, in 2D."""
 
 from __future__ import annotations
 
@@ -29,35 +29,35 @@ def slug(
     scheme: Scheme = schemes.default,
     seed: int = 0,
 ) -> Scene:
-    """A loose disc that flies into a wall (Dunatunga & Kamrin 2015, section 4.5).
+    """A disconnected disc that flies into a wall (Dunatunga & Kamrin 2015, section 4.5).
 
     From the paper: a disc at 1200 kg/m3 with the velocity (1.2, 3.0) m/s, gravity 9.8 m/s2 in
     full from the start, smooth walls, rough floor, cells of 0.0083 m with 4 points.
 
-    Chosen here: radius 0.15 m, centre (0.2, 0.25) m, right wall at 0.75 m, which the slug meets
-    after a third of a second, a little past the top of its flight; left wall at x = 0; closed top
+    Chosen here: radius 0.15 m, centre (0.2, 0.25) m; right wall at 0.75 m, which the slug meets
+    after a third of a second, shortly after the top of its flight; left wall at x = 0; closed top
     0.4 m above the highest point of the free flight; 2 s.
 
     Parameters
     ----------
     radius, center : float, tuple of 2 floats
-        Of the disc [m]; it must lie between the walls and above the floor.
+        Radius and centre of the disc [m]; it must lie between the walls and above the floor.
     velocity : tuple of 2 floats
         Initial velocity [m/s].
     density : float
         Initial density [kg/m3].
     wall_at : float
-        Right wall [m], rounded up to whole cells.
+        Position of the right wall [m], rounded up to whole cells.
     headroom : float
         Height above the highest point of the free flight [m].
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     gravity : float
         Magnitude [m/s2], constant.
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 

@@ -1,4 +1,4 @@
-"""Collapse of a column of grains on a level floor."""
+"""Collapse of a granular column on a level floor, with SPH."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ def column_collapse_sph(
 ) -> Scene:
     """Column between a wall and a gate that vanishes (Hurley, section 5.4.3).
 
-    From the thesis: grit, columns of 9 cm with points 1 cm apart, or fine glass, of 2.5 cm with
-    points 0.5 cm apart (`granular.sph.grit`, `granular.sph.glass`); 10 cm across with a period;
-    the grains settle and the right wall is deleted at once. H is the highest and L the farthest
-    point at rest. For the studies of stiffness, friction and resolution the length is 20 cm and
-    the height 13 cm.
+    From the thesis: columns of grit, 9 cm long with particles 1 cm apart, or of fine glass, 2.5 cm
+    long with particles 0.5 cm apart (`granular.sph.grit`, `granular.sph.glass`); periodic across,
+    with a period of 10 cm; the particles settle, then the right wall is deleted at once. H is the
+    highest and L the farthest particle at rest. For the studies of stiffness, friction and
+    resolution the length is 20 cm and the height 13 cm.
 
-    Left open by the thesis: the heights it ran, how the grains settle (here for 0.5 s), when they
-    are at rest (here the columns have 1.5 s and eight times sqrt(height/gravity)), and the length
-    of the floor (here room for a run-out (L - L0)/L0 of 4 aspect).
+    Left open by the thesis: the heights of the columns, how the particles settle (here for 0.5 s),
+    when they are at rest (here the duration is 1.5 s plus eight times sqrt(height/gravity)), and
+    the length of the floor (here long enough for a run-out (L - L0)/L0 of 4 aspect).
 
     Parameters
     ----------
     aspect : float
-        Height over length; the height is rounded to whole spacings.
+        Height divided by length; the height is rounded to whole spacings.
     length, width : float
-        Of the column [m], whole spacings; width 0 is for the plane.
+        Length and width of the column [m], whole spacings; a width of 0 is for 2D.
     spacing : float
-        Of the points [m].
+        Spacing of the particles [m].
     reach : float or None
         Length of the floor [m], rounded up to whole spacings.
     settle : float
-        Time with a right wall [s].
+        Time with the right wall [s].
     gravity : float
         Its magnitude [m/s2].
     duration : float or None
-        Time without it [s].
+        Time without the right wall [s]; None for that given above.
     material : Viscoplastic
     numerics
         By default those of the thesis.

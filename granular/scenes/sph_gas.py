@@ -1,4 +1,4 @@
-"""Ready scenes of grains and a gas."""
+"""Ready-made SPH scenes of a granular material with a gas."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from granular.sph.walls import Wall
 __all__ = ["fluidised_bed", "jet_on_bed"]
 
 LAYERS = 5
-"""Of points in a wall, as in the thesis."""
+"""Layers of particles in a wall, as in the thesis."""
 GAP_PRESSURE = 0.8
-"""Of a gap in the gas over that of the gas at the start."""
+"""Pressure of a gap in the gas, divided by that of the gas at the start."""
 
 
 def _numerics() -> Numerics:
-    """A wider kernel, which the gas needs, and half the largest viscosity: with all of it beds
-    never come to rest, and their noise is that of the gas."""
+    """Numerics with a wider kernel, which the gas needs, and half the largest viscosity.
+
+    With the full viscosity beds never come to rest, and their noise is passed to the gas.
+    """
     return Numerics(smoothing=1.5)
 
 
@@ -46,28 +48,28 @@ def fluidised_bed(
 ) -> Scene:
     """Bed on a sieve through which a piston below presses gas; periodic sides, open above.
 
-    The pressure gradient of Darcy carries the bed where the gas flows faster than
-    k/eta (1 - e) (rho_s - rho_g) g per area, its minimum velocity of fluidisation.
+    The pressure gradient of Darcy's law carries the bed if the volume flux of the gas exceeds
+    k/eta (1 - e) (rho_s - rho_g) g, the minimum velocity of fluidisation.
 
     Parameters
     ----------
     velocity : float
-        Of the piston and so of the gas below the sieve [m/s], >= 0; times the duration it must not
-        exceed the plenum.
+        Velocity of the piston and so of the gas below the sieve [m/s], >= 0; the distance velocity
+        times duration must not exceed the plenum.
     height, plenum, freeboard : float
-        Heights of the bed, of the gas between piston and sieve, and of that above the bed [m];
+        Heights of the bed, of the gas between piston and sieve, and of the gas above the bed [m];
         whole spacings.
     spacing : float
-        Of the points of grains, walls and gas [m].
+        Spacing of the particles of the material, the walls and the gas [m].
     columns, columns_across : int
-        Points along the two horizontal axes; 0 across is for the plane.
+        Number of particles along the two horizontal axes; 0 across is for 2D.
     gravity : float
-        Its magnitude [m/s2]; it grows in the first 20 ms.
+        Its magnitude [m/s2]; it grows from zero within the first 20 ms.
     pressure, sound_speed, permeability, viscosity : float
-        See `Gas`. By default its sound is slow, 100 m/s: the steps are longer, and it weighs
-        10 kg/m3.
+        See `Gas`. The default speed of sound is low, 100 m/s, so that the time steps are longer;
+        the density of the gas is then 10 kg/m3.
     duration : float
-        [s]
+        Duration [s].
     material, numerics
         By default 1600 kg/m3, friction 0.8; h = 1.5 spacings, half the largest viscosity.
 
@@ -151,39 +153,39 @@ def jet_on_bed(
     material: Viscoplastic | None = None,
     numerics: Numerics | None = None,
 ) -> Scene:
-    """Jet of gas on a bed (Hurley, thesis, section 6.2.2, figure 6.2).
+    """Jet of gas directed at a bed (Hurley, thesis, section 6.2.2, figure 6.2).
 
     From the thesis: 0.5 m wide and 0.1 m across, both periodic, 0.25 m of soil on an impermeable
     floor; rho0 1600 kg/m3, friction 0.8, permeability 2e-10 m2, gravity 3.711 m/s2, an ideal gas of
     10 uPa s driven at 100 m/s downward, Darcy's drag up to a porosity of 0.38; the first 75 ms.
 
-    Chosen here, for the thesis says nothing: ambient pressure 1e5 Pa and speed of sound 300 m/s,
-    neither of them artificial; grains of 2500 kg/m3, so that the soil has a porosity of 0.36; gas
-    0.15 m above it, under a ceiling; the nozzle, a box 0.1 m wide and two thirds as high below the
-    ceiling, where the gas is driven: it is sucked from the sides. For that the pressure at which
-    gas leaves gaps open, `Gas.pressure`, is 0.8 of the initial one. In the plane unless `across`
-    is positive.
+    Chosen here, where the thesis states nothing: an ambient pressure of 1e5 Pa and a speed of sound
+    of 300 m/s, neither of them artificial; grains of 2500 kg/m3, so that the porosity of the soil
+    is 0.36; gas up to 0.15 m above the soil, under a ceiling. The nozzle is a box 0.1 m wide and
+    two thirds as high below the ceiling, in which the gas is driven; it draws gas from its sides.
+    To allow this, the pressure at which the gas leaves gaps open, `Gas.pressure`, is 0.8 of the
+    initial one. The scene is 2D unless `across` is positive.
 
     Parameters
     ----------
     speed : float
-        Of the gas in the nozzle [m/s], >= 0 and below that of sound.
+        Speed of the gas in the nozzle [m/s], >= 0 and below the speed of sound.
     width, depth, headroom : float
-        Of the domain, of the soil, of the gas above it [m]; whole spacings.
+        Width of the domain, depth of the soil, height of the gas above it [m]; whole spacings.
     nozzle : float
         Width of the nozzle [m], at most the domain's.
     across : float
-        Extent along the second horizontal axis [m], whole spacings; 0 for the plane.
+        Extent along the second horizontal axis [m], whole spacings; 0 for 2D.
     spacing : float
-        Of the points of grains, walls and gas [m].
+        Spacing of the particles of the material, the walls and the gas [m].
     gravity : float
         Its magnitude [m/s2].
     pressure : float
-        Of the gas at the start [Pa], > 0.
+        Initial pressure of the gas [Pa], > 0.
     sound_speed, permeability, viscosity : float
         See `Gas`.
     duration : float
-        [s]
+        Duration [s].
     material, numerics
         By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
 

@@ -1,4 +1,4 @@
-"""A layer on a periodic incline."""
+"""A layer on a periodic incline, with SPH."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from granular.sph.scene import Scene
 from granular.sph.walls import Wall
 
 SWITCH = 1e-6
-"""Share of the settling time in which gravity turns: at once, for a table that must ascend."""
+"""Fraction of the settling time in which gravity turns. It turns practically at once, but the times
+of the gravity table must ascend."""
 
 
 def incline_sph(
@@ -33,24 +34,25 @@ def incline_sph(
 ) -> Scene:
     """Layer on an incline, with x down the slope (Hurley, thesis, section 5.4.2).
 
-    From the thesis: 0.1 x 0.15 x 0.05 m with points 0.01 m apart, periodic but across the layer, on
-    five layers of fixed points; mu_l 0.268, mu_h 0.577, D_star 20 1/s; the grains settle before
-    gravity is tilted at once. In the plane unless `columns_across` is 5.
+    From the thesis: 0.1 x 0.15 x 0.05 m with particles 0.01 m apart, periodic along both horizontal
+    axes, on five layers of fixed particles; mu_l 0.268, mu_h 0.577, D_star 20 1/s; the particles
+    settle, then gravity is tilted at once. The thesis has 5 `columns_across`; the default is 2D.
 
-    Chosen here: gravity grows in the first fifth of 0.5 s to settle, and the duration counts from
-    the tilt. The friction depends on |D| and not on the pressure, so that the steady flow without
-    dilation has the same shear rate everywhere, D_star (tan angle - mu_l)/(mu_h - tan angle).
+    Chosen here: the particles settle for 0.5 s, in whose first fifth gravity grows, and the
+    duration counts from the tilt. The friction depends on |D| and not on the pressure, so that the
+    steady flow without dilation has the same shear rate everywhere,
+    D_star (tan angle - mu_l)/(mu_h - tan angle).
 
     Parameters
     ----------
     angle_deg : float
         Inclination [deg], 0 <= angle < 90.
     height, spacing : float
-        Height of the layer and spacing of the points [m]; whole spacings.
+        Height of the layer, in whole spacings, and spacing of the particles [m].
     columns, columns_across : int
-        Points along the slope and across it, where 0 is for the plane.
+        Number of particles along the slope and across it; 0 across is for 2D.
     headroom : int
-        Free spacings above the layer, >= 1; grains that leave it are dropped.
+        Free spacings above the layer, >= 1; particles that leave the domain are dropped.
     settle : float
         Time before the tilt [s], > 0.
     gravity : float

@@ -1,4 +1,4 @@
-"""Collapse of a block of grains down an inclined channel."""
+"""Collapse of a granular block down an inclined channel, with SPH."""
 
 from __future__ import annotations
 
@@ -35,28 +35,28 @@ def inclined_collapse(
 ) -> Scene:
     """Block behind a gate that lifts, in a channel with x down the slope (Hurley, section 5.4.4).
 
-    From the thesis: 20 x 14 cm, 10 cm across, with a period or between side walls of the same
-    friction as the floor; points 1 cm apart, rho0 1550 kg/m3, constant friction 0.435 in the grains
-    and at all walls; the grains settle, then the gate lifts at 2 m/s; slopes of 0, 10, 16, 22 deg.
+    From the thesis: 20 x 14 cm, 10 cm across, periodic or between side walls of the same friction
+    as the floor; particles 1 cm apart, rho0 1550 kg/m3, constant friction 0.435 in the material and
+    at all walls; the particles settle, then the gate lifts at 2 m/s; slopes of 0, 10, 16, 22 deg.
 
-    Left open by the thesis: the direction of gravity while the grains settle (here that of the
-    slope), the time for it (here 0.5 s), the times of its profiles (here 1.5 s in all), and where
-    the floor ends (here 1.2 m from the upper wall; grains that get there are dropped). Walls are
-    as thick as the kernel reaches, where the thesis has five layers: the points of side walls are
-    many.
+    Left open by the thesis: the direction of gravity while the particles settle (here tilted from
+    the start), the time to settle (here 0.5 s), the times of its profiles (here 1.5 s in all), and
+    the end of the floor (here 1.2 m from the upper wall; particles that get there are dropped).
+    Walls are as thick as the reach of the kernel, while the thesis has five layers: side walls
+    would otherwise need very many particles.
 
     Parameters
     ----------
     angle_deg : float
         Inclination [deg], 0 <= angle < 90.
     side_walls : bool
-        Whether there are walls at the sides, else a period.
+        If true, there are walls at the sides; otherwise the channel is periodic across.
     dilation : float
-        Largest beta, unless a material is given; the thesis takes 0.5.
+        Largest beta of the default material; the thesis takes 0.5.
     length, height, width : float
-        Of the block [m], whole spacings; width 0 is for the plane, which has no side walls.
+        Extents of the block [m], whole spacings; a width of 0 is for 2D, without side walls.
     spacing : float
-        Of the points [m].
+        Spacing of the particles [m].
     lift : float
         Speed of the gate [m/s].
     reach : float
@@ -66,7 +66,7 @@ def inclined_collapse(
     gravity : float
         Its magnitude [m/s2].
     duration : float
-        Time from then on [s].
+        Time from the lifting of the gate on [s].
     material, numerics
         By default those of the thesis.
 
@@ -88,7 +88,7 @@ def inclined_collapse(
     top = (n_z + HEADROOM) * spacing
     numerics = numerics or Numerics()
     thin, ends = math.ceil(2.0 * numerics.smoothing), ((0.0, n_x * spacing), (0.0, top))
-    # clear of the grains, it is in nobody's sums
+    # By this time the gate is out of reach of the kernels of all particles.
     clear = settle + (n_z + 2.0 * numerics.smoothing) * spacing / lift
     gate = Wall(
         0,

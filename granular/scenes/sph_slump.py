@@ -1,4 +1,4 @@
-"""Slump of a box of grains through an orifice in its corner."""
+"""Slump of a granular material in a box through an orifice in its corner, with SPH."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ def slump_sph(
     kappa: float = 1e5,
     numerics: Numerics | None = None,
 ) -> Scene:
-    """Slope that is left when grains leave a box through an orifice (Hurley, section 5.4.1).
+    """Slope that remains after the material has left through an orifice (Hurley, section 5.4.1).
 
-    From the thesis: 60 x 50 cm, 6 cm across with a period, an orifice of 5 cm at the right end of
-    the floor, points 1 cm apart, rho0 1550 kg/m3, constant friction tan(phi) in the grains and at
-    the walls, phi 20 to 40 deg, kappa 1e5 Pa; the angle is that of a line through the surface over
-    the middle 75 % between the left wall and the orifice.
+    From the thesis: 60 x 50 cm, periodic across with a period of 6 cm, an orifice of 5 cm at the
+    right end of the floor, particles 1 cm apart, rho0 1550 kg/m3, constant friction tan(phi) in the
+    material and at the walls, phi 20 to 40 deg, kappa 1e5 Pa. The angle is that of a line through
+    the surface over the middle 75 % between the left wall and the orifice.
 
-    Left open by the thesis: how the grains settle (here for 0.5 s over a closed orifice, whose
-    floor is then taken away), how long the slope is given (it is said to rest below 1e-5 J/m3,
-    which is not reached as long as grains roll on it; here 6 s), and what is below the floor (here
-    nothing: grains are dropped).
+    Left open by the thesis: how the particles settle (here for 0.5 s over a closed orifice, whose
+    floor is then removed), the time for the slope to form (the thesis calls it at rest below
+    1e-5 J/m3, which is not reached as long as particles roll on it; here 6 s), and what lies below
+    the floor (here nothing: particles are dropped).
 
     Parameters
     ----------
@@ -50,11 +50,11 @@ def slump_sph(
     dilation : float
         Largest beta, 0 without dilation; the thesis takes 0.5.
     length, height, width : float
-        Of the grains [m], whole spacings; width 0 is for the plane.
+        Extents of the material [m], whole spacings; a width of 0 is for 2D.
     orifice : float
-        Of the floor at the right end [m], whole spacings, less than the length.
+        Length of the opening at the right end of the floor [m], whole spacings, less than `length`.
     spacing : float
-        Of the points [m].
+        Spacing of the particles [m].
     settle : float
         Time with a closed orifice [s].
     gravity : float

@@ -40,40 +40,40 @@ def wheel(
 
     From the paper: GRC-1, a smooth wheel 30 cm across and 12.5 cm wide against a window, a bin of
     0.90 x 0.193 m, friction of 0.4, a load of 164 N, free to rise and sink, slips of 20, 40 and
-    70 %. From the scripts behind it: 0.0875 m of soil, 0.13 rad/s, a run at a quarter of the size.
-    The slip is 1 - v/(omega R).
+    70 %. From the scripts of the paper: 0.0875 m of soil, 0.13 rad/s, a run at a quarter of the
+    size. The slip is 1 - v/(omega R).
 
-    Chosen here: E = 0.15 MPa in place of 15; a bin of 0.1875 m, which is whole cells; the window,
-    y = 0, without friction; the wheel begins upon the soil, sinks for a second, then rolls towards
-    larger x, with a mass of load/gravity: so the load is right at rest and on the average. The
-    published runs damp upward motion; this one does not.
+    Chosen here: E = 0.15 MPa in place of 15 MPa; a bin of 0.1875 m, which is a whole number of
+    cells; a free_slip window at y = 0. The wheel begins on the soil, sinks for a second, then rolls
+    towards larger x. Its mass is load/gravity, so that the load is correct at rest and on the
+    average. The published runs damp upward motion; this one does not.
 
     Parameters
     ----------
     slip : float
-        0 to 1, 1 excluded.
+        Slip, 0 <= slip < 1.
     load : float
         Weight of the wheel [N].
     diameter, tread : float
-        Of the wheel [m], and its width.
+        Diameter and width of the wheel [m].
     omega : float
         Angular velocity [rad/s].
     friction : float
-        Coefficient between wheel and soil.
+        Coefficient of friction between wheel and soil.
     length, width, soil, headroom : float
-        Of the bed along x and y, its depth, and the room above [m], whole cells.
+        Length (x) and width (y) of the bed, its depth, and the height above it [m], whole cells.
     start : float
-        Where the axle begins [m].
+        Initial position x of the axle [m].
     settle, ramp : float
-        Time before the wheel turns, and in which it takes up its velocity [s].
+        Time before the wheel turns, and time in which it takes up its velocity [s].
     cell : float
-        Cell [m].
+        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`.
     gravity : float
-        m/s2, from the start.
+        Magnitude [m/s2], constant from the start.
     duration : float
-        Seconds.
+        Duration [s].
     material, scheme, seed
         See `Scene`.
 
@@ -101,7 +101,7 @@ def wheel(
         ((settle, (0.0, 0.0, 0.0), 0.0), (rolling, (speed, 0.0, 0.0), omega)),
         positive("ramp", ramp),
     )
-    # the window cuts it in the middle of its width
+    # The cylinder is twice as long as the tread: the window at y = 0 cuts it in its middle.
     shape = Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), length=2 * tread)
     return Scene(
         name="wheel",

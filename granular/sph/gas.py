@@ -1,4 +1,4 @@
-"""A gas in the pores of the grains and above them (Hurley, thesis, section 6.2.2)."""
+"""A gas in the pores of a granular material and above it (Hurley, thesis, section 6.2.2)."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from granular.notebook import table
 __all__ = ["Gas", "GasState", "Jet"]
 
 MAX_JETS = 16
-"""Of a gas; the core has places for so many."""
+"""Largest number of jets of a gas, by the capacity of the core."""
 ERGUN = 150.0
 """Factor of the viscous part of Ergun's equation, k = e^3 d^2/(150 (1 - e)^2) (Ergun 1952)."""
 WIDEST_LATTICE = 1.0
-"""Largest spacing of points of gas, in the smoothing length of the kernel."""
+"""Largest spacing of gas particles, in smoothing lengths of the kernel."""
 
 
 @dataclass(frozen=True)
 class Jet:
-    """A box in which gas is driven: points of gas have this velocity while they are in it.
+    """A box in which gas is driven: gas particles have this velocity while they are in it.
 
-    What the drive does to the momentum of the gas is not taken from anything else.
+    The momentum that the drive gives to the gas is not taken from anything else.
 
     Parameters
     ----------
@@ -52,21 +52,21 @@ class Jet:
 
 @dataclass(frozen=True, kw_only=True)
 class Gas:
-    """An ideal gas at one temperature, p = c^2 rho, that grains resist.
+    """An ideal isothermal gas, p = c^2 rho, with drag by the grains.
 
-    With e the porosity, 1 - (density of the grains)/`grain_density`, the balances of both phases
-    are those of Anderson and Jackson (1967) with the pressure shared,
+    With e the porosity, 1 - (bulk density of the grains)/`grain_density`, the balances of both
+    phases are those of Anderson and Jackson (1967) with a common pressure,
 
         (1 - e) rho_s D v_s = div sigma - (1 - e) grad p + (1 - e) rho_s g + B (v_g - v_s)
               e rho_g D v_g =           -      e grad p +       e rho_g g - B (v_g - v_s),
 
-    with sigma the (effective) stress of the grains as without gas, rho_s = `grain_density` and
-    e rho_g carried by points of gas. The drag is that of Darcy up to the porosity
-    `darcy_porosity`, B = e^2 eta/k, and that of Wen and Yu (1966) beyond a range `blend` above it,
+    with sigma the effective stress of the grains as without gas, and rho_s = `grain_density`; the
+    gas particles carry e rho_g. Up to the porosity `darcy_porosity` the drag is that of Darcy,
+    B = e^2 eta/k, and beyond a range `blend` above it that of Wen and Yu (1966),
     B = (3/4) C_D e (1 - e) rho_g |v_g - v_s|/d e^-2.65 with C_D = 24/Re (1 + 0.15 Re^0.687), 0.44
-    from Re = 1000 on, and Re = e rho_g |v_g - v_s| d/eta; a cubic blend in between. The thesis
-    names both regimes and the switch, and no equation. Stresses of viscosity in the free gas are
-    left out: at the spacings of a scene they are far below the artificial ones.
+    from Re = 1000 on, and Re = e rho_g |v_g - v_s| d/eta; in between there is a cubic blend. The
+    thesis names both regimes and the switch, but gives no equation. Viscous stresses in the free
+    gas are left out: at the spacings of a scene they are far below the artificial ones.
 
     Parameters
     ----------
@@ -74,29 +74,30 @@ class Gas:
         Gas at the start. Their `density` is that of the gas itself, not per volume with grains
         [kg/m3]; by default pressure/sound_speed^2.
     pressure : float
-        Ambient pressure [Pa], > 0. Free surfaces of the gas are under it.
+        Ambient pressure [Pa], > 0; it acts on free surfaces of the gas.
     sound_speed : float
-        c [m/s], > 0; isothermal, sqrt(R T).
+        Isothermal speed of sound c = sqrt(R T) [m/s], > 0.
     viscosity : float
         eta [Pa s], > 0.
     permeability : float
         k [m2], > 0.
     grain_density : float
-        Density of what the grains are made of [kg/m3], above rho0 of the material.
+        Density of the solid of the grains [kg/m3], above rho0 of the material.
     darcy_porosity : float
         Porosity up to which the drag is that of Darcy, 0.05 to 0.95; the thesis takes 0.38.
     blend : float
-        Range of porosity in which the other drag takes its place, 1e-6 to 0.5.
+        Range of porosity in which the drag changes to that of Wen and Yu, 1e-6 to 0.5.
     diameter : float or None
-        Of a grain [m], > 0; None for that which has this permeability by Ergun's equation at rho0.
+        Diameter of a grain [m], > 0; None for the diameter that gives this permeability at rho0 by
+        Ergun's equation.
     damping : float
-        Factor alpha of the artificial viscosity of Monaghan (1992) between points of gas that
+        Factor alpha of the artificial viscosity of Monaghan (1992) between gas particles that
         approach each other, 0 to 2.
     diffusion : float
-        Factor psi of an exchange of mass between points of gas, 0 to 0.5, that evens out pressures
-        which differ from point to point; of a pressure with a constant gradient it is zero.
+        Factor psi of an exchange of mass between gas particles, 0 to 0.5. It smooths pressures that
+        differ from particle to particle, and vanishes for a constant pressure gradient.
     jets : sequence of Jet
-        Where the gas is driven.
+        Boxes in which the gas is driven.
 
     Raises
     ------
@@ -144,7 +145,7 @@ class Gas:
         return self.pressure / self.sound_speed**2
 
     def porosity(self, rho: float) -> float:
-        """Share of space that grains of the bulk density `rho` [kg/m3] leave to the gas."""
+        """Volume fraction of the gas where the grains have the bulk density `rho` [kg/m3]."""
         return 1.0 - rho / self.grain_density
 
     def grain_diameter(self, rho0: float) -> float:
@@ -155,15 +156,15 @@ class Gas:
         return math.sqrt(ERGUN * self.permeability * (1.0 - e) ** 2 / e**3)
 
     def diffusivity(self, rho: float) -> float:
-        """Of the pressure in the pores of grains at rest [m2/s], k p/(e eta).
+        """Diffusivity of the pressure in the pores of grains at rest [m2/s], k p/(e eta).
 
-        From e d rho_g/dt + div(rho_g q) = 0 with Darcy's q = -(k/eta) grad p and p = c^2 rho_g,
-        linear in small changes of p.
+        It follows from e d rho_g/dt + div(rho_g q) = 0 with Darcy's q = -(k/eta) grad p and
+        p = c^2 rho_g, linearised for small changes of p.
         """
         return self.permeability * self.pressure / (self.porosity(rho) * self.viscosity)
 
     def check(self, grid: Grid, rho0: float, h: float) -> None:
-        """Refuse a gas that does not fit a grid, a density [kg/m3], or the kernel's h [m]."""
+        """Raise if the gas does not fit a grid, a density [kg/m3], or the smoothing length [m]."""
         if self.grain_density <= rho0:
             raise ValueError(
                 f"grain_density = {self.grain_density} must exceed rho0 = {rho0} of the material"
@@ -186,11 +187,11 @@ class Gas:
         return 0.25 * h / self.sound_speed
 
     def points(self, grid: Grid, seed: int) -> geometry.Points:
-        """The points of the gas at the start; see `granular.geometry.seed_points`."""
+        """Gas particles at the start; see `granular.geometry.seed_points`."""
         return geometry.seed_points(grid, self.fills, seed, self.density)
 
     def for_core(self, dim: int, rho0: float, wall_volume: float) -> tuple[dict, NDArray]:
-        """What the core needs: parameters, and jets as rows (lower, upper, velocity)."""
+        """Data for the core: parameters, and jets as rows (lower, upper, velocity)."""
         names = ("sound_speed", "pressure", "viscosity", "permeability", "grain_density")
         more = ("darcy_porosity", "blend", "damping", "diffusion")
         parameters = {name: getattr(self, name) for name in (*names, *more)}
@@ -205,7 +206,7 @@ class Gas:
 
 @dataclass(frozen=True, kw_only=True)
 class GasState:
-    """A snapshot of the points of a gas, ordered by id.
+    """A snapshot of the particles of a gas, ordered by id.
 
     Parameters
     ----------
@@ -213,9 +214,9 @@ class GasState:
         Time [s].
     id : ndarray, (n,)
     x, v, a : ndarray, (n, dim)
-        Position [m], within a period, velocity [m/s], acceleration [m/s2].
+        Position [m], within the period, velocity [m/s], acceleration [m/s2].
     mass, rho, p, porosity : ndarray, (n,)
-        Mass [kg], density of the gas itself [kg/m3], pressure [Pa], porosity of the grains there.
+        Mass [kg], density of the gas itself [kg/m3], pressure [Pa], local porosity of the grains.
     """
 
     time: float
@@ -234,10 +235,10 @@ class GasState:
 
     @property
     def n(self) -> int:
-        """Number of points."""
+        """Number of particles."""
         return len(self.id)
 
     @property
     def fields(self) -> dict[str, NDArray]:
-        """All but the time, by name."""
+        """All fields except the time, by name."""
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "time"}

@@ -1,4 +1,4 @@
-"""Limits of SPH runs, what is known to fail, and the indicators of its own."""
+"""Limits of SPH runs, known failures, and the indicators that only SPH runs have."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ if TYPE_CHECKING:
 __all__ = ["INDICATORS", "MACH", "courant_limit", "known_failures"]
 
 COURANT = 0.5
-"""Largest (c + speed) dt/h of SPH: dt = h/(4 c) where particles are as fast as
-sound, the faster of which counts."""
+"""Largest (c + speed) dt/h of SPH. The time step dt = h/(4 c) reaches it if the particles are as
+fast as sound."""
 
 MACH = 0.5
-"""Speed of particles over that of sound from which a run is suspect: the density
-rises by about this share where they are stopped, as (v/c)^2/2 = (2 sqrt(r) + 1/r - 3)/1.5 for the
-ratio r of the densities."""
+"""Ratio of the speed of particles to that of sound above which a run is suspect. Where such
+particles are stopped the density rises by about this fraction, as
+(v/c)^2/2 = (2 sqrt(r) + 1/r - 3)/1.5 for the ratio r of the densities."""
 
 
 def known_failures(scene: Scene) -> list[str]:
-    """Sentences on particles that may become as fast as sound; empty where none may."""
+    """Sentences on particles that may become nearly as fast as sound; empty if none may."""
     g = max(math.hypot(*vector) for vector in scene.gravity.vectors)
     start = max(math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
     tops = [fill.region.bounds[1][-1] for fill in scene.fills]
@@ -45,4 +45,4 @@ INDICATORS = (
     ("mach", "largest", MACH, "largest speed over that of sound: beyond, densities are off"),
     ("stopped", "largest", None, "times that a particle entered a wall and was put back on it"),
 )
-"""Name, how samples add up, limit and meaning of what SPH runs are watched for besides."""
+"""Name, reduction over the samples, limit and meaning of the additional indicators of SPH runs."""

@@ -16,12 +16,12 @@ from granular.notebook import table
 __all__ = ["Viscoplastic", "glass", "grit"]
 
 LARGEST_DILATION = 0.5
-"""Where the thesis cuts the rate of dilation (section 5.2.3)."""
+"""Largest rate of dilation in the thesis (section 5.2.3)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Viscoplastic:
-    """Grains with the stress -p I + (mu p + c) D/|D|, D = L + L^T, |D| = sqrt(D:D/2) (eq. 5.3).
+    """Material with the stress -p I + (mu p + c) D/|D|, D = L + L^T, |D| = sqrt(D:D/2) (eq. 5.3).
 
     The friction is mu = mu_l + (mu_h - mu_l)/(D_star/|D| + 1) + beta (eq. 5.7) with the rate of
     dilation beta = div v/|D|, from 0 to `dilation` (eq. 5.8), and the pressure is
@@ -31,26 +31,28 @@ class Viscoplastic:
     Parameters
     ----------
     rho0 : float
-        Loosest density that bears pressure [kg/m3], > 0.
+        Lowest density at which the material is under pressure [kg/m3], > 0.
     mu_l, mu_h : float
-        Friction at rest and at high rates, >= 0; mu_h < mu_l weakens.
+        Friction at rest and at high rates, >= 0; if mu_h < mu_l the friction decreases with the
+        rate.
     D_star : float
         Shear rate halfway between them [1/s], > 0.
     cohesion : float
         Shear strength without pressure [Pa], >= 0.
     kappa : float
-        Stiffness [Pa], > 0; the bulk modulus at rho0 is 1.5 kappa. The thesis takes it so low that
-        a time step is long; it must be large against the pressure.
+        Stiffness [Pa], > 0; the bulk modulus at rho0 is 1.5 kappa. It must be large compared to the
+        pressure. The thesis takes a low value, so that the time steps are long.
     nu : float
-        Poisson's ratio of what does not flow, 0 to 0.5. The thesis gives no stress to |D| = 0; here
-        the shear stress below the strength is that of a spring, whose shear modulus is
-        `shear_modulus`, beside the largest viscosity of `Numerics.regularisation`, so that slopes
-        below the friction stand. With 0.5 there is no spring, and they creep.
+        Poisson's ratio of material that does not flow, 0 to 0.5. The thesis defines no stress at
+        |D| = 0. Here the shear stress below the strength is that of a spring with the shear modulus
+        `shear_modulus`, in addition to the largest viscosity of `Numerics.regularisation`, so that
+        slopes below the friction angle stand. With 0.5 there is no spring, and they creep.
     dilation : float
-        Largest beta, 0 to 1; 0 leaves dilation out, the thesis takes 0.5.
+        Largest beta, 0 to 1; 0 is without dilation, the thesis takes 0.5.
     mu_wall : float or None
-        Friction between grains and walls in place of mu_l and mu_h, >= 0; None for that of the
-        bulk. Where a constant one is below the slope, the slip grows without bound.
+        Friction between material and walls in place of mu_l and mu_h, >= 0; None for that of the
+        bulk. If it is constant and lower than the tangent of the slope, the slip grows without
+        bound.
 
     Raises
     ------
@@ -88,7 +90,7 @@ class Viscoplastic:
 
     @property
     def granular(self) -> bool:
-        """Whether it yields: always."""
+        """True: the material always has a yield strength."""
         return True
 
     @property
@@ -98,17 +100,18 @@ class Viscoplastic:
 
     @classmethod
     def matching(cls, material: MuI, pressure: float, **changes: Any) -> Self:
-        """The grains of a mu(I) law, whose friction depends on the rate and the pressure.
+        """Make the material that matches a mu(I) law at one pressure.
 
-        Density, frictions, bulk modulus (K = 1.5 kappa at rho0) and Poisson's ratio are the same;
-        D_star is the rate at which I = I0 under the given pressure, xi sqrt(p), so that the laws
-        agree there and nowhere else.
+        The friction of the mu(I) law depends on the rate and the pressure, that of this material on
+        the rate only. Density, frictions, bulk modulus (K = 1.5 kappa at rho0) and Poisson's ratio
+        are the same. D_star is the rate at which I = I0 under the given pressure, xi sqrt(p), so
+        that the laws agree at this pressure only.
 
         Parameters
         ----------
         material : MuI
         pressure : float
-            Typical of the flow [Pa], > 0.
+            Typical pressure of the flow [Pa], > 0.
         **changes
             Other parameters of `Viscoplastic`, such as the dilation.
 
@@ -130,12 +133,14 @@ class Viscoplastic:
         return cls(**(given | changes))
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some numbers changed, checked as a new one."""
+        """Copy with some parameters changed, checked like a new material."""
         return replace(self, **changes)
 
     def stored_energy(self, rho: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Energy stored at a density [J/kg]: the integral of p/rho^2 from rho0 on. That of the
-        spring of shear is not counted."""
+        """Elastic energy at a density [J/kg]: the integral of p/rho^2 from rho0 on.
+
+        The energy of the shear spring is not included.
+        """
         ratio = np.maximum(rho / self.rho0, 1.0)
         return self.kappa / self.rho0 * (2.0 * np.sqrt(ratio) + 1.0 / ratio - 3.0)
 
@@ -154,4 +159,4 @@ grit = Viscoplastic(rho0=1404.0, mu_l=0.74, mu_h=0.74, mu_wall=0.335)
 """Fine sand (Hurley, thesis, table 5.3, of Balmforth & Kerswell 2005), without dilation."""
 
 glass = Viscoplastic(rho0=1450.0, mu_l=0.456, mu_h=0.456, mu_wall=0.263)
-"""Fine glass beads (the same)."""
+"""Fine glass beads (the same table), without dilation."""

@@ -1,4 +1,4 @@
-"""How the equations are discretised: the choices of chapter 5 of Hurley's thesis, and our own."""
+"""Parameters of the SPH discretisation: choices of chapter 5 of Hurley's thesis, and our own."""
 
 from __future__ import annotations
 
@@ -10,43 +10,46 @@ from granular.sph.material import Viscoplastic
 __all__ = ["Numerics"]
 
 WALL_PUSH, SOFT = 0.03, 1e5
-"""Share by which rho0 of walls is lower, and the kappa for which it is so [Pa] (the thesis)."""
+"""Fraction by which rho0 of walls is lower than that of the material, and the kappa [Pa] up to
+which it has this value (from the thesis)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Numerics:
-    """Numbers of the discretisation.
+    """Parameters of the discretisation.
 
     Parameters
     ----------
     smoothing : float
-        Smoothing length h in spacings of the points, 1 to 2. Below 1 a point has too few
-        neighbours to feel shear, above 2 they pair and the cost grows; the thesis takes 1.2.
+        Smoothing length h in spacings of the particles, 1 to 2. Below 1 a particle has too few
+        neighbours to resolve shear; above 2 particles form pairs and the cost grows. The thesis
+        takes 1.2.
     skin : float
-        How much farther than the kernel the list of neighbours reaches, in h, 0.02 to 1. It changes
-        the cost and, in the last bits, the order of the sums.
+        Distance by which the list of neighbours reaches farther than the kernel, in h, 0.02 to 1.
+        It changes the cost and, via the order of the sums, the last bits of the results.
     cfl : float
-        Share that is taken of the limits h/(4 c) and sqrt(h/|a|)/4 of the time step (eq. 5.28), > 0
-        and at most 2.
+        Time step as a fraction of its limits h/(4 c) and sqrt(h/|a|)/4 (eq. 5.28), > 0 and at
+        most 2.
     dt : float or None
-        A time step of its own [s]; None for the limits.
+        Fixed time step [s]; None for the limits.
     regularisation : float
-        Largest viscosity in rho h^2/dt: |D| is not taken smaller than (mu p + c) dt/(k h^2 rho)
-        with this k, 0.01 to 1.5. It is the third limit of eq. 5.28 turned round: as |D| goes to
-        zero the viscosity grows without bound, and no step would be short enough. Larger k
-        jitters. What strains more slowly is held by the spring of `Viscoplastic.nu`; without one it
-        creeps at that rate.
+        Largest viscosity k in rho h^2/dt, 0.01 to 1.5: |D| is bounded below by
+        (mu p + c) dt/(k h^2 rho). This inverts the third limit of eq. 5.28: as |D| goes to zero the
+        viscosity grows without bound, and no time step would be short enough. With larger k
+        particles jitter. Material that strains more slowly is held by the spring of
+        `Viscoplastic.nu`; without the spring it creeps at that rate.
     wall_density : float or None
-        rho0 of the points of walls, as a share of the material's, 0.9 to 1. Their pressure begins
-        earlier, so that grains do not go through; grains next to the wall have less. Against a
-        lattice at rest 3 % less is 4.7 % of kappa: 4.7 kPa with the kappa of the thesis, 1e5 Pa,
-        and with 1e7 Pa what throws a heap apart. None for 3 % up to 1e5 Pa and less in proportion
-        to 1/kappa above, so that stiff grains are pushed no harder.
+        rho0 of the wall particles as a fraction of the material's, 0.9 to 1. Their pressure begins
+        at a lower density, so that particles do not pass through walls; the density next to a wall
+        is lower. Against a seeding lattice at rest, 3 % less causes a pressure of 4.7 % of kappa:
+        4.7 kPa with the kappa of the thesis, 1e5 Pa, but with 1e7 Pa enough to throw a heap apart.
+        None for 3 % up to 1e5 Pa, and for a difference in proportion to 1/kappa above, so that the
+        wall pressure does not grow with the stiffness.
     z_max : float
-        Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2. With 1 points of a
-        wall have its velocity; the thesis takes 1.5. Above 1 rates of strain weigh a wall more than
-        forces do, so that it does work on grains at rest: heaps on a floor of less friction than
-        their own then keep .05 m/s.
+        Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2. With 1 the wall
+        particles have the velocity of the wall; the thesis takes 1.5. Above 1 a wall has more
+        weight in the strain rates than in the forces, so that it does work on material at rest:
+        heaps on a floor with less friction than their own then keep moving at 0.05 m/s.
 
     Raises
     ------
@@ -79,7 +82,7 @@ class Numerics:
             object.__setattr__(self, "dt", positive("dt", self.dt))
 
     def rho0_wall(self, material: Viscoplastic) -> float:
-        """rho0 of the points of walls [kg/m3]."""
+        """rho0 of the wall particles [kg/m3]."""
         share = self.wall_density
         if share is None:
             share = 1.0 - WALL_PUSH * min(1.0, SOFT / material.kappa)

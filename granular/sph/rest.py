@@ -1,4 +1,4 @@
-"""When a flow has come to rest: its profile is frozen."""
+"""Runs until a flow has come to rest, that is until its profile is frozen."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["run_to_rest"]
 
 
 def _speed(state: Any) -> float:
-    """Root mean square of the speed [m/s], by mass; 0 without grains."""
+    """Root mean square of the speed [m/s], weighted by mass; 0 without particles."""
     if not state.n:
         return 0.0
     return float(np.sqrt(np.average((state.v**2).sum(axis=1), weights=state.mass)))
@@ -31,29 +31,30 @@ def run_to_rest(
 ) -> float | None:
     """Run until the profile of a heap is frozen.
 
-    It is when the grains move, in the root of the mean square, by less than a share of their
-    fastest so far. Hurley's thesis stops when the kinetic energy is below 1e-5 J/m3, which is not
-    reached: a few grains on the surface of a heap keep moving, and without a spring
-    (`Viscoplastic.nu` = 0.5) a slope creeps for ever, at a rate in proportion to the time step.
+    The profile counts as frozen when the root mean square speed of the particles is below a
+    fraction of its largest value so far. Hurley's thesis stops when the kinetic energy is below
+    1e-5 J/m3. This is not reached: a few particles on the surface of a heap keep moving, and
+    without a spring (`Viscoplastic.nu` = 0.5) a slope creeps for ever, at a rate in proportion to
+    the time step.
 
     Parameters
     ----------
     simulation : Simulation
     after : float
-        Time before which nothing counts [s], such as that of a gate.
+        Time before which speeds do not count [s], such as the time at which a gate opens.
     interval : float
-        Between two looks at the grains [s].
+        Time between two samples of the speed [s].
     share : float
-        Of the largest speed, 0 to 1.
+        Fraction of the largest speed, 0 to 1.
     until : float or None
         Time to stop at in any case [s]; None for the scene's duration.
     hooks : tuple of callables
-        Called with the simulation at each look.
+        Called with the simulation at each sample.
 
     Returns
     -------
     float or None
-        The time at which it was frozen; None if it was not.
+        Time at which the profile was frozen [s]; None if it was not.
 
     Raises
     ------
@@ -67,9 +68,9 @@ def run_to_rest(
         simulation.run(min(after, until), every=interval, hooks=hooks)
     largest = 0.0
     while simulation.time < until:
-        # at the times at which hooks are called
-        look = interval * (math.floor(simulation.time / interval) + 1)
-        simulation.run(min(look, until), every=interval, hooks=hooks)
+        # Samples are taken at the times at which hooks are called.
+        sample = interval * (math.floor(simulation.time / interval) + 1)
+        simulation.run(min(sample, until), every=interval, hooks=hooks)
         now = _speed(simulation.state)
         largest = max(largest, now)
         if now < share * largest:

@@ -1,4 +1,4 @@
-"""A scene of particle hydrodynamics: all that determines a run."""
+"""An SPH scene: all data that determine a run."""
 
 from __future__ import annotations
 
@@ -26,8 +26,11 @@ __all__ = ["Scene", "seeding_gradient", "seeding_weight"]
 
 
 def _lattice(dim: int, smoothing: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Ways to the points of a square or cubic lattice [spacings], their q = r/h, and the norm of
-    the kernel [1/spacing^dim]."""
+    """Kernel data of a square or cubic seeding lattice.
+
+    Returns the vectors to the particles [spacings], their q = r/h, and the norm of the kernel
+    [1/spacing^dim].
+    """
     n = math.ceil(2.0 * smoothing)
     ways = np.stack(np.meshgrid(*[np.arange(-n, n + 1)] * dim), axis=-1).reshape(-1, dim)
     norm = 10.0 / (7.0 * math.pi) if dim == 2 else 1.0 / math.pi
@@ -35,9 +38,10 @@ def _lattice(dim: int, smoothing: float) -> tuple[np.ndarray, np.ndarray, float]
 
 
 def seeding_weight(dim: int, smoothing: float) -> float:
-    """Sum of the kernel over a square or cubic lattice, in points per spacing^dim: nearly 1.
+    """Sum of the kernel over a square or cubic seeding lattice, in 1/spacing^dim; nearly 1.
 
-    The mass of a point is rho0 over this sum, so that a lattice has the density rho0.
+    The mass of a particle is rho0 divided by this sum, so that the density of the seeding lattice
+    is rho0.
     """
     _, q, norm = _lattice(dim, smoothing)
     w = np.maximum(2.0 - q, 0.0) ** 3 / 4.0 - np.maximum(1.0 - q, 0.0) ** 3
@@ -45,10 +49,10 @@ def seeding_weight(dim: int, smoothing: float) -> float:
 
 
 def seeding_gradient(dim: int, smoothing: float) -> float:
-    """Gradient that the kernel finds of a linear field on a lattice, over that of the field.
+    """Ratio of the kernel gradient of a linear field on a seeding lattice to the exact gradient.
 
-    .991 in the plane and .981 in space with h = 1.2 spacings. Gradients and forces are over this
-    number, so that on a lattice they are those of the field.
+    It is 0.991 in 2D and 0.981 in 3D with h = 1.2 spacings. Gradients and forces are divided by
+    this number, so that they are exact for a linear field on the seeding lattice.
     """
     ways, q, norm = _lattice(dim, smoothing)
     inner = 3.0 - 2.25 * q
@@ -59,41 +63,41 @@ def seeding_gradient(dim: int, smoothing: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Scene(Serializable):
-    """All that determines a run.
+    """All data that determine a run.
 
     Parameters
     ----------
     name : str
         Short name of the scene.
     grid : Grid
-        Domain, and the lattice of the points at the start: its `cell` is their spacing. Grains that
-        leave it are dropped; walls may lie outside. The last axis is up.
+        Domain and seeding lattice; its `cell` is the spacing of the particles. Particles that leave
+        the domain are dropped; walls may lie outside. The last axis is up.
     fills : sequence of Fill
-        Grains at the start, with one point a cell.
+        Material at the start, with one particle per cell.
     material : Viscoplastic
     numerics : Numerics
     walls : sequence of Wall
     gas : Gas or None
-        In the pores of the grains and above them.
+        Gas in the pores of the material and above it.
     gravity : Gravity
     duration : float
         Time to simulate [s], > 0.
     seed : int
-        Of the jitter of the points, >= 0.
+        Seed of the jitter of the particles, >= 0.
     parameters : mapping
-        What the scene function was called with.
+        Arguments with which the scene function was called.
 
     Raises
     ------
     TypeError, ValueError
-        For parts of a wrong kind, or that do not fit: walls thinner than the kernel, periods
-        shorter than its reach, a time step beyond its limit.
+        For parts of a wrong type, or that do not fit together: walls thinner than the reach of the
+        kernel, periods shorter than the reach of the neighbour list, a time step beyond its limit.
     """
 
     method: ClassVar[str] = "sph"
-    """How it is solved."""
+    """Method of solution."""
     indicators: ClassVar[tuple[tuple[str, str, float | None, str], ...]] = limits.INDICATORS
-    """What runs are watched for beside what all methods have; see `granular.diagnostics`."""
+    """Indicators in addition to those of all methods; see `granular.diagnostics`."""
 
     name: str
     grid: Grid
@@ -160,7 +164,7 @@ class Scene(Serializable):
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return self.grid.dim
 
     @property
@@ -169,22 +173,22 @@ class Scene(Serializable):
         return limits.courant_limit(self)
 
     def known_failures(self) -> list[str]:
-        """List what of the scene is known to go wrong without an error, one sentence each."""
+        """List known failures of the scene that raise no error, one sentence each."""
         return limits.known_failures(self)
 
     @property
     def knows_all_work(self) -> bool:
-        """Whether energy can be accounted for: never, as what wall points do is not known."""
+        """False: energy cannot be accounted for, because the work of wall particles is unknown."""
         return False
 
     @property
     def bodies(self) -> tuple[()]:
-        """None: what moves are walls."""
+        """Empty: in SPH moving objects are walls."""
         return ()
 
     @cached_property
     def n_points(self) -> int:
-        """Grains at the start."""
+        """Number of particles at the start, without walls and gas."""
         return geometry.count_points(self.grid, self.fills)
 
     @property
@@ -194,23 +198,25 @@ class Scene(Serializable):
 
     @property
     def longest_dt(self) -> float:
-        """Limit of the time step at rho0 and for gas at rest [s], h/(4 c); denser material and gas
-        that moves have a smaller one."""
+        """Limit of the time step at rho0 and for gas at rest [s], h/(4 c).
+
+        The limit is smaller for denser material and for gas in motion.
+        """
         limit = 0.25 * self.h / self.material.wave_speed
         return limit if self.gas is None else min(limit, self.gas.longest_dt(self.h))
 
     @property
     def point_mass(self) -> float:
-        """Mass of a point [kg, per metre of depth in the plane]: a lattice has the density rho0."""
+        """Mass of a particle [kg, in 2D kg/m], with which the seeding lattice has density rho0."""
         weight = seeding_weight(self.dim, self.numerics.smoothing)
         return self.material.rho0 * self.grid.cell**self.dim / weight
 
     def points(self) -> geometry.Points:
-        """The grains at the start; see `granular.geometry.seed_points`."""
+        """Particles of the material at the start; see `granular.geometry.seed_points`."""
         return geometry.seed_points(self.grid, self.fills, self.seed, self.material.rho0)
 
     def wall_points(self) -> dict[str, np.ndarray]:
-        """The points of walls at the start; see `granular.sph.walls.wall_points`."""
+        """Wall particles at the start; see `granular.sph.walls.wall_points`."""
         return wall_points(self.grid, self.walls)
 
     def _repr_html_(self) -> str:
@@ -219,11 +225,11 @@ class Scene(Serializable):
         rows: dict[str, object] = {
             "domain [m]": size,
             "spacing [m]": grid.cell,
-            "grains": self.n_points,
+            "particles": self.n_points,
             "duration [s]": self.duration,
             "gravity [m/s2]": self.gravity.vectors[-1],
             "walls": len(self.walls),
-            "method": "particle hydrodynamics",
+            "method": "smoothed particle hydrodynamics",
         }
         return table(f"Scene {self.name}", rows | dict(self.parameters))
 

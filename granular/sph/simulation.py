@@ -1,4 +1,4 @@
-"""A simulation by particle hydrodynamics."""
+"""A simulation by SPH."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from granular.state import State
 __all__ = ["Simulation"]
 
 SHOWN = ("x", "v", "a", "stress", "rho", "shear_rate", "mass")
-"""Fields that a state has, besides the id and the log-density."""
+"""Fields from which a state is made, besides the id; `rho` becomes the log-density."""
 
 
 @dataclass(frozen=True)
 class _Rows:
-    """Where the grains, the wall points and those of a gas are in the buffers."""
+    """Rows of the material, wall and gas particles in the buffers."""
 
     grains: int
     wall_first: int
@@ -36,14 +36,14 @@ class _Rows:
 
     @classmethod
     def of(cls, grains: int, walls: int, gas: int | None = None) -> Self:
-        """With so many points of gas; None where there is no gas."""
+        """Rows for given numbers of particles; `gas` is None if there is no gas."""
         wall_first = (-(-grains // _core.LANES) + 1) * _core.LANES
         if gas is None:
             return cls(grains, wall_first, walls)
         return cls(grains, wall_first, walls, wall_first + walls + _core.LANES, gas)
 
     def places(self) -> NDArray[np.int64]:
-        """The rows of all points."""
+        """Rows of all particles."""
         firsts = ((0, self.grains), (self.wall_first, self.walls), (self.gas_first, self.gas))
         return np.concatenate([np.arange(first, first + n) for first, n in firsts])
 
@@ -90,7 +90,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
 
 
 class Simulation(simulation.Simulation, scenes=Scene):
-    """Steps the points of a `granular.sph.Scene`; see `granular.Simulation`."""
+    """Simulation of a `granular.sph.Scene`; see `granular.Simulation`."""
 
     def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
         diagnostics.warn(scene)
@@ -110,7 +110,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._buffers["id"][grains] = np.arange(rows.grains)
         self._buffers["id"][behind] = rows.grains + np.arange(rows.walls)
         if gas is not None:
-            # Its mass follows from its density and the porosity that the core finds.
+            # The mass of the gas follows from its density and the porosity, which the core finds.
             above = slice(rows.gas_first, rows.gas_first + rows.gas)
             for name, values in (("x", gas.x.T), ("v", gas.v.T), ("rho", gas.density)):
                 self._buffers[name][:, above] = values
@@ -124,9 +124,12 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def counts(self) -> dict[str, float]:
-        """What has happened: `rebuilds` of the list; grains and mass [kg] `dropped` at the
-        ends of the domain; how often a grain had to be `stopped` in a wall, see `Scene`; points
-        of gas, `gas_dropped`."""
+        """Counts of events since the start.
+
+        `rebuilds` of the neighbour list; number and mass [kg] of particles dropped at the ends of
+        the domain, `dropped` and `dropped_mass`; number of times that a particle entered a wall and
+        was put back on it, `stopped`; number of gas particles dropped, `gas_dropped`.
+        """
         scalars = self._engine.scalars()
         names = ("rebuilds", "dropped", "dropped_mass", "stopped", "gas_dropped")
         return {name: scalars[name] for name in names}
@@ -138,13 +141,16 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def buffers(self) -> dict[str, NDArray]:
-        """What the core works on, without copying: {field: (component, capacity)} and "id". Rows
-        are sorted by cell, first those of grains, then those of walls; spare ones have id -1."""
+        """Arrays on which the core works, not copied: {field: (component, capacity)} and "id".
+
+        Particles are sorted by cell, those of the material first, then those of walls. Spare places
+        have the id -1.
+        """
         return dict(self._buffers)
 
     @property
     def walls(self) -> State:
-        """A snapshot of the points of walls that are there, ordered by id."""
+        """A snapshot of the particles of the present walls, ordered by id."""
         self._evaluate()
         first, scalars = self._rows.wall_first, self._engine.scalars()
         return State(
@@ -157,7 +163,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def gas(self) -> GasState:
-        """A snapshot of the points of the gas, ordered by id.
+        """A snapshot of the particles of the gas, ordered by id.
 
         Raises
         ------
@@ -189,12 +195,12 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return {name: values[inside] for name, values in fields.items()}  # the next list drops them
 
     def _evaluate(self) -> None:
-        """At the start, find what follows from positions and velocities."""
+        """At the start, compute the fields that follow from positions and velocities."""
         if self.steps == 0:
             self._make_steps(0, math.inf)
 
     def _ordered(self, rows: slice, names: tuple[str, ...]) -> dict[str, NDArray]:
-        """Fields of some rows in the order of ids, positions within their period."""
+        """Fields of some rows in the order of ids, with positions within the period."""
         ids = self._buffers["id"][rows]
         order = np.argsort(ids)
         fields: dict[str, NDArray] = {"id": ids[order]}
@@ -216,7 +222,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     # ---- stepping ----
 
     def step(self, n: int = 1) -> None:
-        """Make `n` steps; 0 evaluates the stresses and accelerations of the start."""
+        """Make `n` steps; with 0 only evaluate the initial stresses and accelerations."""
         self._evaluate()
         if integer("n", n, 0):
             super().step(n)

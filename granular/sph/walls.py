@@ -1,4 +1,4 @@
-"""Flat walls, made of layers of points."""
+"""Flat walls, made of layers of particles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MAX_LAYERS = 100
 
 @dataclass(frozen=True)
 class Wall:
-    """Layers of fixed points behind a plane.
+    """Layers of fixed particles behind a plane.
 
     Parameters
     ----------
@@ -28,23 +28,24 @@ class Wall:
     at : float
         Coordinate of its surface along `axis` [m], on a line of the grid.
     side : {1, -1}
-        Side of the surface on which the grains are: 1 above, -1 below.
+        Side of the surface on which the material is: 1 above, -1 below.
     layers : int
-        Layers of points behind the surface. They must be at least as thick as the kernel reaches,
-        or grains at the wall lack neighbours; the thesis takes 5.
+        Number of layers of particles behind the surface. They must be at least as thick as the
+        reach of the kernel, because particles at the wall would otherwise lack neighbours; the
+        thesis takes 5.
     span : tuple of (low, high), or None
         Extent along each *other* axis in their order [m], on grid lines, which may lie beyond the
-        ends of the grid; None for all of the grid and, where it is not periodic, the layers'
-        thickness beyond, so that walls meet at corners. Of points in the same place the first
-        wall's are kept.
+        ends of the grid. None for the whole grid and, along axes that are not periodic, the
+        thickness of the layers beyond it, so that walls meet at corners. Of several particles at
+        the same position only that of the first wall is kept.
     velocity : tuple of float or None
         Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
     moves_from : float
-        Time from which it has this velocity [s], >= 0.
+        Time from which the wall has this velocity [s], >= 0.
     until : float
-        Time at which the wall is taken away [s], > 0; infinite by default.
+        Time at which the wall is removed [s], > 0; infinite by default.
     permeable : bool
-        Whether a gas goes through the wall as if it was not there; grains never do.
+        If true, a gas passes through the wall without resistance; the material never does.
 
     Raises
     ------
@@ -88,7 +89,7 @@ class Wall:
             object.__setattr__(self, name, value)
 
     def check(self, name: str, grid: Grid, reach: float) -> None:
-        """Refuse a wall that does not fit the grid, or is thinner than the kernel reaches [m]."""
+        """Raise if the wall does not fit the grid, or is thinner than the kernel's reach [m]."""
         if self.axis >= grid.dim:
             raise ValueError(f"{name}.axis = {self.axis} must be below {grid.dim}")
         if grid.periodic[self.axis]:
@@ -108,7 +109,7 @@ class Wall:
                 raise ValueError(f"{name}.span must stay within the period of {AXES[axis]}")
 
     def extent(self, name: str, grid: Grid) -> list[tuple[int, int]]:
-        """First and past-the-last site along each axis, in spacings from the grid's end."""
+        """First and past-the-last site along each axis, in spacings from the grid's lower end."""
         sites = []
         others = iter(self.span or ())
         for axis in range(grid.dim):
@@ -125,7 +126,7 @@ class Wall:
         return sites
 
     def box(self, name: str, grid: Grid) -> tuple[list[float], list[float]]:
-        """Lower and upper ends of the wall at the start [m], without any along a whole period."""
+        """Lower and upper ends of the wall at the start [m], infinite along a whole period."""
         low, high = [], []
         for axis, (first, last) in enumerate(self.extent(name, grid)):
             endless = grid.periodic[axis] and last - first == grid.shape[axis]
@@ -135,7 +136,7 @@ class Wall:
 
 
 def _site(name: str, grid: Grid, axis: int, at: float) -> int:
-    """Number of spacings from the lower end of the grid to `at`, whole."""
+    """Whole number of spacings from the lower end of the grid to `at`."""
     place = (at - grid.lower[axis]) / grid.cell
     if not abs(place) < 1e6 or abs(place - round(place)) > LINE_TOLERANCE:
         raise ValueError(
@@ -145,10 +146,10 @@ def _site(name: str, grid: Grid, axis: int, at: float) -> int:
 
 
 def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float64]]:
-    """Points of walls: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
+    """Wall particles: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
     number of the wall.
 
-    Of points in the same place those of the first wall are kept.
+    Of several particles at the same position only that of the first wall is kept.
     """
     dim = grid.dim
     names = ("site", "v", "normal", "depth", "porosity", "wall")
@@ -180,7 +181,7 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
 
 
 def wall_rows(grid: Grid, walls: Sequence[Wall]) -> NDArray[np.float64]:
-    """What the core knows of walls: ends of the box, velocity, times, axis (n, 12)."""
+    """Rows of the walls for the core: ends of the box, velocity, times, axis (n, 12)."""
     rows = np.zeros((len(walls), 12))
     for i, (row, wall) in enumerate(zip(rows, walls, strict=True)):
         low, high = wall.box(f"walls[{i}]", grid)

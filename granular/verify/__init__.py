@@ -1,7 +1,7 @@
-"""The verification table: what the package must show, measured.
+"""The verification table: measured results of the package against their expected values.
 
-Each check is a small function that makes rows (quantity, measured, expected, passed); it is
-registered by `check`, printed by `main` (``granular verify``) and asserted by the tests.
+Each check is a small function that yields rows (quantity, measured, expected, passed). `check`
+registers it, `main` (``granular verify``) prints its rows and the tests assert them.
 """
 
 # The modules register their checks on import; this is the order of the table.

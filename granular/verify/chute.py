@@ -20,17 +20,22 @@ from granular.verify.rows import Row, at_most, check, holds, within
 Array = NDArray[np.float64]
 
 PROFILES = {0.01: 1.0, 0.015: 1.0, 0.025: 1.0, 0.035: 1.5, 0.1: 4.0}
-"""Heights of figure 2(c), 2, 3, 5, 7 and 20 grains [m], and when each has become steady [s]."""
+"""Heights of figure 2(c) [m] (2, 3, 5, 7 and 20 grains), and the time at which each flow has
+become steady [s]."""
 
 ANGLES = (24.0, 27.0, 30.0)
 """Inclinations at which the stopping height is sought [deg]."""
 
 AT_REST = 1e-10
-"""Kinetic energy by mass [J/kg] up to which the paper takes a layer to have stopped."""
+"""Kinetic energy per mass [J/kg] below which the paper considers a layer stopped."""
 
 
 def column(ratio: float | None = None, **parameters: Any) -> Simulation:
-    """`scenes.chute_ngf`, with `ratio` H/H_stop by the size of the grains: cells are whole."""
+    """Simulation of `scenes.chute_ngf`.
+
+    A `ratio` H/H_stop is reached by changing the grain size, so that the height remains a whole
+    number of cells.
+    """
     scene = scenes.chute_ngf(**parameters)
     if ratio is not None:
         d = scene.material.d * scene.parameters["height"] / (ratio * threshold(scene))
@@ -39,21 +44,22 @@ def column(ratio: float | None = None, **parameters: Any) -> Simulation:
 
 
 def threshold(scene: Any) -> float:
-    """H_stop of a scene [m], eq. 3.1."""
+    """Stopping height H_stop of a scene [m], eq. 3.1."""
     m = scene.material
     return float(stopping_height(scene.parameters["angle_deg"], m.A, m.d, m.mu_s, m.mu_2))
 
 
 def exact_flow(state: State) -> ChuteFlow:
-    """The steady flow that the one-dimensional equation gives the layer of a state."""
+    """Steady flow of the layer of a state, from the one-dimensional equation."""
     asked, material = state.scene.parameters, state.scene.material
     return chute_profile(asked["angle_deg"], asked["height"], material, asked["gravity"])
 
 
 def velocity(state: State) -> tuple[Array, Array]:
-    """y and v at the faces of the cells, from the base up: the shear rate, integrated.
+    """y and v at the cell faces, from the base up, as the integral of the shear rate.
 
-    (Velocities of FLIP points are off in the first and the last cell.)
+    The velocities of the points are not used: with FLIP they are wrong in the first and the last
+    cell.
     """
     height, cell = state.scene.parameters["height"], state.scene.parameters["cell"]
     y = np.linspace(0, height, round(height / cell) + 1)
@@ -62,7 +68,7 @@ def velocity(state: State) -> tuple[Array, Array]:
 
 
 def profile_errors(state: State) -> tuple[float, float]:
-    """Error of the speed at the surface, relative, and largest error of v over that speed."""
+    """Relative error of the surface speed, and largest error of v divided by that speed."""
     y, v = velocity(state)
     flow = exact_flow(state)
     exact = np.interp(y, flow.y, flow.v)
@@ -70,15 +76,16 @@ def profile_errors(state: State) -> tuple[float, float]:
 
 
 def kinetic_energy(state: State) -> float:
-    """Of a kilogram [J/kg]."""
+    """Kinetic energy per mass [J/kg]."""
     return float(np.average(np.sum(state.v**2, axis=1), weights=state.mass) / 2)
 
 
 def still(simulation: Simulation, fluidity: float) -> Simulation:
-    """Bring a layer that has slipped for a while to rest, with an even fluidity [1/s].
+    """Bring a layer that has slipped for a while to rest, with a uniform fluidity [1/s].
 
-    What slipped has the stress of the steady flow, which stays as it is: nothing rings. (Stopped
-    by the fluidity alone it rings, which moves the height of `stopping_ratio` by .3 %.)
+    The layer has the stress of the steady flow and keeps it, so that no elastic oscillation
+    starts. A layer that is stopped by the fluidity alone does oscillate, which changes the height
+    of `stopping_ratio` by 0.3 %.
     """
     simulation.buffers["v"][:] = 0.0
     simulation.buffers["g"][:] = fluidity
@@ -86,12 +93,12 @@ def still(simulation: Simulation, fluidity: float) -> Simulation:
 
 
 def growth_rate(ratio: float, **parameters: Any) -> float:
-    """Rate at which a small fluidity grows at H/H_stop = `ratio` [1/s]; negative: it decays."""
+    """Growth rate of a small fluidity at H/H_stop = `ratio` [1/s]; negative if it decays."""
     simulation = column(ratio, **parameters)
     simulation.run(until=0.25)
     still(simulation, 1e-6)
     found = []
-    for until in (0.3, 0.35):  # by the first the higher modes are gone
+    for until in (0.3, 0.35):  # the higher modes have decayed by the first of these times
         simulation.run(until=until)
         state = simulation.state
         found.append((state.time, math.log(np.average(state.g, weights=state.mass))))
@@ -100,18 +107,19 @@ def growth_rate(ratio: float, **parameters: Any) -> float:
 
 
 def stopping_ratio(**parameters: Any) -> float:
-    """Height at which a small fluidity neither grows nor decays, over H_stop of eq. 3.1.
+    """Height at which a small fluidity neither grows nor decays, divided by H_stop of eq. 3.1.
 
-    From the rates 2 % below and above: they are a straight line over (H_stop/H)^2. It comes out .1
-    to .2 % low: as much for the cells, tenths of the height, as for the lowest one, which slips
-    least and so keeps of the start a part of its sigma_yy - sigma_xx, and with it a larger mu.
+    It is interpolated from the growth rates at heights 2 % below and above, which are linear in
+    (H_stop/H)^2. The result is 0.1 to 0.2 % too low, for two reasons of about equal size: the cells
+    are a tenth of the height, and the lowest cell slips least, so that it keeps a part of its
+    initial sigma_yy - sigma_xx and with it a larger mu.
     """
     low, high = (growth_rate(ratio, **parameters) for ratio in (0.98, 1.02))
     return float((0.98**-2 + (1.02**-2 - 0.98**-2) * low / (low - high)) ** -0.5)
 
 
 def energy_at_end(ratio: float, duration: float, **parameters: Any) -> float:
-    """Kinetic energy by mass [J/kg] when a run at H/H_stop = `ratio` has come to its end."""
+    """Kinetic energy per mass [J/kg] at the end of a run at H/H_stop = `ratio`."""
     simulation = column(ratio, **parameters)
     simulation.run(until=duration)
     return kinetic_energy(simulation.state)
@@ -131,7 +139,7 @@ def chute_quick() -> Iterator[Row]:
     yield at_most("error of the speed, H/H_stop = 2.90", abs(speed), 5e-3)
     yield at_most("error of the profile, H/H_stop = 2.90", shape, 5e-3)
     yield within("H_stop over eq. 3.1, 27 deg", stopping_ratio(), 1.0, 5e-3)
-    yield at_most("J/kg at 2 s, H/H_stop = .98", energy_at_end(0.98, 2.0), AT_REST)
+    yield at_most("J/kg at 2 s, H/H_stop = 0.98", energy_at_end(0.98, 2.0), AT_REST)
     yield holds("flow at 2 s, H/H_stop = 1.02", energy_at_end(1.02, 2.0) > AT_REST)
 
 
@@ -147,5 +155,5 @@ def chute() -> Iterator[Row]:
         name = f"{angle:g} deg"
         yield within(f"H_stop over eq. 3.1, {name}", stopping_ratio(angle_deg=angle), 1.0, 5e-3)
         slow, fast = (energy_at_end(ratio, 4.0, angle_deg=angle) for ratio in (0.98, 1.02))
-        yield at_most(f"J/kg at 4 s, H/H_stop = .98, {name}", slow, AT_REST)
+        yield at_most(f"J/kg at 4 s, H/H_stop = 0.98, {name}", slow, AT_REST)
         yield holds(f"flow at 4 s, H/H_stop = 1.02, {name}", fast > AT_REST)

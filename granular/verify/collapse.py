@@ -16,13 +16,13 @@ from granular.theory import RUNOUT_LAWS
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds, within
 
 ASPECTS = (0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
-"""Height over half-width: both regimes of the paper, which meet at 2.83."""
+"""Height over half-width. The values cover both regimes of the paper, which meet at 2.83."""
 
 REPOSE = math.degrees(math.atan(materials.glass_beads.mu_s))
-"""Largest slope that can be at rest [deg], 20.9."""
+"""Steepest slope that can be at rest [deg], 20.9."""
 
 KINK = 2.83
-"""Aspect at which the regimes of the paper meet."""
+"""Aspect ratio at which the two regimes of the paper meet."""
 
 PUBLISHED = schemes.dunatunga_kamrin_2015.replace(dt=None)
 
@@ -35,7 +35,7 @@ def collapse(aspect: float, E: float, *, until: float = 2.0, **parameters: Any) 
 
 
 def mass_is_exact(state: State) -> bool:
-    """Whether all points of a closed scene are there with the mass they started with, bitwise."""
+    """True if all points of a closed scene are present with exactly their initial mass."""
     start = Simulation(state.scene, threads=1).state
     return np.array_equal(state.id, start.id) and np.array_equal(state.mass, start.mass)
 
@@ -48,7 +48,7 @@ def slopes(state: State, name: str) -> Iterator[Row]:
 
 
 def three(runout: measure.Runout) -> str:
-    """The run-outs by mass, toe and column, as text."""
+    """Run-outs by mass quantile, by toe and by contiguous columns, as text."""
     return f"{runout.quantile:.2f} {runout.toe:.2f} {runout.contiguous:.2f}"
 
 
@@ -58,10 +58,10 @@ def _exponent(aspects: list[float], values: list[float]) -> float:
 
 @check()
 def collapse_quick() -> Iterator[Row]:
-    """A column of aspect 1, cells of .0125 m, E = 1e6, published scheme, 1.5 s.
+    """A column of aspect 1, cells of 0.0125 m, E = 1e6 Pa, published scheme, 1.5 s.
 
-    The band of the run-out holds the paper's 2.28 and what other stiffnesses, seedings and
-    transfers give with this scheme: it tells a collapse from a failure, no more.
+    The band of the run-out contains the paper's 2.28 and the results of other stiffnesses,
+    seedings and transfers with this scheme. It only distinguishes a collapse from a failed run.
     """
     sim = collapse(1.0, 1e6, until=1.5, scheme=PUBLISHED)
     yield holds("mass is exact", mass_is_exact(sim.state))
@@ -71,7 +71,7 @@ def collapse_quick() -> Iterator[Row]:
 
 @check()
 def collapse_slope_quick() -> Iterator[Row]:
-    """A column of aspect 1, cells of .0125 m, E = 1e6, default scheme, 1.5 s."""
+    """A column of aspect 1, cells of 0.0125 m, E = 1e6 Pa, default scheme, 1.5 s."""
     state = collapse(1.0, 1e6, until=1.5).state
     yield at_most("mean slope [deg], default", measure.repose_angle(state).mean_deg, 20.9)
     yield at_most("stress-free in the bulk, default", measure.disconnected_fraction(state), 0.05)
@@ -80,7 +80,7 @@ def collapse_slope_quick() -> Iterator[Row]:
 
 @check(slow=True)
 def collapse_runout() -> Iterator[Row]:
-    """Run-outs of `published` for aspects .5 to 8, E = 1e7: quantile, toe, contiguous."""
+    """Run-outs of `published` for aspects 0.5 to 8, E = 1e7 Pa: quantile, toe, contiguous."""
     found = []
     for aspect in ASPECTS:
         runout = measure.runout(collapse(aspect, 1e7, scheme=PUBLISHED).state)
@@ -96,7 +96,7 @@ def collapse_runout() -> Iterator[Row]:
 
 @check(slow=True)
 def collapse_causes() -> Iterator[Row]:
-    """What moves the run-out of `published` at a = 1: stiffness, seeding, resolution, transfer."""
+    """Sensitivity of the run-out of `published`, a = 1: stiffness, seeding, cells, transfer."""
     apic = PUBLISHED.replace(transfer="apic")
     cases: dict[str, tuple[float, dict[str, Any]]] = {
         "E = 1e6": (1e6, {}),
@@ -106,8 +106,8 @@ def collapse_causes() -> Iterator[Row]:
         "9 points per cell": (1e7, {"points_per_cell": 9}),
         "25 points per cell": (1e7, {"points_per_cell": 25}),
         "jitter of a spacing": (1e7, {"jitter": 1.0}),
-        "cells of .025 m": (1e7, {"cell": 0.025}),
-        "cells of .00625 m": (1e7, {"cell": 0.00625}),
+        "cells of 0.025 m": (1e7, {"cell": 0.025}),
+        "cells of 0.00625 m": (1e7, {"cell": 0.00625}),
         "uGIMP": (1e7, {"scheme": PUBLISHED.replace(basis="ugimp")}),
         "quadratic": (1e7, {"scheme": PUBLISHED.replace(basis="quadratic")}),
         "APIC": (1e7, {"scheme": apic}),
@@ -120,10 +120,10 @@ def collapse_causes() -> Iterator[Row]:
 
 @check(slow=True)
 def collapse_slopes() -> Iterator[Row]:
-    """Slopes of the default scheme at rest, cells of .00625 m, E = 1e6, 2 s."""
+    """Slopes of the default scheme at rest, cells of 0.00625 m, E = 1e6 Pa, 2 s."""
     for aspect in (0.5, 1.0, 2.0):
         state = collapse(aspect, 1e6, cell=0.00625).state
         yield from slopes(state, f"a = {aspect:g}")
-        loose, runout = measure.disconnected_fraction(state), measure.runout(state)
-        yield beside(f"stress-free in the bulk, a = {aspect:g}", f"{loose:.4f}", "reported")
+        share, runout = measure.disconnected_fraction(state), measure.runout(state)
+        yield beside(f"stress-free in the bulk, a = {aspect:g}", f"{share:.4f}", "reported")
         yield beside(f"run-outs, a = {aspect:g}, default", three(runout), f"{2.28 * aspect:.2f}")

@@ -1,4 +1,4 @@
-"""The stress update by itself: 50-digit arithmetic, and appendix B."""
+"""The stress update alone, against 50-digit arithmetic and against appendix B."""
 
 from __future__ import annotations
 
@@ -19,10 +19,11 @@ STEPS = (1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
 """Time steps of appendix B [s]."""
 
 DURATION = 1.25
-"""Seconds of appendix B."""
+"""Duration of appendix B [s]."""
 
 LOOSE = 500.0
-"""The loose start: rho = rho_c exp(-LOOSE/K)."""
+"""The disconnected start begins below rho_c, stress-free: rho = rho_c exp(-LOOSE/K), LOOSE in
+Pa."""
 
 
 def law_parameters(material: Material) -> dict[str, float]:
@@ -43,7 +44,7 @@ def update(
     *,
     pressure_from_density: bool = False,
 ) -> tuple[Array, Array]:
-    """One stress update of n points by the C core, in the plane.
+    """One stress update of n points by the C core, in 2D.
 
     Parameters
     ----------
@@ -100,12 +101,12 @@ def constitutive_path(
     Parameters
     ----------
     at : float
-        Where in a step L is taken: 1 at its end, as in the paper, .5 in its middle.
+        Instant of a step at which L is evaluated: 1 is its end, as in the paper, 0.5 its middle.
 
     Returns
     -------
     times, stress : ndarray, shape (nt,), (nt, 4)
-        With the initial state first.
+        Times [s] and stresses [Pa], the initial state first.
     """
     steps = round(duration / dt)
     gradient = velocity_gradient((np.arange(steps) + at) * dt).reshape(steps, 4) * dt
@@ -134,7 +135,7 @@ def path_errors(
     at: float = 1.0,
     pressure_from_density: bool = False,
 ) -> Array:
-    """Largest error of a stress component at any step, over the largest stress, for each dt."""
+    """Largest error of a stress component at any step, divided by the largest stress, per dt."""
     finest = round(DURATION / min(steps))
     times = np.arange(finest + 1) * (DURATION / finest)
     exact = reference(material, p0, times, log_density0).stress
@@ -161,9 +162,9 @@ def orders(errors: Array) -> Array:
 def random_states(material: MuI, n: int, seed: int = 0) -> tuple[Array, Array, Array]:
     """Increments L dt, log-densities and stresses of dense points, away from branch switches.
 
-    Pressures of 1 Pa to 1 MPa; increments that change the stress by a thousandth of the pressure
-    to a few times the pressure. Kept are the states whose trial pressure is at least a tenth of
-    the scale of their stress, and whose trial friction is 1 % away from mu_s.
+    The pressures are 1 Pa to 1 MPa. The increments change the stress by a thousandth of the
+    pressure up to a few times the pressure. Only states are kept whose trial pressure is at least
+    a tenth of the scale of their stress and whose trial friction differs from mu_s by 1 % or more.
     """
     rng = np.random.default_rng(seed)
     p = 10 ** rng.uniform(0, 6, 4 * n)
@@ -187,7 +188,7 @@ def random_states(material: MuI, n: int, seed: int = 0) -> tuple[Array, Array, A
 def update_50_digits(material: MuI, dt: float, gradient: Array, stress: Array) -> Array:
     """The stress update of one dense point (eqs 3.10-3.16) with 50 digits, shape (4,).
 
-    The root of the quadratic is taken as the textbook has it: 50 digits have room to cancel.
+    The root of the quadratic is the textbook formula: with 50 digits its cancellation is harmless.
     """
     with localcontext() as context:
         context.prec = 50
@@ -242,7 +243,7 @@ def stress_update() -> Iterator[Row]:
 
 @check()
 def appendix_b() -> Iterator[Row]:
-    """Appendix B: E = 1e4 Pa, dt = 1e-3 to 6.25e-5 s, against RK45; errors over max |sigma|."""
+    """Appendix B: E = 1e4 Pa, dt = 1e-3 to 6.25e-5 s, against RK45; errors / max |sigma|."""
     soft = materials.glass_beads.replace(E=1e4)
     for p0 in (500.0, 100.0):
         end = path_errors(soft, p0)
@@ -252,7 +253,7 @@ def appendix_b() -> Iterator[Row]:
         yield within(f"order, the worst of 4 halvings, p0 = {p0:g}", worst, 1.0, 0.03)
         gain = float((end / middle).min())
         yield at_least(f"gain of L at mid-step, least of 5 dt, p0 = {p0:g}", gain, 10.0)
-    loose = path_errors(soft, 0.0, log_density0=-LOOSE / soft.K, pressure_from_density=True)
-    fit = -np.polyfit(np.arange(len(STEPS)), np.log2(loose), 1)[0]
-    yield at_least("order, loose start, equation of state", fit, 0.9)
-    yield at_least("the least of its 4 halvings", orders(loose).min(), 0.9)
+    errors = path_errors(soft, 0.0, log_density0=-LOOSE / soft.K, pressure_from_density=True)
+    fit = -np.polyfit(np.arange(len(STEPS)), np.log2(errors), 1)[0]
+    yield at_least("order, disconnected start, equation of state", fit, 0.9)
+    yield at_least("the least of its 4 halvings", orders(errors).min(), 0.9)

@@ -1,8 +1,11 @@
-"""The table of the density correction: does a scheme keep what the published one loses?
+"""The checks of the density correction: does a scheme keep what the published one loses?
 
-Shear flows that are truly two- or three-dimensional, heaps and boxes at rest, run-outs under
-refinement, silos, thresholds, and what the density correction itself does to energy and momentum. Every check
-takes a scheme, the default one unless told: `benchmarks/density_correction_table.py` runs them for others.
+The density correction keeps the points evenly distributed over the cells and their densities
+consistent with it. The checks cover shear flows over several columns in 2D and 3D, heaps and boxes
+at rest, run-outs under refinement, silos, and the angles at which flow starts and stops. The
+changes of energy and momentum by the correction itself are in
+`granular.verify.density_correction_budget`. Every check takes a scheme, by default the default
+one; `benchmarks/density_correction_table.py` runs the checks for other schemes.
 """
 
 from __future__ import annotations
@@ -31,14 +34,15 @@ from granular.verify.rows import Row, at_most, beside, check, holds, within
 DEFAULT = schemes.default
 
 SEEDS = (0, 1, 2)
-"""Of the jitter; the worst of them counts."""
+"""Seeds of the jitter; the worst result of them counts."""
 
 WINDOW = 15
-"""Columns of the steepest piece of a slope. Over 5 columns it is chance where the highest points
-lie in theirs: those under an exact plane of 21.0 deg give 26.4 with 4 points per cell."""
+"""Width [columns] of the window in which the steepest slope is sought. In a window of 5 columns
+the result depends on where the highest point of each column happens to lie: points seeded below
+an exact plane of 21.0 deg give 26.4 deg with 4 points per cell."""
 
 STIFF = 1e7
-"""Young's modulus [Pa] of layers that are to come to rest."""
+"""Young's modulus [Pa] of layers that must come to rest."""
 
 SOFT = materials.glass_beads.replace(E=layers.MODULUS)
 
@@ -47,7 +51,7 @@ SOFT = materials.glass_beads.replace(E=layers.MODULUS)
 def density_correction_shear_quick(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     """Eight columns, 25 deg, from the steady profile, 4 points per cell, 4 s.
 
-    The published scheme is off by a third or more by then.
+    The error of the published scheme is a third or more by then.
     """
     (flow,) = layers.several(4.0, (0,), steady=True, scheme=scheme)
     yield at_most("L2 error of v", flow.error, 0.02)
@@ -69,7 +73,8 @@ def density_correction_shear(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 def density_correction_angles(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     """Other angles, 20 s from rest, and 60 s at 25 deg; 4 points per cell.
 
-    At 22 deg E = 1e7: of 1e6 alone one column is 1.7 % too fast there, tau being near to yield.
+    At 22 deg E is 1e7 Pa: with 1e6 Pa even a single column is 1.7 % too fast there, because tau
+    is close to the yield stress.
     """
     for angle, bound in ((22.0, 0.03), (23.5, 0.025), (28.0, 0.025), (29.0, 0.025)):
         E = STIFF if angle == 22.0 else layers.MODULUS
@@ -83,7 +88,8 @@ def density_correction_angles(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     times = np.arange(20.0, 61.0, 5.0)
     flows = [layers.measured(sim.run(until=float(t)), start) for t in times]
     yield from layers.rows("25 deg, 60 s", flows[-1:], 0.025)
-    trend = np.polyfit(times, [flow.height for flow in flows], 1)[0]  # single ones differ by .002
+    # A fit over all readings, since single heights scatter by 0.002.
+    trend = np.polyfit(times, [flow.height for flow in flows], 1)[0]
     yield at_most("trend of the height, 20 to 60 s", abs(trend) * 40.0, 2e-3)
 
 
@@ -100,9 +106,10 @@ def density_correction_space(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 
 @check(slow=True)
 def density_correction_refinement(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """Cells of .02, .01 and .005 m, eight columns, 25 deg, 20 s from the steady profile.
+    """Cells of 0.02, 0.01 and 0.005 m, eight columns, 25 deg, 20 s from the steady profile.
 
-    E = 1e7: with 1e6 the offset of the stiffness, .7 % of v, would hide what is refined.
+    E is 1e7 Pa: with 1e6 Pa the error due to the stiffness, 0.7 % of v, would hide the error that
+    falls with the cells.
     """
     found = {}
     for cell in (0.02, 0.01, 0.005):
@@ -114,7 +121,7 @@ def density_correction_refinement(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 
 
 def box(scheme: Scheme, cell: float = 0.0125, E: float = layers.MODULUS) -> Scene:
-    """A box of 0.4 m by 0.4 m with free_slip sides, filled at random and loaded in .5 s."""
+    """A box of 0.4 m by 0.4 m with free_slip sides, filled at random and loaded within 0.5 s."""
     n = round(0.4 / cell)
     width = n * cell
     return Scene(
@@ -135,20 +142,21 @@ def box(scheme: Scheme, cell: float = 0.0125, E: float = layers.MODULUS) -> Scen
 
 @check()
 def density_correction_box_quick(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """The box of `density_correction_box` with cells of .025 m after 1 s."""
+    """The box of `density_correction_box` with cells of 0.025 m after 1 s."""
     yield from box_rows(Simulation(box(scheme, cell=0.025), threads=1).run(until=1.0).state)
 
 
 @check(slow=True)
 def density_correction_box(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """A box at rest after 2 s, cells of .0125 m."""
+    """A box at rest after 2 s, cells of 0.0125 m."""
     yield from box_rows(Simulation(box(scheme), threads=1).run().state)
 
 
 def box_rows(state: State) -> Iterator[Row]:
-    """Rows of a box at rest: what the cells bear against the weight above them.
+    """Rows of a box at rest: the stress of the cells against the weight above them.
 
-    That is the stress across the layer: p itself is the material's affair where nothing flows.
+    The stress compared is the normal stress across the layer. The pressure p is not determined by
+    the weight where nothing flows: it depends on the material.
     """
     yield at_most("rms error of the stress by cell", measure.mean_pressure_error(state), 0.03)
     yield at_most("99th percentile of speed [m/s]", measure.speed_percentile(state), 0.01)
@@ -168,18 +176,18 @@ def heap_rows(state: State, name: str) -> Iterator[Row]:
 
 @check(slow=True)
 def density_correction_heap(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """A column of aspect 1 at rest after 2 s, cells of .00625 m."""
+    """A column of aspect 1 at rest after 2 s, cells of 0.00625 m."""
     state = collapse(1.0, layers.MODULUS, cell=0.00625, scheme=scheme).state
     yield from heap_rows(state, "a = 1")
 
 
 def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
-    """Share of the plastic work of a run that points in the ill-posed range of the law do."""
+    """Share of the plastic work of a run done by points in the ill-posed range of the law."""
     found = []
     for time in np.linspace(sim.time, until, frames + 1)[1:]:
         state = sim.run(until=float(time)).state
         power = state.quadrature_volume * state.tau * state.shear_rate
-        scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # free of stress: no power
+        scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # stress-free: no power
         bad = (scaled > 0) & (ill_posedness(scaled, state.scene.material) > 0)
         found.append((power.sum(), power[bad].sum()))
     total, ill_posed = np.sum(found, axis=0)
@@ -188,13 +196,13 @@ def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
 
 @check(slow=True)
 def density_correction_runout(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """Run-outs for a = 1, 2 and 4 with cells of .0125, .00625 and .003125 m."""
+    """Run-outs for a = 1, 2 and 4 with cells of 0.0125, 0.00625 and 0.003125 m."""
     for aspect in (1.0, 2.0, 4.0):
         yield from runouts(aspect, (0.0125, 0.00625, 0.003125), scheme)
 
 
 def runouts(aspect: float, cells: tuple[float, ...], scheme: Scheme) -> Iterator[Row]:
-    """Rows of the run-outs of a column under refinement: by mass, toe and contiguous columns."""
+    """Rows of the run-outs of a column under refinement, by mass, toe and contiguous columns."""
     found = []
     for cell in cells:
         scene = scenes.column_collapse(aspect=aspect, material=SOFT, cell=cell, scheme=scheme)
@@ -214,11 +222,12 @@ def runouts(aspect: float, cells: tuple[float, ...], scheme: Scheme) -> Iterator
 
 
 def crowding(state: State, across: int = 5) -> float:
-    """99th percentile of the density over rho_c, of blocks so many cells wide within the grid.
+    """99th percentile of the density of blocks of cells, divided by rho_c.
 
-    Not of single cells: one that should hold 4 points holds 5 by chance, which makes 1.25. The
-    layer of `density_correction_shear`, whose density is right to .5 %, has 1.50, 1.14 and 1.06 with 4 points and
-    blocks 1, 3 and 5 wide, and 1.44, 1.07 and 1.04 with 9.
+    A block is `across` cells wide and lies within the grid. Single cells would be too noisy: one
+    that should hold 4 points may hold 5 by chance, which gives 1.25. The layer of
+    `density_correction_shear`, whose density is right to 0.5 %, has 1.50, 1.14 and 1.06 in blocks
+    1, 3 and 5 cells wide with 4 points per cell, and 1.44, 1.07 and 1.04 with 9.
     """
     blocks = np.lib.stride_tricks.sliding_window_view(cell_mass(state), (across, across))
     density = blocks.mean(axis=(2, 3)) / state.scene.grid.cell**2
@@ -229,8 +238,8 @@ def crowding(state: State, across: int = 5) -> float:
 def silo_rows(orifices: tuple[float, ...], cell: float, E: float, scheme: Scheme) -> Iterator[Row]:
     """Rows of Beverloo's law, and of the density at the end of each run.
 
-    D is what the paper measures it by, the distance of the outermost free nodes, which depends on
-    the basis.
+    The opening D is defined as in the paper, as the distance between the outermost free nodes,
+    which depends on the basis.
     """
     rates, density, small = [], [], []
     material = materials.glass_beads.replace(E=E)
@@ -252,29 +261,29 @@ def silo_rows(orifices: tuple[float, ...], cell: float, E: float, scheme: Scheme
 
 @check(slow=True)
 def density_correction_silo(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """Openings of .06 to .20 m, E = 1e7, cells of .01 m."""
+    """Openings of 0.06 to 0.20 m, E = 1e7 Pa, cells of 0.01 m."""
     yield from silo_rows(silo.ORIFICES, 0.01, silo.MODULUS, scheme)
 
 
 @check(slow=True)
 def density_correction_silo_fine(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """Openings of .06, .1, .14 and .2 m, E = 1e6, cells of .01 and .005 m."""
+    """Openings of 0.06, 0.1, 0.14 and 0.2 m, E = 1e6 Pa, cells of 0.01 and 0.005 m."""
     for cell in (0.01, 0.005):
         yield from silo_rows((0.06, 0.1, 0.14, 0.2), cell, layers.MODULUS, scheme)
 
 
 def stop_time(angle_deg: float, push: float) -> float:
-    """Time [s] in which friction mu_s stops a block that is pushed to a speed [m/s]."""
+    """Time [s] in which the friction mu_s stops a block that starts at the speed `push` [m/s]."""
     angle = np.radians(angle_deg)
     return push / (9.8 * (SOFT.mu_s * np.cos(angle) - np.sin(angle)))
 
 
 def pushed(angle_deg: float, push: float, scheme: Scheme, points: int = 4) -> Iterator[Row]:
-    """Rows of a layer that is pushed below its angle: at rest after twice the time of a block,
-    and still so five times later.
+    """Rows of a layer that is pushed on a slope below the angle of flow.
 
-    E = 1e7: softer layers creep at 20 deg, as the law that is ill-posed there makes them (see
-    docs/limits.md).
+    It must be at rest after twice the time in which a block stops (`stop_time`), and still be at
+    rest after five times that. E is 1e7 Pa: softer layers creep at 20 deg, because the law is
+    ill-posed there (see docs/limits.md).
     """
     sim = layer(angle_deg, push=push, scheme=scheme, points=points, E=STIFF)
     stop = 0.1 + 2 * stop_time(angle_deg, push)
@@ -288,13 +297,13 @@ def pushed(angle_deg: float, push: float, scheme: Scheme, points: int = 4) -> It
 
 @check()
 def density_correction_thresholds_quick(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """Pushed to .1 m/s at 19 deg, eight columns: it comes to rest and stays."""
+    """Pushed to 0.1 m/s at 19 deg, eight columns: the layer comes to rest and stays at rest."""
     yield from pushed(19.0, 0.1, scheme)
 
 
 @check(slow=True)
 def density_correction_thresholds(scheme: Scheme = DEFAULT) -> Iterator[Row]:
-    """Pushed to .1 m/s at 19 and 20 deg it comes to rest; at 21.5 deg it flows from rest."""
+    """A layer pushed to 0.1 m/s at 19 and 20 deg comes to rest; at 21.5 deg it flows from rest."""
     for points in (4, 9):
         for angle in (19.0, 20.0):
             yield from pushed(angle, 0.1, scheme, points)

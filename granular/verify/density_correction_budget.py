@@ -1,4 +1,4 @@
-"""What the density correction itself does to energy and momentum, step by step."""
+"""Energy and momentum that the density correction itself adds in a step."""
 
 from __future__ import annotations
 
@@ -29,26 +29,29 @@ IDLE = {
     "weight_correction": 0.0,
     "weight_correction_decay": 0.0,
 }
-"""Changes of a scheme without which it is its own twin that does not density_correction."""
+"""Changes that switch the density correction of a scheme off and leave the rest as it is."""
 
 ENOUGH = 100
-"""Steps looked at from which the mean of what is given says something."""
+"""Number of sampled steps from which the mean of the added energy is significant."""
 
 
 @dataclass(frozen=True)
 class Given:
-    """What the density correction of one step gives to a layer, with what is lent and taken back.
+    """Energy and momentum that the density correction of one step adds.
+
+    The momentum correction of the particle shifting, which the next step takes back, is included
+    together with its return.
 
     Attributes
     ----------
     energy : float
-        Kinetic and elastic, less the work of gravity [J/m].
+        Kinetic and elastic energy, less the work of gravity [J/m].
     momentum : float
-        The larger of the components, over the sum of |m v|.
+        The larger component of the momentum, divided by the sum of |m v|.
     angular : float
-        Angular momentum about the base, over sum m |v| y.
+        Angular momentum about the base, divided by the sum of m |v| y.
     plastic : float
-        Plastic work of the steps that the averaging stands for [J/m].
+        Plastic work of the steps between two averagings of the density [J/m].
     """
 
     energy: float
@@ -58,7 +61,7 @@ class Given:
 
 
 def _two_steps(sim: Simulation, first: Scheme, second: Scheme) -> State:
-    """The state two steps on, each with a scheme of its own."""
+    """State after two steps, the first with the scheme `first`, the second with `second`."""
     stop = sim.checkpoint()
     for scheme in (first, second):
         one = Simulation.from_checkpoint(sim.scene.replace(scheme=scheme), stop, threads=1)
@@ -70,15 +73,16 @@ def _two_steps(sim: Simulation, first: Scheme, second: Scheme) -> State:
 def given(sim: Simulation) -> Given:
     """Compare a step with the density correction with the same step without it.
 
-    The simulation first goes on to a step that averages the density. A second step, without the
-    density correction for both, takes back what the shift had lent.
+    The simulation first advances to a step that averages the density. Both runs then make a second
+    step without the density correction, in which the momentum correction of the particle shifting
+    is taken back.
     """
     scheme = sim.scene.scheme
     interval = averaging_interval(sim.scene) if scheme.density.name == "smoothed" else 1
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
-    corrected = sim.scene.scheme.replace(dt=sim.dt)  # the same for all four steps
-    idle = corrected.replace(density=corrected.density.replace(**IDLE))
+    corrected = sim.scene.scheme.replace(dt=sim.dt)  # the same time step for all four steps
+    idle = corrected.replace(**IDLE)
     a, b = _two_steps(sim, corrected, idle), _two_steps(sim, idle, idle)
     grid, m = a.scene.grid, a.mass
     length = np.array(grid.shape) * grid.cell
@@ -99,7 +103,7 @@ def given(sim: Simulation) -> Given:
 
 
 def collision(scheme: Scheme) -> Scene:
-    """Two blocks that meet in free space and slide past one another: no wall, no gravity."""
+    """Two blocks that meet and slide past each other without walls and gravity."""
     cell, shape = 0.02, (30, 30)
     return Scene(
         name="collision",
@@ -117,14 +121,17 @@ def collision(scheme: Scheme) -> Scene:
 
 
 def sampled(sim: Simulation, samples: int, until: float) -> list[Given]:
-    """What the density correction gives in `samples` steps of a run, evenly spread."""
+    """`Given` of `samples` steps of a run, evenly spaced in time."""
     times = np.linspace(sim.time, until, samples + 1)[1:]
     return [given(sim.run(until=float(time))) for time in times]
 
 
 def lost_by_all(scheme: Scheme, until: float, readings: int) -> float:
-    """What density correction and transfer together take from a layer in flow over its plastic work, both from
-    rates read so many times: the work of gravity, less what is stored, less that work."""
+    """Energy that density correction and transfer together take from a flowing layer.
+
+    It is the work of gravity, less the change of the stored energy, less the plastic work, divided
+    by the plastic work. Both works are integrals of rates sampled at `readings` times.
+    """
     sim = layer(steady=True, scheme=scheme).run(until=0.5)
     start, begin = measure.energy(sim.state), sim.time
     plastic = gravity = 0.0
@@ -138,9 +145,10 @@ def lost_by_all(scheme: Scheme, until: float, readings: int) -> float:
 
 
 def budget(samples: int, until: float, scheme: Scheme) -> Iterator[Row]:
-    """Rows of what the density correction gives: energy to a layer in flow, momentum to blocks that collide.
+    """Rows of the energy added to a flowing layer and of the momentum added to colliding blocks.
 
-    Energy must not be made: what is given, less twice its standard error, is not positive.
+    The density correction must not create energy: the mean added energy, less twice its standard
+    error, must not be positive.
     """
     found = sampled(layer(steady=True, scheme=scheme), samples, until)
     work = np.mean([f.plastic for f in found])
@@ -164,11 +172,11 @@ def budget(samples: int, until: float, scheme: Scheme) -> Iterator[Row]:
 
 @check()
 def density_correction_budget_quick(scheme: Scheme = schemes.default) -> Iterator[Row]:
-    """A layer at 25 deg for 2 s, blocks for .1 s: 20 steps of each."""
+    """A layer at 25 deg for 2 s, colliding blocks for 0.1 s: 20 sampled steps of each."""
     yield from budget(20, 2.0, scheme)
 
 
 @check(slow=True)
 def density_correction_budget(scheme: Scheme = schemes.default) -> Iterator[Row]:
-    """A layer at 25 deg for 20 s, blocks for .1 s: 400 steps of each."""
+    """A layer at 25 deg for 20 s, colliding blocks for 0.1 s: 400 sampled steps of each."""
     yield from budget(400, 20.0, scheme)

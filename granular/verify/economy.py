@@ -1,4 +1,4 @@
-"""Suggestion against what it leads to: the paper's scenes, cheaper and at the published setting."""
+"""Suggestions put to the test: the paper's scenes, made cheaper, against the published setting."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from granular.verify.quantities import Outcome, change, quantities
 from granular.verify.rows import Row, at_least, at_most, beside, check
 
 TOLERANCE = 0.02
-"""Asked of the suggestion, and of what is measured."""
+"""Tolerance that is asked of the suggestion and that the measured change must meet."""
 
 LOOSER, LOOSEST = 0.03, 0.04
-"""Asked for columns and for slugs, of which less is not promised."""
+"""Tolerances for columns and for slugs, where no smaller error is promised."""
 
 SPARED = 10.0
 """Factor by which the cost must fall."""
@@ -31,15 +31,16 @@ STIFF = 1e8
 
 
 def published(name: str, scheme: Scheme, **parameters: Any) -> Scene:
-    """A scene at E = 1 GPa, and with the paper's scheme at its dt = 3e-6 s."""
+    """A scene at E = 1 GPa; with the paper's scheme its time step is the paper's dt = 3e-6 s."""
     return scenes.registry[name](scheme=scheme, **parameters)
 
 
 def reference(scene: Scene, E: float) -> Outcome:
-    """A run at a lesser E and its adaptive step, with the processor time of the scene itself.
+    """Run a scene at the lower `E` and its adaptive step, as a reference for the scene itself.
 
-    The damping of the default scheme is held where advice holds it. The time of the scene is that
-    of the run, times its steps over those of the run: a point and step costs the same at any E.
+    The damping of the default scheme is held constant where a suggestion does so. The processor
+    time is that of the scene itself: the time of the run, times the number of steps of the scene
+    over that of the run, as one step of one point costs the same at any E.
     """
     name = getattr(scene_function(scene), "__name__", "")
     run = quantities(changed(scene, {"dt": None} | softening(scene, name, E)))
@@ -56,7 +57,7 @@ def rows(
     timed: bool,
     tolerance: float = TOLERANCE,
 ) -> Iterator[Row]:
-    """Rows of the change of each quantity, and of the cost that is spared."""
+    """Rows of the change of each quantity, and of the cost that is saved."""
     for quantity, found in cheaper.numbers.items():
         moved = change(found, full.numbers[quantity])
         text = f"change of the {quantity}, {name}"
@@ -72,22 +73,22 @@ def rows(
         yield at_least(f"points times steps spared, {name}", ratio, SPARED)
 
 
-def advised(scene: Scene, tolerance: float = TOLERANCE) -> Outcome:
-    """A run of the scene that the advice leads to."""
+def cheaper_run(scene: Scene, tolerance: float = TOLERANCE) -> Outcome:
+    """Run the cheaper scene that `granular.economy.suggest` leads to."""
     return quantities(economy.apply(scene, economy.suggest(scene, tolerance)))
 
 
 @check()
 def economy_quick() -> Iterator[Row]:
-    """The incline of 25 deg up to 2 s, published scheme: advised at 2 % against the paper's."""
+    """The incline of 25 deg up to 2 s, published scheme: suggested at 2 % against the paper's."""
     scene = published("incline", schemes.dunatunga_kamrin_2015, duration=2.0)
     kept = ("mean velocity", "profile")
-    yield from rows("incline 25 deg", advised(scene), quantities(scene), kept, timed=False)
+    yield from rows("incline 25 deg", cheaper_run(scene), quantities(scene), kept, timed=False)
 
 
 @check(slow=True)
 def economy_incline() -> Iterator[Row]:
-    """Inclines, 20 s, both schemes at 25 deg: advised at 2 % against 1 GPa; cost of 3e-6 s."""
+    """Inclines, 20 s, both schemes at 25 deg: suggested at 2 % against 1 GPa; cost of 3e-6 s."""
     kept = ("mean velocity", "profile")
     for angle, scheme, name in (
         (22.0, schemes.dunatunga_kamrin_2015, "published"),
@@ -97,20 +98,20 @@ def economy_incline() -> Iterator[Row]:
     ):
         scene = published("incline", scheme, angle_deg=angle)
         full = reference(scene, materials.glass_beads.E)
-        yield from rows(f"{angle:g} deg, {name}", advised(scene), full, kept, timed=True)
+        yield from rows(f"{angle:g} deg, {name}", cheaper_run(scene), full, kept, timed=True)
 
 
 @check(slow=True)
 def economy_collapse() -> Iterator[Row]:
-    """Columns of aspect 1, three seedings: advised at 3 % against E = 1 GPa, in the mean.
+    """Columns of aspect 1, mean of three seedings: suggested at 3 % against E = 1 GPa.
 
-    Less is not promised: single run-outs scatter by 1 to 4 %, see docs/economy.md. The bound
-    allows for the standard errors of both means, 2 % together.
+    No smaller error is promised, because single run-outs scatter by 1 to 4 % (docs/economy.md).
+    The bound allows for the standard errors of both means, 2 % together.
     """
     cheaper, full = [], []
     for seed in (1, 2, 3):
         scene = published("column_collapse", schemes.default, aspect=1.0, jitter=0.5, seed=seed)
-        cheaper.append(advised(scene, LOOSER))
+        cheaper.append(cheaper_run(scene, LOOSER))
         full.append(reference(scene, materials.glass_beads.E))
     means = [np.mean([run.numbers["run-out"] for run in runs]) for runs in (cheaper, full)]
     moved = abs(means[0] / means[1] - 1)
@@ -121,27 +122,27 @@ def economy_collapse() -> Iterator[Row]:
 
 @check(slow=True)
 def economy_silo() -> Iterator[Row]:
-    """Silo with an opening of .2 m, default scheme: advised at 2 % against E = 1e8."""
+    """Silo with an opening of 0.2 m, default scheme: suggested at 2 % against E = 1e8 Pa."""
     scene = published("silo", schemes.default, orifice=0.2)
     full = reference(scene, STIFF)
-    yield from rows("silo, default", advised(scene), full, ("rate",), timed=True)
+    yield from rows("silo, default", cheaper_run(scene), full, ("rate",), timed=True)
 
 
 @check(slow=True)
 def economy_hourglass() -> Iterator[Row]:
-    """Flat hourglass, 10 s, default scheme: advised at 2 % against E = 1e8.
+    """Flat hourglass, 10 s, default scheme: suggested at 2 % against E = 1e8 Pa.
 
-    The slope is told only: seedings of one E differ by as much, see docs/economy.md.
+    The slope is only reported, because seedings at the same E differ by as much (docs/economy.md).
     """
     scene = published("hourglass", schemes.default)
     full = reference(scene, STIFF)
-    yield from rows("hourglass, default", advised(scene), full, ("rate",), timed=True)
+    yield from rows("hourglass, default", cheaper_run(scene), full, ("rate",), timed=True)
 
 
 @check(slow=True)
 def economy_slug() -> Iterator[Row]:
-    """The slug, default scheme: advised at 4 % against E = 1 GPa; its outline is chance."""
+    """The slug, default scheme: suggested at 4 % against E = 1 GPa; its outline is random."""
     scene = published("slug", schemes.default)
     full = reference(scene, materials.glass_beads.E)
-    cheaper, kept = advised(scene, LOOSEST), ("impact", "centre")
+    cheaper, kept = cheaper_run(scene, LOOSEST), ("impact", "centre")
     yield from rows("slug, default", cheaper, full, kept, timed=True, tolerance=LOOSEST)

@@ -20,34 +20,38 @@ from granular.verify.silo import mass_is_exact
 PUBLISHED = schemes.dunatunga_kamrin_2015.replace(dt=None)
 
 STEEPEST = math.degrees(math.asin(materials.glass_beads.mu_s))
-"""Largest slope that can be at rest [deg], 22.5: with tau/p = mu_s a slope is in balance up to
-sin(theta) = mu_s, at most compressed along itself; up to tan(theta) = mu_s, 20.9 deg, without.
-The bound below is the stricter one of the validation plan, one degree over the latter."""
+"""Steepest slope that can be at rest [deg], 22.5. With tau/p = mu_s a slope can be in equilibrium
+up to tan(theta) = mu_s (20.9 deg) if it is not compressed along the slope, and up to
+sin(theta) = mu_s at the largest compression. The checks use the stricter bound of the validation
+plan, one degree above 20.9 deg."""
 
 LOOSE = 0.05
-"""Shortfall of the nodal density that still counts as dense. The threshold of the paper is rho_c
-itself, which a regular lattice of points straddles by quadrature noise alone."""
+"""Relative deficit of the nodal density below rho_c that still counts as dense. The threshold of
+the paper is rho_c itself, but the nodal densities of regularly seeded points lie on both sides of
+it, due to quadrature errors alone."""
 
 AT_REST = {"flat": 20.0, "sloped": 10.0}
-"""When the heaps are at rest [s], but for a few mm/s at the surface. At 10 s the flank of the flat
-hourglass is still fed from above, and creeps at some cm/s."""
+"""Times at which the heaps are at rest [s], except for a few mm/s at the surface. At 10 s the flank
+of the flat hourglass is still fed from above and creeps at some cm/s."""
 
 FRAMES = {"flat": (0.5, 0.6, 0.7, 0.8, 0.9, 1.0), "sloped": (0.25, 0.3, 0.35, 0.4)}
-"""Times at which the states are looked at [s]; the falling column holds some 60 points in each. The
-sloped divider clears itself: of 80 points that it bears 40 are left at .4 s, and 3 at .8 s."""
+"""Times of the states that are examined [s]; the falling column holds some 60 points in each. The
+sloped divider empties by itself: of the 80 points that it carries, 40 are left at 0.4 s and 3 at
+0.8 s."""
 
 
 def hourglass(kind: str, scheme: Scheme, E: float = 1e6) -> Simulation:
-    """An hourglass, still to be run."""
+    """Simulation of an hourglass, at its start."""
     material = materials.glass_beads.replace(E=E)
     return Simulation(scenes.hourglass(kind=kind, material=material, scheme=scheme), threads=1)
 
 
 def bearing_and_falling(state: State) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Points that must bear load, and points that must fall freely, by where they are.
+    """Points that must bear load and points that must fall freely, chosen by their positions.
 
-    The first are above the divider, five radii of the opening away from it and three cells below
-    the surface of the crater; the second 60 to 90 % of the way up from the base to the opening.
+    The first are above the divider, more than five opening radii away from the axis and three
+    cells below the surface of the crater. The second are at 60 to 90 % of the height of the
+    opening above the base.
     """
     parameters = state.scene.parameters
     drop, cell = parameters["drop"], parameters["cell"]
@@ -64,10 +68,11 @@ def states_as_figure_7(
 ) -> Iterator[Row]:
     """Rows of the state plot: load-bearing material dense, the falling column disconnected.
 
-    By the nodal density of the paper, and by the stress of the points. The column is hardly
-    wider than a cell: its nodal density comes near rho_c, so that most of it must be loose
-    (here half), not all. Under stress must be `stressed_share`: the published scheme loses the
-    stress of many points that lie in a dense heap.
+    The phase is judged by the nodal density, as in the paper, and by the stress of the points. The
+    falling column is hardly wider than a cell, so that its nodal density comes near rho_c: not all
+    of it, but at least half, must be disconnected. Of the load-bearing points at least the share
+    `stressed_share` must be under stress: the published scheme loses the stress of many points
+    that lie in a dense heap.
     """
     shares = []
     for dense in (lambda s: measure.phase(s, tolerance=LOOSE), lambda s: s.dense):
@@ -85,8 +90,9 @@ def states_as_figure_7(
 def heap(state: State) -> measure.Repose:
     """Slope of the heap on the base, beside the falling column and the pit that it digs.
 
-    With 4 points per cell the steepest 5 columns are those whose highest points happen to lie so:
-    on a plane of 21.0 deg they stand at 26.4 +- 1.8 deg, the steepest 15 at 21.9 +- .4.
+    The window is 15 columns wide. With 4 points per cell the steepest slope over 5 columns depends
+    on where their highest points happen to lie: on a plane of 21.0 deg it is 26.4 +- 1.8 deg, while
+    the steepest over 15 columns is 21.9 +- 0.4 deg.
     """
     parameters = state.scene.parameters
     beside = (2.5 * parameters["orifice_radius"], float("inf"))
@@ -96,22 +102,24 @@ def heap(state: State) -> measure.Repose:
 
 
 def creep_slope(state: State) -> tuple[float, float]:
-    """Slope [deg] of the flank by the mass of its columns, and the one that its creep asks for.
+    """Slope [deg] of the flank by the mass of its columns, and the slope implied by its creep.
 
-    The flank: the middle 60 % of the way to the toe.
+    The flank is the middle 60 % of the way to the toe.
 
-    A layer that comes to rest downhill is compressed along the slope. With stress and strain rate
-    coaxial, tau = mu(I) p, and the pressure out of the plane the mean of those in it, balance
-    along the slope (sigma_xy = tan(theta) sigma_yy) gives, for r = -(D_xx - D_yy)/(2 |D_xy|),
+    A layer that comes to rest further downhill is compressed along the slope. Assume that stress
+    and strain rate are coaxial, that tau = mu(I) p, and that the out-of-plane pressure is the mean
+    of the in-plane ones. Then the balance along the slope (sigma_xy = tan(theta) sigma_yy) gives,
+    for r = -(D_xx - D_yy)/(2 |D_xy|),
 
         tan(theta) = mu / (sqrt(1 + r^2) - mu r),
 
-    with x down the slope: atan(mu) only in pure shear, r = 0, and at most asin(mu). D by least
-    squares over the points one to four cells deep, mu by their mean rate and pressure.
+    with x down the slope. This is atan(mu) only in pure shear, r = 0, and at most asin(mu). D is
+    a least-squares fit over the points one to four cells deep; mu follows from their mean shear
+    rate and pressure.
     """
     cell, material = state.scene.grid.cell, state.scene.material
     columns = measure.surface(state, below=0.9 * state.scene.parameters["drop"])
-    reach = columns.x[np.argmin(columns.height > 0.5 * cell)]  # the first column that is empty
+    reach = columns.x[np.argmin(columns.height > 0.5 * cell)]  # the first empty column
     flank = (columns.x > 0.2 * reach) & (columns.x < 0.8 * reach)
     fall, level = np.polyfit(columns.x[flank], columns.height[flank], 1)
     theta = np.arctan(-fall)
@@ -135,7 +143,7 @@ def _friction(rate: float, pressure: float, material: materials.MuI) -> float:
 
 
 def heaps(state: State, name: str, *, bound: bool) -> Iterator[Row]:
-    """Rows of the heap on the base; over the free_slip divider none is left in the end."""
+    """Rows of the heap on the base; on the free_slip divider no heap is left at the end."""
     repose = heap(state)
     mean, largest = f"mean slope [deg], {name}", f"largest slope over 15 columns [deg], {name}"
     if bound:
@@ -152,7 +160,7 @@ def frames(sim: Simulation, kind: str) -> list[State]:
 
 @check()
 def hourglass_quick() -> Iterator[Row]:
-    """The flat hourglass up to 1 s, E = 1e6, published scheme."""
+    """The flat hourglass up to 1 s, E = 1e6 Pa, published scheme."""
     sim = hourglass("flat", PUBLISHED)
     yield from states_as_figure_7(frames(sim, "flat"), "flat, published", stressed_share=0.5)
     yield holds("mass is exact, flat, published", mass_is_exact(sim))
@@ -173,20 +181,20 @@ def _full(kind: str, scheme: Scheme, name: str, *, bound: bool) -> Iterator[Row]
     yield holds(f"mass is exact, {kind}, {name}", mass_is_exact(sim))
     if bound:
         yield holds(f"all points are there, {kind}, {name}", sim.n_points == inside)
-    else:  # linear functions throw single points, see docs/verification.md
+    else:  # linear shape functions eject single points, see docs/verification.md
         yield beside(f"points lost, {kind}, {name}", str(inside - sim.n_points), "none")
     yield from heaps(sim.state, f"{kind}, {name}", bound=bound)
 
 
 @check(slow=True)
 def hourglass_published() -> Iterator[Row]:
-    """Both hourglasses, 10 s, E = 1e6, published scheme; its slopes are reported, not bounded."""
+    """Both hourglasses, 10 s, E = 1e6 Pa, published scheme; slopes are reported, not bounded."""
     yield from _full("flat", PUBLISHED, "published", bound=False)
     yield from _full("sloped", PUBLISHED, "published", bound=False)
 
 
 @check(slow=True)
 def hourglass_default() -> Iterator[Row]:
-    """Both hourglasses, 20 and 10 s, E = 1e6, default scheme: heaps at rest within the bound."""
+    """Both hourglasses, 20 and 10 s, E = 1e6 Pa, default scheme: heaps at rest within the bound."""
     yield from _full("flat", schemes.default, "default", bound=True)
     yield from _full("sloped", schemes.default, "default", bound=True)

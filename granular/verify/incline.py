@@ -21,14 +21,14 @@ ANGLES = tuple(range(19, 35))
 """Inclinations [deg]."""
 
 ADAPTIVE = schemes.dunatunga_kamrin_2015.replace(dt=None)
-"""The published scheme with the time step at half its limit, close to the paper's 3e-6 s."""
+"""The published scheme with a time step of half its limit, close to the paper's 3e-6 s."""
 
 MOVING = 1e-3
-"""Mean velocity [m/s] below which a layer is at rest: elastic waves leave less."""
+"""Mean velocity [m/s] below which a layer is at rest; elastic waves cause less than this."""
 
 
 def states(angle_deg: float, E: float, times: Sequence[float]) -> Iterator[State]:
-    """States of one column at the given times, published scheme, paper's resolution."""
+    """States of one column at the given times, with the published scheme and resolution."""
     material = materials.glass_beads.replace(E=E)
     scene = scenes.incline(
         angle_deg=angle_deg, height=HEIGHT, material=material, scheme=ADAPTIVE, duration=times[-1]
@@ -45,7 +45,7 @@ def mean_speed(state: State) -> float:
 
 
 def profile_error(state: State) -> float:
-    """L2 error of v(y) at the points against the steady profile (eq. 4.6), relative."""
+    """Relative L2 error of v(y) at the points against the steady profile (eq. 4.6)."""
     exact = bagnold_profile(
         state.x[:, 1], state.scene.parameters["angle_deg"], HEIGHT, state.scene.material
     )
@@ -60,7 +60,8 @@ def transient_errors(angle_deg: float, E: float, times: Sequence[float]) -> np.n
     """
     runs = list(states(angle_deg, E, times))
     means = np.array([mean_speed(state) for state in runs])
-    # The PDE at the very times of the states: a frame is the first step at or past its time.
+    # The PDE is evaluated at the times of the states, which are those of the first step at or
+    # after the requested time.
     exact = transient(angle_deg, HEIGHT, materials.glass_beads, [state.time for state in runs]).mean
     scale = np.where(exact > MOVING, exact, 1.0)
     return np.stack([means, (means - exact) / scale], axis=1)
@@ -68,22 +69,22 @@ def transient_errors(angle_deg: float, E: float, times: Sequence[float]) -> np.n
 
 @check()
 def incline_quick() -> Iterator[Row]:
-    """One column at 25 deg up to .5 s, E = 1e7 and 1e8 (the paper's is 1e9).
+    """One column at 25 deg up to 0.5 s, E = 1e7 and 1e8 Pa (the paper's is 1e9 Pa).
 
-    vbar has an offset that stays and falls as 1/sqrt(E) or faster, which is asserted. The likely
-    cause: elastic waves of the gravity ramp, during which the layer slips while its pressure is
-    low. The other bounds are twice what was measured when this was written.
+    vbar has an offset that persists in time and falls as 1/sqrt(E) or faster, which is asserted.
+    It is probably caused by elastic waves of the gravity ramp: the layer slips while they lower
+    its pressure. The other bounds are twice the values measured when this check was written.
     """
     soft, stiff = (transient_errors(25.0, E, (0.2, 0.5))[:, 1] for E in (1e7, 1e8))
-    yield at_most("error of vbar at .2 s, E = 1e8", abs(stiff[0]), 8e-3)
-    yield at_most("error of vbar at .5 s, E = 1e8", abs(stiff[1]), 3.6e-3)
+    yield at_most("error of vbar at 0.2 s, E = 1e8", abs(stiff[0]), 8e-3)
+    yield at_most("error of vbar at 0.5 s, E = 1e8", abs(stiff[1]), 3.6e-3)
     gain = float(np.min(np.abs(soft / stiff)))
     yield at_least("gain of E = 1e8 over E = 1e7", gain, math.sqrt(10))
 
 
 @check(slow=True)
 def incline_steady() -> Iterator[Row]:
-    """One column at 25 deg, E = 1e9: the transient up to 11.5 s and the steady profile at 45 s."""
+    """One column at 25 deg, E = 1e9 Pa: the transient to 11.5 s, the steady profile at 45 s."""
     times = (0.5, 6.0, 11.5, 45.0)
     runs = list(states(25.0, 1e9, times))
     exact = transient(25.0, HEIGHT, materials.glass_beads, [s.time for s in runs]).mean
@@ -96,22 +97,24 @@ def incline_steady() -> Iterator[Row]:
 
 @check()
 def incline_thresholds_quick() -> Iterator[Row]:
-    """Rest at 20 deg, flow at 21 deg; one column, E = 1e7, 1 s."""
+    """Rest at 20 deg, flow at 21 deg; one column, E = 1e7 Pa, 1 s."""
     slow, fast = (abs(transient_errors(angle, 1e7, (1.0,))[0, 0]) for angle in (20.0, 21.0))
     yield at_most("|vbar| at 20 deg [m/s]", slow, MOVING)
     yield holds("flow at 21 deg", fast > MOVING)
 
 
 def modulus(angle_deg: int) -> float:
-    """Young's modulus [Pa] that brings the offset described in `incline_quick` below
-    1 % at .5 s. Near the threshold little is left of tan(angle) - mu_s for it to be small against.
+    """Young's modulus [Pa] with which the offset of `incline_quick` is below 1 % at 0.5 s.
+
+    Close to the angle of flow a stiffer layer is needed, because the driving tan(angle) - mu_s is
+    small there and the offset is relative to it.
     """
     return {21: 3e10, 22: 1e9}.get(angle_deg, 1e8)
 
 
 @check(slow=True)
 def incline_angles() -> Iterator[Row]:
-    """19 to 34 deg in steps of 1 deg, one column: vbar against the PDE from .5 to 20 s."""
+    """19 to 34 deg in steps of 1 deg, one column: vbar against the PDE from 0.5 to 20 s."""
     times = tuple(np.arange(0.5, 20.1, 0.5))
     moving = []
     for angle in ANGLES:

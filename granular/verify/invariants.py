@@ -1,4 +1,4 @@
-"""What must hold to the last bit or to round-off: threads, restarts, mass, momentum."""
+"""Invariants, bitwise or to round-off: threads, restarts, mass, momentum, energy of the grid."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ SOFT = materials.glass_beads.replace(E=1e6)
 SCHEMES = {"published": schemes.dunatunga_kamrin_2015.replace(dt=None), "default": schemes.default}
 
 STEPS = 240
-"""Steps of the runs that are compared bit by bit; a restart is made at each quarter."""
+"""Number of steps of the runs compared bitwise, with a restart at each quarter."""
 
 
 def same_bits(a: State, b: State) -> bool:
-    """Whether two states agree in time and in all fields, bit by bit."""
+    """True if two states agree bitwise in time and in all fields."""
     return (
         a.time == b.time
         and a.step == b.step
@@ -38,7 +38,7 @@ def same_bits(a: State, b: State) -> bool:
 
 
 def _silo(scheme: Scheme) -> Scene:
-    """A small silo that points leave: its orifice opens early in the run."""
+    """A small silo whose orifice opens early in the run, so that points leave it."""
     return scenes.silo(
         orifice=0.08,
         width=0.32,
@@ -53,7 +53,7 @@ def _silo(scheme: Scheme) -> Scene:
 
 @check()
 def threads_and_restart() -> Iterator[Row]:
-    """A small silo that points leave: 1, 2, 3 threads and restarts at three places."""
+    """A small silo that points leave: 1, 2 and 3 threads, and restarts at three times."""
     for name, scheme in SCHEMES.items():
         scene = _silo(scheme)
         whole = Simulation(scene, threads=1)
@@ -77,7 +77,7 @@ def threads_and_restart() -> Iterator[Row]:
 
 
 def closed_system(scheme: Scheme) -> Scene:
-    """Material that fills a periodic box without gravity or walls, thrown about by its seeding."""
+    """Material that fills a periodic box without gravity or walls, set in motion at the start."""
     cell, shape = 0.02, (8, 8)
     side = cell * shape[0]
     return Scene(
@@ -96,10 +96,13 @@ def closed_system(scheme: Scheme) -> Scene:
 
 
 def momentum(state: State) -> NDArray[np.float64]:
-    """Momentum of the points [kg m/s], without what the shift has lent them until the next step."""
+    """Momentum of the points [kg m/s].
+
+    It excludes the momentum correction of the particle shifting, which the next step takes back.
+    """
     averaged = (state.step - 1) % averaging_interval(state.scene) == 0
-    lent = state.fields.get("shift_velocity", 0.0) if averaged else 0.0
-    return state.mass @ (state.v - lent)
+    shift_velocity = state.fields.get("shift_velocity", 0.0) if averaged else 0.0
+    return state.mass @ (state.v - shift_velocity)
 
 
 def momentum_drift(scheme: Scheme, steps: int = 10_000) -> tuple[float, State]:
@@ -113,7 +116,7 @@ def momentum_drift(scheme: Scheme, steps: int = 10_000) -> tuple[float, State]:
 
 @check()
 def conservation() -> Iterator[Row]:
-    """Mass and momentum of a closed system, two halves thrown at each other, over 10^4 steps."""
+    """Mass and momentum of a closed system, two colliding halves, over 10^4 steps."""
     for name, scheme in SCHEMES.items():
         drift, state = momentum_drift(scheme)
         yield holds(f"mass is exact, {name}", mass_is_exact(state))
@@ -122,7 +125,7 @@ def conservation() -> Iterator[Row]:
 
 @check()
 def energy() -> Iterator[Row]:
-    """Energy of a small collapse, 300 steps: the identity of the grid, and the losses by line."""
+    """Energy of a small collapse, 300 steps: the balance of the grid, and each loss."""
     for name, scheme in SCHEMES.items():
         scene = scenes.column_collapse(aspect=1.0, cell=0.025, material=SOFT, scheme=scheme)
         sim = Simulation(scene, threads=1)
@@ -131,8 +134,8 @@ def energy() -> Iterator[Row]:
         off = max(abs(s.grid_residual) / s.grid_kinetic_before for s in steps)
         yield at_most(f"residual of the grid over its energy, {name}", off, 1e-13)
         released = sum(s.external_work for s in steps)
-        # FLIP keeps at the points what the grid cannot carry and what walls take from it, and has
-        # it again in the next step: only the three together are a loss.
+        # With FLIP the points keep the energy that the grid cannot carry and that walls take from
+        # the grid, and return it in the next step. Only the sum of the three terms is a loss.
         for title, value in {
             "loss of transfers and walls": sum(
                 s.p2g_loss + s.g2p_loss - s.wall_work for s in steps

@@ -1,4 +1,4 @@
-"""Layers on inclines that are truly two- or three-dimensional: how they are made and measured."""
+"""Layers of several columns on inclines, in 2D and 3D: their construction and measurement."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from granular.verify.rows import Row, at_most, beside, within
 Array = NDArray[np.float64]
 
 HEIGHT, CELL, COLUMNS, JITTER = 0.2, 0.01, 8, 0.6
-"""Layer and cell [m], cells along the slope, and jitter of the seeding in point spacings."""
+"""Height of the layer and cell size [m], cells along the slope, jitter in point spacings."""
 
 MODULUS = 1e6
-"""Young's modulus [Pa]: against a stiff layer vbar is .7 % too large at 25 deg."""
+"""Young's modulus [Pa]. Compared to a stiff layer, vbar is 0.7 % too large at 25 deg."""
 
 
 READINGS, APART = 20, 0.015
-"""Readings of the pressure and the time between two [s]. Single ones, of some 150 cells, differ by
-a quarter."""
+"""Number of readings of the pressure error, and the time between two of them [s]. Single readings,
+over some 150 cells, differ by a quarter."""
 
 
 def layer(
@@ -46,9 +46,10 @@ def layer(
     steady: bool = False,
     push: float = 0.0,
 ) -> Simulation:
-    """A jittered layer, at rest, in the steady flow (eq. 4.6), or pushed to a speed [m/s].
+    """Simulation of a jittered layer at rest, in the steady flow (eq. 4.6), or pushed.
 
-    ``points`` counts those of a square cell in the plane, of a cube (8, 27) with `across` > 0.
+    `points` is the number per cell: of a square in 2D, of a cube (8, 27) with `across` > 0. `push`
+    is a speed [m/s].
     """
     scene = scenes.incline(
         angle_deg=angle_deg,
@@ -72,7 +73,7 @@ def layer(
 
 
 def _set_steady(sim: Simulation) -> None:
-    """Give the points velocity, stress and density of the steady flow."""
+    """Give the points the velocity, stress and density of the steady flow."""
     scene, fields = sim.scene, sim.buffers
     angle, height = scene.parameters["angle_deg"], scene.parameters["height"]
     up = np.clip(fields["x"][-1], 0.0, height)
@@ -86,7 +87,7 @@ def _set_steady(sim: Simulation) -> None:
 
 
 def reference(sim: Simulation, steady: bool, y: Array) -> Array:
-    """Velocity [m/s] at the heights `y` and the present time of the one-dimensional equation."""
+    """Velocity [m/s] of the one-dimensional equation at the heights `y` and the present time."""
     scene = sim.scene
     angle, height = scene.parameters["angle_deg"], scene.parameters["height"]
     y = np.clip(y, 0.0, height)
@@ -98,19 +99,20 @@ def reference(sim: Simulation, steady: bool, y: Array) -> Array:
 
 @dataclass(frozen=True)
 class Flow:
-    """What a layer is after a while.
+    """Measured properties of a layer after a run.
 
     Attributes
     ----------
     error : float
-        L2 error of the velocity of the points, by mass, against the one-dimensional equation.
+        Relative L2 error of the point velocities, weighted by mass, against the one-dimensional
+        equation.
     height : float
-        Over that at the start; the elastic settling is part of it.
+        Height divided by that at the start; it includes the elastic settling.
     loose : float
         Stress-free share of the bulk.
     pressure : float
-        rms error of the cell-averaged pressure against the weight above, relative; over the
-        cells and some readings.
+        Relative rms error of the cell-averaged pressure against the weight above, over the cells
+        and several readings.
     """
 
     error: float
@@ -120,9 +122,10 @@ class Flow:
 
 
 def measured(sim: Simulation, start: State, steady: bool = False, readings: int = READINGS) -> Flow:
-    """What has become of the layer that was `start`.
+    """Measure the layer whose initial state was `start`.
 
-    The simulation goes on between readings of the pressure, which in a flow are uncorrelated.
+    The simulation advances between the readings of the pressure, which are then uncorrelated if
+    the layer flows.
     """
     state = sim.state
     v = reference(sim, steady, state.x[:, -1])
@@ -136,7 +139,7 @@ def measured(sim: Simulation, start: State, steady: bool = False, readings: int 
 
 
 def _pressures(sim: Simulation, readings: int) -> list[float]:
-    """Relative errors of the cell-averaged pressure, one after the other."""
+    """Relative errors of the cell-averaged pressure at successive times."""
     found = [measure.mean_pressure_error(sim.state, of="pressure")]
     while len(found) < readings:
         state = sim.run(until=sim.time + APART).state
@@ -145,7 +148,7 @@ def _pressures(sim: Simulation, readings: int) -> list[float]:
 
 
 def _along(v: Array, dim: int) -> Array:
-    """Vectors of the speeds `v` down the slope."""
+    """Velocity vectors of the speeds `v` down the slope."""
     return v[:, None] * np.eye(dim)[0]
 
 
@@ -162,9 +165,10 @@ def several(
 
 
 def rows(name: str, flows: list[Flow], bound: float, pressure: float = math.inf) -> Iterator[Row]:
-    """Rows of the worst of some flows (over seeds): error, height, stress-free share, pressure.
+    """Rows of the worst of several flows (seeds): error, height, stress-free share, pressure.
 
-    `bound` is that of the error of v, `pressure` that of the pressure (only told where infinite).
+    `bound` is the bound of the error of v, `pressure` that of the error of the pressure, which is
+    only reported if the bound is infinite.
     """
     yield at_most(f"L2 error of v, {name}", max(f.error for f in flows), bound)
     height = max((f.height for f in flows), key=lambda h: abs(h - 1))

@@ -1,4 +1,4 @@
-"""What the paper's scenes are run for: the numbers that a cheaper run must keep."""
+"""Quantities of interest of the paper's scenes: the numbers that a cheaper run must reproduce."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from granular.state import State
 Array = NDArray[np.float64]
 
 FRAME = 1 / 60
-"""Time between two looks at a run [s]."""
+"""Time between two samples of a run [s]."""
 
 FLOW_TIMES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0)
-"""When the mean velocity of an incline is read [s], as far as the run goes."""
+"""Times at which the mean velocity of an incline is read [s], up to the end of the run."""
 
 LAYERS = 20
 """Bins of the velocity profile over the height of an incline."""
 
 POURING = (1.0, 3.0)
-"""Between these times [s] the rate of an hourglass is taken."""
+"""Start and end of the interval in which the rate of an hourglass is measured [s]."""
 
 COLUMNS = 40
 """Bins of a heap's outline over the width of the domain."""
@@ -35,7 +35,7 @@ COLUMNS = 40
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run gave and what it cost.
+    """Results and cost of a run.
 
     Attributes
     ----------
@@ -44,9 +44,9 @@ class Outcome:
     seconds : float
         Processor time [s].
     steps, point_steps : int
-        Steps, and the points moved in all of them.
+        Number of steps, and sum over the steps of the number of points.
     mean_dt : float
-        Time simulated over steps [s].
+        Simulated time divided by the number of steps [s].
     """
 
     numbers: Mapping[str, Array]
@@ -57,7 +57,7 @@ class Outcome:
 
 
 class _Watch:
-    """Runs a simulation to given times and counts what was done."""
+    """Run a simulation to given times and record its cost."""
 
     def __init__(self, scene: Scene) -> None:
         self.sim = Simulation(scene, threads=1)
@@ -65,7 +65,7 @@ class _Watch:
         self.point_steps = 0
 
     def to(self, time: float) -> State:
-        """The state at the first step at or past a time [s]."""
+        """State at the first step at or after a time [s]."""
         while self.sim.time < time:
             before, points = self.sim.steps, self.sim.n_points
             self.sim.run(until=min(time, self.sim.time + FRAME))
@@ -175,14 +175,14 @@ _OF: Mapping[str, Callable[[_Watch, Scene], dict[str, Array | float]]] = {
 
 
 def quantities(scene: Scene) -> Outcome:
-    """Run a ready scene, with one thread, for what it is run for.
+    """Run a ready-made scene with one thread and measure its quantities of interest.
 
     Incline: mean velocity [m/s] at `FLOW_TIMES` and the profile at the end. Columns: the three
     run-outs, centre of mass [m], outline [m] and slope [deg] at the end. Silo: rate of discharge
     [kg/s per metre of depth] of the full silo in the window of the paper, and its spread there.
-    Hourglass: rate between 1 and 3 s, and if the run is longer slope and outline of the heap at
-    the end. Slug: the time [s] when the wall has taken half of its horizontal momentum; centre of
-    mass and outline at the end.
+    Hourglass: rate between 1 and 3 s and, if the run is longer, slope and outline of the heap at
+    the end. Slug: the time [s] at which the wall has taken half of its horizontal momentum, and
+    centre of mass and outline at the end.
 
     Raises
     ------
@@ -196,5 +196,5 @@ def quantities(scene: Scene) -> Outcome:
 
 
 def change(found: Array, reference: Array) -> float:
-    """Root of the mean square of the difference, over that of the reference."""
+    """Root mean square of the difference, divided by that of the reference."""
     return float(np.linalg.norm(found - reference) / np.linalg.norm(reference))

@@ -1,4 +1,4 @@
-"""Rows of the verification table, and the register of the checks that make them."""
+"""Rows of the verification table, and the registry of the checks that yield them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Row:
     measured, expected : str
         The number and its bound, as printed.
     passed : bool or None
-        None for a number that is only reported, beside what others have found.
+        None for a number that is only reported, beside a published one if there is any.
     """
 
     quantity: str
@@ -28,9 +28,10 @@ class Row:
 
 @dataclass(frozen=True)
 class Check:
-    """A registered check: a function that makes rows, and whether it is slow.
+    """A registered check: a function that yields rows, and a flag that is true if it is slow.
 
-    Those of `granular.verify.density_correction` can be given a scheme; none must be given anything.
+    The function can be called without arguments. Those of `granular.verify.density_correction`
+    take a scheme as an optional one.
     """
 
     name: str
@@ -39,7 +40,7 @@ class Check:
 
     @property
     def doc(self) -> str:
-        """First line of what the function says of itself."""
+        """First line of the docstring of the function."""
         return (self.run.__doc__ or "").partition("\n")[0]
 
 
@@ -58,26 +59,26 @@ def check(*, slow: bool = False) -> Callable[[Callable], Callable]:
 
 
 def at_most(quantity: str, value: float, bound: float) -> Row:
-    """A row that passes where value <= bound (never where it is nan)."""
+    """A row that passes if value <= bound; nan fails."""
     return Row(quantity, f"{value:.4g}", f"<= {bound:.4g}", bool(value <= bound))
 
 
 def at_least(quantity: str, value: float, bound: float) -> Row:
-    """A row that passes where value >= bound (never where it is nan)."""
+    """A row that passes if value >= bound; nan fails."""
     return Row(quantity, f"{value:.4g}", f">= {bound:.4g}", bool(value >= bound))
 
 
 def within(quantity: str, value: float, centre: float, margin: float) -> Row:
-    """A row that passes where value is no further than `margin` from `centre`."""
+    """A row that passes if value differs from `centre` by at most `margin`."""
     passed = bool(abs(value - centre) <= margin)
     return Row(quantity, f"{value:.5g}", f"{centre:.5g} +- {margin:.3g}", passed)
 
 
 def holds(quantity: str, truth: bool, expected: str = "yes") -> Row:
-    """A row for what is true or not."""
+    """A row for a condition, which passes if `truth` is true."""
     return Row(quantity, "yes" if truth else "no", expected, bool(truth))
 
 
 def beside(quantity: str, value: str, other: str) -> Row:
-    """A row that reports a number beside another, without a bound."""
+    """A row that reports a number beside another one, without a bound."""
     return Row(quantity, value, other, None)

@@ -24,16 +24,17 @@ FRAME = 1 / 60
 """Time between two readings of the mass [s]."""
 
 MODULUS = 1e7
-"""Young's modulus [Pa]; against the paper's 1e9 the rate moves by a few thousandths."""
+"""Young's modulus [Pa]; compared to the paper's 1e9 the rate changes by a few thousandths."""
 
 PAPER_C = 1.42
-"""Coefficient of the paper at the exponent 3/2."""
+"""Coefficient C of the paper for the exponent 3/2."""
 
 
 def empty(until_mass: float = 900.0, **parameters: Any) -> tuple[Simulation, measure.MassHistory]:
-    """Run a silo until the full one holds `until_mass` [kg]; its mass at every frame.
+    """Run a silo until the full one (not the simulated half) holds less than `until_mass` [kg].
 
-    It is given twice the time that Beverloo's law asks for.
+    The run ends at the latest after twice the time of Beverloo's law. The result holds the
+    simulation and the mass at every frame.
     """
     scene = scenes.silo(**parameters)
     sim = Simulation(scene, threads=1)
@@ -52,10 +53,11 @@ def empty(until_mass: float = 900.0, **parameters: Any) -> tuple[Simulation, mea
 
 
 def free_opening(orifice: float, cell: float, scheme: Scheme) -> float:
-    """Distance [m] of the outermost vertically free nodes of the bottom: D of the paper.
+    """Distance [m] between the outermost vertically free nodes of the bottom: D of the paper.
 
-    That is `orifice` with the hats of the paper. Splines are with_c0_lines where the bottom begins, one
-    cell further, and have a node there and one half a cell before it: D is larger by a cell.
+    With the linear shape functions of the paper this is `orifice`. Splines have a C0 line where the
+    bottom begins, one cell further out, with a node on that line and another one half a cell before
+    it, so that D is larger by a cell.
     """
     scene = scenes.silo(orifice=orifice, cell=cell, scheme=scheme)
     lines = c0_lines(scene.grid, scene.walls, 0)
@@ -65,25 +67,25 @@ def free_opening(orifice: float, cell: float, scheme: Scheme) -> float:
 
 
 def mass_is_exact(sim: Simulation) -> bool:
-    """Whether every point that is left has the mass it started with, to the last bit, and none is
-    missing but those that were counted out."""
+    """True if every remaining point has exactly its initial mass, and all others were counted as
+    they left."""
     start, now = Simulation(sim.scene, threads=1).state, sim.state
     gone = sim.checkpoint().scalars["dropped"]
     return now.n + gone == start.n and np.array_equal(now.mass, start.mass[now.id])
 
 
 def _rates(**parameters: Any) -> tuple[list[float], float]:
-    """Rates of discharge for all openings, and the largest relative spread over the windows."""
+    """Discharge rates of all openings, and the largest relative spread over the time windows."""
     runs = [measure.discharge(empty(orifice=d, **parameters)[1]) for d in ORIFICES]
     return [run.rate for run in runs], max(run.window_spread / run.rate for run in runs)
 
 
 @check()
 def silo_quick() -> Iterator[Row]:
-    """A coarse, soft silo: opening .2 m, cells of .02 m, E = 1e6.
+    """A coarse, soft silo: opening 0.2 m, cells of 0.02 m, E = 1e6 Pa.
 
-    The band of C covers what is known of such a run: 4 % for E, 7 % for the window, and the edge of
-    the opening, uncertain by half a cell (1.5/20 of C).
+    The band of C covers the known uncertainties of such a run: 4 % due to E, 7 % due to the time
+    window, and 1.5/20 of C because the edge of the opening is uncertain by half a cell.
     """
     soft = materials.glass_beads.replace(E=1e6)
     scheme = schemes.dunatunga_kamrin_2015.replace(dt=None)
@@ -96,7 +98,7 @@ def silo_quick() -> Iterator[Row]:
 
 @check(slow=True)
 def silo_beverloo() -> Iterator[Row]:
-    """Openings .06 to .20 m, E = 1e7, cells of .01 m, `published` with dt = 3e-5 s."""
+    """Openings 0.06 to 0.20 m, E = 1e7 Pa, cells of 0.01 m, `published` with dt = 3e-5 s."""
     stiff = materials.glass_beads.replace(E=MODULUS)
     rates, spread = _rates(material=stiff, scheme=schemes.dunatunga_kamrin_2015.replace(dt=3e-5))
     fit = measure.beverloo(ORIFICES, rates, rho=stiff.rho_c)

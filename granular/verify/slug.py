@@ -19,16 +19,17 @@ from granular.verify.rows import Row, at_least, at_most, beside, check, holds
 Array = NDArray[np.float64]
 
 FLIGHT = 0.25
-"""Seconds of flight that are checked; the wall is met after a third of a second."""
+"""Duration of the flight that is checked [s]; the slug meets the wall after a third of a second."""
 
 ROUND_OFF = float(np.finfo(float).eps)
 """Round-off of a step, in units of the largest velocity or distance."""
 
 
 def parabola(start: State, now: State) -> tuple[Array, Array]:
-    """Positions and velocities after n steps of fixed dt of the integrator, in closed form.
+    """Positions and velocities of the integrator after n steps of fixed dt, in closed form.
 
-    v += dt g, then x += dt v: ``v_n = v_0 + n dt g``, ``x_n = x_0 + n dt v_0 + n(n+1)/2 dt^2 g``.
+    A step is v += dt g, then x += dt v. Hence ``v_n = v_0 + n dt g`` and
+    ``x_n = x_0 + n dt v_0 + n(n+1)/2 dt^2 g``.
     """
     n, dt = now.step, now.dt
     g = np.array(start.scene.gravity.at(0.0))
@@ -39,7 +40,7 @@ def parabola(start: State, now: State) -> tuple[Array, Array]:
 
 
 def fly(scheme: Scheme, E: float, until: float) -> tuple[State, State]:
-    """The slug at the start and at `until`, with a fixed time step of half the limit."""
+    """States of the slug at the start and at `until`, with a fixed time step of half the limit."""
     material = materials.glass_beads.replace(E=E)
     scene = scenes.slug(material=material)
     fixed = scheme.replace(dt=0.4 * scene.grid.cell / material.wave_speed)
@@ -50,7 +51,7 @@ def fly(scheme: Scheme, E: float, until: float) -> tuple[State, State]:
 
 
 def flight(scheme: Scheme, name: str) -> Iterator[Row]:
-    """Rows of a flight: the parabola, no stress, exact mass."""
+    """Rows of a flight: points on the parabola, no stress, exact mass."""
     start, now = fly(scheme, 1e6, FLIGHT)
     x, v = parabola(start, now)
     miss = max(np.abs(now.x - x).max() / np.abs(x).max(), np.abs(now.v - v).max() / np.abs(v).max())
@@ -61,18 +62,18 @@ def flight(scheme: Scheme, name: str) -> Iterator[Row]:
 
 @check()
 def slug_flight() -> Iterator[Row]:
-    """The slug until it meets the wall: off the discrete parabola by round-off only."""
+    """The slug until it meets the wall: it leaves the discrete parabola by round-off only."""
     yield from flight(schemes.dunatunga_kamrin_2015, "published")
     yield from flight(schemes.default, "default")
 
 
 @check(slow=True)
 def slug_at_rest() -> Iterator[Row]:
-    """The slug after 2 s, E = 1e6: dense again, and at rest, with the default scheme."""
+    """The slug after 2 s, E = 1e6 Pa: with the default scheme it is dense again and at rest."""
     now = fly(schemes.default, 1e6, 2.0)[1]
     yield at_least("share under stress, default", float(now.dense.mean()), 0.9)
-    loose = measure.disconnected_fraction(now)
-    yield at_most("stress-free in the bulk, default", loose, 0.05)
+    share = measure.disconnected_fraction(now)
+    yield at_most("stress-free in the bulk, default", share, 0.05)
     speed = measure.speed_percentile(now)
     yield at_most("99th percentile of speed [m/s], default", speed, 0.01)
     yield holds("mass is exact, default", mass_is_exact(now))

@@ -17,9 +17,9 @@ _WORDS = {True: "pass", False: "FAIL", None: "-"}
 
 
 def rows_of(check: Check) -> Iterator[Row]:
-    """Rows of a check; where it raises, a last row that fails and says what."""
+    """Rows of a check; if it raises, the last row fails and shows the error."""
     try:
-        with warnings.catch_warnings():  # the checks run doubtful schemes on purpose
+        with warnings.catch_warnings():  # the checks run suspect schemes on purpose
             warnings.simplefilter("ignore", StabilityWarning)
             yield from check.run()
     except (ArithmeticError, RuntimeError, ValueError) as error:
@@ -27,7 +27,7 @@ def rows_of(check: Check) -> Iterator[Row]:
 
 
 def failures(name: str) -> list[str]:
-    """The rows of a check that failed, as text; the tests assert that there are none.
+    """Failed rows of a check, as text; the tests assert that there are none.
 
     Raises
     ------
@@ -47,9 +47,9 @@ def main(slow: bool = False, out: TextIO | None = None, only: Sequence[str] | No
     Parameters
     ----------
     slow : bool
-        Run the long checks as well (an hour or so on one core).
+        Run the long checks as well (about an hour on one core).
     out : text stream, optional
-        Where to print; standard output by default.
+        Stream to print to; standard output by default.
     only : sequence of str, optional
         Names of the checks to run, slow ones included; all by default.
 

@@ -1,4 +1,4 @@
-"""Other codes on the same scenes. Each takes a scene and answers as `granular.Simulation` does."""
+"""Other codes on the same scenes. Each takes a scene and has the API of `granular.Simulation`."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ MODULES = {"taichi": "taichi_mpm", "newton": "newton_mpm"}
 
 
 class Missing(Exception):
-    """A peer that is not installed, or cannot do a scene."""
+    """Error of a peer that is not installed, or cannot run a scene."""
 
 
 def simulation(name: str) -> Callable[..., Any]:
-    """What makes a simulation of a scene with the peer.
+    """Class that makes a simulation of a scene with the peer.
 
     Raises
     ------
     Missing
-        If it cannot be imported.
+        If the peer cannot be imported.
     """
     try:
         return import_module(f"accuracy.peers.{MODULES[name]}").Simulation

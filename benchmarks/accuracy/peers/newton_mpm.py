@@ -1,8 +1,8 @@
-"""Implicit MPM of Newton (`pip install newton`) on the processor, a slab one cell thick.
+"""Implicit MPM of Newton (`pip install newton`) on the CPU, in a slab one cell thick.
 
-Its yield surface is tau <= friction p with the same tau as here; mu(I) enters as the friction of
-each point, taken from its velocity gradient and stress of the step before. Newton is
-three-dimensional and has no periodic sides, and its colliders do not open: it does the column
+Its yield surface is tau <= friction p with the same tau as here. mu(I) enters as the friction of
+each point, computed from its velocity gradient and stress of the previous step. Newton is
+three-dimensional and has neither periodic sides nor walls that open, so that it can run the column
 collapse only.
 """
 
@@ -20,15 +20,15 @@ from accuracy.peers import Missing
 from granular.mpm.engine import initial_points
 
 STEP = 0.4
-"""Cells that the fastest point of a fall through the height crosses in a step."""
+"""Number of cells that a point at the speed of a fall through the height crosses in a step."""
 LAYERS = 2
-"""Points across the slab."""
+"""Number of points across the slab."""
 ROUGH = 1e3
-"""Friction of a wall that holds what touches it."""
+"""Friction of a wall to which material sticks."""
 
 
 class Simulation:
-    """Answers as `granular.Simulation` does, as far as the benchmark asks.
+    """Simulation with that part of the API of `granular.Simulation` that the benchmark needs.
 
     Raises
     ------
@@ -55,11 +55,11 @@ class Simulation:
         config.voxel_size = scene.grid.cell
         self._solver = SolverImplicitMPM(self._model, config=config)
         self._now, self._next = self._model.state(), self._model.state()
-        self._step()  # compiles: a cost of every process, not of every run
+        self._step()  # compiles, which is a cost per process, not per run
         self.time, self.steps = 0.0, 0
 
     def _build(self, place: np.ndarray) -> newton.Model:
-        """Points in the plane x-z and the walls about them."""
+        """Model with the points in the x-z plane and the walls around them."""
         cell, material = self.scene.grid.cell, self.scene.material
         builder = newton.ModelBuilder()
         SolverImplicitMPM.register_custom_attributes(builder)
@@ -100,7 +100,7 @@ class Simulation:
         return material.mu_s + (material.mu_2 - material.mu_s) * share
 
     def _stress(self) -> np.ndarray:
-        """Of every point, tension positive: Newton counts compression so."""
+        """Stress of every point, tension positive; that of Newton is positive in compression."""
         return -self._now.mpm.particle_stress.numpy().astype(float)
 
     def _pressure(self) -> np.ndarray:
@@ -118,7 +118,7 @@ class Simulation:
         self.steps += 1
 
     def run(self, until: float) -> Simulation:
-        """Run to the first step at or past a time."""
+        """Run to the first step at or after a time."""
         while self.time < until:
             self._step()
         if not np.isfinite(self._now.particle_q.numpy()).all():
@@ -127,7 +127,7 @@ class Simulation:
 
     @property
     def state(self) -> gr.State:
-        """The points, seen from the side."""
+        """2D state of the points, seen from the side."""
         q, v = self._now.particle_q.numpy(), self._now.particle_qd.numpy()
         s = self._stress()
         fields = {

@@ -1,9 +1,10 @@
-"""Explicit MLS-MPM in Taichi, the peer everyone can write: quadratic splines, APIC, one thread.
+"""Explicit MLS-MPM in Taichi, a simple peer: quadratic splines, APIC, one thread.
 
-Serializable for this benchmark after Hu et al. (2018), "A moving least squares material point method
-with displacement discontinuity and two-way rigid body coupling", in double precision, with the
-same law as the package (Dunatunga & Kamrin 2015, eqs 2.7, 3.10-3.16), tracked density and the
-stress-free disconnected state. Nodes on and beyond a wall are held, as such codes do.
+It was written for this benchmark after Hu et al. (2018), "A moving least squares material point
+method with displacement discontinuity and two-way rigid body coupling", in double precision. It has
+the same law as the package (Dunatunga & Kamrin 2015, eqs 2.7, 3.10-3.16), the particle density and
+the stress-free disconnected state. As usual in such codes, the velocities of nodes on and beyond a
+wall are prescribed.
 """
 
 import math
@@ -17,11 +18,11 @@ from accuracy.peers import Missing
 from granular.mpm.engine import initial_points
 
 PAD = 3
-"""Cells around the domain, for the splines of points near its ends."""
+"""Number of cells around the domain, for the splines of points near its ends."""
 CFL = 0.4
-"""dt over dx/c."""
+"""Time step, divided by dx/c."""
 CHUNK = 2000
-"""Steps of one call."""
+"""Number of steps per call."""
 
 _ready = False
 
@@ -41,24 +42,24 @@ def _init() -> None:
 
 
 class Simulation:
-    """Answers as `granular.Simulation` does, as far as the benchmark asks.
+    """Simulation with that part of the API of `granular.Simulation` that the benchmark needs.
 
     Parameters
     ----------
     scene : Scene
-        In the plane; its scheme is not looked at.
+        A 2D scene; its scheme is ignored.
     threads : int
-        1.
+        Must be 1.
 
     Raises
     ------
     Missing
-        If the scene has what this code cannot do.
+        If the scene has features that this code lacks.
     """
 
     def __init__(self, scene: gr.Scene, *, threads: int = 1) -> None:
         if threads != 1 or scene.grid.dim != 2 or scene.sponge_layers:
-            raise Missing("taichi: one thread, the plane and no absorbing layers only")
+            raise Missing("taichi: one thread, 2D and no sponge layers only")
         _init()
         self.scene = scene
         self.time, self.steps = 0.0, 0
@@ -67,23 +68,23 @@ class Simulation:
         self._mass = points["mass"]
         self._core = _Core(scene, points, self.dt)
         self._hold()
-        # Compiles all that a run needs: a cost of every process, not of every run.
+        # Compiles all kernels, which is a cost per process, not per run.
         self._core.advance(0, 0.0)
         _ = self.state
 
     @property
     def n_points(self) -> int:
-        """Points that are still in the domain."""
+        """Number of points that are still in the domain."""
         return int(np.count_nonzero(self._core.alive.to_numpy()))
 
     def _hold(self) -> None:
-        """Which velocity components are held now, and from when on that changes."""
+        """Velocity components prescribed by walls at present, and the time of the next change."""
         walls = [wall for wall in self.scene.walls if wall.opens_at > self.time]
         self._next = min((wall.opens_at for wall in walls), default=math.inf)
         self._core.hold.from_numpy(held(self.scene, walls, self._core.shape))
 
     def run(self, until: float) -> "Simulation":
-        """Run to the first step at or past a time."""
+        """Run to the first step at or after a time."""
         while self.time < until:
             stop = min(until, self._next)
             n = min(max(math.ceil((stop - self.time) / self.dt - 1e-9), 1), CHUNK)
@@ -98,7 +99,7 @@ class Simulation:
 
     @property
     def state(self) -> gr.State:
-        """The points that are still there."""
+        """State of the points that are still in the domain."""
         core = self._core
         alive = core.alive.to_numpy() > 0
         grid = self.scene.grid
@@ -120,7 +121,10 @@ class Simulation:
 
 
 def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
-    """1 where a wall holds a component of a node: on its line and, at an end, beyond it."""
+    """Array that is 1 where a wall prescribes a velocity component of a node.
+
+    These nodes are on the line of the wall and, for a wall at an end of the domain, beyond it.
+    """
     hold = np.zeros((*shape, 2), dtype=np.int32)
     grid = scene.grid
     place = [grid.lower[d] + (np.arange(shape[d]) - PAD) * grid.cell for d in range(2)]
@@ -128,7 +132,7 @@ def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
     for wall in walls:
         along = 1 - wall.axis
         low, high = wall.extent(grid, along)
-        if low <= grid.lower[along] + near:  # a wall to the end of the grid holds the corner, too
+        if low <= grid.lower[along] + near:  # a wall to the end of the grid includes the corner
             low = -math.inf
         if high >= grid.upper[along] - near:
             high = math.inf
@@ -147,7 +151,7 @@ def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
 
 @ti.data_oriented
 class _Core:
-    """Fields and the step; places count from the lower corner of the domain."""
+    """Fields and the step; positions are relative to the lower corner of the domain."""
 
     def __init__(self, scene: gr.Scene, points: dict[str, np.ndarray], dt: float) -> None:
         grid, material = scene.grid, scene.material

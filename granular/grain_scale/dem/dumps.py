@@ -1,4 +1,4 @@
-"""What LAMMPS wrote, read back: grains and contacts of each frame as plain arrays."""
+"""Readers of the output of LAMMPS: grains and contacts of each frame as plain arrays."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ CONTACT_COLUMNS = (
     *("dx", "dy", "dz", "force", "p1", "p2", "p3"),
     *("p5", "p6", "p7", "p8", "p9", "p10"),
 )
-"""Of `compute pair/local`: branch, normal force, tangential force, and the relative velocity of the
-surfaces, normal and tangential."""
+"""Columns of `compute pair/local`: branch vector, normal force, tangential force, and the normal
+and tangential relative velocity of the surfaces."""
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """All contacts of a frame, each once.
+    """All contacts of a frame, each listed once.
 
     Attributes
     ----------
@@ -41,16 +41,17 @@ class Contacts:
     normal : ndarray, shape (k, 3)
         Unit vector from grain i to grain j.
     distance : ndarray, shape (k,)
-        Between the two centroids [m].
+        Distance between the two centroids [m].
     normal_force : ndarray, shape (k,)
-        [N], repulsion positive, the viscous part included: with it a contact may pull.
+        Normal force [N], repulsion positive. It includes the viscous part, due to which it may be
+        attractive.
     tangential_force : ndarray, shape (k, 3)
-        On grain i [N].
+        Tangential force on grain i [N].
     normal_velocity, tangential_velocity : ndarray, shape (k, 3)
-        Of the surface of i against that of j [m/s].
+        Velocity of the surface of i relative to that of j [m/s].
     damped_velocity : ndarray, shape (k, 3)
-        What the viscous force was made with: the normal velocity half a time step before, without
-        what a growing box adds to it.
+        Normal velocity from which the viscous force was computed [m/s]: that of half a time step
+        before, without the part due to a growing box.
     """
 
     i: NDArray[np.int64]
@@ -65,12 +66,12 @@ class Contacts:
 
     @property
     def force(self) -> Array:
-        """On grain i by grain j [N], shape (k, 3)."""
+        """Force on grain i by grain j [N], shape (k, 3)."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
     @property
     def branch(self) -> Array:
-        """From the centroid of j to that of i [m], shape (k, 3), over the periodic sides."""
+        """Vector from the centroid of j to that of i [m], shape (k, 3), across periodic sides."""
         return -self.distance[:, None] * self.normal
 
 
@@ -81,21 +82,21 @@ class Frame:
     Attributes
     ----------
     time : float
-        [s]
+        Time [s].
     box : ndarray, shape (3,)
         Lengths of the box [m]; with walls, along y from one end of the material to the other.
     id : ndarray of int, shape (n,)
-        Ascending.
+        Ids of the grains, ascending.
     wall : ndarray of bool, shape (n,)
-        Grains that a rough wall is made of.
+        True for the grains that form a rough wall.
     radius, mass : ndarray, shape (n,)
-        [m], [kg]
+        Radii [m] and masses [kg] of the grains.
     x, v : ndarray, shape (n, 3)
         Centroids [m], inside the periodic box, and velocities [m/s].
     force : ndarray, shape (n, 3)
-        Resultant on each grain [N], as LAMMPS had it: the sum of those of its contacts.
+        Resultant force on each grain [N], as written by LAMMPS: the sum over its contacts.
     shear_rate : float
-        Of the box [1/s]; nan with walls and in packings.
+        Shear rate of the box [1/s]; nan with walls and in packings.
     contacts : Contacts
     """
 
@@ -113,7 +114,7 @@ class Frame:
 
     @property
     def contact_points(self) -> Array:
-        """Middle of each overlap [m], shape (k, 3), beside grain i: perhaps outside of the box."""
+        """Middle of each overlap [m], shape (k, 3), next to grain i, perhaps outside the box."""
         c = self.contacts
         overlap = self.radius[c.i] + self.radius[c.j] - c.distance
         return self.x[c.i] + (self.radius[c.i] - 0.5 * overlap)[:, None] * c.normal
@@ -129,21 +130,21 @@ class _Table:
 
 
 def read_frames(folder: Path, settings: Shear | Packing, expected: int) -> Iterator[Frame]:
-    """The frames of a run in the order of time, one at a time, in SI units.
+    """Yield the frames of a run in the order of time, in SI units.
 
     Parameters
     ----------
     folder : Path
-        Where LAMMPS has run.
+        Folder in which LAMMPS has run.
     settings : Shear or Packing
-        What it was given.
+        Settings of the run.
     expected : int
-        Frames.
+        Number of frames.
 
     Raises
     ------
     DemError
-        If a file is missing, cut off or garbled, or there are not as many frames as expected.
+        If a file is missing, truncated or garbled, or has another number of frames than expected.
     """
     height, tilting, growth = folder / "height", np.nan, np.zeros(expected)
     if isinstance(settings, Shear) and height.exists():
@@ -164,7 +165,7 @@ def read_frames(folder: Path, settings: Shear | Packing, expected: int) -> Itera
 
 
 def _growth(path: Path, expected: int) -> Array:
-    """Rate of growth of the height at each frame, as `fix ave/time` has written it."""
+    """Growth rate of the height at each frame, as written by `fix ave/time`."""
     try:
         rows = np.loadtxt(path, ndmin=2)
     except ValueError as error:
@@ -177,7 +178,7 @@ def _growth(path: Path, expected: int) -> Array:
 
 
 def _table(file: TextIO, columns: int, number: int) -> _Table:
-    """The next table: an `ITEM:` line before each of time, step, count, bounds and rows."""
+    """Read the next table, in which an `ITEM:` line precedes time, step, count, bounds, rows."""
     try:
         head = [file.readline() for _ in range(9 + 2)]
         items = {head[k].split(":")[1].split()[0]: head[k + 1] for k in (0, 2, 4)}
@@ -214,12 +215,13 @@ def _frame(
 
 
 def _contacts(atoms: Array, pairs: Array, settings: Shear | Packing, growth: float) -> Contacts:
-    """Contacts with the forces that LAMMPS applied, and velocities of one time.
+    """Contacts with the forces that LAMMPS applied, and all velocities at the same time.
 
-    Forces are made with velocities of half a step before. What LAMMPS writes is made anew at the
-    end of the step, but with images of grains as they were at its half: where grains collide hard
-    that changes forces by some per cent. And its velocities are relative to the growth of the box,
-    which moves the grains as well.
+    LAMMPS computes the forces from the velocities of half a step before. For the dump it computes
+    them again at the end of the step, but with the periodic images of grains as they were at half
+    the step; where grains collide hard this changes forces by some per cent. Moreover its
+    velocities are relative to the growth of the box, which moves the grains as well. Both are
+    corrected here.
     """
     units, grains = settings.units, settings.grains
     i, j = np.searchsorted(atoms[:, 0], pairs[:, :2]).T
@@ -262,12 +264,12 @@ def _contacts(atoms: Array, pairs: Array, settings: Shear | Packing, growth: flo
 
 
 def _along(vectors: Array, normal: Array) -> Array:
-    """Their parts along the normals."""
+    """Components of vectors along the normals, as vectors."""
     return np.einsum("ka,ka->k", vectors, normal)[:, None] * normal
 
 
 def _lengths(bounds: Array) -> Array:
-    """Lengths of the box: bounds of a tilted one include its tilts xy, xz, yz."""
+    """Lengths of the box; the bounds of a tilted one also contain its tilts xy, xz, yz."""
     lengths = bounds[:, 1] - bounds[:, 0]
     if bounds.shape[1] == 3:
         xy, xz, yz = bounds[:, 2]

@@ -15,7 +15,7 @@ from granular.checks import in_range, non_negative, positive
 __all__ = ["Grains"]
 
 _LARGEST_DAMPING = 1e3
-"""Of a dimensionless binary collision: the restitution is then below 1e-3."""
+"""Largest dimensionless damping of a binary collision; the restitution is then below 1e-3."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,35 +67,36 @@ class Grains:
 
     @property
     def diameters(self) -> tuple[float, float]:
-        """Of the small and the large grains [m]."""
+        """Diameters of the small and the large grains [m]."""
         return (1.0 - self.spread) * self.d, (1.0 + self.spread) * self.d
 
     @property
     def d_volume(self) -> float:
-        """``<D^3>^(1/3)`` [m], the diameter of eq. 4.5: a sphere of the mean volume."""
+        """Diameter ``<D^3>^(1/3)`` [m] of eq. 4.5, that of a sphere of the mean volume."""
         return self.d * math.cbrt(1.0 + 3.0 * self.spread**2)
 
     def contact(self, d: float | None = None) -> tuple[float, float]:
-        """Reduced mass [kg] and R [sqrt(m)] of two equal grains, of the mean diameter unless
-        another is given."""
+        """Reduced mass [kg] and R [sqrt(m)] of two equal grains of the diameter `d`, by default
+        the mean diameter."""
         d = self.d if d is None else d
         return self.rho_s * math.pi * d**3 / 12.0, 0.5 * math.sqrt(d)
 
     def overlap_scale(self, speed: float, d: float | None = None) -> float:
-        """``(m v^2/(R kn))^(2/5)`` [m] of two equal grains: an elastic impact at this speed goes
-        ``(5/4)^(2/5)`` times as deep."""
+        """Length ``(m v^2/(R kn))^(2/5)`` [m] for two equal grains. The largest overlap of an
+        elastic impact at this speed is ``(5/4)^(2/5)`` times as large."""
         mass, radius = self.contact(d)
         return (mass * speed**2 / (radius * self.kn)) ** 0.4
 
     def _damping_number(self, speed: float) -> float:
-        """What alone decides on the restitution: the damping of a collision made dimensionless."""
+        """Dimensionless damping of a collision, which alone determines the restitution."""
         radius = self.contact()[1]
         return self.gamma_n * radius * self.overlap_scale(speed) ** 1.5 / speed
 
     def restitution(self, speed: float) -> float:
-        """Speed after over speed before a head-on collision of two grains of the mean diameter.
+        """Coefficient of restitution of a head-on collision of two grains of the mean diameter.
 
-        It falls with the speed of the impact. The contact ends when the overlap is zero.
+        It is the relative speed after the collision divided by that before, and decreases with the
+        impact speed. The contact ends when the overlap is zero.
 
         Parameters
         ----------
@@ -105,12 +106,12 @@ class Grains:
         return _rebound(self._damping_number(positive("speed", speed)))
 
     def with_restitution(self, restitution: float, speed: float) -> Self:
-        """The same grains with the damping that gives this restitution at this speed.
+        """Copy of the grains with the damping that gives this restitution at this speed.
 
         Parameters
         ----------
         restitution : float
-            In (0.01, 1].
+            Coefficient of restitution, in (0.01, 1].
         speed : float
             Relative speed at the impact [m/s], > 0.
         """

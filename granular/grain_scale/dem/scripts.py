@@ -1,9 +1,10 @@
-"""Input for LAMMPS: the grains at the start, and the scripts of shear cells and packings.
+"""Input for LAMMPS: the initial grains, and the scripts of shear cells and packings.
 
-All in the scaled units of `granular.grain_scale.dem.settings.Units`: numbers near one, and for a reason. `fix
-deform/pressure` takes the rate of strain for the rate of length where it corrects the velocity of
-what crosses a boundary (LAMMPS of July 2025): with boxes some ten units long that is a tenth of a
-small correction, with boxes of millimetres in metres it blows the grains apart.
+All numbers are in the scaled units of `granular.grain_scale.dem.settings.Units`, in which they are
+near one. This is necessary: where `fix deform/pressure` corrects the velocity of grains that cross
+a boundary, it uses the rate of strain in place of the rate of length (LAMMPS of July 2025). For
+boxes some ten units long the error is a tenth of a small correction; for boxes of millimetres,
+expressed in metres, it blows the grains apart.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ Array = NDArray[np.float64]
 _MIXING = 0.1
 """Inertial number at which a cell is compacted and its grains are mixed."""
 _MIXED = 2.0
-"""Strain of the latter."""
+"""Shear strain by which the grains are mixed."""
 _COMPACTION = 40.0
-"""Time of a compaction."""
+"""Duration of a compaction."""
 _COMPRESSION = 0.1
 """Rate of compression when nothing resists."""
 _YIELDING = 0.5
-"""The same over the shear rate, in dense cells."""
+"""Rate of compression of dense cells when nothing resists, divided by the shear rate."""
 _INERTIA = 1.0
 """Time in which the height would double if nothing resisted."""
 _SETTLING = 200.0
@@ -39,10 +40,10 @@ _SINKING = 0.2
 
 
 def start(settings: Shear | Packing) -> str:
-    """Data file: grains of both sizes in random order on a loose lattice, off its sites by chance.
+    """Data file: grains of both sizes in random order on a loose, randomly perturbed cubic array.
 
-    With walls, a layer of grains of the mean size (type 3 below, type 4 above) stands on either
-    side, side by side and at heights by chance.
+    With walls, there is a layer of grains of the mean size on either side (type 3 below, type 4
+    above), side by side and at random heights.
     """
     unit, rng = settings.units.length, np.random.default_rng(settings.seed)
     walls = isinstance(settings, Shear) and settings.drive == "walls"
@@ -77,14 +78,14 @@ def start(settings: Shear | Packing) -> str:
 
 
 def _wall_grains(settings: Shear) -> int:
-    """Grains along each side of a wall."""
+    """Number of grains along each side of a wall."""
     return max(int(settings.width / settings.grains.d), 2)
 
 
 def _wall(
     settings: Shear, kind: int, y: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.int64], Array, Array]:
-    """Types, diameters and places of the grains of a wall; its inner face is at y."""
+    """Types, diameters and positions of the grains of a wall whose inner face is at y."""
     across = _wall_grains(settings)
     d = settings.grains.d / settings.units.length
     sites = np.stack(np.meshgrid(*2 * [np.arange(across)], indexing="ij"), axis=-1).reshape(-1, 2)
@@ -96,7 +97,7 @@ def _wall(
 
 
 def _head(settings: Shear | Packing, boundary: str) -> list[str]:
-    """Units, grains, contact law."""
+    """Script lines for units, grains and contact law."""
     g, u = settings.grains, settings.units
     law = (g.kn / u.stress, g.kt / u.stress, g.gamma_n * u.length * u.time)
     return [
@@ -117,7 +118,7 @@ def _head(settings: Shear | Packing, boundary: str) -> list[str]:
 
 
 def _output(every: int) -> list[str]:
-    """Both dumps, with digits enough for the overlaps, which are small differences."""
+    """Script lines for both dumps, with enough digits for the overlaps, as small differences."""
     contacts = " ".join(f"c_contact[{k + 1}]" for k in range(len(CONTACT_COLUMNS)))
     lines = [
         "compute pair all property/local patom1 patom2 cutoff radius",
@@ -131,12 +132,12 @@ def _output(every: int) -> list[str]:
 
 
 def _steps(settings: Shear | Packing, duration: float) -> int:
-    """Time steps of a scaled duration."""
+    """Number of time steps of a scaled duration."""
     return max(math.ceil(duration * settings.units.time / settings.dt), 1)
 
 
 def shear_script(settings: Shear) -> str:
-    """The script of a shear cell: compaction, approach, frames."""
+    """Script of a shear cell: compaction, approach, frames."""
     steps = _steps(settings, settings.strain / _rate(settings))
     every = max(round(steps / settings.frames), 1)
     stages = _walls(settings) if settings.drive == "walls" else _homogeneous(settings)
@@ -147,27 +148,28 @@ def shear_script(settings: Shear) -> str:
 
 
 def _rate(settings: Shear) -> float:
-    """The scaled shear rate."""
+    """Scaled shear rate."""
     return settings.shear_rate * settings.units.time
 
 
 def _homogeneous(settings: Shear) -> list[str]:
-    """The box is sheared at a given rate, and its height moves like a wall with inertia.
+    """Script lines for a box that is sheared at a given rate and whose height has inertia.
 
-    A wall takes no energy in the mean. A height that follows the stress without inertia does: it
-    yields while the stress is high, at I = .01 by a tenth of what the shear puts in.
+    The height moves like a wall with inertia, which takes no energy on the average. A height that
+    followed the stress without inertia would take energy, because it would yield while the stress
+    is high: a tenth of the work of the shear at I = 0.01.
     """
     rate = _rate(settings)
     mixing = _MIXING * rate / settings.inertial_number
-    # W d(rate)/dt = V (stress - 1) with W = (n + 1) ptemp Pdamp^2; unless it is given, ptemp is the
-    # temperature at the start of a run, and fast flows then have a sluggish wall.
+    # W d(rate)/dt = V (stress - 1) with W = (n + 1) ptemp Pdamp^2. By default ptemp would be the
+    # temperature at the start of a run, with which the wall of a fast flow would be sluggish.
     inertia = f"$({_INERTIA}*sqrt(vol/(atoms+1)):%.17g) ptemp 1.0"
     return [
         *_head(settings, "p p p"),
         f"variable flow atom {mixing:.17g}*y",
         "velocity all set v_flow NULL NULL",
         "fix motion all nve/sphere",
-        "compute relative all temp/deform",  # the mean flow is no temperature
+        "compute relative all temp/deform",  # the temperature excludes the mean flow
         "thermo_modify temp relative",
         _servo(mixing, _COMPRESSION),
         f"run {_steps(settings, _COMPACTION)}",
@@ -181,13 +183,13 @@ def _homogeneous(settings: Shear) -> list[str]:
         f"run {_steps(settings, settings.approach / rate)}",
         "unfix cell",
         "reset_timestep 1",  # so that the first frame is due after `every` steps, not at once
-        'print "$(ly:%.17g)" file height',  # what the rate of `fix deform` refers to
+        'print "$(ly:%.17g)" file height',  # length to which the rate of `fix deform` refers
         f"fix cell all deform 1 xy erate {rate:.17g} remap v",
     ]
 
 
 def _servo(rate: float, gain: float) -> str:
-    """Shear at a height that follows the stress, for the way to the dense state."""
+    """Script line for shear at a height that follows the stress, until the state is dense."""
     return (
         f"fix cell all deform/pressure 1 xy erate {rate:.17g} y pressure 1.0 {gain:.17g}"
         f" normalize/pressure yes max/rate {max(gain, 0.1 * rate):.17g} remap v"
@@ -195,7 +197,10 @@ def _servo(rate: float, gain: float) -> str:
 
 
 def _walls(settings: Shear) -> list[str]:
-    """Two walls of grains, moved against each other; the upper one bears the pressure."""
+    """Script lines for two walls of grains that move in opposite directions.
+
+    The pressure acts on the upper wall.
+    """
     width = settings.width / settings.units.length
     load = width**2 / _wall_grains(settings) ** 2
     half = 0.5 * _rate(settings) * width * settings.aspect
@@ -210,7 +215,7 @@ def _walls(settings: Shear) -> list[str]:
         f"velocity lower set {-half:.17g} 0 0",
         f"velocity upper set {half:.17g} 0 0",
         "fix motion flowing nve/sphere",
-        # No force moves the walls but that on the upper one along y.
+        # No force moves the walls, except the force on the upper one along y.
         "fix plates walls rigid group 2 lower upper force 1 off off off force 2 off on off"
         " torque * off off off",
         f"fix load upper addforce 0 {-load:.17g} 0",
@@ -223,7 +228,7 @@ def _walls(settings: Shear) -> list[str]:
 
 
 def packing_script(settings: Packing) -> str:
-    """The script of a packing: compressed along three axes, then brought to rest."""
+    """Script of a packing, which is compressed along three axes and then brought to rest."""
     speeds = [f"variable v{a} atom normal(0,1,{settings.seed + k})" for k, a in enumerate("xyz", 1)]
 
     def pressed(gain: float) -> str:
@@ -234,7 +239,7 @@ def packing_script(settings: Packing) -> str:
     lines = [
         *_head(settings, "p p p"),
         *speeds,
-        "velocity all set v_vx v_vy v_vz",  # or the lattice of the start would remain
+        "velocity all set v_vx v_vy v_vz",  # without velocities the regular array would remain
         "fix motion all nve/sphere",
         pressed(_COMPRESSION),
         f"run {_steps(settings, _COMPACTION)}",

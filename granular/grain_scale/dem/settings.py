@@ -1,4 +1,4 @@
-"""What is simulated: shear cells and packings; frozen and checked."""
+"""Settings of simulations, frozen and checked: shear cells and packings."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from granular.grain_scale.dem.grains import Grains
 __all__ = ["Packing", "Shear", "Units"]
 
 ROOM = 1.1
-"""Spacing of the lattice at the start over the diameter of the large grains, at least."""
+"""Least spacing of the initial cubic array, divided by the diameter of the large grains."""
 
 _DENSE = 0.59
-"""Packing fraction from which the width of a cell is worked out beforehand."""
+"""Packing fraction from which the width of a cell is computed beforehand."""
 _PHASE = 0.2
-"""Angle [rad] by which the stiffest contact oscillates in a time step: some 30 steps a period."""
+"""Phase angle [rad] of the stiffest contact per time step, so that a period has some 30 steps."""
 _MOST_LOADED = 5.0
-"""Force on a strong contact, over pressure times diameter squared."""
+"""Force on a strong contact, divided by pressure times diameter squared."""
 
 
 def _time_step(grains: Grains, pressure: float, speed: float) -> float:
-    """Time step [s] that resolves the contacts of the small grains, pressed or hit."""
+    """Time step [s] that resolves the contacts of the small grains, under pressure or impact."""
     d = grains.diameters[0]
     mass, radius = grains.contact(d)
     pressed = (_MOST_LOADED * pressure * grains.d**2 / (radius * grains.kn)) ** (2 / 3)
@@ -34,12 +34,12 @@ def _time_step(grains: Grains, pressure: float, speed: float) -> float:
 
 @dataclass(frozen=True)
 class Units:
-    """Scale of what LAMMPS computes with: lengths d, densities rho_s, stresses p.
+    """Units in which LAMMPS computes: length d, density rho_s, stress p.
 
     Attributes
     ----------
     length, density, stress : float
-        [m], [kg/m3], [Pa]
+        The units in SI: [m], [kg/m3], [Pa].
     """
 
     length: float
@@ -48,50 +48,52 @@ class Units:
 
     @property
     def speed(self) -> float:
-        """``sqrt(p/rho_s)`` [m/s]."""
+        """Unit of speed, ``sqrt(p/rho_s)`` [m/s]."""
         return math.sqrt(self.stress / self.density)
 
     @property
     def time(self) -> float:
-        """``d/sqrt(p/rho_s)`` [s]."""
+        """Unit of time, ``d/sqrt(p/rho_s)`` [s]."""
         return self.length / self.speed
 
     @property
     def mass(self) -> float:
-        """``rho_s d^3`` [kg]."""
+        """Unit of mass, ``rho_s d^3`` [kg]."""
         return self.density * self.length**3
 
     @property
     def force(self) -> float:
-        """``p d^2`` [N]."""
+        """Unit of force, ``p d^2`` [N]."""
         return self.stress * self.length**2
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shear:
-    """Simple shear at constant normal stress: what is simulated.
+    """Settings of a simple shear at constant normal stress.
 
     Parameters
     ----------
     grains : Grains
     inertial_number : float
-        ``I = shear_rate d sqrt(rho_s/pressure)``, ``d = <D^3>^(1/3)``, in (0, 10]. It is nominal:
-        dilation, and slip at walls, decide; `Frame.shear_rate` is what was.
+        ``I = shear_rate d sqrt(rho_s/pressure)``, ``d = <D^3>^(1/3)``, in (0, 10]. It is a nominal
+        value; the actual one depends on the dilation and the slip at walls, see
+        `Frame.shear_rate`.
     pressure : float
         Normal stress on planes of constant y [Pa], > 0.
     count : int
-        Grains that flow, at least 50.
+        Number of grains that flow, at least 50.
     aspect : float
-        Height over width of the dense cell, in [0.5, 10]; the width must hold 3 large grains.
+        Height of the dense cell divided by its width, in [0.5, 10]; the width must hold 3 large
+        grains.
     approach, strain : float
-        Shear before and while frames are taken, >= 0 and > 0.
+        Shear strain before and while frames are taken, >= 0 and > 0.
     frames : int
-        Frames, evenly spaced over `strain`, at least 1.
+        Number of frames, evenly spaced over `strain`, at least 1.
     drive : {"homogeneous", "walls"}
-        Periodic in all directions, the box itself being sheared; or between two rough walls made
-        of grains, the upper of which bears the pressure.
+        "homogeneous": periodic in all directions, and the box itself is sheared. "walls": sheared
+        between two rough walls made of grains, with the pressure on the upper one.
     seed : int
-        Of the arrangement at the start, from 0 to 10^8.
+        Seed of the initial arrangement, from 0 to 10^8.
 
     Raises
     ------
@@ -129,12 +131,12 @@ class Shear:
 
     @property
     def units(self) -> Units:
-        """What LAMMPS computes with."""
+        """Units in which LAMMPS computes."""
         return Units(self.grains.d, self.grains.rho_s, self.pressure)
 
     @property
     def shear_rate(self) -> float:
-        """[1/s]"""
+        """Nominal shear rate [1/s]."""
         return self.inertial_number * self.units.speed / self.grains.d_volume
 
     @property
@@ -152,21 +154,21 @@ class Shear:
 
 @dataclass(frozen=True, kw_only=True)
 class Packing:
-    """A static packing in a periodic box: what is simulated.
+    """Settings of a static packing in a periodic box.
 
     Parameters
     ----------
     grains : Grains
-        With friction 0 the packing is dense, with more it is looser.
+        Grains of the packing; the higher their friction, the less dense the packing.
     stress : (float, float, float)
         Compressive normal stress along x, y, z [Pa], each > 0.
     count : int
-        Grains, at least 20.
+        Number of grains, at least 20.
     imbalance : float
-        Largest resultant force on a grain over the mean contact force at which the packing counts
-        as at rest, > 0.
+        Largest resultant force on a grain, divided by the mean contact force, at which the packing
+        counts as at rest, > 0.
     seed : int
-        Of the arrangement at the start, from 0 to 10^8.
+        Seed of the initial arrangement, from 0 to 10^8.
 
     Raises
     ------
@@ -192,7 +194,7 @@ class Packing:
 
     @property
     def units(self) -> Units:
-        """What LAMMPS computes with: stresses in their mean."""
+        """Units in which LAMMPS computes, with the mean of the three stresses."""
         return Units(self.grains.d, self.grains.rho_s, sum(self.stress) / 3.0)
 
     @property
@@ -202,7 +204,7 @@ class Packing:
 
     @property
     def width(self) -> float:
-        """Length of the loose box [m], which is a cube."""
+        """Edge of the initial loose box, a cube [m]."""
         return math.ceil(math.cbrt(self.count)) * ROOM * self.grains.diameters[1]
 
 

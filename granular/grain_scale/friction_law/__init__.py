@@ -1,8 +1,8 @@
 """The friction law of steady shear flows, from the contacts of grains to the mu(I) rheology.
 
-Hurley's thesis, chapter 4 (Hurley & Andrade 2015): effective friction is what the contacts
-dissipate, ``mu = (Z phi/I) <Gamma>/Gamma~``. Frames come from `granular.grain_scale.dem`, or from elsewhere as
-the same plain arrays.
+Hurley's thesis, chapter 4 (Hurley & Andrade 2015): the effective friction follows from the
+dissipation at the contacts, ``mu = (Z phi/I) <Gamma>/Gamma~``. The frames come from
+`granular.grain_scale.dem`, or from elsewhere as the same plain arrays.
 """
 
 from granular.grain_scale.friction_law.contacts import Sample, dissipation, sample

@@ -1,4 +1,4 @@
-"""What the contacts of one frame of a shear flow say: stress, dissipation, numbers."""
+"""Sums over the contacts of one frame of a shear flow: stress, dissipation, numbers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Sample", "dissipation", "sample"]
 Array = NDArray[np.float64]
 
 _AT_LIMIT = 1.0 - 1e-3
-"""Share of the largest tangential force from which on a contact is counted as slipping."""
+"""A contact counts as slipping above this share of the largest tangential force."""
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,18 @@ class Sample:
     Attributes
     ----------
     time, shear_rate : float
-        [s], [1/s]
+        Time [s] and shear rate [1/s].
     volume, solid : float
-        Of the cell and of the grains in it [m3].
+        Volume of the cell and of the grains in it [m3].
     grains, contacts, slipping : float
-        Numbers; of the grains that share of each which is in the layer, of the contacts those
-        whose point is; slipping ones are at the limit of friction (reported, used for nothing).
+        Numbers. A grain counts by the share of its volume that is in the layer, a contact if its
+        point is in the layer. Slipping contacts are at the limit of friction; their number is only
+        reported.
     stress : ndarray, shape (3, 3)
-        Mean stress, tension positive [Pa], of contacts and motion; row the direction of the branch.
+        Mean stress due to contacts and motion, tension positive [Pa]; the row is the direction of
+        the branch vector.
     kinetic : ndarray, shape (3, 3)
-        The part of it that the motion relative to the mean flow carries.
+        Part of the stress that is due to the motion relative to the mean flow [Pa].
     viscoelastic, sliding : float
         Dissipated power in all contacts [W]; the latter is the power of all tangential forces.
     """
@@ -57,25 +59,26 @@ def dissipation(
 ) -> tuple[Array, Array]:
     """Dissipated power of each contact (thesis, eq. 4.8).
 
-    ``Gamma_n = m R gamma_n sqrt(delta) v_n^2`` with ``m = mi mj/(mi + mj)`` and
-    ``R = sqrt(Ri Rj/(Ri + Rj))``; one of the two v_n is `Contacts.damped_velocity`, because that is
-    what the viscous force was made with: with the same twice two per cent would be missing, more
-    where grains collide hard. The tangential ``-F_t . v_t`` is taken over all contacts: over
-    those that slip alone it would miss what a spring loses when its contact opens or eases. For a
-    contact that sticks it also holds what the spring stores and gives back, nothing on average.
+    The normal part is ``Gamma_n = m R gamma_n sqrt(delta) v_n^2`` with ``m = mi mj/(mi + mj)`` and
+    ``R = sqrt(Ri Rj/(Ri + Rj))``. One of the two v_n is `Contacts.damped_velocity`, from which the
+    viscous force was computed; with the same v_n twice, two per cent would be missing, more
+    where grains collide hard. The tangential part ``-F_t . v_t`` includes all contacts: with only
+    the slipping ones it would miss the energy that a spring loses as its contact opens or unloads.
+    For sticking contacts it also contains the energy that the spring stores and returns, which is
+    zero on average.
 
     Parameters
     ----------
     contacts : Contacts
-        Of k contacts.
+        The k contacts.
     radius, mass : ndarray, shape (n,)
-        Of the grains [m], [kg].
+        Radii [m] and masses [kg] of the grains.
     grains : Grains
 
     Returns
     -------
     normal, tangential : ndarray, shape (k,)
-        [W]
+        Dissipated powers [W].
     """
     i, j = contacts.i, contacts.j
     reduced = mass[i] * mass[j] / (mass[i] + mass[j])
@@ -88,22 +91,22 @@ def dissipation(
 
 
 def sample(frame: Frame, grains: Grains, layer: tuple[float, float] | None = None) -> Sample:
-    """The sums of a frame.
+    """Compute the sums of a frame.
 
     Parameters
     ----------
     frame : Frame
     grains : Grains
     layer : (float, float), optional
-        Between walls, the layer to look at: its ends as shares of the height, its shear rate the
-        slope of the velocity in it. Otherwise all of the flow, between walls with the shear rate
-        that their speeds and distance make.
+        Layer to evaluate in a flow between walls: its ends as fractions of the height. Its shear
+        rate is the slope of the velocity in the layer. By default the whole flow is evaluated;
+        between walls the shear rate then follows from their speeds and distance.
 
     Raises
     ------
     ValueError
-        If the layer is empty or outside of [0, 1], or given for a flow without walls; without it,
-        if there is one wall only.
+        If the layer is empty or outside [0, 1], or given for a flow without walls; without a layer,
+        if there is only one wall.
     """
     if layer is not None and not frame.wall.any():
         raise ValueError(f"layer = {layer} must be None in a flow without walls")
@@ -135,7 +138,7 @@ def sample(frame: Frame, grains: Grains, layer: tuple[float, float] | None = Non
 
 @dataclass(frozen=True)
 class _Part:
-    """What of a frame is looked at: heights, grains, contacts; its shear rate if that is known."""
+    """Part of a frame to evaluate: heights, grains, contacts, and the shear rate if it is known."""
 
     low: float
     high: float
@@ -146,7 +149,7 @@ class _Part:
 
 
 def _whole(frame: Frame) -> _Part:
-    """The cell, or all that flows between the walls."""
+    """The whole cell, or the whole flow between the walls."""
     free, every = ~frame.wall, np.ones(len(frame.contacts.i), dtype=bool)
     if free.all():
         volume, rate = float(frame.box.prod()), frame.shear_rate
@@ -184,17 +187,17 @@ def _gap(frame: Frame) -> tuple[float, float]:
 
 
 def _share_between(y: Array, radius: Array, low: float, high: float) -> Array:
-    """Share of the volume of spheres between two heights."""
+    """Share of the volume of each sphere that lies between two heights."""
 
     def below(height: float) -> Array:
-        h = np.clip((height - y) / radius, -1.0, 1.0) + 1.0  # of a cap, in radii
+        h = np.clip((height - y) / radius, -1.0, 1.0) + 1.0  # height of the cap, in radii
         return h**2 * (3.0 - h) / 4.0
 
     return below(high) - below(low)
 
 
 def _relative_motion(frame: Frame, moving: NDArray[np.bool_], slope: float) -> tuple[float, Array]:
-    """Shear rate, fitted if it is nan, and velocities relative to that flow."""
+    """Shear rate (fitted if `slope` is nan), and velocities relative to that shear flow."""
     count = int(np.count_nonzero(moving))
     if count < 2:
         raise ValueError(f"the layer holds {count} grains, at least 2 are needed")

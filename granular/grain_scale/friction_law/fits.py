@@ -50,7 +50,7 @@ class CoordinationFit:
     intervals: Mapping[str, Interval]
 
     def __call__(self, inertial_number: ArrayLike) -> Array:
-        """Z, the shape of `inertial_number`."""
+        """Z, with the shape of `inertial_number`."""
         return self.Z1 + self.Z2 / (self.b + np.asarray(inertial_number, dtype=float))
 
     @property
@@ -75,7 +75,7 @@ class PackingFit:
     intervals: Mapping[str, Interval]
 
     def __call__(self, inertial_number: ArrayLike) -> Array:
-        """phi, the shape of `inertial_number`."""
+        """phi, with the shape of `inertial_number`."""
         return self.phi_max - self.m * np.asarray(inertial_number, dtype=float)
 
 
@@ -95,7 +95,7 @@ class PowerFit:
     intervals: Mapping[str, Interval]
 
     def __call__(self, inertial_number: ArrayLike) -> Array:
-        """The law, the shape of `inertial_number`."""
+        """Value of the law, with the shape of `inertial_number`."""
         return self.coefficient * np.asarray(inertial_number, dtype=float) ** self.exponent
 
 
@@ -122,21 +122,21 @@ class MuIFit:
     packing: PackingFit | None = None
 
     def __call__(self, inertial_number: ArrayLike) -> Array:
-        """The friction, the shape of `inertial_number`."""
+        """Friction, with the shape of `inertial_number`."""
         inertial = np.asarray(inertial_number, dtype=float)
         return self.mu_s + (self.mu_2 - self.mu_s) * inertial / (self.I0 + inertial)
 
     def material(
         self, *, d: float, rho_s: float, E: float = 1e9, nu: float = 0.3, rho_c: float | None = None
     ) -> MuI:
-        """The material of a continuum scene with these constants.
+        """Make the material of a continuum scene with these constants.
 
         Parameters
         ----------
         d : float
-            Diameter of the grains [m]: ``Grains.d_volume`` of those that were sheared.
+            Diameter of the grains [m]: ``Grains.d_volume`` of the sheared grains.
         rho_s : float
-            Their density [kg/m3].
+            Density of the grains [kg/m3].
         E, nu : float
             Elasticity of the continuum: see `granular.materials.Material`.
         rho_c : float, optional
@@ -145,7 +145,7 @@ class MuIFit:
         Raises
         ------
         ValueError
-            Without `rho_c` if the fit knows no packing fraction; see also `MuI`.
+            Without `rho_c`, if the fit has no packing fraction; see also `MuI`.
         """
         if rho_c is None:
             if self.packing is None:
@@ -238,8 +238,8 @@ def fit_dissipation(
     kind : {"viscoelastic", "sliding"}
         Gamma_n or Gamma_s of eq. 4.8.
     slowest : float
-        Inertial number from which on flows count, >= 0: towards rest both powers come down to 1
-        (figure 4.8 of the thesis).
+        Flows count from this inertial number on, >= 0. Slower ones are left out, because the
+        exponents of both kinds decrease to 1 towards rest (figure 4.8 of the thesis).
     confidence : float
         Of the intervals, in (0, 1).
 
@@ -272,15 +272,16 @@ def fit_mu_I(
     inertial_number, friction : array_like, shape (k,)
         At least 4 points, all > 0.
     error : array_like, shape (k,), optional
-        Standard errors of the friction: weights only; the scatter decides on the intervals.
+        Standard errors of the friction, used as weights only; the intervals follow from the
+        scatter.
     confidence : float
         Of the intervals, in (0, 1).
 
     Raises
     ------
     ValueError
-        With too few or bad points, or if they do not determine the constants: friction that does
-        not grow with I, or a range of I that shows no limit.
+        With too few or bad points, or if they do not determine the constants, because the friction
+        does not grow with I or does not approach a limit in the range of I.
     """
     x, y = _points(inertial_number, friction, 4, "friction")
     if error is not None:
@@ -312,10 +313,10 @@ def fit_mu_I(
 
 
 def fit_rheology(points: Sequence[SteadyShear], *, confidence: float = 0.95) -> MuIFit:
-    """From grains to the continuum: mu(I) and phi(I) of shear flows.
+    """Fit mu(I) and phi(I) of shear flows, for use in continuum materials.
 
-    Friction and inertial number are those of `SteadyShear.invariants`, as the laws of the
-    continuum take them; the packing fraction goes with the same inertial number.
+    Friction and inertial number are those of `SteadyShear.invariants`, as in the continuum laws;
+    the packing fraction is a function of the same inertial number.
 
     Parameters
     ----------
@@ -360,13 +361,13 @@ def _least_squares(
     error: ArrayLike | None,
     confidence: float,
 ) -> tuple[Array, Array, float]:
-    """Parameters, their covariance, and the factor from standard error to interval."""
+    """Parameters, their covariance, and the ratio of half an interval to the standard error."""
     confidence = in_range("confidence", confidence, 0.0, 1.0, open_low=True, open_high=True)
     factor = float(stdtrit(max(len(x) - len(guess), 1), 0.5 + 0.5 * confidence))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", OptimizeWarning)
-            warnings.simplefilter("ignore", RuntimeWarning)  # of steps that are then not taken
+            warnings.simplefilter("ignore", RuntimeWarning)  # raised by steps that are rejected
             found, covariance = curve_fit(model, x, y, guess, sigma=error, maxfev=20000)
     except (RuntimeError, OptimizeWarning) as problem:
         raise ValueError(
@@ -387,7 +388,7 @@ def _intervals(
     *,
     logarithmic: str | None = None,
 ) -> dict[str, Interval]:
-    """Confidence intervals; the one fitted by its logarithm is turned back."""
+    """Confidence intervals; that of the parameter fitted by its logarithm is transformed back."""
     half = factor * np.sqrt(np.diag(covariance))
     ends = {
         name: (float(value - h), float(value + h))

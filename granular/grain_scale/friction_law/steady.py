@@ -21,35 +21,35 @@ __all__ = ["SteadyShear", "average", "steady_shear"]
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyShear:
-    """Time averages of a shear flow, and what they give.
+    """Time averages of a shear flow, and quantities derived from them.
 
     Attributes
     ----------
     inertial_number : float
         ``I = shear_rate d sqrt(rho_s/normal_stress)`` of the averages.
     shear_rate, normal_stress : float
-        [1/s]; -sigma_yy [Pa].
+        Shear rate [1/s]; -sigma_yy [Pa].
     stress : tuple of 9 floats
         Mean stress, tension positive [Pa], row by row.
     coordination, packing_fraction : float
-        Z, twice the contacts over the grains, and phi.
+        Z, twice the number of contacts divided by that of grains, and phi.
     viscoelastic, sliding : float
         Mean dissipation per contact [W]: <Gamma_n> and <Gamma_s> of eq. 4.8.
     dissipation_unit : float
         ``Gamma~ = pi d^2 normal_stress^1.5/(3 sqrt(rho_s))`` [W].
     dilation : float
-        Growth of ln V per strain while it was averaged: nothing in a steady flow. What expands does
-        work on its load, and `friction` less this is what contacts must dissipate.
+        Growth of ln V per shear strain during the average, zero in a steady flow. A material that
+        expands does work on its load, so that the contacts dissipate `friction` less `dilation`.
     slipping, kinetic : float
-        Share of the contacts at the limit of friction; of the normal stress that is carried by
+        Share of the contacts at the limit of friction; share of the normal stress due to the
         motion.
     friction_error, coordination_error, packing_error, law_error : float
-        Standard errors of the means of `friction`, `coordination`, `packing_fraction` and of
-        `balance`, from blocks of frames; nan with too few.
+        Standard errors of the means of `friction`, `coordination`, `packing_fraction` and
+        `balance`, from blocks of frames; nan with too few frames.
     friction_spread, packing_spread : float
-        Standard deviations in time.
+        Standard deviations in time of `friction` and `packing_fraction`.
     frames : int
-        Frames averaged.
+        Number of frames averaged.
     """
 
     inertial_number: float
@@ -74,7 +74,7 @@ class SteadyShear:
 
     @property
     def friction(self) -> float:
-        """Effective friction by the stress (eq. 4.7): sigma_yx over the normal stress."""
+        """Effective friction from the stress (eq. 4.7): sigma_yx divided by the normal stress."""
         return self.stress[3] / self.normal_stress
 
     @property
@@ -93,19 +93,22 @@ class SteadyShear:
 
     @property
     def friction_by_law(self) -> float:
-        """Effective friction by the law (eq. 4.6): ``(Z phi/I) <Gamma>/Gamma~``."""
+        """Effective friction from the law (eq. 4.6): ``(Z phi/I) <Gamma>/Gamma~``."""
         return self.friction_viscoelastic + self.friction_sliding
 
     @property
     def balance(self) -> float:
-        """Dissipated over given power: `friction_by_law` over `friction` less `dilation`; 1."""
+        """Dissipated power divided by the supplied one, ideally 1.
+
+        It is `friction_by_law` divided by the difference of `friction` and `dilation`.
+        """
         return self.friction_by_law / (self.friction - self.dilation)
 
     @property
     def invariants(self) -> tuple[float, float]:
         """``tau/p`` of the invariants of the stress, and the inertial number with that p.
 
-        What the laws of the continuum mean by friction and pressure; the shear rate is the same.
+        These are the friction and the pressure of the continuum laws; the shear rate is the same.
         """
         s = np.array(self.stress).reshape(3, 3)
         s = 0.5 * (s + s.T)
@@ -117,20 +120,22 @@ class SteadyShear:
 def average(samples: Sequence[Sample], grains: Grains, *, blocks: int = 10) -> SteadyShear:
     """Average frames of a steady shear flow.
 
-    Products of averages, as in eq. 4.4: the law is then the balance of energy over these frames.
+    The law is formed from products of averages, as in eq. 4.4, so that it is the balance of energy
+    over these frames.
 
     Parameters
     ----------
     samples : sequence of Sample
-        In the order of time.
+        Samples in the order of time.
     grains : Grains
     blocks : int
-        Pieces of equal length from whose scatter the standard errors come, at least 2.
+        Number of blocks of equal length from whose scatter the standard errors are estimated, at
+        least 2.
 
     Raises
     ------
     ValueError
-        Without samples, or if nothing presses or shears.
+        Without samples, or if the mean normal stress, shear rate or number of contacts is not > 0.
     """
     blocks = integer("blocks", blocks, 2)
     if len(samples) == 0:
@@ -202,11 +207,11 @@ def steady_shear(
     ----------
     settings : granular.grain_scale.dem.Shear
     layer : (float, float), optional
-        Between walls, the layer to look at as shares of the height: see `sample`. Away from the
-        walls the flow is that of the bulk, but energy comes from the walls, so that more is
+        Layer to evaluate between walls, as fractions of the height: see `sample`. Away from the
+        walls the flow is that of the bulk. But energy comes from the walls, so that more is
         dissipated there than stress and shear rate account for.
     timeout, command
-        See `granular.grain_scale.dem.shear`, also for what is raised.
+        See `granular.grain_scale.dem.shear`, also for the exceptions.
     """
     samples = dem.shear(
         settings,

@@ -1,8 +1,8 @@
-"""Forces at contacts from images: positions, contacts and average stresses of grains (GEM).
+"""Inference of contact forces from images: positions, contacts and mean stresses of grains (GEM).
 
-The method of Hurley's thesis, chapters 2 and 3. `Packing` holds what was measured, `infer_static`,
-`infer_with_boundary` and `infer_dynamic` find forces, and every `Inference` says how far it can be
-trusted. docs/inference.md has the equations and the limits.
+This is the method of Hurley's thesis, chapters 2 and 3. `Packing` holds the measured data.
+`infer_static`, `infer_with_boundary` and `infer_dynamic` find the forces, and every `Inference`
+states how reliable they are. docs/inference.md has the equations and the limits.
 """
 
 from granular.grain_scale.inference.dynamic import ParetoFront, infer_dynamic, pareto_front

@@ -1,4 +1,4 @@
-"""Forces in motion: balance of momentum and stresses, both measured, against one another."""
+"""Forces in moving packings: measured stresses are weighed against measured accelerations."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = ["WEIGHTS", "ParetoFront", "infer_dynamic", "knee_of", "pareto_front"]
 Array = NDArray[np.float64]
 
 WEIGHTS = tuple(np.logspace(-3, 3, 13).tolist())
-"""Of the balance against the stresses, along a front."""
+"""Default weights of the balance relative to the stresses, along a front."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,16 +30,17 @@ class ParetoFront:
     Attributes
     ----------
     weights : ndarray, shape (k,)
-        Of the balance, ascending.
+        Weights of the balance, ascending.
     stress_residuals, balance_residuals : ndarray, shape (k,)
-        Root mean square over the frames of the lengths of (K_s f - b_s)/R and of K_m f - b_m with
-        moments over R [N], in the plane [N/m]; of rows over their errors where these are known.
+        Root mean square over the frames of the norms of (K_s f - b_s)/R and of K_m f - b_m, with
+        moments divided by R [N], in 2D [N/m]. Where the errors are known, each row is divided by
+        its error.
     forces : tuple of k tuples of ndarray
-        For each weight those of each frame, shape (c, d).
+        For each weight the forces of each frame, shape (c, d).
     knee : int
-        The point farthest from the chord, on axes that both run from 0 to 1.
+        Index of the point farthest from the chord, on axes that both run from 0 to 1.
     inferences : tuple of Inference
-        At the knee, frame by frame.
+        Inferences at the knee, frame by frame.
     """
 
     weights: Array
@@ -61,26 +62,27 @@ def infer_dynamic(
 ) -> Inference:
     """Forces in a moving packing at one instant (Hurley's thesis, eqs 3.18, 3.19).
 
-    ``min |K_s f - b_s|^2/R^2 + w |K_m f - b_m|^2`` with ``B f >= 0``, moments over R. The normals
-    point out of the first body here as everywhere. Useful at rest, too, where contacts are known
-    so roughly that no forces are exactly in balance.
+    The forces solve ``min |K_s f - b_s|^2/R^2 + w |K_m f - b_m|^2`` with ``B f >= 0``, where
+    moments are divided by R. The normals point out of the first body, as everywhere in this
+    package. The method is also useful at rest, if the contacts are known so roughly that no forces
+    are exactly in balance.
 
-    With `stress_errors` and `acceleration_errors` of the packing each row is over its standard
-    deviation, and w = 1 is the solution of largest likelihood: stresses that are off by a share of
-    themselves count less where they are large, and no knee has to be looked for.
+    With `stress_errors` and `acceleration_errors` of the packing each row is divided by its
+    standard deviation, and w = 1 is the solution of maximum likelihood. Stresses with a relative
+    error then count less where they are large, and no knee needs to be found.
 
     Parameters
     ----------
     packing : Packing
-        With masses and accelerations; with gravity where it acts along the plane; better with
-        angular accelerations, and with errors.
+        Packing with masses and accelerations, and with gravity where it acts in the plane of
+        motion; preferably also with angular accelerations and errors.
     mu, mu_wall, solver
         See `infer_static`.
     weight : float
-        w, > 0; `pareto_front` finds one.
+        w, > 0; `pareto_front` finds a value.
     moments : bool
-        Whether the balance of moments counts. False for grains that turn in a way that is not
-        known: it would be taken to be none.
+        If true, the balance of moments is included. Use False if the angular accelerations are not
+        known: they would be taken as zero.
 
     Returns
     -------
@@ -116,11 +118,11 @@ def pareto_front(
     Parameters
     ----------
     packings : Packing or sequence of Packings
-        An instant or the frames of a record, which then share one weight.
+        One instant, or the frames of a record, which then share one weight.
     mu, mu_wall, solver
         See `infer_static`.
     weights : array_like, shape (k,)
-        Ascending, > 0, at least three.
+        Weights of the balance, ascending, > 0, at least three.
     moments : bool
         See `infer_dynamic`.
 
@@ -177,9 +179,10 @@ def _lengths(problems: Sequence[Problem], solutions: Sequence[Array]) -> Array:
 
 
 def knee_of(first: Array, second: Array, *, weights: Array) -> int:
-    """Index of the point farthest from the chord of a front, both axes from 0 to 1.
+    """Index of the point farthest from the chord of a front, with both axes scaled to 0 to 1.
 
-    Where a residual does not vary, as for exact data, there is no knee: the weight nearest to one.
+    If a residual does not vary, as for exact data, there is no knee; the index of the weight
+    nearest to one is returned.
     """
     points = np.stack([first, second], axis=1)
     span = np.ptp(points, axis=0)

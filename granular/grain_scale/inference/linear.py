@@ -1,4 +1,4 @@
-"""Sparse factors, and what least squares without inequalities and ranks make of them."""
+"""Least squares without inequalities, and ranks, by sparse factorisation."""
 
 from __future__ import annotations
 
@@ -14,19 +14,20 @@ __all__ = ["determined", "least_squares"]
 Array = NDArray[np.float64]
 
 SMALL = 1e-6
-"""Singular values below this, over the largest, count as zero."""
+"""Singular values below this fraction of the largest count as zero."""
 PENALTY = 1e3
-"""Of rows that must hold exactly, in the augmented Lagrangian; over the weight of the others."""
+"""Weight of the exact rows in the augmented Lagrangian, relative to that of the other rows."""
 TOLERANCE = 1e-12
-"""Of the gradient and of rows that must hold, over the typical force."""
+"""Tolerance of the gradient and of the exact rows, relative to the typical force."""
 PASSES = 30
 
 
 def least_squares(problem: Problem) -> Array | None:
-    """The solution if there were no inequalities; None where that is not found.
+    """Solution without the inequalities; None if it is not found.
 
-    By the augmented Lagrangian of the rows that must hold, each pass with residuals computed anew:
-    the passes are the refinement, too, that normal equations need. Rows may depend on one another.
+    The rows that must hold exactly enter by an augmented Lagrangian. Each pass computes the
+    residuals anew, so that the passes are also the iterative refinement that normal equations need.
+    Rows may be linearly dependent.
     """
     soft, target = problem.soft()
     hard, fixed = problem.hard()
@@ -50,11 +51,11 @@ def least_squares(problem: Problem) -> Array | None:
 
 
 def determined(problem: Problem) -> tuple[int, NDArray[np.bool_]]:
-    """Rank of all rows together, and the contacts whose forces they leave open.
+    """Rank of all rows together, and the contacts whose forces the rows do not determine.
 
-    By the signs of the pivots of ``K'K - s`` with a small s, as many of them negative as there are
-    singular values below its root; what ``s (K'K + s)^-1`` leaves of two random vectors lies, but
-    for parts of the order of s, in the null space.
+    The rank follows from the signs of the pivots of ``K'K - s`` with a small s: as many of them are
+    negative as there are singular values below the root of s. The contacts follow from the null
+    space: ``s (K'K + s)^-1`` maps two random vectors into it, except for parts of the order of s.
     """
     stacked = problem.stacked()
     square = csc_array(stacked.T @ stacked)
@@ -76,12 +77,12 @@ def determined(problem: Problem) -> tuple[int, NDArray[np.bool_]]:
 
 
 def _largest(square: csc_array) -> float:
-    """A bound of the largest eigenvalue."""
+    """Upper bound of the largest eigenvalue."""
     return float(abs(square).sum(axis=1).max())
 
 
 def _factors(square: csc_array, shift: float) -> SuperLU:
-    # Pivots stay on the diagonal: their signs are then those of the eigenvalues.
+    # Pivots stay on the diagonal, so that their signs are those of the eigenvalues.
     return splu(
         csc_array(square + shift * diags_array(np.ones(square.shape[0]))),
         permc_spec="MMD_AT_PLUS_A",

@@ -1,8 +1,9 @@
-"""The linear algebra of forces at contacts: balance, stress and friction, sparse, in 2D and 3D.
+"""Sparse matrices of balance, stress and friction for contact forces, in 2D and 3D.
 
-The force f of a contact acts on its first body, -f on the second. Arms x lead from the centroid of
-each grain, about which balance of moments and average stress take their simplest form, at rest as
-well as in motion: K_eq of chapter 2 of Hurley's thesis is K_m of chapter 3, and K_st is K_s.
+The force f of a contact acts on its first body, -f on the second. Arms x begin at the centroid of
+each grain, about which the balance of moments and the average stress take their simplest form, at
+rest as well as in motion: K_eq of chapter 2 of Hurley's thesis is K_m of chapter 3, and K_st is
+K_s.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ __all__ = [
 Array = NDArray[np.float64]
 
 MOMENTS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}
-"""Of each component of x cross f: the plane it turns in."""
+"""Axes of the plane of rotation of each component of x cross f."""
 SHEARS = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}
-"""Of each shear row of the stress."""
+"""Axes of each shear row of the stress."""
 
 
 def rows_of(dim: int) -> int:
-    """Rows of each matrix for a grain: d(d + 1)/2."""
+    """Number of rows of each matrix per grain, d(d + 1)/2."""
     return dim * (dim + 1) // 2
 
 
@@ -42,8 +43,8 @@ def equilibrium_matrix(packing: Packing) -> csr_array:
     Returns
     -------
     csr_array, shape (d(d+1)/2 n, d c)
-        Of a grain the d sums of forces, then the moments ``-x2 f1 + x1 f2`` (in space the three
-        of ``x cross f``).
+        For each grain the d sums of forces, then the moment ``-x2 f1 + x1 f2`` (in 3D the three
+        components of ``x cross f``).
     """
     d = packing.dim
     arms_in = np.zeros((rows_of(d), d, d))
@@ -60,7 +61,7 @@ def stress_matrix(packing: Packing) -> csr_array:
     Returns
     -------
     csr_array, shape (d(d+1)/2 n, d c)
-        Of a grain the rows 11, 22, 2 12, or 11, 22, 33, 2 23, 2 13, 2 12.
+        For each grain the rows 11, 22, 2 12, or 11, 22, 33, 2 23, 2 13, 2 12.
     """
     d = packing.dim
     arms_in = np.zeros((rows_of(d), d, d))
@@ -82,7 +83,8 @@ def stress_vector(packing: Packing) -> Array:
 def momentum_vector(packing: Packing) -> Array:
     """b_m: m (a - g) and I alpha, in the rows of `equilibrium_matrix` [N, N m].
 
-    What is not given is zero: in a packing at rest without gravity all of it.
+    Quantities that the packing does not have are zero; all are in a packing at rest without
+    gravity.
     """
     d, n = packing.dim, packing.n
     found = np.zeros((n, rows_of(d)))
@@ -99,7 +101,7 @@ def momentum_vector(packing: Packing) -> Array:
 
 
 def contact_frames(normals: Array) -> Array:
-    """Orthonormal rows e, t (and a second t in space) of each contact, shape (c, d, d)."""
+    """Orthonormal rows e, t (and a second t in 3D) of each contact, shape (c, d, d)."""
     if normals.shape[1] == 2:
         return np.stack([normals, np.stack([-normals[:, 1], normals[:, 0]], axis=1)], axis=1)
     away = np.eye(3)[np.argmin(abs(normals), axis=1)]
@@ -109,19 +111,19 @@ def contact_frames(normals: Array) -> Array:
 
 
 def admissibility_matrix(packing: Packing, mu: ArrayLike) -> csr_array:
-    """B: contacts push, and slip does not exceed the friction.
+    """B: contacts are repulsive, and tangential forces do not exceed the friction.
 
     Parameters
     ----------
     packing : Packing
     mu : float or array_like, shape (c,)
-        Finite, >= 0; of all contacts or of each.
+        Friction coefficient of all contacts or of each; finite, >= 0.
 
     Returns
     -------
     csr_array, shape (3 c, d c)
-        For each contact, in the plane ``-e.f, -(mu e + t).f, -(mu e - t).f``, all >= 0 (eq. 2.12);
-        in space ``-mu e.f, t1.f, t2.f``, the first >= the length of the others (eq. 3.19).
+        For each contact, in 2D ``-e.f, -(mu e + t).f, -(mu e - t).f``, all >= 0 (eq. 2.12);
+        in 3D ``-mu e.f, t1.f, t2.f``, the first >= the length of the others (eq. 3.19).
 
     Raises
     ------
@@ -149,10 +151,11 @@ def friction_of_contacts(
     ----------
     packing : Packing
     mu : float or array_like, shape (c,)
-        >= 0; infinite where only repulsion is asked for, 0 where tangential forces are known to
-        be zero.
+        Friction coefficient of all contacts or of each, >= 0; infinite where only repulsion is
+        required, 0 where tangential forces are known to be zero.
     mu_wall : float or dict of int to float, optional
-        Of the contacts with walls, or of those with some walls, by their number; else `mu`.
+        Friction coefficient of the contacts with all walls, or with some walls by their number;
+        `mu` for the others.
 
     Returns
     -------
@@ -161,8 +164,8 @@ def friction_of_contacts(
     Raises
     ------
     TypeError, ValueError
-        For coefficients that are negative or nan, a wrong number of them, or a wall that touches
-        nothing.
+        For coefficients that are negative or nan, a wrong number of them, or a wall without
+        contacts.
     """
     count = len(packing.bodies)
     found = _coefficients("mu", mu)
@@ -177,7 +180,7 @@ def friction_of_contacts(
                 raise ValueError(f"mu_wall[{wall!r}] must name one of the walls {walls}")
             found[lowest == wall] = _coefficients(f"mu_wall[{wall}]", value)
     elif mu_wall is not None:
-        # A grain that a subset left out is no wall.
+        # A grain that was left out of a subset is not a wall.
         found[(lowest < 0) & (lowest != OUTSIDE)] = _coefficients("mu_wall", mu_wall)
     return found
 

@@ -1,4 +1,4 @@
-"""What an experiment gives: contacts, grains, their average stresses, and their motion."""
+"""Data of an experiment: contacts, grains, their average stresses, and their motion."""
 
 from __future__ import annotations
 
@@ -17,69 +17,71 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 OUTSIDE = -1_000_000
-"""Body of the contacts that a subset shares with the grains left out."""
+"""Number of the body that stands for all grains left out of a subset."""
 
 UNIT = 1e-6
-"""How far the length of a normal may be from one."""
+"""Largest deviation of the length of a normal from one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Packing:
-    """Contacts and grains in the plane (d = 2) or in space (d = 3), as measured.
+    """Contacts and grains in 2D (d = 2) or 3D (d = 3), as measured.
 
-    In the plane volumes are areas of the faces, and masses, moments of inertia and forces are per
-    unit depth. A grain has no shape here: contacts, centroids and volumes say all that is needed.
+    In 2D volumes are areas of the faces, and masses, moments of inertia and forces are per unit
+    depth. The shapes of the grains are not needed, only contacts, centroids and volumes.
 
     Parameters
     ----------
     bodies : array_like of int, shape (c, 2)
-        The two bodies of each contact: grains from 0 on, walls (or whatever has no balance of its
-        own) as negative numbers of any kind. One of the two must be a grain.
+        The two bodies of each contact: grains are numbered from 0 on, walls (and other bodies
+        without a balance of their own) by any negative numbers. One of the two must be a grain.
     positions : array_like, shape (c, d)
-        Of the contacts [m].
+        Positions of the contacts [m].
     shifts : array_like, shape (c, d), optional
-        From there to where the second body sees its contact [m]: across a periodic side the length
-        of the box. None by default.
+        Vector from this position to the position of the contact at the second body [m], which is
+        the length of the box across a periodic side. Zero by default.
     normals : array_like, shape (c, d)
-        Unit vectors that point out of the first body. (The thesis turns them round in chapter 3.)
+        Unit vectors that point out of the first body. (Chapter 3 of the thesis has them inward.)
     centroids : array_like, shape (n, d)
-        Of the grains [m].
+        Centroids of the grains [m].
     volumes : array_like, shape (n,)
-        [m3], in the plane [m2].
+        Volumes of the grains [m3], in 2D [m2].
     stresses : array_like, shape (n, d, d), optional
         Average stress of each grain [Pa], tension positive. Give either these or the next two.
     strains : array_like, shape (n, d, d), optional
         Average strain of each grain, with `stiffness`.
     stiffness : array_like, shape (d, d, d, d) or (n, d, d, d, d), optional
-        [Pa]; `isotropic_stiffness` makes one.
+        Elastic stiffness [Pa], such as that of `isotropic_stiffness`.
     masses : array_like, shape (n,), optional
-        [kg], in the plane [kg/m]; with `accelerations` or `gravity`.
+        Masses [kg], in 2D [kg/m]; with `accelerations` or `gravity`.
     accelerations : array_like, shape (n, d), optional
-        Of the centroids [m/s2]; zero by default.
+        Accelerations of the centroids [m/s2]; zero by default.
     gravity : array_like, shape (d,), optional
-        [m/s2]; zero by default.
+        Gravity [m/s2]; zero by default.
     inertias : array_like, shape (n,) or (n, 3, 3), optional
-        About the centroids [kg m2], in the plane [kg m]; with `angular_accelerations`.
-    angular_accelerations : array_like, shape (n,) or in space (n, 3), optional
-        [rad/s2]; without them the rate of the angular momentum is taken for zero, which costs
-        some per cent where grains are hit off their centre, unless ``moments=False`` leaves their
-        balance out. (The gyroscopic term of grains that are no spheres is not in it.)
+        Moments of inertia about the centroids [kg m2], in 2D [kg m]; with `angular_accelerations`.
+    angular_accelerations : array_like, shape (n,) or in 3D (n, 3), optional
+        Angular accelerations [rad/s2]. Without them the rate of the angular momentum is taken as
+        zero, which causes errors of some per cent where grains are hit off their centre, unless
+        ``moments=False`` leaves the balance of moments out. (The gyroscopic term of non-spherical
+        grains is neglected.)
     stress_errors : array_like, shape (n,), optional
-        Standard deviation of each component of the average stress of a grain [Pa], > 0: what is
-        known better then counts more.
+        Standard deviation of each component of the average stress of a grain [Pa], > 0: the smaller
+        it is, the more the stress of the grain counts.
     acceleration_errors : array_like, shape (n,), optional
-        Standard deviation of each component of the acceleration [m/s2], > 0, with masses; angular
-        accelerations are taken to be as exact at the rim.
+        Standard deviation of each component of the acceleration [m/s2], > 0, with masses. The
+        angular accelerations are assumed to cause the same error at the rim of the grain.
 
     Raises
     ------
     TypeError
-        For an argument that is no array of numbers.
+        For an argument that is not an array of numbers.
     ValueError
-        For a wrong shape, a value that is not finite, a contact that names a missing grain, the
-        same body twice or no grain; normals that are not unit or mostly point inward; volumes,
-        masses, moments of inertia or errors that are not positive; stresses that are not symmetric
-        or not given once; a motion without masses. The message names the first contact or grain.
+        For a wrong shape; a value that is not finite; a contact that names a missing grain, the
+        same body twice or no grain; normals that are not of unit length or mostly point inward;
+        volumes, masses, moments of inertia or errors that are not positive; stresses that are not
+        symmetric, or given both directly and by strains, or not at all; a motion without masses.
+        The message names the first such contact or grain.
     """
 
     bodies: ArrayLike
@@ -111,7 +113,7 @@ class Packing:
         object.__setattr__(self, name, value)
 
     def _take(self, name: str, *shapes: tuple[int | None, ...]) -> Array:
-        """The argument as finite floats of one of these shapes (None: any number), kept."""
+        """Store an argument as finite floats of one of these shapes (None: any number)."""
         value = _numbers(name, getattr(self, name))
         if not any(_fits(value.shape, shape) for shape in shapes):
             wanted = " or ".join(_written(shape) for shape in shapes)
@@ -155,7 +157,7 @@ class Packing:
         self._check_outward()
 
     def _check_outward(self) -> None:
-        # Of grains that bulge everywhere each one would have to; of others a few may not.
+        # For convex grains all normals point outward; for other grains a few may not.
         outward = np.concatenate(
             [
                 sign * np.einsum("ka,ka->k", self.normals[contacts], arms)
@@ -209,7 +211,7 @@ class Packing:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return self.centroids.shape[1]
 
     @property
@@ -219,24 +221,24 @@ class Packing:
 
     @property
     def radius(self) -> float:
-        """Mean radius of discs or spheres of these volumes [m]: the length that scales."""
+        """Mean radius of discs or spheres of these volumes [m], used as the length scale."""
         return float(self.radii.mean())
 
     @property
     def radii(self) -> Array:
-        """Of discs or spheres of these volumes [m], shape (n,)."""
+        """Radii of discs or spheres of these volumes [m], shape (n,)."""
         if self.dim == 2:
             return np.sqrt(self.volumes / np.pi)
         return np.cbrt(3 * self.volumes / (4 * np.pi))
 
     def sides(self) -> list[tuple[Index, Index, float, Array]]:
-        """Contacts seen from the first and the second body, walls left out.
+        """Contacts as seen from the first and from the second body, without walls.
 
         Returns
         -------
         list of (contacts, grains, sign, arms)
-            The force on the grain is the contact's force times the sign; the arms lead from the
-            centroids to the contacts [m].
+            The force on the grain is the contact's force times the sign; the arms are the vectors
+            from the centroids to the contacts [m].
         """
         found = []
         for side, sign in enumerate((1.0, -1.0)):
@@ -247,12 +249,12 @@ class Packing:
         return found
 
     def seen_from(self, side: int) -> Array:
-        """Where the first (0) or the second (1) bodies see the contacts [m], shape (c, d)."""
+        """Positions of the contacts at the first (0) or second (1) bodies [m], shape (c, d)."""
         shifted = side == 1 and self.shifts is not None
         return self.positions + self.shifts if shifted else self.positions
 
     def clusters(self) -> Index:
-        """Which grains hang together: a number for each, shape (n,). Walls join nothing."""
+        """Number of the connected cluster of each grain, shape (n,). Walls connect nothing."""
         joined = self.bodies[(self.bodies >= 0).all(axis=1)]
         graph = coo_array((np.ones(len(joined)), joined.T), (self.n, self.n))
         return connected_components(graph, directed=False)[1].astype(np.intp)
@@ -268,14 +270,14 @@ class Packing:
         Parameters
         ----------
         grains : array_like of int
-            Grain i of the result is grains[i].
+            Numbers of the grains; grain i of the result is grains[i].
 
         Returns
         -------
         packing : Packing
-            Grains that are left out have become the body `OUTSIDE`.
+            The subset, in whose contacts the grains left out are the body `OUTSIDE`.
         contacts : ndarray of int
-            Which contacts of this packing it has, in order.
+            Numbers of its contacts in this packing, in order.
 
         Raises
         ------
@@ -311,7 +313,7 @@ _PER_GRAIN = (
     *("angular_accelerations", "stress_errors", "acceleration_errors"),
 )
 _DERIVED_FROM = ("bodies", "positions", "normals", "shifts", "strains", "stiffness")
-"""What a subset does not take over as it is: its contacts are others, its stresses are known."""
+"""Fields that a subset does not take over: it has other contacts, and its stresses are known."""
 
 
 def isotropic_stiffness(E: float, nu: float, dim: int, *, plane: str = "stress") -> Array:
@@ -326,12 +328,12 @@ def isotropic_stiffness(E: float, nu: float, dim: int, *, plane: str = "stress")
     dim : int
         2 or 3.
     plane : {"stress", "strain"}
-        In the plane: whether the faces are free (discs) or held (long cylinders).
+        In 2D: "stress" if the faces are free (discs), "strain" if they are fixed (long cylinders).
 
     Returns
     -------
     ndarray, shape (dim, dim, dim, dim)
-        [Pa]
+        Stiffness [Pa].
 
     Raises
     ------

@@ -1,13 +1,14 @@
-"""The convex problem behind each inference, without units.
+"""The dimensionless convex problem of each inference.
 
-The unknowns of a contact are its push ``n = -e.f`` and, unless it is free_slip, the components
-of f along its tangents, all over a typical force f0. With K the rows to be fitted (weights w_i, the
-moments and stresses over a typical radius R, all over their errors where these are known), L those
-that hold exactly and a regularisation l,
+The unknowns of a contact are its normal force ``n = -e.f`` and, unless it is frictionless, the
+components of f along its tangents, all divided by a typical force f0. Let K be the rows to be
+fitted with weights w_i; moments and stresses are divided by a typical radius R, and all rows by
+their errors where these are known. Let L be the rows that hold exactly and l a regularisation. Then
 
     min  sum_i w_i |K_i x - b_i|^2 + l^2 |x|^2   s.t.  L x = c,  n >= 0,  |t| <= mu n.
 
-Squares, where the thesis has norms: both run through the same solutions, see `weight_of_norms`.
+The thesis has norms in place of squares; both have the same set of solutions as the weight varies,
+see `weight_of_norms`.
 """
 
 from __future__ import annotations
@@ -41,24 +42,25 @@ class Problem:
     Attributes
     ----------
     frame : csr_array, shape (d c, x)
-        From unknowns to forces over `force`; orthonormal columns, pushes first.
+        Matrix from unknowns to forces divided by `force`; orthonormal columns, those of the normal
+        forces first.
     mu : ndarray, shape (c,)
         Friction of each contact, 0 and infinity included.
     stress, balance : csr_array
         Rows of the average stresses and of the balance of forces and moments.
     stress_target, balance_target : ndarray
-        What they should give.
+        Right-hand sides of these rows.
     stress_scale, balance_scale : ndarray
-        Weights of the rows within each kind: one, or median error over error where errors are
-        known, those of both kinds together.
+        Weights of the rows within each kind: one, or the median error divided by the error of the
+        row where errors are known; the median is over both kinds.
     weight : float
-        Of the balance in the sum of squares; infinite where it must hold exactly.
+        Weight of the balance in the sum of squares; infinite where it must hold exactly.
     regularization : float
-        l.
+        Regularisation l.
     force, length : float
         f0 [N] and R [m].
     unit : float
-        What scaled residuals of one are: f0 [N], or standard deviations where errors are known.
+        Unit of scaled residuals: f0 [N], or standard deviations where errors are known.
     """
 
     frame: csr_array
@@ -81,15 +83,15 @@ class Problem:
 
     @property
     def slipping(self) -> NDArray[np.intp]:
-        """Contacts that have tangential unknowns, in the order of these."""
+        """Contacts that have tangential unknowns, in the order of the unknowns."""
         return np.flatnonzero(self.mu > 0)
 
     def tangents(self, x: Array) -> Array:
-        """Tangential unknowns, a row for each of `slipping`."""
+        """Tangential unknowns, one row for each contact of `slipping`."""
         return x[len(self.mu) :].reshape(-1, self.dim - 1)
 
     def soft(self) -> tuple[csr_array, Array]:
-        """Rows to be fitted, times the roots of their weights, and their targets."""
+        """Rows to be fitted, multiplied by the roots of their weights, and their targets."""
         stress = diags_array(self.stress_scale) @ self.stress
         target = self.stress_scale * self.stress_target
         if np.isinf(self.weight):
@@ -101,28 +103,28 @@ class Problem:
         )
 
     def hard(self) -> tuple[csr_array, Array]:
-        """Rows that hold exactly; none where the balance has a weight."""
+        """Rows that hold exactly; none if the balance has a finite weight."""
         if np.isinf(self.weight):
             return self.balance, self.balance_target
         return csr_array((0, self.frame.shape[1])), np.zeros(0)
 
     def stacked(self) -> csr_array:
-        """All rows without their weights: what their rank is taken of."""
+        """All rows without their weights, for their rank."""
         return vstack([self.balance, self.stress], format="csr")
 
     def residuals(self, x: Array) -> tuple[float, float]:
-        """Lengths of what is left of stresses and balance, without unit."""
+        """Norms of the dimensionless residuals of stresses and balance."""
         left = self.stress @ x - self.stress_target, self.balance @ x - self.balance_target
         return float(np.linalg.norm(left[0])), float(np.linalg.norm(left[1]))
 
     def misfits(self, x: Array) -> tuple[float, float]:
-        """The same of the rows as they are weighed, times `unit`."""
+        """Norms of the weighted residuals of stresses and balance, times `unit`."""
         stress = self.stress_scale * (self.stress @ x - self.stress_target)
         balance = self.balance_scale * (self.balance @ x - self.balance_target)
         return self.unit * float(np.linalg.norm(stress)), self.unit * float(np.linalg.norm(balance))
 
     def excess(self, x: Array) -> Array:
-        """By how much each contact leaves its cone; negative inside, shape (c,)."""
+        """Distance by which each contact leaves its cone, negative inside, shape (c,)."""
         push = x[: len(self.mu)]
         found = -push
         slip = np.linalg.norm(self.tangents(x), axis=1)
@@ -133,22 +135,23 @@ class Problem:
         return found
 
     def replace(self, **changes: float) -> Problem:
-        """The same with another weight or regularisation."""
+        """Copy with another weight or regularisation."""
         return replace(self, **changes)
 
 
 def static_problem(packing: Packing, mu: Array, regularization: float) -> Problem:
-    """Balance exactly, stresses as well as can be: (2.13), (2.14)."""
+    """Problem with exact balance and a least-squares fit of the stresses: (2.13), (2.14)."""
     return _problem(packing, mu, np.inf, regularization)
 
 
 def dynamic_problem(packing: Packing, mu: Array, weight: float, *, moments: bool = True) -> Problem:
-    """Balance and stresses against one another: (3.18), (3.19); moments may stay out of it.
+    """Problem that weighs balance against stresses: (3.18), (3.19); moments may be left out.
 
     Raises
     ------
     TypeError, ValueError
-        Unless errors are known of both or of neither; for moments that are not to count but given.
+        If errors are known of only one of the two; if moments are left out although angular
+        accelerations are given.
     """
     if not isinstance(moments, bool):
         raise TypeError(f"moments = {moments!r} must be True or False")
@@ -195,7 +198,7 @@ def _problem(
 
 
 def _errors(packing: Packing) -> tuple[Array, Array]:
-    """Standard deviations [N] of the rows of stress and of balance; ones where not known."""
+    """Standard deviations [N] of the rows of stress and of balance; ones where unknown."""
     d, n, R = packing.dim, packing.n, packing.radius
     stress, balance = np.ones((n, rows_of(d))), np.ones((n, rows_of(d)))
     if packing.stress_errors is not None:
@@ -213,7 +216,7 @@ def _errors(packing: Packing) -> tuple[Array, Array]:
 
 
 def _typical(targets: Sequence[Array]) -> float:
-    """Root mean square of what is not zero: rattlers must not make the others look large."""
+    """Root mean square of the non-zero targets, so that rattlers do not lower it."""
     values = np.concatenate(targets)
     values = values[values != 0]
     return float(np.sqrt(np.mean(values**2))) if len(values) else 1.0
@@ -232,6 +235,6 @@ def _frame(packing: Packing, mu: Array) -> csr_array:
 
 
 def listed(which: NDArray[np.intp]) -> str:
-    """The first of them, for messages."""
+    """List of the first few numbers, for messages."""
     shown = ", ".join(str(k) for k in which[:8])
     return shown + (f", ... ({len(which)} in all)" if len(which) > 8 else "")

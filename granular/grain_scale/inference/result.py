@@ -1,4 +1,4 @@
-"""Inferred forces with all that says how far they can be trusted."""
+"""Inferred forces, with the diagnostics that show how reliable they are."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ __all__ = ["Flag", "Inference", "InferenceWarning", "report"]
 Array = NDArray[np.float64]
 
 CARRIED = 0.5
-"""Share of the stresses that the forces must carry: at f = 0, which is always in balance, none."""
+"""Share of the stresses that the forces must carry. Forces f = 0, always in balance, carry none."""
 MISFIT = 0.3
-"""Residual of the stresses over their length from which on they and the contacts disagree."""
+"""Largest relative residual of the stresses; above it stresses and contacts disagree."""
 AT_LIMIT = 0.15
-"""Share of frictional contacts about to slip from which on mu looks too small, at rest."""
+"""Largest share of frictional contacts about to slip at rest; above it mu seems too small."""
 BALANCE = 1e-6
-"""Residual of a balance that should be exact, over the length of all forces."""
+"""Largest residual of a balance that should be exact, divided by the norm of all forces."""
 
 
 class InferenceWarning(UserWarning):
-    """Inferred forces that must not be trusted as they are."""
+    """Inferred forces that are not reliable as they are."""
 
 
 @dataclass(frozen=True)
 class Flag:
-    """What is wrong with inferred forces.
+    """A defect of inferred forces.
 
     Attributes
     ----------
     name : str
         One of zero_forces, misfit, rank, friction, unbalanced, stressed_rattlers, boundary.
     message : str
-        With the numbers behind it and what can be done.
+        Description, with the numbers and possible remedies.
     """
 
     name: str
@@ -48,43 +48,44 @@ class Flag:
 
 @dataclass(frozen=True, eq=False)
 class Inference:
-    """Forces at contacts, inferred.
+    """Inferred forces at contacts.
 
     Attributes
     ----------
     packing : Packing
     forces : ndarray, shape (c, d)
-        On the first body of each contact [N], in the plane [N/m]; the second has the opposite.
+        Forces on the first body of each contact [N], in 2D [N/m]; those on the second body are the
+        opposite.
     mu : ndarray, shape (c,)
         Friction coefficient of each contact.
     weight : float
-        Of the balance against the stresses; infinite where it holds exactly.
+        Weight of the balance relative to the stresses; infinite where the balance holds exactly.
     regularization : float
         lambda/R of (2.14), 0 in (2.13).
     scale : float
-        By which forces were multiplied to meet a boundary force.
+        Factor by which the forces were multiplied to meet a boundary force.
     stress_residual : float
-        Length of K_st f - b_st over that of b_st.
+        Norm of K_st f - b_st divided by that of b_st.
     balance_residual : float
-        Length of K_eq f - b_m, moments over R, over that of all forces.
+        Norm of K_eq f - b_m, with moments divided by R, divided by that of all forces.
     carried : float
         (K_st f).b_st/(b_st.b_st): 1 for forces that carry the measured stresses, 0 for f = 0.
     unknowns, rank : int
-        Components of forces to be found, and how many of them the rows determine, inequalities
-        aside. Redundant rows, in return, average noise out.
+        Number of force components to be found, and number of them that the rows determine without
+        the inequalities. Redundant rows average out noise.
     undetermined : ndarray of bool, shape (c,)
-        Contacts whose forces the rows leave open.
+        Contacts whose forces the rows do not determine.
     at_limit : ndarray of bool, shape (c,)
-        Contacts about to slip: friction is what holds the solution here.
+        Contacts about to slip, where the friction inequality is active.
     excess : float
-        Largest breach of repulsion or friction, over the mean force; 0 if there is none.
+        Largest violation of repulsion or friction, divided by the mean force; 0 if there is none.
     weight_of_norms : float
         With norms in place of squares the same forces minimise ``|K f - b| + w |f|`` (2.14, w the
         thesis' lambda^2, in metres) or ``|K_s f - b_s| + w |K_m f - b_m|`` (3.18, in metres; its
         moments over R). nan where a norm vanishes or errors are known.
     solver : str
     flags : tuple of Flag
-        Empty where nothing speaks against the forces. Each is also raised as a warning.
+        Defects; empty if none was found. Each is also issued as a warning.
     """
 
     packing: Packing
@@ -122,7 +123,7 @@ class Inference:
 
     @property
     def trusted(self) -> bool:
-        """Whether there are no flags."""
+        """True if there are no flags."""
         return not self.flags
 
 
@@ -135,7 +136,7 @@ def report(
     scale: float = 1.0,
     flags: tuple[Flag, ...] = (),
 ) -> Inference:
-    """The inference that a solution stands for; its flags are warned of, after those given."""
+    """Make the inference of a solution, and warn of the given flags and of those found."""
     rank, undetermined = determined(problem)
     mean = np.linalg.norm((problem.frame @ x).reshape(-1, problem.dim), axis=1).mean()
     stress, balance = problem.residuals(x)
@@ -174,7 +175,7 @@ def _carried(problem: Problem, x: Array) -> float:
 
 
 def _at_limit(problem: Problem, x: Array, mean: float) -> NDArray[np.bool_]:
-    """Loaded contacts within 1e-4 of the friction they have."""
+    """Loaded contacts within 1e-4 of their friction limit."""
     push, slipping = x[: len(problem.mu)], problem.slipping
     found = np.zeros(len(push), bool)
     slip = np.linalg.norm(problem.tangents(x), axis=1)
@@ -188,7 +189,8 @@ def _weight_of_norms(packing: Packing, problem: Problem, x: Array) -> float:
         return float("nan")
     stress, balance = problem.residuals(x)
     R, l2 = problem.length, problem.regularization**2
-    # Where one point minimises A^2 + l2 B^2 and A + w B alike, w = l2 B/A. R: rows were over R.
+    # A point that minimises both A^2 + l2 B^2 and A + w B has w = l2 B/A. The factor R is there
+    # because the rows were divided by R.
     other, factor = balance, problem.weight
     if np.isinf(factor):
         if not l2:
@@ -211,7 +213,7 @@ def _flags(found: Inference) -> tuple[Flag, ...]:
             f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {listed(which)}"
         )
         flags.append(Flag("rank", message))
-    # In motion many contacts slip in truth.
+    # In moving packings many contacts really slip.
     if frictional.any() and packing.accelerations is None and found.carried >= CARRIED:
         share = np.count_nonzero(found.at_limit) / np.count_nonzero(frictional)
         if share > AT_LIMIT:
@@ -221,11 +223,11 @@ def _flags(found: Inference) -> tuple[Flag, ...]:
     if exact and found.balance_residual > BALANCE:
         message = f"balance holds only to {found.balance_residual:.1g} of the forces"
         flags.append(Flag("unbalanced", message))
-    loose = packing.rattlers()
+    rattlers = packing.rattlers()
     size = np.linalg.norm(packing.stresses, axis=(1, 2))
-    loose = loose[size[loose] > 1e-3 * size.mean()]
-    if len(loose):
-        message = f"grains {listed(loose)} have stress but no contact: a contact is missing"
+    rattlers = rattlers[size[rattlers] > 1e-3 * size.mean()]
+    if len(rattlers):
+        message = f"grains {listed(rattlers)} have stress but no contact: a contact is missing"
         flags.append(Flag("stressed_rattlers", message))
     return tuple(flags)
 

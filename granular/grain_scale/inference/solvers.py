@@ -1,4 +1,4 @@
-"""Solvers of `Problem`: least squares where friction does not matter, a conic one, and SciPy's."""
+"""Solvers of `Problem`: least squares if no inequality is active, Clarabel, and SciPy's nnls."""
 
 from __future__ import annotations
 
@@ -20,39 +20,39 @@ __all__ = ["SOLVERS", "InferenceError", "solve"]
 Array = NDArray[np.float64]
 
 ADMISSIBLE = 1e-9
-"""How far a contact may leave its cone, over the typical force."""
+"""Largest distance by which a contact may leave its cone, divided by the typical force."""
 EXACT = 1e4
-"""Weight of rows that must hold exactly where a solver knows only least squares."""
+"""Weight of rows that must hold exactly, for a solver that is limited to least squares."""
 MULTIPLIERS = 6
-"""Rounds to bring such rows to hold."""
+"""Largest number of multiplier updates that make such rows hold."""
 FIRM = 1e4
-"""Weight of the balance in the search for what cannot be balanced."""
+"""Weight of the balance in the search for grains that cannot be in balance."""
 REFUSED = 0.3
-"""Grains are named that are out of balance by this share of the worst."""
+"""Grains are named if they are out of balance by this share of the worst."""
 DENSE = 400_000_000
-"""Bytes of the dense matrices of non-negative least squares, at most: about a minute."""
+"""Largest size of the dense matrices of non-negative least squares [bytes]: about a minute."""
 
 
 class InferenceError(RuntimeError):
-    """No forces are found: the constraints contradict each other, or the solver failed."""
+    """No forces were found, because the constraints contradict each other or the solver failed."""
 
 
 def solve(problem: Problem, solver: str = "auto") -> tuple[Array, str]:
-    """The unknowns that solve a problem, and how they were found.
+    """Solve a problem; return its unknowns and the name of the method that found them.
 
     Parameters
     ----------
     problem : Problem
     solver : {"auto", "clarabel", "nnls"}
-        "auto" looks first whether least squares without the inequalities keep them by themselves,
-        for then they are the solution, and takes Clarabel if not, or nnls without it.
+        "auto" first solves the least squares without the inequalities, which is the solution if it
+        satisfies them. Otherwise it uses Clarabel, or nnls if Clarabel is missing.
 
     Raises
     ------
     TypeError, ValueError
-        For an unknown solver, or nnls in space or for packings that are too large for it.
+        For an unknown solver, or nnls in 3D or for packings that are too large for it.
     ImportError
-        Where Clarabel is needed and missing.
+        If Clarabel is needed and missing.
     InferenceError
         If no forces meet the constraints, or the solver stops before its tolerance.
     """
@@ -71,7 +71,7 @@ def solve(problem: Problem, solver: str = "auto") -> tuple[Array, str]:
 
 
 def conic(problem: Problem) -> Array:
-    """By the interior-point method of Clarabel: friction cones are cones, in the plane lines."""
+    """Solve by the interior-point method of Clarabel, with friction cones in 3D and lines in 2D."""
     try:
         import clarabel
     except ImportError:
@@ -82,7 +82,7 @@ def conic(problem: Problem) -> Array:
     hard, fixed = problem.hard()
     (m, n), h = soft.shape, hard.shape[0]
     lines, cones = _cones(problem)
-    # The residuals are unknowns of their own: K'K would square the condition of K.
+    # The residuals are additional unknowns, since K'K would square the condition number of K.
     rows = [[soft, -diags_array(np.ones(m))], [-vstack([lines, cones]), None]]
     if h:
         rows.insert(1, [hard, None])
@@ -107,10 +107,10 @@ def _settings() -> Any:
     settings.verbose = False
     settings.max_threads = 1
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
-    # What is "almost solved" passes silently: it must not be far off.
+    # "Almost solved" is accepted silently, so its tolerances must be tight.
     settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = 1e-8
-    # Rows of balance may depend on one another, and the factors are then as good as singular: more
-    # regularisation, of which refinement leaves nothing in the solution.
+    # Rows of the balance may be linearly dependent, and the factors are then nearly singular. This
+    # needs more regularisation, whose effect the iterative refinement removes from the solution.
     settings.static_regularization_constant = 1e-7
     settings.iterative_refinement_max_iter = 50
     settings.iterative_refinement_abstol = settings.iterative_refinement_reltol = 1e-14
@@ -118,7 +118,7 @@ def _settings() -> Any:
 
 
 def _refusal(problem: Problem, x: Array) -> InferenceError:
-    """Which grains the forces that come nearest to it leave out of balance."""
+    """Error that names the grains which the nearest forces leave out of balance."""
     left = problem.balance @ x - problem.balance_target
     size = np.linalg.norm(left.reshape(-1, rows_of(problem.dim)), axis=1)
     return InferenceError(
@@ -129,7 +129,7 @@ def _refusal(problem: Problem, x: Array) -> InferenceError:
 
 
 def _cones(problem: Problem) -> tuple[csr_array, csr_array]:
-    """Rows that are >= 0, and blocks of three rows of which the first bounds the others."""
+    """Rows that must be >= 0, and blocks of three rows of which the first bounds the others."""
     c, n, d = len(problem.mu), problem.frame.shape[1], problem.dim
     slipping = problem.slipping
     rank = np.arange(len(slipping))
@@ -149,7 +149,7 @@ def _cones(problem: Problem) -> tuple[csr_array, csr_array]:
 
 
 def _rows(entries: list[tuple[NDArray[np.intp], Array | float]], n: int) -> csr_array:
-    """A row for each place in the lists, with an entry in the column that each list names."""
+    """Matrix with a row for each position in the lists and an entry in the column of each list."""
     count = len(entries[0][0])
     rows = np.tile(np.arange(count), len(entries))
     columns = np.concatenate([column for column, _ in entries])
@@ -163,9 +163,9 @@ def _dense_bytes(problem: Problem) -> int:
 
 
 def non_negative(problem: Problem) -> Array:
-    """By SciPy's non-negative least squares, in the plane: edges of the cones get amounts >= 0."""
+    """Solve in 2D by SciPy's non-negative least squares, with amounts >= 0 of the cones' edges."""
     if problem.dim == 3:
-        raise ValueError("solver = 'nnls' must be 'auto' or 'clarabel' in space: cones are round")
+        raise ValueError("solver = 'nnls' must be 'auto' or 'clarabel' in 3D: cones are round")
     if _dense_bytes(problem) > DENSE:
         raise ValueError(
             f"solver = 'nnls' would take {_dense_bytes(problem) / 1e9:.1f} GB and minutes for "
@@ -179,7 +179,7 @@ def non_negative(problem: Problem) -> Array:
         rows.append(problem.regularization * diags_array(np.ones(soft.shape[1])))
         below.append(np.zeros(soft.shape[1]))
     matrix = (vstack(rows, format="csr") @ edges).toarray()
-    # What the weight leaves of the exact rows is added to what they should give, and so on.
+    # The residual of the exact rows is added to their right-hand sides, repeatedly.
     wanted = fixed.copy()
     for _ in range(MULTIPLIERS):
         right = np.concatenate([EXACT * wanted, *below])
@@ -198,7 +198,7 @@ def non_negative(problem: Problem) -> Array:
 
 
 def _edges(problem: Problem) -> csr_array:
-    """Columns that span each cone: (1, +-mu); (1, 0) without friction; besides (0, +-1) for inf."""
+    """Columns that span each cone: (1, +-mu), or (1, 0) without friction; also (0, +-1) for inf."""
     c, mu = len(problem.mu), problem.mu
     slipping = problem.slipping
     tangent = c + np.arange(len(slipping))

@@ -1,4 +1,4 @@
-"""Forces in packings at rest: balance holds exactly, stresses as well as can be."""
+"""Forces in packings at rest: the balance holds exactly, the stresses by least squares."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ __all__ = ["BoundaryForce", "boundary_force", "infer_static", "infer_with_bounda
 Array = NDArray[np.float64]
 
 LARGEST = 1e3
-"""lambda/R beyond which no more is looked for."""
+"""Largest lambda/R of the search."""
 FLAT = 0.05
-"""How far a platen may be from flat, over the mean radius."""
+"""Largest deviation of a platen from flat, divided by the mean radius."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BoundaryForce:
-    """What a load cell says of one wall.
+    """Force of one wall, as measured by a load cell.
 
     Attributes
     ----------
     body : int
-        The wall, < 0.
+        Number of the wall, < 0.
     direction : tuple of float
-        Unit vector; normalised if it is not.
+        Direction of the force; it is normalised.
     value : float
-        Force of the wall on the packing along it [N], in the plane [N/m]; > 0.
+        Force of the wall on the packing along the direction [N], in 2D [N/m]; > 0.
     opposite : int, optional
-        The wall that carries the same force on the other side, for `by="virial"`.
+        Number of the wall that carries the same force on the other side, for `by="virial"`.
 
     Raises
     ------
@@ -71,20 +71,20 @@ def infer_static(
     regularization: float = 0.0,
     solver: str = "auto",
 ) -> Inference:
-    """Forces in a packing at rest (Hurley's thesis, eqs 2.13, 2.14; in space with cones as 3.19).
+    """Forces in a packing at rest (Hurley's thesis, eqs 2.13, 2.14; in 3D with cones as in 3.19).
 
-    ``min |K_st f - b_st|^2 + lambda^2 |f|^2`` with ``K_eq f = b_m`` and ``B f >= 0``, where b_m is
-    zero but for gravity and accelerations that the packing has.
+    The forces solve ``min |K_st f - b_st|^2 + lambda^2 |f|^2`` with ``K_eq f = b_m`` and
+    ``B f >= 0``, where b_m is zero except for gravity and accelerations of the packing.
 
     Parameters
     ----------
     packing : Packing
-        Or a `Packing.subset`: inference within a window.
+        The packing, or a `Packing.subset` for inference within a window.
     mu : float or array_like, shape (c,)
-        Friction coefficient, of all contacts or of each; inf for repulsion alone.
+        Friction coefficient of all contacts or of each; inf for repulsion alone.
     mu_wall : float or dict, optional
-        Of walls where it differs; 0 says that the tangential forces there are known to be zero,
-        which helps against noise.
+        Friction coefficient of the walls where it differs; 0 if the tangential forces there are
+        known to be zero, which reduces the effect of noise.
     regularization : float
         lambda/R, >= 0.
     solver : {"auto", "clarabel", "nnls"}
@@ -98,7 +98,7 @@ def infer_static(
     TypeError, ValueError
         Naming argument, value and allowed range.
     ImportError
-        Where Clarabel is needed and missing.
+        If Clarabel is needed and missing.
     InferenceError
         If no forces meet the constraints, or the solver stops before its tolerance.
 
@@ -114,7 +114,7 @@ def infer_static(
 
 
 def boundary_force(packing: Packing, forces: Array, known: BoundaryForce) -> float:
-    """The force of a wall on the packing along a direction [N], eq. 2.17."""
+    """Force of a wall on the packing along a direction [N], eq. 2.17."""
     return float(_at_wall(packing, known).ravel() @ np.asarray(forces).ravel())
 
 
@@ -127,7 +127,7 @@ def infer_with_boundary(
     by: str = "regularization",
     solver: str = "auto",
 ) -> Inference:
-    """Forces that agree with a load cell, for stresses that are wrong by a factor.
+    """Forces that agree with a load cell, if the stresses are wrong by a factor.
 
     Parameters
     ----------
@@ -135,11 +135,12 @@ def infer_with_boundary(
         See `infer_static`.
     known : BoundaryForce
     by : {"regularization", "force", "virial"}
-        How the known force is met: by the lambda of (2.14), as in the thesis (for stresses that
-        are overestimated only); by multiplying the forces of (2.13) until the wall's is right; or
-        by multiplying them so that the measured stresses add up to what the force between two
-        flat platens makes them, ``sum V d.s.d = -F H``, which averages the noise of all grains
-        (needs `opposite`, no gravity, and other walls without friction along the direction).
+        Method by which the known force is met. "regularization": by the lambda of (2.14), as in the
+        thesis, only for overestimated stresses. "force": by scaling the forces of (2.13) until that
+        of the wall is correct. "virial": by scaling them so that the measured stresses agree with
+        the force between two flat platens, ``sum V d.s.d = -F H``. This averages the noise of all
+        grains; it needs `opposite`, no gravity, and no friction along the direction at the other
+        walls.
 
     Returns
     -------
@@ -148,10 +149,11 @@ def infer_with_boundary(
     Raises
     ------
     TypeError, ValueError
-        As `infer_static`; for a wall that is not there, platens that are not flat, or grains
-        in contact that are not joined to the wall, of which the known force says nothing.
+        As `infer_static`; for a wall that does not exist, platens that are not flat, or grains
+        that have contacts but are not connected to the wall, about which the known force contains
+        no information.
     InferenceError
-        As `infer_static`, and if the wall's force comes out as zero or as a pull.
+        As `infer_static`, and if the inferred force of the wall is zero or tensile.
 
     Warns
     -----
@@ -187,7 +189,7 @@ def infer_with_boundary(
 
 
 def _regularization(problem: Problem, row: Array, value: float, solver: str) -> float:
-    """lambda/R at which the wall's force is the known one: it falls as lambda grows."""
+    """lambda/R at which the force of the wall is the known one; the force falls with lambda."""
 
     def off(regularization: float) -> float:
         x, _ = solve(problem.replace(regularization=regularization), solver)
@@ -202,7 +204,7 @@ def _regularization(problem: Problem, row: Array, value: float, solver: str) -> 
 
 
 def _at_wall(packing: Packing, known: BoundaryForce) -> Array:
-    """What each component of each force adds to that of the wall on the packing, shape (c, d)."""
+    """Coefficients of all force components in the force of the wall on the packing, (c, d)."""
     direction = np.array(vector("direction", known.direction, packing.dim))
     rows = np.zeros((len(packing.bodies), packing.dim))
     for side, sign in ((1, 1.0), (0, -1.0)):
@@ -226,7 +228,7 @@ def _check_joined(packing: Packing, known: BoundaryForce) -> None:
 
 
 def _virial_scale(packing: Packing, known: BoundaryForce) -> float:
-    """Known over measured sum of V d.s.d, the known one -F H for platens at a distance H."""
+    """Known sum of V d.s.d (-F H for platens at a distance H) divided by the measured one."""
     if known.opposite is None:
         raise ValueError('by = "virial" needs the wall opposite to the known one')
     if packing.gravity is not None or packing.accelerations is not None:

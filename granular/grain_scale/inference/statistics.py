@@ -1,4 +1,4 @@
-"""What forces at contacts add up to: macroscopic stress, networks and chains, impulses, decay."""
+"""Statistics of contact forces: macroscopic stress, networks and chains, impulses, decay."""
 
 from __future__ import annotations
 
@@ -30,23 +30,24 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class ForceStatistics:
-    """How forces are distributed.
+    """Distribution of forces.
 
     Attributes
     ----------
     mean : float
-        Of the magnitudes over the loaded contacts [N].
+        Mean magnitude over the loaded contacts [N].
     strong : ndarray of bool, shape (c,)
         Contacts that bear more than the mean.
     strong_share : float
-        Of the loaded contacts. (About 40 %, the weak network 60 %; Radjai et al. 1998.)
+        Share of the strong among the loaded contacts (about 40 %; the weak network has 60 %; Radjai
+        et al. 1998).
     decay : float
-        b of the distribution exp(-b F/mean) above the mean, of largest likelihood; about 1 in
+        b of the distribution exp(-b F/mean) above the mean, by maximum likelihood; about 1 in
         dense packings. nan without strong contacts.
     decay_error : float
-        Standard error of b: b over the root of the number of strong contacts.
+        Standard error of b: b divided by the root of the number of strong contacts.
     scaled : ndarray, shape (loaded,)
-        Magnitudes over the mean, ascending.
+        Magnitudes divided by the mean, ascending.
     """
 
     mean: float
@@ -75,17 +76,17 @@ def macroscopic_stress(
     ----------
     packing : Packing
     forces : array_like, shape (c, d)
-        On the first bodies [N], in the plane [N/m].
+        Forces on the first bodies [N], in 2D [N/m].
     volume : float
-        Of the assembly, voids included [m3], in the plane [m2]; > 0.
+        Volume of the assembly, voids included [m3], in 2D [m2]; > 0.
     walls : bool
-        Whether contacts with walls count, with branches from the centroid to the contact. With
+        If true, contacts with walls count, with branches from the centroid to the contact. With
         them the sum is exact at rest; the thesis leaves them out.
 
     Returns
     -------
     ndarray, shape (d, d)
-        [Pa]
+        Stress [Pa].
 
     Raises
     ------
@@ -94,7 +95,7 @@ def macroscopic_stress(
     """
     forces = _check_forces(packing, forces)
     positive("volume", volume)
-    # Arms of both sides make the branch between two centroids.
+    # The arms of both sides add up to the branch between two centroids.
     total = np.zeros((packing.dim, packing.dim))
     inner = (packing.bodies >= 0).all(axis=1)
     for contacts, _, sign, arms in packing.sides():
@@ -109,7 +110,7 @@ def force_statistics(forces: ArrayLike, *, loaded: float = 1e-3) -> ForceStatist
     Parameters
     ----------
     forces : array_like, shape (c, d)
-        [N]
+        Forces [N].
     loaded : float
         Contacts count if they bear more than this share of the largest force, 0 <= loaded < 1.
 
@@ -141,11 +142,11 @@ def force_statistics(forces: ArrayLike, *, loaded: float = 1e-3) -> ForceStatist
 def force_chains(
     packing: Packing, stresses: ArrayLike | None = None, *, angle_deg: float = 45.0, least: int = 3
 ) -> list[Index]:
-    """Chains of grains that pass large compression on, nearly straight (Peters et al. 2005).
+    """Nearly straight chains of grains that transmit large compression (Peters et al. 2005).
 
-    Links join touching grains that both bear more than the mean largest compression (of the grains
-    that touch anything) and whose branch lies within an angle of both directions of it. A chain is
-    what such links join, branches included.
+    Two touching grains are linked if both have a largest compression above the mean of the grains
+    with contacts, and if the branch between them lies within an angle of both directions of largest
+    compression. A chain is a connected set of links, branches included.
 
     Parameters
     ----------
@@ -153,7 +154,7 @@ def force_chains(
     stresses : array_like, shape (n, d, d), optional
         Average stresses of the grains [Pa]; those of the packing by default.
     angle_deg : float
-        0 < angle_deg <= 90.
+        Largest angle [deg], 0 < angle_deg <= 90.
     least : int
         Number of grains of the shortest chain, >= 2.
 
@@ -201,20 +202,22 @@ def net_forces(packing: Packing, forces: ArrayLike) -> Array:
 
 
 def impulses(net: ArrayLike, times: ArrayLike) -> Array:
-    """Impulses of the contact forces by the trapezoidal rule; over the masses, changes of velocity.
+    """Impulses of the contact forces by the trapezoidal rule.
+
+    Divided by the masses, they are the changes of velocity due to contacts.
 
     Parameters
     ----------
     net : array_like, shape (t, n, d)
-        Net force on each grain in each frame [N] (`net_forces`; zero where nothing touches). The
-        momentum that gravity gives is not in it.
+        Net force on each grain in each frame [N] (`net_forces`; zero without contacts), without
+        gravity.
     times : array_like, shape (t,)
-        [s], ascending.
+        Times [s], ascending.
 
     Returns
     -------
     ndarray, shape (n, d)
-        [N s]
+        Impulses [N s].
 
     Raises
     ------
@@ -241,18 +244,19 @@ def largest_by_distance(
     Parameters
     ----------
     forces : sequence of array_like, shapes (c, d)
-        Frame by frame [N].
+        Forces frame by frame [N].
     distances : sequence of array_like, shapes (c,)
-        Of the contacts from the surface of the intruder [m]; negative ones are left out.
+        Distances of the contacts from the surface of the intruder [m]; contacts with negative ones
+        are left out.
     bin_width : float
-        The smallest diameter in the bed [m], > 0.
+        Width of a bin [m], the smallest diameter in the bed; > 0.
     bins : int
-        >= 1.
+        Number of bins, >= 1.
 
     Returns
     -------
     ndarray, shape (bins,)
-        Of contacts from k to k + 1 widths away [N]; nan where there are none.
+        Largest force of the contacts from k to k + 1 widths away [N]; nan where there are none.
 
     Raises
     ------
