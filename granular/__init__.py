@@ -1,7 +1,15 @@
 """Dense granular flow as a continuum through all its phases: heap, flow and gas."""
 
 from importlib import import_module
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
 from types import ModuleType
+
+if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
+    raise ImportError(
+        f"the folder {Path(__file__).parent} is source code without its compiled core and hides the "
+        "installed package: run Python in another folder, or install with `pip install -e .`"
+    )
 
 from granular import economy, grain_scale, materials, measure, scenes, sph, theory
 from granular.diagnostics import StabilityWarning, scene_warnings

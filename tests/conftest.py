@@ -1,5 +1,7 @@
 """Fixtures shared by all test folders: small scenes in every scheme that can be built."""
 
+import signal
+
 import pytest
 from schemes_by_name import scheme_of
 
@@ -22,6 +24,17 @@ def pytest_collection_modifyitems(items):
     """Let schemes that warn run in tests of every scheme; all other warnings are errors."""
     for item in items:
         item.add_marker(pytest.mark.filterwarnings("ignore::granular.StabilityWarning"))
+
+
+@pytest.fixture
+def ctrl_c():
+    """Ctrl-C raises KeyboardInterrupt, here and in processes that the test starts.
+
+    A process started in the background (`nohup`, a batch system) ignores it, and so do its children.
+    """
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(params=COMBINATIONS, ids="-".join)

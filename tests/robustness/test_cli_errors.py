@@ -99,6 +99,7 @@ def test_a_failing_run_exits_with_one(error, tmp_path, monkeypatch, capsys):
     assert said.count("\n") == 1
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_leaves_a_record_that_goes_on(tmp_path):
     path = tmp_path / "a.h5"
     long = ["run", "column_collapse", "--cell", "0.02", "--every", "0.01"]

@@ -139,6 +139,7 @@ def test_a_finished_frame_does_not_wait_for_the_next(small_scene, tmp_path, monk
     assert len(between) > 5
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_an_interrupt_in_the_step_of_a_frame_does_not_cost_the_frame(small_scene, tmp_path):
     """A frame whose step is interrupted is stored; the resumed run would only make the next one."""
     scene, path = small_scene("walls", 2, PLAIN, E=1e5), tmp_path / "run.h5"
@@ -188,6 +189,7 @@ CHILD = textwrap.dedent(
 )
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_path):
     """An interrupt returns within 0.2 s, with a state that can be resumed, five times in one run.
 
@@ -218,6 +220,7 @@ def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_p
     assert cpu.max() < 0.2
 
 
+@pytest.mark.usefixtures("ctrl_c")
 def test_the_handler_of_the_user_comes_back(small_scene):
     before = signal.getsignal(signal.SIGINT)
     gr.Simulation(small_scene("walls", 2, PLAIN), threads=1).run(until=0.01)

@@ -120,6 +120,7 @@ def test_complete_cases_are_not_run_again(scenes, tmp_path, monkeypatch):
     assert [(tmp_path / f"{i}.h5").read_bytes() for i in range(2)] == before
 
 
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("moment", [0.012, 0.019])
 def test_an_interrupted_sweep_goes_on_to_the_same_bits(
     scenes, tmp_path, monkeypatch, processors, moment
@@ -241,6 +242,7 @@ def test_processes(scenes, tmp_path):
             assert shown(record) == shown(here[i])
 
 
+@pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_a_signal_stops_processes_and_leaves_valid_records(small_scene, tmp_path, number):
     """Only the parent receives the signal, as in a notebook; its processes stop at once."""
