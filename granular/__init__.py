@@ -7,8 +7,8 @@ from types import ModuleType
 
 if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
     raise ImportError(
-        f"the folder {Path(__file__).parent} is source code without its compiled core and hides the "
-        "installed package: run Python in another folder, or install with `pip install -e .`"
+        f"the folder {Path(__file__).parent} is source code without its compiled core and hides "
+        "the installed package: run Python in another folder, or install with `pip install -e .`"
     )
 
 from granular import economy, grain_scale, materials, measure, scenes, sph, theory

@@ -46,6 +46,7 @@ struct gr_config {
     double lower[3], dx, lambda;
     int n_c0_lines[3];
     const int32_t *c0_lines[3];
+    struct gr_scheme_numbers scheme; /* as given; what follows is made of them and of the scene */
     double keep_velocity_rate; /* 1/s: f = exp(-rate dt) of FLIP survives a step; < 0: nothing survives (PIC, APIC) */
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
     double parameter[GR_LAW_MAX_PARAMETERS];

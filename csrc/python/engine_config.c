@@ -193,6 +193,7 @@ static int take_scheme(struct gr_config *c, PyObject *dict, int transfer, double
                                  [GR_TRANSFER_apic] = GR_AFFINE_MOMENT,
                                  [GR_TRANSFER_tpic] = GR_AFFINE_GRADIENT,
                                  [GR_TRANSFER_xpic] = GR_AFFINE_NONE};
+    c->scheme = q;
     c->affine = affine[transfer];
     c->xpic_order = transfer == GR_TRANSFER_xpic ? (int)fmin(fmax(q.xpic_order, -1), 100) : 0;
     c->keep_velocity_rate = transfer == GR_TRANSFER_apic   ? -1
