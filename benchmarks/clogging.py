@@ -27,7 +27,7 @@ import numpy as np
 
 import granular as gr
 from granular.measure import LatticeField
-from granular.measure.velocity_slices import HEIGHTS
+from granular.measure.silo_clogging.velocity_slices import HEIGHTS
 
 OUT = Path("benchmarks/results/clogging.json")
 FOLDER = Path("build/clogging")
@@ -193,8 +193,8 @@ def pressure_noise(states: Sequence[gr.State]) -> float:
 
 def numbers(record: gr.Trajectory) -> dict[str, Any]:
     """Verdicts, outflow, arch, and noise of a record."""
-    history = gr.measure.silo_history(record)
-    verdict = gr.measure.flow_verdict(history)
+    history = gr.measure.silo_clogging.silo_history(record)
+    verdict = gr.measure.silo_clogging.flow_verdict(history)
     duration = record.scene.duration
     middle = np.interp((duration / 3, 2 * duration / 3), history.times, history.mass)
     states = late(record, duration)
@@ -213,7 +213,7 @@ def numbers(record: gr.Trajectory) -> dict[str, Any]:
         "seconds": record.path.stat().st_mtime - begin,
     }
     if verdict.verdict == "static":
-        row["crown"] = gr.measure.arch_outline(states).relative_crown
+        row["crown"] = gr.measure.silo_clogging.arch_outline(states).relative_crown
     return {name: round(v, 6) if isinstance(v, float) else v for name, v in row.items()}
 
 
@@ -268,8 +268,8 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
     if ratio >= 3:
         return found | slice_difference(states)
     for name, record, frames in zip(("coarse", "fine"), (coarse, *fine), states, strict=False):
-        if gr.measure.flow_verdict(record).verdict == "static":
-            arch = gr.measure.arch_outline(frames)
+        if gr.measure.silo_clogging.flow_verdict(record).verdict == "static":
+            arch = gr.measure.silo_clogging.arch_outline(frames)
             found[f"arch_{name}"] = {
                 "x": arch.x.round(5).tolist(),
                 "y": arch.y.round(5).tolist(),
@@ -302,7 +302,7 @@ def slice_difference(states: Sequence[list[gr.State]]) -> dict[str, Any]:
     """Velocities of the coarse states and mean of the others, at heights in units of coarse W."""
     W = [frames[0].scene.parameters["orifice"] for frames in states]
     coarse, *fine = (
-        gr.measure.velocity_slices(frames, np.array(HEIGHTS) * W[0] / width)
+        gr.measure.silo_clogging.velocity_slices(frames, np.array(HEIGHTS) * W[0] / width)
         for frames, width in zip(states, W, strict=True)
     )
     found: dict[str, Any] = {}
@@ -323,7 +323,7 @@ def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
     W = gr.scenes.clogging_silo().parameters["orifice"]
     at = min(FLOWING_FRAME, record.scene.duration - AROUND)
     heights = np.array(HEIGHTS) * W / record.scene.parameters["orifice"]
-    found = gr.measure.velocity_slices(window(record, at, AROUND), heights)
+    found = gr.measure.silo_clogging.velocity_slices(window(record, at, AROUND), heights)
     return found.x, found.velocity
 
 
@@ -395,7 +395,9 @@ def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
         mine = [row for row in rows if row["scheme"] == scheme]
         A, ratio = np.array([row["case"] for row in mine]).T
         found[scheme] = {
-            rule: asdict(gr.measure.flow_threshold(A, ratio, [row[rule] for row in mine]))
+            rule: asdict(
+                gr.measure.silo_clogging.flow_threshold(A, ratio, [row[rule] for row in mine])
+            )
             for rule in ("verdict", "published_rule")
         }
     return found

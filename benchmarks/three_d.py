@@ -106,7 +106,7 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
 
 def tool(record: gr.Trajectory) -> dict:
     """Mean forces at depth, and their time series."""
-    force = gr.measure.tool_force(record, window=2)
+    force = gr.measure.soil_tools.tool_force(record, window=2)
     height, deepest = force.position[:, 2], force.position[:, 2].min()
     level = height - deepest < 0.01 * abs(deepest)
     return {
@@ -125,7 +125,7 @@ def tool(record: gr.Trajectory) -> dict:
 
 def wheel(record: gr.Trajectory) -> dict:
     """Means over the second half of the time in which the wheel rolls."""
-    history = gr.measure.wheel_history(record, window=2)
+    history = gr.measure.soil_tools.wheel_history(record, window=2)
     late = history.times > (record.times[-1] + record.scene.parameters["settle"]) / 2
     load = float(history.load[late].mean())
     return {

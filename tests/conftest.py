@@ -30,7 +30,7 @@ def pytest_collection_modifyitems(items):
 def ctrl_c():
     """Ctrl-C raises KeyboardInterrupt, here and in processes that the test starts.
 
-    A process started in the background (`nohup`, a batch system) ignores it, and so do its children.
+    Processes started in the background (`nohup`, a batch system) ignore it, as do their children.
     """
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield

@@ -21,7 +21,9 @@ def main(argv: list[str] | None = None) -> None:
     )
     flight, impact = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)
     states = states_at(scene, (*flight, *impact, scene.duration), chosen)
-    picture = plot.figure_11(states[: len(flight)], states[len(flight) : -1], states[-1])
+    picture = plot.dunatunga_kamrin_2015.figure_11(
+        states[: len(flight)], states[len(flight) : -1], states[-1]
+    )
     save(picture, chosen, "figure_11")
 
 

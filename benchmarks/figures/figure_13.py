@@ -15,12 +15,14 @@ APPENDIX_E = 1e4
 """Young's modulus of appendix B [Pa]."""
 
 
-def _path(material: gr.materials.MuI, dt: float) -> plot.ConstitutivePath:
+def _path(material: gr.materials.MuI, dt: float) -> plot.dunatunga_kamrin_2015.ConstitutivePath:
     times, stress = constitutive_path(material, P0, dt)
     p = -stress[:, :3].sum(axis=1) / 3
     deviator = stress[:, :3] + p[:, None]
     tau = np.sqrt((deviator**2).sum(axis=1) / 2 + stress[:, 3] ** 2)
-    return plot.ConstitutivePath(dt, times, stress, gr.theory.plastic_shear_rate(p, tau, material))
+    return plot.dunatunga_kamrin_2015.ConstitutivePath(
+        dt, times, stress, gr.theory.plastic_shear_rate(p, tau, material)
+    )
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -31,7 +33,7 @@ def main(argv: list[str] | None = None) -> None:
     finest = min(paths, key=lambda path: path.dt)
     times = np.linspace(0.0, DURATION, len(finest.times))
     exact = gr.theory.reference(chosen.material, P0, times)
-    save(plot.figure_13(paths, exact), chosen, "figure_13")
+    save(plot.dunatunga_kamrin_2015.figure_13(paths, exact), chosen, "figure_13")
 
 
 if __name__ == "__main__":

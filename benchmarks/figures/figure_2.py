@@ -20,7 +20,7 @@ def main(argv: list[str] | None = None) -> None:
         )
         name = f"a = {aspect:g}"
         columns.append(states_at(scene, (0.0, 0.5, 2.0), chosen, name=name))
-    save(plot.figure_2(columns), chosen, "figure_2")
+    save(plot.dunatunga_kamrin_2015.figure_2(columns), chosen, "figure_2")
 
 
 if __name__ == "__main__":

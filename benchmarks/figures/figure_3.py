@@ -27,7 +27,7 @@ def main(argv: list[str] | None = None) -> None:
             label = f"{name}, a = {aspect:g}"
             (last,) = states_at(scene, (scene.duration,), chosen, name=label)
             runouts[name].append(gr.measure.runout(last))
-    save(plot.figure_3(aspects, runouts), chosen, "figure_3")
+    save(plot.dunatunga_kamrin_2015.figure_3(aspects, runouts), chosen, "figure_3")
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ def main(argv: list[str] | None = None) -> None:
         )
         name = f"D = {orifice:g} m"
         silos.append(states_at(scene, (0.0, 2.0, 5.0), chosen, name=name))
-    save(plot.figure_4(silos), chosen, "figure_4")
+    save(plot.dunatunga_kamrin_2015.figure_4(silos), chosen, "figure_4")
 
 
 if __name__ == "__main__":

@@ -36,7 +36,7 @@ def main(argv: list[str] | None = None) -> None:
     rho = chosen.material.rho_c
     fit = gr.measure.beverloo(list(histories), rates, rho=rho)
     shown = {d: h for d, h in histories.items() if chosen.quick or round(100 * d) % 4 == 2}
-    save(plot.figure_5(shown, fit, rho=rho), chosen, "figure_5")
+    save(plot.dunatunga_kamrin_2015.figure_5(shown, fit, rho=rho), chosen, "figure_5")
 
 
 if __name__ == "__main__":

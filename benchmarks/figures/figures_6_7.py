@@ -24,9 +24,9 @@ def main(argv: list[str] | None = None) -> None:
         )
         runs.append(states_at(scene, (0.0, 1.0, 2.0, 5.0), chosen))
     flat, sloped = runs
-    save(plot.figure_6(flat, sloped), chosen, "figure_6")
-    save(plot.figure_7(flat, sloped), chosen, "figure_7")
-    save(plot.figure_7(flat, sloped, by="stress"), chosen, "figure_7_stress")
+    save(plot.dunatunga_kamrin_2015.figure_6(flat, sloped), chosen, "figure_6")
+    save(plot.dunatunga_kamrin_2015.figure_7(flat, sloped), chosen, "figure_7")
+    save(plot.dunatunga_kamrin_2015.figure_7(flat, sloped, by="stress"), chosen, "figure_7_stress")
 
 
 if __name__ == "__main__":

@@ -21,9 +21,9 @@ def main(argv: list[str] | None = None) -> None:
             scheme=chosen.scheme,
         )
 
-    def last_and_flow(angle: float) -> plot.InclineFlow:
+    def last_and_flow(angle: float) -> plot.dunatunga_kamrin_2015.InclineFlow:
         name, every = f"{angle} deg", until / 100
-        return plot.InclineFlow.measured(
+        return plot.dunatunga_kamrin_2015.InclineFlow.measured(
             frames(scene(angle), until, every, lambda s: s, chosen, name=name)
         )
 
@@ -31,8 +31,12 @@ def main(argv: list[str] | None = None) -> None:
     (state,) = states_at(scene(25), (3 * until,), chosen, name="profile at 25 deg")
     grains = chosen.material
     shown = [flow for flow in flows if flow.angle_deg in (19, 22, 25, 28, 31, 34)]
-    save(plot.figure_9(shown, mu_s=grains.mu_s, mu_2=grains.mu_2), chosen, "figure_9")
-    save(plot.figure_10(flows, state), chosen, "figure_10")
+    save(
+        plot.dunatunga_kamrin_2015.figure_9(shown, mu_s=grains.mu_s, mu_2=grains.mu_2),
+        chosen,
+        "figure_9",
+    )
+    save(plot.dunatunga_kamrin_2015.figure_10(flows, state), chosen, "figure_10")
 
 
 if __name__ == "__main__":

@@ -70,7 +70,7 @@ def draw_diagram(ax: Axes, rows: list[dict]) -> None:
         m = GRAINS
         return theory.stopping_height(angle, m.A, m.d, m.mu_s, m.mu_2) / m.d
 
-    plot.phase_diagram(
+    plot.silo_clogging.phase_diagram(
         [row["angle_deg"] for row in rows],
         [row["height"] / GRAINS.d for row in rows],
         [row["verdict"] for row in rows],

@@ -17,7 +17,7 @@ from matplotlib.colors import LogNorm
 import granular as gr
 from granular import plot
 from granular.measure import LatticeField
-from granular.measure.velocity_slices import HEIGHTS
+from granular.measure.silo_clogging.velocity_slices import HEIGHTS
 from granular.scenes.clogging_silo import linear_flip
 
 SCHEMES = {
@@ -132,8 +132,8 @@ def figure_4a(chosen: argparse.Namespace) -> None:
         rows = [row for row in table["diagram"] if row["scheme"] == scheme]
         A, ratio = np.array([row["case"] for row in rows]).T
         verdicts = [row["verdict"] for row in rows]
-        lines = gr.measure.flow_threshold(A, ratio, verdicts)
-        plot.phase_diagram(A, ratio, verdicts, threshold=lines, ax=ax)
+        lines = gr.measure.silo_clogging.flow_threshold(A, ratio, verdicts)
+        plot.silo_clogging.phase_diagram(A, ratio, verdicts, threshold=lines, ax=ax)
         ax.set_title(scheme)
     save(fig, chosen, "ngf_figure_4a")
 
@@ -175,7 +175,7 @@ def figure_6(silos: dict[float, dict[int, gr.State]], chosen: argparse.Namespace
                 ax.plot(x, y, color="black", linewidth=0.7)
                 ax.plot(-x, y, color="black", linewidth=0.7)
         ax.set_title(f"A = {A:g}, t = {state.time:.3f} s")
-        slices(curve, gr.measure.velocity_slices(state), "o-")
+        slices(curve, gr.measure.silo_clogging.velocity_slices(state), "o-")
         for height, color in zip(HEIGHTS, COLORS, strict=True):
             ax.axhline(height * W, color=color, linewidth=1)
     fig.colorbar(image, ax=list(above), label="speed [m/s]")
@@ -185,7 +185,7 @@ def figure_6(silos: dict[float, dict[int, gr.State]], chosen: argparse.Namespace
     save(fig, chosen, "ngf_figure_6")
 
 
-def slices(ax: Axes, found: gr.measure.VelocitySlices, marker: str) -> None:
+def slices(ax: Axes, found: gr.measure.silo_clogging.VelocitySlices, marker: str) -> None:
     for row, height, color in zip(found.velocity, HEIGHTS, COLORS, strict=True):
         x, v = (np.concatenate([s * a[:0:-1], a]) for s, a in ((-1, found.x), (1, row)))
         ax.plot(x, v, marker, color=color, markersize=3, linewidth=1, label=f"y = {height:g} W")
@@ -196,8 +196,8 @@ def slices(ax: Axes, found: gr.measure.VelocitySlices, marker: str) -> None:
 def figure_7(steady: list[gr.State], chosen: argparse.Namespace) -> None:
     fig = plot.Picture(figsize=(6.5, 4.6), layout="compressed")
     ax = fig.add_subplot()
-    found = gr.measure.velocity_slices(steady)
-    fit = gr.measure.gaussian_fit(found)
+    found = gr.measure.silo_clogging.velocity_slices(steady)
+    fit = gr.measure.silo_clogging.gaussian_fit(found)
     slices(ax, found, "o")
     x = np.linspace(-found.x.max(), found.x.max(), 201)
     for y, C, offset, color in zip(found.heights, fit.amplitude, fit.offset, COLORS, strict=True):

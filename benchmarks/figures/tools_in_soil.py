@@ -149,7 +149,7 @@ def failure(records: dict[str, Path]) -> plot.Picture:
         plot.frame(
             late[-1], "speed", ax=ax, limits=(0.0, speed), extent=extent, title=LAWS.get(name, name)
         )
-        found = gr.measure.failure_surface(late, speed=speed)
+        found = gr.measure.soil_tools.failure_surface(late, speed=speed)
         ax.step(found.x, found.z, where="mid", color="black")
     return picture
 

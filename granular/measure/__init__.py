@@ -4,7 +4,7 @@ Every function takes a `State` (or an iterable of states) and returns plain numb
 small frozen dataclass. No function changes its arguments.
 """
 
-from granular.measure.arch import Arch, arch_outline
+from granular.measure import silo_clogging, soil_tools
 from granular.measure.averages import (
     Contour,
     LatticeField,
@@ -40,7 +40,6 @@ from granular.measure.fields import (
     phase,
     smooth,
 )
-from granular.measure.flow_threshold import FlowThreshold, flow_threshold
 from granular.measure.heap import Repose, Runout, Surface, repose_angle, runout, surface
 from granular.measure.kinetic import (
     MassBalance,
@@ -65,27 +64,9 @@ from granular.measure.profiles import (
     scaled_inertial_number,
     velocity_profile,
 )
-from granular.measure.silo_flow import FlowVerdict, SiloHistory, flow_verdict, silo_history
 from granular.measure.stress import friction
-from granular.measure.tools import (
-    FailureSurface,
-    StrainHistory,
-    ToolForce,
-    WheelHistory,
-    failure_surface,
-    strain_history,
-    tool_force,
-    wheel_history,
-)
-from granular.measure.velocity_slices import (
-    GaussianFit,
-    VelocitySlices,
-    gaussian_fit,
-    velocity_slices,
-)
 
 __all__ = [
-    "Arch",
     "BeverlooFit",
     "BodyForce",
     "BodyMotion",
@@ -95,10 +76,6 @@ __all__ = [
     "Discharge",
     "Energy",
     "EnergyBudget",
-    "FailureSurface",
-    "FlowThreshold",
-    "FlowVerdict",
-    "GaussianFit",
     "LatticeField",
     "MassBalance",
     "MassHistory",
@@ -106,15 +83,9 @@ __all__ = [
     "Profile",
     "Repose",
     "Runout",
-    "SiloHistory",
     "StepBudget",
-    "StrainHistory",
     "StressFreeError",
     "Surface",
-    "ToolForce",
-    "VelocitySlices",
-    "WheelHistory",
-    "arch_outline",
     "beverloo",
     "body_force",
     "body_motion",
@@ -130,14 +101,10 @@ __all__ = [
     "disconnected_fraction",
     "energy",
     "energy_budget",
-    "failure_surface",
-    "flow_threshold",
-    "flow_verdict",
     "frame_average",
     "friction",
     "friction_profile",
     "gap_fraction",
-    "gaussian_fit",
     "ill_posed_fraction",
     "inertial_number",
     "layer_height",
@@ -152,16 +119,13 @@ __all__ = [
     "repose_angle",
     "runout",
     "scaled_inertial_number",
-    "silo_history",
+    "silo_clogging",
     "smooth",
+    "soil_tools",
     "speed_contours",
     "speed_percentile",
     "step_budget",
-    "strain_history",
     "stress_free_error",
     "surface",
-    "tool_force",
     "velocity_profile",
-    "velocity_slices",
-    "wheel_history",
 ]

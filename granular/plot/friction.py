@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
 from granular.plot.canvas import Picture
-from granular.plot.curves import MARKERS
+from granular.plot.dunatunga_kamrin_2015.curves import MARKERS
 
 __all__ = [
     "friction_and_packing",

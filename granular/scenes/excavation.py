@@ -59,8 +59,8 @@ def excavation(
     passes through it and the force is half as large (see the documentation, page "Three
     dimensions").
 
-    The surface of the bed is z = 0. Forces: `granular.measure.tool_force`, which doubles those of
-    half a bed.
+    The surface of the bed is z = 0. Forces: `granular.measure.soil_tools.tool_force`, which doubles
+    those of half a bed.
 
     Parameters
     ----------

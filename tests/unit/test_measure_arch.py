@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from synthetic import isotropic, regular_points, silo, state
 
-from granular.measure import Opening, arch_outline
+from granular.measure import Opening
+from granular.measure.silo_clogging import arch_outline
 
 WIDTH, CELL = 0.14, 0.0175
 SPACING = CELL / 4

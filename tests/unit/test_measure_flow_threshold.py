@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from granular import plot, theory
-from granular.measure import flow_threshold
+from granular.measure.silo_clogging import flow_threshold
 
 A, RATIO = np.array(list(product((0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0), (1, 2, 3, 4, 5)))).T
 """Amplitudes and openings of the paper."""
@@ -87,7 +87,7 @@ def test_bad_diagrams_are_refused():
 def test_the_picture_shows_every_case_and_both_lines():
     found = verdicts(1.9, 2.2)
     threshold = flow_threshold(A, RATIO, found)
-    figure = plot.phase_diagram(A, RATIO, found, threshold=threshold)
+    figure = plot.silo_clogging.phase_diagram(A, RATIO, found, threshold=threshold)
     ax = figure.axes[0]
     drawn = {line.get_label(): line for line in ax.lines}
     for verdict, marker in (("static", "s"), ("flowing", "o"), ("unsure", "^")):
@@ -113,7 +113,7 @@ def test_the_picture_of_layers_has_the_curve_of_theory():
         return np.array([theory.stopping_height(a, **numbers) for a in angle])
 
     ax = Figure().add_subplot()
-    figure = plot.phase_diagram(
+    figure = plot.silo_clogging.phase_diagram(
         angles, heights, ["unsure", "static", "flowing"], labels=("angle [deg]", "H/d"),
         boundary=boundary, ax=ax,
     )  # fmt: skip
@@ -126,6 +126,6 @@ def test_the_picture_of_layers_has_the_curve_of_theory():
     # without lines through the origin it is not needed
     assert ax.get_xlim()[0] > 20
     with pytest.raises(ValueError, match="boundary gives shape"):
-        plot.phase_diagram(angles, heights, ["static"] * 3, boundary=lambda x: 1.0)
+        plot.silo_clogging.phase_diagram(angles, heights, ["static"] * 3, boundary=lambda x: 1.0)
     with pytest.raises(ValueError, match="x has shape"):
-        plot.phase_diagram([1.0], heights, ["static"] * 3)
+        plot.silo_clogging.phase_diagram([1.0], heights, ["static"] * 3)

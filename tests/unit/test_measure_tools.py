@@ -136,9 +136,9 @@ def recorded(tmp_path):
 def test_force_on_a_tool(recorded, half):
     sim, record = recorded(half=half)
     with record:
-        force = gr.measure.tool_force(record)
+        force = gr.measure.soil_tools.tool_force(record)
         span = np.diff(record.times)
-        whole = gr.measure.tool_force(record, window=4)
+        whole = gr.measure.soil_tools.tool_force(record, window=4)
     impulse = sim.bodies[0].impulse * (1 + half)
     assert np.linalg.norm(impulse) > 0
     assert force.forward @ span == pytest.approx(-impulse[0])
@@ -151,7 +151,7 @@ def test_force_on_a_tool(recorded, half):
 def test_history_of_a_wheel(recorded):
     sim, record = recorded()
     with record:
-        found = gr.measure.wheel_history(record)
+        found = gr.measure.soil_tools.wheel_history(record)
         span = np.diff(record.times)
     felt = sim.bodies[0]
     assert found.drawbar_pull @ span == pytest.approx(felt.impulse[0])
@@ -164,7 +164,7 @@ def test_tools_are_in_3d(tmp_path):
     scene = gr.scenes.couette(cell=0.02, pressure=100.0)
     gr.Simulation(scene, threads=1).run(until=0.01, save=tmp_path / "flat.h5", every=0.005)
     with gr.open(tmp_path / "flat.h5") as record:
-        for measure in (gr.measure.tool_force, gr.measure.wheel_history):
+        for measure in (gr.measure.soil_tools.tool_force, gr.measure.soil_tools.wheel_history):
             with pytest.raises(ValueError, match="must be one in"):
                 measure(record)
 
@@ -178,7 +178,7 @@ def test_failure_surface_of_a_wedge():
     v = np.zeros_like(points)
     v[moving, 0] = 0.05
     state = state_of(scene, v=v)
-    found = gr.measure.failure_surface(state, speed=0.1, share=0.25)
+    found = gr.measure.soil_tools.failure_surface(state, speed=0.1, share=0.25)
     assert found.speed == pytest.approx(0.025)
     assert found.top == pytest.approx(0.0, abs=1e-12)
     wedge = (found.x > 0.12) & (found.x < 0.28)
@@ -186,12 +186,12 @@ def test_failure_surface_of_a_wedge():
     assert np.abs(found.z - (found.x - 0.3))[wedge].max() <= CELL / 2 + 1e-9
     assert np.isnan(found.z[found.x > 0.32]).all()
     assert found.z[found.x < 0.08] == pytest.approx(-0.2)
-    still = gr.measure.failure_surface(state, speed=1.0, span=(0.05, 0.1))
+    still = gr.measure.soil_tools.failure_surface(state, speed=1.0, span=(0.05, 0.1))
     assert np.isnan(still.z).all()
     with pytest.raises(ValueError, match="no point in span"):
-        gr.measure.failure_surface(state, speed=0.1, span=(5.0, 6.0))
+        gr.measure.soil_tools.failure_surface(state, speed=0.1, span=(5.0, 6.0))
     with pytest.raises(ValueError, match=r"share = 1\.0"):
-        gr.measure.failure_surface(state, speed=0.1, share=1.0)
+        gr.measure.soil_tools.failure_surface(state, speed=0.1, share=1.0)
 
 
 def test_elastic_strain_is_that_of_the_stress():
@@ -206,15 +206,15 @@ def test_elastic_strain_is_that_of_the_stress():
     stress[::2, :3] = kirchhoff * np.exp(0.01)  # rho/rho_c = exp(0.01)
     log_density = np.where(np.arange(n) % 2 == 0, 0.01, -0.3)
     states = [state_of(scene, time=t, stress=stress, log_density=log_density) for t in (0.0, 1.0)]
-    found = gr.measure.strain_history(states)
+    found = gr.measure.soil_tools.strain_history(states)
     assert found.times.tolist() == [0.0, 1.0]
     assert found.volumetric == pytest.approx(0.01)
     assert found.deviatoric == pytest.approx(0.01 * np.sqrt(2 / 3))
     assert found.norm == pytest.approx(0.01)
     assert found.deviation == pytest.approx(0.0, abs=1e-12)
-    assert np.isnan(gr.measure.strain_history(state_of(scene)).norm).all()
+    assert np.isnan(gr.measure.soil_tools.strain_history(state_of(scene)).norm).all()
     with pytest.raises(ValueError, match="elasticity = 'hypoelastic'"):
-        gr.measure.strain_history(state_of(scene_3d(elasticity="hypoelastic")))
+        gr.measure.soil_tools.strain_history(state_of(scene_3d(elasticity="hypoelastic")))
 
 
 def test_slope_between_parallel_walls():

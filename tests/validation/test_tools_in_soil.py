@@ -34,7 +34,7 @@ def between_walls(depth, **changes):
 
 def at_depth(record):
     """Mean forward and vertical force over the forward motion."""
-    force = gr.measure.tool_force(record)
+    force = gr.measure.soil_tools.tool_force(record)
     level = force.position[:, 2] < 0.98 * force.position[:, 2].min()
     return force.forward[level].mean(), force.vertical[level].mean()
 
@@ -112,7 +112,7 @@ def rolled(slip, path, **changes):
     size = {"cell": 0.025, "soil": 0.1, "width": 0.15, "length": 0.5, "headroom": 0.1, "start": 0.2}
     motion = {"omega": 0.4, "settle": 0.4, "duration": 1.8, "slip": slip}
     with recorded(gr.scenes.wheel(**(size | motion | changes)), path) as record:
-        history = gr.measure.wheel_history(record)
+        history = gr.measure.soil_tools.wheel_history(record)
         late = history.times > 1.2
         load = history.load[late].mean()
         return history.drawbar_pull[late].mean() / load, load, history.sinkage[-1]

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from granular.checks import one_of
 from granular.measure.averaging_grid import Array
-from granular.measure.silo_flow import VERDICTS
+from granular.measure.silo_clogging.flow import VERDICTS
 
 
 @dataclass(frozen=True)
