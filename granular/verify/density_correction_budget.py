@@ -60,6 +60,12 @@ class Given:
     plastic: float
 
 
+def _switched_off(density: Density) -> Density:
+    """A density whose correction does nothing."""
+    own = {name: value for name, value in IDLE.items() if name in density.units}
+    return density.replace(**own)
+
+
 def _two_steps(sim: Simulation, first: Scheme, second: Scheme) -> State:
     """State after two steps, the first with the scheme `first`, the second with `second`."""
     stop = sim.checkpoint()
@@ -82,7 +88,7 @@ def given(sim: Simulation) -> Given:
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
     corrected = sim.scene.scheme.replace(dt=sim.dt)  # the same time step for all four steps
-    idle = corrected.replace(**IDLE)
+    idle = corrected.replace(density=_switched_off(corrected.density))
     a, b = _two_steps(sim, corrected, idle), _two_steps(sim, idle, idle)
     grid, m = a.scene.grid, a.mass
     length = np.array(grid.shape) * grid.cell
