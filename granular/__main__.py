@@ -1,4 +1,4 @@
-"""`python -m granular` is the command `granular`."""
+"""Entry point: `python -m granular` runs the command `granular`."""
 
 import sys
 

@@ -29,8 +29,8 @@ T = TypeVar("T")
 
 
 def _real(name: str, value: object, wanted: str) -> float:
-    """`value` as a float, NaN refused; `wanted` says what was expected."""
-    # np.bool_ is not a Real and falls out by itself.
+    """Return `value` as a float and refuse NaN; `wanted` is the expectation in the message."""
+    # np.bool_ is not a Real and is refused by that.
     if isinstance(value, bool) or not isinstance(value, Real):
         raise TypeError(f"{name} = {value!r} must be {wanted}, not {type(value).__name__}")
     try:
@@ -170,9 +170,9 @@ def vector(
     dim: int | None = None,
     check: Callable[[str, Any], float] | None = None,
 ) -> tuple[float, ...]:
-    """Return `value` as a tuple of 2 or 3 floats (of `dim` floats if given), each by `check`.
+    """Return `value` as a tuple of 2 or 3 floats, or of `dim` floats if `dim` is given.
 
-    They must be finite by default.
+    Each component is checked by `check`, which is `finite` by default.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def vector(
 
 
 def kinds_of(owner: object, **kinds: type) -> None:
-    """Refuse attributes that are not of their class."""
+    """Refuse attributes of `owner` that are not instances of the given class."""
     for name, kind in kinds.items():
         value = getattr(owner, name)
         if not isinstance(value, kind):
@@ -199,7 +199,7 @@ def kinds_of(owner: object, **kinds: type) -> None:
 
 
 def tuple_of(name: str, value: object, kinds: tuple[type, ...]) -> tuple[Any, ...]:
-    """A sequence of things of these classes as a tuple, each refused by its place."""
+    """Return a sequence of instances of these classes as a tuple; errors name the index."""
     wanted = " or ".join(kind.__name__ for kind in kinds)
     if isinstance(value, str) or not isinstance(value, Sequence):
         raise TypeError(f"{name} = {value!r} must be a sequence of {wanted}")

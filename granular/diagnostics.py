@@ -1,8 +1,8 @@
-"""Watching a run for what only a run can show: cheap looks at its frames, and what they add up to.
+"""Monitoring of a run: cheap samples of its frames, and the indicators of failure made of them.
 
-What is known before a run is refused or warned of (`granular.mpm.limits`); what is left fails
-without a word: a bulk that loses its contacts, densities that leave the room they stand for,
-energy out of nowhere, a law that is ill posed in the flow at hand.
+Failures that are known before a run are refused or warned of (`granular.mpm.limits`). The others
+happen during the run and without an error: the bulk loses its contacts, densities no longer match
+the volume that the points occupy, energy is created, or the law is ill posed in the flow at hand.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ NAMES = (
     "work",
     "created",
 )
-"""Numbers of a sample of any method, in the order of a row; nan for what has no meaning there."""
+"""Names of the numbers in a sample of any method, in the order of a row; nan if not applicable."""
 
 
 class StabilityWarning(UserWarning):
-    """A scene asks for what is known to go wrong without a word."""
+    """A scene has settings that are known to give wrong results without an error."""
 
 
 def scene_warnings(scene: Scene) -> list[str]:
-    """List what of a scene is known to go wrong without an error, one sentence each.
+    """List the settings of a scene that are known to fail without an error, one sentence each.
 
     Each is a failure that was measured (`benchmarks/stability_map.py`, the page "Limits and
     failures"); a simulation issues them as `StabilityWarning`.
@@ -68,25 +68,31 @@ def warn(scene: Scene, stacklevel: int = 3) -> None:
 
 
 PACKED = 0.9
-"""Share of rho_c from which a body should bear stress, see `granular.measure.bulk.Bulk`."""
+"""Density, as a fraction of rho_c, from which material in the bulk should bear stress.
+
+See `granular.measure.bulk.Bulk`.
+"""
 
 STEPS, POINT_STEPS = 2000, 2_000_000
-"""A look costs about 0.5 us a point and 1 ms, a step 20 ns a point and some us: samples that are
-STEPS + POINT_STEPS/points steps apart take less than 2 % of a run."""
+"""Steps between two samples: STEPS + POINT_STEPS/(number of points).
+
+A sample costs about 1 ms plus 0.5 us per point, a step some us plus 20 ns per point, so that
+samples at this distance take less than 2 % of a run.
+"""
 
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
 
 
 class Monitor:
-    """Looks at states and keeps what it saw.
+    """Takes samples of states during a run and keeps them.
 
     Attributes
     ----------
     rows : list of ndarray
-        The samples, one number for each of `names`.
+        The samples; each holds one number for each of `names`.
     names : tuple of str
-        `NAMES`, and those of the method of the scene.
+        `NAMES`, and the names of the indicators that the method of the scene adds.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -96,13 +102,16 @@ class Monitor:
         self._step = 0
 
     def due(self, step: int, n_points: int) -> bool:
-        """Whether a look is worth its price: by steps, so that a run tells the same each time."""
+        """True if enough steps have passed since the last sample.
+
+        Steps and not seconds are counted, so that repeated runs take the same samples.
+        """
         return step == 0 or step - self._step >= STEPS + POINT_STEPS / max(n_points, 1)
 
     def sample(self, state: State, own: Mapping[str, float] = NOTHING) -> dict[str, float]:
-        """Take a sample of a state and keep it; `own` are the numbers of the method.
+        """Take a sample of a state and keep it; `own` holds the numbers of the method.
 
-        The first state of a run, in which nothing has happened, only opens the accounts.
+        Nothing is kept of the first state of a run (step 0): it only starts the energy budget.
         """
         row = self.peek(state, own)
         self._before, self._step = state, state.step
@@ -133,12 +142,12 @@ class Monitor:
         return np.array([row[name] for name in self.names])
 
     def columns(self, last: NDArray[np.float64] | None = None) -> dict[str, NDArray[np.float64]]:
-        """The numbers of all samples, and of a last one that is not remembered, by name."""
+        """Columns of all samples by name, with `last` as an additional row that is not kept."""
         rows = [*self.rows, *([] if last is None else [last])]
         return dict(zip(self.names, np.array(rows).reshape(-1, len(self.names)).T, strict=True))
 
     def recall(self, samples: Mapping[str, NDArray[np.float64]]) -> None:
-        """Take over what was seen before a restart; nan for what was not told then."""
+        """Restore the samples taken before a restart; nan for names that were not recorded."""
         count = max((len(column) for column in samples.values()), default=0)
         unknown = np.full(count, np.nan)
         self.rows = list(np.array([samples.get(name, unknown) for name in self.names]).T)
@@ -149,17 +158,19 @@ def _fastest(state: State) -> float:
 
 
 def _courant(state: State) -> float:
-    """(c + max speed) dt/dx of the last step."""
+    """Courant number (c + max speed) dt/dx of the last step."""
     scene = state.scene
     return (scene.material.wave_speed + _fastest(state)) * state.dt / scene.grid.cell
 
 
 def _account(before: State, after: State) -> tuple[float, float, float]:
-    """What was held [J] at an earlier state, the work of gravity since, and energy from nowhere.
+    """Energy held at an earlier state, work of gravity since then, and energy created since [J].
 
-    created = change of what is held + outflow + plastic dissipation - work: minus what transfers
-    and disconnections lost, which is not known, plus what was made. It is not positive in a sound
-    run. Plastic power counts by the trapezoidal rule, work as in `granular.measure.energy_budget`.
+    The held energy is the kinetic and elastic energy of the points. The energy created is
+    (change of the held energy) + outflow + (plastic dissipation) - work. Energy that transfers and
+    disconnections lose, an unknown amount, makes it smaller; energy that the scheme creates makes
+    it larger. It is not positive if the scheme creates none. Plastic power is integrated by the
+    trapezoidal rule, work as in `granular.measure.energy_budget`.
     """
     held, now = (float((kinetic_of(s) + elastic_of(s)).sum()) for s in (before, after))
     work, outflow = between(before, after)
@@ -167,22 +178,22 @@ def _account(before: State, after: State) -> tuple[float, float, float]:
     return held, work, now - held + outflow + plastic - work
 
 
-# ---- what the samples add up to ----
+# ---- indicators from the samples ----
 
 
 @dataclass(frozen=True)
 class Indicator:
-    """One line of a `Health`.
+    """One indicator of failure: a number of a run and its limit.
 
     Attributes
     ----------
     name : str
     value : float
-        nan where the run had nothing to tell.
+        nan if no sample of the run has a value.
     limit : float or None
-        The largest sound value; None for what is only reported.
+        The largest value that is "ok"; None for an indicator that is only reported.
     doc : str
-        What it is, and what it means beyond the limit.
+        Definition, and the meaning of a value beyond the limit.
     """
 
     name: str
@@ -192,7 +203,7 @@ class Indicator:
 
     @property
     def verdict(self) -> str:
-        """ "ok", "suspect", "reported", or "unknown" without a value."""
+        """Verdict: "ok", "suspect", "reported" without a limit, "unknown" without a value."""
         if np.isnan(self.value):
             return "unknown"
         if self.limit is None:
@@ -202,12 +213,12 @@ class Indicator:
 
 @dataclass(frozen=True)
 class Health:
-    """What the looks at a run say of it.
+    """Indicators of failure of a run, from all its samples.
 
     Attributes
     ----------
     samples : int
-        How many there were.
+        Number of samples.
     indicators : tuple of Indicator
     """
 
@@ -216,7 +227,7 @@ class Health:
 
     @property
     def ok(self) -> bool:
-        """Whether no indicator is doubtful."""
+        """True if no indicator is suspect."""
         return all(indicator.verdict != "suspect" for indicator in self.indicators)
 
     def __getitem__(self, name: str) -> Indicator:
@@ -229,7 +240,7 @@ class Health:
         return iter(self.indicators)
 
     def rows(self) -> dict[str, str]:
-        """Name and "value (limit): verdict" of every indicator, for a table."""
+        """Table of the indicators: name -> "value (limit): verdict"."""
         return {
             indicator.name: f"{indicator.value:.3g}"
             + (f" (limit {indicator.limit:g})" if indicator.limit is not None else "")
@@ -245,7 +256,10 @@ class Health:
 
 
 def _later(column: NDArray[np.float64]) -> float:
-    """Median of the later half: neither an impact nor the begin, when nothing bears stress yet."""
+    """Median of the later half of the samples.
+
+    It is neither affected by an impact nor by the beginning, when all points are stress-free.
+    """
     seen = column[~np.isnan(column)]
     return float(np.median(seen[len(seen) // 2 :])) if len(seen) else np.nan
 
@@ -266,13 +280,15 @@ _INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
         "disconnected",
         "later",
         0.1,
-        "stress-free share of the packed bulk: beyond, the flow is made by the scheme",
+        "stress-free share of the packed bulk: beyond the limit the flow is an artefact of the "
+        "scheme",
     ),
     (
         "density_drift",
         "later absolute",
         0.05,
-        "tracked volume over room, less one: beyond, points have collapsed into one another",
+        "volume of the points over the volume they occupy, minus one: beyond the limit points have "
+        "collapsed into one another",
     ),
     (
         "ill_posed",
@@ -283,20 +299,20 @@ _INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
     ),
     ("gaps", "largest", 0.0, "empty cells in a stressed body: torn by the discretisation"),
 )
-"""Name, how samples add up, limit, and meaning of the indicators with one number a look."""
+"""Name, key of `_SUMMARIES`, limit and meaning of the indicators with one number per sample."""
 
 ENERGY_LIMIT = 0.05
-"""Largest energy from nowhere, as a share of the energy that was turned over."""
+"""Largest energy created that is ok, as a fraction of the energy turned over (`_created`)."""
 
 
 def health(scene: Scene, samples: Mapping[str, NDArray[np.float64]]) -> Health:
-    """What samples say of a run.
+    """Compute the indicators of failure of a run from its samples.
 
     Parameters
     ----------
     scene : Scene
     samples : mapping of str to ndarray
-        The numbers of the samples by the names of `NAMES`, in the order of time.
+        Columns of the samples by the names of `NAMES`, in the order of time.
 
     Returns
     -------
@@ -312,7 +328,7 @@ def health(scene: Scene, samples: Mapping[str, NDArray[np.float64]]) -> Health:
             "courant",
             _largest(samples.get("courant", nothing)),
             scene.courant_limit,
-            "(c + max speed) dt/dx: beyond, a run may fail without a NaN",
+            "(c + max speed) dt/dx: beyond the limit a run may fail without a NaN",
         )
     )
     indicators.append(
@@ -320,7 +336,7 @@ def health(scene: Scene, samples: Mapping[str, NDArray[np.float64]]) -> Health:
             "energy_created",
             _created(*(samples.get(name, nothing) for name in ("held_before", "work", "created"))),
             ENERGY_LIMIT,
-            "energy from nowhere over all work of gravity and what was held at the begin",
+            "energy created over the sum of the work of gravity and the energy at the beginning",
         )
     )
     return Health(max((len(column) for column in samples.values()), default=0), tuple(indicators))
@@ -329,7 +345,10 @@ def health(scene: Scene, samples: Mapping[str, NDArray[np.float64]]) -> Health:
 def _created(
     held: NDArray[np.float64], work: NDArray[np.float64], created: NDArray[np.float64]
 ) -> float:
-    """Largest rise of the sum of what was created, over the energy that was turned over."""
+    """Largest rise of the cumulative energy created, over the energy turned over.
+
+    The energy turned over is the energy held at the first sample plus the sum of abs(work).
+    """
     known = ~np.isnan(created)
     total = held[known][:1].sum() + np.abs(work[known]).sum()
     if not total:

@@ -32,9 +32,9 @@ __all__ = [
 
 AXES = "xyz"
 LINE_TOLERANCE = 1e-9
-"""How far from a grid line a coordinate on it may lie, in cells."""
+"""Largest distance, in cells, at which a coordinate still counts as on a grid line."""
 MAX_COUNT = 2**31 - 1
-"""The core counts cells and points with 32 bits."""
+"""Largest number of cells or points; the core counts them with 32 bits."""
 
 Vector = tuple[float, ...]
 
@@ -58,7 +58,7 @@ class Grid:
     shape : tuple of int, length dim
         Cells along each axis.
     periodic : tuple of bool, length dim, optional
-        Axes whose ends are one; none by default.
+        Axes along which the domain is periodic; none by default.
     open_sides : collection of str, optional
         Sides ("x-", "y+", ...) through which points leave for good.
 
@@ -112,7 +112,7 @@ class Grid:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return len(self.lower)
 
     @property
@@ -139,24 +139,24 @@ class Grid:
 
 
 class Region(ABC):
-    """A part of space."""
+    """A region of 2D or 3D space."""
 
     @property
     @abstractmethod
     def bounds(self) -> tuple[Vector, Vector]:
-        """Lower and upper corner of a box around it [m]."""
+        """Lower and upper corner of a box that encloses the region [m]."""
 
     @abstractmethod
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """`contains` of a checked array."""
+        """Return `contains` for an array that has been checked."""
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return len(self.bounds[0])
 
     def contains(self, x: ArrayLike) -> NDArray[np.bool_]:
-        """Which of the positions `x`, shape (n, dim) [m], lie inside; shape (n,).
+        """True for the positions `x`, shape (n, dim) [m], that lie inside; shape (n,).
 
         Raises
         ------
@@ -195,7 +195,7 @@ class Box(Region):
 
 @dataclass(frozen=True)
 class Disc(Region):
-    """A disc in the plane, a ball in space: `center` and `radius` [m]."""
+    """A disc in 2D, a ball in 3D, with `center` and `radius` [m]."""
 
     center: Vector
     radius: float
@@ -217,7 +217,7 @@ class Disc(Region):
 
 @dataclass(frozen=True)
 class Cylinder(Region):
-    """An upright cylinder: `center` of its base (3 numbers), `radius` and `height` [m]."""
+    """An upright cylinder with the `center` of its base (3 numbers), `radius` and `height` [m]."""
 
     center: Vector
     radius: float
@@ -254,7 +254,7 @@ def _regions(regions: object) -> tuple[Region, ...]:
 
 @dataclass(frozen=True)
 class Union(Region):
-    """Everything that lies in at least one of `regions`."""
+    """The points that lie in at least one of `regions`."""
 
     regions: tuple[Region, ...]
 
@@ -276,7 +276,7 @@ class Union(Region):
 
 @dataclass(frozen=True)
 class Intersection(Region):
-    """Everything that lies in all of `regions`."""
+    """The points that lie in all of `regions`."""
 
     regions: tuple[Region, ...]
 
@@ -301,7 +301,7 @@ class Intersection(Region):
 
 @dataclass(frozen=True)
 class Difference(Region):
-    """What of `region` lies outside of `without`."""
+    """The points of `region` that lie outside of `without`."""
 
     region: Region
     without: Region
@@ -319,23 +319,25 @@ class Difference(Region):
 
 @dataclass(frozen=True)
 class Fill:
-    """Material that fills a region at the start, as a regular lattice of points.
+    """Material that fills a region at the start, as points on a regular seeding lattice.
 
     Parameters
     ----------
     region : Region
-        Where; lattice sites whose centre lies inside get a point.
+        Region to fill: every site of the seeding lattice that lies inside gets a point.
     points_per_cell : int
-        Points in a full cell: q^2 in the plane, q^3 in space.
+        Points in a full cell: q^2 in 2D, q^3 in 3D.
     density : float or None
         Initial density [kg/m3]; None for the material's `rho_c`.
     velocity : tuple of float, length dim, or None
         Initial velocity [m/s]; None for rest.
     jitter : float
-        Random displacement, uniform within +- jitter/2 point spacings along each axis, 0 to 1.
+        Amplitude of a random displacement, 0 to 1: it is uniform within +- jitter/2 point spacings
+        along each axis.
     lithostatic : bool
-        Whether the material is in balance with gravity from the start, under the pressure of what
-        lies above it up to the top of the region, and as much denser; else it bears no stress.
+        If True, the material is in equilibrium with gravity from the start: each point has the
+        pressure of the material above it, up to the top of the region, and the density that goes
+        with this pressure. If False, it is stress-free.
 
     Raises
     ------
@@ -385,11 +387,12 @@ class Points:
     Attributes
     ----------
     x, v : ndarray, shape (n, dim)
-        Position [m], velocity [m/s]. Points follow the fills, within a fill the first axis fastest.
+        Position [m], velocity [m/s], in the order of the fills; within a fill the first axis varies
+        fastest.
     volume, density : ndarray, shape (n,)
-        Room of the point [m^dim], density [kg/m3]; their product is its mass.
+        Volume of the point [m^dim], density [kg/m3]; their product is its mass.
     depth : ndarray, shape (n,)
-        Depth below the top of a lithostatic fill [m], which makes it denser; 0 in others.
+        Depth below the top of a lithostatic fill [m], which determines its pressure; 0 in others.
     """
 
     x: NDArray[np.float64]
@@ -404,7 +407,7 @@ class Points:
 
 
 def check_inside(name: str, grid: Grid, region: Region) -> None:
-    """Refuse a region of another dimension than the grid's, or that reaches out of it."""
+    """Refuse a region whose dimension is not that of the grid, or that extends beyond the grid."""
     if region.dim != grid.dim:
         raise ValueError(f"{name} has dimension {region.dim}, must have {grid.dim} as the grid")
     slack = LINE_TOLERANCE * grid.cell
@@ -416,8 +419,8 @@ def check_inside(name: str, grid: Grid, region: Region) -> None:
             )
 
 
-def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
-    """Sites of the lattice inside the region of a fill, shape (n, dim), first axis fastest."""
+def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
+    """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest."""
     spacing = grid.cell / fill.points_per_axis
     axes = []
     for axis, (low, high) in enumerate(zip(*fill.region.bounds, strict=True)):
@@ -432,26 +435,27 @@ def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
     return x[fill.region.contains(x)]
 
 
-def _checked_lattices(grid: Grid, fills: Sequence[Fill]) -> list[NDArray[np.float64]]:
+def _checked_sites(grid: Grid, fills: Sequence[Fill]) -> list[NDArray[np.float64]]:
+    """Sites of each fill; refuse fills that overlap, leave the grid or hold no point."""
     if not fills:
         raise ValueError("fills = () must hold at least one Fill")
-    lattices = []
+    sites = []
     for i, fill in enumerate(fills):
         check_inside(f"fills[{i}]", grid, fill.region)
-        lattices.append(_lattice(grid, fill))
-        if not len(lattices[-1]):
+        sites.append(_sites(grid, fill))
+        if not len(sites[-1]):
             raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
     for i, j in permutations(range(len(fills)), 2):
-        shared = fills[j].region.contains(lattices[i])
+        shared = fills[j].region.contains(sites[i])
         if shared.any():
-            place = tuple(lattices[i][shared.argmax()].tolist())
+            place = tuple(sites[i][shared.argmax()].tolist())
             raise ValueError(f"fills[{i}] and fills[{j}] must not overlap, as they do at {place}")
-    return lattices
+    return sites
 
 
 def count_points(grid: Grid, fills: Sequence[Fill]) -> int:
     """Number of material points that `seed_points` makes."""
-    return sum(len(lattice) for lattice in _checked_lattices(grid, fills))
+    return sum(len(sites) for sites in _checked_sites(grid, fills))
 
 
 def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> Points:
@@ -462,9 +466,9 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
     grid : Grid
     fills : sequence of Fill
     seed : int
-        Of the random jitter, >= 0; the same seed gives the same points.
+        Seed of the random jitter, >= 0; the same seed gives the same points.
     rho_c : float
-        Density [kg/m3] of the fills that name none.
+        Density [kg/m3] of the fills whose `density` is None.
 
     Returns
     -------
@@ -473,14 +477,14 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
     Raises
     ------
     ValueError
-        If fills overlap, reach out of the grid, or hold no point.
+        If fills overlap, extend beyond the grid, or hold no point.
     """
     rng = np.random.default_rng(integer("seed", seed, 0))
     rho_c = positive("rho_c", rho_c)
     x, v, volume, density, depth = [], [], [], [], []
-    # A site may be rounded onto the upper end of the grid, which is no longer in a cell.
+    # Rounding may put a site onto the upper end of the grid, which does not belong to any cell.
     last = np.nextafter(grid.upper, grid.lower)
-    for fill, sites in zip(fills, _checked_lattices(grid, fills), strict=True):
+    for fill, sites in zip(fills, _checked_sites(grid, fills), strict=True):
         spacing = grid.cell / fill.points_per_axis
         if fill.jitter:
             moved = sites + rng.uniform(-0.5, 0.5, sites.shape) * (fill.jitter * spacing)

@@ -16,12 +16,12 @@ __all__ = ["Gravity"]
 
 @dataclass(frozen=True)
 class Gravity:
-    """Gravity that is linear between given times, and constant before and after them.
+    """Gravity that varies linearly between given times and is constant before and after them.
 
     Parameters
     ----------
     times : tuple of float, length k >= 1
-        Seconds, >= 0, ascending.
+        Times [s], >= 0, ascending.
     vectors : tuple of k tuples of float, length dim
         Acceleration at these times [m/s2].
 
@@ -54,7 +54,7 @@ class Gravity:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return len(self.vectors[0])
 
     def at(self, t: float) -> NDArray[np.float64]:

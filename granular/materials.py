@@ -1,7 +1,7 @@
-"""What the grains are: frozen, checked, with presets and their source.
+"""Materials: constitutive laws with their parameters, immutable and checked, and presets.
 
-Attributes carry the names of the parameters of the law in the C core (`law`), so that a law's
-parameter list can be filled from a material by name.
+Attributes have the names of the parameters of the law in the C core (`law`), so that the parameter
+list of a law can be filled from a material by name.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
-    """What all materials share: isotropic elasticity and a reference density.
+    """Base class of the materials: isotropic elasticity and a reference density.
 
     Parameters
     ----------
@@ -40,12 +40,12 @@ class Material:
     nu : float
         Poisson's ratio, 0 <= nu < 1/2.
     rho_c : float
-        Density [kg/m3] of the densest stress-free state: looser material bears no stress
-        (Dunatunga & Kamrin 2015, eq. 2.7), > 0.
+        Density [kg/m3] of the densest stress-free state, > 0. Material of a lower density is
+        stress-free (Dunatunga & Kamrin 2015, eq. 2.7).
     elasticity : {"hypoelastic", "hencky"}
-        "hypoelastic" steps the stress by the Jaumann rate (Dunatunga & Kamrin 2015, eq. 2.9);
-        "hencky" has an energy of the logarithmic strain, exact in any rotation and shear, and
-        always the pressure K ln(rho/rho_c) (Haeri & Skonieczny 2021). It takes longer.
+        "hypoelastic" integrates the stress by the Jaumann rate (Dunatunga & Kamrin 2015, eq. 2.9).
+        "hencky" has an energy of the logarithmic strain, which is exact in any rotation and shear,
+        and its pressure is always K ln(rho/rho_c) (Haeri & Skonieczny 2021). It takes longer.
     """
 
     E: float = 1e9
@@ -54,11 +54,11 @@ class Material:
     elasticity: str = "hypoelastic"
 
     flow: ClassVar[str]
-    """How it flows, in the core's words."""
+    """Flow rule, by its name in the core."""
     granular: ClassVar[bool] = True
-    """Whether it bears pressure only."""
+    """True if the material bears pressure but no tension."""
     has_fluidity: ClassVar[bool] = False
-    """Whether its law is nonlocal, with a fluidity `g` at every point."""
+    """True if the law is nonlocal, with a fluidity `g` at every point."""
 
     def __post_init__(self) -> None:
         if type(self) is Material:
@@ -73,14 +73,17 @@ class Material:
 
     @property
     def law(self) -> str:
-        """Law of the core, one of those of `granular._core.laws`."""
+        """Name of the law in the core, one of `granular._core.laws`.
+
+        It is composed of the elasticity and the flow rule.
+        """
         return self.flow if self.elasticity == "hypoelastic" else f"hencky_{self.flow}"
 
     def _set(self, name: str, value: float) -> None:
         object.__setattr__(self, name, value)
 
     @property
-    def K(self) -> float:  # the field's own name
+    def K(self) -> float:  # the usual symbol
         """Bulk modulus E/(3 (1 - 2 nu)) [Pa]."""
         return self.E / (3.0 * (1.0 - 2.0 * self.nu))
 
@@ -95,11 +98,11 @@ class Material:
         return math.sqrt((self.K + 4.0 * self.G / 3.0) / self.rho_c)
 
     def arguments(self) -> dict[str, Any]:
-        """The arguments that make this material anew, to the last bit."""
+        """Arguments that make an equal material, floats to the last bit."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some arguments changed, checked as a new one."""
+        """Return a copy with some arguments changed; it is checked like a new material."""
         return type(self)(**(self.arguments() | changes))
 
     def _repr_html_(self) -> str:
@@ -117,10 +120,10 @@ def _check_grain_density(material: MuI | NGF | DruckerPrager | HardeningDruckerP
 
 @dataclass(frozen=True, kw_only=True)
 class MuI(Material):
-    """Grains with the mu(I) rheology (Dunatunga & Kamrin 2015, eqs 2.13-2.15).
+    """Granular material with the mu(I) rheology (Dunatunga & Kamrin 2015, eqs 2.13-2.15).
 
     mu = mu_s + (mu_2 - mu_s)/(I0/I + 1) with I = shear_rate d sqrt(rho_s/p). Only the group
-    xi = I0/(d sqrt(rho_s)) enters the law: give either `xi`, or both `I0` and `d`.
+    xi = I0/(d sqrt(rho_s)) enters the law. Give either `xi`, or both `I0` and `d`.
 
     Parameters
     ----------
@@ -137,8 +140,8 @@ class MuI(Material):
     I0 : float, optional
         Reference inertial number, > 0; stays None if `xi` is given.
     d : float, optional
-        Grain diameter [m], > 0; stays None if `xi` is given. What depends on the size of the
-        grains (the inertial number itself, packing fractions) then has no meaning.
+        Grain diameter [m], > 0; stays None if `xi` is given. Quantities that depend on the size
+        of the grains (the inertial number itself, packing fractions) are then undefined.
 
     Raises
     ------
@@ -176,12 +179,12 @@ class MuI(Material):
         self._set("xi", positive("I0/(d sqrt(rho_s))", self.I0 / (self.d * math.sqrt(self.rho_s))))
 
     def arguments(self) -> dict[str, Any]:
-        """The arguments that make this material anew: `xi`, or `I0` and `d`."""
+        """Arguments that make an equal material: `xi`, or `I0` and `d`, as they were given."""
         derived = ("I0", "d") if self.I0 is None else ("xi",)
         return {name: v for name, v in super().arguments().items() if name not in derived}
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some arguments changed; `xi` takes the place of `I0` and `d`, they its."""
+        """Return a copy with some arguments changed; `xi` replaces `I0` and `d`, and vice versa."""
         kept = self.arguments()
         if changes.get("xi") is not None:
             kept = {name: v for name, v in kept.items() if name not in ("I0", "d")}
@@ -192,22 +195,22 @@ class MuI(Material):
 
 @dataclass(frozen=True, kw_only=True)
 class NGF(Material):
-    """Grains whose size is felt: nonlocal granular fluidity.
+    """Nonlocal granular fluidity, a rheology in which the size of the grains matters.
 
     The shear rate is g mu, and the fluidity g obeys (Dunatunga & Kamrin, "Modeling silo clogging
     with nonlocal granular rheology", eqs 2.1 and 2.2)
 
     ``t0 dg/dt = A^2 d^2 lap g - dmu (mu_s - mu)/(mu_2 - mu) g - b sqrt(rho_s d^2/p) mu g^2``
 
-    with dmu = mu_2 - mu_s and b = dmu/I0; without the first term, in steady flow, this is the law
-    of `MuI`. How g is diffused: `granular.mpm.schemes.Fluidity`.
+    with dmu = mu_2 - mu_s and b = dmu/I0. Without the first term this is, in steady flow, the law
+    of `MuI`. `granular.mpm.schemes.Fluidity` has the options of the diffusion of g.
 
     Parameters
     ----------
     E, nu, rho_c : float
         See `Material`.
     A : float
-        Nonlocal amplitude, >= 0; 0 is the law of `MuI` itself, without a fluidity.
+        Nonlocal amplitude, >= 0; with 0 the law is that of `MuI`, without a fluidity.
     d : float
         Grain diameter [m], > 0.
     t0 : float
@@ -215,17 +218,17 @@ class NGF(Material):
     mu_s : float
         Static friction coefficient, > 0.
     mu_2 : float
-        Limiting friction coefficient, > mu_s; may be ``math.inf``, with `b`.
+        Limiting friction coefficient, > mu_s; may be ``math.inf`` if `b` is given.
     rho_s : float
         Density of the grains themselves [kg/m3], >= rho_c.
     I0 : float, optional
-        Reference inertial number, > 0; .279 if neither it nor `b` is given.
+        Reference inertial number, > 0; 0.279 if neither it nor `b` is given.
     b : float, optional
-        Slope of mu(I) at rest, (mu_2 - mu_s)/I0, > 0, in place of `I0`.
+        Slope of mu(I) at I = 0, (mu_2 - mu_s)/I0, > 0; may be given instead of `I0`.
     rheology : {"mu_I", "linear_mu_I"}
-        "linear_mu_I" is mu = mu_s + b I without an end, with ``-(mu_s - mu) g - b sqrt(rho_s d^2/p) mu
-        g^2`` as the local terms of the fluidity (Haeri & Skonieczny 2021, eqs 5 and 6); for Hencky
-        elasticity alone.
+        "linear_mu_I" is mu = mu_s + b I without an upper limit, with the local terms
+        ``-(mu_s - mu) g - b sqrt(rho_s d^2/p) mu g^2`` in the equation of the fluidity (Haeri &
+        Skonieczny 2021, eqs 5 and 6); for Hencky elasticity alone.
 
     Raises
     ------
@@ -273,12 +276,12 @@ class NGF(Material):
 
     @property
     def has_fluidity(self) -> bool:  # type: ignore[override]
-        """Whether there is a nonlocal amplitude."""
+        """True if the nonlocal amplitude `A` is not 0."""
         return self.A > 0
 
     @property
     def flow(self) -> str:  # type: ignore[override]
-        """How it flows, in the core's words: without a nonlocal amplitude as `MuI`."""
+        """Flow rule, by its name in the core; with `A` = 0 that of the local law."""
         if self.rheology == "linear_mu_I":
             return "linear_ngf" if self.A else "linear_mu_I"
         return "ngf" if self.A else "mu_I"
@@ -289,18 +292,18 @@ class NGF(Material):
         return self.I0 / (self.d * math.sqrt(self.rho_s))
 
     def core_friction(self) -> dict[str, float]:
-        """mu_2, I0 and xi as the core takes them: all finite, as if mu_2 were 1e6 at most."""
+        """mu_2, I0 and xi as the core needs them: finite, with mu_2 limited to 1e6."""
         mu_2 = min(self.mu_2, LARGEST_MU_2)
         I0 = self.I0 if mu_2 == self.mu_2 else (mu_2 - self.mu_s) / self.b
         return {"mu_2": mu_2, "I0": I0, "xi": I0 / (self.d * math.sqrt(self.rho_s))}
 
     def arguments(self) -> dict[str, Any]:
-        """The arguments that make this material anew: `b`, or `I0`."""
+        """Arguments that make an equal material: `b` or `I0`, as it was given."""
         derived = "I0" if self._by_b else "b"
         return {name: v for name, v in super().arguments().items() if name != derived}
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some arguments changed; `b` takes the place of `I0`, and `I0` of `b`."""
+        """Return a copy with some arguments changed; `b` replaces `I0`, and vice versa."""
         kept = self.arguments()
         for name, other in (("I0", "b"), ("b", "I0")):
             if changes.get(name) is not None:
@@ -309,7 +312,7 @@ class NGF(Material):
 
 
 LARGEST_MU_2 = 1e6
-"""Stands for an infinite mu_2: of a friction below 10, mu(I) is off by less than 1e-5."""
+"""Value used for an infinite mu_2: where the friction is below 10, mu(I) errs by less than 1e-5."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -341,22 +344,22 @@ class DruckerPrager(Material):
 class HardeningDruckerPrager(Material):
     """Friction that changes with the plastic strain (Klar et al. 2016, section 7.3).
 
-    ``phi = h0 + (h1 q - h3) exp(-h2 q)``, q the norm of the plastic strain added up along the way
-    of a point (field `plastic_strain`), and ``tau <= mu p`` with
-    ``mu = 2 sqrt(3) sin(phi)/(3 - sin(phi))``, the cone through triaxial compression at the angle
-    phi. From h0 - h3 at the start phi goes to h0, by way of a peak at q = 1/h2 + h3/h1. What is
-    disconnected keeps its q; flow keeps the volume, as in all laws here.
+    The friction angle is ``phi = h0 + (h1 q - h3) exp(-h2 q)``, where q is the norm of the plastic
+    strain accumulated along the path of a point (field `plastic_strain`). The yield condition is
+    ``tau <= mu p`` with ``mu = 2 sqrt(3) sin(phi)/(3 - sin(phi))``, the cone through triaxial
+    compression at the angle phi. phi goes from h0 - h3 at the start to h0, by way of a peak at
+    q = 1/h2 + h3/h1. Disconnected material keeps its q. The flow is isochoric, as in all laws here.
 
     Parameters
     ----------
     E, nu, rho_c : float
         See `Material`.
     elasticity : {"hencky"}
-        The plastic strain is that of finite strain.
+        Required, because the plastic strain is one of finite strain.
     h0_deg, h1_deg, h3_deg : float
-        [degrees]; 0 < phi < 90 for every q >= 0.
+        Angles [degrees], such that 0 < phi < 90 for every q >= 0.
     h2 : float
-        > 0.
+        Rate at which phi approaches h0, > 0.
     rho_s : float
         Density of the grains themselves [kg/m3], >= rho_c.
 
@@ -403,7 +406,7 @@ class HardeningDruckerPrager(Material):
 
 @dataclass(frozen=True, kw_only=True)
 class Elastic(Material):
-    """Isotropic hypoelastic solid with the Jaumann rate, in tension too; for verification.
+    """Isotropic hypoelastic solid with the Jaumann rate, also in tension; for verification.
 
     Parameters
     ----------
@@ -421,29 +424,38 @@ glass_beads = MuI(E=1e9, nu=0.3, mu_s=0.3819, mu_2=0.6435, rho_s=2450.0, rho_c=1
 glass_beads_5mm = MuI(
     E=1e9, nu=0.3, mu_s=0.3819, mu_2=0.6435, rho_s=2450.0, rho_c=1500.0, I0=0.278, d=5e-3
 )
-"""The same beads with a size: I0 = 0.278 and d = 5 mm give xi = 1.1233 to all its digits."""
+"""The same beads with a grain diameter: I0 = 0.278 and d = 5 mm give xi = 1.1233 to all digits."""
 
 silo_grains = NGF(
     E=1e6, nu=0.45, mu_s=0.3819, mu_2=50.0, rho_s=2450.0, rho_c=1500.0, b=1.0, A=1.0, t0=1e-3,
     d=0.14,
 )  # fmt: skip
 """Grains of the clogging silos of Dunatunga & Kamrin, "Modeling silo clogging", section 7; d is as
-wide as their opening."""
+large as the width of their opening."""
 
 couette_beads = NGF(
     E=90 / 31 * 1e6, nu=14 / 31, mu_s=0.3819, mu_2=0.6435, rho_s=2550.0, rho_c=0.645 * 2550.0,
     I0=0.278, A=0.48, t0=1e-4, d=4e-3, rheology="linear_mu_I", elasticity="hencky",
 )  # fmt: skip
-"""Beads between cylinders of Haeri & Skonieczny 2021, table 1: S = 1, B = 10 MPa, 64.5 % full."""
+"""Beads between cylinders of Haeri & Skonieczny 2021, table 1 (S = 1, B = 10 MPa).
+
+They are packed to 64.5 %.
+"""
 
 grc_1 = NGF(
     E=15e6, nu=0.3, mu_s=0.70, mu_2=0.96, rho_s=2583.0, rho_c=0.67 * 2583.0,
     I0=0.278, A=0.48, t0=1e-4, d=3e-4, rheology="linear_mu_I", elasticity="hencky",
 )  # fmt: skip
-"""Soil simulant GRC-1 of Haeri & Skonieczny 2021, table 1 (S = 5.8, B = 12.5 MPa), 67 % full."""
+"""Soil simulant GRC-1 of Haeri & Skonieczny 2021, table 1 (S = 5.8, B = 12.5 MPa).
+
+It is packed to 67 %.
+"""
 
 grc_1_hardening = HardeningDruckerPrager(
     E=grc_1.E, nu=grc_1.nu, rho_s=grc_1.rho_s, rho_c=grc_1.rho_c,
     h0_deg=44.0, h1_deg=9.0, h2=0.2, h3_deg=9.0,
 )  # fmt: skip
-"""The same soil by Drucker-Prager, for the comparison of their section 4.2: 35 to 44 degrees."""
+"""The same soil with the hardening Drucker-Prager law, for the comparison of their section 4.2.
+
+The friction angle is 35 degrees at the start and 44 degrees in the end.
+"""

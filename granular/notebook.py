@@ -1,4 +1,4 @@
-"""How objects show themselves in a notebook."""
+"""HTML tables that represent objects in a notebook."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ __all__ = ["table"]
 
 
 def table(title: str, rows: Mapping[str, object]) -> str:
-    """HTML table of names and values; everything is escaped, numbers are shortened."""
+    """HTML table of names and values; text is escaped, floats are given to six digits."""
 
     def show(value: object) -> str:
         return html.escape(f"{value:.6g}" if isinstance(value, float) else str(value))

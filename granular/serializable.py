@@ -1,4 +1,4 @@
-"""Scenes and their parts as JSON, exactly."""
+"""Scenes and their parts as JSON, without rounding."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from granular.checks import integer, one_of
 __all__ = ["Parameters", "Serializable", "register"]
 
 FORMAT = 1
-"""Version of the JSON form; older ones are read, newer ones refused."""
+"""Version of the JSON format; older versions are read, newer ones refused."""
 
 Value = bool | int | float | str | None | tuple["Value", ...]
 
 
 class Parameters(Mapping[str, Value]):
-    """An immutable, hashable mapping of plain values: what a scene function was called with.
+    """An immutable, hashable mapping of plain values: the arguments of a scene function.
 
     Raises
     ------
@@ -78,30 +78,32 @@ class Parameters(Mapping[str, Value]):
 
 
 class Serializable:
-    """A scene that can be written down: a frozen dataclass of registered parts."""
+    """A scene that can be written as JSON: a frozen dataclass of registered parts."""
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some parts changed, checked as a new one."""
+        """Return a copy with some parts changed; it is checked like a new scene."""
         return _replace(self, **changes)
 
     def to_json(self) -> str:
-        """The scene as ASCII JSON; `from_json` gives an equal one, floats to the last bit.
+        """Return the scene as ASCII JSON, from which `from_json` makes an equal one.
+
+        Floats keep all their bits.
 
         Raises
         ------
         TypeError
-            For a region or material of a class this module does not know.
+            For a region or material of a class that is not registered.
         """
         return json.dumps({"format": FORMAT, "scene": _encode(self)}, allow_nan=False)
 
     @classmethod
     def from_json(cls, text: str) -> Self:
-        """Read what `to_json` wrote.
+        """Make a scene from the JSON that `to_json` returned.
 
         Raises
         ------
         ValueError
-            If the text is no scene, a part of it is out of range, or its format is newer.
+            If the text is not a scene, a part of it is out of range, or its format is newer.
         """
         try:
             data = json.loads(text, parse_constant=_refuse_constant)
@@ -118,19 +120,25 @@ class Serializable:
 
 
 _PARTS: dict[str, type] = {"Parameters": Parameters}
-"""The classes a scene is written with, by the tag that stands for them."""
+"""Classes of the parts of scenes, by their tag in the JSON."""
 _TAGS: dict[type, str] = {Parameters: "Parameters"}
 
 
 def register(*kinds: type, prefix: str = "") -> None:
-    """Let classes be parts of scenes, each by its name behind a prefix that never changes."""
+    """Allow classes as parts of scenes; the tag of a class is `prefix` and its name.
+
+    Tags stand in records and must never change.
+    """
     for kind in kinds:
         _PARTS[prefix + kind.__name__] = kind
         _TAGS[kind] = prefix + kind.__name__
 
 
 def _encode(value: Any) -> Any:
-    """Plain JSON values; floats rely on the shortest repr that reads back to the same bits."""
+    """Convert to plain JSON values.
+
+    Floats are written by `repr`, the shortest text that reads back to the same bits.
+    """
     if value is None or isinstance(value, (bool, int, str)):
         return value
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""A running simulation: step, run, record, stop, resume; the loop that all methods share."""
+"""Base class of simulations: step, run, record, stop and resume, the same for all methods."""
 
 from __future__ import annotations
 
@@ -34,44 +34,50 @@ SimulationError = _core.SimulationError
 Hook = Callable[["Simulation"], Any]
 
 CHUNK_SECONDS = 0.05
-"""Wall time between two returns from the core: signals, progress and hooks wait no longer."""
+"""Wall time [s] between two returns from the core.
+
+Signals, progress and hooks wait no longer than this.
+"""
 MAX_CHUNK = 1 << 20
 EVERY = 1 / 60
-"""Time between frames [s], unless another is asked for: a film in real time."""
+"""Default time between frames [s]; played at 60 frames per second they show real time."""
 SMALL = 4000
-"""Points up to which one thread is the default: a guess at where the barriers eat the gain."""
+"""Number of points up to which one thread is the default.
+
+An estimate: with fewer points the barriers between threads cost more than the threads gain.
+"""
 
 _METHODS: dict[type, type[Simulation]] = {}
-"""The simulation of each class of scenes."""
+"""Class of the simulation for each class of scenes."""
 
 
 class Simulation(ABC):
-    """Steps the points of a scene by the method that the scene is made for.
+    """Advance the points of a scene in time by the method that the scene is made for.
 
     A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
-    `granular.sph.Scene` by smoothed particle hydrodynamics (`granular.sph`).
+    `granular.sph.Scene` by SPH, smoothed particle hydrodynamics (`granular.sph`).
 
     Parameters
     ----------
     scene : Scene or sph.Scene
     threads : int, optional
         Threads of the core; by default all processors of the machine for large scenes and one for
-        small ones. The result does not depend on it, to the last bit.
+        small ones. The results do not depend on it, to the last bit.
     isa : str, optional
         Instruction set of the kernels, "baseline", "avx2" or "avx512"; by default the environment
-        variable GRANULAR_ISA, else the best of the machine.
+        variable GRANULAR_ISA, else the best that the machine has.
 
     Raises
     ------
     TypeError
-        If the scene is not one.
+        If `scene` is not a scene.
     ValueError
-        If the time step is beyond its limit or the scene cannot be built.
+        If the time step exceeds its limit or the scene cannot be built.
 
     Warns
     -----
     StabilityWarning
-        For what is known to go wrong without a word, see `granular.scene_warnings`.
+        For settings that are known to fail without an error, see `granular.scene_warnings`.
     """
 
     def __init_subclass__(cls, *, scenes: type | None = None) -> None:
@@ -83,7 +89,7 @@ class Simulation(ABC):
 
     @classmethod
     def _of(cls, scene: object) -> type[Self]:
-        """The class that simulates a scene, this one or one below it."""
+        """Return the class that simulates a scene, this one or a subclass."""
         for kind in type(scene).__mro__:
             if kind in _METHODS and issubclass(_METHODS[kind], cls):
                 return _METHODS[kind]
@@ -92,7 +98,7 @@ class Simulation(ABC):
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
 
     def _start(self, scene: Serializable, engine: Any, threads: int | None) -> None:
-        """What every simulation has; subclasses make the engine and the buffers."""
+        """Set the attributes that every simulation has; subclasses make engine and buffers."""
         self.scene = scene
         self._engine = engine
         if threads is not None:
@@ -103,45 +109,45 @@ class Simulation(ABC):
         self._every = EVERY
         self._monitor = Monitor(scene)
 
-    # ---- what a method must know ----
+    # ---- what a method must implement ----
 
     @abstractmethod
     def _make_steps(self, max_steps: int, until: float) -> None:
-        """Run the core, up to a number of steps or a time."""
+        """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
 
     @abstractmethod
     def _fields(self, kept: bool) -> dict[str, NDArray]:
-        """The fields of a state, ordered by id; `kept`: those of a frame of a record."""
+        """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
 
     @abstractmethod
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        """The numbers and arrays of a checkpoint."""
+        """Return the numbers and arrays of a checkpoint."""
 
     @classmethod
     @abstractmethod
     def _restored(
         cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
-        """A simulation as it was at a checkpoint."""
+        """Return a simulation in the state of a checkpoint."""
 
     @property
     @abstractmethod
     def buffers(self) -> dict[str, NDArray]:
-        """What the core works on, without copying: {field: (component, capacity)} and "id"."""
+        """Arrays of the core, not copied: {field: (component, capacity)} and "id"."""
 
     def _body_rows(self) -> NDArray | None:
-        """The states of rigid bodies for a frame; None for a method without any."""
+        """Return the states of the rigid bodies for a frame; None for a method without any."""
         return None
 
     def _gas(self) -> GasState | None:
-        """The points of a gas; None for a scene without any."""
+        """Return the particles of the gas; None for a scene without any."""
         return None
 
     def _indicators(self, state: State) -> dict[str, float]:
-        """The numbers of a sample that the method has of its own, see `Scene.indicators`."""
+        """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
         return {}
 
-    # ---- looking ----
+    # ---- present state ----
 
     @property
     def threads(self) -> int:
@@ -150,27 +156,27 @@ class Simulation(ABC):
             return self._threads
         if self.n_points <= SMALL:
             return 1
-        own = getattr(os, "sched_getaffinity", None)  # Linux: what this process may use
+        own = getattr(os, "sched_getaffinity", None)  # Linux: the processors of this process
         return min(len(own(0)) if own else os.cpu_count() or 1, _core.MAX_THREADS)
 
     @property
     def time(self) -> float:
-        """Time [s]."""
+        """Simulated time [s]."""
         return self._engine.scalars()["time"]
 
     @property
     def steps(self) -> int:
-        """Steps made."""
+        """Number of steps made."""
         return self._engine.scalars()["step"]
 
     @property
     def dt(self) -> float:
-        """Time step of the last step, or of the first [s]."""
+        """Time step [s] of the last step, or before the first step the one it will have."""
         return self._engine.scalars()["dt"] or self._engine.stable_dt()
 
     @property
     def n_points(self) -> int:
-        """Points that are still in the domain."""
+        """Number of points in the domain; those that have left do not count."""
         return self._engine.scalars()["n_points"]
 
     @property
@@ -180,7 +186,7 @@ class Simulation(ABC):
 
     @property
     def state(self) -> State:
-        """A snapshot, ordered by id."""
+        """A snapshot of the points, ordered by id."""
         return self._snapshot()
 
     def _snapshot(self, kept: bool = False) -> State:
@@ -206,7 +212,7 @@ class Simulation(ABC):
         self._make_steps(max_steps, until)
 
     def _chunks(self, until: float) -> Iterator[None]:
-        """Advance to `until` in calls of about CHUNK_SECONDS; the cuts do not touch the result."""
+        """Advance to `until` in calls of about CHUNK_SECONDS, which do not affect the result."""
         while self.time < until:
             begin, first = clock.perf_counter(), self.steps
             self._advance(self._chunk, until)
@@ -226,45 +232,47 @@ class Simulation(ABC):
         monitor: bool = True,
         gas: bool = True,
     ) -> Self:
-        """Run to a time, recording frames on the way.
+        """Run to a time and record frames on the way.
 
-        Where all points have left, the clock and the frames go on without them.
+        If all points have left the domain, time and frames go on without them.
 
         Parameters
         ----------
         until : float, optional
-            Time to stop at [s]: the first step at or past it; the scene's duration by default.
+            Time to stop at [s]; by default the duration of the scene. The last step is the first
+            one at or past it.
         save : path, optional
-            HDF5 record to write. A simulation that was resumed goes on in its own record.
+            HDF5 record to write. A simulation that was resumed continues its own record.
         every : float, optional
-            Time between frames [s]; a frame is the first step at or past its time. By default as
-            in the run before, which a record tells too, and 1/60 in the first.
+            Time between frames [s]; a frame is the first step at or past its time. By default the
+            interval of the previous run, which is also stored in a record, and 1/60 s in the first
+            run.
         overwrite : bool
             Whether an existing record may be replaced.
         progress : bool
             Show a progress bar.
         hooks : sequence of callables
-            Called with the simulation at each frame; what they raise ends the run.
+            Called with the simulation at each frame; an exception that one raises ends the run.
         monitor : bool
-            Look at frames for indicators of failure, for `health` and the record; the samples are so far
-            apart that they take less than a fiftieth of the run.
+            Take samples of frames for the indicators of failure, see `health`; the record keeps
+            them. They are so far apart that they take less than a fiftieth of the run.
         gas : bool
-            Keep the gas of a scene that has one in the frames of the record; checkpoints hold it
-            in any case.
+            For scenes with a gas, store it in the frames of the record; checkpoints hold it in any
+            case.
 
         Raises
         ------
         FileExistsError
             If the record exists and `overwrite` is not set.
         OSError
-            If the record cannot be written; what was there before is intact.
+            If the record cannot be written; an existing record is intact.
         SimulationError
-            If a point is not finite or ran away. `point` and `step` name it; the record holds the
-            last good frame and checkpoint.
+            If a point is not finite or ran away. The attributes `point` and `step` name it; the
+            record holds the last good frame and checkpoint.
         RuntimeError
             With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt
-            On Ctrl-C; the simulation and the record stay valid and can go on.
+            On Ctrl-C; the simulation and the record stay valid and can be continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
         self._every = every = positive("every", self._every if every is None else every)
@@ -284,7 +292,7 @@ class Simulation(ABC):
                         self._frame(writer, hooks, monitor, gas)
                 if interrupted and writer:
                     writer.checkpoint(self.checkpoint())
-            if interrupted:  # here, so that the record is left as it is and not merged
+            if interrupted:  # within the writer, so that it does not merge the record
                 raise KeyboardInterrupt
         return self
 
@@ -308,7 +316,7 @@ class Simulation(ABC):
             hook(self)
 
     def health(self) -> Health:
-        """What the looks at the run so far, and one at the present state, say of it.
+        """Indicators of failure from the samples so far and a sample of the present state.
 
         Returns
         -------
@@ -350,7 +358,7 @@ class Simulation(ABC):
     # ---- restart ----
 
     def checkpoint(self) -> Checkpoint:
-        """All that a bitwise restart needs: the points in the order of rows, and the clock."""
+        """Return all data of a bitwise restart: points in the order of rows, time and step."""
         scalars, arrays = self._checkpoint_data()
         return Checkpoint(
             time=scalars["time"],
@@ -369,12 +377,12 @@ class Simulation(ABC):
         threads: int | None = None,
         isa: str | None = None,
     ) -> Self:
-        """A simulation that goes on from a checkpoint as if it had never stopped.
+        """Return a simulation that continues from a checkpoint as if it had never stopped.
 
         Raises
         ------
         ValueError
-            If the checkpoint does not belong to such a scene.
+            If the checkpoint does not fit the scene.
         """
         return cls._of(scene)._restored(scene, checkpoint, threads, isa)
 
@@ -382,7 +390,7 @@ class Simulation(ABC):
     def resume(
         cls, path: str | os.PathLike, *, threads: int | None = None, isa: str | None = None
     ) -> Self:
-        """Go on from the checkpoint of a record, and with that record: bitwise as if never stopped.
+        """Continue a record from its checkpoint, bitwise as if the run had never stopped.
 
         Raises
         ------
@@ -425,18 +433,21 @@ class _Silent:
 
 
 class _Flag(list):
-    """Empty, hence false, until a signal has come."""
+    """List of the signals received; empty, and hence false, until the first."""
 
 
 @contextmanager
 def _interruptible() -> Iterator[_Flag]:
-    """Turn Ctrl-C into a flag that is looked at between calls of the core; restores the handler."""
+    """Turn Ctrl-C into a flag that is checked between calls of the core.
+
+    The handler is restored in the end.
+    """
     flag = _Flag()
     if threading.current_thread() is not threading.main_thread():
         yield flag
         return
     before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # somebody else's business
+    if before is not signal.default_int_handler:  # a handler of the caller: leave it
         yield flag
         return
     signal.signal(signal.SIGINT, lambda number, _: flag.append(number))

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 
 class State:
-    """What the points are at one time: read-only arrays with one row a point, ordered by id.
+    """State of the points at one time: read-only arrays with one row per point, ordered by id.
 
     Parameters
     ----------
@@ -29,17 +29,17 @@ class State:
     time : float
         Time [s].
     step : int
-        Steps made.
+        Number of steps made.
     dt : float
         Time step [s].
     fields : mapping of str to ndarray
         The stored fields: `x` (n, dim) [m], `v` (n, dim) [m/s], `stress` (n, 4) = xx, yy, zz, xy
-        in the plane or (n, 6) = xx, yy, zz, xy, yz, xz [Pa, tension positive], `log_density` (n,)
-        = ln(rho/rho_c), `mass` (n,) [kg, per metre of depth in the plane], `id` (n,),
-        `shear_rate` (n,), the equivalent plastic shear rate [1/s], and what else the scheme stores.
+        in 2D or (n, 6) = xx, yy, zz, xy, yz, xz in 3D [Pa, tension positive], `log_density` (n,)
+        = ln(rho/rho_c), `mass` (n,) [kg, per metre of depth in 2D], `id` (n,), `shear_rate` (n,),
+        the equivalent plastic shear rate [1/s], and the other fields that the scheme stores.
         Each is an attribute of the state.
     gas : GasState, optional
-        The points of the gas of a scene that has one; without them there is no such attribute.
+        The particles of the gas, for a scene with a gas; other states have no such attribute.
     """
 
     gas: GasState
@@ -87,15 +87,16 @@ class State:
 
     @cached_property
     def volume(self) -> Array:
-        """Volume of the points [m3, per metre of depth in the plane], shape (n,)."""
+        """Volume of the points [m3, per metre of depth in 2D], shape (n,)."""
         return self.mass / self.rho
 
     @cached_property
     def quadrature_volume(self) -> Array:
-        """Volume that the stress of a point stands for in the balance of forces, shape (n,).
+        """Quadrature volume of the stress of a point in the balance of forces, shape (n,).
 
-        `volume` times the weight of the point, where the scheme gives it one
-        (`Scheme.weight_correction`): force, power and energy of stresses are sums over these volumes.
+        It is `volume` times the quadrature weight of the point, if the scheme corrects the weights
+        (`Scheme.weight_correction`). Force, power and energy of the stresses are sums over these
+        volumes.
         """
         if "weight_correction" in self.fields:
             return (1.0 + self.weight_correction) * self.volume
@@ -115,12 +116,12 @@ class State:
 
     @cached_property
     def mu(self) -> Array:
-        """Friction tau/p, shape (n,); nan where the pressure is not positive."""
+        """Friction coefficient tau/p, shape (n,); nan where the pressure is not positive."""
         return np.divide(self.tau, self.p, out=np.full(self.n, np.nan), where=self.p > 0)
 
     @cached_property
     def dense(self) -> NDArray[np.bool_]:
-        """Whether a point bears pressure, shape (n,)."""
+        """True for points under pressure, shape (n,)."""
         return self.p > 0
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""Many scenes over any executor, each with a record of its own, so that a sweep can go on."""
+"""Sweeps: many scenes run by an executor, each with its own record, so that a sweep can resume."""
 
 from __future__ import annotations
 
@@ -35,29 +35,29 @@ __all__ = ["Executor", "Sweep", "sweep"]
 Measure = Callable[[Trajectory], Any]
 
 NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_+=,.-]{0,199}")
-"""Names of records, without their ending, that every file system takes."""
+"""File names of records, without suffix, that every file system accepts."""
 
 
 class Executor(Protocol):
-    """What runs the cases: anything that submits as `concurrent.futures` does."""
+    """Protocol of the object that runs the cases: `submit` as in `concurrent.futures`."""
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any) -> Future:
-        """Call the function with the arguments, some time, somewhere."""
+        """Schedule a call of the function with these arguments and return its future."""
 
 
 class Sweep(Sequence):
     """The results of a sweep, in the order of its cases; None for a case that failed.
 
-    Without a `measure` they are the records (`Trajectory`), each opened when it is asked for.
+    Without a `measure` the results are the records (`Trajectory`), each opened on access.
 
     Attributes
     ----------
     keys : tuple
-        Of the cases: those of the mapping, or 0, 1, 2, ...
+        Keys of the cases: those of the mapping, or 0, 1, 2, ...
     paths : tuple of Path
-        The records.
+        Paths of the records.
     errors : dict
-        What went wrong, by the keys of the cases that failed; empty if all is well.
+        Exceptions by the keys of the cases that failed; empty if none failed.
     """
 
     def __init__(self, cases: Sequence[_Case]) -> None:
@@ -109,57 +109,58 @@ def sweep(
 ) -> Sweep:
     """Run many scenes to their durations, with one thread each, and record each in its own file.
 
-    Ctrl-C ends the sweep. With a `folder`, the same call goes on where it was: a case whose record
-    is complete is not run again, one that was begun goes on from its checkpoint, to the same bits.
-    So does one that failed.
+    Ctrl-C ends the sweep. With a `folder`, the same call resumes it: a case whose record is
+    complete is not run again. One that was begun, or that failed, continues from its checkpoint,
+    with the same bits as if it had not stopped.
 
     Parameters
     ----------
     cases : iterable of Scene, or mapping to Scene
         The keys of a mapping name the records: strings, numbers, or tuples of them, such as
-        ``(width, A)``. Without a mapping the keys are 0, 1, 2, ...: to go on with another list
-        of scenes later, give a mapping.
+        ``(width, A)``. Without a mapping the keys are 0, 1, 2, ...; give a mapping if the sweep
+        may be resumed later with another list of scenes.
     executor : object with ``submit``, optional
-        Returns `concurrent.futures.Future`, as do ``ProcessPoolExecutor``, ``MPIPoolExecutor`` of
-        mpi4py.futures and what ``Client.get_executor()`` of dask returns. By default processes
-        of this machine, which import the script anew: it must start the sweep under
-        ``if __name__ == "__main__":``.
+        Its ``submit`` returns a `concurrent.futures.Future`, as with ``ProcessPoolExecutor``, the
+        ``MPIPoolExecutor`` of mpi4py.futures, and the executor that ``Client.get_executor()`` of
+        dask returns. By default processes of this machine run the cases. They import the script
+        again, which must therefore start the sweep under ``if __name__ == "__main__":``.
     measure : callable, optional
-        Called where the case ran with its finished record, a `Trajectory`; what it returns is the
-        result. It must be picklable: a function of a module, or a `functools.partial` of one.
+        Function of the finished record of a case, a `Trajectory`, called in the process that ran
+        the case; it returns the result of the case. It must be picklable: a function of a module,
+        or a `functools.partial` of one.
     folder : path, optional
-        Where the records are, seen by all workers; made if need be. By default a temporary
-        folder of this machine, which goes with what is returned.
+        Folder of the records, which all workers can access; it is made if necessary. By default a
+        temporary folder of this machine, which is removed with the object returned.
     every : float, optional
-        Time between frames [s], see `Simulation.run`. It does not touch records that are complete.
+        Time between frames [s], see `Simulation.run`. Records that are complete are not changed.
     workers : int, optional
-        Processes, where no executor is given; by default as many as processors.
+        Number of processes if no executor is given; by default that of the processors.
     progress : bool
-        Show a progress bar, in cases.
+        Show a progress bar that counts cases.
     strict : bool
-        Raise in the end if cases failed.
+        Raise an exception in the end if cases failed.
 
     Returns
     -------
     Sweep
-        A sequence of records, or of what `measure` returned, in the order of the cases; its
-        ``errors`` tell which failed.
+        A sequence of the records, or of the values of `measure`, in the order of the cases; its
+        ``errors`` names the cases that failed.
 
     Raises
     ------
     TypeError, ValueError
-        For cases that are no scenes, keys that do not make file names, a `measure` that workers
-        cannot be sent; where the record of a case is of another scene. Nothing has run then.
+        If a case is not a scene, a key does not make a file name, `measure` cannot be sent to the
+        workers, or the record of a case belongs to another scene. No case has run then.
     ExceptionGroup
-        With `strict`, of the errors of the cases.
+        With `strict`: the errors of all cases that failed.
     KeyboardInterrupt
-        On Ctrl-C; the records stay valid. What already runs in an `executor` that was given
-        may run to its end.
+        On Ctrl-C; the records stay valid. Cases that already run in a given `executor` may run to
+        their end.
 
     Warns
     -----
     RuntimeWarning
-        For each case that failed, with its key and its error; the others go on.
+        For each case that failed, with its key and its error; the other cases go on.
     """
     scenes = _scenes(cases)
     names = _names(list(scenes))
@@ -175,7 +176,7 @@ def sweep(
     if made:
         weakref.finalize(results, shutil.rmtree, place, ignore_errors=True)
     for job in jobs:
-        with suppress(RecordError, OSError):  # a matter of this case, which its run will tell
+        with suppress(RecordError, OSError):  # the run of this case will report it
             _stage(job)
     with (
         tqdm(total=len(jobs), desc="sweep", unit="case", disable=not progress) as bar,
@@ -191,7 +192,7 @@ def sweep(
     return results
 
 
-# ---- what is asked for ----
+# ---- checks of the arguments ----
 
 
 def _scenes(cases: object) -> dict[Hashable, Serializable]:
@@ -208,7 +209,7 @@ def _scenes(cases: object) -> dict[Hashable, Serializable]:
 
 
 def _names(keys: Sequence[Hashable]) -> list[str]:
-    """Names of records by the keys of the cases, no two of them equal on any file system."""
+    """Make the names of the records from the keys; no two are equal on any file system."""
     seen: dict[str, Hashable] = {}
     names = []
     for key in keys:
@@ -250,14 +251,14 @@ def _check_measure(measure: object, executor: object) -> None:
         ) from error
     import __main__
 
-    # Our processes import the script again; what was typed into a session they cannot find.
+    # The processes import the script again; they cannot find what was typed into a session.
     script = Path(getattr(__main__, "__file__", "")).is_file()
     if executor is None and b"__main__" in data and not script:
         raise TypeError(f"measure = {measure!r} must be in a module that the workers can import")
 
 
 def _folder(folder: object) -> tuple[Path, bool]:
-    """Where the records go, and whether it is temporary."""
+    """Return the folder of the records, and True if it is temporary."""
     if folder is None:
         return Path(tempfile.mkdtemp(prefix="granular-sweep-")), True
     if not isinstance(folder, (str, os.PathLike)):
@@ -266,7 +267,7 @@ def _folder(folder: object) -> tuple[Path, bool]:
     if place.exists() and not place.is_dir():
         raise NotADirectoryError(f"folder = {folder} must be a folder")
     place.mkdir(parents=True, exist_ok=True)
-    return place.resolve(), False  # workers may be in another working folder
+    return place.resolve(), False  # workers may have another working folder
 
 
 # ---- one case, in a worker ----
@@ -287,14 +288,14 @@ class _Failure:
 
 
 def _stage(case: _Case) -> str:
-    """How far the record of a case is: "new", "begun" or "done"."""
+    """Return the stage of the record of a case: "new", "begun" or "done"."""
     try:
         record = open_trajectory(case.path)
     except FileNotFoundError:
         return "new"
     with record:
         if not record.finished and not record.has_checkpoint:
-            return "new"  # killed in its first moments
+            return "new"  # killed before its first checkpoint
         if record.scene.to_json() != case.scene.to_json():
             raise ValueError(
                 f"case {case.key!r}: the record {case.path} is of another scene; "
@@ -305,9 +306,10 @@ def _stage(case: _Case) -> str:
 
 
 def _run(case: _Case) -> Any:
-    """What the measure makes of a case, run as far as need be, or a `_Failure`.
+    """Run what is left of a case and return its measure, or a `_Failure`.
 
-    Errors are values here: one that cannot be unpickled would break the pool of the others.
+    Errors are returned, not raised: an exception that cannot be unpickled would break the pool for
+    all cases.
     """
     try:
         stage = _stage(case)
@@ -325,7 +327,7 @@ def _run(case: _Case) -> Any:
 
 
 def _portable(error: Exception, key: Hashable) -> Exception:
-    """An error as it reads after a journey, with its traceback as text."""
+    """Return an error that can be sent to another process, with its traceback as text."""
     error.add_note(f"in case {key!r}:\n{''.join(traceback.format_tb(error.__traceback__))}")
     try:
         return pickle.loads(pickle.dumps(error))
@@ -341,7 +343,7 @@ def _portable(error: Exception, key: Hashable) -> Exception:
 def _outcomes(
     cases: Sequence[_Case], submit: Callable[[_Case], Future]
 ) -> Generator[tuple[int, Any], None, None]:
-    """Index and outcome of each case as they come."""
+    """Yield index and outcome of each case as they complete."""
     futures: dict[Future, int] = {}
     try:
         for index, case in enumerate(cases):
@@ -350,7 +352,7 @@ def _outcomes(
                 raise TypeError(
                     f"executor.submit returned {future!r}, must be a concurrent.futures.Future"
                 )
-            if future.done():  # an executor may work at once: show it
+            if future.done():  # the executor works within submit: show progress
                 yield index, _outcome(future)
             else:
                 futures[future] = index
@@ -364,7 +366,7 @@ def _outcomes(
 def _outcome(future: Future) -> Any:
     try:
         return future.result()
-    except Exception as error:  # of the executor: a worker that died, a result not to be pickled
+    except Exception as error:  # of the executor: a dead worker, an unpicklable result
         return _Failure(error)
 
 
@@ -372,11 +374,11 @@ def _outcome(future: Future) -> Any:
 def _submitter(
     executor: Executor | None, workers: int | None, most: int
 ) -> Iterator[Callable[[_Case], Future]]:
-    """What submits a case, to the executor given or to processes of our own."""
+    """Provide the function that submits a case, to the given executor or to an own pool."""
     if executor is not None:
         yield partial(executor.submit, _run)
         return
-    own = getattr(os, "sched_getaffinity", None)  # Linux: what this process may use
+    own = getattr(os, "sched_getaffinity", None)  # Linux: the processors of this process
     count = workers or (len(own(0)) if own else os.cpu_count() or 1)
     context = get_context("spawn")  # a fork would inherit the threads of the core
     receiver, sender = context.Pipe(duplex=False)
@@ -393,11 +395,11 @@ def _submitter(
 
 
 _stop: Any = None
-"""In a process of the pool: a pipe that ends when the sweep does, or its process is no more."""
+"""In a process of the pool: a pipe that is closed when the sweep or its process ends."""
 
 
 def _enlist(stop: Any) -> None:
-    """Prepare a process of the pool: Ctrl-C and `stop` end a case, never what is between cases."""
+    """Prepare a process of the pool: Ctrl-C and `stop` take effect only while a case runs."""
     global _stop
     _stop = stop
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -406,9 +408,9 @@ def _enlist(stop: Any) -> None:
 
 def _watch() -> None:
     _stop.poll(None)
-    interrupt_main()  # as Ctrl-C, which `Simulation.run` turns into a valid record
+    interrupt_main()  # like Ctrl-C, after which `Simulation.run` leaves a valid record
     parent_process().join()
-    os._exit(1)  # else it would go on for nobody, and hold the record
+    os._exit(1)  # otherwise the process would go on without a parent and hold the record open
 
 
 def _run_in_pool(case: _Case) -> Any:
