@@ -14,7 +14,7 @@ from granular.measure.energy import plastic_power
 from granular.mpm import schemes
 from granular.mpm.engine import averaging_interval
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Scheme
+from granular.mpm.schemes import Density, Scheme
 from granular.simulation import Simulation
 from granular.state import State
 from granular.verify.layers import JITTER, MODULUS, layer
