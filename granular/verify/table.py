@@ -12,7 +12,7 @@ from granular.checks import one_of
 from granular.diagnostics import StabilityWarning
 from granular.verify.rows import Check, Row, checks
 
-_WIDTHS = (24, 60, 14, 18)
+_WIDTHS = (40, 60, 14, 18)
 _WORDS = {True: "pass", False: "FAIL", None: "-"}
 
 
