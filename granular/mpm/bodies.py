@@ -1,7 +1,7 @@
 """Rigid bodies that move through the material: shapes by signed distance, motions, contact.
 
-In the plane a box is of infinite extent along z and a cylinder a disc; masses, forces and torques
-are per metre of depth.
+In 2D a box is infinite along z and a cylinder is a disc; masses, forces and torques are per metre
+of depth.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from granular.mpm.body_shapes import (
     Union,
     are_endless,
     corners,
-    in_space,
+    padded,
     reach,
     rotation_of,
     set_fields,
@@ -51,21 +51,21 @@ STATE = (
     ("impulse", 3),
     ("angular_impulse", 3),
 )
-"""What the core tells of a body, name and count of numbers; quaternions with the scalar first."""
+"""Name and length of the parts of a body's state in the core; quaternions have the scalar first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """Velocity and angular velocity, linear between given times and constant before and after.
+    """Velocity and angular velocity, linear between given times and constant before and after them.
 
     Parameters
     ----------
     times : tuple of float, length k >= 1
-        Seconds, >= 0, ascending.
+        Times [s], >= 0, ascending.
     velocity : tuple of k tuples of float, length dim
-        Of the position of the body [m/s].
+        Velocity of the position of the body [m/s].
     angular_velocity : tuple of k floats, or of k tuples of 3 floats
-        In the plane, or in space about fixed axes [rad/s]; none by default.
+        Angular velocity [rad/s], a number in 2D, a vector about fixed axes in 3D; 0 by default.
 
     Raises
     ------
@@ -106,11 +106,11 @@ class Motion:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return len(self.velocity[0])
 
     def rows(self) -> Array:
-        """Time, velocity and angular velocity as the core wants them, shape (k, 7)."""
+        """Return time, velocity and angular velocity for the core, shape (k, 7)."""
         out = np.zeros((len(self.times), 7))
         out[:, 0] = self.times
         out[:, 1 : 1 + self.dim] = self.velocity
@@ -120,31 +120,33 @@ class Motion:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body that the material touches at the nodes of the grid within it.
+    """A rigid body; it acts on the material at the nodes of the grid that lie within it.
 
     Parameters
     ----------
     shape : Box, Cylinder, HalfSpace, Mesh or Union
-        In coordinates of the body.
+        Shape, in coordinates of the body.
     position : tuple of float, length dim
-        Where the origin of these coordinates is at the start [m].
+        Origin of these coordinates at the start [m].
     rotation_deg : float or tuple of 3 floats
-        How they are turned at the start: an angle, or a rotation vector in space [degrees].
+        Rotation of these coordinates at the start: an angle in 2D, a rotation vector in 3D
+        [degrees].
     motion : Motion, optional
-        At rest by default.
+        Prescribed motion; the body is at rest by default.
     contact : {"separating", "sticky", "bilateral"}
-        "separating" holds the normal velocity of material that approaches, with friction along
-        the surface, "bilateral" that of all material, "sticky" all components.
+        "separating" gives material that approaches the normal velocity of the body, with friction
+        along the surface; "bilateral" does the same to all material; "sticky" gives all material
+        the velocity of the body.
     friction : float
-        Coulomb coefficient, >= 0; 0 for "sticky".
+        Coulomb friction coefficient, >= 0; must be 0 for "sticky".
     rough : bool
-        Whether the fluidity of a nonlocal law is 0 at its surface, as at a rough wall, there the
-        nearest faces of cells; else its normal derivative is.
+        Boundary condition of the fluidity of a nonlocal law on the faces of cells nearest to the
+        surface: if True the fluidity is 0, as at a no-slip wall; if False its normal derivative is.
     free : str
-        The axes along which the body is moved by gravity and the material instead of its motion,
-        such as "z" or "xy"; it begins with the velocity of its motion.
+        Axes along which gravity and the forces of the material move the body instead of its
+        `motion`, such as "z" or "xy"; its initial velocity is that of its `motion`.
     mass : float, optional
-        [kg], > 0: needed if, and only if, it is free.
+        Mass [kg], > 0; required if, and only if, `free` names an axis.
 
     Raises
     ------
@@ -203,11 +205,11 @@ class Body:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return self.shape.dim
 
     def check(self, name: str, grid: Grid) -> None:
-        """Refuse what does not fit the grid."""
+        """Refuse a body that does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
         bound = reach(self.shape.rows(), self.dim)
@@ -221,13 +223,13 @@ class Body:
                 )
 
     def _is_endless(self, axis: np.intp) -> bool:
-        """Whether it is the same everywhere along an axis, and stays so."""
+        """True if the body is infinite along an axis, and stays so in its motion."""
         along = turned(self.rotation_deg).inv().apply(np.eye(3)[axis])
         turning = np.delete(self.motion.rows()[:, 4:], axis, axis=1)
         return not turning.any() and are_endless(self.shape.rows(), along)
 
     def largest_speed(self, grid: Grid) -> float:
-        """Bound on the speed [m/s] that its motion gives to any of its places in the domain."""
+        """Upper bound on the speed [m/s] of its points in the domain, from its motion."""
         rows, motion = self.shape.rows(), self.motion.rows()
         if math.isfinite(reach(rows, self.dim)):
             arms = turned(self.rotation_deg).apply(corners(rows))
@@ -240,12 +242,12 @@ class Body:
         return float((speed + far * turning).max())
 
     def row(self) -> _core.BodyRow:
-        """What the core knows of it."""
+        """Return the description of the body for the core."""
         x, y, z, w = turned(self.rotation_deg).as_quat()
         return (
             self.shape.rows(),
             self.shape.samples(),
-            np.array([*in_space(self.position), w, x, y, z]),
+            np.array([*padded(self.position), w, x, y, z]),
             self.motion.rows(),
             CONTACTS[self.contact],
             sum(1 << "xyz".index(axis) for axis in self.free),
@@ -255,17 +257,17 @@ class Body:
         )
 
     def distance(self, x: Array) -> tuple[Array, Array]:
-        """Signed distance to the surface at the start, and the outward normal.
+        """Signed distance to the surface at the start, and the outward normal there.
 
         Parameters
         ----------
         x : ndarray, shape (n, dim)
-            Places [m].
+            Positions [m].
 
         Returns
         -------
         distance : ndarray, shape (n,)
-            [m], negative in the solid.
+            Distance [m], negative in the solid.
         normal : ndarray, shape (n, dim)
         """
         x = np.asarray(x, dtype=float)
@@ -281,22 +283,22 @@ class Body:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyState:
-    """Where a body is and what it has felt.
+    """Position, velocity and accumulated impulse of a body.
 
     Attributes
     ----------
     position : ndarray, shape (dim,)
-        [m].
+        Position [m].
     rotation : ndarray, shape (dim, dim)
-        Its columns are the axes of the body.
+        Rotation matrix; its columns are the axes of the body.
     velocity : ndarray, shape (dim,)
-        [m/s].
+        Velocity of the position [m/s].
     angular_velocity : ndarray, shape () or (3,)
-        In the plane, in space [rad/s].
+        Angular velocity [rad/s], a number in 2D, a vector in 3D.
     impulse : ndarray, shape (dim,)
-        Of the material on the body since the run began [N s].
+        Impulse of the material on the body since the start of the run [N s].
     angular_impulse : ndarray, shape () or (3,)
-        The same about the position, which moves with the body [N m s].
+        Angular impulse [N m s] about the position, which moves with the body.
     """
 
     position: Array
@@ -308,7 +310,10 @@ class BodyState:
 
 
 def split(numbers: Array, dim: int) -> dict[str, Array]:
-    """Numbers of a body (..., 19) by the names of `STATE`, with the components that `dim` has."""
+    """Split the 19 numbers of a body by the names of `STATE`; in 2D drop unused components.
+
+    `numbers` has the shape (..., 19).
+    """
     ends = np.cumsum([count for _, count in STATE])[:-1]
     parts = dict(zip((name for name, _ in STATE), np.split(numbers, ends, axis=-1), strict=True))
     if dim == 2:
@@ -320,7 +325,7 @@ def split(numbers: Array, dim: int) -> dict[str, Array]:
 
 
 def state_of(numbers: Array, dim: int) -> BodyState:
-    """The state of one body from its 19 numbers."""
+    """Return the state of one body from its 19 numbers."""
     parts = split(numbers, dim)
     w, x, y, z = parts.pop("quaternion")
     rotation = Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]
@@ -328,7 +333,7 @@ def state_of(numbers: Array, dim: int) -> BodyState:
 
 
 def check_count(bodies: Sequence[Body]) -> None:
-    """Refuse more bodies or shapes than the core has room for."""
+    """Refuse more bodies or shapes than the core can hold."""
     shapes = sum(len(body.shape.rows()) for body in bodies)
     if len(bodies) > MOST_BODIES or shapes > MOST_SHAPES:
         raise ValueError(

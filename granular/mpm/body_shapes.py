@@ -1,6 +1,6 @@
-"""Shapes of rigid bodies, each with what the core knows of it.
+"""Shapes of rigid bodies, each with its description for the core.
 
-In the plane a box is of infinite extent along z and a cylinder a disc.
+In 2D a box is infinite along z and a cylinder is a disc.
 """
 
 from __future__ import annotations
@@ -33,34 +33,36 @@ BOX, CYLINDER, HALF_SPACE, SAMPLED = (
 
 
 def rotation_of(name: str, value: object, dim: int) -> float | tuple[float, ...]:
-    """An angle [degrees] in the plane, a rotation vector [degrees] in space."""
+    """Check a rotation [degrees]: an angle in 2D, a rotation vector in 3D."""
     return finite(name, value) if dim == 2 else vector(name, value, 3)
 
 
 def turned(rotation: float | tuple[float, ...]) -> Rotation:
-    """The rotation that is meant; 0.0 is none in any dimension."""
+    """Make a rotation from an angle or a rotation vector [degrees]; 0.0 is no rotation in 3D."""
     return Rotation.from_rotvec(
         (0.0, 0.0, rotation) if isinstance(rotation, float) else rotation, degrees=True
     )
 
 
-def in_space(value: Sequence[float]) -> tuple[float, ...]:
+def padded(value: Sequence[float]) -> tuple[float, ...]:
+    """Return 3 components; a vector of 2 gets z = 0."""
     return (*value, 0.0)[:3]
 
 
 def _row(kind: int, inside: bool, center: Sequence[float], matrix: Array, size: Sequence) -> Array:
-    return np.array([kind, inside, *in_space(center), *matrix.ravel(), *size], dtype=float)
+    return np.array([kind, inside, *padded(center), *matrix.ravel(), *size], dtype=float)
 
 
 def _axes_about(normal: Sequence[float]) -> Array:
     """Rotation matrix whose third column is along `normal`."""
-    third = np.array(in_space(normal)) / np.linalg.norm(normal)
+    third = np.array(padded(normal)) / np.linalg.norm(normal)
     first = np.cross(np.eye(3)[np.argmin(np.abs(third))], third)
     first /= np.linalg.norm(first)
     return np.column_stack([first, np.cross(third, first), third])
 
 
 def set_fields(part: object, **values: object) -> None:
+    """Set attributes of a frozen dataclass."""
     for name, value in values.items():
         object.__setattr__(part, name, value)
 
@@ -79,11 +81,11 @@ class Box:
     Parameters
     ----------
     size : tuple of float, length dim
-        Its edges [m], > 0, may be infinite.
+        Lengths of the edges [m], > 0, may be infinite.
     center : tuple of float, length dim, optional
-        [m]; the position of the body by default.
+        Centre [m]; the position of the body by default.
     rotation_deg : float or tuple of 3 floats
-        About its centre: an angle in the plane, a rotation vector in space [degrees].
+        Rotation about the centre: an angle in 2D, a rotation vector in 3D [degrees].
 
     Raises
     ------
@@ -110,36 +112,37 @@ class Box:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return len(self.size)
 
     def rows(self) -> Array:
-        """What the core knows of it, shape (1, 17)."""
+        """Return the description of the shape for the core, shape (1, 17)."""
         half = [edge / 2 for edge in self.size] + [math.inf]
         matrix = turned(self.rotation_deg).as_matrix()
         return _row(BOX, False, self.center, matrix, half[:3])[None]
 
     def samples(self) -> tuple[Array, ...]:
-        """Its signed distances on a lattice: none."""
+        """Return the sampled signed distances: none, they are computed from a formula."""
         return ()
 
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder, in coordinates of its body; in the plane a disc.
+    """A cylinder, in coordinates of its body; in 2D a disc.
 
     Parameters
     ----------
     radius : float
-        [m], > 0.
+        Radius [m], > 0.
     length : float
-        Along the axis [m], > 0 or infinite; must be infinite in the plane.
+        Length along the axis [m], > 0 or infinite; must be infinite in 2D.
     center : tuple of float, length dim
-        [m].
+        Centre [m].
     axis : tuple of 3 floats, optional
-        Direction of the axis, of any length; None in the plane.
+        Direction of the axis, of any length; None in 2D.
     inside : bool
-        The solid is all that lies outside of the surface, a drum with the material in it.
+        If True, the material is inside, as in a drum: the solid is all that lies outside of the
+        surface.
 
     Raises
     ------
@@ -159,9 +162,7 @@ class Cylinder:
         length = positive("length", self.length, allow_inf=True)
         axis = self.axis
         if len(center) == 2 and (axis is not None or math.isfinite(length)):
-            raise ValueError(
-                f"axis = {axis} and length = {length} must be None and inf in the plane"
-            )
+            raise ValueError(f"axis = {axis} and length = {length} must be None and inf in 2D")
         if len(center) == 3:
             axis = _direction("axis", axis, 3)
         radius, inside = (
@@ -172,17 +173,17 @@ class Cylinder:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return len(self.center)
 
     def rows(self) -> Array:
-        """What the core knows of it, shape (1, 17)."""
+        """Return the description of the shape for the core, shape (1, 17)."""
         matrix = np.eye(3) if self.axis is None else _axes_about(self.axis)
         size = (self.radius, self.length / 2, 0.0)
         return _row(CYLINDER, self.inside, self.center, matrix, size)[None]
 
     def samples(self) -> tuple[Array, ...]:
-        """Its signed distances on a lattice: none."""
+        """Return the sampled signed distances: none, they are computed from a formula."""
         return ()
 
 
@@ -193,9 +194,9 @@ class HalfSpace:
     Parameters
     ----------
     normal : tuple of float, length dim
-        Out of the solid, of any length.
+        Normal of the plane, out of the solid, of any length.
     through : tuple of float, length dim, optional
-        A place of the plane [m]; the position of the body by default.
+        A point of the plane [m]; the position of the body by default.
 
     Raises
     ------
@@ -213,44 +214,46 @@ class HalfSpace:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return len(self.normal)
 
     def rows(self) -> Array:
-        """What the core knows of it, shape (1, 17)."""
+        """Return the description of the shape for the core, shape (1, 17)."""
         return _row(HALF_SPACE, False, self.through, _axes_about(self.normal), (0.0, 0.0, 0.0))[
             None
         ]
 
     def samples(self) -> tuple[Array, ...]:
-        """Its signed distances on a lattice: none."""
+        """Return the sampled signed distances: none, they are computed from a formula."""
         return ()
 
 
 @dataclass(frozen=True)
 class Mesh:
-    """A closed surface of triangles in space, in coordinates of its body.
+    """A closed surface of triangles in 3D, in coordinates of its body.
 
-    Its signed distance is sampled once on a lattice and linear between its places: edges are
-    rounded by about a spacing.
+    Its signed distance is sampled once on a sampling grid and interpolated linearly in between,
+    which rounds edges by about one spacing.
 
     Parameters
     ----------
-    vertices : sequence of k places
-        [m].
+    vertices : sequence of k points
+        Vertices [m].
     faces : sequence of triples of int
-        Numbers of the vertices of each triangle, from 0 on, anticlockwise as seen from outside.
+        Indices of the vertices of each triangle, from 0 on, anticlockwise as seen from outside.
     spacing : float
-        Of the lattice [m], > 0: a quarter of a cell of the grid. With half of one, a cube four
-        cells wide that moves through a bed feels forces wrong by a tenth, with a quarter by .1 %.
+        Spacing of the sampling grid [m], > 0; a quarter of a cell of the computational grid is
+        recommended. The force on a cube four cells wide that moves through a bed errs by a tenth
+        with half a cell and by 0.1 % with a quarter.
 
     Raises
     ------
     TypeError, ValueError
-        Naming argument, value and allowed range: a surface that is not closed, not oriented or
-        inside out.
+        Naming argument, value and allowed range; also for a surface that is not closed, not
+        oriented or inside out.
     ModuleNotFoundError
-        When a body of it is used, without trimesh and rtree: ``pip install granular[meshes]``.
+        When a body with this shape is used and trimesh or rtree is not installed: ``pip install
+        granular[meshes]``.
     """
 
     vertices: tuple[tuple[float, float, float], ...]
@@ -287,14 +290,14 @@ class Mesh:
 
     @classmethod
     def read(cls, path: str | os.PathLike, *, spacing: float, scale: float = 1.0) -> Mesh:
-        """The surface of a file: STL, OBJ, PLY, ..., of lengths in units of `scale` metres.
+        """Read a surface from a file (STL, OBJ, PLY, ...) with lengths in units of `scale` metres.
 
         Raises
         ------
         ModuleNotFoundError
-            Without trimesh: ``pip install granular[meshes]``.
+            If trimesh is not installed: ``pip install granular[meshes]``.
         ValueError
-            As of `Mesh`, or if the file holds no surface.
+            As for `Mesh`, or if the file holds no surface.
         """
         surface = _trimesh().load_mesh(path)
         if not len(getattr(surface, "faces", ())):
@@ -308,21 +311,24 @@ class Mesh:
 
     @property
     def dim(self) -> int:
-        """3."""
+        """Dimension, 3."""
         return 3
 
     def rows(self) -> Array:
-        """What the core knows of it, shape (1, 17)."""
-        low, counts = self._lattice()
+        """Return the description of the shape for the core, shape (1, 17)."""
+        low, counts = self._sampling_grid()
         half = 0.5 * self.spacing * (counts - 1)
         return _row(SAMPLED, False, tuple(low + half), np.eye(3), half)[None]
 
     def samples(self) -> tuple[Array, ...]:
-        """Its signed distances on a lattice [m], (z, y, x), negative within."""
+        """Return the signed distances [m] on the sampling grid, (z, y, x), negative inside."""
         return (_sampled(self),)
 
-    def _lattice(self) -> tuple[Array, NDArray[np.int64]]:
-        """Lowest place, and number of places along each axis; two spacings beyond the surface."""
+    def _sampling_grid(self) -> tuple[Array, NDArray[np.int64]]:
+        """Lower corner, and number of samples along each axis.
+
+        The sampling grid extends two spacings beyond the surface.
+        """
         x = np.array(self.vertices)
         counts = np.ceil(np.ptp(x, axis=0) / self.spacing - 1e-9).astype(int) + 5
         middle = 0.5 * (x.min(axis=0) + x.max(axis=0))
@@ -330,7 +336,7 @@ class Mesh:
 
 
 def _refuse_open(faces: tuple[tuple[int, ...], ...]) -> None:
-    """Refuse a surface with an edge that is not that of two triangles, once in each direction."""
+    """Refuse a surface unless each edge belongs to two triangles, once in each direction."""
     edges = Counter((face[k], face[(k + 1) % 3]) for face in faces for k in range(3))
     for (a, b), count in edges.items():
         if count != 1 or edges[b, a] != 1:
@@ -358,7 +364,7 @@ def _trimesh() -> Any:
 def _sampled(mesh: Mesh) -> Array:
     trimesh = _trimesh()
     surface = trimesh.Trimesh(np.array(mesh.vertices), np.array(mesh.faces), process=False)
-    low, counts = mesh._lattice()
+    low, counts = mesh._sampling_grid()
     axes = [start + mesh.spacing * np.arange(n) for start, n in zip(low, counts, strict=True)]
     z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
     places = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
@@ -371,14 +377,15 @@ def _sampled(mesh: Mesh) -> Array:
 
 @dataclass(frozen=True)
 class Union:
-    """Several shapes as one: a bucket is a union of boxes.
+    """Several shapes as one; a bucket, for example, is a union of boxes.
 
-    Its distance is the least of theirs: exact outside, less deep than it is where shapes overlap.
+    Its signed distance is the least of theirs. This is exact outside; where shapes overlap, the
+    depth is underestimated.
 
     Parameters
     ----------
     parts : sequence of Box, Cylinder, HalfSpace, Mesh
-        At least one, of one dimension.
+        At least one shape, all of one dimension.
 
     Raises
     ------
@@ -405,23 +412,23 @@ class Union:
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return self.parts[0].dim
 
     def rows(self) -> Array:
-        """What the core knows of it, shape (parts, 17)."""
+        """Return the description of the shapes for the core, shape (parts, 17)."""
         return np.concatenate([part.rows() for part in self.parts])
 
     def samples(self) -> tuple[Array, ...]:
-        """The signed distances on lattices of the parts that have some."""
+        """Return the sampled signed distances of the parts that have some."""
         return tuple(array for part in self.parts for array in part.samples())
 
 
-# ---- what is known of rows, as the core has them ----
+# ---- properties of rows (descriptions for the core) ----
 
 
 def reach(rows: Array, dim: int) -> float:
-    """Distance from the position within which all of the surface lies [m]; may be infinite."""
+    """Radius about the position of the body that contains the surface [m]; may be infinite."""
     farthest = 0.0
     for kind, inside, *numbers in rows:
         center, size = np.array(numbers[:3]), np.array(numbers[12:])
@@ -433,7 +440,7 @@ def reach(rows: Array, dim: int) -> float:
 
 
 def thicknesses(rows: Array, dim: int) -> tuple[float, float]:
-    """Least edge of the boxes and least diameter or length of the cylinders [m]; inf without."""
+    """Least edge of the boxes and least diameter or length of the cylinders [m]; inf if none."""
     box = cylinder = math.inf
     for kind, inside, *numbers in rows:
         size = numbers[12:]
@@ -445,12 +452,12 @@ def thicknesses(rows: Array, dim: int) -> tuple[float, float]:
 
 
 def deepest(samples: Sequence[Array]) -> float:
-    """Diameter of the largest ball in the least of sampled shapes [m]; inf without any."""
+    """Least diameter [m], over the sampled shapes, of the largest ball inside; inf if none."""
     return min((-2 * float(distance.min()) for distance in samples), default=math.inf)
 
 
 def corners(rows: Array) -> Array:
-    """Corners of boxes about parts of finite size, shape (8 parts, 3); z is 0 in the plane."""
+    """Corners of boxes around the parts, shape (8 parts, 3); infinite extents count as 0."""
     found = []
     signs = np.array(list(product((-1, 1), repeat=3)))
     for kind, _, *numbers in rows:
@@ -462,7 +469,7 @@ def corners(rows: Array) -> Array:
 
 
 def are_endless(rows: Array, along: Array) -> bool:
-    """Whether all parts are the same everywhere along a direction."""
+    """True if all parts are infinite along a direction."""
     for kind, _, *numbers in rows:
         matrix, size = np.array(numbers[3:12]).reshape(3, 3), numbers[12:]
         share = abs(matrix.T @ along)

@@ -1,6 +1,6 @@
-"""What walls mean to the cells of the grid: which are solid, near outlets, or at walls.
+"""Codes of the cells of the grid: which are solid, near outlets, or at walls.
 
-The arrays are those of the core: cells as (..., y, x), one byte each.
+The arrays have the layout of the core: cells as (..., y, x), one byte each.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ FACE_LINK, FACE_OPEN, FACE_ROUGH = (
 
 _Vector = NDArray[np.float64]
 ABOVE, BELOW = 1, 2
-"""Sides of a face where material may be."""
+"""Bits for the sides of a face on which material may be."""
 
 
 def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int, Wall | Solid]]:
-    """Faces of walls and blocks: lower and upper corner [m], axis, sides, and whose they are."""
+    """Yield the faces of walls and blocks: lower and upper corner [m], axis, sides, owner."""
     for wall in scene.walls:
         if isinstance(wall, Wall):
             yield *_ends(wall, scene.grid), wall.axis, ABOVE | BELOW, wall
@@ -54,7 +54,10 @@ def _ends(wall: Wall, grid: Grid) -> tuple[_Vector, _Vector]:
 
 
 class _Cells:
-    """Cells of a scene, and which of them lie where."""
+    """Cells of a grid, and the selection of cells by position.
+
+    With `on_nodes` the cells are centred on the grid nodes.
+    """
 
     def __init__(self, grid: Grid, on_nodes: bool = False) -> None:
         self.cell, self.half = grid.cell, 0.5 * grid.cell * on_nodes
@@ -67,7 +70,7 @@ class _Cells:
         ]
 
     def within(self, lower: _Vector, upper: _Vector) -> tuple[NDArray[np.intp], ...]:
-        """Index of the cells whose centre lies between two corners [m]."""
+        """Indices of the cells whose centre lies between two corners [m]."""
         where = [
             np.flatnonzero((x > low) & (x < high))
             for x, low, high in zip(self.centre, lower, upper, strict=True)
@@ -77,7 +80,10 @@ class _Cells:
     def at_face(
         self, low: _Vector, high: _Vector, axis: int, sides: int
     ) -> Iterator[tuple[int, tuple[NDArray[np.intp], ...]]]:
-        """(0, cells above a face), at whose low end it is, and (1, cells below it)."""
+        """Yield (0, cells above a face) and (1, cells below it), as far as `sides` has them.
+
+        The number is the end of these cells at which the face lies: 0 for low, 1 for high.
+        """
         across = self.cell * (np.arange(len(low)) == axis)
         if sides & ABOVE:
             yield 0, self.within(low - self.half, high + across + self.half)
@@ -86,10 +92,14 @@ class _Cells:
 
 
 def cell_flags(scene: Scene) -> NDArray[np.uint8]:
-    """Which cells of the grouping are solid, are so near an outlet that points must not be shifted,
-    or have walls at their faces."""
+    """Flags of the cells by which points are grouped: solid, no particle shifting, walls at faces.
+
+    Particle shifting is off in cells near an outlet, a wall that opens.
+    """
     grid = scene.grid
-    cells = _Cells(grid, on_nodes=scene.scheme.basis == "ugimp")  # grouped by the nearest node
+    cells = _Cells(
+        grid, on_nodes=scene.scheme.basis == "ugimp"
+    )  # points are grouped by the nearest node
     flags = np.zeros(cells.shape[::-1], dtype=np.uint8)
     for low, high, axis, sides, _ in _faces(scene):
         for side, where in cells.at_face(low, high, axis, sides):
@@ -107,15 +117,15 @@ def cell_flags(scene: Scene) -> NDArray[np.uint8]:
 
 
 def fluidity_faces(scene: Scene) -> NDArray[np.uint8]:
-    """What the faces of the cells are to the fluidity, at the low and high side along each axis.
+    """Boundary conditions of the fluidity on the low and high faces of the cells along each axis.
 
-    A rough wall holds g = 0 on the face, any other lets none of it pass (dg/dn = 0). A wall that
-    opens is to the fluidity what it will be then: nothing.
+    On a no-slip wall g = 0, on any other wall its flux is zero (dg/dn = 0). A wall that opens at
+    some time has no effect on the fluidity, not even before.
 
     Returns
     -------
     ndarray of uint8, shape (2 dim, ..., n_y, n_x)
-        0 linked, 1 open, 2 rough.
+        0: linked to the next cell, 1: no flux, 2: g = 0.
     """
     cells = _Cells(scene.grid)
     faces = np.zeros((2 * scene.grid.dim, *cells.shape[::-1]), dtype=np.uint8)

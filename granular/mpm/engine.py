@@ -1,4 +1,4 @@
-"""From a scene to an engine of the C core: the one place that speaks the core's language."""
+"""Make an engine of the C core from a scene; only this module calls the core with its codes."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ CORE = _core.enumerations()
 PAGE, LINE = 4096, 64  # bytes
 UNBOUNDED = 1e300
 LOCAL_PHASE = 10.0
-"""Length of the local phase of a nonlocal law without an initial fluidity, in its t0."""
+"""Duration of the local phase of a nonlocal law without an initial fluidity, in units of t0."""
 
 
 def default_isa() -> str:
-    """Instruction set that is asked for by the environment; empty: the best of the machine."""
+    """Instruction set requested by the environment; an empty string means the best available."""
     return os.environ.get("GRANULAR_ISA", "")
 
 
 def show_config() -> _core.BuildInfo:
-    """What the build is: compiler, flags, OpenMP, and the instruction set a simulation would use.
+    """Return compiler, flags and OpenMP of the build, and the instruction set of simulations.
 
     Raises
     ------
     ValueError
-        If the environment variable GRANULAR_ISA asks for a set that this machine has not.
+        If the environment variable GRANULAR_ISA names a set that this machine does not have.
     """
     return _core.build_info(default_isa())
 
@@ -60,11 +60,11 @@ def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, fl
 
 
 def _density_numbers(scene: Scene) -> dict[str, float]:
-    """Those of the density, two of them as the core takes them."""
+    """Numbers of the density; two of them are converted to what the core needs."""
     numbers = scene.scheme.density.numbers()
     if "relaxation_limit" in numbers:
         numbers["relaxation_limit"] = _relaxation_limit(scene)
-    if not scene.material.granular:  # what bears tension is never disconnected
+    if not scene.material.granular:  # material that bears tension is never disconnected
         numbers["separation_strain"] = UNBOUNDED
     return numbers
 
@@ -80,13 +80,13 @@ def _fluidity_numbers(scene: Scene) -> dict[str, float]:
 
 
 def _local_phase(scene: Scene) -> float:
-    """Time [s] from which a nonlocal law diffuses its fluidity."""
+    """Time [s] at which the diffusion of the fluidity of a nonlocal law begins."""
     given = scene.scheme.fluidity.initial is not None
     return 0.0 if given or not isinstance(scene.material, NGF) else LOCAL_PHASE * scene.material.t0
 
 
 def _parameters(scene: Scene) -> dict[str, float]:
-    """The numbers of the law by their names in the core, and others of the material."""
+    """Parameters of the law by their names in the core, and other numbers of the material."""
     material = scene.material
     numbers = material.arguments() | {"K": material.K, "G": material.G}
     if hasattr(material, "xi"):
@@ -97,7 +97,7 @@ def _parameters(scene: Scene) -> dict[str, float]:
             layers = 1 if scene.scheme.basis == "linear" else scene.fills[0].points_per_axis
             averaging = 0.5 / layers
         numbers |= material.core_friction()
-        # Along an axis: a layer on a slope is held by what gravity has across it.
+        # The largest component: a layer on a slope is loaded by gravity across the layer.
         across = float(np.abs(scene.gravity.vectors).max())
         layer = material.rho_c * across * scene.grid.cell
         numbers["p_averaging"] = averaging * layer
@@ -111,7 +111,7 @@ def largest_gravity(scene: Scene) -> float:
 
 
 def averaging_interval(scene: Scene) -> int:
-    """Steps between two averagings of the density."""
+    """Number of steps between two averagings of the density."""
     scheme = scene.scheme
     if scheme.density.name != "smoothed":
         return 1
@@ -121,13 +121,13 @@ def averaging_interval(scene: Scene) -> int:
 
 
 def _relaxation_limit(scene: Scene) -> float:
-    """Largest rate of log-density [1/s] by the relaxation: eps g/c_w, g the largest gravity."""
+    """Largest rate [1/s] of the relaxation of the log-density: eps g/c_w, g the largest gravity."""
     g = largest_gravity(scene)
     return scene.scheme.density.relaxation_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
 def _sponge_layers(scene: Scene) -> tuple[tuple[float, float], ...]:
-    """Along each axis, where the sponge begins [m], and its rate [1/s]."""
+    """Start of the sponge layer [m] and its damping rate [1/s] along each axis."""
     found = {a.axis: (a.above, a.damping) for a in scene.sponge_layers}
     return tuple(found.get(axis, (math.inf, 0.0)) for axis in range(scene.grid.dim))
 
@@ -137,12 +137,12 @@ def _row(row: WallRow) -> tuple[int, float, int, int, float, int]:
 
 
 def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
-    """The engine of a scene, still without points.
+    """Make the engine of a scene, without points.
 
     Raises
     ------
     ValueError
-        If the time step is beyond its limit, or the scheme cannot be built.
+        If the time step exceeds its limit, or the scheme cannot be built.
     """
     check_time_step(scene)
     check_blades(scene)
@@ -190,11 +190,11 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
 
 
 def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArray]:
-    """Zeroed buffers for so many places: {field: (component, capacity)} and "id" (capacity,).
+    """Make zeroed buffers: {field: (component, capacity)} and "id" (capacity,).
 
-    All rows lie in one block at multiples of 64 bytes, and the same place of different rows at
-    different offsets in a page, so that loads from one row are not taken for stores to another
-    (a precaution: on the one machine tried it changed nothing).
+    All rows lie in one block at multiples of 64 bytes. The same index in different rows has
+    different offsets in a memory page, so that the processor does not take loads from one row for
+    stores to another (a precaution: on the one machine tried it changed nothing).
     """
     rows = [(name, count) for name, count, _, _ in engine.fields()]
     total = sum(count for _, count in rows) + 1
@@ -215,9 +215,10 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
 
 
 def initial_points(scene: Scene) -> dict[str, NDArray]:
-    """The fields of the points at the start, in the order of their ids.
+    """Return the fields of the points at the start, in the order of their ids.
 
-    Stress-free; lithostatic fills are in balance, dp/dz = rho g with rho = rho_c exp(p/K).
+    Points are stress-free, except in lithostatic fills, which are in equilibrium: dp/dz = rho g
+    with rho = rho_c exp(p/K).
     """
     material = scene.material
     points = seed_points(scene.grid, scene.fills, scene.seed, material.rho_c)
@@ -240,7 +241,7 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
 
 
 def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:
-    """Buffers that hold the given points in rows 0 to n - 1, with room to group them."""
+    """Make buffers with the given points at 0 to n - 1, and the capacity to group them by cell."""
     n = len(points["mass"])
     buffers = allocate(engine, 3 * n + 64)
     for name, values in points.items():

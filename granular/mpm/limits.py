@@ -1,4 +1,4 @@
-"""What is known to fail before a run: limits that are refused, settings that are warned of."""
+"""Failures that are known before a run: limits that are refused, settings that are warned of."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.materials import MuI
-from granular.mpm.body_shapes import deepest, in_space, reach, thicknesses, turned
+from granular.mpm.body_shapes import deepest, padded, reach, thicknesses, turned
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
@@ -38,23 +38,27 @@ COURANT_LIMIT = {
 }
 """Largest (c + speed) dt/dx by basis and dimension: beyond it a run fails, mostly without a NaN.
 
-Up to it no arrangement of points makes energy (the maps "arrangement" and "courant"). For splines
-the worst is a single point in the corner of a cell, where c dt/dx = 2/sqrt(6 (1 + (dim - 1)
-nu/(1 - nu))): .68 in the plane and .60 in space at nu = .3 (.58 and .48 at .49, which is not in
-the limits: nothing but such a point meets it). Points side by side there that weigh 1.5 and .5 in
-the force, as those of the diffused density may, have .65 and .57. With hats there is no such
-step, as a node that points hardly reach has next to no mass; their limit is that of a layer in
-flow (the map "incline_courant").
+Up to this limit no arrangement of points creates energy (the maps "arrangement" and "courant").
+
+For splines the worst arrangement is a single point in the corner of a cell, which is stable up to
+c dt/dx = 2/sqrt(6 (1 + (dim - 1) nu/(1 - nu))): 0.68 in 2D and 0.60 in 3D at nu = 0.3. At nu = 0.49
+this is 0.58 and 0.48, less than the limits here, but only such an isolated point would need it.
+Points side by side in the corner with quadrature weights of 1.5 and 0.5, which can occur with the
+smoothed density, are stable up to 0.65 and 0.57.
+
+For linear shape functions there is no step at which all arrangements are stable, because a node
+that points hardly reach has almost no mass. Their limit is that of a layer in flow (the map
+"incline_courant").
 """
 
 POINTS_PER_CELL = 4
-"""Least number of points per cell of a flow: the map "incline_seeding"."""
+"""Least number of points per cell in a flow, from the map "incline_seeding"."""
 
 LAYER_CELLS = 6
-"""Least height of a fill in cells: the map "incline_seeding"."""
+"""Least height of the material in cells, from the map "incline_seeding"."""
 
 LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
-"""Largest nu without locking: the map "locking"."""
+"""Largest nu without volumetric locking, from the map "locking"."""
 
 
 def courant_limit(scene: Scene) -> float:
@@ -63,7 +67,7 @@ def courant_limit(scene: Scene) -> float:
 
 
 def dt_limit(scene: Scene) -> float:
-    """Largest stable time step at rest [s]: courant dx/c, c = sqrt((K + 4G/3)/rho_c)."""
+    """Largest stable time step at rest [s]: courant_limit dx/c with c = sqrt((K + 4G/3)/rho_c)."""
     return courant_limit(scene) * scene.grid.cell / scene.material.wave_speed
 
 
@@ -73,7 +77,7 @@ def check_time_step(scene: Scene) -> None:
     Raises
     ------
     ValueError
-        Naming dt or cfl, its value and the limit.
+        The message names dt or cfl, its value and the limit.
     """
     scheme, limit = scene.scheme, courant_limit(scene)
     if scheme.dt is None:
@@ -94,16 +98,16 @@ def check_time_step(scene: Scene) -> None:
 
 
 THIN = 2.0
-"""Thickness of a body [cells] below which nodes alone do not keep its two sides apart."""
+"""Thickness of a body [cells] below which its sides are coupled, unless nodes are duplicated."""
 
 
 def check_blades(scene: Scene) -> None:
-    """Refuse bodies that the scheme cannot hold: too thin for nodes, where no side has its own.
+    """Refuse thin bodies if the scheme has no duplicate nodes that separate their two sides.
 
     Raises
     ------
     ValueError
-        Naming the body, its thickness and the least one.
+        The message names the body, its thickness and the least thickness.
     """
     scheme, least = scene.scheme, THIN * scene.grid.cell
     if keeps_sides(scheme):
@@ -113,19 +117,19 @@ def check_blades(scene: Scene) -> None:
         if thickness < least * (1 - 1e-9):
             raise ValueError(
                 f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
-                f"with a {scheme.density.name} density and transfer = {scheme.transfer!r}: what is on "
-                'its sides would be coupled; ParticleDensity() with "apic", "tpic" or "flip" keeps '
-                "them apart"
+                f"with density = {type(scheme.density).__name__}() and transfer = "
+                f"{scheme.transfer!r}: the material on its two sides would be coupled; "
+                'ParticleDensity() with "apic", "tpic" or "flip" separates them'
             )
 
 
 def check_overlaps(scene: Scene) -> None:
-    """Refuse bodies that begin within one another: nodes in both would be held twice.
+    """Refuse bodies that overlap at the start: both would prescribe the velocity of common nodes.
 
     Raises
     ------
     ValueError
-        Naming the two bodies, how deep they overlap and how deep they may.
+        The message names the two bodies, the depth of their overlap and the largest allowed depth.
     """
     most = 0.5 * scene.grid.cell
     for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
@@ -139,7 +143,7 @@ def check_overlaps(scene: Scene) -> None:
 
 
 def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
-    """Middles of the cells of the domain that a body may hold, as places in space."""
+    """Centres of the cells of the domain that may lie within a body, shape (n, 3)."""
     grid, extent, axes = scene.grid, _reach(body), []
     for low, cells, at in zip(grid.lower, grid.shape, body.position, strict=True):
         middle = low + grid.cell * (np.arange(cells) + 0.5)
@@ -153,44 +157,45 @@ def _reach(body: Body) -> float:
 
 
 def _distances(body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances at the start."""
-    own = turned(body.rotation_deg).inv().apply(places - in_space(body.position))
+    """Signed distances [m] of places from a body at the start."""
+    own = turned(body.rotation_deg).inv().apply(places - padded(body.position))
     rows, samples = body.shape.rows(), body.shape.samples()
     return _core.body_distance(rows, samples, np.ascontiguousarray(own))[0]
 
 
 def keeps_sides(scheme: Scheme) -> bool:
-    """Whether nodes about thin bodies exist for each side."""
+    """True if nodes near thin bodies have a duplicate, one for each side."""
     return scheme.density.name == "particle" and scheme.transfer != "xpic"
 
 
 def _fastest(scene: Scene) -> float:
-    """Largest speed of the material at the start and of the bodies by their motions [m/s]."""
+    """Largest speed [m/s] of the material at the start and of the bodies in their motions."""
     points = (math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
     return max(*points, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
 
 
 def damps_by_step(scheme: Scheme) -> bool:
-    """Whether a transfer damps so much a step, not a second: its flow depends on the step.
+    """True if a transfer damps by an amount per step, not per second.
 
-    On the incline of 25 degrees, one column of 10 cells, E = 1e6, a tenth of the step takes 2.7 %
-    of the mean velocity under quadratic "apic" and half of it under "xpic"; under "flip" and
-    "tpic", whose damping is a rate, and under "apic" with hats, .01 %.
+    The flow then depends on the time step. On an incline of 25 degrees (one column of 10 cells,
+    E = 1e6), reducing the step to a tenth takes away 2.7 % of the mean velocity under "apic" with
+    quadratic splines and half of it under "xpic". The change is 0.01 % under "flip" and "tpic",
+    whose damping is a rate, and under "apic" with linear shape functions.
     """
     return scheme.transfer == "xpic" or (scheme.transfer == "apic" and scheme.basis != "linear")
 
 
-# ---- what is warned of ----
+# ---- warnings ----
 
 
 def known_failures(scene: Scene) -> list[str]:
-    """What of a scene is known to go wrong without a word, one sentence each.
+    """List the settings of a scene that are known to fail without an error, one sentence each.
 
-    Each is a failure on the map of failure (`benchmarks/stability_map.py`, the page "Limits and
-    failures").
+    Each of these failures was measured on the maps of stability (`benchmarks/stability_map.py`,
+    the page "Limits and failures").
     """
     checks = (
-        _hats,
+        _elastic,
         _density,
         _damping,
         _seeding,
@@ -198,14 +203,15 @@ def known_failures(scene: Scene) -> list[str]:
         _locking,
         _slope,
         _grains,
-        _seed,
+        _fluidity,
         _blades,
         _buried,
     )
-    return [doubt for check in checks if (doubt := check(scene))]
+    return [warning for check in checks if (warning := check(scene))]
 
 
-def _hats(scene: Scene) -> str | None:
+def _elastic(scene: Scene) -> str | None:
+    """Linear shape functions with an elastic body."""
     if _granular(scene) or scene.scheme.basis != "linear":
         return None
     if scene.scheme.density.name == "cell_averaged":
@@ -214,13 +220,16 @@ def _hats(scene: Scene) -> str | None:
             "any time step"
         )
     return (
-        'basis = "linear" with an elastic body: a node that points hardly reach has next to no '
+        'basis = "linear" with an elastic body: a node that points hardly reach has almost no '
         "mass, and where the body moves over the cells no time step is stable"
     )
 
 
 def _density(scene: Scene) -> str | None:
-    """Only a density that neighbours have in common keeps a flow that varies along the layer."""
+    """A density integrated by each point alone, in a flow that varies along the layer.
+
+    Such a flow is kept only by a density that is averaged over neighbouring points.
+    """
     if not _granular(scene) or scene.scheme.density.name != "particle" or not _many_columns(scene):
         return None
     return (
@@ -230,7 +239,11 @@ def _density(scene: Scene) -> str | None:
 
 
 def _damping(scene: Scene) -> str | None:
-    """In one column; elsewhere the density that goes with these transfers is the graver doubt."""
+    """Transfers that damp by the step, in one column.
+
+    With more columns `_density` warns of the density that goes with these transfers, which is the
+    more serious failure.
+    """
     if not _granular(scene) or _many_columns(scene) or not damps_by_step(scene.scheme):
         return None
     return (
@@ -240,6 +253,7 @@ def _damping(scene: Scene) -> str | None:
 
 
 def _seeding(scene: Scene) -> str | None:
+    """Too few points per cell."""
     fewest = min(fill.points_per_cell for fill in scene.fills)
     if not _granular(scene) or fewest >= POINTS_PER_CELL or not _many_columns(scene):
         return None
@@ -247,6 +261,7 @@ def _seeding(scene: Scene) -> str | None:
 
 
 def _layer(scene: Scene) -> str | None:
+    """Too few cells over the height of the material."""
     if not _granular(scene):
         return None
     cells = height(scene) / scene.grid.cell
@@ -256,17 +271,18 @@ def _layer(scene: Scene) -> str | None:
 
 
 def _locking(scene: Scene) -> str | None:
+    """Volumetric locking of nearly incompressible material."""
     nu, limit = scene.material.nu, LOCKING[scene.scheme.basis]
     if nu <= limit:
         return None
     return (
-        f"nu = {nu} exceeds {limit}: the {scene.scheme.basis} basis makes material too stiff "
-        "that can hardly change its volume"
+        f"nu = {nu} exceeds {limit}: the {scene.scheme.basis} basis makes nearly incompressible "
+        "material too stiff (volumetric locking)"
     )
 
 
 def _slope(scene: Scene) -> str | None:
-    """An endless layer on a slope outside of the range where the mu(I) law is well posed."""
+    """Endless layer on a slope outside of the range where the mu(I) law is well posed."""
     material, grid = scene.material, scene.grid
     if not isinstance(material, MuI) or not _many_columns(scene) or not all(grid.periodic[:-1]):
         return None
@@ -287,32 +303,34 @@ def _slope(scene: Scene) -> str | None:
 
 
 def _grains(scene: Scene) -> str | None:
-    """Of a local law: a nonlocal one has the size of the grains in it."""
+    """Cells smaller than the grains of a local law; a nonlocal law contains the grain size."""
     d = getattr(scene.material, "d", None)
     if d is None or scene.grid.cell >= d or scene.material.has_fluidity:
         return None
-    return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: no continuum is there"
+    return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: there is no continuum"
 
 
-def _seed(scene: Scene) -> str | None:
-    seed = scene.scheme.fluidity.initial
-    pressed = all(fill.lithostatic for fill in scene.fills)
-    if not seed or pressed or not scene.material.has_fluidity:
+def _fluidity(scene: Scene) -> str | None:
+    """Initial fluidity of points that are stress-free at the start."""
+    initial = scene.scheme.fluidity.initial
+    lithostatic = all(fill.lithostatic for fill in scene.fills)
+    if not initial or lithostatic or not scene.material.has_fluidity:
         return None
     return (
-        f"seed = {seed}: points that bear no pressure at the start lose their fluidity in the "
-        "first step; take lithostatic fills, or no seed"
+        f"fluidity.initial = {initial}: points that are stress-free at the start lose their "
+        "fluidity in the first step; take lithostatic fills, or no initial fluidity"
     )
 
 
 def _blades(scene: Scene) -> str | None:
-    """Bodies that nodes hardly hold.
+    """Bodies that are so thin or small that the grid hardly resolves them.
 
-    Measured with layers thrown at .8 m/s against a plate and discs: behind a plate without sides
-    what lies there gets 9, 4 and 1.3 % of that speed with 2, 2.2 and 2.5 cells under the default
-    scheme, none from 2.8 on, and none from 2 on with other bases than splines. The impulse on a
-    disc depends on where it stands in the grid: 0 to 1.6 of its mean with a diameter of 2 cells,
-    .57 to 1.26 with 2.5, .79 to 1.11 with 3, .94 to 1.08 with 4.
+    The limits were measured with layers thrown at 0.8 m/s against a thin body and against discs.
+    Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells gets 9, 4 and 1.3 %
+    of that speed under the default scheme; it gets none from 2.8 cells on, and with other bases
+    than splines none from 2 cells on. The impulse on a disc depends on its position in the grid: it
+    is 0 to 1.6 of its mean with a diameter of 2 cells, 0.57 to 1.26 with 2.5, 0.79 to 1.11 with 3,
+    0.94 to 1.08 with 4.
     """
     reach = THIN + 1 if scene.scheme.basis == "quadratic" else THIN
     for i, body in enumerate(scene.bodies):
@@ -320,34 +338,34 @@ def _blades(scene: Scene) -> str | None:
         other = min(other, deepest(body.shape.samples()))
         if other < 3 * scene.grid.cell * (1 - 1e-9):
             return (
-                f"bodies[{i}] has a cylinder or mesh of {other:.4g} m: below 3 cells what it feels "
-                "depends on where it stands in the grid, and nodes may miss one below 2"
+                f"bodies[{i}] has a cylinder or mesh of {other:.4g} m: below 3 cells the force on "
+                "it depends on its position in the grid, and below 2 it may contain no node"
             )
         if box >= reach * scene.grid.cell * (1 - 1e-9):
             continue
         thin = f"bodies[{i}] has parts of {box:.4g} m, thinner than {reach:.0f} cells: "
         if keeps_sides(scene.scheme):
             return thin + (
-                "their two sides are kept apart by double nodes, but not within a cell of their "
+                "their two sides are separated by duplicate nodes, but not within a cell of their "
                 "edges"
             )
         return thin + (
-            "what is on one side feels a part of the other through nodes of both; "
-            'ParticleDensity() with "apic", "tpic" or "flip" keeps them apart'
+            "the material on one side is coupled to that on the other through common nodes; "
+            'ParticleDensity() with "apic", "tpic" or "flip" separates them'
         )
     return None
 
 
 def _buried(scene: Scene) -> str | None:
-    """Bodies in the midst of what is filled in: its points are held by the nodes within."""
+    """Bodies inside a fill: the points within a body are carried along by its nodes."""
     for i, body in enumerate(scene.bodies):
         places = _places_about(scene, body)
         within = places[_distances(body, places) < -scene.grid.cell, : scene.dim]
         for j, fill in enumerate(scene.fills):
             if fill.region.contains(within).any():
                 return (
-                    f"fills[{j}] has points within bodies[{i}], which will go with it: leave its "
-                    "place out of the region (geometry.Difference)"
+                    f"fills[{j}] has points within bodies[{i}], which will move with it: leave its "
+                    "volume out of the region (geometry.Difference)"
                 )
     return None
 
@@ -363,7 +381,7 @@ def _granular(scene: Scene) -> bool:
 
 
 def _many_columns(scene: Scene) -> bool:
-    """Whether a flow can vary along the layer: more than one periodic column."""
+    """True if a flow can vary along the layer: it has more than one periodic column."""
     grid = scene.grid
     pairs = zip(grid.shape[:-1], grid.periodic[:-1], strict=True)
     return any(count > 1 or not periodic for count, periodic in pairs)

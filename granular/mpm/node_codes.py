@@ -1,7 +1,7 @@
-"""What walls mean to the nodes of the grid: c0_lines, node positions, and a code for each node.
+"""Effect of walls on the nodes of the grid: C0 lines, node positions, and a code for each node.
 
-The core knows a table of wall rows and one code byte per node; code 0 is a free node, code r
-(from 1 on) is row r - 1 of the tuple returned here.
+The core has a table of wall rows and one code byte per node. Code 0 is a free node; code r (from 1
+on) is row r - 1 of the tuple that `node_codes` returns.
 """
 
 from __future__ import annotations
@@ -28,26 +28,29 @@ __all__ = ["WallRow", "c0_lines", "node_codes", "node_positions"]
 CORE_BASES = _core.enumerations()["basis"]
 MAX_ROWS = 255
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
-"""Nodes of a block no deeper than this (cells) belong to the face: the first layer of quadratic
-splines lies half a cell inside, and must not hold the material that slides along the face."""
+"""Largest depth [cells] at which nodes of a block belong to its face.
+
+The first layer of nodes of quadratic splines lies half a cell inside, and must not stop material
+that slides along the face.
+"""
 
 
 @dataclass(frozen=True)
 class WallRow:
-    """What is done to the velocity of a node.
+    """Constraint on the velocity of a node.
 
     Attributes
     ----------
     fixed : int
-        Bit d: component d is zero.
+        Bit d is set if component d is held at zero.
     friction : float
         Coulomb coefficient along the wall.
     normal : int
         Axis of the Coulomb wall, -1 where there is none.
     side : int
-        +1: material above the wall along `normal`, -1: below, 0: both.
+        Side of the wall along `normal` on which material is: +1 above, -1 below, 0 both.
     opens_at : float
-        Time [s] from which the node is ruled by code `after`; inf for never.
+        Time [s] from which the node has the code `after`; inf for never.
     after : int
         That code, 0 for a free node.
     """
@@ -63,9 +66,10 @@ class WallRow:
 def c0_lines(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tuple[int, ...]:
     """Grid lines of `axis` on which walls stand or end inside the grid, ascending.
 
-    Shape functions are with_c0_lines there, so that an inner wall or the edge of an opening is sharp:
-    the line of every wall normal to `axis`, and the ends of the span of the others; only lines
-    strictly inside. Blocks (`Solid`) make none: a staircase would c0_line every line.
+    Shape functions are only C0 on these lines (quadratic splines have a repeated knot), so that an
+    inner wall or the edge of an opening is sharp. The lines are that of every wall normal to `axis`
+    and the ends of the spans of the other walls, if they lie strictly inside the grid. Blocks
+    (`Solid`) have none, because a staircase would make a C0 line of every grid line.
 
     Parameters
     ----------
@@ -89,7 +93,7 @@ def c0_lines(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tupl
 
 
 def check_c0_lines(basis: str, n_cells: int, periodic: bool, c0_lines: Sequence[int]) -> list[int]:
-    """Refuse c0_lines that an axis of this basis cannot have; see `node_positions`."""
+    """Check the C0 lines of an axis and return them; see `node_positions`."""
     one_of("basis", basis, CORE_BASES)
     n = integer("n_cells", n_cells, 1)
     lines = [integer("c0_lines", line, 1, n - 1) for line in c0_lines]
@@ -108,10 +112,10 @@ def node_positions(
 ) -> NDArray[np.float64]:
     """Positions of the nodes along one axis, in cells from its lower end.
 
-    Hats ("linear", "ugimp") have a node on each grid line. Quadratic B-splines have the knots
-    0, 0, 0, 1, 2, ..., n, n, n with those of c0_lines doubled; node i stands at its Greville
-    abscissa (t[i+1] + t[i+2])/2, so that linear fields are met by their values at the nodes.
-    On a periodic axis the knots are uniform and nodes stand in the middle of cells.
+    Linear shape functions ("linear", "ugimp") have a node on each grid line. Quadratic B-splines
+    have the knots 0, 0, 0, 1, 2, ..., n, n, n, with those on C0 lines doubled; node i stands at its
+    Greville abscissa (t[i+1] + t[i+2])/2, so that nodal values of a linear field reproduce that
+    field. On a periodic axis the knots are uniform and the nodes stand in the middle of the cells.
 
     Parameters
     ----------
@@ -128,7 +132,7 @@ def node_positions(
     Raises
     ------
     ValueError
-        For c0_lines out of order or range, or on a periodic axis of quadratic splines.
+        For C0 lines out of order or range, or on a periodic axis of quadratic splines.
     """
     lines = check_c0_lines(basis, n_cells, periodic, c0_lines)
     n = int(n_cells)
@@ -142,7 +146,7 @@ def node_positions(
 
 @dataclass(frozen=True)
 class _Hold:
-    """One constraint on a node; the set of them makes its row."""
+    """Constraint on a node by one wall; the set of all constraints on a node makes its row."""
 
     fixed: int = 0
     friction: float = 0.0
@@ -151,11 +155,11 @@ class _Hold:
     opens_at: float = math.inf
 
 
-Nodes = tuple[NDArray[np.intp], ...]  # indices along each axis: the nodes are their product
+Nodes = tuple[NDArray[np.intp], ...]  # indices along each axis; the nodes are the product
 
 
 class _Axes:
-    """Node positions of a scene along its axes, and which of them lie where."""
+    """Node positions of a scene along its axes, and the selection of nodes by position."""
 
     def __init__(self, scene: Scene) -> None:
         self.grid = grid = scene.grid
@@ -165,11 +169,11 @@ class _Axes:
         ]
 
     def cells(self, axis: int, at: float) -> float:
-        """A coordinate [m] in cells from the lower end of the axis."""
+        """Convert a coordinate [m] to cells from the lower end of the axis."""
         return (at - self.grid.lower[axis]) / self.grid.cell
 
     def within(self, axis: int, low: float, high: float) -> NDArray[np.intp]:
-        """Nodes from `low` to `high` (cells), ends included."""
+        """Indices of the nodes from `low` to `high` [cells], ends included."""
         x = self.positions[axis]
         found = (x >= low - LINE_TOLERANCE) & (x <= high + LINE_TOLERANCE)
         if self.grid.periodic[axis]:  # node 0 is also node n
@@ -177,6 +181,7 @@ class _Axes:
         return np.flatnonzero(found)
 
     def of_wall(self, wall: Wall) -> Nodes:
+        """Nodes on a wall."""
         found = []
         for axis in range(self.grid.dim):
             ends = (wall.at, wall.at) if axis == wall.axis else wall.extent(self.grid, axis)
@@ -184,7 +189,7 @@ class _Axes:
         return tuple(found)
 
     def split(self, axis: int, low: float, high: float) -> dict[bool, NDArray[np.intp]]:
-        """Nodes of a block along an axis: those at its faces (True), and those deeper (False)."""
+        """Nodes of a block along an axis: those at its faces (True), and the inner ones (False)."""
         nodes, n = self.within(axis, low, high), self.grid.shape[axis]
         x = self.positions[axis][nodes]
         if self.grid.periodic[axis]:
@@ -237,14 +242,14 @@ def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Nodes, _Hold]]:
 
 
 class _Rows:
-    """The rows made so far; equal rows are one."""
+    """Table of the rows made so far, without repetitions."""
 
     def __init__(self, dim: int) -> None:
         self.everything = (1 << dim) - 1
         self.codes: dict[WallRow, int] = {}
 
     def code(self, holds: frozenset[_Hold]) -> int:
-        """Code of a node under these constraints, the rows after its openings included."""
+        """Code of a node with these constraints; makes its row, and the rows after openings."""
         if not holds:
             return 0
         opens_at = min(hold.opens_at for hold in holds)
@@ -253,20 +258,21 @@ class _Rows:
             after = self.code(frozenset(hold for hold in holds if hold.opens_at > opens_at))
         fixed = 0
         rubbing = _Hold()
-        # In a fixed order: of two rough edges in space the rougher counts, then the lower axis.
+        # In a fixed order: where two Coulomb walls meet, the higher friction counts, then the lower
+        # axis.
         for hold in sorted(holds, key=lambda h: (-h.friction, h.normal, h.side)):
             fixed |= hold.fixed
             if hold.normal >= 0 and rubbing.normal < 0:
                 rubbing = hold
         if fixed == self.everything:
-            rubbing = _Hold()  # nothing is left to rub
+            rubbing = _Hold()  # no component is left for friction
         row = WallRow(
             fixed=fixed,
             friction=rubbing.friction,
             normal=rubbing.normal,
             side=rubbing.side,
         )
-        if after:  # where a wall opens behind which another stands, nothing changes
+        if after:  # if another wall holds the node after the opening, nothing changes
             remaining = list(self.codes)[after - 1]
             if replace(remaining, opens_at=math.inf, after=0) == row:
                 return after
@@ -275,11 +281,11 @@ class _Rows:
 
 
 def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
-    """What the walls and blocks of a scene do to each node.
+    """Codes of the nodes by the walls and blocks of a scene.
 
-    A wall acts on the nodes on its line and within its span, ends included. Constraints on one
-    node add up; of several Coulomb walls the roughest counts. A wall that opens leaves the node
-    to the row `after`, which holds the constraints that remain.
+    A wall acts on the nodes on its line and within its span, ends included. Constraints on one node
+    add up; of several Coulomb walls the one with the highest friction counts. When a wall opens,
+    the node changes to the code `after`, the row of which has the remaining constraints.
 
     Returns
     -------

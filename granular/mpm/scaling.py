@@ -1,10 +1,11 @@
 """Froude scaling: a scene at another size whose flow is the same at corresponding places and times.
 
-Gravity and densities stay. With lengths times s, times and velocities go as sqrt(s), stresses
-(and so the moduli) as s, forces as s^3. Frictions, strains and the inertial number
-gdot d sqrt(rho/p) stay if grains are scaled with the rest; the time scale t0 of the fluidity goes
-as sqrt(s). Nothing is gained in steps or points: their numbers are the same. It is for comparing
-with models and with runs made at another scale, as those of Haeri & Skonieczny 2021 at a quarter.
+Gravity and densities do not change. If lengths are multiplied by s, times and velocities scale with
+sqrt(s), stresses (and so the moduli) with s, forces with s^3. Friction coefficients, strains and
+the inertial number gdot d sqrt(rho/p) do not change if grains are scaled with the rest; the time
+scale t0 of the fluidity scales with sqrt(s). The number of steps and of points is the same, so that
+nothing is gained in cost. The purpose is the comparison with physical models and with runs made at
+another scale, such as those of Haeri & Skonieczny 2021 at a quarter.
 """
 
 from __future__ import annotations
@@ -44,15 +45,15 @@ POWERS = {
     "power": 3.5,
     "none": 0.0,
 }
-"""Power of the ratio of lengths that a quantity goes with, in space."""
+"""Power of the ratio of lengths with which a quantity scales in 3D."""
 _PLANE = ("mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
-"""These are per metre of depth in the plane, and lose one power there."""
+"""Quantities that are per metre of depth in 2D, where their power is less by one."""
 
 _UNITS = {"1/s": "rate", "s": "time"}
 
 
 def _of_units(kind: type) -> dict[str, str]:
-    """Quantities of numbers that are declared with their units."""
+    """Return the quantities of the numbers of a class from the units declared for them."""
     return {name: _UNITS[unit] for name, unit in kind.units.items() if unit != "1"}
 
 
@@ -85,18 +86,18 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     rigid.Body: {"position": "length", "mass": "mass"},
     Scene: {"duration": "time"},
 }
-"""What the fields of the parts of a scene are; the others have no dimension, or are parts."""
+"""Quantities of the fields of the parts of a scene; other fields are dimensionless or parts."""
 
 
 @dataclass(frozen=True)
 class Froude:
-    """The ratio of two sizes at which the same thing happens.
+    """Ratio of the scaled world to the real one, between which flows are similar.
 
     Parameters
     ----------
     length : float
-        Length in the scaled world over that in the real one, > 0; with 1/4 or another power of
-        4 all factors are powers of 2, and a run gives the same digits.
+        Length in the scaled world over that in the real one, > 0. With 1/4 or another power of 4
+        all factors are powers of 2, and a run gives the same digits.
 
     Raises
     ------
@@ -110,7 +111,7 @@ class Froude:
         object.__setattr__(self, "length", positive("length", self.length))
 
     def factor(self, quantity: str, *, dim: int = 3) -> float:
-        """A quantity in the scaled world over that in the real one.
+        """Ratio of a quantity in the scaled world to that in the real one.
 
         Parameters
         ----------
@@ -127,11 +128,11 @@ class Froude:
         power = POWERS[one_of("quantity", quantity, tuple(POWERS))]
         if one_of("dim", dim, (2, 3)) == 2 and quantity in _PLANE:
             power -= 1.0
-        # by the root, so that powers of 4 give powers of 2 without rounding
+        # Powers of the square root, so that powers of 4 give powers of 2 without rounding.
         return math.sqrt(self.length) ** round(2 * power)
 
     def real(self, quantity: str, value: ArrayLike, *, dim: int = 3) -> Any:
-        """What a measured value, of any shape, is in the real world.
+        """Convert a value measured in the scaled world, of any shape, to the real one.
 
         Raises
         ------
@@ -141,15 +142,15 @@ class Froude:
         return (np.asarray(value, dtype=float) / self.factor(quantity, dim=dim))[()]
 
     def scene(self, scene: Scene) -> Scene:
-        """The scene in the scaled world.
+        """Return the scene in the scaled world.
 
-        Its parameters stay those of the real one, with ``froude_length`` beside them, so measures
-        that look there must be told lengths.
+        Its `parameters` are those of the real scene, with ``froude_length`` in addition. Lengths
+        must therefore be given to measures that would read them from the parameters.
 
         Raises
         ------
         TypeError
-            If a part of the scene is of a class unknown here.
+            If a part of the scene has a class that is not in `_QUANTITIES`.
         """
         if not isinstance(scene, Scene):
             raise TypeError(f"scene = {scene!r} must be a Scene")
@@ -159,7 +160,7 @@ class Froude:
         return scaled.replace(parameters=parameters)
 
     def _scaled(self, part: Any, dim: int) -> Any:
-        """A part of a scene; one that has no parts of its own and no class is left as it is."""
+        """Return a part of a scene, scaled; values that are no dataclasses are left unchanged."""
         if isinstance(part, tuple):
             return tuple(self._scaled(entry, dim) for entry in part)
         if not is_dataclass(part):
@@ -186,7 +187,7 @@ class Froude:
 
 
 def _times(value: Any, factor: float) -> Any:
-    """A number, None, or nested tuples of numbers."""
+    """Multiply a number or nested tuples of numbers by a factor; None stays None."""
     if value is None:
         return None
     if isinstance(value, tuple):

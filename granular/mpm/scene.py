@@ -1,4 +1,4 @@
-"""A scene: everything that determines a run, frozen and written down exactly."""
+"""MPM scenes: all data that determine a run, immutable and serializable without rounding."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ __all__ = ["Parameters", "Scene"]
 
 @dataclass(frozen=True, kw_only=True)
 class Scene(Serializable):
-    """Everything that determines a run.
+    """All data that determine a run of the material point method.
 
     Parameters
     ----------
@@ -46,17 +46,18 @@ class Scene(Serializable):
     material : Material
     scheme : Scheme
     walls : sequence of Wall and Solid
-        A closed side of the grid without a wall merely keeps points from leaving.
+        Walls and blocks. A side of the grid that is neither open nor has a wall only keeps points
+        from leaving.
     gravity : Gravity
     duration : float
         Time to simulate [s], > 0.
     sponge_layers : sequence of SpongeLayer
     bodies : sequence of Body
-        Rigid bodies; what fills them at the start is theirs to push out, so leave them room.
+        Rigid bodies. Fills should leave out their volume; otherwise points begin inside them.
     seed : int
-        Of the jitter of the points, >= 0.
+        Seed of the jitter of the points, >= 0.
     parameters : mapping
-        What the scene function was called with: plain values, for measures and records.
+        Arguments of the scene function as plain values, for measures and records.
 
     Raises
     ------
@@ -65,9 +66,9 @@ class Scene(Serializable):
     """
 
     method: ClassVar[str] = "mpm"
-    """How it is solved."""
+    """Name of the numerical method."""
     indicators: ClassVar[tuple[tuple[str, str, float | None, str], ...]] = ()
-    """What runs are watched for beside what all methods have; see `granular.diagnostics`."""
+    """Indicators in addition to those of all methods; see `granular.diagnostics`."""
 
     name: str
     grid: Grid
@@ -141,7 +142,7 @@ class Scene(Serializable):
 
     @property
     def dim(self) -> int:
-        """2 or 3."""
+        """Dimension, 2 or 3."""
         return self.grid.dim
 
     @property
@@ -150,21 +151,21 @@ class Scene(Serializable):
         return limits.courant_limit(self)
 
     def known_failures(self) -> list[str]:
-        """List what of the scene is known to go wrong without an error, one sentence each."""
+        """List the settings that are known to fail without an error, one sentence each."""
         return limits.known_failures(self)
 
     @property
     def knows_all_work(self) -> bool:
-        """Whether energy can be accounted for: what bodies do to the material is not in the account."""
+        """True if the energy budget includes all work; the work of bodies is not included."""
         return not self.bodies
 
     @cached_property
     def n_points(self) -> int:
-        """Material points at the start."""
+        """Number of material points at the start."""
         return geometry.count_points(self.grid, self.fills)
 
     def points(self) -> geometry.Points:
-        """The material points at the start; see `granular.geometry.seed_points`."""
+        """Make the material points of the start; see `granular.geometry.seed_points`."""
         return geometry.seed_points(self.grid, self.fills, self.seed, self.material.rho_c)
 
     def _repr_html_(self) -> str:
@@ -180,7 +181,8 @@ class Scene(Serializable):
             "gravity [m/s2]": self.gravity.vectors[-1],
             "walls": len(self.walls),
             "material": type(self.material).__name__,
-            "scheme": f"{self.scheme.basis}, {self.scheme.transfer}, {self.scheme.density.name} density",
+            "scheme": f"{self.scheme.basis}, {self.scheme.transfer}, "
+            f"{self.scheme.density.name} density",
         }
         return table(f"Scene {self.name}", rows | dict(self.parameters))
 

@@ -1,7 +1,7 @@
 """Numerical schemes: shape functions, velocity transfer, density of the points, time step.
 
-The numbers of a scheme, their defaults, ranges and descriptions are declared in the C core
-(`csrc/mpm/scheme.h`), and the classes here are made from them.
+The numerical parameters of a scheme, with their defaults, ranges and descriptions, are declared in
+the C core (`csrc/mpm/scheme.h`). The classes here are made from these declarations.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ STENCILS = tuple(_ENUMERATIONS["stencil"])
 
 
 def _check(name: str, value: Any, default: float | None, allowed: str) -> Any:
-    """A number that lies in its range, as declared: "[0, 1)", "integer [1, 5]"."""
+    """Check that a number lies in its declared range, such as "[0, 1)" or "integer [1, 5]"."""
     if value is None and default is None:
         return None
     low, high = (float(end) for end in allowed.removeprefix("integer ")[1:-1].split(","))
@@ -51,7 +51,7 @@ def _check(name: str, value: Any, default: float | None, allowed: str) -> Any:
 
 
 def _documented(doc: str, group: str) -> str:
-    """A docstring with the parameters of a group where it says ``{numbers}``."""
+    """Insert the parameters of a group into a docstring in place of ``{numbers}``."""
     lines = []
     for name, default, allowed, unit, text in _NUMBERS[group]:
         kind = "int" if allowed.startswith("integer") else "float"
@@ -63,7 +63,7 @@ def _documented(doc: str, group: str) -> str:
 
 
 class _Numbers:
-    """What classes of declared numbers share."""
+    """Base class of the classes made from declared numbers."""
 
     units: ClassVar[Mapping[str, str]]
     """Units of the declared numbers by name."""
@@ -80,16 +80,16 @@ class _Numbers:
         self._check_numbers()
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some arguments changed, checked as a new one."""
+        """Return a copy with some arguments changed; it is checked like a new object."""
         return _replace(self, **changes)  # type: ignore[type-var]
 
     def numbers(self) -> dict[str, float | None]:
-        """The declared numbers by name."""
+        """Return the declared numbers by name."""
         return {name: getattr(self, name) for name in self.units}
 
 
 def _declared(group: str) -> Any:
-    """A frozen dataclass of the numbers that the core declares for a group."""
+    """Make a frozen dataclass of the numbers that the core declares for a group."""
     members = []
     for name, default, allowed, _, _ in _NUMBERS[group]:
         whole = allowed.startswith("integer")
@@ -105,10 +105,10 @@ def _declared(group: str) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class ParticleDensity(_declared("particle")):
-    """Density of each point by itself, integrated from its velocity gradient.
+    """Density that each point integrates by itself, from its velocity gradient.
 
-    As published (Dunatunga & Kamrin 2015, eq. 3.9). In flows that vary in two or three dimensions
-    points lose contact and layers compact.
+    This is the published scheme (Dunatunga & Kamrin 2015, eq. 3.9). In flows that vary in two or
+    three dimensions points lose contact and layers compact.
 
     Parameters
     ----------
@@ -122,8 +122,8 @@ class ParticleDensity(_declared("particle")):
 class SmoothedDensity(_declared("smoothed")):
     """Density that is averaged over neighbours and relaxes to the nodal density.
 
-    For quadratic B-splines with TPIC. Points are shifted out of over-compressed places, and their
-    quadrature weights are corrected so that a uniform pressure makes no force.
+    For quadratic B-splines with TPIC. Points are shifted away from over-compressed places, and
+    their quadrature weights are corrected so that a uniform pressure makes no force.
 
     Parameters
     ----------
@@ -131,10 +131,10 @@ class SmoothedDensity(_declared("smoothed")):
 
     Notes
     -----
-    c = ln(rho/rho_c) of a point, c_w the speed of compression waves, dx the cell, L the velocity
-    gradient, phi_i = m_i/(V_i rho_c) the filling fraction of a node: its mass over that of its
-    volume at rho_c. gdot is the plastic shear rate; for stress-free points the shear rate of L
-    plus abs(tr L).
+    Symbols: c = ln(rho/rho_c) of a point; c_w, the speed of compression waves; dx, the edge of a
+    cell; L, the velocity gradient; phi_i = m_i/(V_i rho_c), the filling fraction of a node, which
+    is its mass over that of its volume at rho_c; gdot, the plastic shear rate, for stress-free
+    points the shear rate of L plus abs(tr L).
     """
 
     name: ClassVar[str] = "smoothed"
@@ -152,7 +152,7 @@ class CellAveragedDensity(_declared("cell_averaged")):
 
     Notes
     -----
-    See `SmoothedDensity`; gdot is here the shear rate of L plus abs(tr L).
+    Symbols as in `SmoothedDensity`, but gdot is the shear rate of L plus abs(tr L) at all points.
     """
 
     name: ClassVar[str] = "cell_averaged"
@@ -166,21 +166,23 @@ Density = ParticleDensity | SmoothedDensity | CellAveragedDensity
 
 @dataclass(frozen=True, kw_only=True)
 class Fluidity(_declared("fluidity")):
-    """Diffusion of the fluidity of a nonlocal law (`granular.NGF`); idle without one.
+    """Diffusion of the fluidity of a nonlocal law (`granular.NGF`); without one it has no effect.
 
     Parameters
     ----------
     stencil : {"faces", "isotropic"}
-        Of the Laplacian: a cell and those across its faces, or all 26 around it (8 in 2D),
-        which errs alike in all directions, at several times the cost.
+        Stencil of the Laplacian. "faces" takes a cell and its neighbours across faces; "isotropic"
+        takes all 26 cells around it (8 in 2D), with an error that is the same in all directions, at
+        several times the cost.
     method : {"auto", "explicit", "implicit", "rkl2"}
-        "explicit" is refused beyond dt = dx^2 t0/(2 dim A^2 d^2); "implicit" is backward Euler, by
-        conjugate gradients, which makes no fluidity negative; "rkl2" a Runge-Kutta-Legendre scheme
-        of second order, that may undershoot, and with which steady flows depend on the substeps;
-        "auto" is explicit where one substep is within that limit, else implicit.
+        "explicit" is refused beyond dt = dx^2 t0/(2 dim A^2 d^2). "implicit" is backward Euler,
+        solved by conjugate gradients; it makes no fluidity negative. "rkl2" is a
+        Runge-Kutta-Legendre scheme of second order; it may undershoot, and steady flows depend on
+        the number of substeps. "auto" is "explicit" if one substep is within that limit, otherwise
+        "implicit".
     reconnect_fluidity : bool
-        With Hencky elasticity: whether points that reconnect begin with the fluidity
-        sqrt(2) abs(D)/mu_2 (Haeri & Skonieczny 2021, eq. 23), and not with none.
+        With Hencky elasticity: if True, points that reconnect begin with the fluidity
+        sqrt(2) abs(D)/mu_2 (Haeri & Skonieczny 2021, eq. 23); if False, with 0.
     {numbers}
 
     Raises
@@ -210,18 +212,20 @@ class Scheme(_declared("scheme")):
     Parameters
     ----------
     basis : {"quadratic", "linear", "ugimp"}, optional
-        Shape functions: quadratic B-splines, linear ones, or linear ones averaged over points
-        whose half-width is half the initial point spacing. By default the one that `density` is
-        made for, else "quadratic".
+        Shape functions: quadratic B-splines, linear ones, or linear ones averaged over the domain
+        of a point, whose half-width is half the initial point spacing ("ugimp"). By default the
+        basis that `density` is made for, else "quadratic".
     transfer : {"tpic", "flip", "apic", "xpic"}, optional
-        How velocity returns from the grid to the points: "tpic" carries the velocity gradient
-        of the point, "apic" the affine moment, "xpic" removes the null space of "flip". By default
-        "tpic" with quadratic B-splines or a cell-averaged density, else "flip".
+        Transfer of velocity from the grid to the points (G2P): "flip" adds the change of the grid
+        velocity, "xpic" removes the null space of "flip", "tpic" carries the velocity gradient of
+        the point, "apic" its affine moment. By default "tpic" with quadratic B-splines or a
+        cell-averaged density, else "flip".
     density : SmoothedDensity, CellAveragedDensity or ParticleDensity, optional
-        By default `SmoothedDensity` with quadratic "tpic", the only scheme it is made for, else
-        `ParticleDensity`. `CellAveragedDensity` is made for linear "tpic".
+        Density of the points. By default `SmoothedDensity` with quadratic "tpic", the only
+        combination it is made for, else `ParticleDensity`. `CellAveragedDensity` is made for linear
+        "tpic".
     fluidity : Fluidity
-        Of a nonlocal law.
+        Options for the fluidity of a nonlocal law.
     {numbers}
 
     Raises
@@ -289,7 +293,7 @@ dunatunga_kamrin_2015 = Scheme(basis="linear", transfer="flip", dt=3e-6)
 of each particle by itself, fixed dt = 3e-6 s."""
 
 default = Scheme()
-"""Quadratic B-splines, TPIC, smoothed density: keeps two-dimensional shear alive."""
+"""Quadratic B-splines, TPIC, smoothed density; it remains accurate in two-dimensional shear."""
 
 cell_averaged = Scheme(density=CellAveragedDensity())
-"""Linear shape functions, TPIC, cell-averaged density: does the same, at less cost."""
+"""Linear shape functions, TPIC, cell-averaged density; it does the same at a lower cost."""

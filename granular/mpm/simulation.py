@@ -1,4 +1,4 @@
-"""A simulation by the material point method."""
+"""Simulation by the material point method."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from granular.record import Checkpoint
 __all__ = ["Simulation"]
 
 CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "g_gain", "side"})
-"""Fields that a scheme carries from step to step: in every checkpoint, but not in the frames, which
-they would swell by two thirds and where no measure asks for them."""
+"""Fields that a scheme carries from step to step.
+
+Checkpoints hold them, frames do not: they would become larger by two thirds, and no measure needs
+these fields.
+"""
 
 
 class Simulation(simulation.Simulation, scenes=Scene):
-    """Steps the material points of a `granular.Scene`; see `granular.Simulation`."""
+    """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`."""
 
     def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
         diagnostics.warn(scene)
@@ -40,7 +43,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._grow(self._engine.regroup())
 
     def _grow(self, needed: int) -> bool:
-        """Give the core larger buffers if it asks for them."""
+        """Give the core buffers of the capacity `needed`; 0 means that they suffice."""
         grown = needed > 0
         while needed:
             larger = core.allocate(self._engine, needed)
@@ -56,28 +59,30 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def cell_counts(self) -> NDArray[np.int64]:
-        """Points in each cell that the kernels work on: cells with points and their neighbours."""
+        """Number of points in each active cell, one that has points or a neighbour with points."""
         return self._engine.cells()[1]
 
     @property
     def fluidity(self) -> _core.Fluidity | None:
-        """How the fluidity is diffused: method, substeps, the limit of a substep [s], and the
-        iterations and the cells kept from being negative since this object was made. None for a
-        local law."""
+        """Method of the diffusion of the fluidity, number of substeps and their limit [s].
+
+        Also the number of iterations, and of cells that were kept from becoming negative, since
+        this object was made. None for a local law.
+        """
         return self._engine.fluidity()
 
     @property
     def bodies(self) -> tuple[rigid.BodyState, ...]:
-        """Where the bodies of the scene are and what they have felt, in their order."""
+        """States of the bodies of the scene, in their order: motion and impulses."""
         return tuple(rigid.state_of(row, self.scene.dim) for row in self._engine.bodies())
 
     @property
     def buffers(self) -> dict[str, NDArray]:
-        """What the core works on, without copying: {field: (component, capacity)} and "id".
+        """Arrays of the core, not copied: {field: (component, capacity)} and "id".
 
-        Rows are grouped by cell; places with a negative id are spare. They may be larger arrays
-        after points have spread. What is written into them counts from the next step on, if this
-        property has been asked for since the last one.
+        Points are grouped by cell; places with a negative id are unused. When points spread, the
+        core may replace the arrays by larger ones. Values written into them take effect from the
+        next step on, if this property was read after the last step.
         """
         self._engine.refresh()
         return dict(self._buffers)
@@ -87,7 +92,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
         ordered = np.full(ids.max(initial=-1) + 1, -1)
-        ordered[ids[living]] = living  # by id, with gaps where points have left
+        ordered[ids[living]] = living  # by id, with gaps for points that have left
         places = ordered[ordered >= 0]
         fields = {"id": ids[places]}
         for name, rows, _, _ in self._engine.fields():
@@ -101,7 +106,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return fields
 
     def _wrapped(self, x: NDArray) -> NDArray:
-        """Positions with those of periodic axes in the domain (ugimp groups by shifted cells)."""
+        """Wrap positions into the domain along periodic axes (ugimp groups by shifted cells)."""
         grid = self.scene.grid
         for d in np.flatnonzero(grid.periodic):
             length = grid.shape[d] * grid.cell
@@ -134,7 +139,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             if stored is None or stored.shape != (*array.shape[:-1], n):
                 raise ValueError(f"the checkpoint does not hold {name} of {n} points")
             array[..., :n] = stored
-        if scene.bodies:  # before the points: those about thin bodies are grouped by side
+        if scene.bodies:  # before the points: those near thin bodies are grouped by side
             self._restore_bodies(checkpoint)
         self._bind(n)
         self._engine.restore(scalars)

@@ -1,4 +1,4 @@
-"""Walls, blocks, absorbing layers and gravity: what acts on the material from outside."""
+"""Walls, blocks and sponge layers, the fixed boundaries of the material."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ class Wall:
     at : float
         Coordinate along `axis` [m]; must be that of a grid line.
     kind : {"no_slip", "free_slip", "coulomb"}
-        "no_slip" holds all velocity components, "free_slip" only the normal one (a symmetry
-        plane is the same), "coulomb" the normal one with friction along the wall
-        (Dunatunga & Kamrin 2015, section 4).
+        "no_slip" holds all velocity components at zero, "free_slip" only the normal one (as does a
+        symmetry plane), "coulomb" the normal one, with friction along the wall (Dunatunga & Kamrin
+        2015, section 4).
     friction : float
-        Coefficient of a "coulomb" wall, >= 0.
+        Friction coefficient of a "coulomb" wall, >= 0.
     span : tuple of (low, high), or None
         Extent along each *other* axis in their order [m], on grid lines; None for all of it.
     opens_at : float
-        From this time on [s] the wall is gone.
+        Time [s] from which on the wall does not exist.
 
     Raises
     ------
@@ -80,7 +80,7 @@ class Wall:
             object.__setattr__(self, name, value)
 
     def extent(self, grid: Grid, axis: int) -> Span:
-        """From where to where it reaches along another `axis` [m]."""
+        """Lower and upper end of the wall along another `axis` [m]."""
         if self.span is None:
             return grid.lower[axis], grid.upper[axis]
         return self.span[axis - (axis > self.axis)]
@@ -102,16 +102,16 @@ class Wall:
 class Solid:
     """An axis-aligned block that material cannot enter; several of them make a staircase.
 
-    With quadratic splines a block is soft by up to half a cell, because only walls make c0_lines:
-    put a `Wall` on a face that has to be sharp.
+    With quadratic splines the faces of a block are blurred by up to half a cell, because only walls
+    make C0 lines. Put a `Wall` on a face that has to be sharp.
 
     Parameters
     ----------
     lower, upper : tuple of float, length dim
         Corners [m], on grid lines.
     kind : {"no_slip", "free_slip"}
-        "free_slip" faces hold the velocity normal to them; where two of them meet, both
-        components are held. Ends of the grid are no faces.
+        "no_slip" holds all velocity components at zero. "free_slip" faces hold the component normal
+        to them; where two faces meet, both components are held. Ends of the grid are not faces.
 
     Raises
     ------
@@ -145,19 +145,19 @@ class Solid:
 
 @dataclass(frozen=True)
 class SpongeLayer:
-    """A layer that swallows elastic waves: points beyond `above` that rise are slowed down.
+    """A layer that damps elastic waves: points beyond `above` that move upwards are slowed down.
 
     Parameters
     ----------
     axis : int
-        Along which they rise.
+        Axis along which the points move upwards.
     above : float
-        Where the layer begins [m].
+        Coordinate at which the layer begins [m].
     damping : float
-        1/s: after a step the upward velocity of its points is exp(-damping dt) of what it would be.
-        Infinity stops them at once, as published; but then what is too dense expands no faster
-        than g dt, and a bed that has been pressed together stays so for many thousand steps. A
-        wave that rises dies out over the length c/damping.
+        Damping rate [1/s]: in each step the upward velocity of the points is multiplied by
+        exp(-damping dt), so that a rising wave decays over the length c/damping. The default,
+        infinity, stops them at once, as published; but then over-compressed material expands no
+        faster than g dt, and a compressed bed stays so for many thousand steps.
     """
 
     axis: int

@@ -33,7 +33,7 @@ def test_scenes_as_they_are_raise_no_warnings(name):
         return
     if name == "excavator":  # sheets of two cells, which contain nodes
         (sheets,) = scene_warnings(scene)
-        assert "feels a part of the other" in sheets
+        assert "is coupled to that" in sheets
         return
     assert scene_warnings(scene) == []
     with warnings.catch_warnings():

@@ -224,8 +224,8 @@ def small_mesh(edge):
 @pytest.mark.parametrize(
     ("cells", "changes", "told"),
     [
-        (2.5, {"transfer": "tpic", "density": gr.SmoothedDensity()}, "feels a part of the other"),
-        (2.5, {}, "kept apart by double nodes"),
+        (2.5, {"transfer": "tpic", "density": gr.SmoothedDensity()}, "is coupled to that"),
+        (2.5, {}, "separated by duplicate nodes"),
         (2.5, {"basis": "linear"}, None),
         (3.0, {"transfer": "tpic", "density": gr.SmoothedDensity()}, None),
     ],
