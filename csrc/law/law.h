@@ -58,17 +58,17 @@ int gr_law_index(const char *name);
  *
  * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the increment L dt of
  * the velocity gradient over a step, row-major components of GR_W lanes each; dt, s; log_density at the end of the
- * step; the parameters in the order of the law; g_star[k], the fluidity of block k after its diffusion, 1/s, NULL in
- * the local phase of a nonlocal law.
- * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL; plastic_strain of a law
- * with hardening, 1, where the pointer is not NULL: it counts as 0 otherwise.
+ * step, or with `begins` before it; the parameters in the order of the law; g_star[k], the fluidity of block k after
+ * its diffusion, 1/s, NULL in the local phase of a nonlocal law.
+ * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL; plastic_strain, 1, of a law
+ * with hardening, where the pointer is not NULL: it counts as 0 otherwise.
  * Returned: the fluidity g, 1/s, and gain = g - g_star, 1/s, where the pointers are not NULL. Nonlocal laws need both
  * shear_rate and g.
  *
  * A nonlocal law may divide the step into substeps (law/substep.h). `substeps` then points to the state of the points
  * between substeps; it is NULL if the step is made at once. dt is the length of a substep, and `fraction` its share of
- * the step. A call with `begins` sets this state from the log-density before the step and makes the first substep; a
- * call without it makes the last one. Where a point is disconnected, g is undefined after the first substep. */
+ * the step. A call with `begins` computes this state and makes the first substep; a call without it makes the last one.
+ * After the first substep g is undefined where a point is disconnected. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
