@@ -10,7 +10,7 @@
 #include "law/hencky.h"
 #include "law/substep.h"
 
-#define GR_FURTHEST 600.0 /* largest |log-density| used; points beyond it are about to be removed */
+#define GR_FURTHEST 600.0 /* bound of |log-density|, so that the values of points about to leave stay finite */
 
 /* State of a block of points at the beginning of a step. */
 struct gr_hencky_block {

@@ -1,10 +1,10 @@
 /* Substeps of the nonlocal law: a step divided into many at one velocity gradient, without stress tensors in between.
  *
  * A step rotates the deviator of the stress to R and strains it by D. Each of n substeps adds D/n, and then its plastic
- * flow leaves a share z of the deviator. After any number of substeps the deviator therefore is a R + b D, with b <- b
- * + 1/n before the flow and (a, b) <- z (a, b) after it. Its norm needs only three products of R and D, which are
- * computed once. The pressure is that at the end of the step in all substeps. A substep thus costs little more than the
- * update of the fluidity at a point. */
+ * flow leaves a share z of the deviator. After any number of substeps the deviator therefore is a R + b D, with
+ * b <- b + 1/n before the flow and (a, b) <- z (a, b) after it. Its norm needs only three products of R and D, which
+ * are computed once. The pressure is that at the end of the step in all substeps. A substep thus costs little more than
+ * the update of the fluidity at a point. */
 #ifndef GR_LAW_SUBSTEP_H
 #define GR_LAW_SUBSTEP_H
 
