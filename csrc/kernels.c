@@ -1,13 +1,14 @@
-/* The kernels of one instruction set: this file is compiled once for each, with GR_ISA naming it.
+/* The kernels of one instruction set. This file is compiled once for each set, with GR_ISA naming it.
  *
- * Every combination of dimension, basis, transfer and density has a body of its own, made from one
- * inline function with literal arguments; the choice is made once, when a kernel is called for a run
- * of cells. */
+ * Every combination of dimension, basis, transfer and density is compiled as a function of its own, from one inline
+ * function called with literal arguments. The choice among them is made once, when a kernel is called for a run of
+ * cells. */
 #include "kernels.h"
 
 #define GR_INFO(name, unit, doc) {#name, unit, doc},
 
-/* A law of both dimensions with its descriptor; what follows the name are members of struct gr_law. */
+/* Define the updates of a law in 2D and 3D, and its descriptor. The arguments after the name are members of struct
+ * gr_law. */
 #define GR_DESCRIBE_LAW(law, ...)                                                \
     static void law##_2d(const struct gr_law_call *call) { law_##law(2, call); } \
     static void law##_3d(const struct gr_law_call *call) { law_##law(3, call); } \
@@ -40,8 +41,8 @@ static const struct gr_law *const laws[] = {
 #define GR_STRING2(a) #a
 #define GR_STRING(a) GR_STRING2(a)
 
-/* X(dim, basis, affine, smoothed, cell_averaged): what can be built. The smoothed density goes with the quadratic basis, the
- * shared one with the linear basis. */
+/* X(dim, basis, affine, smoothed, cell_averaged): the variants of the MPM kernels. The smoothed density requires the
+ * quadratic basis, the cell-averaged density the linear basis. */
 #define GR_VARIANTS_OF(X, dim)                     \
     X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 1)    \
     X(dim, GR_LINEAR, GR_AFFINE_NONE, 0, 0)        \
@@ -119,7 +120,7 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_SMOOTH
 }
 
-/* The fluidity of the double cells: of each side, or of both together. */
+/* Mean fluidity of the double cells: of each side where the two are separated, else of both together. */
 static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
 {
     for (int64_t k = first; k < last; k++) {
@@ -134,16 +135,16 @@ static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
 
 static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_SET_OUT(d, b, u)                                                         \
+#define GR_BEGIN_SUBSTEPS(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
         begin_substeps_of_cells(d, b, u, e, first, last, laws[e->config.law]->update[d - 2]);
-    GR_SET_OUT(2, GR_LINEAR, 0)
-    GR_SET_OUT(2, GR_LINEAR, 1)
-    GR_SET_OUT(2, GR_QUADRATIC, 0)
-    GR_SET_OUT(3, GR_LINEAR, 0)
-    GR_SET_OUT(3, GR_LINEAR, 1)
-    GR_SET_OUT(3, GR_QUADRATIC, 0)
-#undef GR_SET_OUT
+    GR_BEGIN_SUBSTEPS(2, GR_LINEAR, 0)
+    GR_BEGIN_SUBSTEPS(2, GR_LINEAR, 1)
+    GR_BEGIN_SUBSTEPS(2, GR_QUADRATIC, 0)
+    GR_BEGIN_SUBSTEPS(3, GR_LINEAR, 0)
+    GR_BEGIN_SUBSTEPS(3, GR_LINEAR, 1)
+    GR_BEGIN_SUBSTEPS(3, GR_QUADRATIC, 0)
+#undef GR_BEGIN_SUBSTEPS
 }
 
 static void substep(struct gr_engine *e, int64_t first, int64_t last)
@@ -167,7 +168,7 @@ static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
         hencky_points(3, flow, call);
 }
 
-/* The sums of particle hydrodynamics: one body for both dimensions. */
+/* The kernels of SPH: one inline function for both dimensions. */
 #define GR_SPH_2D_OR_3D(call, ...) \
     do {                           \
         if (s->config.dim == 2)    \

@@ -1,4 +1,5 @@
-/* The kernels of one instruction set: a table that kernels.c fills, once for each; dispatch.c chooses one. */
+/* The kernels of one instruction set: a table of functions that kernels.c fills once for each set. dispatch.c selects
+ * one. */
 #ifndef GR_KERNELS_H
 #define GR_KERNELS_H
 
@@ -20,7 +21,7 @@ struct gr_kernels {
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
-    const struct gr_law *const *laws; /* of the registry, then NULL */
+    const struct gr_law *const *laws; /* those of law/registry.inl, then NULL */
     void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
@@ -28,6 +29,6 @@ struct gr_kernels {
     const struct gr_sph_kernels *sph; /* sph/sph.h */
 };
 
-const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the best this machine has */
+const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the widest that this machine supports */
 
 #endif

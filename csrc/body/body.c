@@ -1,3 +1,4 @@
+/* Geometry and motion of rigid bodies, and the contact rule (body.h). */
 #include "body/body.h"
 
 #include <math.h>
@@ -15,7 +16,8 @@ void gr_rotation_matrix(const double o[4], double matrix[9])
     memcpy(matrix, m, sizeof m);
 }
 
-/* Distance by how far x is beyond each of n pairs of faces, with the outward normals of these in `face`. */
+/* Signed distance of a point, from its signed distance `beyond` each of n pairs of parallel faces with the outward
+ * normals `face`. */
 static double corner_distance(int n, const double beyond[], double (*face)[3], double normal[3])
 {
     int farthest = 0;
@@ -37,7 +39,8 @@ static double corner_distance(int n, const double beyond[], double (*face)[3], d
     return distance;
 }
 
-/* Signed distance by the samples; beyond their box, that at its surface and the way to it, which bounds it from above. */
+/* Signed distance by interpolation of the samples. Outside their box it is the value at the nearest point of the box
+ * plus the distance to it, an upper bound. */
 static double sampled_distance(const struct gr_part *part, const double y[3], double normal[3])
 {
     const int *n = part->shape;
@@ -130,7 +133,7 @@ double gr_part_bound(const struct gr_part *part, int dim)
     return sqrt(dot(part->center, part->center)) + sqrt(square);
 }
 
-/* Speed of a place of the body, r in its own coordinates. */
+/* Speed of a material point of the body; r is in body coordinates. */
 static double speed_at(const double rotation[9], const double r[3], const double v[3], const double w[3])
 {
     double a[3], u[3];
@@ -141,7 +144,7 @@ static double speed_at(const double rotation[9], const double r[3], const double
     return sqrt(dot(u, u));
 }
 
-/* The speed is a convex function of the place: of a box the largest is at a corner, and a cylinder lies in a box. */
+/* The speed is a convex function of position: its maximum over a box is at a corner, and a cylinder lies in a box. */
 double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts, const double orientation[4],
                         const double v[3], const double omega[3], double far)
 {
@@ -163,7 +166,7 @@ double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts,
     return fastest;
 }
 
-/* At time t between rows k and k + 1 of the table. */
+/* Velocities at time t, between rows k and k + 1 of the table. */
 static void between(const struct gr_body *body, int k, double t, double out[6])
 {
     const double *low = body->motion + 7 * k, *high = low + 7;
@@ -187,11 +190,11 @@ void gr_motion_mean(const struct gr_body *body, double begin, double length, dou
     const double end = begin + length;
     double from = begin;
     memset(out, 0, 6 * sizeof(double));
-    for (int k = 0; k <= body->n_motion && from < end; k++) { /* the stretch that ends with row k */
+    for (int k = 0; k <= body->n_motion && from < end; k++) { /* the interval that ends with row k */
         const double to = k < body->n_motion ? fmin(body->motion[7 * k], end) : end;
         double middle[6];
         if (!(to > from)) continue;
-        gr_motion_at(body, from + (to - from) / 2, middle); /* linear in it: the mean */
+        gr_motion_at(body, from + (to - from) / 2, middle); /* linear in this interval: the mean */
         for (int c = 0; c < 6; c++) out[c] += (to - from) / length * middle[c];
         from = to;
     }

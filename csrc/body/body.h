@@ -1,5 +1,5 @@
-/* Rigid bodies: signed distance, motion, and what contact does to a velocity. In the plane z is 0, boxes are of infinite
- * extent along z, and cylinders stand on the plane. */
+/* Rigid bodies: signed distance, motion, and the effect of contact on a velocity. In 2D z is 0, boxes are infinite
+ * along z, and the axis of a cylinder is z. */
 #ifndef GR_BODY_BODY_H
 #define GR_BODY_BODY_H
 
@@ -15,17 +15,17 @@ enum gr_part_kind {
         GR_PART_COUNT
 };
 
-/* A part of a body, in coordinates of the body. */
+/* A part of a body, in body coordinates. */
 struct gr_part {
     int kind;
-    int inside;           /* 1: the solid is all that lies outside of the surface, the material is within */
+    int inside;           /* 1: the solid is the outside of the surface, and the material is within */
     double center[3];     /* m */
-    double rotation[9];   /* row-major; its columns are the axes of the part: that of a cylinder, or the outward normal of a
-                           half-space, is the third */
-    double size[3];       /* half edges of a box, or of that of the samples; radius and half length of a cylinder; m, may be
-                           infinite */
-    int shape[3];         /* samples along each axis, of one spacing */
-    const double *sample; /* signed distances, m, x fastest; linear between */
+    double rotation[9];   /* row-major; its columns are the axes of the part. The third is the axis of a cylinder, or the
+                             outward normal of a half-space */
+    double size[3];       /* half edges of a box or of the box of the samples; radius and half length of a cylinder; m,
+                             may be infinite */
+    int shape[3];         /* number of samples along each axis, equally spaced */
+    const double *sample; /* signed distances, m, x fastest; interpolated linearly */
 };
 
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
@@ -37,61 +37,64 @@ enum gr_contact {
         GR_CONTACT_COUNT
 };
 
-/* What a body is. */
+/* Constant properties of a body. */
 struct gr_body {
-    int first_part, n_parts; /* the union of which it is */
+    int first_part, n_parts; /* its parts; the body is their union */
     int contact;
-    int free;        /* bit d: velocity component d follows from the forces, else from the motion */
+    int free;        /* bit d: velocity component d follows from the forces, else from the prescribed motion */
     int rough;       /* the fluidity is 0 at its surface */
     double friction; /* Coulomb coefficient */
-    double mass;     /* kg, per metre of depth in the plane; only of a body with free components */
-    double bound;    /* m: no surface of it is farther from its position; may be infinite */
+    double mass;     /* kg, in 2D per metre of depth; needed only by a body with free components */
+    double bound;    /* m: radius about its position that contains its surface; may be infinite */
     double position[3], orientation[4];
     int n_motion;
-    const double *motion; /* n_motion x 7: time, velocity, angular velocity; s, m/s, rad/s; linear between, held beyond */
+    const double *motion; /* n_motion x 7: time, velocity, angular velocity; s, m/s, rad/s; linear between rows, constant
+                             beyond */
 };
 
-/* Where a body is and what it has felt, all doubles: what a restart needs. */
+/* State of a body and the impulses on it; all doubles, since a restart needs all of it. */
 struct gr_body_state {
     double x[3];               /* m */
     double orientation[4];     /* unit quaternion, scalar part first */
-    double v[3], omega[3];     /* m/s, rad/s, in axes of space */
-    double impulse[3];         /* of the material, since the run began, N s */
-    double angular_impulse[3]; /* the same about x, which moves, N m s */
+    double v[3], omega[3];     /* m/s, rad/s, in the axes of the scene */
+    double impulse[3];         /* of the material on the body since the run began, N s */
+    double angular_impulse[3]; /* the same about its present position x, N m s */
 };
 
 enum { GR_BODY_NUMBERS = sizeof(struct gr_body_state) / sizeof(double) };
 
-/* Row-major rotation matrix of a unit quaternion: its columns are the axes of the body. */
+/* Row-major rotation matrix of a unit quaternion; its columns are the axes of the body. */
 void gr_rotation_matrix(const double orientation[4], double matrix[9]);
 
-/* Distance of x to the surface of one part, negative in the solid, and the outward normal there: the gradient. At points
- * with several nearest ones it is that of the first axis. All in coordinates of the body. */
+/* Signed distance of x from the surface of one part, negative in the solid, and the outward normal, its gradient. If
+ * several surface points are nearest, the normal is that of the first axis. All in body coordinates. */
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3]);
 
-/* The same of a union, min over its parts: exact without, and a bound of the depth where parts overlap. */
+/* The same for a union of parts, as the minimum over them: exact outside; where parts overlap, a bound of the depth. */
 double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3]);
 
-/* Radius about the origin of the body that holds the surface of a part in `dim` dimensions. */
+/* Radius about the origin of the body that contains the surface of a part in `dim` dimensions. */
 double gr_part_bound(const struct gr_part *part, int dim);
 
-/* Velocity and angular velocity at time t, and their exact means over [begin, begin + length]. */
+/* Prescribed velocity and angular velocity at time t, and their exact means over [begin, begin + length]. */
 void gr_motion_at(const struct gr_body *body, double t, double out[6]);
 void gr_motion_mean(const struct gr_body *body, double begin, double length, double out[6]);
 
-/* Largest speed that velocity v and angular velocity omega give to a place of the body at this orientation; where it has
- * no bounds, within the distance `far` of its position. */
+/* Largest speed of a material point of the body with the velocity v and the angular velocity omega, at this
+ * orientation. Where the body is unbounded, only points within the distance `far` of its position count. */
 double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts, const double orientation[4],
                         const double v[3], const double omega[3], double far);
 
-/* Turn an orientation by the constant angular velocity omega for dt, exactly. */
+/* Rotate an orientation by the constant angular velocity omega for dt, exactly. */
 void gr_turn(const double orientation[4], const double omega[3], double dt, double out[4]);
 
-/* What contact with a surface of velocity `surface` and outward unit normal n leaves of v; u = v - surface:
+/* Effect of contact with a surface of velocity `surface` and outward unit normal n on the velocity v; u = v - surface:
+ *
  *   sticky      u' = 0
  *   separating  u' = u_t max(0, 1 - mu |u_n|/|u_t|) where u_n < 0, else u' = u
- *   bilateral   the first of these always
- * Returned: 0 if v is unchanged, 1 if the normal component alone is held (or friction slides), 2 if all is. */
+ *   bilateral   as separating with u_n < 0, whatever the sign of u_n
+ *
+ * Returned: 0 if v is unchanged, 1 if only the normal component is held (or friction slides), 2 if all components are. */
 int gr_contact(const struct gr_body *body, const double n[3], const double surface[3], double v[3]);
 
 #endif

@@ -1,3 +1,4 @@
+/* Tables of one axis of the grid: its cells, its nodes and the coefficients of the shape functions (axis.h). */
 #include "core/axis.h"
 
 #include <math.h>
@@ -35,7 +36,8 @@ static void build_linear(struct gr_axis *axis, int n)
     }
 }
 
-/* Cell j is centred on node j; xi = 1/2 is the node, so the half-cells at the ends lie within [1/2, 1) and [0, 1/2). */
+/* Cell j is centred on node j, which lies at xi = 1/2. The half-cells at the two ends of a walled axis therefore cover
+ * [1/2, 1) and [0, 1/2) only. */
 static void build_ugimp(struct gr_axis *axis, int n, const int32_t *c0_lines, int n_c0_lines)
 {
     const int nodes = axis->periodic ? n : n + 1;
@@ -46,15 +48,16 @@ static void build_ugimp(struct gr_axis *axis, int n, const int32_t *c0_lines, in
         const int first = !axis->periodic && j == 0, last = !axis->periodic && j == nodes - 1;
         axis->node_position[j] = j;
         cell->position[0] = -0.5, cell->position[1] = 0.5, cell->position[2] = 1.5;
-        cell->node[0] = first ? j : (j + nodes - 1) % nodes; /* the weight of a node beyond an end is zero */
+        cell->node[0] = first ? j : (j + nodes - 1) % nodes; /* beyond an end: this entry has zero weight */
         cell->node[1] = j;
         cell->node[2] = last ? j : (j + 1) % nodes;
         cell->clip = first || last || is_c0_line(c0_lines, n_c0_lines, j);
-        cell->integral[1] = first || last ? 0.5 : 1; /* lumped */
+        cell->integral[1] = first || last ? 0.5 : 1; /* lumped: a node at an end has half a cell */
     }
 }
 
-/* Shapes of the knot span [t2, t3] from its six knots, by the recursion of Cox and de Boor, in xi = t - t2, t3 - t2 = 1. */
+/* Coefficients of the three B-splines on the knot span [t2, t3], by the Cox-de Boor recursion. The knots are t[0] to
+ * t[5]; xi = t - t2, and the span has the length t3 - t2 = 1. */
 static void bspline_span(const double t[6], double c[3][3])
 {
     const double a = t[2] - t[1], b = t[4] - t[2], right = t[4] - t[2], left = t[3] - t[1];
@@ -95,7 +98,7 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *c0_lines,
     axis->n_cells = n;
     axis->n_nodes = n + 2 + n_c0_lines;
     for (int i = 0; i < axis->n_nodes; i++) axis->node_position[i] = 0.5 * (knot[i + 1] + knot[i + 2]);
-    for (int c = 0, s = 2; c < n; c++, s++) { /* s: the last knot at line c */
+    for (int c = 0, s = 2; c < n; c++, s++) { /* s: index of the last knot at grid line c */
         while (knot[s + 1] <= c) s++;
         struct gr_axis_cell *cell = &axis->cell[c];
         bspline_span(knot + s - 2, cell->coefficient);
@@ -109,7 +112,8 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *c0_lines,
     return GR_OK;
 }
 
-/* Where the cells lie. Those of ugimp reach half a cell beyond the ends of a walled domain: cut off there. */
+/* Set the coordinates of the cells. Cells of ugimp would reach half a cell beyond the ends of a walled domain and are
+ * cut off there. */
 static void place_cells(struct gr_axis *axis, double dx)
 {
     for (int c = 0; c < axis->n_cells; c++) {
@@ -123,7 +127,7 @@ static void place_cells(struct gr_axis *axis, double dx)
 
 int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x)
 {
-    const double guess = (x - axis->origin) * inv_dx + axis->shift; /* right but for rounding */
+    const double guess = (x - axis->origin) * inv_dx + axis->shift; /* exact up to rounding */
     if (!(guess > -1e15 && guess < 1e15)) return -(int64_t)1e15;
     const int64_t last = axis->n_cells - 1;
     int64_t at = (int64_t)floor(guess);

@@ -1,15 +1,16 @@
-/* One axis of the grid: its cells, its nodes, and the shape functions of each cell along it.
+/* One axis of the grid: its cells, its nodes and the shape functions of each cell.
  *
- * All bases are products of one-dimensional functions, and within a cell of the *grouping* each is a
- * known function of the local coordinate xi in [0, 1), so walls, inner walls and periodic ends are a
- * matter of tables built once, not of branches in the loops. A point belongs to the cell with
- * begin <= x < end, to the last bit.
+ * All bases are tensor products of one-dimensional functions. Within a cell of the *grouping*, the cells by which
+ * points are sorted, each function is a polynomial of the local coordinate xi in [0, 1). Walls, inner walls and
+ * periodic ends are therefore tables built once, not branches in the loops. A point belongs to the cell with
+ * begin <= x < end; the comparison is exact.
  *
- *   linear     nodes on the grid lines; cells as the grid's; 2 nodes a cell.
- *   quadratic  B-splines of degree 2 with knots on the grid lines, triple at the ends and double on
- *              c0_lines (inner walls, orifice edges), so that a wall's nodes interpolate; 3 nodes a cell.
- *   ugimp      points of fixed half-width lambda (in cells); grouped in cells centred on the nodes, so
- *              that a point touches 3 nodes; at walls and c0_lines the extent of a point is clipped. */
+ *   linear     linear shape functions with nodes on the grid lines; the cells are those of the grid; 2 nodes per cell.
+ *   quadratic  B-splines of degree 2. The knots are the grid lines, triple at the ends and double on c0_lines (inner
+ *              walls, orifice edges), where the functions are only C0. A node on a wall then interpolates the field
+ *              there. 3 nodes per cell.
+ *   ugimp      points are boxes of the fixed half-width lambda (in cells). The cells of the grouping are centred on the
+ *              nodes, so that a point touches 3 nodes. At walls and c0_lines the box of a point is clipped. */
 #ifndef GR_CORE_AXIS_H
 #define GR_CORE_AXIS_H
 
@@ -27,15 +28,15 @@ enum gr_basis {
 
 #define GR_MAX_NODES_1D 3
 
-/* What a kernel needs to know of one cell along one axis. */
+/* Data of one cell along one axis that the kernels need. */
 struct gr_axis_cell {
-    double coefficient[GR_MAX_NODES_1D][3]; /* shape a: c0 + c1 xi + c2 xi^2 (linear, quadratic) */
-    double position[GR_MAX_NODES_1D];       /* of the nodes, in cells from the cell's lower edge */
-    double integral[GR_MAX_NODES_1D];       /* of the shapes over the cell, in cells */
+    double coefficient[GR_MAX_NODES_1D][3]; /* shape function a: c0 + c1 xi + c2 xi^2 (linear, quadratic) */
+    double position[GR_MAX_NODES_1D];       /* of the nodes, in cells from the lower edge of the cell */
+    double integral[GR_MAX_NODES_1D];       /* of the shape functions over the cell, in cells */
     double edge;                            /* coordinate where xi = 0, m */
-    double begin, end;                      /* the cell's part of the domain, m; the next cell begins at `end` */
+    double begin, end;                      /* the part of the domain that belongs to the cell, m */
     int32_t node[GR_MAX_NODES_1D];          /* index of the nodes along the axis */
-    int32_t clip;                           /* ugimp: 1 where extents end at this cell's node */
+    int32_t clip;                           /* ugimp: 1 where the boxes of points end at the node of this cell */
 };
 
 struct gr_axis {
@@ -43,21 +44,22 @@ struct gr_axis {
     int n_nodes;
     int periodic;
     double origin; /* coordinate of the lower end of the domain, m */
-    double length; /* of the domain, m */
-    double shift;  /* the cell of x is about (x - origin)/dx + shift */
+    double length; /* length of the domain, m */
+    double shift;  /* the cell of x is approximately (x - origin)/dx + shift */
     struct gr_axis_cell *cell;
     double *node_position; /* in cells from the origin */
-    double *node_integral; /* of the shape of a node over the domain, in cells */
+    double *node_integral; /* of the shape function of a node over the domain, in cells */
 };
 
-/* Cell of x, or a number outside [0, n_cells) for an x outside the domain (of a periodic axis, too). */
+/* Index of the cell of x; a number outside [0, n_cells) if x lies outside the domain, also on a periodic axis. */
 int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x);
 
 static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
 /* Build the tables of one axis.
- * Given: basis, n (grid cells), periodic, c0_lines[n_c0_lines] (interior grid lines, ascending), lambda
- * (ugimp: half-width of a point in cells, 0 < lambda <= 1/2), origin and dx in m.
+ *
+ * Given: basis; n, the number of grid cells; periodic; c0_lines[n_c0_lines], interior grid lines in ascending order;
+ * lambda, the half-width of a point in cells for ugimp, 0 < lambda <= 1/2; origin and dx in m.
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
 int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
                   double lambda, double origin, double dx);

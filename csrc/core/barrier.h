@@ -1,4 +1,4 @@
-/* Where the threads of a team wait for each other. */
+/* A barrier at which the threads of a team wait for each other, and the division of work among them. */
 #ifndef GR_CORE_BARRIER_H
 #define GR_CORE_BARRIER_H
 
@@ -12,8 +12,8 @@ struct gr_barrier {
     atomic_int arrived, round;
 };
 
-/* Wait for the team. The wait of OpenMP spins for milliseconds, which on a busy machine is the time that the
- * thread waited for lacks; this one spins briefly and then gives the processor away. */
+/* Wait until all threads of the team have arrived. The barrier of OpenMP spins for milliseconds; on a busy machine it
+ * takes this time from the very thread that it waits for. This one spins briefly and then yields the processor. */
 static inline void gr_wait(struct gr_barrier *barrier)
 {
     enum { SPINS = 2000 };
@@ -28,7 +28,7 @@ static inline void gr_wait(struct gr_barrier *barrier)
         if (spins > SPINS) sched_yield();
 }
 
-/* The part [first, last) of n things that thread t of so many does. */
+/* Compute the range [first, last) of n items that thread t of `threads` works on. */
 static inline void gr_share(int64_t n, int t, int threads, int64_t *first, int64_t *last)
 {
     *first = n * t / threads;

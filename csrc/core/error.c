@@ -1,3 +1,4 @@
+/* Messages of the error codes. */
 #include "core/error.h"
 
 static const char *const messages[] = {

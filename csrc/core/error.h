@@ -1,4 +1,4 @@
-/* Error codes of the core: one list from which the enumeration, the messages and the Python exceptions are made. */
+/* Error codes of the core: one list that defines the enumeration, the messages and the Python exceptions. */
 #ifndef GR_CORE_ERROR_H
 #define GR_CORE_ERROR_H
 

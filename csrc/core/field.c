@@ -1,3 +1,4 @@
+/* Table of the fields of a material point. */
 #include "core/field.h"
 
 const struct gr_field_info gr_field_table[GR_FIELD_COUNT] = {

@@ -1,8 +1,8 @@
-/* The fields of a material point: one list from which arrays, checks, records and docstrings are made.
+/* The fields of a material point: one list that defines the arrays, the checks, the records and the docstrings.
  *
- * Field f has gr_field_components(f, dim) rows in the buffer of shape (component, capacity); a scene
- * carries a field only if its law or scheme needs it. Stress components are xx, yy, zz, xy in the
- * plane and xx, yy, zz, xy, yz, xz in space; a gradient has its components in row-major order. */
+ * Field f has gr_field_components(f, dim) rows in the buffer of shape (component, capacity). A scene carries a field
+ * only if its law or its scheme needs it. The components of the stress are xx, yy, zz, xy in 2D and xx, yy, zz, xy, yz,
+ * xz in 3D; the components of a gradient are in row-major order. */
 #ifndef GR_CORE_FIELD_H
 #define GR_CORE_FIELD_H
 
@@ -10,21 +10,21 @@ enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
 enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
 
 /* X(name, kind, needed by, unit, description) */
-#define GR_FIELDS(X)                                                                                                 \
-    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                                      \
-    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                                    \
-    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                                         \
-    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")                     \
-    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (per metre of depth in the plane)")                                    \
-    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step run")                 \
-    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")                              \
-    X(density_gradient, GR_VECTOR, GR_SMOOTHED, "1/m", "gradient of log_density for its averaging")                  \
-    X(shift_velocity, GR_VECTOR, GR_SMOOTHED, "m/s", "velocity gained by the shift of a point")                      \
-    X(weight_correction, GR_SCALAR, GR_SMOOTHED, "1", "part by which a point counts more than its volume")           \
-    X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu where it flows; 0 where it bears nothing") \
-    X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "what the law has added to the diffused fluidity in its last substep")  \
-    X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body on which it is, 1 or -1; 0 away from it")                 \
-    X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, added up over the steps")
+#define GR_FIELDS(X)                                                                                              \
+    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                                   \
+    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                                 \
+    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                                      \
+    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")                  \
+    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (in 2D per metre of depth)")                                        \
+    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step")                  \
+    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")                           \
+    X(density_gradient, GR_VECTOR, GR_SMOOTHED, "1/m", "gradient of log_density, used by its averaging")          \
+    X(shift_velocity, GR_VECTOR, GR_SMOOTHED, "m/s", "change of velocity by particle shifting")                   \
+    X(weight_correction, GR_SCALAR, GR_SMOOTHED, "1", "relative excess of the quadrature weight over the volume") \
+    X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu in flow; 0 where stress-free")          \
+    X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "increment of the fluidity by the law in the last substep")          \
+    X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
+    X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")
 
 enum gr_field {
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

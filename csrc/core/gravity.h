@@ -2,8 +2,9 @@
 #ifndef GR_CORE_GRAVITY_H
 #define GR_CORE_GRAVITY_H
 
-/* Gravity at time t, piecewise linear and held beyond its ends.
- * Given: n times[n], s, and vectors[n x dim], m/s^2. Returned: g[dim], m/s^2. */
+/* Gravity at time t: piecewise linear between the given times, constant before the first and after the last.
+ * Given: times[n], s, and vectors[n x dim], m/s^2.
+ * Returned: g[dim], m/s^2. */
 static inline void gr_gravity(int dim, int n, const double *times, const double *vectors, double t, double *g)
 {
     int k = 0;

@@ -1,8 +1,8 @@
-/* A small vector of doubles, GR_W lanes wide, one definition for each instruction set.
+/* Vectors of GR_W doubles (SIMD lanes), with one definition for each instruction set.
  *
- * `vd` has the ordinary operators + - * /; the functions below add what C has no sign for. `vm` is a
- * lane mask. The width is a property of the build of a kernel, never of the data: point arrays are
- * always grouped in runs of GR_LANES places. */
+ * `vd` has the ordinary operators + - * /; the functions below add what C has no operator for. `vm` is a lane mask. The
+ * width GR_W depends on how a kernel is compiled, never on the data: point arrays are always divided into runs of
+ * GR_LANES places. */
 #ifndef GR_CORE_SIMD_H
 #define GR_CORE_SIMD_H
 
@@ -30,8 +30,8 @@ static inline vm m_and(vm a, vm b) { return a & b; }
 static inline unsigned m_bits(vm a) { return a; }
 static inline vd v_select(vm m, vd a, vd b) { return _mm512_mask_blend_pd(m, b, a); }
 static inline vd v_keep(vm m, vd a) { return _mm512_maskz_mov_pd(m, a); }
-/* The square root of a >= 0 to 4e-16 from a 14-bit estimate y of its inverse: with r = 1 - a y^2,
- * 1/sqrt(a) = y (1 + r/2 + 3 r^2/8 + 5 r^3/16 + ...). A third of the time of the division unit. */
+/* The square root of a >= 0 to 4e-16. It starts from a 14-bit estimate y of the inverse root: with r = 1 - a y^2,
+ * 1/sqrt(a) = y (1 + r/2 + 3 r^2/8 + 5 r^3/16 + ...). It takes a third of the time of the division unit. */
 static inline vd v_sqrt_fast(vd a)
 {
     const vd safe = _mm512_max_pd(_mm512_set1_pd(1e-290), a), y /* NaN stays */ = _mm512_rsqrt14_pd(safe), s = safe * y;
@@ -48,7 +48,7 @@ static inline vd v_rsqrt(vd a)
         _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
     return _mm512_fmadd_pd(y * r, series, y);
 }
-/* out[k] = the sum of the lanes of a[k], 8 vectors at once: a tree that halves vectors and lanes together. */
+/* out[k] = the sum of the lanes of a[k], for 8 vectors at once: each level of the tree halves the number of vectors. */
 static inline void v_sums(double *out, const vd *a)
 {
     vd b[4], c[2];
@@ -92,7 +92,7 @@ static inline double v_sum(vd a)
     return b[0] + b[1];
 }
 #else
-/* Portable form: two lanes, written with the vector extension of gcc and clang (SSE2, NEON, ...). */
+/* Portable version: two lanes, written with the vector extension of gcc and clang (SSE2, NEON, ...). */
 #define GR_W 2
 typedef double vd __attribute__((vector_size(16)));
 typedef int64_t vm __attribute__((vector_size(16)));
@@ -105,7 +105,7 @@ static inline vm m_and(vm a, vm b) { return a & b; }
 static inline unsigned m_bits(vm a) { return (unsigned)(a[0] & 1) | (unsigned)(a[1] & 2); }
 static inline vd v_select(vm m, vd a, vd b) { return (vd)((m & (vm)a) | (~m & (vm)b)); }
 static inline vd v_keep(vm m, vd a) { return (vd)(m & (vm)a); }
-/* As the x86 instructions do: the second operand where the comparison fails, so that NaN behaves alike. */
+/* As the x86 instructions do, return the second operand where the comparison fails, so that NaN behaves the same. */
 static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
 static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
 static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
@@ -116,18 +116,18 @@ static inline void v_sums(double *out, const vd *a) { out[0] = a[0][0] + a[0][1]
 static inline double v_sum(vd a) { return a[0] + a[1]; }
 #endif
 
-/* Loads and stores that are known to touch doubles only: with the intrinsics, which may alias anything, a
- * compiler reads every pointer again after each store. */
+/* Loads and stores whose type tells the compiler that only doubles are accessed. The intrinsics may alias anything, and
+ * a compiler would read every pointer again after each store. */
 typedef double vd_in_memory __attribute__((vector_size(8 * GR_W), aligned(8)));
 static inline vd v_load(const double *p) { return (vd) * (const vd_in_memory *)p; }
 static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
 
-#define GR_BLOCKS(count) (((count) + GR_W - 1) / GR_W) /* blocks of lanes that `count` points fill */
+#define GR_BLOCKS(count) (((count) + GR_W - 1) / GR_W) /* number of blocks of lanes that `count` points fill */
 #define GR_ALL_LANES ((1u << GR_W) - 1u)
 
 typedef int64_t vi __attribute__((vector_size(8 * GR_W)));
 
-/* exp(x) for |x| < 700, to 2e-16: x = n ln 2 + r, a series in r, and 2^n by its bits. */
+/* exp(x) for |x| < 700 to 2e-16: x = n ln 2 + r, a power series in r, and 2^n by setting the exponent bits. */
 static inline vd v_exp(vd x)
 {
     static const double inverse_factorial[] = {1.0 / 6227020800.0, 1.0 / 479001600.0, 1.0 / 39916800.0, 1.0 / 3628800.0,

@@ -1,3 +1,4 @@
+/* Sparse table of integers (table.h). */
 #include "core/table.h"
 
 #include <stdlib.h>
@@ -5,18 +6,18 @@
 
 #include "core/error.h"
 
-/* Room for one more block. */
+/* Reserve memory for one more block. */
 static int reserve(struct gr_table *t)
 {
-    if (t->n_blocks < t->room) return GR_OK;
-    const int64_t room = 2 * t->room + 4;
-    int32_t *value = realloc(t->value, (size_t)(room * GR_BLOCK) * sizeof *value);
+    if (t->n_blocks < t->capacity) return GR_OK;
+    const int64_t capacity = 2 * t->capacity + 4;
+    int32_t *value = realloc(t->value, (size_t)(capacity * GR_BLOCK) * sizeof *value);
     if (!value) return GR_ERR_MEMORY;
     t->value = value;
-    int64_t *used = realloc(t->used, (size_t)room * sizeof *used);
+    int64_t *used = realloc(t->used, (size_t)capacity * sizeof *used);
     if (!used) return GR_ERR_MEMORY;
     t->used = used;
-    t->room = room;
+    t->capacity = capacity;
     return GR_OK;
 }
 

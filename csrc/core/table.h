@@ -1,5 +1,5 @@
-/* Numbers for the cells or nodes of a box of which all but a few are 0: blocks of GR_BLOCK places, and only those with
- * another number have memory, so that an empty box costs 1/8 byte a place. */
+/* Sparse table of integers for the cells or nodes of a box, of which almost all are 0. The table is divided into blocks
+ * of GR_BLOCK entries; only blocks with a nonzero entry have memory, so that an empty box costs 1/8 byte per entry. */
 #ifndef GR_CORE_TABLE_H
 #define GR_CORE_TABLE_H
 
@@ -8,19 +8,22 @@
 enum { GR_BLOCK = 32 };
 
 struct gr_table {
-    int64_t n, n_blocks, room; /* places; blocks, block 0 is of zeros and stands for all that are not there */
+    int64_t n, n_blocks, capacity; /* number of entries; of blocks, block 0 being the zeros of all absent ones; of blocks
+                                      with memory */
     int32_t *block_of, *value;
-    int64_t *used; /* numbers of the blocks of the box that are there, from 1 on */
+    int64_t *used; /* for each block in use, from 1 on: which block of the box it is */
 };
 
-/* n zeros. Returned: 0 or GR_ERR_MEMORY; also of the next. */
+/* Make a table of n zeros.
+ * Returned: 0 or GR_ERR_MEMORY; the same holds for the next two functions. */
 int gr_table_new(struct gr_table *t, int64_t n);
 int gr_table_set(struct gr_table *t, int64_t i, int32_t value);
 
-/* The table of n bytes. */
+/* Make the table of n bytes. */
 int gr_table_of_bytes(struct gr_table *t, const uint8_t *bytes, int64_t n);
 
-/* All zeros again; the memory of the blocks stays, so that nothing can fail that is set where something was set before. */
+/* Set all entries to zero. The memory of the blocks is kept, so that setting entries where some were set before cannot
+ * fail. */
 void gr_table_clear(struct gr_table *t);
 void gr_table_free(struct gr_table *t);
 

@@ -1,25 +1,27 @@
-/* Steps of the diffusion of the fluidity, by a team of threads: explicit, backward Euler, RKL2.
+/* Time steps of the diffusion of the fluidity, by a team of threads: explicit, backward Euler (implicit) or RKL2.
  *
- * With k = dt A^2 d^2/(t0 dx^2) and the outflow (L g)_i = sum over links (g_i - g_j) + 2 (rough faces) g_i = -dx^2 lap g
- * (fluidity.h):
+ * With k = dt A^2 d^2/(t0 dx^2) and the net outflow of a cell (fluidity.h), (L g)_i = sum over links (g_i - g_j) + 2
+ * (rough faces) g_i = -dx^2 lap g:
+ *
  *   explicit   g' = g - k L g
- *   implicit   (1 + k L) g' = g. The matrix is symmetric, its eigenvalues are at least 1, and it is an M-matrix: no
- *              new value is negative. By conjugate gradients from g, until |residual| <= tolerance |k L g|, that of g
- *              itself, or round-off; what g' - g errs by is then at most that in the 2-norm, since no eigenvalue is below
- *              1: a share of the change, however short the step.
+ *   implicit   (1 + k L) g' = g. The matrix is symmetric, its eigenvalues are at least 1, and it is an M-matrix: no new
+ *              value is negative. Conjugate gradients start from g and stop when |residual| <= tolerance |k L g|, the
+ *              residual of g itself, or at round-off. As no eigenvalue is below 1, the error of g' - g in the 2-norm
+ *              is at most that bound: a share of the change, however short the step.
  *   rkl2       Runge-Kutta-Legendre of second order (Meyer, Balsara & Aslam 2012, MNRAS 422; 2014, J. Comput. Phys. 257).
- * Rounding, a coarse tolerance, or a long explicit or rkl2 step can leave values below zero: these become zero and are
- * counted. Every thread adds up all partial sums in the order of chunks, so that all go the same way. */
+ *
+ * Rounding, a coarse tolerance, or a long explicit or rkl2 step can make values negative. These are set to zero and
+ * counted. Every thread adds up all partial sums in the order of the chunks, so that all take the same decisions. */
 #include "core/simd.h"
 #include "fluidity/fluidity.h"
 
-/* What a thread works on: the chunks [first, last), with the team. */
+/* Work of a thread: the chunks [first, last), together with its team. */
 struct diffusion {
     struct gr_fluidity *f;
     struct gr_barrier *barrier;
     int64_t first, last;
     double k, dt;
-    double *g, *work[3]; /* as in f, but each thread turns them over by itself */
+    double *g, *work[3]; /* as in f, but each thread swaps its own copies of the pointers */
     int64_t iterations;
 };
 
@@ -41,7 +43,7 @@ static double total(const struct gr_fluidity *f, const double *partial)
     return sum;
 }
 
-/* What bodies stand between does not exchange; g = 0 on the faces of rough ones. */
+/* Remove the links between cells that a body separates. On the faces of rough bodies g = 0. */
 static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
 {
     const uint8_t *inside = f->inside;
@@ -62,13 +64,13 @@ static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
     }
 }
 
-/* Weights of a page: 1 where a link has both of its cells. */
+/* Weights of the links of a page: 1 where both cells of a link exist and are dense. */
 static inline void exchange(const uint8_t *restrict link, const uint8_t *here, const uint8_t *there, double *restrict weight)
 {
     for (int lane = 0; lane < GR_PAGE; lane++) weight[lane] = (double)(link[lane] & here[lane] & there[lane]);
 }
 
-/* Which cells exchange, from which are dense; values elsewhere become zero. */
+/* Find which cells exchange, from the set of dense cells; g of all others becomes zero. */
 static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
 {
     const uint8_t *dense = f->dense;
@@ -88,8 +90,8 @@ static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
     if (f->has_inside) cut_links(links, f, chunk);
 }
 
-/* L g of a block of lanes, without the links across periodic ends. Differences before products: a uniform field stays
- * what it is to the last bit, and what a cell loses to another one gains. */
+/* L g of a block of cells, without the links of f->wrap. Differences are formed before products, so that a uniform
+ * field stays unchanged to the last bit and a cell gains exactly what another loses. */
 static inline vd outflow(const int links, const struct gr_fluidity *f, int64_t i, const double *g)
 {
     const vd here = v_load(g + i);
@@ -100,8 +102,8 @@ static inline vd outflow(const int links, const struct gr_fluidity *f, int64_t i
     return sum;
 }
 
-/* What is left out there: out[i] += scale (L g)_i for the links across periodic ends of a chunk.
- * Returned: sum of g_i times what has been added. */
+/* Add the links of f->wrap that belong to a chunk: out[i] += scale (L g)_i.
+ * Returned: the sum of g_i times what was added. */
 static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale, const double *g, double *out)
 {
     double product = 0;
@@ -114,7 +116,7 @@ static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale
     return product;
 }
 
-/* max(g, 0) of a chunk, with a count of what it changes; NaN stays. */
+/* Replace g by max(g, 0) in a chunk and count the changes. NaN is kept. */
 static void clamp(const struct gr_fluidity *f, int64_t chunk, double *g)
 {
     int64_t n = 0;
@@ -148,7 +150,7 @@ static inline int explicit_step(const int links, struct diffusion *w)
     return GR_OK;
 }
 
-/* r = p = -k L g, the residual of g itself; its square to partial 1, that of g to partial 2. */
+/* r = p = -k L g, the residual of g itself. Its squared norm goes to partial[1], that of g to partial[2]. */
 static inline void first_residual(const int links, struct diffusion *w, double *r, double *p)
 {
     const struct gr_fluidity *f = w->f;
@@ -168,7 +170,7 @@ static inline void first_residual(const int links, struct diffusion *w, double *
     }
 }
 
-/* q = (1 + k L) p; p.q to partial 0. */
+/* q = (1 + k L) p; p.q goes to partial[0]. */
 static inline void multiply(const int links, struct diffusion *w, const double *p, double *q)
 {
     const vd k = v_set(w->k);
@@ -185,7 +187,7 @@ static inline void multiply(const int links, struct diffusion *w, const double *
     }
 }
 
-/* g += alpha p, r -= alpha q; r.r to partial 1. */
+/* g += alpha p, r -= alpha q; r.r goes to partial[1]. */
 static void descend(struct diffusion *w, double alpha, const double *p, const double *q, double *r)
 {
     const vd step = v_set(alpha);
@@ -205,7 +207,7 @@ static void descend(struct diffusion *w, double alpha, const double *p, const do
 
 static inline int implicit_step(const int links, struct diffusion *w)
 {
-    static const double ROUND_OFF = 2e-16, NOTHING = 1e-150; /* 1/s, whose square is a normal number */
+    static const double ROUND_OFF = 2e-16, NOTHING = 1e-150; /* 1/s; its square is still a normal number */
     const struct gr_fluidity *f = w->f;
     double *r = w->work[0], *p = w->work[1], *q = w->work[2];
     first_residual(links, w, r, p);
@@ -233,10 +235,10 @@ static inline int implicit_step(const int links, struct diffusion *w)
     return GR_OK;
 }
 
-/* b_j of the scheme, and the weight of the middle term: b_j = (j^2 + j - 2)/(2 j (j + 1)), 1/3 for j < 2. */
+/* The coefficients b_j of RKL2: b_j = (j^2 + j - 2)/(2 j (j + 1)), and 1/3 for j < 2. */
 static double legendre(int j) { return j < 2 ? 1.0 / 3.0 : (j * j + j - 2.0) / (2.0 * j * (j + 1.0)); }
 
-/* Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L; L Y_0 to `lost_0`. */
+/* First stage, Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L. L Y_0 is kept in `lost_0`. */
 static inline void first_stage(const int links, struct diffusion *w, double mu, double *next, double *lost_0)
 {
     const vd step = v_set(mu * w->k);
@@ -248,7 +250,9 @@ static inline void first_stage(const int links, struct diffusion *w, double mu, 
     }
 }
 
-/* Y_j = mu_j Y_j-1 + nu_j Y_j-2 + (1 - mu_j - nu_j) Y_0 + mu~_j dt M Y_j-1 + gamma~_j dt M Y_0, written over Y_j-2. */
+/* Stage j, written over Y_j-2:
+ *
+ *   Y_j = mu_j Y_j-1 + nu_j Y_j-2 + (1 - mu_j - nu_j) Y_0 + mu~_j dt M Y_j-1 + gamma~_j dt M Y_0. */
 static inline void later_stage(const int links, struct diffusion *w, int j, double w1, const double *last, double *before,
                                const double *lost_0)
 {
@@ -274,7 +278,7 @@ static inline int rkl2_step(const int links, struct diffusion *w)
     const double w1 = 4.0 / ((double)stages * stages + stages - 2.0);
     double *last = w->work[0], *before = w->work[1], *lost_0 = w->work[2];
     first_stage(links, w, legendre(1) * w1, last, lost_0);
-    GR_EACH_CHUNK(w, c) /* Y_0 before Y_1 */
+    GR_EACH_CHUNK(w, c) /* Y_0 takes the place of Y_j-2 for j = 2 */
     GR_EACH_BLOCK(w->f, c, i) v_store(before + i, v_load(w->g + i));
     gr_wait(w->barrier);
     for (int j = 2; j <= stages; j++) {
@@ -305,7 +309,8 @@ static inline int run_diffusion(const int links, struct diffusion *w, const stru
     return error;
 }
 
-/* The kernel (gr_diffuse). A lattice of few chunks is not worth waiting for others: one thread runs it. */
+/* The kernel (gr_diffuse). For a grid of few chunks waiting for other threads does not pay: one thread does all the
+ * work. */
 static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_barrier *barrier, int t)
 {
     enum { CHUNKS_WORTH_SHARING = 8 };

@@ -1,4 +1,4 @@
-/* The life of a fluidity lattice, its limits, and a team of its own to run it. */
+/* The fluidity grid: construction and destruction, stability limits, and a run of the diffusion by a team of threads. */
 #include "fluidity/fluidity.h"
 
 #include <math.h>
@@ -33,7 +33,6 @@ static int is_valid(const struct gr_fluidity_config *c)
            isfinite(c->A * c->A * c->d * c->d / (c->t0 * c->dx * c->dx));
 }
 
-/* All arrays, zero. They begin `margin` places into their room. */
 int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *config)
 {
     *out = NULL;
@@ -75,7 +74,7 @@ void gr_fluidity_free(struct gr_fluidity *f)
     free(f);
 }
 
-/* (s^2 + s - 2)/4: how many explicit steps s stages of rkl2 are worth. */
+/* (s^2 + s - 2)/4: the number of explicit steps that s stages of rkl2 can replace. */
 static double worth(double s) { return (s * s + s - 2) / 4; }
 
 double gr_fluidity_limit(const struct gr_fluidity *f, int method)

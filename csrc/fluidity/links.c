@@ -1,26 +1,32 @@
-/* Weights of the isotropic stencil.
+/* Weights of the isotropic stencil of the Laplacian.
  *
- * In the bulk a cell exchanges with all that touch it, across faces, edges and corners, with the weights
- *     plane: 4, 1 of 6;   space: 14, 3, 1 of 30,
- * whose Laplacian errs at fourth order by a multiple of lap lap g, alike in all directions. They are those of
+ * In the bulk a cell exchanges with all cells that touch it, across faces, edges and corners, with the weights
+ *
+ *     2D: 4/6, 1/6;   3D: 14/30, 3/30, 1/30.
+ *
+ * The leading error of this Laplacian is a multiple of dx^2 lap lap g and thus the same in all directions. The stencils
+ * are
+ *
  *     1/(6 dx^2) {centre -20, face 4, corner 1},   1/(30 dx^2) {centre -128, face 14, edge 3, corner 1}.
  *
- * Dropping the links to cells that are not there, as the stencil of faces does, would take from the exchange along a
- * surface what goes by way of the cells behind it: 1/6 of that of the outermost cells, an error of first order. What is
- * not there is therefore the mirror image of what is: of a cell at an offset o that cannot be reached, the axes along which
- * even the cell beside is not are left away, o -> m, and g_(i+m) stands for it, times -1 for each such axis whose face is
- * rough. If the cell at m does not see the like, at a corner of the surface, the link is dropped: L stays symmetric, no link has
- * a negative weight, and no wave is stiffer than those of the bulk.
+ * At a surface it would be wrong to drop the links to missing cells, as the stencil of faces does: the exchange along
+ * the surface would lose the part that goes through the cells behind it, 1/6 for the outermost cells, an error of first
+ * order. Missing cells are therefore mirror images. Let the cell at an offset o be unreachable. The components of o
+ * along which even the face neighbour is missing are set to zero, o -> m, and g_(i+m) is used in its place, with a
+ * factor -1 for each such axis whose face is rough. If the cell at m does not see the mirrored situation, as at a
+ * corner of the surface, the link is dropped. L thus stays symmetric, no link has a negative weight, and no wave is
+ * stiffer than in the bulk.
  *
- * Stability: with W the sum of w (1 - cos k.o) over the links of the whole lattice, linear in each cos k_a, its maximum lies
- * where all are 1 or -1: 16/3 in the plane and 92/15 in space, so dt A^2 d^2/(t0 dx^2) < 3/8 and 15/46 = .326. L is a sum of
- * squares over links, and less of them is less; a mirror repeats a part of the lattice, whose waves those of the part are. */
+ * Stability: let W be the sum of w (1 - cos k.o) over the links of an unbounded grid. It is linear in each cos k_a, so
+ * that its maximum lies where all of them are 1 or -1: 16/3 in 2D and 92/15 in 3D. Hence dt A^2 d^2/(t0 dx^2) < 3/8 in
+ * 2D and 15/46 = 0.326 in 3D. L is a sum of squares over links, and fewer links make it smaller. A mirror repeats a
+ * part of the grid, and the waves of the part are among those of the whole. */
 #include "fluidity/fluidity.h"
 
 enum kind { OPEN, EVEN, ODD };
 
-/* The place that a cell exchanges with at a link and side, where bodies let it: one of the copies there, or -1. And what
- * they make of the face. */
+/* The place with which a cell exchanges at a link and side, as far as bodies allow: one of the two copies there, or -1.
+ * `cut` receives the kind of the face (enum gr_side). */
 static int64_t partner(const struct gr_fluidity *f, int64_t i, int k, int *cut)
 {
     int32_t j = f->beside[2 * f->n_links * i + k];
@@ -32,7 +38,8 @@ static int64_t partner(const struct gr_fluidity *f, int64_t i, int k, int *cut)
     return -1;
 }
 
-/* What stands at the face of a cell along an axis. */
+/* Parity of g at the face of a cell along an axis: OPEN if the next cell is linked and dense; else g is continued as an
+ * EVEN function, or as an ODD one at a rough face. */
 static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int high)
 {
     const int k = 2 * axis + high;
@@ -44,7 +51,7 @@ static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int h
     return gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH ? ODD : EVEN;
 }
 
-/* Link and side of an offset. */
+/* Number 2 link + side of an offset. */
 static int number_of(const struct gr_fluidity *f, const int o[3])
 {
     for (int k = 0;; k++) {
@@ -54,7 +61,7 @@ static int number_of(const struct gr_fluidity *f, const int o[3])
     }
 }
 
-/* Place of the cell at an offset if it is dense and nothing is in the way, else -1. */
+/* Place of the cell at an offset if it is dense and reachable, else -1. */
 static int64_t neighbour(const struct gr_fluidity *f, int64_t i, const int o[3])
 {
     int cut;
@@ -62,7 +69,7 @@ static int64_t neighbour(const struct gr_fluidity *f, int64_t i, const int o[3])
     return j >= 0 && f->dense[j] ? j : -1;
 }
 
-/* Whether the cell at the offset m sees the offset o mirrored to i as i sees it mirrored to that cell. */
+/* Whether the cell at the offset m sees the offset o mirrored to i, just as i sees o mirrored to the cell at m. */
 static int agrees(const struct gr_fluidity *f, int64_t i, const int o[3], const int m[3])
 {
     const int64_t there = neighbour(f, i, m);
@@ -76,7 +83,8 @@ static int agrees(const struct gr_fluidity *f, int64_t i, const int o[3], const 
     return neighbour(f, there, back) < 0;
 }
 
-/* The weights of one cell, and what it loses to rough faces. */
+/* Set the weights of the links of one cell.
+ * Returned: the coefficient of g itself, from rough faces. */
 static double weigh_cell(const struct gr_fluidity *f, int64_t i, double *weight)
 {
     static const double share[2][4] = {{0, 4.0 / 6.0, 1.0 / 6.0, 0}, {0, 14.0 / 30.0, 3.0 / 30.0, 1.0 / 30.0}};

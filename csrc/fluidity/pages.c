@@ -1,20 +1,21 @@
-/* The cells of a fluidity lattice that have places, and what lies beside each of them. */
+/* Storage of the fluidity grid: which cells have places, and the links between them. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "fluidity/fluidity.h"
 
-/* Pages that may be: those of the box, and of its copy at the back. */
+/* Number of possible pages: those of the box, and those of copies for the back. */
 static int64_t all_pages(const struct gr_fluidity *f) { return f->two_sided ? 2 * f->box_pages : f->box_pages; }
 
-/* Place of a cell or of its copy at the back, -1 for none. */
+/* Place of a cell or of its copy for the back, -1 without one. */
 static int64_t place_of(const struct gr_fluidity *f, int64_t cell, int back)
 {
     if (cell < 0 || (back && !f->two_sided)) return -1;
     return gr_table_get(&f->page_of, cell / GR_PAGE + (back ? f->box_pages : 0)) ? gr_fluidity_place(f, cell, back) : -1;
 }
 
-/* Step by `side` (-1, 1) along an axis from a cell at `at`, through periodic ends. Returned: 0, or -1 at an end. */
+/* Step by `side` (-1 or 1) along an axis from the cell at `at`, through periodic ends.
+ * Returned: 0, or -1 at an end. */
 static int walk(const struct gr_fluidity *f, int axis, int side, int64_t *cell, int64_t at[3])
 {
     const int64_t n = f->shape[axis], next = at[axis] + side;
@@ -25,8 +26,7 @@ static int walk(const struct gr_fluidity *f, int axis, int side, int64_t *cell, 
     return 0;
 }
 
-/* Number of the cell at an offset, to which nothing is in the way: all sequences of steps along the axes are linked.
- * Returned: -1 if something is. */
+/* Index of the cell at an offset, if all sequences of steps along the axes that lead there are linked, else -1. */
 static int64_t reach(const struct gr_fluidity *f, int64_t cell, const int64_t at[3], const int offset[3])
 {
     int64_t found = -1;
@@ -52,8 +52,8 @@ static void find_coordinates(const struct gr_fluidity *f, int64_t cell, int64_t 
     }
 }
 
-/* Take over the faces of the box. Two cells are linked if both say so. Returned: the largest number of links and rough
- * faces of a cell, were all cells dense; or -1 without memory. */
+/* Store the faces of the box. Two cells are linked if both say so.
+ * Returned: the largest number of links and rough faces of a cell if all cells were dense; or -1 without memory. */
 static int read_faces(struct gr_fluidity *f, const uint8_t *face)
 {
     int most = 0;
@@ -75,7 +75,8 @@ static int read_faces(struct gr_fluidity *f, const uint8_t *face)
     return most;
 }
 
-/* Links along the axes first; then, for the isotropic stencil, across edges and corners, each to one of its two sides. */
+/* List the links: first those along the axes; then, for the isotropic stencil, those across edges and corners. Of two
+ * opposite offsets only one is listed. */
 static void list_links(struct gr_fluidity *f)
 {
     for (int a = 0; a < f->dim; a++) f->offset[f->n_links++][a] = 1;
@@ -96,7 +97,7 @@ int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
     const int most = read_faces(f, face);
     if (most < 0) return GR_ERR_MEMORY;
     f->stiffest = most;
-    /* Of the whole lattice, see links.c: what is not linked takes away from it. */
+    /* for an unbounded grid, see links.c: fewer links only make it smaller */
     if (f->stencil == GR_STENCIL_isotropic) f->stiffest = f->dim == 2 ? 8.0 / 3.0 : 46.0 / 15.0;
     return GR_OK;
 }
@@ -107,40 +108,40 @@ static void forget(struct gr_fluidity *f)
     f->n_pages = f->n_chunks = f->n_wraps = 0;
 }
 
-/* Zeroed arrays for n pages. */
+/* Set up zeroed arrays for n pages. */
 static int reserve(struct gr_fluidity *f, int64_t n)
 {
     const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
     const int n_vectors = 7 + sides, n_maps = isotropic ? 2 : 2 + sides;
     if (n > f->page_capacity || !f->doubles) {
         free(f->doubles), free(f->bytes), free(f->integers), free(f->places);
-        f->page_capacity = n + n / 2 + 2; /* with the margins */
-        const size_t room = (size_t)f->page_capacity;
-        f->doubles = malloc((room * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
-        f->bytes = malloc(room * (size_t)n_maps * GR_PAGE);
-        f->integers = malloc(room * 4 * sizeof(int64_t));
-        f->places = malloc(room * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
+        f->page_capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
+        const size_t capacity = (size_t)f->page_capacity;
+        f->doubles = malloc((capacity * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
+        f->bytes = malloc(capacity * (size_t)n_maps * GR_PAGE);
+        f->integers = malloc(capacity * 4 * sizeof(int64_t));
+        f->places = malloc(capacity * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
         if (!f->doubles || !f->bytes || !f->integers || !f->places) {
             f->page_capacity = -1;
             return GR_ERR_MEMORY;
         }
         f->page_capacity -= 2;
     }
-    const int64_t pages = f->page_capacity + 2, room = pages * GR_PAGE;
+    const int64_t pages = f->page_capacity + 2, length = pages * GR_PAGE;
     double *at = f->doubles,
            **const vectors[] = {&f->g, &f->gain, &f->rough, &f->rough_walls, &f->work[0], &f->work[1], &f->work[2]};
     memset(f->doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 3)) * sizeof(double));
-    memset(f->bytes, 0, (size_t)(room * n_maps));
-    for (int k = 0; k < 7; k++, at += room) *vectors[k] = at + GR_PAGE;
-    for (int k = 0; k < sides; k++, at += room) f->weight[k] = at + GR_PAGE;
+    memset(f->bytes, 0, (size_t)(length * n_maps));
+    for (int k = 0; k < 7; k++, at += length) *vectors[k] = at + GR_PAGE;
+    for (int k = 0; k < sides; k++, at += length) f->weight[k] = at + GR_PAGE;
     for (int k = 0; k < 3; k++, at += pages) f->partial[k] = at;
     f->dense = (uint8_t *)f->bytes + GR_PAGE;
-    f->inside = f->dense + room;
-    for (int k = 0; k < sides; k++) f->link[k] = isotropic ? 0 : f->inside + (k + 1) * room;
+    f->inside = f->dense + length;
+    for (int k = 0; k < sides; k++) f->link[k] = isotropic ? 0 : f->inside + (k + 1) * length;
     f->page = f->integers, f->chunk_first = f->page + pages;
     f->wrap_first = f->chunk_first + pages, f->partial_clamped = f->wrap_first + pages;
     f->near = f->places, f->beside = isotropic ? f->near + sides * pages : 0;
-    f->other = isotropic ? f->beside + sides * room : 0;
+    f->other = isotropic ? f->beside + sides * length : 0;
     return GR_OK;
 }
 
@@ -152,8 +153,8 @@ static int add_page(struct gr_fluidity *f, int64_t page)
     return gr_table_set(&f->page_of, page, (int32_t)f->n_pages);
 }
 
-/* Where the cells beside those of a page are: their places follow each other even where they are those of two pages. Of
- * the cells without places any may stand there. */
+/* Find the places of the neighbours of the cells of a page. They are consecutive even where they belong to two pages.
+ * Neighbours without places may get any place, as their weight is zero. */
 static void find_near(struct gr_fluidity *f, int64_t q)
 {
     for (int k = 0; k < 2 * f->n_links; k++) {
@@ -174,16 +175,16 @@ static void find_near(struct gr_fluidity *f, int64_t q)
 static int add_wrap(struct gr_fluidity *f, int64_t to, int64_t from, int link)
 {
     if (f->n_wraps == f->wrap_capacity) {
-        const int64_t room = 2 * f->wrap_capacity + 64;
-        struct gr_wrap *wrap = realloc(f->wrap, (size_t)room * sizeof *wrap);
+        const int64_t capacity = 2 * f->wrap_capacity + 64;
+        struct gr_wrap *wrap = realloc(f->wrap, (size_t)capacity * sizeof *wrap);
         if (!wrap) return GR_ERR_MEMORY;
-        f->wrap = wrap, f->wrap_capacity = room;
+        f->wrap = wrap, f->wrap_capacity = capacity;
     }
     f->wrap[f->n_wraps++] = (struct gr_wrap){(int32_t)to, (int32_t)from, link, 0};
     return GR_OK;
 }
 
-/* The links of one cell. */
+/* List the links of one cell. */
 static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
 {
     const int sides = 2 * f->n_links, back = f->page[q] >= f->box_pages;
@@ -209,7 +210,7 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
     return GR_OK;
 }
 
-/* The pages of the listed cells, or of all; added, or only counted. */
+/* Add the pages of the listed cells, or of all; or only count them, if `count` is not NULL. */
 static int add_pages(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n, int64_t *count)
 {
     int error = GR_OK;

@@ -1,4 +1,4 @@
-/* Rate-independent friction: tau <= mu p, stress-free when disconnected. */
+/* Hypoelasticity with rate-independent friction, tau <= mu p; stress-free when disconnected. */
 #ifdef GR_LIST_LAWS
 GR_LAW(drucker_prager)
 #else

@@ -1,12 +1,18 @@
-/* Shear stress that a step leaves, as a share of the trial one, of materials that flow as fast as their friction tells
- * where they are: mu(I), and its straight line.
+/* Local flow rules, mu(I) and its linearisation: the shear stress after a step, as a share of the trial stress.
  *
- *     tau_trial - tau = G dt gdot,  S0 = mu_s p,  S2 = mu_2 p,  alpha = xi G dt sqrt(p),  xi = I0/(d sqrt(rho_s));
- * mu = mu_s + (mu_2 - mu_s)/(1 + I0/I), gdot = xi sqrt(p) (tau - S0)/(S2 - tau)  (Dunatunga & Kamrin 2015, eq. 2.13):
- *     tau = 2H/(B + sqrt(B^2 - 4H)),  B = S2 + tau_trial + alpha,  H = S2 tau_trial + S0 alpha  (eq. 3.11-3.15),
- * with the discriminant as a sum of terms that are not negative, (tau_trial - S2 + alpha)^2 + 4 alpha (S2 - S0);
- * mu = mu_s + (mu_2 - mu_s) I/I0, gdot = xi sqrt(p) (tau - S0)/(S2 - S0)  (Haeri & Skonieczny 2021, eq. 5):
- *     tau = (tau_trial + beta S0)/(1 + beta),  beta = alpha/(S2 - S0). */
+ * The plastic shear rate gdot depends only on the local stress. A step is implicit in the stress,
+ *
+ *   tau_trial - tau = G dt gdot,  S0 = mu_s p,  S2 = mu_2 p,  alpha = xi G dt sqrt(p),  xi = I0/(d sqrt(rho_s)).
+ *
+ * For mu = mu_s + (mu_2 - mu_s)/(1 + I0/I), gdot = xi sqrt(p) (tau - S0)/(S2 - tau) (Dunatunga & Kamrin 2015, eq.
+ * 2.13):
+ *
+ *   tau = 2H/(B + sqrt(B^2 - 4H)),  B = S2 + tau_trial + alpha,  H = S2 tau_trial + S0 alpha  (eq. 3.11-3.15).
+ *
+ * The discriminant is computed as a sum of terms that are not negative, (tau_trial - S2 + alpha)^2 + 4 alpha (S2 - S0).
+ * For mu = mu_s + (mu_2 - mu_s) I/I0, gdot = xi sqrt(p) (tau - S0)/(S2 - S0) (Haeri & Skonieczny 2021, eq. 5):
+ *
+ *   tau = (tau_trial + beta S0)/(1 + beta),  beta = alpha/(S2 - S0). */
 #ifndef GR_LAW_FLOW_RULES_H
 #define GR_LAW_FLOW_RULES_H
 
@@ -24,7 +30,8 @@ static inline struct gr_flow_numbers gr_flow_numbers_of(double mu_s, double mu_2
                                     .beta_1 = v_set(alpha_1 / (mu_2 - mu_s))};
 }
 
-/* Of mu(I). Given: trial > S0 = mu_s p, p > 0. */
+/* tau/tau_trial of mu(I).
+ * Given: trial > S0 = mu_s p, p > 0. */
 static inline vd gr_flow_mu_I(const struct gr_flow_numbers *n, vd trial, vd p, vd S0)
 {
     const vd S2 = n->mu_2 * p, alpha = n->alpha_1 * v_sqrt_fast(p), d = (trial - S2) + alpha;
@@ -32,7 +39,7 @@ static inline vd gr_flow_mu_I(const struct gr_flow_numbers *n, vd trial, vd p, v
     return (H + H) / ((B + v_sqrt_fast(v_fma(d, d, n->four_dmu * (alpha * p)))) * trial);
 }
 
-/* Of its straight line; as above. */
+/* The same for the linear mu(I). */
 static inline vd gr_flow_linear_mu_I(const struct gr_flow_numbers *n, vd trial, vd p, vd S0)
 {
     const vd root = v_sqrt_fast(p);

@@ -2,44 +2,52 @@
  *
  * A step of length dt is implicit in the reaction of the fluidity and in the flow that it allows (Dunatunga & Kamrin,
  * Modelling silo clogging with nonlocal granular rheology, eq. 5.4-5.7; 5.7 lacks t0 and has a wrong sign):
- *     mu = m/(1 + X),  X = G dt g/p,  m = tau_trial/p,
- *     g = g* - f [(mu_s - mu)/(mu_2 - mu) + k] g,  f = dt dmu/t0,  k = gdot sqrt(rho_s d^2/p)/I0,  dmu = mu_2 - mu_s.
- * Without the fraction, with q = 1 + f k and X* = G dt g-star/p, it is a quadratic equation in X. With phi = f/mu_2 and
- * all divided by mu_2, for m < mu_2, e = (mu_2 - m)/mu_2:
- *     a X^2 + [e q + phi (mu_s - m) - X*] X - e X* = 0,  a = q + phi mu_s;
+ *
+ *   mu = m/(1 + X),  X = G dt g/p,  m = tau_trial/p,
+ *   g = g* - f [(mu_s - mu)/(mu_2 - mu) + k] g,  f = dt dmu/t0,  k = gdot sqrt(rho_s d^2/p)/I0,  dmu = mu_2 - mu_s.
+ *
+ * Multiplied out, with q = 1 + f k and X* = G dt g-star/p, this is a quadratic equation in X. With phi = f/mu_2 and
+ * after division by mu_2, for m < mu_2, e = (mu_2 - m)/mu_2:
+ *
+ *   a X^2 + [e q + phi (mu_s - m) - X*] X - e X* = 0,  a = q + phi mu_s;
+ *
  * for m >= mu_2, X = e + Y with e = (m - mu_2)/mu_2:
- *     a Y^2 + [e q + phi (e mu_s - m dmu/mu_2) - X*] Y - e phi m dmu/mu_2 = 0.
- * In both the last term is not positive: the root that is not negative is unique, it is the one with mu < mu_2, the
- * discriminant is a sum of terms that are not negative, and no sum of unlike signs decides the result (a text-book
- * root loses eight digits in every tenth state).
  *
- * The same with an unbounded friction, mu_2 = infinity in lambda but b = dmu/I0 as it is (Haeri & Skonieczny 2021, eq. 6):
- *     g = g* - theta [(mu_s - mu) + dmu k] g,  theta = dt/t0,
- *     c X^2 + [q + theta (mu_s - m) - X*] X - X* = 0,  c = q + theta mu_s.
+ *   a Y^2 + [e q + phi (e mu_s - m dmu/mu_2) - X*] Y - e phi m dmu/mu_2 = 0.
  *
- * A point stands for a part of the depth, through which p varies by h to either side: 1/sqrt(p) in k is its mean
- * 2/(sqrt(p + h) + sqrt(p - h)), with no second root where p < h. At a free surface, where p = h in the uppermost layer
- * of points, that is sqrt(2) times the value at its middle.
+ * In both equations the last term is not positive. There is exactly one root that is not negative, and it is the one
+ * with mu < mu_2. The discriminant is a sum of terms that are not negative, and no cancellation affects the result.
+ * (The textbook formula loses eight digits in every tenth state.)
  *
- * g-star = 0 stays zero up to m = (mu_2 + f mu_s)/(1 + f), beyond which mu becomes that (k = 0); with the unbounded
- * friction up to m = mu_s + 1/theta. */
+ * The linear law has an unbounded friction: mu_2 is infinite in the denominator above, while dmu/I0 keeps its value
+ * (Haeri & Skonieczny 2021, eq. 6):
+ *
+ *   g = g* - theta [(mu_s - mu) + dmu k] g,  theta = dt/t0,
+ *   c X^2 + [q + theta (mu_s - m) - X*] X - X* = 0,  c = q + theta mu_s.
+ *
+ * A point represents a part of the depth through which p varies by h to either side. In k, 1/sqrt(p) is therefore
+ * replaced by its mean 2/(sqrt(p + h) + sqrt(p - h)), without the second root where p < h. In the uppermost layer of
+ * points below a free surface p = h, and the mean is sqrt(2) times the value at p.
+ *
+ * g-star = 0 remains zero up to m = (mu_2 + f mu_s)/(1 + f); beyond that mu becomes this value (k = 0). With the
+ * unbounded friction the limit is m = mu_s + 1/theta. */
 #ifndef GR_LAW_FLUIDITY_UPDATE_H
 #define GR_LAW_FLUIDITY_UPDATE_H
 
 #include "law/law.h"
 
-/* Pressures below this, Pa, are taken for it: squares of G dt g/p stay finite. */
+/* Smallest pressure used, Pa: squares of G dt g/p stay finite. */
 #define GR_LEAST_PRESSURE 1e-30
 
-/* The coefficients of the quadratic equation are made in this unit, a power of two, which changes no bit of its root:
- * products of two of them, and the one division for two quotients, stay finite up to m = g_star = rate = 1e60. */
+/* The coefficients of the quadratic equation are scaled by this power of two, which changes no bit of the root.
+ * Products of two of them, and the single division for two quotients, then stay finite up to m = g_star = rate = 1e60. */
 #define GR_FLUIDITY_UNIT 0x1p-160
 
-/* The numbers of a step. */
+/* Constants of a step. */
 struct gr_fluidity_numbers {
     vd mu_s, mu_2, below_mu_2, dmu_over_mu_2, inv_mu_2; /* friction */
     vd G_dt, inv_G_dt, p_averaging;                     /* Pa s; Pa */
-    /* times GR_FLUIDITY_UNIT */
+    /* multiplied by GR_FLUIDITY_UNIT: */
     vd one, start;        /* 1; G dt */
     vd phi, a_phi;        /* f/mu_2, phi mu_s */
     vd theta, theta_mu_s; /* dt/t0 */
@@ -76,30 +84,30 @@ static inline struct gr_fluidity_numbers gr_fluidity_numbers_of(const double par
     };
 }
 
-/* What an update needs of the pressure. p > 0 is taken for GR_LEAST_PRESSURE at least. */
+/* Quantities that an update needs of the pressure. A pressure p > 0 counts as GR_LEAST_PRESSURE at least. */
 struct gr_inverse_pressure {
-    vd p, sink, unit_g; /* 1/p; f k over the rate, with the mean of 1/sqrt(p); p/(G dt), the fluidity whose X is 1, 1/s */
+    vd p, sink, unit_g; /* 1/p; f k/rate, with the mean of 1/sqrt(p); p/(G dt), the fluidity for which X = 1, 1/s */
 };
 
-/* With one division. */
+/* Compute them with one division. */
 static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_fluidity_numbers *n, vd p)
 {
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    /* One by the division unit, one beside it. */
+    /* One root uses the division unit, the other runs beside it. */
     const vd roots = v_sqrt_fast(p + n->p_averaging) + v_sqrt(v_max(v_zero(), p - n->p_averaging));
     const vd inverse = v_set(1.0) / (p * roots);
     return (struct gr_inverse_pressure){inverse * roots, n->twice_sink * (p * inverse), p * n->inv_G_dt};
 }
 
-/* What begins a step: G dt g_star, in the unit of the coefficients. A negative fluidity is taken for zero. */
+/* Start value of a step: G dt g_star, scaled like the coefficients. A negative fluidity counts as zero. */
 static inline vd gr_fluidity_start(const struct gr_fluidity_numbers *n, vd g_star)
 {
     return n->start * v_max(v_zero(), g_star);
 }
 
-/* v_sqrt, not v_sqrt_fast: all waits for this root, and the division unit is the sooner done.
- * The point of X = Y + offset, a Y^2 + b Y - c = 0 with a > 0, c >= 0 in one unit: both quotients, Y and 1/(1 + X), come from
- * one division. */
+/* The point that belongs to the root: X = Y + offset, a Y^2 + b Y - c = 0 with a > 0 and c >= 0, scaled alike. The
+ * quotients Y and 1/(1 + X) come from one division. All operations wait for the root, and here v_sqrt is done sooner
+ * than v_sqrt_fast. */
 static inline struct gr_fluidity_point gr_fluidity_of_root(vd a, vd b, vd c, vd offset, vd m, vd unit_g)
 {
     const vd one = v_set(1.0), twice_a = a + a, twice_c = c + c, root = v_sqrt(v_fma(b, b, twice_a * twice_c));
@@ -111,8 +119,10 @@ static inline struct gr_fluidity_point gr_fluidity_of_root(vd a, vd b, vd c, vd 
     return (struct gr_fluidity_point){scale, m * scale, X * unit_g};
 }
 
-/* Given: trial friction m in [0, 1e60], the inverse of the pressure p, gr_fluidity_start, plastic shear rate of the step
- * before, 1/s. Returned: mu in [0, mu_2), g >= 0. NaN is never lost: g has it. */
+/* Update of the saturating law.
+ * Given: the trial friction m in [0, 1e60], the inverse of the pressure p, gr_fluidity_start, and the plastic shear
+ * rate of the step before, 1/s.
+ * Returned: mu in [0, mu_2), g >= 0. NaN is never lost: it appears in g. */
 static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m,
                                                           struct gr_inverse_pressure inverse, vd start, vd rate)
 {
@@ -120,7 +130,7 @@ static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidi
     const vm beyond = v_ge(m, n->mu_2);
     struct gr_fluidity_point point;
     start = start * inverse.p; /* X* */
-    if (!m_bits(beyond)) {     /* the case that counts, with fewer operations */
+    if (!m_bits(beyond)) {     /* the usual case, with fewer operations */
         const vd e = (n->mu_2 - m) * n->inv_mu_2, b = v_fma(e, q, n->phi * (n->mu_s - m)) - start;
         point = gr_fluidity_of_root(a, b, e * start, v_zero(), m, inverse.unit_g);
     } else {
@@ -129,11 +139,11 @@ static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidi
         const vd b = v_fma(e, q, reaction) - start, c = e * v_select(beyond, pull, start); /* the last term is -c */
         point = gr_fluidity_of_root(a, b, c, v_keep(beyond, e), m, inverse.unit_g);
     }
-    point.mu = v_min(n->below_mu_2, point.mu); /* rounding alone could make it mu_2 */
+    point.mu = v_min(n->below_mu_2, point.mu); /* without this, rounding could give mu_2 */
     return point;
 }
 
-/* The same with the unbounded friction: mu >= 0. */
+/* The same for the linear law, with unbounded friction: mu >= 0. */
 static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m,
                                                                  struct gr_inverse_pressure inverse, vd start, vd rate)
 {
@@ -143,13 +153,13 @@ static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr
     return gr_fluidity_of_root(q + n->theta_mu_s, b, start, v_zero(), m, inverse.unit_g);
 }
 
-/* The same for numbers that come from arrays. */
+/* The same for a block of values from arrays. */
 static inline struct gr_fluidity_point gr_fluidity_at(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star, vd rate)
 {
     return gr_fluidity_update(n, m, gr_invert_pressure(n, p), gr_fluidity_start(n, g_star), rate);
 }
 
-/* Arrays of points. The last ones of a number that is no multiple of the lanes go through a buffer. */
+/* The same for arrays of points. If n is not a multiple of GR_W, the last points go through a buffer. */
 static inline void fluidity_points(const struct gr_fluidity_call *call)
 {
     const struct gr_fluidity_numbers n = gr_fluidity_numbers_of(call->parameter, call->dt);

@@ -1,12 +1,13 @@
-/* Hypoelastic friction: elastic below yield, above it mu(I) flow (flow_rules.h) or, for Drucker-Prager, the same return
- * with tau = min(tau_trial, mu p); stress-free when disconnected. */
+/* The hypoelastic frictional laws: elastic below yield. Above it mu(I) flows (flow_rules.h), while Drucker-Prager
+ * returns to tau = min(tau_trial, mu p). Disconnected material is stress-free. */
 #ifndef GR_LAW_FRICTIONAL_H
 #define GR_LAW_FRICTIONAL_H
 
 #include "law/flow_rules.h"
 #include "law/trial.h"
 
-/* Both laws; rate = 1 for mu(I), 0 for Drucker-Prager. Parameters: K, G, mu_s (or mu), and with rate mu_2, xi. */
+/* Update of both laws: rate = 1 for mu(I), 0 for Drucker-Prager. Parameters: K, G, mu_s (or mu) and, for mu(I), mu_2,
+ * xi. */
 static inline void gr_frictional(const int dim, const int rate, const struct gr_law_call *call)
 {
     const double *q = call->parameter;
@@ -34,7 +35,7 @@ static inline void gr_frictional(const int dim, const int rate, const struct gr_
                 if (rate) share = gr_flow_mu_I(&flow, trial, p, S0);
                 scale = v_select(flows, share, scale);
                 gamma = v_keep(flows, v_fnma(scale, trial, trial) * to_rate);
-                if (call->g) fluidity = v_keep(flows, gamma * p / (scale * trial)); /* gdot/mu */
+                if (call->g) fluidity = v_keep(flows, gamma * p / (scale * trial)); /* g = gdot/mu */
             }
             for (int i = 0; i < 3; i++) v_store(call->stress[i] + at, v_keep(dense, v_fma(scale, t.s[i], -p)));
             for (int i = 3; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, v_keep(dense, scale * t.s[i]));

@@ -1,8 +1,10 @@
-/* Friction that depends on how far the material has been sheared (Klar et al. 2016, ACM Trans. Graph. 35, Drucker-Prager
- * elastoplasticity for sand animation, section 7.3): with the norm of the plastic strain q, added up over the steps,
- *     phi = h0 + (h1 q - h3) exp(-h2 q),   tau <= mu p,  mu = 2 sqrt(3) sin(phi)/(3 - sin(phi)),
- * the cone through triaxial compression at the angle phi; tau is |s|/sqrt(2). A step flows at the friction that it begins
- * with, and adds |increment of plastic strain| = gdot dt/sqrt(2). */
+/* Friction that depends on the plastic strain (Klar et al. 2016, ACM Trans. Graph. 35, Drucker-Prager elastoplasticity
+ * for sand animation, section 7.3). With q, the norm of the plastic strain summed over the steps,
+ *
+ *   phi = h0 + (h1 q - h3) exp(-h2 q),   tau <= mu p,  mu = 2 sqrt(3) sin(phi)/(3 - sin(phi)),
+ *
+ * the cone through triaxial compression at the friction angle phi; tau = |s|/sqrt(2). The flow of a step uses the
+ * friction at its beginning and adds |increment of plastic strain| = gdot dt/sqrt(2) to q. */
 #ifndef GR_LAW_HARDENING_H
 #define GR_LAW_HARDENING_H
 
@@ -10,7 +12,7 @@
 
 #define GR_DEGREE 0.017453292519943295 /* pi/180 */
 
-/* sin(x) for 0 <= x <= pi/2 to 3e-16, by its series to x^19. */
+/* sin(x) for 0 <= x <= pi/2 to 3e-16, by its power series up to x^19. */
 static inline vd gr_sine(vd x)
 {
     static const double factor[] = {-1.0 / (18 * 19), -1.0 / (16 * 17), -1.0 / (14 * 15), -1.0 / (12 * 13), -1.0 / (10 * 11),
@@ -21,7 +23,9 @@ static inline vd gr_sine(vd x)
     return x * sum;
 }
 
-/* Given: h0, h1, h3 in degrees, h2, in this order; q >= 0. Returned: mu. */
+/* Friction coefficient at the plastic strain q.
+ * Given: h = (h0, h1, h2, h3) with h0, h1, h3 in degrees; q >= 0.
+ * Returned: mu. */
 static inline vd gr_hardened_friction(const double h[4], vd q)
 {
     const vd decay = v_exp(v_max(v_set(-700.0), v_set(-h[2]) * q));

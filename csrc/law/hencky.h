@@ -1,21 +1,28 @@
-/* The finite-strain law: Hencky's elasticity, in which granular material flows (Haeri & Skonieczny 2021, Three-dimensional
- * granular flow continuum modeling via MPM with hyperelastic nonlocal granular fluidity, section 3.2, in another form).
+/* The finite-strain law: Hencky elasticity combined with granular flow rules (Haeri & Skonieczny 2021,
+ * Three-dimensional granular flow continuum modeling via MPM with hyperelastic nonlocal granular fluidity, section 3.2,
+ * in another form).
  *
- * Stored energy G h:h + K c^2/2 per reference volume, h the deviator of the logarithmic elastic strain, c = ln(rho/rho_c):
- *     Kirchhoff stress = 2 G h - p,  p = K c;  Cauchy stress = e^c times that.
- * Plastic flow keeps the volume and the axes of h. So the stress tells the whole state, h = dev(stress)/2G: the elastic
- * left Cauchy-Green tensor exp(2h) is not stored, and its determinant is 1 because the trace of h is taken out of it in
- * every step. The published form keeps F and F^p instead, of which F^p, stepped explicitly, changes its volume in shear,
- * and with it the pressure.
+ * The stored energy per reference volume is G h:h + K c^2/2, with h the deviator of the logarithmic elastic strain and
+ * c = ln(rho/rho_c):
+ *
+ *   Kirchhoff stress = 2 G h - p,  p = K c;  Cauchy stress = e^c times the Kirchhoff stress.
+ *
+ * Plastic flow preserves the volume and the principal axes of h. The stress therefore describes the whole state, h =
+ * dev(stress)/2G. The elastic left Cauchy-Green tensor exp(2h) is not stored, and its determinant is 1 because every
+ * step removes the trace of h. The published form stores F and F^p instead; F^p, stepped explicitly, changes its volume
+ * in shear, and with it the pressure.
  *
  * A step:
- *     h_trial = dev ln(F exp(2h) F^T)/2,  F = exp(dev L dt)      (strain.h; exact for a constant L)
- *     tau_trial = 2G sqrt(h_trial:h_trial/2),  tau after the flow of the step,  h = h_trial tau/tau_trial.
- * Where c <= 0 the material is disconnected: stress, fluidity and plastic rate are zero. (Not of the elastic one.)
  *
- * Digits: relative to the larger of h and L dt, a few units of the last place while both are small; of large ones the
- * condition of exp(2 h_trial) counts: 1e-13 at norms of 1/2. Norms of 2h and of dev L dt above GR_STRAIN_REACH count as
- * that. */
+ *   h_trial = dev ln(F exp(2h) F^T)/2,  F = exp(dev L dt)      (strain.h; exact for a constant L)
+ *   tau_trial = 2G sqrt(h_trial:h_trial/2),  tau after the flow of the step,  h = h_trial tau/tau_trial.
+ *
+ * Where c <= 0 the material is disconnected: stress, fluidity and plastic rate are zero. The elastic law has no such
+ * rule.
+ *
+ * Accuracy: a few units in the last place relative to the larger of h and L dt, while both are small. For large ones
+ * the condition of exp(2 h_trial) matters: 1e-13 at norms of 1/2. Norms of 2h and of dev L dt above GR_STRAIN_REACH are
+ * reduced to it. */
 #ifndef GR_LAW_HENCKY_H
 #define GR_LAW_HENCKY_H
 
@@ -28,7 +35,7 @@ struct gr_hencky_numbers {
     struct gr_flow_numbers flow;
     vd K, twoG, inv_twoG, mu_s, to_rate; /* to_rate = 1/(G dt) */
     vd reconnect_fluidity;               /* sqrt(2) reconnect_fluidity/(mu_2 dt) */
-    const double *hardening;             /* h of hardening.h, from which mu_s is made for each block; or NULL */
+    const double *hardening;             /* h of hardening.h, which gives mu_s for each block; or NULL */
 };
 
 struct gr_hencky_point {
@@ -41,7 +48,7 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
 #define GR_X(name, unit, doc) const double name = parameter[GR_HENCKY_P_##name];
     GR_HENCKY_PARAMETERS(GR_X)
 #undef GR_X
-    (void)t0, (void)p_averaging; /* gr_fluidity_numbers_of looks at them */
+    (void)t0, (void)p_averaging; /* used by gr_fluidity_numbers_of */
     return (struct gr_hencky_numbers){
         .fluidity = gr_fluidity_numbers_of(parameter + GR_HENCKY_P_G, dt),
         .flow = gr_flow_numbers_of(mu_s, mu_2, I0 / (d * sqrt(rho_s)) * G * dt),
@@ -54,7 +61,7 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
     };
 }
 
-/* Norm of the symmetric part of L dt. */
+/* Frobenius norm of the symmetric part of L dt. */
 GR_INLINE vd gr_stretch_norm(const int dim, const vd *L)
 {
     vd sum = v_zero();
@@ -68,7 +75,7 @@ GR_INLINE vd gr_stretch_norm(const int dim, const vd *L)
     return v_sqrt_fast(sum);
 }
 
-/* Deviator of the trial stress. */
+/* Deviator of the trial Kirchhoff stress. */
 GR_INLINE struct gr_stress gr_hencky_trial(const int dim, const struct gr_hencky_numbers *n, const vd *L,
                                            const struct gr_stress *stress)
 {
@@ -85,7 +92,7 @@ GR_INLINE struct gr_stress gr_hencky_trial(const int dim, const struct gr_hencky
     return out;
 }
 
-/* tau/tau_trial of the flow, and what goes with it; p > 0. */
+/* Result of a flow rule for p > 0: share = tau/tau_trial, fluidity, plastic shear rate. */
 struct gr_hencky_return {
     vd share, g, rate;
 };
@@ -102,7 +109,8 @@ GR_INLINE struct gr_hencky_return gr_hencky_local(const int flow, const struct g
     return (struct gr_hencky_return){.share = share, .rate = rate, .g = v_keep(flows, rate * p / (share * trial))};
 }
 
-/* Where `before`, the material was connected already; `reconnected` is the fluidity elsewhere. */
+/* The nonlocal flow rules. Where `before` is set the material was connected before the step; elsewhere it reconnects in
+ * this step, with the fluidity `reconnected`. */
 GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struct gr_hencky_numbers *n, vd trial, vd p,
                                                      vm before, vd reconnected, vd g_star, vd rate)
 {
@@ -118,14 +126,14 @@ GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struc
     return (struct gr_hencky_return){.share = share, .g = g, .rate = v_select(before, point.mu, m * scale) * g};
 }
 
-/* The flow of a step. Given: the deviator of the trial stress, and p at the end of the step; for the rest see
- * gr_hencky_nonlocal. */
+/* The plastic flow of a step.
+ * Given: the deviator of the trial stress, and p at the end of the step; for the rest see gr_hencky_nonlocal. */
 GR_INLINE struct gr_hencky_point gr_hencky_flow(const int dim, const int flow, const struct gr_hencky_numbers *n,
                                                 const struct gr_stress *trial, vd p, vm before, vd reconnected, vd g_star,
                                                 vd rate)
 {
     const vd zero = v_zero();
-    const vm disconnected = v_ge(zero, p); /* NaN is not: it goes into the stress */
+    const vm disconnected = v_ge(zero, p); /* NaN counts as connected, so that it appears in the stress */
     const int solid = flow == GR_HENCKY_elastic;
     struct gr_hencky_point out = {.g = zero, .rate = zero};
     struct gr_hencky_return r = {.share = v_set(1.0), .g = zero, .rate = zero};
@@ -144,14 +152,15 @@ GR_INLINE struct gr_hencky_point gr_hencky_flow(const int dim, const int flow, c
     return out;
 }
 
-/* A point whose stress is zero was disconnected. */
-GR_INLINE vm gr_hencky_bears(const struct gr_stress *stress)
+/* Whether the points were connected before the step: a disconnected point has zero stress. */
+GR_INLINE vm gr_hencky_is_connected(const struct gr_stress *stress)
 {
     return v_gt(v_zero(), stress->s[0] + stress->s[1] + stress->s[2]);
 }
 
-/* Given: L dt (row-major), c at the end of the step, the stress and plastic shear rate before it, and the fluidity after
- * diffusion. */
+/* A step at a block of points.
+ * Given: L dt (row-major), c at the end of the step, the stress and the plastic shear rate before it, and the fluidity
+ * after diffusion. */
 GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow, const struct gr_hencky_numbers *n,
                                                   const vd *L, vd c, const struct gr_stress *stress, vd g_star, vd rate)
 {
@@ -159,12 +168,13 @@ GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow,
     if (flow != GR_HENCKY_elastic && m_bits(v_ge(v_zero(), p)) == GR_ALL_LANES) return (struct gr_hencky_point){0};
     const struct gr_stress trial = gr_hencky_trial(dim, n, L, stress);
     const vd reconnected = n->reconnect_fluidity * gr_stretch_norm(dim, L);
-    return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_bears(stress), reconnected, g_star, rate);
+    return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_is_connected(stress), reconnected, g_star, rate);
 }
 
-/* ---- arrays of points: `flow` is no literal here, for one body of the trial in place of six ---- */
+/* ---- Arrays of points. `flow` is not a literal here, so that the trial is compiled once and not for each flow rule.
+ * ---- */
 
-/* The rows of a call in one list: gradient and log-density, then what is updated. */
+/* List the arrays of a call: gradient and log-density are given, the others updated. */
 GR_INLINE void hencky_rows(const int dim, const struct gr_hencky_call *call, const double *given[10], double *updated[8])
 {
     for (int i = 0; i < dim * dim; i++) given[i] = call->gradient[i];
@@ -190,7 +200,7 @@ GR_INLINE void hencky_block(const int dim, const int flow, const struct gr_henck
     v_store(updated[stresses + 1] + at, point.rate);
 }
 
-/* The last points of a number that is no multiple of the lanes go through a buffer. */
+/* If n is not a multiple of GR_W, the last points go through a buffer. */
 GR_INLINE void hencky_points(const int dim, const int flow, const struct gr_hencky_call *call)
 {
     const struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter, call->dt);

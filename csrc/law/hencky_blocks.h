@@ -1,7 +1,8 @@
-/* The finite-strain law (hencky.h) at the points of the engine, whose stress is Cauchy's: e^c that of Kirchhoff.
+/* The finite-strain law (hencky.h) for blocks of points of the engine. The engine stores the Cauchy stress, which is
+ * e^c times the Kirchhoff stress, c = ln(rho/rho_c).
  *
- * The pressure is that of the density, whatever the scheme. A nonlocal flow without a diffused fluidity is in its local
- * phase: the flow that it has where the fluidity is even, with g = gdot/mu. */
+ * Whatever the scheme, the pressure is that of the density. While the fluidity is not yet diffused, a nonlocal flow
+ * rule is in its local phase: it uses the flow rule that it equals where the fluidity is uniform, with g = gdot/mu. */
 #ifndef GR_LAW_HENCKY_BLOCKS_H
 #define GR_LAW_HENCKY_BLOCKS_H
 
@@ -9,9 +10,9 @@
 #include "law/hencky.h"
 #include "law/substep.h"
 
-#define GR_FURTHEST 600.0 /* log-density that a point may have on its way out */
+#define GR_FURTHEST 600.0 /* bound of |log-density|, so that the values of points about to leave stay finite */
 
-/* What a block of points brings to a step. */
+/* State of a block of points at the beginning of a step. */
 struct gr_hencky_block {
     struct gr_stress stress; /* Kirchhoff */
     vd L[9], c;              /* log-density at the end of the step */
@@ -33,17 +34,17 @@ GR_INLINE struct gr_hencky_block hencky_block_of(const int dim, const struct gr_
     return block;
 }
 
-/* A step in many parts: it sets out, or its last part. */
-GR_INLINE struct gr_hencky_point hencky_part(const int dim, const int flow, const struct gr_hencky_numbers *n,
-                                             const struct gr_law_call *call, const struct gr_hencky_block *block, int64_t at,
-                                             vd g_star, vd rate)
+/* The first or the last of many substeps. R is the trial stress for the spin alone; R + D that for the whole L dt. */
+GR_INLINE struct gr_hencky_point hencky_substep(const int dim, const int flow, const struct gr_hencky_numbers *n,
+                                                const struct gr_law_call *call, const struct gr_hencky_block *block,
+                                                int64_t at, vd g_star, vd rate)
 {
-    const vd p = v_max(v_zero(), n->K * block->c); /* NaN stays */
+    const vd p = v_max(v_zero(), n->K * block->c); /* NaN is kept */
     const vd reconnected = n->reconnect_fluidity * v_set(call->fraction) * gr_stretch_norm(dim, block->L);
-    const vm before = gr_hencky_bears(&block->stress);
+    const vm before = gr_hencky_is_connected(&block->stress);
     struct gr_stress turned = {{v_zero()}}, strained = turned;
     vd L[9];
-    for (int pass = 0; pass < 2; pass++) { /* one body for both */
+    for (int pass = 0; pass < 2; pass++) { /* a loop, so that the trial is compiled once */
         turned = strained;
         for (int i = 0; i < dim; i++)
             for (int j = 0; j < dim; j++) {
@@ -79,7 +80,7 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
         const vd g_star = v_set(call->g_star ? call->g_star[k] : 0);
         const vd rate = call->shear_rate ? v_load(call->shear_rate + at) : v_zero();
         const struct gr_hencky_point point =
-            call->substeps ? hencky_part(dim, flow, n, call, &block, at, g_star, rate)
+            call->substeps ? hencky_substep(dim, flow, n, call, &block, at, g_star, rate)
                            : gr_hencky_update(dim, flow, n, block.L, block.c, &block.stress, g_star, rate);
         if (call->substeps && call->begins) {
             v_store(call->g + at, point.g);
@@ -97,7 +98,7 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
     }
 }
 
-/* `flow` is no literal: one body of the trial serves all laws. */
+/* `flow` is not a literal here: the trial is compiled once for all flow rules. */
 static __attribute__((noinline)) void hencky_blocks_2d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
 {
     hencky_blocks_of(2, flow, n, call);
@@ -116,7 +117,7 @@ static inline void gr_hencky_blocks(const int dim, int flow, struct gr_hencky_nu
         hencky_blocks_3d(flow, n, call);
 }
 
-/* The numbers of laws that have no grain size: only xi = I0/(d sqrt(rho_s)) counts. */
+/* The numbers of a law without a grain diameter: only xi = I0/(d sqrt(rho_s)) counts. */
 static inline struct gr_hencky_numbers gr_hencky_sizeless(const struct gr_law_call *call, double mu_s, double mu_2,
                                                           double xi)
 {
@@ -127,10 +128,10 @@ static inline struct gr_hencky_numbers gr_hencky_sizeless(const struct gr_law_ca
     return gr_hencky_numbers_of(q, call->dt);
 }
 
-/* Where the parameters of its nonlocal laws are: the amplitude, then GR_HENCKY_PARAMETERS. */
+/* Order of the parameters of the nonlocal finite-strain laws: the amplitude A, then GR_HENCKY_PARAMETERS. */
 enum { GR_HENCKY_NGF_A, GR_HENCKY_NGF_POINT, GR_HENCKY_NGF_FLUIDITY = GR_HENCKY_NGF_POINT + GR_HENCKY_P_G };
 
-/* A nonlocal law: without a diffused fluidity in its local phase. */
+/* A nonlocal law. While the fluidity is not diffused, it is in its local phase and uses the local flow rule. */
 static inline void gr_hencky_nonlocal_blocks(const int dim, int nonlocal, int local, const struct gr_law_call *call)
 {
     struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);

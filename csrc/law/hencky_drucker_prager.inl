@@ -1,4 +1,4 @@
-/* Hencky's elasticity (hencky.h) and rate-independent friction, tau <= mu p. */
+/* Hencky elasticity (hencky.h) with rate-independent friction, tau <= mu p. */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_drucker_prager)
 #else

@@ -1,4 +1,4 @@
-/* Hencky's elasticity, in tension too (hencky.h). */
+/* Hencky elasticity without flow, also in tension (hencky.h). */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_elastic)
 #else

@@ -1,4 +1,4 @@
-/* Hencky's elasticity (hencky.h) and friction that changes with the plastic strain (hardening.h). */
+/* Hencky elasticity (hencky.h) with friction that depends on the plastic strain (hardening.h). */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_hardening_drucker_prager)
 #else
@@ -14,8 +14,8 @@ static inline void law_hencky_hardening_drucker_prager(const int dim, const stru
 GR_DESCRIBE_LAW(hencky_hardening_drucker_prager,
                 .doc = "Hencky's elasticity, friction that grows with the plastic strain (Klar et al. 2016)", .hardens = 1,
                 .parameter = {GR_ELASTIC_PARAMETERS,
-                              {"h0_deg", "deg", "friction angle after a long way"},
-                              {"h1_deg", "deg", "what it gains per plastic strain at first"},
-                              {"h2", "1", "rate at which that and h3 decay with the plastic strain"},
-                              {"h3_deg", "deg", "by how much less it is at the start"}})
+                              {"h0_deg", "deg", "friction angle at large plastic strain"},
+                              {"h1_deg", "deg", "initial increase of the angle per plastic strain"},
+                              {"h2", "1", "rate at which h1 and h3 decay with the plastic strain"},
+                              {"h3_deg", "deg", "initial deficit of the angle"}})
 #endif

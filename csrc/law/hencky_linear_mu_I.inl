@@ -1,4 +1,4 @@
-/* Hencky's elasticity (hencky.h) and the straight line of mu(I), mu = mu_s + (mu_2 - mu_s) I/I0 (flow_rules.h). */
+/* Hencky elasticity (hencky.h) with the linear mu(I), mu = mu_s + (mu_2 - mu_s) I/I0 (flow_rules.h). */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_linear_mu_I)
 #else

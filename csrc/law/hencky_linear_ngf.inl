@@ -1,4 +1,4 @@
-/* Hencky's elasticity (hencky.h) and nonlocal granular fluidity without a limiting friction (Haeri & Skonieczny 2021). */
+/* Hencky elasticity (hencky.h) with nonlocal granular fluidity and unbounded friction (Haeri & Skonieczny 2021). */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_linear_ngf)
 #else

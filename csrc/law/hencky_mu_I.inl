@@ -1,4 +1,4 @@
-/* Hencky's elasticity (hencky.h) and mu(I) flow (flow_rules.h). */
+/* Hencky elasticity (hencky.h) with mu(I) flow (flow_rules.h). */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_mu_I)
 #else

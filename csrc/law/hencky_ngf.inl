@@ -1,4 +1,4 @@
-/* Hencky's elasticity (hencky.h) and nonlocal granular fluidity; mu(I) where it is even. */
+/* Hencky elasticity (hencky.h) with nonlocal granular fluidity, which gives mu(I) where the fluidity is uniform. */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_ngf)
 #else

@@ -1,3 +1,4 @@
+/* Tables of the parameters and flow rules that laws share. */
 #include "law/law.h"
 
 const struct gr_parameter_info gr_fluidity_parameter_table[GR_FLUIDITY_PARAMETER_COUNT] = {

@@ -1,8 +1,8 @@
-/* A constitutive law: its descriptor, and an update that works on blocks of lanes of material points.
+/* Interface of the constitutive laws: the descriptor of a law, and the call that updates blocks of material points.
  *
- * A law is elasticity times flow rule, and one file, law/<name>.inl: the equation, the update, and the descriptor. One
- * line of law/registry.inl makes it known; kernels.c compiles it once for each instruction set. See
- * docs/contributing.md, "Add a law". */
+ * A law is an elasticity combined with a flow rule. It is one file, law/<name>.inl, which holds its equation, its
+ * update and its descriptor. A line of law/registry.inl registers it; kernels.c compiles it once for each instruction
+ * set. See docs/contributing.md, "Add a law". */
 #ifndef GR_LAW_LAW_H
 #define GR_LAW_LAW_H
 
@@ -16,19 +16,20 @@ struct gr_parameter_info {
     const char *name, *unit, *doc;
 };
 
-/* How the fluidity of a nonlocal law reacts at a point (fluidity_update.h). */
+/* Reaction of the fluidity to the flow at a point, of a nonlocal law (fluidity_update.h). */
 enum gr_reaction { GR_LOCAL, GR_NGF, GR_LINEAR_NGF };
 
 struct gr_law_call;
 typedef void gr_law_update(const struct gr_law_call *call);
-/* What the rest of the core knows of a law. */
+/* Descriptor of a law: all that the rest of the core knows of it. */
 struct gr_law {
     const char *name, *doc;
     gr_law_update *update[2]; /* 2D, 3D */
     enum gr_reaction reaction;
-    int fluidity; /* of a nonlocal law: which of its parameters is the first of GR_FLUIDITY_PARAMETERS */
-    int hardens;  /* it has the field plastic_strain */
-    struct gr_parameter_info parameter[GR_LAW_MAX_PARAMETERS]; /* the names of all, in order, then NULL */
+    int fluidity; /* of a nonlocal law: index of the first of GR_FLUIDITY_PARAMETERS among its parameters */
+    int hardens;  /* 1 if it needs the field plastic_strain */
+    struct gr_parameter_info parameter[GR_LAW_MAX_PARAMETERS]; /* all parameters in their order, then one whose name is
+                                                                  NULL */
 };
 
 static inline int gr_law_parameters(const struct gr_law *law)
@@ -38,13 +39,13 @@ static inline int gr_law_parameters(const struct gr_law *law)
     return n;
 }
 
-/* Law k of the registry, for what does not depend on the instruction set; NULL beyond the last (dispatch.c). */
+/* Law k of the registry, for whatever does not depend on the instruction set; NULL beyond the last (dispatch.c). */
 const struct gr_law *gr_law_at(int k);
 
-/* Number of a law by its name, or -1. */
+/* Index of the law with this name, or -1. */
 int gr_law_index(const char *name);
 
-/* Parameters that laws have in common. */
+/* Parameters that several laws have in common. */
 #define GR_ELASTIC_PARAMETERS \
     {"K", "Pa", "bulk modulus"}, { "G", "Pa", "shear modulus" }
 #define GR_MU_I_PARAMETERS                                                                                               \
@@ -53,24 +54,27 @@ int gr_law_index(const char *name);
         "xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"                                                           \
     }
 
-/* One call: `n_blocks` blocks of GR_W lanes.
- * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the
- *   increment of the velocity gradient over a step, row-major components of GR_W lanes each; dt in s;
- *   log_density at the end of the step; parameter values in the law's own order.
- *   g_star[k], the fluidity of block k after its diffusion, 1/s; NULL in the local phase of a nonlocal law.
- *   path, where a nonlocal law makes the step in parts (law/substep.h), NULL where in one; dt is that of a part, which is
- *   `part` of the step. With `begins` the paths are made, from a log-density before the step, and their first part;
- *   without, the last.
- * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL.
- *   plastic_strain, 1, of a law that hardens, where the pointer is not NULL: 0 else.
- * Returned: the fluidity g, 1/s, and g - g_star, where the pointers are not NULL; g means nothing where a path is disconnected.
- * Nonlocal laws need shear_rate and g. */
+/* One call of a law for `n_blocks` blocks of GR_W points.
+ *
+ * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the increment L dt of
+ * the velocity gradient over a step, row-major components of GR_W lanes each; dt, s; log_density at the end of the
+ * step, or with `begins` before it; the parameters in the order of the law; g_star[k], the fluidity of block k after
+ * its diffusion, 1/s, NULL in the local phase of a nonlocal law.
+ * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL; plastic_strain, 1, of a law
+ * with hardening, where the pointer is not NULL: it counts as 0 otherwise.
+ * Returned: the fluidity g, 1/s, and gain = g - g_star, 1/s, where the pointers are not NULL. Nonlocal laws need both
+ * shear_rate and g.
+ *
+ * A nonlocal law may divide the step into substeps (law/substep.h). `substeps` then points to the state of the points
+ * between substeps; it is NULL if the step is made at once. dt is the length of a substep, and `fraction` its share of
+ * the step. A call with `begins` computes this state and makes the first substep; a call without it makes the last one.
+ * After the first substep g is undefined where a point is disconnected. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
     const double *gradient;
     double dt, fraction;
-    int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (3.10) */
+    int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (eq. 3.10) */
     const double *parameter;
     const double *log_density;
     const double *g_star;
@@ -80,18 +84,18 @@ struct gr_law_call {
     double *shear_rate, *g, *gain, *plastic_strain;
 };
 
-/* What is kept of a block of points on its path through the parts of a step (law/substep.h), in runs of GR_W. X(name, doc) */
+/* State of a block of points between the substeps of a step, in runs of GR_W (law/substep.h). X(name, description) */
 #define GR_SUBSTEP_STATE(X)                                           \
-    X(turned, "R:R/2 over p^2")                                       \
-    X(across, "R:D over p^2")                                         \
-    X(strained, "D:D/2 over p^2")                                     \
-    X(of_turned, "a")                                                 \
-    X(of_strained, "b")                                               \
+    X(turned, "R:R/2 divided by p^2")                                 \
+    X(across, "R:D divided by p^2")                                   \
+    X(strained, "D:D/2 divided by p^2")                               \
+    X(of_turned, "a, the coefficient of R")                           \
+    X(of_strained, "b, the coefficient of D")                         \
     X(p, "pressure at the end of the step, 0 where disconnected, Pa") \
     X(inverse_p, "see gr_inverse_pressure")                           \
     X(sink, "see gr_inverse_pressure")                                \
     X(unit_g, "see gr_inverse_pressure")                              \
-    X(weight, "share of the point in its cell's fluidity; 0 where disconnected")
+    X(weight, "weight of the point in the fluidity of its cell; 0 where disconnected")
 
 enum gr_substep_number {
 #define GR_X(name, doc) GR_SUBSTEP_##name,
@@ -109,7 +113,7 @@ enum gr_substep_number {
     X(rho_s, "kg/m^3", "density of a grain")                                    \
     X(d, "m", "diameter of a grain")                                            \
     X(t0, "s", "time scale of the fluidity")                                    \
-    X(p_averaging, "Pa", "1/sqrt(p) in the law is its mean from p less this to p more this; 0: its value at p")
+    X(p_averaging, "Pa", "the law uses the mean of 1/sqrt(p) from p - this to p + this; 0: the value at p")
 
 enum gr_fluidity_parameter {
 #define GR_X(name, unit, doc) GR_FLUIDITY_##name,
@@ -120,9 +124,10 @@ enum gr_fluidity_parameter {
 
 extern const struct gr_parameter_info gr_fluidity_parameter_table[GR_FLUIDITY_PARAMETER_COUNT];
 
-/* n points, arrays of n numbers.
- * Given: dt, s; mu_trial = tau_trial/p, 1; p, Pa; g_star, fluidity after diffusion, 1/s; shear_rate of the step
- *   before, 1/s. Returned: mu, 1; g, 1/s. */
+/* One update of the fluidity at n points, with arrays of n numbers.
+ * Given: dt, s; mu_trial = tau_trial/p, 1; p, Pa; g_star, the fluidity after diffusion, 1/s; shear_rate of the step
+ * before, 1/s.
+ * Returned: mu, 1; g, 1/s. */
 struct gr_fluidity_call {
     int64_t n;
     double dt;
@@ -131,14 +136,14 @@ struct gr_fluidity_call {
     double *mu, *g;
 };
 
-/* How the finite-strain law (hencky.h) flows. X(name, description) */
-#define GR_HENCKY_FLOWS(X)                                                            \
-    X(elastic, "not at all; bears tension")                                           \
-    X(drucker_prager, "tau = mu_s p at most")                                         \
-    X(linear_mu_I, "mu = mu_s + (mu_2 - mu_s) I/I0")                                  \
-    X(mu_I, "mu(I)")                                                                  \
-    X(linear_ngf, "by the fluidity; mu = mu_s + (mu_2 - mu_s) I/I0 where it is even") \
-    X(ngf, "by the fluidity; mu(I) where it is even")
+/* Flow rules of the finite-strain law (hencky.h). X(name, description) */
+#define GR_HENCKY_FLOWS(X)                                                                              \
+    X(elastic, "no flow; stress in tension too")                                                        \
+    X(drucker_prager, "tau <= mu_s p")                                                                  \
+    X(linear_mu_I, "mu = mu_s + (mu_2 - mu_s) I/I0")                                                    \
+    X(mu_I, "mu(I)")                                                                                    \
+    X(linear_ngf, "plastic rate from the fluidity; mu = mu_s + (mu_2 - mu_s) I/I0 where it is uniform") \
+    X(ngf, "plastic rate from the fluidity; mu(I) where it is uniform")
 
 enum gr_hencky_flow {
 #define GR_X(name, doc) GR_HENCKY_##name,
@@ -149,10 +154,11 @@ enum gr_hencky_flow {
 
 extern const char *const gr_hencky_flow_names[GR_HENCKY_FLOW_COUNT];
 
-/* Its parameters; those of the fluidity come last, in their order. */
-#define GR_HENCKY_PARAMETERS(X)                                                                                        \
-    X(K, "Pa", "bulk modulus")                                                                                         \
-    X(reconnect_fluidity, "1", "fluidity of what reconnects: this times the shear rate |2 D:D|^1/2 over mu_2; 0 or 1") \
+/* Parameters of the finite-strain law; those of the fluidity come last, in their order. */
+#define GR_HENCKY_PARAMETERS(X)                                                                     \
+    X(K, "Pa", "bulk modulus")                                                                      \
+    X(reconnect_fluidity, "1",                                                                      \
+      "fluidity of reconnecting material: this times the shear rate |2 D:D|^1/2 over mu_2; 0 or 1") \
     GR_FLUIDITY_PARAMETERS(X)
 
 enum gr_hencky_parameter {
@@ -164,10 +170,11 @@ enum gr_hencky_parameter {
 
 extern const struct gr_parameter_info gr_hencky_parameter_table[GR_HENCKY_PARAMETER_COUNT];
 
-/* n points; arrays of n numbers, components in the order of the stress or row-major.
+/* One update by the finite-strain law at n points, with arrays of n numbers; components in the order of the stress, or
+ * row-major.
  * Given: dt, s; gradient[dim*dim], L dt; log_density at the end of the step.
- * Updated: stress[4|6], Kirchhoff, Pa; g, the fluidity after diffusion, becomes that after the step, 1/s; shear_rate, the
- *   plastic one, of the step before and of this one, 1/s. */
+ * Updated: stress[4|6], the Kirchhoff stress, Pa; g, the fluidity, 1/s, from its value after diffusion to that after
+ * the step; shear_rate, the plastic one, 1/s, from that of the step before to that of this step. */
 struct gr_hencky_call {
     int64_t n;
     double dt;

@@ -1,4 +1,4 @@
-/* The trans-phase mu(I) law (Dunatunga & Kamrin 2015): elastic below yield, mu(I) flow above it, stress-free when
+/* Hypoelasticity with mu(I) flow, the trans-phase law of Dunatunga & Kamrin 2015: elastic below yield, stress-free when
  * disconnected. */
 #ifdef GR_LIST_LAWS
 GR_LAW(mu_I)

@@ -1,15 +1,16 @@
-/* Nonlocal granular fluidity: elastic, with the plastic shear rate g mu that the fluidity g allows; stress-free when
- * disconnected. The diffusion of g has been made (fluidity/); the rest of the step is fluidity_update.h.
+/* Nonlocal granular fluidity (NGF): hypoelastic, with the plastic shear rate g mu that the fluidity g allows;
+ * stress-free when disconnected. The diffusion of g comes before (fluidity/); the rest of the step is
+ * fluidity_update.h.
  *
- * Without a diffused fluidity it is the mu(I) law, with g = gdot/mu: the local phase from which g is seeded. Points
- * that bear nothing have no fluidity, and bring none with them when they become dense again. */
+ * While no fluidity is diffused the law is mu(I), with g = gdot/mu: this local phase provides the initial fluidity.
+ * Disconnected points have no fluidity, and bring none when they become dense again. */
 #ifdef GR_LIST_LAWS
 GR_LAW(ngf)
 #else
 #include "law/frictional.h"
 #include "law/substep.h"
 
-/* Where its parameters are; those of the update at a point come last, all together. */
+/* Order of the parameters; those of the update at a point come last, all together. */
 enum { NGF_K, NGF_A, NGF_POINT };
 
 static inline void local_phase(const int dim, const struct gr_law_call *call)
@@ -22,29 +23,31 @@ static inline void local_phase(const int dim, const struct gr_law_call *call)
     gr_frictional(dim, 1, &mu_I);
 }
 
-/* What the stages of a few blocks hand on. Stages, because each is a chain of operations that wait for one another:
- * a processor looks far enough ahead to begin the next block only if a chain is short. */
+/* Intermediate results that the stages hand on for a few blocks. Each stage is a chain of dependent operations. A
+ * processor only looks far enough ahead to begin the next block if these chains are short, hence the separate stages. */
 struct gr_ngf_block {
-    vd p, m, scale; /* pressure, 0 where disconnected; trial friction; what is left of the trial stress */
+    vd p, m, scale; /* pressure, 0 where disconnected; trial friction; remaining share of the trial stress */
     struct gr_inverse_pressure inverse;
 };
 
-/* The moduli and the numbers of the update. */
+/* Elastic moduli, and the constants of the update. */
 struct gr_ngf_numbers {
     vd K, G;
     struct gr_fluidity_numbers point;
 };
 
-/* Pressure of a log-density, or that given; 0 where disconnected. NaN stays: another part must not take it for disconnected. */
+/* The pressure that follows from the log-density c, or the given p; 0 where disconnected. NaN is kept: another substep
+ * must not mistake it for disconnected. */
 GR_INLINE vd pressure_of(const struct gr_law_call *call, vd K, vd c, vd p)
 {
     if (call->pressure_from_density) p = K * c;
     return v_keep(v_ge(c, v_zero()), v_max(v_zero(), p));
 }
 
-/* The deviators of the stress turned and strained by the whole step, and the pressure at its end. */
-GR_INLINE vd part_block(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_numbers *n, vd c,
-                        struct gr_stress *turned, struct gr_stress *strained)
+/* The trial state of the whole step: the deviators R of the rotated stress and D of the elastic increment.
+ * Returned: the pressure at the end of the step. */
+GR_INLINE vd trial_of_substep(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_numbers *n, vd c,
+                              struct gr_stress *turned, struct gr_stress *strained)
 {
     const double *gradient = call->gradient + k * dim * dim * GR_W;
     *turned = gr_turned(dim, gradient, call, call->slot[k]);
@@ -54,14 +57,14 @@ GR_INLINE vd part_block(const int dim, const struct gr_law_call *call, int64_t k
     return pressure_of(call, n->K, c, p + gr_split(strained));
 }
 
-/* Many parts, first: the paths of the points, and the first of them. */
+/* The first of many substeps: it sets the state between substeps and updates the fluidity once. */
 GR_INLINE void begin_blocks(const int dim, const struct gr_law_call *call, const struct gr_ngf_numbers *n)
 {
     for (int64_t k = 0; k < call->n_blocks; k++) {
         struct gr_stress turned, strained;
         const int64_t at = call->slot[k];
         const vd trace = gr_expansion(dim, call->gradient + k * dim * dim * GR_W);
-        const vd p = part_block(dim, call, k, n, v_load(call->log_density + at) - trace, &turned, &strained);
+        const vd p = trial_of_substep(dim, call, k, n, v_load(call->log_density + at) - trace, &turned, &strained);
         gr_substeps_begin(dim, &n->point, &turned, &strained, p, call->substeps, at);
     }
     for (int64_t k = 0; k < call->n_blocks; k++) {
@@ -72,15 +75,15 @@ GR_INLINE void begin_blocks(const int dim, const struct gr_law_call *call, const
     }
 }
 
-/* Trial deviator, written in place of the stress, and its friction. */
-GR_INLINE void try_block(const int dim, const int many, const struct gr_law_call *call, int64_t k,
-                         const struct gr_ngf_numbers *n, struct gr_ngf_block *block)
+/* The trial deviator, stored in place of the stress, and the trial friction. `many`: the last of many substeps. */
+GR_INLINE void trial_block(const int dim, const int many, const struct gr_law_call *call, int64_t k,
+                           const struct gr_ngf_numbers *n, struct gr_ngf_block *block)
 {
     const int64_t at = call->slot[k];
     const vd c = v_load(call->log_density + at);
     struct gr_stress t, strained;
     if (many) {
-        block->p = part_block(dim, call, k, n, c, &t, &strained);
+        block->p = trial_of_substep(dim, call, k, n, c, &t, &strained);
         gr_substeps_end(dim, call->fraction, call->substeps, at, &t, &strained);
     } else {
         t = gr_trial(dim, call->gradient + k * dim * dim * GR_W, call, at, n->K, n->G);
@@ -88,7 +91,7 @@ GR_INLINE void try_block(const int dim, const int many, const struct gr_law_call
     }
     block->inverse = gr_invert_pressure(&n->point, block->p);
     const vd m = v_sqrt(gr_tau_squared(dim, &t)) * block->inverse.p;
-    block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN stays */
+    block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN is kept */
     for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, t.s[i]);
 }
 
@@ -118,14 +121,14 @@ GR_INLINE void return_block(const int dim, const struct gr_law_call *call, int64
     }
 }
 
-/* The step, or the last of its many parts. */
+/* The whole step, or the last of its substeps. */
 GR_INLINE void flow_blocks(const int dim, const int many, const struct gr_law_call *call, const struct gr_ngf_numbers *n)
 {
     enum { TOGETHER = 8 };
     struct gr_ngf_block block[TOGETHER];
     for (int64_t first = 0; first < call->n_blocks; first += TOGETHER) {
         const int64_t left = call->n_blocks - first, count = left < TOGETHER ? left : TOGETHER;
-        for (int64_t k = 0; k < count; k++) try_block(dim, many, call, first + k, n, &block[k]);
+        for (int64_t k = 0; k < count; k++) trial_block(dim, many, call, first + k, n, &block[k]);
         for (int64_t k = 0; k < count; k++) update_block(call, first + k, &n->point, &block[k]);
         for (int64_t k = 0; k < count; k++) return_block(dim, call, first + k, &block[k]);
     }

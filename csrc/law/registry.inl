@@ -1,4 +1,5 @@
-/* The laws that there are, one line each. kernels.c reads it twice: for the laws, and with GR_LIST_LAWS for their list. */
+/* The registry: one line for each law. kernels.c includes it twice, first for the laws and then, with GR_LIST_LAWS, for
+ * the list of them. */
 #include "law/elastic.inl"
 #include "law/drucker_prager.inl"
 #include "law/mu_I.inl"

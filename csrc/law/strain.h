@@ -1,39 +1,40 @@
-/* Exponentials and logarithms of 3 x 3 matrices in lanes, without eigenvectors: what finite elastic strains need.
+/* Exponentials and logarithms of 3 x 3 matrices in SIMD lanes, without eigenvectors, for finite elastic strains.
  *
- * By Cayley and Hamilton a function of a 3 x 3 matrix M is a polynomial a0 + a1 M + a2 M^2, and a power series in M is
- * summed by its three coefficients alone: M times it costs two multiplications where tr M = 0. So a matrix is
- * multiplied once, not once for each term. All is arranged about the unit matrix (exp - 1, log(1 + .)), so that small
- * strains keep all of their digits, not those of 1 + strain.
+ * By the theorem of Cayley and Hamilton a function of a 3 x 3 matrix M is a polynomial a0 + a1 M + a2 M^2. A power
+ * series in M is therefore summed by these three coefficients alone; multiplying them by M costs two multiplications
+ * where tr M = 0. Matrices are multiplied once, not once per term. All formulas are arranged about the unit matrix (exp
+ * - 1, log(1 + .)), so that small strains keep the relative accuracy of the strain, not that of 1 + strain.
  *
- * In the plane (dim = 2) the components xz, yz, zx, zy are taken for zero and never touched. */
+ * In 2D (dim = 2) the components xz, yz, zx, zy are taken as zero and never accessed. */
 #ifndef GR_LAW_STRAIN_H
 #define GR_LAW_STRAIN_H
 
 #include "law/trial.h"
 
-/* Norms (Frobenius) of exponents, beyond which one is shortened to this. Elastic strains of grains are of the order
- * pressure/stiffness, strains of a step below the Courant number: it keeps what has gone wrong elsewhere finite. */
+/* Largest Frobenius norm of an exponent; a larger one is scaled down to it. Elastic strains of granular material are of
+ * the order pressure/stiffness and the strain of a step is below the Courant number, so that this only keeps finite
+ * what has gone wrong elsewhere. */
 #define GR_STRAIN_REACH 2.0
 
 struct gr_matrix {
     vd m[3][3];
 };
 
-/* Whether the component (i, j) is there. */
+/* Whether the component (i, j) is used: in 2D those that couple z to x or y are not. */
 #define GR_COUPLED(dim, i, j) ((dim) == 3 || ((i) == 2) == ((j) == 2))
 
-/* Loops over components: unrolled, so that components are registers. */
+/* Loops over components, unrolled so that the components stay in registers. */
 #define GR_UNROLLED _Pragma("GCC unroll 16")
 #define GR_EACH(dim, i, j) \
     GR_UNROLLED            \
     for (int i = 0; i < 3; i++) GR_UNROLLED for (int j = 0; j < 3; j++) if (GR_COUPLED(dim, i, j))
 
-/* Place of a component among the six of a symmetric matrix. */
+/* Index of component (i, j) among the six of a symmetric matrix. */
 static const int gr_place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
 
 GR_INLINE vd gr_trace(const struct gr_matrix *a) { return a->m[0][0] + a->m[1][1] + a->m[2][2]; }
 
-/* a b; where the product is known to be symmetric, half of it is made. */
+/* The product a b. If it is known to be symmetric, only half of it is computed. */
 GR_INLINE struct gr_matrix gr_product(const int dim, const int symmetric, const struct gr_matrix *a,
                                       const struct gr_matrix *b)
 {
@@ -44,7 +45,7 @@ GR_INLINE struct gr_matrix gr_product(const int dim, const int symmetric, const 
             c.m[i][j] = c.m[j][i];
             continue;
         }
-        vd sum = a->m[i][i] * b->m[i][j]; /* (i, i) is always there */
+        vd sum = a->m[i][i] * b->m[i][j]; /* component (i, i) is always used */
         GR_UNROLLED
         for (int k = 0; k < 3; k++)
             if (k != i && GR_COUPLED(dim, i, k)) sum = v_fma(a->m[i][k], b->m[k][j], sum);
@@ -53,7 +54,8 @@ GR_INLINE struct gr_matrix gr_product(const int dim, const int symmetric, const 
     return c;
 }
 
-/* tr(a b), and with the transpose of b the sum of a_ij b_ij; by rows, which do not wait for each other. */
+/* tr(a b) or, if `transposed`, the sum of a_ij b_ij. The rows are summed separately, so that they do not wait for each
+ * other. */
 GR_INLINE vd gr_trace_of_product(const int dim, const struct gr_matrix *a, const struct gr_matrix *b, const int transposed)
 {
     vd row[3];
@@ -67,7 +69,7 @@ GR_INLINE vd gr_trace_of_product(const int dim, const struct gr_matrix *a, const
     return row[0] + row[1] + row[2];
 }
 
-/* The deviator. */
+/* The deviator of a. */
 GR_INLINE struct gr_matrix gr_deviator(const int dim, const struct gr_matrix *a)
 {
     struct gr_matrix b;
@@ -76,7 +78,7 @@ GR_INLINE struct gr_matrix gr_deviator(const int dim, const struct gr_matrix *a)
     return b;
 }
 
-/* a1 M + a2 M2, and a0 on the diagonal. */
+/* a0 + a1 M + a2 M2. */
 GR_INLINE struct gr_matrix gr_quadratic(const int dim, vd a0, vd a1, const struct gr_matrix *M, vd a2,
                                         const struct gr_matrix *M2)
 {
@@ -89,7 +91,7 @@ GR_INLINE struct gr_matrix gr_quadratic(const int dim, vd a0, vd a1, const struc
     return b;
 }
 
-/* (1 + E)^2 - 1 of E = a0 + a1 M + a2 M^2 with M^3 = e2 M + e3. */
+/* Coefficients of (1 + E)^2 - 1 from those of E = a0 + a1 M + a2 M^2, with M^3 = e2 M + e3. */
 static inline void gr_square_exponential(vd a[3], vd e2, vd e3)
 {
     const vd two = v_set(2.0), a12 = two * a[1] * a[2], a22 = a[2] * a[2];
@@ -100,8 +102,8 @@ static inline void gr_square_exponential(vd a[3], vd e2, vd e3)
 }
 
 enum {
-    GR_EXPONENTIAL_TERMS = 10,  /* (1/8)^10/11! = 2e-17 of it is left out */
-    GR_EXPONENTIAL_HALVINGS = 4 /* from GR_STRAIN_REACH to 1/8 */
+    GR_EXPONENTIAL_TERMS = 10,  /* relative truncation error (1/8)^10/11! = 2e-17 */
+    GR_EXPONENTIAL_HALVINGS = 4 /* they take a norm from GR_STRAIN_REACH to 1/8 */
 };
 
 static const double gr_inverse_factorial[GR_EXPONENTIAL_TERMS + 1] = {
@@ -109,8 +111,8 @@ static const double gr_inverse_factorial[GR_EXPONENTIAL_TERMS + 1] = {
     1.0 / 720.0, 1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0,
 };
 
-/* exp(M) - 1 of a matrix without trace. Norms above 1/8 are halved, and the exponential squared as often; lanes that do
- * not need it are left alone by it, to the last bit. */
+/* exp(M) - 1 of a matrix without trace. If its norm exceeds 1/8, M is halved until it does not and the exponential is
+ * squared as often. Lanes that need no halving are left unchanged, to the last bit. */
 GR_INLINE struct gr_matrix gr_exponential(const int dim, const int symmetric, const struct gr_matrix *M)
 {
     const vd one = v_set(1.0), most = v_set(1.0 / 64.0);
@@ -131,7 +133,7 @@ GR_INLINE struct gr_matrix gr_exponential(const int dim, const int symmetric, co
     }
     vd a[3] = {v_set(gr_inverse_factorial[GR_EXPONENTIAL_TERMS]), v_zero(), v_zero()};
     GR_UNROLLED
-    for (int k = GR_EXPONENTIAL_TERMS - 1; k >= 0; k--) { /* times M */
+    for (int k = GR_EXPONENTIAL_TERMS - 1; k >= 0; k--) { /* multiply by M and add the next term */
         const vd a0 = v_fma(a[2], e3, v_set(k ? gr_inverse_factorial[k] : 0.0)), a1 = v_fma(a[2], e2, a[0]);
         a[2] = a[1], a[1] = a1, a[0] = a0;
     }
@@ -147,12 +149,12 @@ GR_INLINE struct gr_matrix gr_exponential(const int dim, const int symmetric, co
     return gr_quadratic(dim, a[0], a[1], M, a[2], &M2);
 }
 
-/* Coefficients of atanh(w)/w in w^2. */
+/* Coefficients of the series of atanh(w)/w in w^2. */
 static const double gr_inverse_odd[] = {1.0,        1.0 / 3.0,  1.0 / 5.0,  1.0 / 7.0,  1.0 / 9.0, 1.0 / 11.0,
                                         1.0 / 13.0, 1.0 / 15.0, 1.0 / 17.0, 1.0 / 19.0, 1.0 / 21.0};
 
-/* atanh(w)/w, 0 <= w < 1: with (1 + w)/(1 - w) = 2^n (1 + t)/(1 - t), |t| < .1716, the logarithm of which is
- * n ln 2 + 2 atanh t; n = 0 leaves t = w. */
+/* atanh(w)/w for 0 <= w < 1. Write (1 + w)/(1 - w) = 2^n (1 + t)/(1 - t) with |t| < 0.1716; its logarithm is
+ * n ln 2 + 2 atanh t. With n = 0, t = w. */
 static inline vd gr_atanh_over(vd w)
 {
     const vd one = v_set(1.0), magic = v_set(0x1.8p52);
@@ -161,25 +163,26 @@ static inline vd gr_atanh_over(vd w)
     const vi exponent = (vi)(v_set(1.4142135623730951) * above / below) >> 52;
     const vd power = (vd)(exponent << 52), n = (vd)(exponent + (vi)magic) - v_set(0x1.8p52 + 1023.0);
     const vd t = v_fnma(power, below, above) / v_fma(power, below, above), y = t * t;
-    vd sum = v_set(gr_inverse_odd[10]); /* .1716^20/23 = 2e-17 of it is left out */
+    vd sum = v_set(gr_inverse_odd[10]); /* relative truncation error 0.1716^20/23 = 2e-17 */
     for (int k = 9; k >= 0; k--) sum = v_fma(sum, y, v_set(gr_inverse_odd[k]));
     const vd whole = v_fma(n, v_set(0.34657359027997265), sum * t);
     return v_select(v_gt(n, v_zero()), whole / w, sum);
 }
 
-/* atanh(x)/(x - y) - atanh(y)/(x - y), without cancellation. */
+/* (atanh(x) - atanh(y))/(x - y), without cancellation. */
 static inline vd gr_atanh_slope(vd x, vd y)
 {
     const vd below = v_set(1.0) - x * y;
     return gr_atanh_over(v_abs((x - y) / below)) / below;
 }
 
-/* Coefficients a1, a2 of atanh(Z) = a0 + a1 Z + a2 Z^2 by Newton's interpolation at the eigenvalues: c the one that
- * stands off from the other two, a and b those, which may be as close to each other as they like: in the formulas
- * stand their sum, their product and the slope between them only.
+/* Coefficients a1, a2 of atanh(Z) = a0 + a1 Z + a2 Z^2, by Newton's interpolation at the eigenvalues of Z. The
+ * eigenvalue c is the one farthest from the other two, a and b. These may be arbitrarily close to each other: the
+ * formulas contain only their sum, their product and the divided difference between them.
  *
- * Given: the trace of Z, e2 and e3 of its deviator, X^3 = e2 X + e3. With X = sqrt(e2/3) y it is y^3 - 3 y = 2 r,
- * |r| <= 1, whose largest root for r >= 0, in [sqrt 3, 2], Newton's method finds from 2 on. */
+ * Given: the trace of Z, and e2, e3 of its deviator X, X^3 = e2 X + e3. With X = sqrt(e2/3) y the characteristic
+ * equation becomes y^3 - 3 y = 2 r, |r| <= 1. For r >= 0 its largest root lies in [sqrt 3, 2]; Newton's method finds it
+ * from 2. */
 static __attribute__((noinline)) void gr_atanh_interpolated(vd trace, vd e2, vd e3, vd a[3])
 {
     const vd zero = v_zero(), one = v_set(1.0), three = v_set(3.0), half = v_set(0.5);
@@ -196,20 +199,20 @@ static __attribute__((noinline)) void gr_atanh_interpolated(vd trace, vd e2, vd 
     const vd slope = gr_atanh_slope(za, zb);
     a[2] = (gr_atanh_slope(zb, zc) - slope) / (zc - za);
     a[1] = v_fnma(a[2], za + zb, slope);
-    a[0] = zero; /* of no effect on the deviator */
+    a[0] = zero; /* without effect on the deviator */
 }
 
-enum { GR_ATANH_TERMS = 7 }; /* no eigenvalue of Z is above (2/3)^1/2 norms: (1/96)^8/17 = 8e-18 is left out */
+enum { GR_ATANH_TERMS = 7 }; /* eigenvalues of Z are at most (2/3)^1/2 norms: truncation (1/96)^8/17 = 8e-18 */
 
-/* Deviator of log(1 + c)/2 of a symmetric c, 1 + c being positive definite: the logarithmic strain of the left
- * Cauchy-Green tensor 1 + c, scaled to determinant 1. It is atanh(Z), Z = c (2 + c)^-1: a series for norms of Z up to
- * 1/8, above by the eigenvalues. */
+/* Deviator of log(1 + c)/2 for a symmetric c with 1 + c positive definite: the logarithmic strain of the left
+ * Cauchy-Green tensor 1 + c, scaled to determinant 1. It is the deviator of atanh(Z), Z = c (2 + c)^-1: by a power
+ * series for norms of Z up to 1/8, by the eigenvalues above. */
 GR_INLINE struct gr_matrix gr_logarithmic_strain(const int dim, const struct gr_matrix *c)
 {
     const vd two = v_set(2.0), zero = v_zero(), one = v_set(1.0), half = v_set(0.5);
     struct gr_matrix q, P, Z, Z2;
     GR_EACH(dim, i, j) { q.m[i][j] = i == j ? v_add(c->m[i][j], two) : c->m[i][j]; }
-    GR_EACH(dim, i, j) /* cofactors of q; those of a symmetric matrix need no transposition */
+    GR_EACH(dim, i, j) /* cofactors of q; a symmetric matrix needs no transposition */
     {
         const int i1 = (i + 1) % 3, i2 = (i + 2) % 3, j1 = (j + 1) % 3, j2 = (j + 2) % 3;
         if (j < i) {
@@ -228,7 +231,7 @@ GR_INLINE struct gr_matrix gr_logarithmic_strain(const int dim, const struct gr_
     Z = gr_product(dim, 1, c, &P);
     Z2 = gr_product(dim, 1, &Z, &Z);
 
-    /* Z^3 = t1 Z^2 - t2 Z + t3, and from it Z^4 */
+    /* Z^3 = t1 Z^2 - t2 Z + t3, and Z^4 from it */
     const vd t1 = gr_trace(&Z), norm2 = gr_trace(&Z2), t2 = half * v_fma(t1, t1, -norm2);
     const vd cube = gr_trace_of_product(dim, &Z, &Z2, 0);
     const vd t3 = v_fma(t2, t1, (cube - t1 * norm2)) * v_set(1.0 / 3.0);
@@ -253,8 +256,8 @@ GR_INLINE struct gr_matrix gr_logarithmic_strain(const int dim, const struct gr_
     return gr_deviator(dim, &h);
 }
 
-/* Logarithmic strain after a step, from that before (both symmetric deviators) and the deviator of L dt:
- * exp(2 h) -> F exp(2 h) F^T with F = exp(L dt), which is exact for a velocity gradient that stays. */
+/* Logarithmic strain after a step, from the strain before it and the deviator of L dt (h and the result are symmetric
+ * deviators): exp(2 h) -> F exp(2 h) F^T with F = exp(L dt), which is exact for a constant velocity gradient. */
 GR_INLINE struct gr_matrix gr_trial_strain(const int dim, const struct gr_matrix *h, const struct gr_matrix *L)
 {
     struct gr_matrix twice, T, c;

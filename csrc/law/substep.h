@@ -1,23 +1,24 @@
-/* Many parts of a step of the nonlocal law at one velocity gradient, without the tensors.
+/* Substeps of the nonlocal law: a step divided into many at one velocity gradient, without stress tensors in between.
  *
- * The step turns the deviator of the stress and strains it, to R + D. If a part strains by D/n and the flow then leaves a
- * share z of the deviator, what there is after k parts is still a R + b D: b <- b + 1/n, (a, b) <- z (a, b). Its norm
- * needs three numbers of R and D, made once, and the pressure is that of the end of the step. A part is then the update
- * of the fluidity at a point, and little else. */
+ * A step rotates the deviator of the stress to R and strains it by D. Each of n substeps adds D/n, and then its plastic
+ * flow leaves a share z of the deviator. After any number of substeps the deviator therefore is a R + b D, with
+ * b <- b + 1/n before the flow and (a, b) <- z (a, b) after it. Its norm needs only three products of R and D, which
+ * are computed once. The pressure is that at the end of the step in all substeps. A substep thus costs little more than
+ * the update of the fluidity at a point. */
 #ifndef GR_LAW_SUBSTEP_H
 #define GR_LAW_SUBSTEP_H
 
 #include "law/fluidity_update.h"
 #include "law/trial.h"
 
-#define GR_LARGEST_FRICTION 1e60 /* of a trial: its square is finite */
+#define GR_LARGEST_FRICTION 1e60 /* of a trial state; its square is finite */
 
 GR_INLINE double *gr_substep_at(double *substeps, int64_t at, enum gr_substep_number number)
 {
     return substeps + at * GR_SUBSTEP_COUNT + number * GR_W;
 }
 
-/* s:t of deviators. */
+/* The contraction s:t of two deviators. */
 GR_INLINE vd gr_contract(const int dim, const struct gr_stress *s, const struct gr_stress *t)
 {
     vd normal = v_fma(s->s[0], t->s[0], v_fma(s->s[1], t->s[1], s->s[2] * t->s[2])), shear = s->s[3] * t->s[3];
@@ -25,7 +26,9 @@ GR_INLINE vd gr_contract(const int dim, const struct gr_stress *s, const struct 
     return v_fma(v_set(2.0), shear, normal);
 }
 
-/* Pressure 0 where disconnected: such points have no stress on their path, hence no friction and no rate. NaN stays. */
+/* Set the state of the points before the first substep, from R (`turned`), D (`strained`) and the pressure p.
+ * Disconnected points have p = 0: all their products are zero, so that they have neither friction nor plastic rate. NaN
+ * is kept. */
 GR_INLINE void gr_substeps_begin(const int dim, const struct gr_fluidity_numbers *n, const struct gr_stress *turned,
                                  const struct gr_stress *strained, vd p, double *substeps, int64_t at)
 {
@@ -43,7 +46,7 @@ GR_INLINE void gr_substeps_begin(const int dim, const struct gr_fluidity_numbers
     v_store(gr_substep_at(substeps, at, GR_SUBSTEP_unit_g), inverse.unit_g);
 }
 
-/* The deviator before the flow of the last part, in place of `turned`. */
+/* Replace R in `turned` by the deviator before the flow of the last substep. */
 GR_INLINE void gr_substeps_end(const int dim, double fraction, double *substeps, int64_t at, struct gr_stress *turned,
                                const struct gr_stress *strained)
 {
@@ -52,9 +55,11 @@ GR_INLINE void gr_substeps_end(const int dim, double fraction, double *substeps,
     for (int i = 0; i < GR_STRESSES(dim); i++) turned->s[i] = v_fma(b, strained->s[i], a * turned->s[i]);
 }
 
-/* A part of the step. Given: gr_fluidity_start; the fluidity of points that reconnect in it, 1/s, where they do, else -1:
- * none does without `reconnects`. Updated: the plastic rate, 1/s. Returned: the fluidity g, 1/s, which means nothing where
- * disconnected. */
+/* Make one substep.
+ * Given: the start value of gr_fluidity_start; `reconnected`, the fluidity of points that reconnect in this substep,
+ * 1/s, and -1 for all others. It is used only if `reconnects` is set.
+ * Updated: the plastic shear rate, 1/s.
+ * Returned: the fluidity g, 1/s, undefined where disconnected. */
 GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_fluidity_numbers *n, vd fraction,
                         double *substeps, int64_t at, vd start, vd reconnected, double *rate)
 {
@@ -67,7 +72,7 @@ GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_
     const vd across = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_across)),
              strained = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_strained));
     const vd square = v_fma(a, v_fma(a, turned, b * across), b * b * strained);
-    const vd m = v_sqrt(v_max(v_zero(), square)); /* NaN stays */
+    const vd m = v_sqrt(v_max(v_zero(), square)); /* NaN is kept */
     struct gr_fluidity_point point;
     if (linear)
         point = gr_fluidity_update_linear(n, m, inverse, start, v_load(rate));

@@ -1,4 +1,4 @@
-/* The elastic predictor that the hypoelastic laws share, and its way in and out of the point arrays. */
+/* The elastic predictor (trial stress) of the hypoelastic laws, and its loads and stores. */
 #ifndef GR_LAW_TRIAL_H
 #define GR_LAW_TRIAL_H
 
@@ -10,7 +10,7 @@ struct gr_stress {
     vd s[6]; /* xx, yy, zz, xy, yz, xz */
 };
 
-/* dt C:D added to `t`, with L dt given (row-major). */
+/* Add the elastic increment dt C:D to `t`; L dt is given, row-major. */
 GR_INLINE void gr_strain(const int dim, const double *gradient, vd K, vd G, struct gr_stress *t)
 {
     const vd lambda = K - v_set(2.0) / v_set(3.0) * G, twoG = v_set(2.0) * G;
@@ -26,7 +26,7 @@ GR_INLINE void gr_strain(const int dim, const double *gradient, vd K, vd G, stru
     }
 }
 
-/* The stress of a block of points, turned: s + dt (W s - s W). First order in the rotation of a step. */
+/* The stress of a block of points after the rotation of a step: s + dt (W s - s W), of first order in dt. */
 GR_INLINE struct gr_stress gr_turned(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at)
 {
     struct gr_stress t;
@@ -62,7 +62,7 @@ GR_INLINE struct gr_stress gr_trial(const int dim, const double *gradient, const
     return t;
 }
 
-/* Trace of the increment of a block. */
+/* Trace of the velocity increment L dt of a block: the volumetric strain of the step. */
 static inline vd gr_expansion(const int dim, const double *gradient)
 {
     vd trace = v_load(gradient);
@@ -70,7 +70,7 @@ static inline vd gr_expansion(const int dim, const double *gradient)
     return trace;
 }
 
-/* Pressure -tr(s)/3; `s` is left as its deviator. */
+/* Split a stress: return the pressure -tr(s)/3 and leave the deviator in `t`. */
 static inline vd gr_split(struct gr_stress *t)
 {
     const vd p = (t->s[0] + t->s[1] + t->s[2]) * v_set(-1.0 / 3.0);
@@ -78,7 +78,7 @@ static inline vd gr_split(struct gr_stress *t)
     return p;
 }
 
-/* s:s/2 of a deviator, the square of the equivalent shear stress (eq. 2.10). */
+/* s:s/2 of a deviator, the square of the equivalent shear stress tau (eq. 2.10). */
 static inline vd gr_tau_squared(const int dim, const struct gr_stress *t)
 {
     vd normal = v_fma(t->s[0], t->s[0], v_fma(t->s[1], t->s[1], t->s[2] * t->s[2]));

@@ -1,19 +1,22 @@
-/* The shared density, with linear functions: a cell is one unit, that knows how full it is.
+/* The cell-averaged density, for linear shape functions: the points of a cell share one density.
  *
- * Points that sample a flow at uneven places get uneven changes of volume and make uneven forces. Here the points
- * of a cell have one density and one velocity gradient, and act on the nodes with their mean stress:
+ * Points that sample a flow unevenly get uneven changes of volume and make uneven forces. Here the points of a cell
+ * have one density and one velocity gradient, and act on the nodes by their mean stress:
+ *
  *   c = sum m c_p/M,   sigma = sum m sigma_p/M,   M = sum m   (over the points of the cell),
  *   phi = sum m_i/(rho_c sum V_i),   L = sum v_i (x) B_i   (over its nodes),
- * with B_i the gradient of S_i at one place, V_i the room of a node. The fullness phi ties c to the room that the
- * points really have. It also tells whether the cell is inside the material, where it stands for all its room and
- * is integrated at its middle, or at a surface, where it stands for what its points need at rho_c and is
- * integrated at their centre of mass: a node that they hardly reach feels next to no force. */
+ *
+ * with B_i the gradient of S_i at one quadrature point and V_i the volume of a node. The filling fraction phi ties c to
+ * the volume that the points really have. It also tells whether the cell is inside the material or at a surface. A cell
+ * inside represents its whole volume, and its quadrature point is its centre. A cell at a surface represents the volume
+ * of its points at rho_c, and its quadrature point is their centre of mass: a node that they hardly reach then feels
+ * hardly any force. */
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
-#define EMPTY -INFINITY /* log-density of a cell without points: looser than any reach */
+#define EMPTY -INFINITY /* log-density of a cell without points: below any separation strain */
 
-/* A full cell under an empty row has phi = 3/4, and .9 when that row is filled by a third. */
+/* A full cell below an empty row has phi = 3/4, and 0.9 when that row is filled by a third. */
 #define SURFACE_BELOW 0.8
 #define INSIDE_FROM 0.9
 
@@ -22,10 +25,10 @@ GR_INLINE struct gr_cell_average *cell_average_of(const int dim, const struct gr
     return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_NODE_SUMS(dim, 0) * (1 << dim));
 }
 
-/* On which side of the middle of a cell node i lies along axis d. */
+/* Side, 1 or -1, of the centre of a cell on which node i lies along axis d. */
 GR_INLINE double side_of(int i, int d) { return i >> d & 1 ? 1.0 : -1.0; }
 
-/* B_i dx along axis d, for a cell that is integrated at the local coordinates xi. */
+/* B_i dx along axis d for the quadrature point xi, in local coordinates. */
 GR_INLINE double slope_at(const int dim, const double xi[3], int i, int d)
 {
     double slope = side_of(i, d);
@@ -34,7 +37,7 @@ GR_INLINE double slope_at(const int dim, const double xi[3], int i, int d)
     return slope;
 }
 
-/* The sums of one cell: m and p of its nodes, and its own: sum m c, sum m sigma. */
+/* P2G of one cell: m and p of its nodes, and its own sums, sum m c and sum m sigma. */
 GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engine *e, int64_t index)
 {
     enum { MOST = 4 * 8 + 7 + GR_SUMS };
@@ -54,7 +57,7 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
             prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, &contribution[i]);
             own[0] = v_fma(contribution[i].m, component(e, GR_FIELD_log_density, 0, at), own[0]);
             for (int q = 0; q < stresses; q++) {
-                const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in the plane */
+                const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in 2D */
                 own[1 + q] = v_fma(contribution[i].m, component(e, GR_FIELD_stress, c, at), own[1 + q]);
             }
         }
@@ -68,26 +71,26 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
     for (int q = 0; q < stresses; q++) own->stress[q] = sum[K * rows + 1 + q];
 }
 
-/* What a cell is before its forces, from its sums and the masses of its nodes.
- * Returned: M; w, ln phi (by 2 (phi - 1)/(phi + 1)), c, where it is
- * integrated, and its over_compression sum max(0, m_i/rho_c - V_i) B_i dx. */
+/* State of a cell before its forces, from its sums and the masses of its nodes: w (`inside`), ln phi (as 2 (phi -
+ * 1)/(phi + 1)), c, its quadrature point, and the over-compression sum max(0, m_i/rho_c - V_i) B_i dx.
+ * Returned: M. */
 GR_INLINE double cell_state(const int dim, const struct gr_engine *e, int64_t index, struct gr_cell_average *own)
 {
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale;
-    double M = 0, mass = 0, room = 0, high[3] = {0}, excess[8];
+    double M = 0, mass = 0, volume = 0, high[3] = {0}, excess[8];
     for (int i = 0; i < K; i++) {
         const int64_t node = e->mesh.cell_node[index * K + i];
         const double m = e->node_mass[node] * per_cell, V = e->mesh.node_volume[node];
         M += sum[i * rows];
         mass += m;
-        room += V;
+        volume += V;
         excess[i] = m > V ? m - V : 0;
         for (int d = 0; d < dim; d++) high[d] += i >> d & 1 ? sum[i * rows] : 0;
     }
-    const double w = (mass / room - SURFACE_BELOW) * (1 / (INSIDE_FROM - SURFACE_BELOW)), inverse = 1 / M;
+    const double w = (mass / volume - SURFACE_BELOW) * (1 / (INSIDE_FROM - SURFACE_BELOW)), inverse = 1 / M;
     own->inside = w < 0 ? 0 : w > 1 ? 1 : w;
-    own->log_phi = 2 * (mass - room) / (mass + room);
+    own->log_phi = 2 * (mass - volume) / (mass + volume);
     own->c = own->mc * inverse;
     for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
     for (int d = 0; d < dim; d++) {
@@ -97,7 +100,8 @@ GR_INLINE double cell_state(const int dim, const struct gr_engine *e, int64_t in
     return M;
 }
 
-/* Forces of a cell on its nodes: they have no momentum, and no angular momentum.
+/* Forces of a cell on its nodes; they conserve momentum and angular momentum:
+ *
  *   f_i = -A sigma B_i,   A = dx^dim (w + (1 - w) min(1, M/(rho_c dx^dim))). */
 GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t index)
 {
@@ -105,13 +109,13 @@ GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t ind
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     double *sum = e->sums + index * e->sum_stride;
-    if (!e->mesh.cell[index].count) { /* its sums are zero */
+    if (!e->mesh.cell[index].count) { /* without points: all sums are zero */
         own->c = EMPTY;
         for (int i = 0; i < K * rows; i++) sum[i] = 0;
         return;
     }
     const double M = cell_state(dim, e, index, own), filled = M * e->mass_scale, w = own->inside;
-    /* A/(dx M), with mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
+    /* A/(dx M), by mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
     const double area = (w + (1 - w) * (filled < 1 ? filled : 1)) * e->force_scale / filled;
     for (int i = 0; i < K; i++)
         for (int d = 0; d < dim; d++) {
@@ -121,8 +125,8 @@ GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t ind
         }
 }
 
-/* The log-density of the cell beside another along axis d, high or low; EMPTY beyond a wall and an end. `id` is that
- * of the cell in the whole grid, `stride` what it grows by along d. */
+/* Log-density of the neighbour of a cell along axis d, high or low; EMPTY beyond a wall or an end. `id` is the index of
+ * the cell in the whole grid, and `stride` the difference of the indices of neighbours along d. */
 GR_INLINE double density_beside(const int dim, const struct gr_engine *e, const struct gr_cell *cell, int64_t id,
                                 int64_t stride, int d, int high)
 {
@@ -137,9 +141,9 @@ GR_INLINE double density_beside(const int dim, const struct gr_engine *e, const 
     return index < 0 ? EMPTY : cell_average_of(dim, e, index)->c;
 }
 
-/* The mean over the axes of (c- - 2 c + c+)/4, what the neighbours on both sides make of the density of a cell: nothing of
- * a linear field, all of one that alternates, whose forces on the nodes cancel. Loose cells take no part. */
-GR_INLINE double residual_force(const int dim, const struct gr_engine *e, int64_t index)
+/* Second difference of the density, (c- - 2 c + c+)/4, as a mean over the axes. It vanishes for a linear field and
+ * gives all of an alternating one (checkerboard), whose forces on the nodes cancel. Disconnected cells take no part. */
+GR_INLINE double second_difference(const int dim, const struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
     const double c = cell_average_of(dim, e, index)->c, reach = -e->config.density.separation_strain;
@@ -154,9 +158,11 @@ GR_INLINE double residual_force(const int dim, const struct gr_engine *e, int64_
     return sum / (4 * dim);
 }
 
-/* What all points of a cell take from the step: L dt, their log-density after it, and a shift in m.
- *   c <- c - dt tr L + eta residual_force,   eta: averaged_part;  then
- *   c += pull (ln phi - c), see relax_to_nodal_density; of it w where that loosens, nothing where the cell is disconnected already;
+/* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, and the shift, m.
+ *
+ *   c <- c - dt tr L + eta (second difference of c),   eta: averaged_share;
+ *   c += relaxation to ln phi, see relax_to_nodal_density. If it lowers c, only the share w of it, and nothing if the
+ *        cell is disconnected already;
  *   delta = -beta gdot dt dx over_compression,   |delta| <= min(limit dx, gdot dt dx/2). */
 GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3])
 {
@@ -174,10 +180,10 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     for (int k = 0; k < dim * dim; k++) L[k] = v_set(e->dt * e->inv_dx * G[k]);
     for (int d = 0; d < dim; d++) trace += L[d * dim + d][0], length += own->over_compression[d] * own->over_compression[d];
     const double rate = kinematic_rate(dim, L)[0];
-    const double eta = averaged_part(e, e->dt, v_set(rate), v_set(own->c))[0];
-    double c = own->c - trace + eta * residual_force(dim, e, index);
-    const double gap = own->log_phi - c, pull = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
-    if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * pull : pull;
+    const double eta = averaged_share(e, e->dt, v_set(rate), v_set(own->c))[0];
+    double c = own->c - trace + eta * second_difference(dim, e, index);
+    const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
+    if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
     const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFTING ? 0 : fmin(q->shifting_limit, 0.5 * rate);
     double scale = q->shifting * rate;
     if (scale * scale * length > most * most) scale = most / sqrt(length);

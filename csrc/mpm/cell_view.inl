@@ -1,19 +1,19 @@
-/* What the points of a cell see of the grid. */
+/* Nodal fields of a cell as its points see them in G2P: modes, bounds of the cell and common values. */
 #include "mpm/law_batch.h"
 
-enum { ALONE = 2 }; /* points in a cell up to which they are alone */
+enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 
-/* What the points of a cell have in common. */
+/* Data common to the points of a cell. */
 struct view {
     struct gr_frame frame;
-    vd begin[3], end[3];  /* the cell ends here */
-    int has_sponge;       /* bit d: points that rise along axis d may be slowed */
-    vd disconnected;      /* log-density below which a point carries no affine field */
-    vd L[9], shift[3], c; /* of all the points, where they share their density: L dt, m, 1 */
+    vd begin[3], end[3];  /* bounds of the cell, m */
+    int has_sponge;       /* bit d: the sponge layer may damp points that rise along axis d */
+    vd disconnected;      /* log-density below which a point is given no affine field */
+    vd L[9], shift[3], c; /* with a cell-averaged density, of all its points: L dt; shift, m; log-density */
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
 };
 
-/* Modes of the nodal fields of a cell: displacement in cells a step, w, and what an averaging of the density takes. */
+/* Modes of the nodal fields of a cell: displacement in cells per step, w, and what an averaging of the density needs. */
 GR_INLINE void cell_modes(const int dim, const int basis, const int nodal, const int averages, const int stride,
                           const struct gr_engine *e, int64_t index, const struct gr_frame *frame, const double *scale,
                           double *mode)

@@ -1,4 +1,5 @@
-/* The engine: what a simulation is while it steps. Points live in buffers of the caller; everything else is here. */
+/* The MPM engine: configuration and state of a simulation. The points are stored in buffers of the caller; everything
+ * else is here. */
 #ifndef GR_MPM_ENGINE_H
 #define GR_MPM_ENGINE_H
 
@@ -17,25 +18,26 @@
 
 #define GR_MAX_NODES 27
 
-/* What a wall does to the velocity of a node (see granular/boundaries.py). */
+/* Effect of a wall on the velocity of a node (see granular/boundaries.py). */
 struct gr_wall {
     int32_t fixed;   /* bit d: component d is zero */
-    int32_t normal;  /* axis of Coulomb friction, -1 where there is none */
+    int32_t normal;  /* axis of the normal for Coulomb friction, -1 without friction */
     int32_t side;    /* +1: material above the wall along `normal`, -1: below, 0: both */
     double friction; /* Coulomb coefficient of the wall */
-    double opens_at; /* s; from then on the node is ruled by row `after` */
+    double opens_at; /* s; from this time on row `after` applies to the node */
     int32_t after;
 };
 
 enum gr_affine { GR_AFFINE_NONE, GR_AFFINE_GRADIENT, GR_AFFINE_MOMENT, GR_AFFINE_COUNT };
 
-/* How the fluidity of a nonlocal law is diffused. */
+/* Diffusion of the fluidity of a nonlocal law. */
 struct gr_nonlocal {
-    int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit where one substep is short enough for it */
+    int method;          /* enum gr_diffusion; GR_DIFFUSION_COUNT: explicit if a substep is short enough, else implicit */
     int stencil;         /* enum gr_stencil */
-    int substeps;        /* of law and diffusion in a step, at a velocity gradient that is held */
-    double begins_at;    /* s; until then the law is local */
-    double floor;        /* 1/s; no cell has less fluidity after the diffusion */
+    int substeps;        /* number of substeps of law and diffusion in a step, during which the velocity gradient is
+                            constant */
+    double begins_at;    /* s; before this time the law is in its local phase */
+    double floor;        /* 1/s; lower bound of the fluidity of a cell after the diffusion */
     double tolerance;    /* of the conjugate gradients */
     const uint8_t *face; /* (2 dim, cells): enum gr_face */
 };
@@ -47,28 +49,29 @@ struct gr_config {
     int n_c0_lines[3];
     const int32_t *c0_lines[3];
     struct gr_scheme_numbers scheme; /* as given; what follows is made of them and of the scene */
-    double keep_velocity_rate; /* 1/s: f = exp(-rate dt) of FLIP survives a step; < 0: nothing survives (PIC, APIC) */
+    double keep_velocity_rate; /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
     double parameter[GR_LAW_MAX_PARAMETERS];
     struct gr_density_numbers density;
-    int averaging_interval; /* steps between two averagings of the density, each of which stands for so many steps */
+    int averaging_interval; /* steps between two averagings of the density, each of which stands for that many steps */
     struct gr_nonlocal nonlocal;
     int pressure_from_density;
     int n_gravity;
     const double *gravity_times;   /* s */
     const double *gravity_vectors; /* n_gravity x dim, m/s^2 */
     int n_walls;
-    const struct gr_wall *walls; /* row 0 is the free node */
-    const uint8_t *node_codes;   /* per node of the grid, x fastest; the engine keeps them in a table */
-    int has_sponge; /* bit d: points beyond above[d], m, that rise along axis d are slowed at the rate sponge_damping[d], 1/s */
+    const struct gr_wall *walls; /* row 0 is for free nodes */
+    const uint8_t *node_codes;   /* per node of the grid, x fastest: row of its wall; the engine keeps them in a table */
+    int has_sponge; /* bit d: points beyond above[d], m, that rise along axis d are damped at the rate sponge_damping[d],
+                       1/s */
     double above[3], sponge_damping[3];
-    const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; as well */
+    const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; kept in a table too */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
     const struct gr_part *parts; /* of all bodies */
 };
 
-/* GR_CELL_WALL << (2 d + side): a wall stands at the low (side 0) or high (1) face of the cell along axis d. */
+/* Flags of a cell. GR_CELL_WALL << (2 d + side): a wall stands at the low (side 0) or high (1) face along axis d. */
 #define GR_CELL_FLAGS(X) X(GR_CELL_SOLID, solid, 1) X(GR_CELL_NO_SHIFTING, no_shifting, 2) X(GR_CELL_WALL, wall, 4)
 
 enum gr_cell_flag {
@@ -80,92 +83,94 @@ enum gr_cell_flag {
 struct gr_cell {
     int64_t offset; /* first place in the point arrays */
     int32_t count, capacity;
-    int32_t at[3]; /* along each axis */
-    int8_t dirty;  /* its sums must be made anew */
-    int8_t side;   /* of a thin body: 1 or -1 of a double cell, the front before the back; else 2 or -2; 0 without one */
+    int32_t at[3]; /* indices along the axes */
+    int8_t dirty;  /* its sums must be computed again */
+    int8_t side;   /* of a thin body: 1 (front) or -1 (back) of a double cell, the front listed first; else 2 or -2; 0
+                      without thin bodies */
     int16_t flags;
 };
 
 #define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
 
-/* The part of the grid that material may touch before the next regrouping. */
+/* The active part of the grid: the cells and nodes that material may touch before the next regrouping. */
 struct gr_mesh {
     int64_t n_cells, n_nodes, cell_capacity, node_capacity;
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
-    int32_t *place;       /* of its cells on the lattice of the fluidity; NULL without one */
-    int64_t *node_source; /* n_nodes x K: where its sums over a cell begin; in the zero block where there is none */
+    int32_t *place;       /* of its cells on the fluidity grid; NULL without one */
+    int64_t *node_source; /* n_nodes x K: where the sums of the node over each of its cells begin; in the zero block where
+                             there is no cell */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
-    int64_t *node_id;                 /* index in the whole grid */
-    struct gr_table cell_of, node_of; /* whole grid: active index + 1, 0 for none */
-    struct gr_table next_of;          /* cell_of of the regrouping that is being made */
-    /* with thin bodies, see mpm/thin_bodies.h; cell_of and node_of tell of the front, the back comes next */
-    int32_t *duplicate; /* per node: its copy of the other side, or -1 */
-    uint8_t *separated; /* per node with a duplicate: whether they move separated */
-    int64_t *paired;    /* fronts of the double cells */
+    int64_t *node_id;                 /* its index in the whole grid */
+    struct gr_table cell_of, node_of; /* for the whole grid: index in the active part + 1, 0 for none */
+    struct gr_table next_of;          /* cell_of while a regrouping is under way */
+    /* with thin bodies, see mpm/thin_bodies.h; cell_of and node_of give the front, the back comes next */
+    int32_t *duplicate; /* per node: its duplicate for the other side, or -1 */
+    uint8_t *separated; /* per node with a duplicate: 1 where the two move separately */
+    int64_t *paired;    /* indices of the front cells of the double cells */
     int64_t n_paired;
 };
 
-/* Where a point was that left its cell. */
+/* Old cell and place of a point that left its cell. */
 struct gr_migrant {
     int64_t cell, slot;
 };
 
-/* The points that leave the cells of a thread in a step, in the order of cells and places: listed, then lifted. */
+/* The points that leave the cells of a thread in a step, in the order of cells and places. They are listed first, then
+ * packed. */
 struct gr_migrants {
     struct gr_migrant *from;
-    double *record; /* count x n_components; room for one more */
+    double *record; /* count x n_components; capacity for one more */
     int64_t *id, count;
 };
 
 struct gr_engine {
     struct gr_config config;
     struct gr_axis axis[3];
-    int K; /* nodes of a cell */
-    /* points: borrowed */
+    int K; /* number of nodes of a cell */
+    /* the points, in borrowed arrays */
     double *field[GR_FIELD_COUNT]; /* component c of field f: field[f] + c*capacity */
     int64_t *id;
-    int64_t capacity, used, n_points; /* places; places in use or once used; points in the domain */
-    int n_components;                 /* of all the fields in use */
+    int64_t capacity, used, n_points; /* places; places used now or before; points in the domain */
+    int n_components;                 /* of all fields in use together */
     /* grid */
     struct gr_mesh mesh;
-    struct gr_table node_codes, cell_flags; /* those of the config */
-    double *sums;                           /* n_cells + 1 blocks of sum_stride; the last one is zero */
-    double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; room for whole vectors behind the last */
+    struct gr_table node_codes, cell_flags; /* copies of those of the config */
+    double *sums;                           /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
+    double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
-    double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, smoothed by XPIC */
-    double *solid;     /* per node of the grid: part of its volume that is no room; NULL without solids */
+    double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
+    double *solid;     /* per node of the grid: the part of its volume in solid cells; NULL without solid cells */
     int sum_stride, node_stride;
     /* bodies; NULL without any */
-    struct gr_body_state *body, *body_next; /* now, and after the step that is being made */
-    uint8_t *touched;                       /* per node: whether it lies within one */
+    struct gr_body_state *body, *body_next; /* now, and after the current step */
+    uint8_t *touched;                       /* per node: 1 if it lies within a body */
     int n_thin;
     struct gr_thin_part *thin;
     struct gr_split_pose *split; /* per body */
-    /* migrants of a step, by thread; their records become those of the points that wait for a place */
+    /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */
     struct gr_migrant *migrant;
     int64_t n_pending, pending_capacity, needed_capacity;
     double *pending; /* n_pending x n_components */
     int64_t *pending_id;
     int64_t *dirty, n_dirty;
-    /* progress */
+    /* clock and counters */
     double time, dt, time_anchor;                    /* time = time_anchor + (step - step_anchor) dt */
-    double shift_dt;                                 /* dt of the step that made shift_velocity */
-    double inv_dx, inv_dt, force_scale, shift_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/shift_dt: no division in a kernel */
+    double shift_dt;                                 /* dt of the step that computed shift_velocity */
+    double inv_dx, inv_dt, force_scale, shift_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/shift_dt: kernels do not divide */
     double mass_scale;                               /* 1/(rho_c dx^dim) */
-    double sponge_factor[3]; /* the part of a sponge_damping velocity that an sponge leaves in this step */
-    double keep_velocity;    /* the part f of the old velocity that survives this step */
+    double sponge_factor[3]; /* factor by which the sponge layer multiplies a rising velocity in this step */
+    double keep_velocity;    /* share f of the old velocity kept in this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
     int sums_valid, record_rates, disconnected;
-    int sums_average, sums_correct_shift; /* what the sums of the next step hold, see gr_plan_sums */
-    /* nonlocal law: the means of the cells' dense points, which are smoothed in place; NULL without one */
+    int sums_average, sums_correct_shift; /* content of the sums for the next step, see gr_plan_sums */
+    /* nonlocal law: the fluidity of the cells, means over their dense points; diffused in place. NULL for a local law */
     struct gr_fluidity *fluidity;
-    double *
-        substeps; /* of the points through the substeps (law/substep.h), substep_capacity numbers; NULL where there is one */
+    double *substeps; /* state of the points between substeps (law/substep.h); NULL without substeps */
     int64_t substep_capacity;
-    int diffuses; /* the law of this step is past its local phase */
+    int diffuses; /* 1 if the local phase of the law is over */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;
@@ -173,42 +178,46 @@ struct gr_engine {
     double error_x[3];
 };
 
-/* Whether the gather of a step averages the density. */
+/* Whether G2P averages the density in this step. */
 static inline int gr_averages(const struct gr_engine *e, int64_t step)
 {
     return e->config.smoothed && step % e->config.averaging_interval == 0;
 }
 
-/* Whether the diffusion knows what the law has added to the fluidity of a cell (p2g.inl): it is in fluidity->gain. */
+/* Whether the diffusion is balanced with the law (fluidity_coupling.inl). The increment of the fluidity of a cell by
+ * the law then is in fluidity->gain. */
 static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.nonlocal.method == GR_DIFFUSION_implicit; }
 
-/* The sums to come are those of `step`: with the density if it averages, and less the momentum that the shift
- * has lent if the step before did. */
+/* Plan the sums that the next P2G computes, those of `step`. They contain the density if this step averages it. The
+ * momentum that the shift gave to the points is subtracted if the step before averaged. */
 static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
 {
     e->sums_average = gr_averages(e, step);
     e->sums_correct_shift = gr_averages(e, step - 1);
 }
 
-/* Sums of a node over the points of a cell: mass, momentum, force and, where the density is smoothed, from
- * GR_SUM_DENSITY on: the mass of the points that are not disconnected, the same by weights, its log-density by weights,
- * and the residual force. */
+/* Sums of a node over the points of a cell: mass, momentum, force. If the density is smoothed, from GR_SUM_DENSITY on
+ * also: the mass of connected points, the same with quadrature weights, their log-density with these weights, and the
+ * residual force. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
 #define GR_SUM_DENSITY(dim) (GR_SUM_FORCE(dim) + (dim))
 enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
 #define GR_NODE_SUMS(dim, smoothed) (GR_SUM_DENSITY(dim) + (GR_SUM_RESIDUAL + (dim)) * (smoothed))
 
-/* Behind them, where the density is shared, what is the cell's own (mpm/cell_averaged.inl): all doubles. */
+/* State of a cell with a cell-averaged density (mpm/cell_averaged.inl), stored behind the sums of its nodes; all
+ * doubles. */
 struct gr_cell_average {
-    double mc, stress[6];              /* sum m c, sum m sigma (xx, yy, zz, xy, yz, xz; in the plane xx, yy, xy) */
-    double c, log_phi, inside;         /* log-density of its points, logarithm of its fullness; 0 at a surface to 1 inside */
-    double at[3], over_compression[3]; /* local coordinates where it is integrated; what its points shift away from */
+    double mc, stress[6];              /* sum m c; sum m sigma (xx, yy, zz, xy, yz, xz; in 2D xx, yy, xy) */
+    double c, log_phi, inside;         /* log-density of its points; logarithm of its filling fraction; from 0 at a
+                                          surface to 1 inside the material */
+    double at[3], over_compression[3]; /* local coordinates of its quadrature point; gradient of over-compression, against
+                                          which its points shift */
 };
 
-/* Fields of a node in node_data: v^{n+1}, w and, where the density is smoothed, from GR_NODE_DENSITY on: the gap ln phi - c
- * averaged over the nodes around (0 at a surface), the mean log-density c, max(0, phi - 1), the mean weight in excess of
- * what fills the volume, the gap of the node itself, and the residual force. */
+/* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed, from GR_NODE_DENSITY on also:
+ * the gap ln phi - c averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean
+ * quadrature weight in excess of the one that fills the volume; the gap of the node itself; and the residual force. */
 enum gr_node_field { GR_NODE_VELOCITY };
 #define GR_NODE_UPDATE(dim) (GR_NODE_VELOCITY + (dim))
 #define GR_NODE_DENSITY(dim) (GR_NODE_UPDATE(dim) + (dim))
@@ -224,15 +233,15 @@ enum gr_density_field {
 
 struct gr_kernels; /* kernels.h */
 
-/* engine.c: life. The config is copied, with what it points to. */
+/* engine.c: construction and destruction. The config is copied, together with what it points to. */
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config);
 void gr_engine_free(struct gr_engine *e);
 int gr_engine_uses(const struct gr_config *config, int field); /* 1 if the scene carries the field */
-/* Lend the buffers of the points; rows [0, n_points) hold them, in any order, on the first call. */
+/* Set the borrowed buffers of the points. On the first call rows [0, n_points) hold the points, in any order. */
 void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity);
 
-/* grouping.c: group the points by cell, in their present order within each; needed_capacity tells what
- * GR_ERR_CAPACITY asks for. */
+/* grouping.c: group the points by cell, and keep their order within each. After GR_ERR_CAPACITY needed_capacity is the
+ * capacity that is required. */
 int gr_regroup(struct gr_engine *e);
 
 /* step.c: the step and its stages. */
@@ -242,7 +251,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels);
 int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels);
 double gr_stable_dt(const struct gr_engine *e);
 
-/* The longest time step that the engine will make, s. */
+/* The longest time step that the engine takes, s. */
 static inline double gr_longest_dt(const struct gr_config *c) { return c->dt > 0 ? c->dt : c->cfl * c->dx / c->wave_speed; }
 
 #endif

@@ -1,18 +1,19 @@
-/* The fluidity of the cells and its points: means over a cell before the diffusion, and the substeps of the nonlocal law
- * between one diffusion and the next. */
+/* Coupling of the fluidity of the cells with the points: means over the points of a cell before the diffusion, and the
+ * substeps of the nonlocal law between one diffusion and the next. */
 #include "law/substep.h"
 #include "mpm/contribution.h"
 #include "mpm/law_batch.h"
 #include "mpm/migrate.h"
 
-/* The fluidity of a cell, of which the diffusion begins: the mean over its points that bear pressure, by mass.
+/* Store the fluidity of a cell from which the diffusion starts: the mean over its points with pressure, weighted by
+ * mass.
  *
- * A step of diffusion after which the law makes a step of its own has another steady state than the two together:
- * backward Euler takes g - k L g' with g' = g/(1 + k L), too little: a layer at 1.9 times its stopping height would flow
- * 1.9 % too fast with dt = .17 t0 and 9 % with .83 t0 (docs/equations.md).
- * The implicit step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51): it knows
- * what the law has added in the substep before, r, and makes (1 + k L) g' = g + r; the law begins from g' - r, which
- * is g - k L g, with nothing left to err, where all is steady. r within -g and g/2: no g' is negative, and a growing
+ * If a step of diffusion is simply followed by a step of the law, the steady state of the two together is wrong.
+ * Backward Euler adds g - k L g' with g' = g/(1 + k L), which is too little diffusion: a layer at 1.9 times its
+ * stopping height would flow 1.9 % too fast with dt = 0.17 t0 and 9 % too fast with 0.83 t0 (docs/equations.md). The
+ * implicit step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51). With r, the
+ * increment by the law in the substep before, it solves (1 + k L) g' = g + r, and the law starts from g' - r. In a
+ * steady state this is g - k L g, without error. r is limited to [-g, g/2], so that no g' is negative and a growing
  * mode of the law does not overshoot. */
 GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double gain)
 {
@@ -25,12 +26,13 @@ GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double g
     e->fluidity->g[place] = g;
 }
 
-/* After a part of the step that began from g_star. */
+/* The same after a substep that began from g_star. */
 GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, double g_star)
 {
     store_gain(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
 }
 
+/* Mean fluidity of a cell, or of both sides of a double cell that are not separated. */
 GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
 {
     enum { SUMS = GR_SUMS > 3 ? GR_SUMS : 4 };
@@ -55,21 +57,25 @@ GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
     store_gain(e, place, inverse * sum[1], inverse * sum[2]);
 }
 
+/* Mean fluidity of a cell that is not double. */
 GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    if (!GR_IS_DOUBLE(cell)) mean_of_cell(e, cell); /* else when it is known whether its sides are apart */
+    if (!GR_IS_DOUBLE(cell))
+        mean_of_cell(e, cell); /* those follow when it is known whether their sides are separated
+                                                       (mean_pairs) */
 }
 
-/* What the diffusion has left of the fluidity of a cell, see mean_fluidity. */
+/* The fluidity of a cell after the diffusion, from which the law starts (store_gain). */
 GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
     double g = e->fluidity->g[place];
     if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
-    return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN stays */
+    return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN is kept */
 }
 
-/* L dt of the points of a cell, where they are now, from which their paths begin once the batch is full. */
+/* L dt of the points of a cell at their present positions. Whenever the batch is full, the first substep of its points
+ * is made. */
 GR_INLINE void strain_cell(const int dim, const int basis, const int cell_averaged, const struct gr_engine *e, int64_t index,
                            struct batch *batch, gr_law_update *law)
 {
@@ -95,16 +101,16 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int cell_averag
     }
 }
 
-/* Whether a fluidity is that of this cell, or of a double one of which it is the front, and there are points. */
-static inline int leads(const struct gr_engine *e, const struct gr_cell *cell)
+/* Whether a cell represents a fluidity, as any cell but the back of a double one without its own, and it has points. */
+static inline int represents_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
 {
     int64_t points = 0;
     GR_EACH_OF_FLUIDITY(e, cell, side) points += side->count;
     return points > 0;
 }
 
-/* The shares of the points of a cell in its fluidity, by the pressures of their paths, and what the first part of the step
- * makes of it. */
+/* Weights of the points in the fluidity of their cell, by mass, for those with pressure; and the fluidity of the cell
+ * after the first substep. */
 GR_INLINE void weigh_substeps(struct gr_engine *e, const struct gr_cell *cell)
 {
     const int64_t place = gr_place_of_cell(e, cell);
@@ -129,7 +135,8 @@ GR_INLINE void weigh_substeps(struct gr_engine *e, const struct gr_cell *cell)
     }
 }
 
-/* The paths of the points through the substeps of a step, before they move, and the first of them. */
+/* The first of many substeps, before the points move: for cells [first, last), the state of their points and the
+ * fluidity. */
 GR_INLINE void begin_substeps_of_cells(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
                                        int64_t first, int64_t last, gr_law_update *law)
 {
@@ -142,10 +149,10 @@ GR_INLINE void begin_substeps_of_cells(const int dim, const int basis, const int
         if (batch.n) run_law(e, law, &batch, 1);
     }
     for (int64_t index = first; index < last; index++)
-        if (leads(e, &e->mesh.cell[index])) weigh_substeps(e, &e->mesh.cell[index]);
+        if (represents_fluidity(e, &e->mesh.cell[index])) weigh_substeps(e, &e->mesh.cell[index]);
 }
 
-/* A substep along the paths, and the fluidity of the cells anew. */
+/* One substep of the points, and the new fluidity of the cells [first, last). */
 GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity)
 {
     enum { TOGETHER = GR_SUMS > 4 ? GR_SUMS : 4 };
@@ -158,7 +165,7 @@ GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t firs
     for (int k = 0; k < TOGETHER; k++) acc[k] = v_zero();
     for (int64_t index = first; index < last; index++) {
         const struct gr_cell *cell = &e->mesh.cell[index];
-        if (leads(e, cell)) {
+        if (represents_fluidity(e, cell)) {
             place[found] = gr_place_of_cell(e, cell);
             g_star[found] = fluidity_of_cell(e, place[found]);
             const vd start = gr_fluidity_start(&numbers, v_set(g_star[found]));

@@ -1,14 +1,15 @@
-/* Gather (G2P), law and scatter of a run of cells in one sweep: a cell's points are read and written once a step.
+/* G2P: velocity, position, velocity gradient and density of the points, from the nodal fields (node_data, see
+ * GR_NODE_FIELDS).
  *
- * Given: node_data, see GR_NODE_FIELDS. Per point
- *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.c),
- *   c <- c - dt tr L      (eq. 3.9 in the logarithm of the density),
- * then the stress update of the law, and the sums of the next step. Points that leave their cell are taken out
- * of it before; the sums of a cell that they come to are made anew (migrate.c). */
+ *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.h),
+ *   c <- c - dt tr L      (eq. 3.9 for the logarithm of the density).
+ *
+ * The law then updates the stress from L dt (law_batch.h). Points that leave their cell are listed here; migrate.c
+ * moves them, and the sums of the cells that they enter are computed again. */
 #include "mpm/density_correction.h"
 #include "mpm/law_batch.h"
 
-/* Lanes outside the cell: points are listed, spare places go back to the middle of the cell. */
+/* List the points of a block that are outside the cell. Spare places outside it go back to its centre. */
 static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t index, int block, unsigned inside,
                                                        struct gr_migrant *migrant)
 {
@@ -27,7 +28,7 @@ static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int6
     return found;
 }
 
-/* Derivative weights w r/D of APIC's C = B D^-1; where D vanishes (a wall), those of the gradient. */
+/* Weights w r/D of APIC's C = B D^-1 in place of derivatives. Where D vanishes, at a wall, those of the gradient. */
 GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_shape *s, vd moment[3][3])
 {
     const int k = gr_nodes_1d(basis);
@@ -38,11 +39,11 @@ GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_sh
     }
 }
 
-/* The affine field that the points carry on, from the gradient L dt of the displacement or from its moment.
- * A point that has come disconnected and is alone before a wall carries none: it would keep a gradient that grows as
- * the wall comes near, and strike it with that. Where the density is averaged, no disconnected point does. */
+/* Store the affine field of the points, from the gradient L dt of the displacement or from its moment (APIC). A
+ * disconnected point that is nearly alone in a cell at a wall gets none: its gradient would grow as it approaches the
+ * wall, and it would strike the wall with that velocity. If the density is averaged, no disconnected point gets one. */
 GR_INLINE void store_affine(const int dim, const int basis, const int affine, struct gr_engine *e, int64_t at,
-                            const struct gr_shape *s, const double *mode, const int stride, vm joined, const vd *L)
+                            const struct gr_shape *s, const double *mode, const int stride, vm carries, const vd *L)
 {
     vd moment[3][3], C[9];
     for (int c = 0; c < dim * dim; c++) C[c] = L[c];
@@ -52,16 +53,17 @@ GR_INLINE void store_affine(const int dim, const int basis, const int affine, st
             (void)gr_interpolate(dim, basis, 1, mode + d, stride, s, (const vd(*)[3])moment, C + d * dim);
     }
     for (int c = 0; c < dim * dim; c++)
-        v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(joined, C[c] * v_set(e->inv_dt)));
+        v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(carries, C[c] * v_set(e->inv_dt)));
 }
 
-/* Move the block of points at place `at`; L dt is for the law. Returned: a bit for each lane still in the cell. */
+/* Move the block of points at place `at`. L dt is stored in `gradient` for the law.
+ * Returned: a bit for each lane that is still in the cell. */
 GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                               int averages, struct gr_engine *e, const struct gr_cell *cell, const struct view *view,
                               int64_t at, double *gradient)
 {
     const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, smoothed)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
-    const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: nothing of the old velocity survives and w = v */
+    const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: no share of the old velocity survives, and w = v */
     const int64_t stride = e->capacity;
     const double *const mode = view->mode;
     const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity), speed = v_set(e->config.dx * e->inv_dt);
@@ -101,7 +103,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     }
     v_store(log_density, c);
     if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, view->disconnected), L);
-    vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* NaN is outside, too */
+    vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* a NaN counts as outside */
     for (int d = 0; d < dim; d++) {
         vd y = v_fma(dx, move[d], v_load(place[d]));
         if (cell_averaged || (smoothed && averages)) y = y + delta[d];
@@ -112,6 +114,8 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     return m_bits(stays);
 }
 
+/* G2P of one cell. Its blocks are added to the batch of the law.
+ * Returned: the number of points that left. */
 GR_INLINE int64_t g2p_cell(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                            int averages, struct gr_engine *e, int64_t index, struct batch *batch, gr_law_update *law,
                            struct gr_migrant *migrant)

@@ -1,22 +1,23 @@
-/* Blocks of points that a law updates at once. */
+/* Batch of blocks of points, collected from several cells, that a law updates in one call. */
 #ifndef GR_MPM_LAW_BATCH_H
 #define GR_MPM_LAW_BATCH_H
 
 #include "mpm/shape.h"
 
-#define MODE_STRIDE(fields) (((fields) + GR_W - 1) / GR_W * GR_W) /* whole vectors */
+#define MODE_STRIDE(fields) (((fields) + GR_W - 1) / GR_W * GR_W) /* rounded up to whole vectors */
 
-enum { BATCH = 256 / GR_W }; /* blocks a law sees at once: they stay in the first-level cache */
+enum { BATCH = 256 / GR_W }; /* blocks per call: their data stay in the first-level cache */
 
 struct batch {
     int64_t n;
     int64_t slot[BATCH];
     double g_star[BATCH];
-    double scale[MODE_STRIDE(GR_NODE_FIELDS(3, 1))]; /* of the nodal fields: velocity to displacement in cells a step */
+    double scale[MODE_STRIDE(GR_NODE_FIELDS(3, 1))]; /* of the nodal fields: converts velocity to displacement in cells
+                                                        per step */
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
-/* The law: all of the step, or the first or last of its substeps. */
+/* Call the law for a batch: for the whole step, or for the first (`begins`) or last of its substeps. */
 static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch, int begins)
 {
     const int many = e->diffuses && e->config.nonlocal.substeps > 1;

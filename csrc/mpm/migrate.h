@@ -1,4 +1,4 @@
-/* Where points belong, and how they move between cells. */
+/* Migration of points between cells, and the places of cells. */
 #ifndef GR_MPM_MIGRATE_H
 #define GR_MPM_MIGRATE_H
 
@@ -11,15 +11,16 @@ static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
     return id;
 }
 
-/* Place of the fluidity of a cell. A double cell has two, but uses that of the front alone where its middle does not face
- * the thin. */
+/* Place of a cell on the fluidity grid. The two sides of a double cell use the place of the front alone if the centre
+ * of the cell does not face the thin body. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
     const int32_t *own = e->mesh.place + (cell - e->mesh.cell);
     return cell->side != -1 || (*own >= 0 && e->fluidity->inside[*own] & GR_SEPARATED) ? own[0] : own[-1];
 }
 
-/* How many cells, from this one on, have one fluidity together: 0 for a back that has none of its own. */
+/* Number of cells, from this one on, that share one fluidity: 2 for the front of a double cell whose sides are not
+ * separated, and then 0 for its back; else 1. */
 static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
 {
     if (!GR_IS_DOUBLE(cell) || e->fluidity->inside[gr_place_of_cell(e, cell)] & GR_SEPARATED) return 1;
@@ -29,7 +30,7 @@ static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct g
 #define GR_EACH_OF_FLUIDITY(e, cell, name) \
     for (const struct gr_cell *name = (cell), *end_##name = name + gr_cells_of_fluidity(e, cell); name < end_##name; name++)
 
-/* Make a place spare: no mass, no identity, everything finite, in the middle of its cell. */
+/* Make a place spare: it has no mass and no id, and all its values are finite, with x at the centre of its cell. */
 static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
 {
     const int dim = e->config.dim;
@@ -42,24 +43,26 @@ static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cel
     e->id[slot] = -1;
 }
 
-/* Copy the listed points from number `first` on out of their cells, and close the holes they leave. */
+/* Pack the listed points from number `first` on: copy them out of their cells, and close the gaps that they leave. */
 void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first);
 
-/* Bring the lifted points (lists in the order of cells and places) to their new cells; drop those that leave
- * through an open side; those without a place wait. Cells that have gained points are listed in dirty. */
+/* Insert the packed points, given as lists in the order of cells and places, into their new cells. Points that leave
+ * through an open side are dropped; points without a free place become pending. Cells that gain points are listed in
+ * `dirty`. */
 int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists);
 
-/* Points of double cells that have come to the other side where they do not face the thin. */
+/* Move points of double cells to the other side if they have crossed over where they do not face the thin body. */
 void gr_change_sides(struct gr_engine *e);
 
-/* Where a field begins in a record. */
+/* Index of the first component of a field in a packed record. */
 int gr_component_of(const struct gr_engine *e, int field);
 
-/* Make room for n lifted points; what share_out does before the steps, so that none of them allocates. */
+/* Reserve memory for n packed points. share_out does it before the steps, so that none of them allocates. */
 int gr_reserve_pending(struct gr_engine *e, int64_t n);
 
-/* Bring a point that is outside the domain back (periodic or closed side).
- * Given: x and the cell found for it. Returned: 1 if the point is inside now, 0 if it has left. */
+/* Bring a point that is outside the domain back: across a periodic end, or to a closed side.
+ * Given: x, and the cell `at` found for it; `from`, its old cell.
+ * Returned: 1 if the point is inside now, 0 if it has left. */
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3]);
 
 #endif

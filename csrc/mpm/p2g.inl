@@ -1,21 +1,24 @@
-/* Scatter (P2G): sums over the points of each cell for each of its nodes.
+/* P2G: sums over the points of each cell for each of its nodes (Dunatunga & Kamrin 2015, eq. 3.4).
  *
- * Sums of a node (Dunatunga & Kamrin 2015, eq. 3.4):
- *   m_i = sum w m;   p_i = sum w m (v + C (x_i - x));   f_i = -sum V sigma grad w;
- * and, where the density is averaged, the mass and the linearly extrapolated log-density of the points
- * that are not far apart: sum w m, sum w q m, sum w q m (c + grad c (x_i - x)), and their residual_force, the force that
- * a uniform pressure would make: sum q m grad w. V is m/rho with the weight q = 1 + u of the point.
- * Each cell writes a block of its own, the sums of one node side by side, and the nodes gather from the blocks
- * in a fixed order (grid.c), so the sums do not depend on the number of threads.
+ *   m_i = sum w m
+ *   p_i = sum w m (v + C (x_i - x))
+ *   f_i = -sum V sigma grad w,   V = q m/rho
  *
- * A cell is taken a few blocks of lanes at a time: first all that a block contributes is prepared, then
- * the nodes are served row by row, because the running sums of one row fit the registers. */
+ * w is the shape function of node i at the point, C the affine velocity field of the point and q = 1 + u its quadrature
+ * weight. Particle shifting adds -m shift_velocity/dt to the force, which takes back the momentum that the shift gave.
+ * Where the density is averaged, further sums follow (smoothed_density.inl).
+ *
+ * Each cell writes a block of sums of its own. The grid stage then sums over the cells of a node in a fixed order
+ * (grid.c), so that the result does not depend on the number of threads.
+ *
+ * A cell is processed a few blocks of points at a time. First the contributions of these blocks are prepared. Then they
+ * are added to one row of nodes after the other, because the running sums of a row fit the registers. */
 #include "mpm/contribution.h"
 
-/* exp(-c), for V = m exp(-c)/rho_c, in the lanes that `carry` stress: elsewhere V counts for nothing, and what
- * is returned is finite. Points that carry stress have |c| of order p/K, and then a short series errs less than
- * round-off; each lane takes its own, so that none depends on its neighbours. */
-GR_INLINE vd expansion(vd c, vm carry)
+/* exp(-c), for V = m exp(-c)/rho_c. It matters only in the lanes that `carry` stress; in others the result is finite
+ * and unused. Points with stress have |c| of order p/K, for which a short series is exact to round-off. Each lane
+ * chooses by its own value, so that no lane depends on its neighbours. */
+GR_INLINE vd inverse_density(vd c, vm carry)
 {
     const vm large = m_and(carry, v_gt(v_abs(c), v_set(0.0078125)));
     vd e = v_set(-1.0 / 120.0);
@@ -28,7 +31,7 @@ GR_INLINE vd expansion(vd c, vm carry)
     return v_select(large, v_exp(-v_clamp(c, -600.0, 600.0)), e);
 }
 
-/* Shapes, mass and velocity of the block at place `at`. */
+/* Prepare w, grad w, x_i - x, m, v and C dx of the block at place `at`. */
 GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine, const struct gr_engine *e,
                                 const struct gr_frame *frame, int64_t at, struct contribution *contribution)
 {
@@ -50,7 +53,7 @@ GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine
     contribution->m = component(e, GR_FIELD_mass, 0, at);
 }
 
-/* Internal force, and the momentum that the shift has shift_momentum to the points. */
+/* Prepare -V sigma/dx and the force that takes back the momentum of the shift. */
 GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_engine *e, int64_t at,
                              struct contribution *contribution)
 {
@@ -62,7 +65,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
             largest = v_max(v_abs(contribution->stress[d][j]), largest);
         }
     const vd c = component(e, GR_FIELD_log_density, 0, at);
-    vd V = contribution->m * v_set(e->force_scale) * expansion(c, v_gt(largest, v_zero()));
+    vd V = contribution->m * v_set(e->force_scale) * inverse_density(c, v_gt(largest, v_zero()));
     if (smoothed) {
         contribution->weight = v_set(1.0) + component(e, GR_FIELD_weight_correction, 0, at);
         V = V * contribution->weight;
@@ -78,51 +81,53 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
     }
 }
 
-/* sum[a][...] += m, p of the row. */
+/* For the nodes of a row: m_i += w m, p_i += w m (v + C (x_i - x)). */
 GR_INLINE void add_momentum(const int dim, const int basis, const int affine, const struct contribution *p,
                             const struct row row, vd sum[3][7])
 {
-    const vd m = p->m * beside(dim, basis, p, row, 0);
-    vd level[3];
+    const vd m_yz = p->m * weight_yz(dim, basis, p, row, 0);
+    vd u_yz[3];
     for (int d = 0; d < dim; d++) {
-        level[d] = p->v[d];
-        if (affine) level[d] = level_of(dim, p, row, level[d], p->affine[d]);
+        u_yz[d] = p->v[d];
+        if (affine) u_yz[d] = linear_yz(dim, p, row, u_yz[d], p->affine[d]);
     }
     for (int a = 0; a < gr_nodes_1d(basis); a++) {
-        const vd w = m * p->w[0][a];
-        sum[a][GR_SUM_MASS] = sum[a][GR_SUM_MASS] + w;
+        const vd wm = m_yz * p->w[0][a];
+        sum[a][GR_SUM_MASS] = sum[a][GR_SUM_MASS] + wm;
         for (int d = 0; d < dim; d++) {
-            vd value = level[d];
-            if (affine) value = v_fma(p->affine[d][0], p->r[0][a], value);
-            sum[a][GR_SUM_MOMENTUM + d] = v_fma(w, value, sum[a][GR_SUM_MOMENTUM + d]);
+            vd u = u_yz[d]; /* v + C (x_i - x) */
+            if (affine) u = v_fma(p->affine[d][0], p->r[0][a], u);
+            sum[a][GR_SUM_MOMENTUM + d] = v_fma(wm, u, sum[a][GR_SUM_MOMENTUM + d]);
         }
     }
 }
 
-/* sum[a][first...] += f of the row. */
+/* For the nodes of a row: f_i += -V sigma grad w, in sum[a][first...]. The derivative along x is split off, because w
+ * along y and z is common to the row. */
 GR_INLINE void add_force(const int dim, const int basis, const int smoothed, const struct contribution *p,
                          const struct row row, const int first, vd sum[3][7])
 {
-    const vd w = beside(dim, basis, p, row, 0);
+    const vd w_yz = weight_yz(dim, basis, p, row, 0);
     for (int d = 0; d < dim; d++) {
-        const vd along = p->stress[d][0] * w;
-        vd across = p->stress[d][1] * beside(dim, basis, p, row, 1);
-        if (dim == 3) across = v_fma(p->stress[d][2], beside(dim, basis, p, row, 2), across);
-        if (smoothed) across = v_fma(p->shift_momentum[d], w, across);
+        const vd by_x = p->stress[d][0] * w_yz;
+        vd by_yz = p->stress[d][1] * weight_yz(dim, basis, p, row, 1);
+        if (dim == 3) by_yz = v_fma(p->stress[d][2], weight_yz(dim, basis, p, row, 2), by_yz);
+        if (smoothed) by_yz = v_fma(p->shift_momentum[d], w_yz, by_yz);
         for (int a = 0; a < gr_nodes_1d(basis); a++) {
-            const vd with = v_fma(across, p->w[0][a], sum[a][first + d]);
+            const vd partial = v_fma(by_yz, p->w[0][a], sum[a][first + d]);
             if (basis == GR_LINEAR)
-                sum[a][first + d] = a ? v_add(with, along) : v_sub(with, along);
+                sum[a][first + d] = a ? v_add(partial, by_x) : v_sub(partial, by_x);
             else
-                sum[a][first + d] = v_fma(along, p->g[0][a], with);
+                sum[a][first + d] = v_fma(by_x, p->g[0][a], partial);
         }
     }
 }
 
-/* What is summed in a pass over the rows: m and p, f, or what the averaging needs. */
+/* Sums of a pass over the rows: m and p, f, or those of the density. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
 
-/* What n blocks give, row by row: acc[node * rows + first...] = the sums `what` of each node, of its `rows` in all. */
+/* Contributions of n blocks, row by row: acc[node * rows + first...] = the sums `what` of each node, which has `rows`
+ * sums in all. */
 GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int smoothed, const int what,
                         const struct contribution *contribution, int n, const int rows, const int first, vd *acc)
 {
@@ -144,7 +149,8 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
     }
 }
 
-/* Lane sums of n vectors, added to `out` or written there. Whole groups: there is room for them. */
+/* Sum the lanes of n vectors, and add the results to `out` or store them there. Whole groups of GR_SUMS are written;
+ * out has the capacity for them. */
 GR_INLINE void store_sums(double *out, vd *acc, const int n, int add)
 {
     for (int i = n; i % GR_SUMS; i++) acc[i] = v_zero();
@@ -155,7 +161,7 @@ GR_INLINE void store_sums(double *out, vd *acc, const int n, int add)
     }
 }
 
-/* The sums of one cell. */
+/* P2G of one cell. */
 GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const int smoothed, struct gr_engine *e,
                         int64_t index)
 {

@@ -1,4 +1,4 @@
-/* A body at a place: between coordinates of space and of the body. */
+/* Pose of a body: the transformation between coordinates of the scene and of the body. */
 #ifndef GR_MPM_POSE_H
 #define GR_MPM_POSE_H
 
@@ -10,7 +10,7 @@
 struct gr_pose {
     const struct gr_body *body;
     const struct gr_part *parts;
-    double period[3]; /* m: the body stands once in each; 0 for one that has no images */
+    double period[3]; /* m: the body is repeated with this period; 0 along an axis without images */
     double x[3], rotation[9];
 };
 
@@ -27,7 +27,7 @@ static inline void gr_pose_at(const struct gr_engine *e, int b, const double x[3
     }
 }
 
-/* From the position of the nearest image of a body, per component. */
+/* Component d of the vector from the position of the nearest image of a body to x. */
 static inline double gr_pose_arm(const struct gr_pose *pose, double x, int d)
 {
     const double r = x - pose->x[d], period = pose->period[d];
@@ -46,7 +46,7 @@ static inline void gr_pose_in_space(const struct gr_pose *pose, const double loc
     for (int d = 0; d < 3; d++) r[d] = q[3 * d] * local[0] + q[3 * d + 1] * local[1] + q[3 * d + 2] * local[2];
 }
 
-/* Where a node is; 0 along the axes that there are not. */
+/* Position of a node; 0 along unused axes. */
 static inline void gr_node_position(const struct gr_engine *e, int64_t node, double x[3])
 {
     int64_t id = e->mesh.node_id[node];
@@ -59,7 +59,7 @@ static inline void gr_node_position(const struct gr_engine *e, int64_t node, dou
     }
 }
 
-/* The middle of a cell. */
+/* Centre of a cell. */
 static inline void gr_cell_position(const struct gr_engine *e, const int32_t at[3], double x[3])
 {
     for (int d = 0; d < 3; d++) {

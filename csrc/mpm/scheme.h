@@ -1,8 +1,8 @@
-/* The numbers and choices of a scheme, each declared here and nowhere else: the structs below, Python's classes with
- * their checks and docstrings (granular/mpm/schemes.py), and the scaling of scenes are made from these lists.
+/* The parameters and choices of a scheme. Each is declared here and nowhere else: the structs below, the Python classes
+ * with their checks and docstrings (granular/mpm/schemes.py) and the scaling of scenes are generated from these lists.
  *
- * X(name, default, range, unit, description). Ranges: "[low, high]", where a round bracket leaves out its end, behind
- * "integer" for whole numbers. GR_NONE: None in Python. */
+ * X(name, default, range, unit, description). Ranges: "[low, high]", where a round bracket excludes the end; "integer"
+ * before the range for whole numbers. GR_NONE: None in Python. */
 #ifndef GR_MPM_SCHEME_H
 #define GR_MPM_SCHEME_H
 
@@ -13,7 +13,7 @@
 /* Velocity transfers between the grid and the points. X(name) */
 #define GR_TRANSFERS(X) X(flip) X(apic) X(tpic) X(xpic)
 
-/* How the density of the points is kept. X(name) */
+/* Densities: methods to follow the density of the points. X(name) */
 #define GR_DENSITIES(X) X(particle) X(smoothed) X(cell_averaged)
 
 #define GR_SCHEME(X)                                                                                                  \
@@ -32,7 +32,7 @@
       "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "  \
       "tenth of a point changes a run-out by a fifth.")
 
-/* Of the diffusion of the fluidity of a nonlocal law. */
+/* Parameters of the diffusion of the fluidity of a nonlocal law. */
 #define GR_FLUIDITY_SCHEME(X)                                                                                           \
     X(substeps, 1, "integer [1, 100000]", "1",                                                                          \
       "Substeps of the law in a time step, each with its diffusion, at a velocity gradient that is held. The implicit " \
@@ -53,10 +53,11 @@
       "points with splines. 0 for the value at p: thin layers then flow too fast, by 9 % at twice the height at which " \
       "they stop and 10 cells high.")
 
-/* Of the densities. X(name, default of smoothed, of cell_averaged, of particle, range, unit, description); a density whose
- * default is GR_NONE has no such number. In the formulas c = ln(rho/rho_c), c_w is the speed of compression waves, dx the
- * cell, and phi_i = m_i/(V_i rho_c) the filling fraction of a node: its mass over that of its volume at rho_c. gdot is the
- * plastic shear rate; for stress-free points, and in cells that are averaged, the shear rate of L plus abs(tr L). */
+/* Parameters of the densities. X(name, default of smoothed, of cell_averaged, of particle, range, unit, description); a
+ * density whose default is GR_NONE does not have the parameter. In the formulas c = ln(rho/rho_c), c_w is the speed of
+ * compression waves, dx the cell size, and phi_i = m_i/(V_i rho_c) the filling fraction of a node: its mass over that
+ * of its volume at rho_c. gdot is the plastic shear rate; for stress-free points, and with cell averages, it is the
+ * shear rate of L plus abs(tr L). */
 #define GR_DENSITY_SCHEME(X)                                                                                             \
     X(separation_strain, 0.02, 0.02, 0.02, "[0, inf)", "1",                                                              \
       "Points with c below -separation_strain are disconnected: they take no part in the averaging of the density.")     \

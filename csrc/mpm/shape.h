@@ -1,21 +1,21 @@
-/* Shape functions of a block of points in a cell, and nodal fields seen by them. */
+/* Shape functions of a block of points in a cell, and interpolation of nodal fields to the points. */
 #ifndef GR_MPM_SHAPE_H
 #define GR_MPM_SHAPE_H
 
 #include "core/simd.h"
 #include "mpm/engine.h"
 
-/* Before a loop over blocks: unrolled, all that it reads would first be copied to the stack. */
+/* Put before a loop over blocks to prevent unrolling: an unrolled loop would first copy all its input to the stack. */
 #define GR_ROLLED _Pragma("GCC unroll 1")
 
 struct gr_shape {
     vd xi[3];   /* local coordinate in the cell */
-    vd w[3][3]; /* axis, node: value */
-    vd g[3][3]; /* derivative by the coordinate in cells (ugimp: its mean over the extent of the point) */
-    vd r[3][3]; /* position of the node from the point, cells */
+    vd w[3][3]; /* value, by axis and node */
+    vd g[3][3]; /* derivative with respect to the coordinate in cells (ugimp: its mean over the box of the point) */
+    vd r[3][3]; /* position of the node relative to the point, in cells */
 };
 
-/* What the points of a cell have in common: where it is. */
+/* Position of a cell, common to its points. */
 struct gr_frame {
     const struct gr_axis_cell *axis[3];
     vd edge[3], inv_dx;
@@ -37,7 +37,7 @@ GR_INLINE struct gr_frame gr_frame_of(const int dim, const struct gr_engine *e, 
     return frame;
 }
 
-/* A quadratic spline over a cell of any knots is low (1 - xi)^2, 1 - low (1 - xi)^2 - high xi^2, or high xi^2. */
+/* Whatever its knots, a quadratic B-spline on a cell is low (1 - xi)^2, 1 - low (1 - xi)^2 - high xi^2, or high xi^2. */
 GR_INLINE double gr_low(const struct gr_axis_cell *cell) { return cell->coefficient[0][2]; }
 GR_INLINE double gr_high(const struct gr_axis_cell *cell) { return cell->coefficient[2][2]; }
 
@@ -47,16 +47,16 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, dou
         w[0] = v_set(1.0) - xi, w[1] = xi;
         g[0] = v_set(-1.0), g[1] = v_set(1.0);
     } else if (basis == GR_QUADRATIC) {
-        const vd one = v_set(1.0), rest = one - xi; /* whatever the knots: low (1 - xi)^2 and high xi^2 */
+        const vd one = v_set(1.0), rest = one - xi; /* for any knots: low (1 - xi)^2 and high xi^2 */
         const vd low = v_set(gr_low(cell)) * rest, high = v_set(gr_high(cell)) * xi;
         w[0] = low * rest, w[2] = high * xi, w[1] = (one - w[0]) - w[2];
         g[0] = v_set(-2.0) * low, g[2] = high + high, g[1] = -g[2] - g[0];
-    } else { /* ugimp: h(r) is the hat of a neighbour, averaged over [r - lambda, r + lambda] */
+    } else { /* ugimp: h(r) is the linear shape function of a neighbour, averaged over [r - lambda, r + lambda] */
         const vd r = xi - v_set(0.5), zero = v_zero(), one = v_set(1.0);
         vd h[2], d[2];
         for (int side = 0; side < 2; side++) {
             const vd q = side ? r : -r;
-            if (cell->clip) { /* the extent ends at the node */
+            if (cell->clip) { /* the box of a point ends at the node */
                 const vm inside = v_ge(q, zero);
                 h[side] = v_keep(inside, v_max(q, v_set(0.5) * (q + v_set(lambda))));
                 d[side] = v_keep(inside, one);
@@ -71,7 +71,7 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, dou
     }
 }
 
-/* All shapes of the block of points whose coordinates along axis d begin at x[d]. */
+/* All shape functions of the block of points whose coordinates along axis d begin at x[d]. */
 GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_frame *frame, const double *const x[3],
                          const int positions, struct gr_shape *s)
 {
@@ -82,10 +82,10 @@ GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_frame *
     }
 }
 
-/* Modes: what stands for the values of a field at the nodes of a cell. Where the shapes are polynomials
- * in xi they are the coefficients of the powers of xi along each axis, which makes a value a short Horner
- * scheme; where `nodal`, they are the values themselves.
- * Changed: mode[node * stride + q] of n_fields fields, from values to modes. Whole vectors of fields. */
+/* Convert the nodal values of fields on a cell to modes. If the shape functions are polynomials in xi, the modes are
+ * the coefficients of the powers of xi along each axis, and a value is a short Horner scheme. If `nodal`, the modes are
+ * the nodal values themselves.
+ * Changed: mode[node * stride + q] of n_fields fields, from values to modes, in whole vectors of fields. */
 GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const int n_fields, const int stride,
                         const struct gr_frame *frame, double *mode)
 {
@@ -95,7 +95,7 @@ GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const i
         for (int i = 0; i < K; i++) m[i] = v_load(mode + i * stride + q);
         for (int d = 0, step = 1; d < dim; d++, step *= k)
             for (int i = 0; i < K; i++) {
-                if (i / step % k) continue; /* not the first of a line along d */
+                if (i / step % k) continue; /* not the first node of a line along d */
                 const vd n0 = m[i], n1 = m[i + step], n2 = k == 3 ? m[i + 2 * step] : n1;
                 if (basis == GR_LINEAR) {
                     m[i + step] = n1 - n0;
@@ -110,7 +110,7 @@ GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const i
     }
 }
 
-/* Value and derivative of the modes m along axis d. */
+/* Value and derivative along axis d, from the modes m. */
 GR_INLINE void gr_along(const int basis, const int nodal, const struct gr_shape *s, const vd g[3][3], const int d,
                         const vd m[3], vd *value, vd *slope)
 {
@@ -128,8 +128,8 @@ GR_INLINE void gr_along(const int basis, const int nodal, const struct gr_shape 
     }
 }
 
-/* Value at the points of the field with modes mode[0], mode[stride], ..., and its gradient per cell; where
- * `nodal`, the derivative weights are g. What a caller does not use is not computed. */
+/* Value at the points of the field with the modes mode[0], mode[stride], ..., and its gradient per cell. If `nodal`, g
+ * are the weights of the derivatives. The compiler omits what a caller does not use. */
 GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, const double *mode, const int stride,
                             const struct gr_shape *s, const vd g[3][3], vd gradient[3])
 {

@@ -1,7 +1,8 @@
-/* The smoothed density at the points: what they contribute to its averaging, and what it makes of them. */
+/* The smoothed density at the points: their contributions to its averaging (P2G), and the density correction (G2P). */
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
+/* Log-density of the block at place `at`, its gradient, and its mass where it is connected, else 0. */
 GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t at, struct contribution *contribution)
 {
     contribution->c = component(e, GR_FIELD_log_density, 0, at);
@@ -10,28 +11,35 @@ GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t
         contribution->slope[j] = v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
 }
 
-/* sum[a][...] += mass, the same by weights, log-density and residual_force of the row. */
+/* For the nodes of a row: mass, mass with quadrature weights, log-density, and residual force,
+ *
+ *   sum w m,  sum w q m,  sum w q m (c + grad c (x_i - x)),  sum q m grad w,  over the connected points. */
 GR_INLINE void add_density(const int dim, const int basis, const struct contribution *p, const struct row row, vd sum[3][7])
 {
-    const vd m = p->joined * beside(dim, basis, p, row, 0), level = level_of(dim, p, row, p->c, p->slope);
-    vd across[3];
-    across[0] = m * p->weight;
-    for (int d = 1; d < dim; d++) across[d] = p->joined * p->weight * beside(dim, basis, p, row, d);
+    const vd m_yz = p->joined * weight_yz(dim, basis, p, row, 0), c = linear_yz(dim, p, row, p->c, p->slope);
+    vd qm_yz[3];
+    qm_yz[0] = m_yz * p->weight;
+    for (int d = 1; d < dim; d++) qm_yz[d] = p->joined * p->weight * weight_yz(dim, basis, p, row, d);
     for (int a = 0; a < gr_nodes_1d(basis); a++) {
-        sum[a][GR_SUM_CONNECTED] = v_fma(m, p->w[0][a], sum[a][GR_SUM_CONNECTED]);
-        const vd weighted = across[0] * p->w[0][a];
-        sum[a][GR_SUM_WEIGHTED] = sum[a][GR_SUM_WEIGHTED] + weighted;
-        sum[a][GR_SUM_LOG_DENSITY] = v_fma(weighted, v_fma(p->slope[0], p->r[0][a], level), sum[a][GR_SUM_LOG_DENSITY]);
-        sum[a][GR_SUM_RESIDUAL] = v_fma(across[0], p->g[0][a], sum[a][GR_SUM_RESIDUAL]);
-        for (int d = 1; d < dim; d++)
-            sum[a][GR_SUM_RESIDUAL + d] = v_fma(across[d], p->w[0][a], sum[a][GR_SUM_RESIDUAL + d]);
+        sum[a][GR_SUM_CONNECTED] = v_fma(m_yz, p->w[0][a], sum[a][GR_SUM_CONNECTED]);
+        const vd wqm = qm_yz[0] * p->w[0][a];
+        sum[a][GR_SUM_WEIGHTED] = sum[a][GR_SUM_WEIGHTED] + wqm;
+        sum[a][GR_SUM_LOG_DENSITY] = v_fma(wqm, v_fma(p->slope[0], p->r[0][a], c), sum[a][GR_SUM_LOG_DENSITY]);
+        sum[a][GR_SUM_RESIDUAL] = v_fma(qm_yz[0], p->g[0][a], sum[a][GR_SUM_RESIDUAL]);
+        for (int d = 1; d < dim; d++) sum[a][GR_SUM_RESIDUAL + d] = v_fma(qm_yz[d], p->w[0][a], sum[a][GR_SUM_RESIDUAL + d]);
     }
 }
 
-/* Weights of the points in the force, that a uniform pressure makes none inside the material:
- *   u += -weight_correction sum_i E_i . grad S_i - weight_correction_decay u - sum_i S_i x_i,   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
- * in lengths of cells; a descent on the sum of E^2, which forgets where a point has been, and takes away x_i, what
- * the mean weight about a node is in excess of exp(cbar_i)/phi_i. Given the modes of x and E. */
+/* Correct the quadrature weights q = 1 + u of the points, so that a uniform pressure makes no force inside the
+ * material:
+ *
+ *   u += -weight_correction sum_i grad S_i . E_i - weight_correction_decay u - sum_i S_i x_i,
+ *   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
+ *
+ * with lengths in cells. The first term is a descent on the sum of E^2 over the nodes, E being the residual force. The
+ * second makes a point forget where it has been. The third removes x_i, the excess of the mean weight at a node over
+ * exp(cbar_i)/phi_i.
+ * Given: the modes of x and E. */
 GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s,
                                const double *mode, const int stride, int64_t at)
 {
@@ -48,12 +56,15 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
     v_store(place, v_clamp(u, -q->weight_correction_limit, q->weight_correction_limit));
 }
 
-/* Averaging of the density, its pull to the geometric density, and the shift out of crowded places.
- *   c += eta (cbar - c) + pull (gap),   eta: averaged_part, pull: relax_to_nodal_density,
+/* Density correction of a block of points: averaging, relaxation to the nodal density, particle shifting.
+ *
+ *   c += eta (cbar - c) + relaxation(gap),   eta: averaged_share, relaxation: relax_to_nodal_density,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
- * dt and gdot dt are those of all the steps that the averaging stands for; gdot is the plastic rate of points that bear
- * stress, that of the flow for those that do not. Given L dt and dt tr L of this step, and the modes of the gap, cbar,
- * max(0, phi - 1), x and E; returned: the new log-density, delta in m, L delta in m/s. */
+ *
+ * dt and gdot dt include all the steps that the averaging stands for. gdot is the plastic shear rate of points with
+ * stress, and the shear rate of the flow for stress-free points.
+ * Given: L dt and dt tr L of this step, and the modes of the gap, cbar, max(0, phi - 1), x and E.
+ * Returned: the new log-density; delta, m; and L delta, m/s, the change of velocity. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
                            const struct gr_shape *s, const double *mode, const int stride, const vd *L, vd trace, int64_t at,
                            vd delta[3], vd shift_velocity[3])
@@ -64,17 +75,16 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     vd slope[3], gradient[3];
     const double interval = e->config.averaging_interval;
     const vd old = v_load(e->field[GR_FIELD_log_density] + at), flow = v_load(e->field[GR_FIELD_shear_rate] + at);
-    const vm bears = v_ge(
-        old,
-        v_set(q->separation_strain < NO_DENSITY ? 0.0 : -q->separation_strain)); /* what has no reach bears tension, too */
-    const vm joins = v_ge(old, v_set(-q->separation_strain));
-    const vd strain = v_set(interval) * v_select(bears, v_set(e->dt) * flow, kinematic_rate(dim, L));
+    /* an unlimited separation strain: points have stress in tension, too */
+    const vm stressed = v_ge(old, v_set(q->separation_strain < NO_DENSITY ? 0.0 : -q->separation_strain));
+    const vm connected = v_ge(old, v_set(-q->separation_strain));
+    const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, kinematic_rate(dim, L));
     const vd gap = gr_interpolate(dim, basis, 0, mode + GR_NODE_GAP, stride, s, g, slope);
     const vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY, stride, s, g, gradient);
     (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_EXCESS, stride, s, g, slope);
-    vd c = v_fma(v_keep(joins, averaged_part(e, interval * e->dt, strain, old)), near - old, old - trace);
+    vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
-        v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(joins, gradient[d] * v_set(inv_dx)));
+        v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(connected, gradient[d] * v_set(inv_dx)));
     c = c + v_keep(v_ge(c, v_zero()), relax_to_nodal_density(q, interval * e->dt, strain, gap));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {

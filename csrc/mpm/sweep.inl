@@ -1,6 +1,7 @@
-/* A run of cells in one sweep: G2P, the law, and P2G of the next step, so that the points of a cell are read and written
- * once a step. */
-/* The sums of one cell, with its density shared or not. */
+/* Sweep over a run of cells: G2P, the law, and P2G of the next step in one pass, so that the points of a cell are read
+ * and written once per step. */
+
+/* P2G of one cell with the density of the scheme, and its mean fluidity. */
 GR_INLINE void p2g_points(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                           struct gr_engine *e, int64_t index)
 {
@@ -11,7 +12,7 @@ GR_INLINE void p2g_points(const int dim, const int basis, const int affine, cons
     if (e->fluidity) mean_fluidity(e, index);
 }
 
-/* Sweep the cells [first, last). Points that left their cell are packed into `out`. */
+/* Sweep the cells [first, last). Points that left their cell are packed into `out`. P2G follows if `fused`. */
 GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                            struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused,
                            gr_law_update *law)

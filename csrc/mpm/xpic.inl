@@ -1,7 +1,7 @@
-/* XPIC: the momentum that the points would have from the nodal velocities, for the next pass (xpic.c). */
+/* XPIC: P2G of the nodal velocities as the points see them, for the next pass (xpic.c). */
 #include "mpm/contribution.h"
 
-/* One more pass of XPIC: the momentum of the nodal velocity field seen by the points. */
+/* One pass of XPIC for one cell: the nodal velocity field is interpolated to the points, and P2G sums its momentum. */
 GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
