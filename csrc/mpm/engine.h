@@ -49,7 +49,7 @@ struct gr_config {
     int n_c0_lines[3];
     const int32_t *c0_lines[3];
     struct gr_scheme_numbers scheme; /* as given; what follows is made of them and of the scene */
-    double keep_velocity_rate; /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
+    double keep_velocity_rate;       /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
     double parameter[GR_LAW_MAX_PARAMETERS];
     struct gr_density_numbers density;
