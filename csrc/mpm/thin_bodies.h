@@ -3,10 +3,10 @@
  * Material in front of a blade and material behind it would share nodes, and through these one would drag and carry the
  * other. A box with an edge below 3 dx, or 2 dx with linear shape functions, is a thin part. Cells near a thin part
  * exist twice, once for the points on its front and once for those on its back, and so do their nodes. For the points
- * of one side all nodes beyond the mid-plane of the thin part lie in the body, and contact acts on them as on the nodes
- * within a thick body. A node that does not face the thin part, beyond its edges, moves as one with its duplicate, by
- * the sums of both. (The idea of sides: Hu et al. 2018, ACM Trans. Graph. 37, CPIC. There points and nodes have sides,
- * and a contribution that does not reach a node becomes an impulse on the body at once.)
+ * of one side all nodes behind the face of this side lie in the body, and contact acts on them as on the nodes within a
+ * thick body. A node that does not face the thin part, beyond its edges, moves as one with its duplicate, by the sums
+ * of both. (The idea of sides: Hu et al. 2018, ACM Trans. Graph. 37, CPIC. There points and nodes have sides, and a
+ * contribution that does not reach a node becomes an impulse on the body at once.)
  *
  * A point keeps its side while it faces the thin part, even if a step has carried it inside; elsewhere its position
  * decides. Which cells are double is decided at the poses `split`. They follow those of the bodies when these have
