@@ -69,7 +69,7 @@ static int is_far(const struct moving *m, const double r[3])
     return r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > bound * bound;
 }
 
-/* Whether a node lies in the body. For a separated node of a thin part this includes all nodes behind the face of its
+/* True if a node lies in the body. For a separated node of a thin part this includes all nodes behind the face of its
  * side.
  * Returned: also the arm r and the normal. */
 static int is_within(const struct gr_engine *e, int64_t node, const struct moving *m, double r[3], double normal[3])

@@ -34,7 +34,7 @@ static double gap_of(const struct gr_engine *e, int64_t id)
     return n < 0 ? -INFINITY : e->node_data[n * e->node_stride + GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP];
 }
 
-/* Whether the node and its face neighbours are full enough to lie inside the material. */
+/* True if the node and its face neighbours are full enough to lie inside the material. */
 static int is_inside(const struct gr_engine *e, int64_t id, const int64_t step[3][3])
 {
     int inside = gap_of(e, id) > LEAST_GAP;

@@ -39,7 +39,7 @@ struct gr_facing {
     double normal[3];     /* of the front, in axes of the scene */
 };
 
-/* Whether a body is thin and the scheme separates the sides of thin bodies. */
+/* True if a body is thin and the scheme separates the sides of thin bodies. */
 int gr_has_thin(const struct gr_config *config);
 
 /* List the thin parts of a config in `thin`, unless it is NULL.
@@ -49,11 +49,11 @@ int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin);
 /* Find the thin part nearest to x, at the present poses (`now`) or at those of the split. */
 void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, struct gr_facing *side);
 
-/* Whether a cell is double, and the side of its centre.
+/* Find whether a cell is double, and the side of its centre.
  * Returned: 1 or -1 if it is double, else 2 or -2. */
 int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double);
 
-/* Whether all points of a cell face the thin part nearest to its centre: then none changes sides there. */
+/* True if all points of a cell face the thin part nearest to its centre: then none changes sides there. */
 int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3]);
 
 /* Side, 1 or -1, of a point of a double cell whose side was `current`, 0 if it had none. */

@@ -276,7 +276,7 @@ static void begin_step(struct team *team)
     gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time, s->gravity);
 }
 
-/* Whether two points may have become neighbours without being in the list. That takes a displacement of half the skin,
+/* True if two points may have become neighbours without being in the list. That takes a displacement of half the skin,
  * and displacements that differ by a skin. */
 static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
 {

@@ -4,7 +4,7 @@
 
 /* Let the n-th allocation from now on fail (n = 1 is the next one), and only that one; with n = 0 none fails. */
 void faults_at(long n);
-/* Whether this allocation was reached. */
+/* True if this allocation was reached. */
 int faults_hit(void);
 /* Number of allocations since then. */
 long faults_calls(void);
