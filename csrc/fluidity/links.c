@@ -69,7 +69,7 @@ static int64_t neighbour(const struct gr_fluidity *f, int64_t i, const int o[3])
     return j >= 0 && f->dense[j] ? j : -1;
 }
 
-/* Whether the cell at the offset m sees the offset o mirrored to i, just as i sees o mirrored to the cell at m. */
+/* True if the cell at the offset m sees the offset o mirrored to i, just as i sees o mirrored to the cell at m. */
 static int agrees(const struct gr_fluidity *f, int64_t i, const int o[3], const int m[3])
 {
     const int64_t there = neighbour(f, i, m);

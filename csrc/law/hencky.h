@@ -152,7 +152,7 @@ GR_INLINE struct gr_hencky_point gr_hencky_flow(const int dim, const int flow, c
     return out;
 }
 
-/* Whether the points were connected before the step: a disconnected point has zero stress. */
+/* True if the points were connected before the step: a disconnected point has zero stress. */
 GR_INLINE vm gr_hencky_is_connected(const struct gr_stress *stress)
 {
     return v_gt(v_zero(), stress->s[0] + stress->s[1] + stress->s[2]);

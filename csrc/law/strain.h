@@ -20,7 +20,7 @@ struct gr_matrix {
     vd m[3][3];
 };
 
-/* Whether the component (i, j) is used: in 2D those that couple z to x or y are not. */
+/* True if the component (i, j) is used: in 2D those that couple z to x or y are not. */
 #define GR_COUPLED(dim, i, j) ((dim) == 3 || ((i) == 2) == ((j) == 2))
 
 /* Loops over components, unrolled so that the components stay in registers. */

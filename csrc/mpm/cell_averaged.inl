@@ -141,8 +141,9 @@ GR_INLINE double density_beside(const int dim, const struct gr_engine *e, const 
     return index < 0 ? EMPTY : cell_average_of(dim, e, index)->c;
 }
 
-/* Second difference of the density, (c- - 2 c + c+)/4, as a mean over the axes. It vanishes for a linear field and
- * gives all of an alternating one (checkerboard), whose forces on the nodes cancel. Disconnected cells take no part. */
+/* Second difference of the density, (c- - 2 c + c+)/4, as a mean over the axes. It vanishes for a linear field. Added
+ * to an alternating one (checkerboard), whose forces on the nodes cancel, it removes it. Disconnected cells take no
+ * part. */
 GR_INLINE double second_difference(const int dim, const struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];

@@ -1,3 +1,4 @@
+/* Contact of rigid bodies with the nodes of the grid, and the motion of the bodies (contact.h). */
 #include "mpm/contact.h"
 
 #include "mpm/pose.h"
@@ -6,17 +7,18 @@
 
 enum { MAX_SWEEPS = 50 };
 
-/* Change of a velocity over the velocities that is round-off. */
+/* Relative change of a velocity that is round-off. */
 #define NO_CHANGE 1e-14
 
-/* A body in a step: its velocities are those of the step. */
+/* A body during a step, with the velocities of the step. */
 struct moving {
     struct gr_pose pose;
     int number;
     double v[3], omega[3];
 };
 
-/* What the nodes do to a body: impulse, angular impulse, and minus the derivative of the impulse by the velocity. */
+/* Reaction of the nodes on a body: impulse, angular impulse, and minus the derivative of the impulse with respect to
+ * the velocity of the body. */
 struct sums {
     double impulse[3], angular[3], slope[3][3];
 };
@@ -45,13 +47,13 @@ static void place(const struct gr_engine *e, int b, struct moving *m)
     gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &m->pose);
 }
 
-/* r = x - X of the nearest image. */
+/* The arm r = x - X from the nearest image of the body. */
 static void arm(const struct gr_engine *e, const struct moving *m, const double x[3], double r[3])
 {
     for (int d = 0; d < 3; d++) r[d] = d < e->config.dim ? gr_pose_arm(&m->pose, x[d], d) : 0;
 }
 
-/* Distance of a place to the surface of a body, and the normal in axes of space. */
+/* Signed distance of a point from the surface of a body, and the normal in axes of the scene. */
 static double distance(const struct moving *m, const double r[3], double normal[3])
 {
     double local[3], at[3];
@@ -67,7 +69,9 @@ static int is_far(const struct moving *m, const double r[3])
     return r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > bound * bound;
 }
 
-/* Whether a node is in the body, to its side of it if it has one. Returned: the arm and the normal, too. */
+/* True if a node lies in the body. For a separated node of a thin part this includes all nodes behind the face of its
+ * side.
+ * Returned: also the arm r and the normal. */
 static int is_within(const struct gr_engine *e, int64_t node, const struct moving *m, double r[3], double normal[3])
 {
     double x[3];
@@ -80,7 +84,7 @@ static int is_within(const struct gr_engine *e, int64_t node, const struct movin
         if (side.body == m->number && front * side.mid < side.half) {
             for (int d = 0; d < 3; d++) normal[d] = front * side.normal[d];
             return 1;
-        } /* else the node may lie in another part */
+        } /* else the node may still lie in another part */
     }
     return !is_far(m, r) && distance(m, r, normal) < 0;
 }
@@ -92,7 +96,7 @@ double gr_bodies_speed(const struct gr_engine *e)
         const struct gr_body *body = &e->config.bodies[b];
         const struct gr_body_state *now = &e->body[b];
         double square = 0;
-        for (int d = 0; d < e->config.dim; d++) { /* the farthest corner of the domain */
+        for (int d = 0; d < e->config.dim; d++) { /* distance of the farthest corner of the domain */
             const struct gr_axis *axis = &e->axis[d];
             const double low = now->x[d] - axis->origin, high = low - axis->length;
             square += fmax(low * low, high * high);
@@ -103,7 +107,7 @@ double gr_bodies_speed(const struct gr_engine *e)
     return fastest;
 }
 
-/* The copies of a double cell, both of which are separated if its middle faces the thin. */
+/* Set the gr_inside bits of the two copies of a double cell. They are separated if its centre faces the thin part. */
 static void mark_copies(int rough, const struct gr_facing *side, uint8_t *front, uint8_t *back)
 {
     const int behind = side->mid < 0, beyond = rough ? GR_BEYOND_ROUGH : 0, body = *front & GR_INSIDE_BODY;
@@ -123,7 +127,7 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
         const struct gr_cell *cell = &e->mesh.cell[c];
         struct gr_facing side;
         double x[3];
-        if (cell->side == -1) continue; /* its front tells */
+        if (cell->side == -1) continue; /* set with its front */
         uint8_t *inside = f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at), 0);
         *inside = cell->side < 0 ? GR_BEHIND : 0;
         gr_cell_position(e, cell->at, x);
@@ -162,7 +166,7 @@ static void add_slope(struct sums *sums, double mass, const double n[3], int hel
         for (int j = 0; j < 3; j++) sums->slope[i][j] += mass * (held == 2 ? i == j : n[i] * n[j]);
 }
 
-/* Contact of one node. What walls hold or clamp stays so. */
+/* Contact of one node. Components that a wall fixes stay fixed. The velocities are stored only if `keep` is set. */
 static void touch(struct gr_engine *e, int64_t node, const struct moving *m, struct sums *sums, int keep)
 {
     const int dim = e->config.dim;
@@ -198,7 +202,7 @@ static void touch_all(struct gr_engine *e, const struct moving *m, struct sums *
         if (e->touched[n]) touch(e, n, m, sums, keep);
 }
 
-/* Solve a x = b for the components of `free`, symmetric positive definite; x is 0 along the others. */
+/* Solve a x = b in the components of `free`, for a symmetric positive definite a; the other components of x are 0. */
 static void solve(double a[3][3], double b[3], int free, double x[3])
 {
     for (int i = 0; i < 3; i++) {
@@ -219,7 +223,7 @@ static void solve(double a[3][3], double b[3], int free, double x[3])
     }
 }
 
-/* Velocity of the free components after the step: backward Euler, as contact is stiff for a light body. */
+/* Find the free velocity components after the step. Backward Euler, because contact is stiff for a light body. */
 static void find_velocity(struct gr_engine *e, struct moving *m, const double before[3], const double g[3])
 {
     const struct gr_body *body = m->pose.body;

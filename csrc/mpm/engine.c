@@ -1,3 +1,4 @@
+/* Construction and destruction of an engine, and checks of its configuration. */
 #include "mpm/engine.h"
 
 #include <math.h>
@@ -27,7 +28,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
     }
 }
 
-/* Own a copy of n bytes; NULL for none. */
+/* Replace a pointer by one to a copy of its `bytes` bytes; by NULL if there are none. */
 static int own(const void **pointer, size_t bytes)
 {
     if (!*pointer || !bytes) {
@@ -54,7 +55,7 @@ static int copy_bodies(struct gr_config *c)
     return error;
 }
 
-/* After the parts themselves. */
+/* Copy the samples of the parts; call it after the parts themselves were copied. */
 static int copy_samples(struct gr_config *c)
 {
     struct gr_part *parts = (struct gr_part *)c->parts;
@@ -84,7 +85,7 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     return error ? GR_ERR_MEMORY : GR_OK;
 }
 
-/* The room that solid cells take from the nodes about them. */
+/* Add up the volume that solid cells take from the nodes around them. */
 static int count_solids(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
 {
     const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);
@@ -98,15 +99,15 @@ static int count_solids(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
         for (int i = 0; i < e->K; i++) {
             const int part[3] = {i % k, i / k % k, i / (k * k)};
             int64_t node = 0, stride = 1, rest = c;
-            double room = 1;
+            double volume = 1;
             for (int d = 0; d < dim; d++) {
                 const struct gr_axis_cell *cell = &e->axis[d].cell[rest % e->axis[d].n_cells];
                 rest /= e->axis[d].n_cells;
                 node += stride * cell->node[part[d]];
                 stride *= e->axis[d].n_nodes;
-                room *= cell->integral[part[d]];
+                volume *= cell->integral[part[d]];
             }
-            e->solid[node] += room;
+            e->solid[node] += volume;
         }
     }
     return GR_OK;
@@ -160,7 +161,7 @@ static double parameter_of(const struct gr_config *config, const char *name)
     return 0;
 }
 
-/* The lattice of the fluidity is that of the cells. */
+/* Make the fluidity grid; its cells are those of the MPM grid. */
 static int build_fluidity(struct gr_engine *e)
 {
     enum { MAX_ITERATIONS = 10000 };
@@ -221,7 +222,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (error) goto shallow;
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
-    /* whole lines, and room for the whole groups that lane sums are written in */
+    /* whole cache lines, with capacity for the whole groups in which lane sums are written */
     e->sum_stride = GR_NODE_SUMS(config->dim, config->smoothed) * e->K;
     if (config->cell_averaged) e->sum_stride += (int)(sizeof(struct gr_cell_average) / sizeof(double));
     e->sum_stride = (e->sum_stride + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
@@ -236,7 +237,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     error = count_solids(e, n_nodes, n_cells);
     if (!error && config->n_bodies) error = build_bodies(e);
     e->dt = config->dt;
-    e->shift_dt = 1; /* until a shift has been made */
+    e->shift_dt = 1; /* until the first shift */
     e->shift_scale = -1;
     e->inv_dx = 1.0 / config->dx;
     e->force_scale = -1.0 / (config->rho_c * config->dx);

@@ -178,13 +178,13 @@ struct gr_engine {
     double error_x[3];
 };
 
-/* Whether G2P averages the density in this step. */
+/* True if G2P averages the density in this step. */
 static inline int gr_averages(const struct gr_engine *e, int64_t step)
 {
     return e->config.smoothed && step % e->config.averaging_interval == 0;
 }
 
-/* Whether the diffusion is balanced with the law (fluidity_coupling.inl). The increment of the fluidity of a cell by
+/* True if the diffusion is balanced with the law (fluidity_coupling.inl). The increment of the fluidity of a cell by
  * the law then is in fluidity->gain. */
 static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.nonlocal.method == GR_DIFFUSION_implicit; }
 

@@ -101,7 +101,7 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int cell_averag
     }
 }
 
-/* Whether a cell represents a fluidity, as any cell but the back of a double one without its own, and it has points. */
+/* True if a cell represents a fluidity, as any cell but the back of a double one without its own, and it has points. */
 static inline int represents_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
 {
     int64_t points = 0;

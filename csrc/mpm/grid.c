@@ -1,3 +1,4 @@
+/* The grid stage: nodal sums and the momentum balance (grid.h). */
 #include "mpm/grid.h"
 
 #include <math.h>
@@ -5,8 +6,9 @@
 #include "mpm/smoothed_density.h"
 #include "mpm/walls.h"
 
-/* The sums of node n over its cells, in the order of cells. They lie far separated, and those of a later node are asked for: in
- * space, where they fill no cache, the processor waited a fifth of the step for them. */
+/* Sum over the cells of node n, in the order of cells. The sums of the cells lie far apart in memory. Those of a later
+ * node are therefore prefetched: in 3D, where they do not fit a cache, the processor waited for them a fifth of the
+ * step. */
 static inline __attribute__((always_inline)) void sum_over_cells(const int K, const int rows, const struct gr_engine *e,
                                                                  int64_t n, double *sum)
 {
@@ -20,7 +22,7 @@ static inline __attribute__((always_inline)) void sum_over_cells(const int K, co
     }
 }
 
-/* Copies of a node on two sides of a thin body that are not separated there move as one: by the sums of both. */
+/* A node and its duplicate for the other side of a thin body that are not separated move as one: add the sums of both. */
 static inline __attribute__((always_inline)) void join_duplicate(const int K, const int rows, const struct gr_engine *e,
                                                                  int64_t n, double *sum)
 {
@@ -52,7 +54,7 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
         e->node_mass[n] = sum[GR_SUM_MASS];
         if (e->n_thin) join_duplicate(K, GR_NODE_SUMS(dim, smoothed), e, n, sum);
         const double m = sum[GR_SUM_MASS];
-        if (!(m > cutoff) && m == m) { /* NaN goes on, to be found at the points */
+        if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
             for (int q = 0; q < GR_NODE_FIELDS(dim, smoothed); q++) out[q] = 0;
             if (smoothed) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
@@ -68,7 +70,7 @@ static inline __attribute__((always_inline)) void grid_nodes(const int dim, cons
             out[GR_NODE_UPDATE(dim) + d] = keep * (next[d] - v[d]) + (1 - keep) * next[d];
             e->node_v[n * dim + d] = v[d];
         }
-        if (e->config.xpic_order > 0) /* first pass: m v, and the increment */
+        if (e->config.xpic_order > 0) /* XPIC, pass r = 1: the increment plus order times v */
             for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
         if (smoothed) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], out);
     }

@@ -1,12 +1,12 @@
-/* Grouping: every cell that holds points, and each of its neighbours, owns a run of places in the point
- * arrays. Only these cells and their nodes exist for the kernels: memory grows with the material. */
+/* Grouping of the points by cell. Every cell that holds points, and each of its neighbours, owns a run of places in the
+ * point arrays. Only these active cells and their nodes exist for the kernels, so that memory grows with the material. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "mpm/migrate.h"
 
-/* Places of a cell: whole lanes, with some room beyond what it has or what a cell usually has, so
- * that neither a crowd nor a front that enters empty cells asks for a regrouping at every turn. */
+/* Capacity of a cell: whole vectors, with some spare places beyond its present and the usual number of points. Neither
+ * a cell that gains many points nor a front that enters empty cells then requires a regrouping in every step. */
 static int32_t places(int32_t count, int32_t usual)
 {
     const int32_t many = count > usual ? count : usual, spare = many / 8 + 2;
@@ -19,14 +19,14 @@ static int compare_ids(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* What a regrouping works with, between the old order and the new. */
+/* Work space of a regrouping, between the old order of the points and the new. */
 struct regroup {
     int64_t n, n_cells, total;
-    int32_t usual;    /* points in a cell that has any */
-    int64_t *source;  /* per point: old place, or -1 - k for pending point k */
-    int64_t *cell_id; /* per point, then its new cell, then its new place */
-    int64_t *cells;   /* ids of the active cells, ascending; of double ones twice */
-    int8_t *sides;    /* of the cells; NULL without thin parts */
+    int32_t usual;    /* mean number of points of an occupied cell */
+    int64_t *source;  /* per point: its old place, or -1 - k for pending point k */
+    int64_t *cell_id; /* per point: index of its cell in the grid; then number of its new cell; then its new place */
+    int64_t *cells;   /* indices of the active cells in the grid, ascending; double cells twice */
+    int8_t *sides;    /* side of each cell; NULL without thin parts */
     int32_t *counts;
     double *scratch;
 };
@@ -49,7 +49,7 @@ static int add_point(struct gr_engine *e, struct regroup *r, int64_t source, con
     for (int d = 0; d < e->config.dim; d++) {
         const struct gr_axis *axis = &e->axis[d];
         at[d] = gr_locate(axis, e->inv_dx, y[d]);
-        if (axis->periodic && at[d] == axis->n_cells) y[d] -= axis->length, at[d] = 0; /* ugimp: half a cell */
+        if (axis->periodic && at[d] == axis->n_cells) y[d] -= axis->length, at[d] = 0; /* ugimp: the last half-cell */
         if (at[d] < 0 || at[d] >= axis->n_cells) inside = 0;
         cell[d] = (int32_t)at[d];
     }
@@ -65,7 +65,7 @@ static int add_point(struct gr_engine *e, struct regroup *r, int64_t source, con
     return GR_OK;
 }
 
-/* List all points in order: those in place, then those that wait. */
+/* List all points: those in cells, in their order, then the pending ones. */
 static int list_points(struct gr_engine *e, struct regroup *r)
 {
     int error = GR_OK;
@@ -84,7 +84,7 @@ static int list_points(struct gr_engine *e, struct regroup *r)
     return error;
 }
 
-/* List a cell once. */
+/* List a cell, unless it is listed already. */
 static int list_cell(struct gr_engine *e, struct regroup *r, int64_t id)
 {
     if (gr_table_get(&e->mesh.next_of, id)) return GR_OK;
@@ -92,7 +92,8 @@ static int list_cell(struct gr_engine *e, struct regroup *r, int64_t id)
     return gr_table_set(&e->mesh.next_of, id, 1);
 }
 
-/* Where a new order finds a point: its coordinates, and its side to be read and written. */
+/* Position of a listed point; it is read from its old place or from its record.
+ * Returned: a pointer to its side. */
 static double *look_up(struct gr_engine *e, const struct regroup *r, int64_t p, double x[3])
 {
     const int64_t place = r->source[p];
@@ -102,7 +103,7 @@ static double *look_up(struct gr_engine *e, const struct regroup *r, int64_t p, 
     return record ? record + gr_component_of(e, GR_FIELD_side) : e->field[GR_FIELD_side] + place;
 }
 
-/* Give the cells about thin parts their two sides, and the points there theirs. */
+/* Make the cells near thin parts double. */
 static int split_cells(struct gr_engine *e, struct regroup *r)
 {
     const int64_t n = r->n_cells;
@@ -119,17 +120,17 @@ static int split_cells(struct gr_engine *e, struct regroup *r)
         last += is_double;
     }
     r->n_cells = last;
-    for (int64_t c = n; c-- > 0;) { /* from behind: none is written over that is still needed */
+    for (int64_t c = n; c-- > 0;) { /* backwards, so that no entry is overwritten that is still needed */
         const int is_double = r->sides[c] == 1 || r->sides[c] == -1;
         const int8_t side = r->sides[c];
         if (is_double) cells[--last] = cells[c], r->sides[last] = -1;
         cells[--last] = cells[c], r->sides[last] = is_double ? 1 : side;
-        (void)gr_table_set(&e->mesh.next_of, cells[last], (int32_t)(last + 1)); /* it has a place */
+        (void)gr_table_set(&e->mesh.next_of, cells[last], (int32_t)(last + 1)); /* cannot fail */
     }
     return GR_OK;
 }
 
-/* From the cells of the points to their numbers, back sides included. */
+/* Replace the cell of each point by the number of the active cell, of the back of a double cell if the point is there. */
 static void number_cells(struct gr_engine *e, struct regroup *r)
 {
     for (int64_t p = 0; p < r->n; p++) {
@@ -143,7 +144,7 @@ static void number_cells(struct gr_engine *e, struct regroup *r)
     }
 }
 
-/* Occupied cells and their neighbours, with the number of points of each; and next_of, which cell_of will be. */
+/* List the occupied cells and their neighbours, and count the points of each. next_of, set here, becomes cell_of. */
 static int list_cells(struct gr_engine *e, struct regroup *r)
 {
     const int dim = e->config.dim, around = dim == 2 ? 9 : 27;
@@ -170,7 +171,8 @@ static int list_cells(struct gr_engine *e, struct regroup *r)
         }
     }
     qsort(cells, (size_t)r->n_cells, sizeof(int64_t), compare_ids);
-    for (int64_t c = 0; c < r->n_cells; c++) (void)gr_table_set(map, cells[c], (int32_t)(c + 1)); /* they have a place */
+    /* cannot fail: these entries were set before */
+    for (int64_t c = 0; c < r->n_cells; c++) (void)gr_table_set(map, cells[c], (int32_t)(c + 1));
     if (e->n_thin && split_cells(e, r)) return GR_ERR_MEMORY;
     r->counts = calloc((size_t)r->n_cells + 1, sizeof(int32_t));
     if (!r->counts) return GR_ERR_MEMORY;
@@ -185,7 +187,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
 {
     struct gr_mesh *mesh = &e->mesh;
     if (n_cells <= mesh->cell_capacity && e->sums) return GR_OK;
-    const int64_t room = n_cells + n_cells / 2 + 8;
+    const int64_t capacity = n_cells + n_cells / 2 + 8;
     mesh->cell_capacity = 0;
 #define GR_RESIZE(p, count)                                  \
     do {                                                     \
@@ -193,13 +195,13 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
         if (!q) return GR_ERR_MEMORY;                        \
         (p) = q;                                             \
     } while (0)
-    GR_RESIZE(mesh->cell, room);
-    GR_RESIZE(mesh->cell_node, room * e->K);
-    if (e->fluidity) GR_RESIZE(mesh->place, room);
-    if (e->n_thin) GR_RESIZE(mesh->paired, room);
-    GR_RESIZE(e->dirty, 2 * room);
-    GR_RESIZE(e->sums, (room + 1) * e->sum_stride);
-    mesh->cell_capacity = room;
+    GR_RESIZE(mesh->cell, capacity);
+    GR_RESIZE(mesh->cell_node, capacity * e->K);
+    if (e->fluidity) GR_RESIZE(mesh->place, capacity);
+    if (e->n_thin) GR_RESIZE(mesh->paired, capacity);
+    GR_RESIZE(e->dirty, 2 * capacity);
+    GR_RESIZE(e->sums, (capacity + 1) * e->sum_stride);
+    mesh->cell_capacity = capacity;
     return GR_OK;
 }
 
@@ -207,25 +209,25 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
 {
     struct gr_mesh *mesh = &e->mesh;
     if (n <= mesh->node_capacity) return GR_OK;
-    const int64_t room = n + n / 2;
+    const int64_t capacity = n + n / 2;
     mesh->node_capacity = 0;
-    GR_RESIZE(mesh->node_source, room * e->K);
-    GR_RESIZE(mesh->node_code, room);
-    GR_RESIZE(mesh->node_volume, room);
-    GR_RESIZE(mesh->node_id, room);
-    GR_RESIZE(e->node_data, room * e->node_stride + 2 * GR_LANES);
-    GR_RESIZE(e->node_mass, room);
-    GR_RESIZE(e->node_v, room * e->config.dim);
-    if (e->config.n_bodies) GR_RESIZE(e->touched, room);
+    GR_RESIZE(mesh->node_source, capacity * e->K);
+    GR_RESIZE(mesh->node_code, capacity);
+    GR_RESIZE(mesh->node_volume, capacity);
+    GR_RESIZE(mesh->node_id, capacity);
+    GR_RESIZE(e->node_data, capacity * e->node_stride + 2 * GR_LANES);
+    GR_RESIZE(e->node_mass, capacity);
+    GR_RESIZE(e->node_v, capacity * e->config.dim);
+    if (e->config.n_bodies) GR_RESIZE(e->touched, capacity);
     if (e->n_thin) {
-        GR_RESIZE(mesh->duplicate, room);
-        GR_RESIZE(mesh->separated, room);
+        GR_RESIZE(mesh->duplicate, capacity);
+        GR_RESIZE(mesh->separated, capacity);
     }
-    mesh->node_capacity = room;
+    mesh->node_capacity = capacity;
     return GR_OK;
 }
 
-/* Move one component of all points to the new places. */
+/* Move one component of all points to their new places. */
 static void move_component(double *array, const struct regroup *r, const double *pending, int stride, int64_t used)
 {
     memset(r->scratch, 0, sizeof(double) * (size_t)used);
@@ -249,7 +251,7 @@ static void move_points(struct gr_engine *e, struct regroup *r)
     e->used = r->total;
 }
 
-/* New cells, and for each point its new place in r->cell_id. */
+/* Set up the new cells, and for each point its new place in r->cell_id. */
 static void place_cells(struct gr_engine *e, struct regroup *r)
 {
     int64_t offset = 0;
@@ -299,7 +301,7 @@ static void describe_node(struct gr_engine *e, int64_t n)
     for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride;
 }
 
-/* What the grid stage has left there belongs to other nodes: a gather before the next one finds all at rest. */
+/* Clear the nodal fields, which belong to the old nodes: G2P before the next grid stage then finds all nodes at rest. */
 static void clear_nodes(struct gr_engine *e)
 {
     const size_t n = (size_t)e->mesh.n_nodes * sizeof(double);
@@ -309,7 +311,7 @@ static void clear_nodes(struct gr_engine *e)
     memset(e->node_v, 0, n * (size_t)e->config.dim);
 }
 
-/* List the nodes of the active cells, those of double ones twice, to node_of: 1, or 2 for two copies. */
+/* List the nodes of the active cells. node_of counts the copies of each: 2 if a double cell has it, else 1. */
 static int list_nodes(struct gr_engine *e, int64_t *ids, int64_t *n_ids, int64_t *n_nodes)
 {
     struct gr_table *map = &e->mesh.node_of;
@@ -331,14 +333,14 @@ static int list_nodes(struct gr_engine *e, int64_t *ids, int64_t *n_ids, int64_t
     return GR_OK;
 }
 
-/* Number the nodes: the copies of one follow each other. */
+/* Number the nodes; the two copies of a node follow each other. */
 static void number_nodes(struct gr_engine *e, const int64_t *ids, int64_t n_ids)
 {
     struct gr_mesh *mesh = &e->mesh;
     int64_t n = 0;
     for (int64_t k = 0; k < n_ids; k++) {
         const int copies = gr_table_get(&mesh->node_of, ids[k]);
-        (void)gr_table_set(&mesh->node_of, ids[k], (int32_t)(n + 1)); /* it has a place */
+        (void)gr_table_set(&mesh->node_of, ids[k], (int32_t)(n + 1)); /* cannot fail */
         for (int copy = 0; copy < copies; copy++, n++) {
             mesh->node_id[n] = ids[k];
             if (e->n_thin) mesh->duplicate[n] = copies == 1 ? -1 : (int32_t)(copy ? n - 1 : n + 1);
@@ -347,7 +349,8 @@ static void number_nodes(struct gr_engine *e, const int64_t *ids, int64_t n_ids)
     }
 }
 
-/* The nodes of the active cells, and for each the cells it gathers from, in the order of cells. */
+/* Connect the nodes and the active cells: for each cell its nodes, and for each node where its sums over each of its
+ * cells are, in the order of cells. */
 static int connect_nodes(struct gr_engine *e)
 {
     struct gr_mesh *mesh = &e->mesh;
@@ -378,7 +381,7 @@ out:
     return error;
 }
 
-/* The lattice of the fluidity covers the cells. */
+/* Give the active cells their places on the fluidity grid. */
 static int cover_cells(struct gr_engine *e, const struct regroup *r)
 {
     const int error = gr_fluidity_cover(e->fluidity, r->cells, r->sides, r->n_cells);
@@ -406,7 +409,7 @@ int gr_regroup(struct gr_engine *e)
         error = GR_ERR_CAPACITY;
     }
     if (!error) error = reserve_mesh(e, r.n_cells);
-    if (error) goto out; /* the old cells stay */
+    if (error) goto out; /* the old cells are kept */
     place_cells(e, &r);
     move_points(e, &r);
     e->n_pending = 0;

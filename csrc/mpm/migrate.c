@@ -1,3 +1,4 @@
+/* Migration of points between cells, through periodic ends, and out of the domain (migrate.h). */
 #include "mpm/migrate.h"
 
 #include <math.h>
@@ -16,7 +17,7 @@ int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t fr
         if (at[d] >= 0 && !high) continue;
         if (axis->periodic) {
             x[d] += high ? -axis->length : axis->length;
-            x[d] = fmax(begin, fmin(x[d], nextafter(end, begin))); /* rounding of the sum */
+            x[d] = fmax(begin, fmin(x[d], nextafter(end, begin))); /* against rounding of the sum */
             at[d] = gr_locate(axis, e->inv_dx, x[d]);
             continue;
         }
@@ -37,7 +38,7 @@ static int fail(struct gr_engine *e, int code, const double *record, int64_t id)
     return code;
 }
 
-/* Copy a point out of its place: all components, x first. */
+/* Pack a point: copy all its components from its place to a record, x first. */
 static void pack(const struct gr_engine *e, int64_t slot, double *record)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++)
@@ -45,6 +46,7 @@ static void pack(const struct gr_engine *e, int64_t slot, double *record)
             *record++ = e->field[f][c * e->capacity + slot];
 }
 
+/* Unpack a record: copy a point to its new place. */
 static void unpack(struct gr_engine *e, int64_t slot, const double *record, int64_t id)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++)
@@ -56,21 +58,21 @@ static void unpack(struct gr_engine *e, int64_t slot, const double *record, int6
 int gr_reserve_pending(struct gr_engine *e, int64_t n)
 {
     if (n <= e->pending_capacity) return GR_OK;
-    const int64_t room = n + n / 2 + 64;
-    double *pending = realloc(e->pending, sizeof(double) * (size_t)(room * e->n_components));
+    const int64_t capacity = n + n / 2 + 64;
+    double *pending = realloc(e->pending, sizeof(double) * (size_t)(capacity * e->n_components));
     if (!pending) return GR_ERR_MEMORY;
     e->pending = pending;
-    int64_t *ids = realloc(e->pending_id, sizeof(int64_t) * (size_t)room);
+    int64_t *ids = realloc(e->pending_id, sizeof(int64_t) * (size_t)capacity);
     if (!ids) return GR_ERR_MEMORY;
     e->pending_id = ids;
-    struct gr_migrant *migrant = realloc(e->migrant, sizeof *migrant * (size_t)room);
+    struct gr_migrant *migrant = realloc(e->migrant, sizeof *migrant * (size_t)capacity);
     if (!migrant) return GR_ERR_MEMORY;
     e->migrant = migrant;
-    e->pending_capacity = room;
+    e->pending_capacity = capacity;
     return GR_OK;
 }
 
-/* Fill the hole of a removed point with the last point of its cell. */
+/* Fill the gap of a removed point with the last point of its cell. */
 static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot, double *record)
 {
     const int64_t last = cell->offset + --cell->count;
@@ -99,7 +101,7 @@ int gr_component_of(const struct gr_engine *e, int field)
     return component;
 }
 
-/* Whether a point that left its cell is sound: finite, and in a neighbour of the cell. */
+/* Check a point that left its cell: it must be finite, and in a neighbour of the cell. */
 static int check_migrant(struct gr_engine *e, const struct gr_cell *cell, const double *record, int64_t id)
 {
     for (int c = 0; c < e->n_components; c++)
@@ -111,7 +113,7 @@ static int check_migrant(struct gr_engine *e, const struct gr_cell *cell, const 
     return GR_OK;
 }
 
-/* Back to the cells they left, where their places are free. */
+/* Put all migrants back into their old cells, which still have the places for them. */
 static void put_back(struct gr_engine *e, const struct gr_migrants *list, int lists)
 {
     for (int t = 0; t < lists; t++)
@@ -121,7 +123,8 @@ static void put_back(struct gr_engine *e, const struct gr_migrants *list, int li
         }
 }
 
-/* Into a cell, -1 for none that there is. */
+/* Insert a point into a cell; into the pending points if the cell is full or index is -1, for a cell that is not
+ * active. */
 static void insert(struct gr_engine *e, int64_t index, double *record, int64_t id)
 {
     struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
@@ -129,13 +132,14 @@ static void insert(struct gr_engine *e, int64_t index, double *record, int64_t i
         unpack(e, cell->offset + cell->count++, record, id);
         if (!cell->dirty) e->dirty[e->n_dirty++] = index;
         cell->dirty = 1;
-    } else { /* the waiting come before the record that is looked at: nothing is overwritten */
+    } else { /* pending records never pass the one read now: nothing is overwritten */
         memmove(e->pending + e->n_pending * e->n_components, record, sizeof(double) * (size_t)e->n_components);
         e->pending_id[e->n_pending++] = id;
     }
 }
 
-/* The side that a point has in a cell, to its record. Returned: 1 for the back of a double cell, else 0. */
+/* Set the side of a point that enters a cell, in its record.
+ * Returned: 1 for the back of a double cell, else 0. */
 static int find_side(const struct gr_engine *e, const struct gr_cell *cell, double *record)
 {
     double *side = record + gr_component_of(e, GR_FIELD_side), x[3] = {0};
@@ -144,7 +148,8 @@ static int find_side(const struct gr_engine *e, const struct gr_cell *cell, doub
     return *side < 0;
 }
 
-/* Into the cell where the point is now; or out of the domain; or, without a place, to those that wait. */
+/* Insert a migrant into its new cell. It is dropped if it has left the domain, and becomes pending without a free
+ * place. */
 static void insert_migrant(struct gr_engine *e, const struct gr_cell *from, double *record, int64_t id)
 {
     const int dim = e->config.dim;
@@ -171,7 +176,7 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists)
         for (int64_t k = 0; !error && k < list[t].count; k++)
             error =
                 check_migrant(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
-    if (error) { /* as if nobody had left */
+    if (error) { /* restore the state before migration */
         put_back(e, list, lists);
         return error;
     }

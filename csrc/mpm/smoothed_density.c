@@ -1,12 +1,14 @@
+/* The nodal part of the smoothed density: gap, mean quadrature weight and residual force, from adjacent nodes. */
 #include "mpm/smoothed_density.h"
 
 #include "mpm/walls.h"
 
-/* That of a node that is 0.6 full. */
+/* Smallest gap of a node inside the material: that at the filling fraction 0.6. */
 #define LEAST_GAP -0.5
 
-/* Steps in node ids to the nodes on both sides of a node along each axis, and to itself; beyond an end there is none,
- * and the step is 0. Returned: whether the node lies at an end along axis d, as bits. */
+/* Differences in node index to the adjacent nodes on both sides along each axis, and to the node itself. Beyond an end
+ * there is no node, and the difference is 0.
+ * Returned: bit d is set if the node lies at an end along axis d. */
 static int around(const struct gr_engine *e, int64_t id, int64_t step[3][3])
 {
     int64_t rest = id, stride = 1;
@@ -25,13 +27,14 @@ static int around(const struct gr_engine *e, int64_t id, int64_t step[3][3])
     return ends;
 }
 
+/* Gap of the node with this index in the whole grid; -INFINITY if it is not active. */
 static double gap_of(const struct gr_engine *e, int64_t id)
 {
     const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
     return n < 0 ? -INFINITY : e->node_data[n * e->node_stride + GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP];
 }
 
-/* Whether the node and those next to it are full enough to lie inside the material. */
+/* True if the node and its face neighbours are full enough to lie inside the material. */
 static int is_inside(const struct gr_engine *e, int64_t id, const int64_t step[3][3])
 {
     int inside = gap_of(e, id) > LEAST_GAP;
@@ -40,8 +43,9 @@ static int is_inside(const struct gr_engine *e, int64_t id, const int64_t step[3
     return inside;
 }
 
-/* The mean of the gaps about a node inside the material, 1/4, 1/2, 1/4 along each axis; one that is not full counts as
- * the node's own. That of a single node is noise of .03 to .04 with 4 points per cell, this one of .008. */
+/* Mean gap about a node inside the material, with the weights 1/4, 1/2, 1/4 along each axis. A node that is not full
+ * counts with the gap of the node itself. The gap of a single node has a noise of 0.03 to 0.04 with 4 points per cell,
+ * this mean one of 0.008. */
 static double mean_gap(const struct gr_engine *e, int64_t id, const int64_t step[3][3])
 {
     const int dim = e->config.dim;
@@ -67,9 +71,8 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
         const int ends = around(e, id, step), inside = is_inside(e, id, step);
         const int held = ends | gr_wall_now(e, e->mesh.node_code[n])->fixed;
         field[GR_NODE_GAP] = inside ? mean_gap(e, id, step) : 0;
-        if (inside)
-            field[GR_NODE_WEIGHT] +=
-                1 - exp(-field[GR_NODE_OWN_GAP]); /* the mean weight of volumes m/rho that fill the room */
+        if (inside) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
+            field[GR_NODE_WEIGHT] += 1 - exp(-field[GR_NODE_OWN_GAP]);
         for (int d = 0; d < dim; d++)
             if (!inside || held >> d & 1) field[GR_NODE_RESIDUAL + d] = 0;
     }

@@ -1,7 +1,7 @@
-/* The step: p2g, grid, gather; many of them in one call, by a team of threads.
+/* The time step: P2G, grid stage, diffusion of the fluidity, G2P. A call makes many steps, by a team of threads.
  *
- * The work of a stage is cut at cells and nodes; each result is written by one thread and every sum has
- * an order of its own, so the bits do not depend on the number of threads. */
+ * The work of each stage is divided by cells or nodes. Each result is written by one thread, and every sum has a fixed
+ * order, so that the bits do not depend on the number of threads. */
 #include <math.h>
 #include <stdlib.h>
 
@@ -17,14 +17,14 @@
 #include "mpm/migrate.h"
 #include "mpm/smoothed_density.h"
 
-enum { DT_INTERVAL = 16 }; /* steps between two looks at the fastest point */
+enum { DT_INTERVAL = 16 }; /* steps between two updates of the largest speed */
 
 struct team {
     struct gr_engine *e;
     const struct gr_kernels *kernels;
     struct gr_barrier barrier;
     int go, again;
-    int64_t left; /* steps */
+    int64_t left; /* steps left */
     double until, gravity[3];
     int64_t cut[GR_MAX_THREADS + 1];
     struct gr_migrants migrants[GR_MAX_THREADS];
@@ -46,19 +46,19 @@ double gr_stable_dt(const struct gr_engine *e)
     return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
 }
 
-/* Paths of the points through many substeps. */
-static int reserve_path(struct gr_engine *e)
+/* Reserve memory for the state of the points between substeps. */
+static int reserve_substeps(struct gr_engine *e)
 {
-    const int64_t room = e->capacity * GR_SUBSTEP_COUNT;
-    if (!e->fluidity || e->config.nonlocal.substeps < 2 || room <= e->substep_capacity) return GR_OK;
+    const int64_t needed = e->capacity * GR_SUBSTEP_COUNT;
+    if (!e->fluidity || e->config.nonlocal.substeps < 2 || needed <= e->substep_capacity) return GR_OK;
     free(e->substeps);
-    e->substeps = malloc(sizeof(double) * (size_t)room);
-    e->substep_capacity = e->substeps ? room : 0;
+    e->substeps = malloc(sizeof(double) * (size_t)needed);
+    e->substep_capacity = e->substeps ? needed : 0;
     return e->substeps ? GR_OK : GR_ERR_MEMORY;
 }
 
-/* Cut the cells so that each thread has about the same number of points, and give each room for migrants: all its
- * points may leave their cells at once. */
+/* Divide the cells so that each thread has about the same number of points. Give each thread capacity for migrants: all
+ * its points may leave their cells at once. */
 static int share_out(struct team *team)
 {
     struct gr_engine *e = team->e;
@@ -67,23 +67,23 @@ static int share_out(struct team *team)
     team->cut[0] = 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
         points += e->mesh.cell[c].capacity;
-        if (e->mesh.cell[c].side == 1) continue; /* its back goes with it */
+        if (e->mesh.cell[c].side == 1) continue; /* its back must be in the same part */
         while (t < team->barrier.threads && points * team->barrier.threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
             first[t] = points;
             team->cut[t++] = c + 1;
         }
     }
     for (; t <= team->barrier.threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
-    if (reserve_path(e) || gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
+    if (reserve_substeps(e) || gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
     for (t = 0; t < team->barrier.threads; t++) {
-        const int64_t begin = first[t] + t; /* a record more than points for each */
+        const int64_t begin = first[t] + t; /* one record more than points for each thread */
         team->migrants[t] =
             (struct gr_migrants){e->migrant + begin, e->pending + begin * e->n_components, e->pending_id + begin, 0};
     }
     return GR_OK;
 }
 
-/* Decide whether there is another step, and its dt and gravity. One thread. */
+/* Decide whether there is another step, and set its dt and gravity. One thread. */
 static void prepare(struct team *team)
 {
     struct gr_engine *e = team->e;
@@ -92,7 +92,7 @@ static void prepare(struct team *team)
     if (!team->go) return;
     team->left--;
     const double dt = config->dt > 0 ? config->dt : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e) : e->dt;
-    /* What the shift has lent is in the sums as a force for dt: with another dt they are made again. */
+    /* The sums contain the momentum of the shift as a force for dt; with another dt they are computed again. */
     team->again = e->sums_correct_shift && e->step > 0 && dt != e->shift_dt;
     if (dt != e->dt) {
         e->dt = dt;
@@ -100,7 +100,8 @@ static void prepare(struct team *team)
         e->step_anchor = e->step;
     }
     const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
-    /* The rates of the last step are seen, and those before an averaging are used by it. */
+    /* Shear rates are recorded in the last step, where they are seen, and in the step before an averaging, which uses
+     * them. */
     e->record_rates = team->left == 0 || next >= team->until || gr_averages(e, e->step + 1) || e->fluidity;
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
@@ -110,7 +111,7 @@ static void prepare(struct team *team)
     gr_gravity(config->dim, config->n_gravity, config->gravity_times, config->gravity_vectors, e->time, team->gravity);
 }
 
-/* Points that left their cells move; the step is complete. One thread. */
+/* Finish the step: move the points that left their cells, and the bodies. One thread. */
 static void finish(struct team *team)
 {
     struct gr_engine *e = team->e;
@@ -121,12 +122,13 @@ static void finish(struct team *team)
     if (e->n_thin) gr_change_sides(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
-    if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is that of the new split */
+    if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
     if (!e->n_pending && !e->disconnected) return;
     e->error = gr_regroup(e);
     if (!e->error) e->error = share_out(team);
 }
 
+/* Note dt, by which the shift of this step is divided. */
 static void note_dt(struct gr_engine *e)
 {
     e->shift_dt = e->dt;
@@ -138,7 +140,7 @@ static void stage_grid(struct team *team, int t)
 {
     struct gr_engine *e = team->e;
     int64_t first, last;
-    if (t == 0) note_dt(e); /* not before: others may still have been scattering with the last one */
+    if (t == 0) note_dt(e); /* not before: P2G of other threads may still have used the last dt */
     if (team->again) {
         gr_wait(&team->barrier);
         team->kernels->p2g(e, team->cut[t], team->cut[t + 1]);
@@ -172,10 +174,10 @@ static void stage_grid(struct team *team, int t)
     }
 }
 
-/* The fluidity has not converged: which of the points is not finite, if one is. */
+/* After the diffusion has failed to converge: find a point that is not finite, if there is one. */
 static void blame(struct gr_engine *e)
 {
-    const double *g = e->field[GR_FIELD_g], *rate = e->field[GR_FIELD_shear_rate]; /* g is not kept in all substeps */
+    const double *g = e->field[GR_FIELD_g], *rate = e->field[GR_FIELD_shear_rate]; /* g is not stored in all substeps */
     e->error_id = -1;
     e->error_step = e->step;
     for (int64_t s = 0; s < e->used; s++) {
@@ -187,7 +189,7 @@ static void blame(struct gr_engine *e)
     }
 }
 
-/* The double cells, when the law has been made for all points and they are marked. */
+/* Mean fluidity of the double cells, after P2G of all points and the marking of the cells. */
 static void mean_pairs(struct team *team, int t)
 {
     int64_t first, last;
@@ -196,8 +198,8 @@ static void mean_pairs(struct team *team, int t)
     team->kernels->mean_pairs(team->e, first, last);
 }
 
-/* Diffusion of the fluidity, and all substeps of the nonlocal law but the last, which goes with the gather.
- * Returned: 0, or the error of the step, the same to all threads. */
+/* Diffuse the fluidity, and make all substeps of the nonlocal law but the last, which is part of the sweep.
+ * Returned: 0, or the error of the step; the same to all threads. */
 static int stage_fluidity(struct team *team, int t)
 {
     struct gr_engine *e = team->e;
@@ -226,7 +228,7 @@ static void run(struct team *team, int t)
     struct gr_engine *e = team->e;
     for (;;) {
         int64_t first, last;
-        if (!e->sums_valid && !e->error) { /* without memory there may be no lattice to write to */
+        if (!e->sums_valid && !e->error) { /* after an error there may be no fluidity grid */
             team->kernels->p2g(e, team->cut[t], team->cut[t + 1]);
             gr_wait(&team->barrier);
             if (t == 0) e->sums_valid = 1;
@@ -246,8 +248,8 @@ static void run(struct team *team, int t)
     }
 }
 
-/* Points grouped, none waiting and the mesh whole: else that first. Without points it leaves no cells, so that
- * the clock alone goes on, and fast. */
+/* Regroup unless the points are grouped, none is pending and the mesh is complete. Without points there are no cells,
+ * and only the clock runs on, fast. */
 static int ready(struct gr_engine *e)
 {
     return e->n_points && e->mesh.n_cells && !e->n_pending && !e->disconnected ? GR_OK : gr_regroup(e);
@@ -279,7 +281,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
     return e->error;
 }
 
-/* The stages one by one, by one thread: what advance does in a step, to the last bit. */
+/* The stages one by one, in one thread: the same as a step of gr_advance, to the last bit. */
 
 int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 {
@@ -304,14 +306,14 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (e->error) return e->error;
     prepare(&team);
     stage_grid(&team, 0);
-    if (e->config.xpic_order > 1) e->sums_valid = 0; /* the passes work in their place */
+    if (e->config.xpic_order > 1) e->sums_valid = 0; /* the XPIC passes overwrote the sums */
     return stage_fluidity(&team, 0);
 }
 
 int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     struct team team = {.e = e, .kernels = kernels, .barrier = {.threads = 1}};
-    const int known = !e->config.cell_averaged || e->sums_valid; /* the density of a cell is in its sums */
+    const int known = !e->config.cell_averaged || e->sums_valid; /* the density of a cell is stored with its sums */
     e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&team) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;

@@ -1,17 +1,18 @@
+/* Thin bodies: which parts are thin, and which cells, nodes and points are on which side (thin_bodies.h). */
 #include "mpm/thin_bodies.h"
 
 #include "mpm/pose.h"
 
-/* A body is thin if an edge of it is below so many cells: points at its two faces have a node in common, from which hats
- * reach one cell and the others one and a half. */
+/* A part is thin if an edge of it is shorter than this, in cells: points at its two faces then share a node. Linear
+ * shape functions extend one cell from their node, the others one and a half. */
 static double thin_cells(const struct gr_config *config) { return config->basis == GR_LINEAR ? 2 : 3; }
 
-/* Cells nearer than this to a thin are double, in cells: points of one side see nodes of the other from sqrt(3) at most,
- * and bodies may move by one before the split follows. */
+/* Cells nearer than this to a thin part are double, in cells. Points of one side reach nodes of the other from a
+ * distance of sqrt(3) at most, and bodies may move by one cell before the split follows. */
 #define REACH 2.75
 #define FOLLOW 1.0
 
-/* Axis across a part that is a thin, or -1. */
+/* Axis across a thin part; -1 if the part is not thin. */
 static int axis_across(const struct gr_config *config, const struct gr_part *part)
 {
     int axis = 0;
@@ -45,6 +46,7 @@ int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin)
     return n;
 }
 
+/* Position of x relative to one thin part. */
 static void look(const struct gr_engine *e, const struct gr_thin_part *thin, const struct gr_pose *pose, const double x[3],
                  struct gr_facing *side)
 {
@@ -107,7 +109,7 @@ int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double)
 
 int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3])
 {
-    const double corner = 0.5 * sqrt(e->config.dim) * e->config.dx; /* from the middle */
+    const double corner = 0.5 * sqrt(e->config.dim) * e->config.dx; /* from the centre to a corner */
     struct gr_facing side;
     double x[3];
     gr_cell_position(e, at, x);
@@ -148,7 +150,7 @@ int gr_follow_bodies(struct gr_engine *e)
             const double change = now->orientation[d] - (same < 0 ? -1 : 1) * split->orientation[d];
             turned += change * change;
         }
-        double far = 0; /* the arm of a thin without end is at most the domain's diagonal */
+        double far = 0; /* the arm of an unbounded thin part is at most the diagonal of the domain */
         for (int d = 0; d < e->config.dim; d++) far += e->axis[d].length * e->axis[d].length;
         const double arm = fmin(e->config.bodies[b].bound, sqrt(far));
         if (!(sqrt(moved) + 2 * sqrt(turned) * arm > FOLLOW * e->config.dx)) continue;

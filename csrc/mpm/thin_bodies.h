@@ -3,10 +3,10 @@
  * Material in front of a blade and material behind it would share nodes, and through these one would drag and carry the
  * other. A box with an edge below 3 dx, or 2 dx with linear shape functions, is a thin part. Cells near a thin part
  * exist twice, once for the points on its front and once for those on its back, and so do their nodes. For the points
- * of one side all nodes beyond the mid-plane of the thin part lie in the body, and contact acts on them as on the nodes
- * within a thick body. A node that does not face the thin part, beyond its edges, moves as one with its duplicate, by
- * the sums of both. (The idea of sides: Hu et al. 2018, ACM Trans. Graph. 37, CPIC. There points and nodes have sides,
- * and a contribution that does not reach a node becomes an impulse on the body at once.)
+ * of one side all nodes behind the face of this side lie in the body, and contact acts on them as on the nodes within a
+ * thick body. A node that does not face the thin part, beyond its edges, moves as one with its duplicate, by the sums
+ * of both. (The idea of sides: Hu et al. 2018, ACM Trans. Graph. 37, CPIC. There points and nodes have sides, and a
+ * contribution that does not reach a node becomes an impulse on the body at once.)
  *
  * A point keeps its side while it faces the thin part, even if a step has carried it inside; elsewhere its position
  * decides. Which cells are double is decided at the poses `split`. They follow those of the bodies when these have
@@ -39,7 +39,7 @@ struct gr_facing {
     double normal[3];     /* of the front, in axes of the scene */
 };
 
-/* Whether a body is thin and the scheme separates the sides of thin bodies. */
+/* True if a body is thin and the scheme separates the sides of thin bodies. */
 int gr_has_thin(const struct gr_config *config);
 
 /* List the thin parts of a config in `thin`, unless it is NULL.
@@ -49,11 +49,11 @@ int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin);
 /* Find the thin part nearest to x, at the present poses (`now`) or at those of the split. */
 void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, struct gr_facing *side);
 
-/* Whether a cell is double, and the side of its centre.
+/* Find whether a cell is double, and the side of its centre.
  * Returned: 1 or -1 if it is double, else 2 or -2. */
 int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double);
 
-/* Whether all points of a cell face the thin part nearest to its centre: then none changes sides there. */
+/* True if all points of a cell face the thin part nearest to its centre: then none changes sides there. */
 int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3]);
 
 /* Side, 1 or -1, of a point of a double cell whose side was `current`, 0 if it had none. */

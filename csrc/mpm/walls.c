@@ -1,15 +1,16 @@
+/* Walls on grid lines: boundary conditions of the nodes (walls.h). */
 #include "mpm/walls.h"
 
 #include <math.h>
 
-/* What a wall leaves of the velocity `free` that the node would have had.
- * The impulse of a fixed component does not enter the increment that points receive: v is set to zero
- * with v', so that the wall neither pushes nor drags them; Coulomb friction is a force and does. */
+/* Apply a wall to the velocity `next` that a node would have. The impulse on a fixed component does not enter the
+ * increment that points receive: v is set to zero together with `next`, so that the wall neither pushes nor drags them.
+ * Coulomb friction is a force and does enter it. */
 void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next)
 {
     double friction = 0;
     if (wall->normal >= 0) {
-        const double into = next[wall->normal] * -wall->side; /* velocity that the wall takes away */
+        const double into = next[wall->normal] * -wall->side; /* normal velocity that the wall removes */
         const double taken = wall->side ? into : fabs(next[wall->normal]);
         double sliding = 0;
         for (int d = 0; d < dim; d++)
@@ -25,7 +26,6 @@ void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next)
     }
 }
 
-/* Whether all nodes of the face that the domain ends with at cell `from` are walls along axis d. */
 int gr_face_is_closed(const struct gr_engine *e, const int32_t from[3], int d, int high)
 {
     const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);

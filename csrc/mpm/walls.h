@@ -15,7 +15,7 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
 /* Apply a wall to the velocity `next` that a node would have, and to its velocity v before the forces. */
 void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next);
 
-/* Whether all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
+/* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
 int gr_face_is_closed(const struct gr_engine *e, const int32_t from[3], int d, int high);
 
 #endif

@@ -1,3 +1,4 @@
+/* XPIC: the nodal part of the passes of the filter (grid.h). */
 #include "mpm/grid.h"
 #include "mpm/walls.h"
 

@@ -1,4 +1,4 @@
-/* The memory of the gas, and the jets that drive it. */
+/* The gas of SPH: its memory, its time step, and the jets that drive it. */
 #include "sph/gas.h"
 
 #include <math.h>
@@ -50,7 +50,7 @@ int gr_sph_make_gas_places(struct gr_sph *s, int64_t capacity)
     return GR_OK;
 }
 
-/* Accelerate for a time, and give what is in a jet its velocity. */
+/* Accelerate the gas for a time, and give the points in a jet its velocity. */
 static void accelerate(const struct gr_sph *s, double seconds, int64_t first, int64_t last)
 {
     const struct gr_sph_config *c = &s->config;
@@ -79,7 +79,7 @@ void gr_sph_drift_gas(struct gr_sph *s, int64_t first, int64_t last)
         for (int64_t a = first; a < last; a++) x[d][a] += s->dt * v[d][a];
 }
 
-/* Give and take mass with its momentum for a time; the force of an acceleration stays. */
+/* Exchange mass, and momentum with it, for a time. The force of an acceleration is unchanged by the change of mass. */
 static void exchange(const struct gr_sph *s, double seconds, int64_t first, int64_t last)
 {
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a);

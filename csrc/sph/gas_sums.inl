@@ -1,22 +1,26 @@
-/* The sums of the gas in one step, in their order; included by kernels.c after sums.inl.
+/* Sums over neighbours for the gas in one step, in their order; included by kernels.c after sums.inl.
  *
- * With e the porosity, the balances of both phases (Anderson and Jackson 1967, their form with a shared pressure), whose
- * sum has the stress of the grains alone and the whole gradient of the gas pressure (effective stress):
+ * With e the porosity, the momentum balances of both phases (Anderson and Jackson 1967, in the form with a common
+ * pressure) are
+ *
  *     rho D v_s = div sigma - (1 - e) grad p + rho g + B (v_g - v_s)
  *     e rho_g D v_g =        -      e grad p + e rho_g g - B (v_g - v_s),    p = c^2 rho_g
- *     B = e^2 eta/k (Darcy) for small e; that of Wen and Yu (1966) for large.
- * Grains and walls are volume that gas has not: the forces of pressure are those of one energy, act along the line
- * between two points and turn each other off, so that they can neither make momentum nor, but for the length of the step,
- * energy. Drag is handed over by the weights of the kernel. */
+ *     B = e^2 eta/k (Darcy) for small e, that of Wen and Yu (1966) for large e.
+ *
+ * Their sum contains the stress of the granular material and the whole gradient of the gas pressure (effective stress).
+ * Particles and walls exclude gas from their volume. The pressure forces derive from one energy, act along the line
+ * between two points and are equal and opposite: they conserve momentum and, up to the error of the time step, energy.
+ * The drag is distributed by the weights of the kernel. */
 #include "sph/gas.h"
 
-static const double sph_least_porosity = 0.05; /* where grains are pressed together far beyond rho0 */
-static const double sph_full_coverage = 0.9;   /* of its surroundings from which on a point is inside of the grains */
-static const double sph_nearest = 0.25;        /* height above a wall below which it drives gas away, in h */
-static const double sph_least_open = 0.05;     /* share of its surroundings that a wall leaves to a point behind its face */
+static const double sph_least_porosity = 0.05; /* for grains compressed far beyond rho0 */
+static const double sph_full_coverage = 0.9;   /* a point with a larger coverage by particles is inside the granular
+                                                  material */
+static const double sph_nearest = 0.25;        /* height above a wall below which the wall repels gas, in h */
+static const double sph_least_open = 0.05;     /* least volume share that a wall leaves to a point behind its face */
 
-/* sum_b w over the points of gas about one, itself among them, or with walls sum_b w (1 - e_b) over those of walls, where e
- * is 0 if they are impermeable. */
+/* sum_b w over the points of gas around a point, including itself; or, with `walls`, sum_b w (1 - e_b) over the wall
+ * points, where e is 0 if they are impermeable. */
 GR_INLINE double sph_gas_count(int dim, const struct gr_sph *s, const double *porosity, int64_t a, int walls)
 {
     const double h = s->config.parameter[GR_SPH_P_h];
@@ -32,18 +36,19 @@ GR_INLINE double sph_gas_count(int dim, const struct gr_sph *s, const double *po
     return v_sum(sum);
 }
 
-/* Share of space that grains take, of what walls leave: the mean of the grains about a point, (1 - e) = sum_j v_j W/S with
- * v = m/rho of a grain's material and S = sum_j (m_j/rho_j) W, where S is near one; it falls to zero with S. A gas that moves
- * through a bed does not feel its single points by this: their sum_j v_j W changes by some 1e-2 on its way, and 1e-2 of
- * the ambient pressure is more than beds weigh. */
+/* Volume share of the grains in what walls leave. It is the mean over the particles around a point, (1 - e) = sum_j v_j
+ * W/S with v = m/(density of the grains) and S = sum_j (m_j/rho_j) W, where S is near one, and falls to zero with S. By
+ * the division by S a gas that moves through a bed does not feel single particles: along its way sum_j v_j W varies by
+ * some 1e-2, and 1e-2 of the ambient pressure exceeds the weight of beds. */
 static double sph_solid_share(double volume, double coverage)
 {
     const double t = coverage / sph_full_coverage;
     return coverage > 0.0 ? volume / coverage * (t < 1.0 ? t * t * (3.0 - 2.0 * t) : 1.0) : 0.0;
 }
 
-/* The volume of a point of gas with the grains in it is what walls leave of its surroundings over the number of points in
- * them, V = A/n with A = 1 - sum_w v_w W, n = sum_b W. Mass is given by the density at the start, then density by mass. */
+/* Volume, porosity, density and pressure of the points of gas. The volume of a point, with the grains in it, is the
+ * part of its surroundings that walls leave over the number density of points: V = A/n with A = 1 - sum_w v_w W, n =
+ * sum_b W. At the start the mass follows from the density, later the density from the mass. */
 GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -74,11 +79,14 @@ GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t
     }
 }
 
-/* The forces of the energy sum_a (m c^2 ln rho + p0 m/rho), rho = m/V, with p the pressure above the ambient one p0:
+/* Pressure forces, from the energy sum_a (m c^2 ln rho + p0 m/rho) with rho = m/V and p the pressure minus the ambient
+ * p0:
+ *
  *     F_a = - sum_b (p_a V_a/n_a + p_b V_b/n_b + m_a m_b Q) grad W - p_a/n_a sum_w v_w grad W.
- * Q is the artificial viscosity of Monaghan (1992) between points of gas that approach, Q = (-alpha c u + 2 alpha u^2)/R,
- * u = h v.d/(d^2 + h^2/100) < 0, R = (m_a/V_a + m_b/V_b)/2. Nearer to an impermeable wall than h/4 a point is driven from
- * it by c^2/h times what it lacks, for in a wall the pressure fails to. */
+ *
+ * Q is the artificial viscosity of Monaghan (1992) between approaching points of gas, Q = (-alpha c u + 2 alpha u^2)/R,
+ * u = h v.d/(d^2 + h^2/100) < 0, R = (m_a/V_a + m_b/V_b)/2. A point nearer to an impermeable wall than h/4 is pushed
+ * away by c^2/h times the missing part of the height, since inside a wall the pressure does not hold it back. */
 GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -126,7 +134,7 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
     }
 }
 
-/* Mass of the gas that hangs on a grain over its own: sum_a m_a w/(sum_j m_j w). */
+/* Mass of the gas assigned to a particle over its own mass: sum_a m_a w/(sum_j m_j w). */
 GR_INLINE void sph_gas_loads(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -143,8 +151,8 @@ GR_INLINE void sph_gas_loads(int dim, struct gr_sph *s, int64_t first, int64_t l
     }
 }
 
-/* Add sign sum_a f_a share_a w/(sum_i m_i w) to the accelerations of grains: their share 1 - e_a of the pushes, or all of
- * the drags with the opposite sign. */
+/* Transfer forces to the particles: add sign sum_a f_a share_a w/(sum_i m_i w) to their accelerations. For `is_push`
+ * these are the share 1 - e_a of the pressure forces, else all of the drag forces with the opposite sign. */
 GR_INLINE void sph_gas_hand_over(int dim, struct gr_sph *s, int64_t first, int64_t last, int is_push,
                                  struct gr_sph_found *found)
 {
@@ -170,10 +178,12 @@ GR_INLINE void sph_gas_hand_over(int dim, struct gr_sph *s, int64_t first, int64
     }
 }
 
-/* Mass that a point gains from others, and momentum at the mean of both velocities:
- *     dm_a/dt = sum_b 2 psi h/c (e_a + e_b)/2 V_a V_b (p_b - p_a - (grad p_a + grad p_b).d/2) (d.grad W)/d^2,
- * the diffusion of Antuono et al. (2010) for what summed densities miss: pressures that differ from point to point have no
- * gradient in these sums, and would stay. Of a linear field it is zero. */
+/* Mass that a point gains from others, with momentum at the mean of both velocities:
+ *
+ *     dm_a/dt = sum_b 2 psi h/c (e_a + e_b)/2 V_a V_b (p_b - p_a - (grad p_a + grad p_b).d/2) (d.grad W)/d^2.
+ *
+ * This is the diffusion of Antuono et al. (2010). Pressures that alternate from point to point have no gradient in
+ * these sums and would persist without it. It vanishes for a linear field. */
 GR_INLINE void sph_gas_exchange(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -201,9 +211,10 @@ GR_INLINE void sph_gas_exchange(int dim, struct gr_sph *s, int64_t first, int64_
     }
 }
 
-/* B of a porosity e and a relative speed: e^2 eta/k up to the porosity of Darcy; beyond a range above it
- * (3/4) C_D e (1 - e) rho |v|/d e^-2.65 with C_D = 24/Re (1 + .15 Re^.687), .44 from Re = 1000 on, Re = e rho |v| d/eta (Wen
- * and Yu 1966), written as 18 e (1 - e) eta/d^2 (C_D Re/24) e^-3.65; between a cubic blend of both. */
+/* Drag coefficient B at the porosity e and a relative speed. Up to the porosity of Darcy it is e^2 eta/k. Beyond a
+ * range above it (Wen and Yu 1966) it is (3/4) C_D e (1 - e) rho |v|/d e^-2.65 with C_D = 24/Re (1 + 0.15 Re^0.687),
+ * 0.44 from Re = 1000 on, Re = e rho |v| d/eta, written as 18 e (1 - e) eta/d^2 (C_D Re/24) e^-3.65. In between a cubic
+ * blends the two. */
 static double sph_drag_coefficient(const double *p, double e, double rho, double speed)
 {
     const double eta = p[GR_SPH_GAS_P_viscosity], size = p[GR_SPH_GAS_P_diameter];
@@ -216,11 +227,11 @@ static double sph_drag_coefficient(const double *p, double e, double rho, double
     return t < 1.0 ? darcy + t * t * (3.0 - 2.0 * t) * (dilute - darcy) : dilute;
 }
 
-/* The drag over a step. A point of gas of mass m meets the grains about it, whose velocities are averaged by the weights
- * of the kernel; those can be moved as a mass m/L, L the largest load of them. With constant forces the relative velocity
- * r and acceleration f obey dr/dt = f - r/t, 1/t = B V (1 + L)/m: its solution is taken, so that no step is too long, and
- * a long one leaves the velocity f t of Darcy. Half of the impulse is given at the end of this step and half at the
- * beginning of the next, as all accelerations are. */
+/* Drag over a step. A point of gas of mass m meets the particles around it, whose velocities are averaged with the
+ * weights of the kernel. They can be moved like a mass m/L, with L the largest of their loads. With constant forces the
+ * relative velocity r and the relative acceleration f obey dr/dt = f - r/t, 1/t = B V (1 + L)/m. The exact solution is
+ * used, so that no step is too long; a long step leaves Darcy's velocity f t. Half of the impulse is applied at the end
+ * of this step and half at the beginning of the next, like all accelerations. */
 GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;
@@ -251,7 +262,7 @@ GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t la
             f[i] = gas->per_mass[a] * v_sum(rate[i]) - acceleration[i][a];
             speed2 += r[i] * r[i];
         }
-        double per_step = 0.0, ended = 0.0; /* dt/t, and the share 1 - exp(-dt/t) of the way to rest */
+        double per_step = 0.0, ended = 0.0; /* dt/t, and 1 - exp(-dt/t), the share of the way to rest */
         if (gas->per_mass[a] > 0.0) {
             const double B = sph_drag_coefficient(gas->parameter, porosity[a], rho[a], sqrt(speed2));
             per_step = s->dt * B * gas->volume[a] * (1.0 + load) / mass[a], ended = -expm1(-per_step);

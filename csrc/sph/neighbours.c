@@ -1,4 +1,4 @@
-/* The points sorted by cell, and the blocks of rows that hold the neighbours of each. */
+/* Neighbour search: the points are sorted by cell, and the neighbours of each are listed as blocks of rows. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,9 +6,9 @@
 #include "core/simd.h"
 #include "sph/sph.h"
 
-static const double far_away = 1e30; /* where spare rows are: finite, and beyond the kernel */
+static const double far_away = 1e30; /* position of spare rows: finite, and beyond the reach of the kernel */
 
-/* Cell of a place; what lies outside counts to the last cell on its side, and NaN to the first. */
+/* Cell of a position. Positions outside belong to the last cell on their side, NaN to the first. */
 static int32_t cell_at(const struct gr_sph *s, const double *x)
 {
     int64_t cell = 0;
@@ -25,7 +25,8 @@ static void place_of(const struct gr_sph *s, int field, int64_t row, double *x)
     for (int d = 0; d < s->config.dim; d++) x[d] = rows[d][row];
 }
 
-/* Move the position of a point into its period. Returned: whether it is in the domain. */
+/* Wrap the position of a point into the period.
+ * Returned: whether it is in the domain. */
 static int wrap(const struct gr_sph *s, int64_t row)
 {
     const struct gr_sph_config *c = &s->config;
@@ -36,7 +37,7 @@ static int wrap(const struct gr_sph *s, int64_t row)
         const double length = c->upper[d] - c->lower[d];
         if (c->periodic[d]) {
             *at -= length * floor((*at - c->lower[d]) / length);
-            if (*at >= c->upper[d]) *at = c->lower[d]; /* rounded up onto the end */
+            if (*at >= c->upper[d]) *at = c->lower[d]; /* rounded up to the end */
         } else {
             inside &= *at >= c->lower[d] && *at <= c->upper[d];
         }
@@ -57,7 +58,7 @@ static void make_spare(struct gr_sph *s, int64_t first, int64_t last)
         for (int64_t a = first; a < last; a++) s->pull[k][a] = s->wall_pull[k][a] = 0.0;
 }
 
-/* Bring the rows from `first` on into the order s->order: what steps keep. */
+/* Bring the rows from `first` on into the order s->order, in all fields that are kept from step to step. */
 static void permute(struct gr_sph *s, int64_t first, int64_t n)
 {
     const int is_wall = first == s->wall_first;
@@ -73,8 +74,8 @@ static void permute(struct gr_sph *s, int64_t first, int64_t n)
     memcpy(s->id + first, s->sorted_id, sizeof(int64_t) * (size_t)n);
 }
 
-/* Sort the n rows from `first` on by the cells of their anchors, in their present order within a cell; those of cell -1
- * are left out. Returned: how many are kept. */
+/* Sort the n rows from `first` on by the cells of their anchors, stably; rows with cell -1 are removed.
+ * Returned: the number of rows kept. */
 static int64_t sort_rows(struct gr_sph *s, int64_t first, int64_t n, int32_t *start)
 {
     memset(start, 0, sizeof(int32_t) * (size_t)(s->n_cells + 1));
@@ -84,7 +85,7 @@ static int64_t sort_rows(struct gr_sph *s, int64_t first, int64_t n, int32_t *st
     const int64_t kept = start[s->n_cells];
     for (int64_t a = first; a < first + n; a++)
         if (s->cell[a] >= 0) s->order[start[s->cell[a]]++] = (int32_t)a;
-    /* each entry is now the end of its cell, the start of the next */
+    /* each entry is now the end of its cell, which is the start of the next */
     memmove(start + 1, start, sizeof(int32_t) * (size_t)s->n_cells);
     start[0] = 0;
     for (int64_t c = 0; c <= s->n_cells; c++) start[c] += (int32_t)first;
@@ -119,17 +120,17 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
     make_spare(s, s->gas_first + s->n_gas, s->capacity);
 }
 
-/* ---- the blocks of a point ---- */
+/* ---- The blocks of a point ---- */
 
 struct search {
     double at[3];
     int cell[3];
-    int64_t covered[GR_SPH_SHIFTS]; /* rows below it are in a block of that shift */
+    int64_t covered[GR_SPH_SHIFTS]; /* per shift: rows below this one are already in a block */
     struct gr_block *out;
-    int64_t n; /* of blocks; those beyond the stride are only counted */
+    int64_t n; /* number of blocks; those beyond the stride are only counted */
 };
 
-/* Which of the GR_LANES rows from b on are near enough, one bit for each. */
+/* Bit mask of the GR_LANES rows from b on that are within reach. */
 GR_INLINE unsigned near_rows(int dim, const struct gr_sph *s, const struct search *q, double *const *anchor, int64_t b,
                              int shift)
 {
@@ -145,7 +146,7 @@ GR_INLINE unsigned near_rows(int dim, const struct gr_sph *s, const struct searc
     return near;
 }
 
-/* The rows of a run of cells that are near enough, as images moved by a shift. */
+/* List the rows within reach in a run of cells, as images moved by a shift. */
 GR_INLINE void search_rows(int dim, const struct gr_sph *s, struct search *q, int64_t b, int64_t last, int shift)
 {
     double *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
@@ -173,7 +174,8 @@ static void search_run(const struct gr_sph *s, struct search *q, int kind, int64
         search_rows(3, s, q, b, last, shift);
 }
 
-/* All runs of a row of cells along x; `before` is the row's first cell, `shift` that of the other axes. */
+/* Search all runs in a row of cells along x; `before` is the first cell of the row, `shift` the number of the shift
+ * along the other axes. */
 static void search_row(const struct gr_sph *s, struct search *q, int kind, int64_t before, int shift)
 {
     const int n = s->shape[0], low = q->cell[0] - GR_SPH_CELLS_IN_REACH, high = q->cell[0] + GR_SPH_CELLS_IN_REACH;
@@ -182,8 +184,9 @@ static void search_row(const struct gr_sph *s, struct search *q, int kind, int64
     if (s->config.periodic[0] && high >= n) search_run(s, q, kind, before, before + high - n, shift + 2);
 }
 
-/* Cell along an axis that may be beyond an end. Returned: the wrapped index, or -1; *shift grows by `unit` for each
- * period, from -1 on. */
+/* Wrap the index of a cell along an axis, which may be beyond an end.
+ * Returned: the index, or -1 beyond an end that is not periodic. *shift grows by `unit` for each period, counted from
+ * -1. */
 static int wrapped(const struct gr_sph *s, int d, int cell, int unit, int *shift)
 {
     const int n = s->shape[d], image = cell < 0 ? 0 : cell >= n ? 2 : 1;
@@ -229,7 +232,7 @@ int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last)
 
 int gr_sph_widen(struct gr_sph *s, int64_t needed)
 {
-    const int64_t stride = needed + needed / 4 + 4; /* it grows a few times at the start of a run, and no more */
+    const int64_t stride = needed + needed / 4 + 4; /* it grows a few times at the start of a run only */
     struct gr_block *wider = malloc(sizeof *wider * (size_t)(stride * s->capacity));
     if (!wider) return GR_ERR_MEMORY;
     free(s->block);

@@ -1,4 +1,4 @@
-/* The engine of smoothed particle hydrodynamics: its memory, its clock and its steps. */
+/* The SPH engine: memory, clock and time steps. */
 #include "sph/sph.h"
 
 #include <math.h>
@@ -32,9 +32,9 @@ const unsigned gr_sph_may_be_zero = 0
 
 enum { MAX_CELLS = 1 << 26, STEP_LIMIT_DIVISOR = 4 };
 
-/* ---- construction ---- */
+/* ---- Construction ---- */
 
-/* Cells of which GR_SPH_CELLS_IN_REACH span the reach of the list. */
+/* Divide the domain into cells, of which GR_SPH_CELLS_IN_REACH span the reach of the neighbour list. */
 static int divide(struct gr_sph *s)
 {
     const struct gr_sph_config *c = &s->config;
@@ -47,7 +47,7 @@ static int divide(struct gr_sph *s)
         cells *= n < 1 ? 1 : n;
         if (!(cells <= MAX_CELLS)) return GR_ERR_CONFIG;
         s->shape[d] = n < 1 ? 1 : (int)n;
-        if (c->periodic[d] && s->shape[d] < GR_SPH_CELLS_IN_REACH) return GR_ERR_CONFIG; /* by rounding */
+        if (c->periodic[d] && s->shape[d] < GR_SPH_CELLS_IN_REACH) return GR_ERR_CONFIG; /* possible by rounding */
         s->per_cell[d] = s->shape[d] / length;
         s->n_cells *= s->shape[d];
         for (int k = 0, unit = d == 0 ? 1 : d == 1 ? 3 : 9; k < GR_SPH_SHIFTS; k++)
@@ -56,7 +56,7 @@ static int divide(struct gr_sph *s)
     return GR_OK;
 }
 
-/* Put a copy of n numbers in the place of the pointer to them. */
+/* Replace the pointer to n numbers by one to a copy. */
 static int own(const double **array, int64_t n)
 {
     double *copy = malloc(sizeof *copy * (size_t)n);
@@ -65,7 +65,7 @@ static int own(const double **array, int64_t n)
     return copy ? GR_OK : GR_ERR_MEMORY;
 }
 
-/* Square of the speed of sound at rho0, m^2/s^2: of waves of compression, with the elastic shear that goes with them. */
+/* Square of the speed of sound at rho0, m^2/s^2: of compression waves, including the elastic shear modulus. */
 static double slow_sound2(const double *p)
 {
     return (1.5 * p[GR_SPH_P_kappa] + 4.0 / 3.0 * p[GR_SPH_P_shear_modulus]) / p[GR_SPH_P_rho0];
@@ -115,7 +115,7 @@ void gr_sph_free(struct gr_sph *s)
     free(s);
 }
 
-/* What the engine keeps for each row: 15 numbers, three indices, and two places to sort in. */
+/* Allocate the memory of the engine per row: 15 numbers, three indices, and two for sorting. */
 static int make_places(struct gr_sph *s, int64_t capacity)
 {
     const size_t n = (size_t)capacity;
@@ -135,15 +135,15 @@ static int make_places(struct gr_sph *s, int64_t capacity)
 
 static int64_t largest(int64_t a, int64_t b, int64_t c) { return a > b ? (a > c ? a : c) : b > c ? b : c; }
 
-/* The list of neighbours; first the points sorted. One thread. */
+/* Sort the points and make the neighbour list. One thread. */
 static int make_list(struct gr_sph *s, int fresh)
 {
     gr_sph_sort(s, fresh);
     for (;;) {
-        const int64_t grains = gr_sph_list_blocks(s, 0, s->n_particles);
+        const int64_t particles = gr_sph_list_blocks(s, 0, s->n_particles);
         const int64_t walls = gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
         const int64_t gas = gr_sph_list_blocks(s, s->gas_first, s->gas_first + s->n_gas);
-        const int64_t most = largest(grains, walls, gas);
+        const int64_t most = largest(particles, walls, gas);
         if (most <= s->stride) return GR_OK;
         const int error = gr_sph_widen(s, most);
         if (error) return error;
@@ -161,7 +161,7 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
     if (n_particles < 0 || n_walls < 0 || s->n_gas < 0 || n_particles + GR_LANES > wall_first || capacity > INT32_MAX ||
         wall_first + n_walls + GR_LANES > s->gas_first || s->gas_first + s->n_gas + (s->gas ? GR_LANES : 0) > capacity)
         return GR_ERR_CONFIG;
-    s->id = NULL; /* until all is well */
+    s->id = NULL; /* until all has succeeded */
     const int error = make_places(s, capacity);
     if (error) return error;
     memset(s->row, 0, sizeof s->row);
@@ -171,11 +171,12 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
     return s->error = make_list(s, fresh);
 }
 
-/* ---- the clock ---- */
+/* ---- Time step ---- */
 
-/* The smaller of h/(4 c), with a gas also its h/(4 (c + |v|)), and sqrt(h/|a|)/4 (eq. 5.28), c being the speed of sound or
- * that of the fastest grain, so that none moves more than h/4 in a step. The third limit, that of the viscosity, cannot be
- * overstepped: the regularisation bounds the viscosity by what the step allows. */
+/* Largest stable time step: the smaller of h/(4 c), with a gas also h/(4 (c + |v|)) of the gas, and sqrt(h/|a|)/4 (eq.
+ * 5.28). Here c is the speed of sound or that of the fastest particle, so that no particle moves more than h/4 in a
+ * step. The third limit, of the viscosity, cannot be exceeded: the regularisation bounds the viscosity by what the step
+ * allows. */
 double gr_sph_stable_dt(const struct gr_sph *s)
 {
     const double *p = s->config.parameter, h = p[GR_SPH_P_h];
@@ -185,7 +186,7 @@ double gr_sph_stable_dt(const struct gr_sph *s)
     return p[GR_SPH_P_cfl] * limit / STEP_LIMIT_DIVISOR;
 }
 
-/* ---- the step ---- */
+/* ---- The step ---- */
 
 struct team {
     struct gr_sph *s;
@@ -196,8 +197,8 @@ struct team {
     int goes_on, rebuilds, wall_goes;
 };
 
-/* First half of a step: v^{n+1/2} = v^n + a^n dt/2, x^{n+1} = x^n + v^{n+1/2} dt (eqs. 5.25, 5.27). What moves h in it
- * has run away. */
+/* First half of a step: v^{n+1/2} = v^n + a^n dt/2, x^{n+1} = x^n + v^{n+1/2} dt (eqs. 5.25, 5.27). A particle that
+ * moves by h in it has run away. */
 static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
@@ -215,7 +216,7 @@ static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_f
     found->stopped += gr_sph_stop(s, first, last);
 }
 
-/* How far points are from where the list was made for them. */
+/* Measure the displacements of points since the neighbour list was made. */
 static void measure(const struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
@@ -232,7 +233,7 @@ static void measure(const struct gr_sph *s, int64_t first, int64_t last, struct 
     }
 }
 
-/* Second half: v^{n+1} = v^{n+1/2} + a^{n+1} dt/2 (eq. 5.26). */
+/* Second half of a step: v^{n+1} = v^{n+1/2} + a^{n+1} dt/2 (eq. 5.26). */
 static void kick(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), *const *a = gr_sph_rows(s, GR_SPH_FIELD_a);
@@ -246,8 +247,8 @@ static void kick(struct gr_sph *s, double dt, int64_t first, int64_t last, struc
     }
 }
 
-/* What the threads have found, together: largest values do not depend on their order. */
-static struct gr_sph_found gathered(const struct gr_sph *s, int threads)
+/* Combine the results of the threads. Maxima and counts do not depend on the order of threads. */
+static struct gr_sph_found combined(const struct gr_sph *s, int threads)
 {
     struct gr_sph_found all = s->found[0];
     for (int t = 1; t < threads; t++) {
@@ -263,7 +264,7 @@ static struct gr_sph_found gathered(const struct gr_sph *s, int threads)
     return all;
 }
 
-/* Whether there is another step, and how long. One thread. */
+/* Decide whether there is another step, and its length. One thread. */
 static void begin_step(struct team *team)
 {
     struct gr_sph *s = team->s;
@@ -275,8 +276,8 @@ static void begin_step(struct team *team)
     gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time, s->gravity);
 }
 
-/* Whether two points may have come so much nearer to each other that they are neighbours and not in the list: only if
- * some have moved half its skin, and the ways of all differ by a skin. */
+/* True if two points may have become neighbours without being in the list. That takes a displacement of half the skin,
+ * and displacements that differ by a skin. */
 static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
 {
     const double skin = s->config.parameter[GR_SPH_P_skin];
@@ -285,11 +286,12 @@ static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
     return 4.0 * all->moved2 >= skin * skin && spread2 >= skin * skin;
 }
 
-/* After the points have moved: whether there must be a new list, and what is not finite or ran away. One thread. */
+/* After the points have moved: find out whether a new list is needed, and whether a point ran away or is not finite.
+ * One thread. */
 static void look(struct team *team)
 {
     struct gr_sph *s = team->s;
-    const struct gr_sph_found all = gathered(s, team->barrier.threads);
+    const struct gr_sph_found all = combined(s, team->barrier.threads);
     if (all.bad >= 0) {
         s->error = GR_ERR_RUNAWAY, s->error_id = s->id[all.bad];
         for (int d = 0; d < s->config.dim; d++) {
@@ -305,13 +307,13 @@ static void look(struct team *team)
 }
 
 struct share {
-    int64_t grains[2], walls[2], gas[2];
+    int64_t particles[2], walls[2], gas[2];
 };
 
 static struct share share_of(const struct gr_sph *s, int t, int threads)
 {
     struct share own;
-    gr_share(s->n_particles, t, threads, &own.grains[0], &own.grains[1]);
+    gr_share(s->n_particles, t, threads, &own.particles[0], &own.particles[1]);
     gr_share(s->n_walls, t, threads, &own.walls[0], &own.walls[1]);
     gr_share(s->n_gas, t, threads, &own.gas[0], &own.gas[1]);
     own.walls[0] += s->wall_first, own.walls[1] += s->wall_first;
@@ -319,18 +321,18 @@ static struct share share_of(const struct gr_sph *s, int t, int threads)
     return own;
 }
 
-/* A new list, by all threads. */
+/* Make a new neighbour list, by all threads. */
 static void rebuild(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
     const struct share own = share_of(s, t, team->barrier.threads);
     do {
-        const int64_t grains = gr_sph_list_blocks(s, own.grains[0], own.grains[1]);
+        const int64_t particles = gr_sph_list_blocks(s, own.particles[0], own.particles[1]);
         const int64_t walls = gr_sph_list_blocks(s, own.walls[0], own.walls[1]);
-        s->found[t].blocks = largest(grains, walls, gr_sph_list_blocks(s, own.gas[0], own.gas[1]));
+        s->found[t].blocks = largest(particles, walls, gr_sph_list_blocks(s, own.gas[0], own.gas[1]));
         gr_wait(&team->barrier);
         if (t == 0) {
-            const int64_t most = gathered(s, team->barrier.threads).blocks;
+            const int64_t most = combined(s, team->barrier.threads).blocks;
             team->rebuilds = most > s->stride;
             if (team->rebuilds) s->error = gr_sph_widen(s, most);
         }
@@ -338,44 +340,44 @@ static void rebuild(struct team *team, int t)
     } while (team->rebuilds && !s->error);
 }
 
-/* Densities, stresses and accelerations of the present positions and velocities. */
+/* Compute densities, stresses and accelerations at the present positions and velocities. */
 static void evaluate(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
     const struct gr_sph_kernels *k = team->kernels;
     struct gr_sph_found *found = &s->found[t];
     const struct share own = share_of(s, t, team->barrier.threads);
-    k->densities(s, own.grains[0], own.grains[1]);
+    k->densities(s, own.particles[0], own.particles[1]);
     k->densities(s, own.walls[0], own.walls[1]);
     gr_wait(&team->barrier);
-    k->filter(s, own.grains[0], own.grains[1], found);
+    k->filter(s, own.particles[0], own.particles[1], found);
     k->filter(s, own.walls[0], own.walls[1], found);
     gr_wait(&team->barrier);
-    k->stresses(s, own.grains[0], own.grains[1]);
+    k->stresses(s, own.particles[0], own.particles[1]);
     k->stresses(s, own.walls[0], own.walls[1]);
     if (s->gas) k->gas(s, GR_SPH_GAS_VOLUMES, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);
-    k->forces(s, own.grains[0], own.grains[1], found);
+    k->forces(s, own.particles[0], own.particles[1], found);
     if (!s->gas) return;
     k->gas(s, GR_SPH_GAS_FORCES, own.gas[0], own.gas[1], found);
-    k->gas(s, GR_SPH_GAS_LOADS, own.grains[0], own.grains[1], found);
+    k->gas(s, GR_SPH_GAS_LOADS, own.particles[0], own.particles[1], found);
     gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_SHARES, own.grains[0], own.grains[1], found);
+    k->gas(s, GR_SPH_GAS_SHARES, own.particles[0], own.particles[1], found);
     k->gas(s, GR_SPH_GAS_EXCHANGE, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);
     k->gas(s, GR_SPH_GAS_DRAG, own.gas[0], own.gas[1], found);
     gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_REACTIONS, own.grains[0], own.grains[1], found);
+    k->gas(s, GR_SPH_GAS_REACTIONS, own.particles[0], own.particles[1], found);
 }
 
 static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){.bad = -1}; }
 
-/* Keep what the limits of the next step need. One thread. */
+/* Keep the maxima for the time step limits of the next step. One thread. */
 static void end_step(struct team *team)
 {
     struct gr_sph *s = team->s;
     const double *p = s->config.parameter;
-    const struct gr_sph_found all = gathered(s, team->barrier.threads);
+    const struct gr_sph_found all = combined(s, team->barrier.threads);
     s->speed2 = fmax(all.speed2, slow_sound2(p));
     s->acceleration2 = all.acceleration2, s->gas_speed2 = all.gas_speed2;
     s->started = 1;
@@ -386,10 +388,10 @@ static void one_step(struct team *team, int t)
     struct gr_sph *s = team->s;
     struct share own = share_of(s, t, team->barrier.threads);
     forget(&s->found[t]);
-    drift(s, own.grains[0], own.grains[1], &s->found[t]);
+    drift(s, own.particles[0], own.particles[1], &s->found[t]);
     gr_sph_move_walls(s, own.walls[0], own.walls[1]);
     if (s->gas) gr_sph_drift_gas(s, own.gas[0], own.gas[1]);
-    measure(s, own.grains[0], own.grains[1], &s->found[t]);
+    measure(s, own.particles[0], own.particles[1], &s->found[t]);
     measure(s, own.walls[0], own.walls[1], &s->found[t]);
     measure(s, own.gas[0], own.gas[1], &s->found[t]);
     gr_wait(&team->barrier);
@@ -402,19 +404,19 @@ static void one_step(struct team *team, int t)
     }
     forget(&s->found[t]);
     evaluate(team, t);
-    own = share_of(s, t, team->barrier.threads); /* points may have left */
-    kick(s, s->dt, own.grains[0], own.grains[1], &s->found[t]);
+    own = share_of(s, t, team->barrier.threads); /* the numbers of points may have changed */
+    kick(s, s->dt, own.particles[0], own.particles[1], &s->found[t]);
     if (s->gas) gr_sph_kick_gas(s, s->dt, own.gas[0], own.gas[1], &s->found[t]);
 }
 
 static void run(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
-    if (!s->started) { /* accelerations and speeds at the start */
+    if (!s->started) { /* accelerations and speeds of the initial state */
         const struct share own = share_of(s, t, team->barrier.threads);
         forget(&s->found[t]);
         evaluate(team, t);
-        kick(s, 0.0, own.grains[0], own.grains[1], &s->found[t]);
+        kick(s, 0.0, own.particles[0], own.particles[1], &s->found[t]);
         if (s->gas) gr_sph_kick_gas(s, 0.0, own.gas[0], own.gas[1], &s->found[t]);
         gr_wait(&team->barrier);
         if (t == 0) end_step(team);
@@ -431,7 +433,7 @@ static void run(struct team *team, int t)
     }
 }
 
-/* The stresses of the last step, for who looks at them: steps themselves need sigma/rho^2. */
+/* Compute the stresses of the last step for output; the steps themselves use sigma/rho^2. */
 static void show_stresses(struct gr_sph *s)
 {
     double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);

@@ -1,21 +1,22 @@
-/* The stress of grains and of wall points, of as many points at once as a vector has lanes; included by kernels.c. */
+/* Stress of particles and wall points, for as many points at once as a vector has lanes; included by kernels.c. */
 #include <string.h>
 
 #include "core/simd.h"
 #include "sph/sph.h"
 
-/* What is known and found of a tile of points: a row for each number, of neighbouring points. */
+/* Data of a tile of consecutive points: one array per component. */
 struct sph_tile {
-    double rates[9][SPH_TILE]; /* of strain, D: xx, yy, zz, xy, yz, xz, and of spin: yx, zy, xz, over the slope norm */
+    double rates[9][SPH_TILE]; /* strain rate D: xx, yy, zz, xy, yz, xz, and spin: yx, zy, xz, divided by the norm of the
+                                  gradient */
     double rho[SPH_TILE], elastic[6][SPH_TILE];
     double shear_rate[SPH_TILE], pull[6][SPH_TILE], wall_pull[6][SPH_TILE];
 };
 
 struct sph_strength {
-    vd p, tau, tau_wall; /* pressure, shear strengths in the bulk and against walls */
+    vd p, tau, tau_wall; /* pressure, shear strength in the bulk and towards walls */
 };
 
-/* Pressure and strength (eqs. 5.5, 5.7, 5.8). */
+/* Pressure and shear strength (eqs. 5.5, 5.7, 5.8). */
 GR_INLINE struct sph_strength sph_strength_of(const struct gr_sph *s, double rho0, vd rho, vd rate, vd div)
 {
     const double *c = s->config.parameter;
@@ -29,21 +30,21 @@ GR_INLINE struct sph_strength sph_strength_of(const struct gr_sph *s, double rho
     return (struct sph_strength){p, (mu + beta) * p + cohesion, (mu_wall + beta) * p + cohesion};
 }
 
-/* |T| = sqrt(T:T/2). */
+/* Magnitude |T| = sqrt(T:T/2). */
 GR_INLINE vd sph_size(const vd *T)
 {
     const vd normal = T[0] * T[0] + T[1] * T[1] + T[2] * T[2];
     return v_sqrt(v_set(0.5) * normal + T[3] * T[3] + T[4] * T[4] + T[5] * T[5]);
 }
 
-/* Of a trial stress so much that it is not more than the strength. */
+/* Share of a trial stress of magnitude `size` that the strength tau allows. */
 GR_INLINE vd sph_share(vd tau, vd size)
 {
     const vm within = v_ge(tau, size);
     return v_select(within, v_set(1.0), tau / v_select(within, v_set(1.0), size));
 }
 
-/* A stress turned as the material has in a step: Q T Q^T with Q of the quaternion (1, turn), turn = spin dt/2. */
+/* Rotate a stress by the spin of a step: Q T Q^T with Q of the quaternion (1, turn), turn = spin dt/2. */
 GR_INLINE void sph_turn(int dim, vd x, vd y, vd z, vd *T)
 {
     static const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
@@ -66,8 +67,9 @@ GR_INLINE void sph_turn(int dim, vd x, vd y, vd z, vd *T)
         for (int j = i; j < dim; j++) T[place[i][j]] = turned[place[i][j]];
 }
 
-/* The elastic stress after a step, from that before it, the shear stress and its viscosity: the strain that is not
- * plastic strains spring and dashpot alike. Never more than the strength, so that what comes apart forgets. */
+/* Elastic stress after a step, from the one before it, the shear stress and its viscosity. The strain that is not
+ * plastic acts on the spring (stiffness) and the dashpot (eta) alike. It never exceeds the strength, so that material
+ * that separates loses its elastic stress. */
 GR_INLINE void sph_relax(vd stiffness, vd eta, vd tau, const vd *shear, vd *elastic)
 {
     const vd mean = (shear[0] + shear[1] + shear[2]) / v_set(3.0), share = stiffness / (stiffness + eta);
@@ -80,9 +82,9 @@ GR_INLINE void sph_relax(vd stiffness, vd eta, vd tau, const vd *shear, vd *elas
     for (int k = 0; k < 6; k++) elastic[k] *= kept;
 }
 
-/* Stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2, of the points of one vector from place i on. Below
- * its strength the material has the largest viscosity eta and, beside it, the shear modulus G: |T| <= mu p + c of
- * T = E + eta D + G dt dev D, E the elastic stress so far. */
+/* Stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2, of the points of one vector from index i on. Below
+ * its strength the material has the largest viscosity eta and, parallel to it, the shear modulus G: |T| <= mu p + c for
+ * T = E + eta D + G dt dev D, with E the elastic stress so far. */
 GR_INLINE void sph_stress_of(int dim, int elastic, const struct gr_sph *s, double rho0, struct sph_tile *tile, int i)
 {
     const double *c = s->config.parameter, h = c[GR_SPH_P_h], scale = sph_gradient_norm(dim, s);
@@ -118,13 +120,13 @@ GR_INLINE void sph_stress_of(int dim, int elastic, const struct gr_sph *s, doubl
     for (int k = 0; k < (dim == 2 ? 4 : 6); k++) v_store(tile->elastic[k] + i, E[k]);
 }
 
-/* Stresses of rows [first, last): a tile at a time, as a vector may reach beyond the rows of a thread. */
+/* Stresses of the rows [first, last), tile by tile, as a vector may extend beyond the rows of a thread. */
 GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t first, int64_t last)
 {
     double *const *old = gr_sph_rows(s, GR_SPH_FIELD_elastic_stress);
     double *rate = gr_sph_rows(s, GR_SPH_FIELD_shear_rate)[0], *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
     const double rho0 = s->config.parameter[first < s->wall_first ? GR_SPH_P_rho0 : GR_SPH_P_rho0_wall];
-    struct sph_tile tile = {0}; /* what is beyond the last row is finite */
+    struct sph_tile tile = {0}; /* values beyond the last row must be finite */
     for (int64_t a = first; a < last; a += SPH_TILE) {
         const int64_t n = last - a < SPH_TILE ? last - a : SPH_TILE;
         const size_t bytes = sizeof(double) * (size_t)n;

@@ -1,41 +1,42 @@
-/* The sums over neighbours of one step, in their order; included by kernels.c.
+/* Sums over neighbours in one step: densities, strain rates and forces, in their order; included by kernels.c.
  *
- * The kernel is the cubic spline, W = c w(q) with q = r/h, w = (2 - q)+^3/4 - (1 - q)+^3 (eq. 5.14), and its gradient
- * at a point is c/h^2 G(q) d with d the way to the neighbour, G = 3 - 9 q/4 for q < 1, 3 (2 - q)+^2/(4 q) beyond.
- * What the blocks have in common is left to the factors of the sums: W = weight norm x (4 h^3 w), and the gradient is
- * slope norm x (4 h G/3) d. */
+ * The kernel is the cubic spline W = c w(q) with q = r/h, w = (2 - q)+^3/4 - (1 - q)+^3 (eq. 5.14). Its gradient at a
+ * point is c/h^2 G(q) d with d the vector to the neighbour, G = 3 - 9 q/4 for q < 1, 3 (2 - q)+^2/(4 q) beyond.
+ * Constant factors are taken out of the sums: W = weight norm x (4 h^3 w), and the gradient is slope norm x (4 h G/3)
+ * d. */
 #include "core/simd.h"
 #include "sph/sph.h"
 
-static const double sph_least_square = 1e-200; /* of a distance, so that a point has no distance 0 from itself */
+static const double sph_least_square = 1e-200; /* least r^2: not 0 for a point and itself */
 
-/* c/(4 h^3), 1/m^(dim + 3). */
+/* Weight norm c/(4 h^3), 1/m^(dim + 3). */
 static double sph_weight_norm(int dim, double h)
 {
     const double pi = 3.14159265358979323846, c = dim == 2 ? 10.0 / (7.0 * pi * h * h) : 1.0 / (pi * h * h * h);
     return c / (4.0 * h * h * h);
 }
 
-/* 3 c/(4 h^3), 1/m^(dim + 3). */
+/* Slope norm 3 c/(4 h^3), 1/m^(dim + 3). */
 static double sph_slope_norm(int dim, double h) { return 3.0 * sph_weight_norm(dim, h); }
 
-/* That of the grains, such that on a lattice gradients of linear fields are exact. */
+/* Slope norm for particles, scaled so that gradients of linear fields are exact on the seeding lattice. */
 static double sph_gradient_norm(int dim, const struct gr_sph *s)
 {
     return sph_slope_norm(dim, s->config.parameter[GR_SPH_P_h]) / s->config.parameter[GR_SPH_P_gradient];
 }
 
-/* Where a point is, seen from the blocks of one shift. */
+/* Position of a point relative to the blocks of one shift. */
 struct sph_place {
     vd at[3];
-    int32_t shift; /* -1: not known yet */
+    int32_t shift; /* -1: not set yet */
 };
 
-/* Ways d from a point to those of a block. Returned: their squares. */
+/* Vectors d from a point to those of a block.
+ * Returned: their squared lengths. */
 GR_INLINE vd sph_ways(int dim, const struct gr_sph *s, int64_t a, struct gr_block block, struct sph_place *place, vd *d)
 {
     vd r2 = v_set(sph_least_square);
-    if (block.shift != place->shift) { /* rare: most points see no image */
+    if (block.shift != place->shift) { /* rare: most points have no periodic images nearby */
         place->shift = block.shift;
         for (int k = 0; k < dim; k++) place->at[k] = v_set(s->row[k][a] - s->shift[block.shift][k]);
     }
@@ -46,7 +47,7 @@ GR_INLINE vd sph_ways(int dim, const struct gr_sph *s, int64_t a, struct gr_bloc
     return r2;
 }
 
-/* 4 h^3 w, m^3. */
+/* Unnormalised kernel 4 h^3 w, m^3. */
 GR_INLINE vd sph_weight(vd r2, double h)
 {
     const vd r = v_sqrt_fast(r2), t = v_max(v_set(2.0 * h) - r, v_set(0.0));
@@ -54,14 +55,14 @@ GR_INLINE vd sph_weight(vd r2, double h)
     return v_select(v_gt(v_set(h), r), inner, t * t * t);
 }
 
-/* 4 h G/3, m. */
+/* Unnormalised slope 4 h G/3, m. */
 GR_INLINE vd sph_slope(vd r2, double h)
 {
     const vd per_r = v_rsqrt(r2), r = r2 * per_r, t = v_max(v_set(2.0 * h) - r, v_set(0.0));
     return v_select(v_gt(v_set(h), r), v_fnma(v_set(3.0), r, v_set(4.0 * h)), t * t * per_r);
 }
 
-/* sum_b of f_b w over some blocks of the neighbours of a point. */
+/* sum_b f_b w over blocks [first, last) of the neighbours of a point. */
 GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, int64_t a, int64_t first, int64_t last)
 {
     const double h = s->config.parameter[GR_SPH_P_h];
@@ -75,15 +76,16 @@ GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, in
     return v_sum(sum);
 }
 
-/* That over all grains and wall points, the point itself among them. */
+/* The same over all particles and wall points, including the point itself. */
 GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a)
 {
     return sph_sum_of(dim, s, f, a, s->begin[a], s->end[a]);
 }
 
-enum { SPH_TILE = 64 }; /* points of which sums are found before what follows from them, so that neither waits */
+/* Number of points whose sums are computed before the operations that use them, so that neither waits for the other. */
+enum { SPH_TILE = 64 };
 
-/* rho~ = sum_b m_b W (eq. 5.17), and m/rho~. */
+/* Density rho~ = sum_b m_b W (eq. 5.17), and m/rho~. */
 GR_INLINE void sph_densities(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], norm = sph_weight_norm(dim, s->config.parameter[GR_SPH_P_h]);
@@ -91,7 +93,7 @@ GR_INLINE void sph_densities(int dim, struct gr_sph *s, int64_t first, int64_t l
     for (int64_t a = first; a < last; a++) s->lump[a] = mass[a] / s->rho_plain[a];
 }
 
-/* rho = rho~/sum_b (m_b/rho~_b) W, the Shepard filter (eq. 5.18); m/rho; the speed of sound, c^2 = K/rho (eq. 5.6). */
+/* Shepard filter rho = rho~/sum_b (m_b/rho~_b) W (eq. 5.18); m/rho; and the speed of sound, c^2 = K/rho (eq. 5.6). */
 GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *p = s->config.parameter;
@@ -114,10 +116,10 @@ GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last
     }
 }
 
-enum { SPH_SAME, SPH_TO_WALL, SPH_FROM_WALL }; /* of a pair: one kind; seen from a grain; seen from a wall point */
+enum { SPH_SAME, SPH_TO_WALL, SPH_FROM_WALL }; /* pair: of the same kind; seen from a particle; seen from a wall point */
 
-/* Factor z of the artificial velocity of a wall, v_b = (1 - z) v_a + z v_w: the relative velocity is z (v_w - v_a), so
- * that it vanishes on the surface of the wall, between a depth below and a height above (eqs. 5.23, 5.24). */
+/* Factor z of the artificial velocity of a wall, v_b = (1 - z) v_a + z v_w. The relative velocity is z (v_w - v_a); the
+ * velocity then vanishes on the surface of the wall, between a depth below and a height above it (eqs. 5.23, 5.24). */
 GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal, const double *depth, int64_t a, int64_t b,
                         int dim, const vd *d)
 {
@@ -134,8 +136,8 @@ GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal,
     return v_select(v_gt(height, zero), z, largest);
 }
 
-/* Add V_b G (dv_i d_j + dv_j d_i) of some blocks to the components xx, yy, zz, xy, yz, xz of D, the first three halved,
- * and, where the material is elastic, V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
+/* Add V_b G (dv_i d_j + dv_j d_i) of blocks [first, last) to the components xx, yy, zz, xy, yz, xz of D, the first
+ * three halved. For an elastic material, also add V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
 GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph *s, int64_t a, int64_t first, int64_t last,
                              vd *D, vd *spin)
 {
@@ -166,7 +168,7 @@ GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph
     }
 }
 
-/* Rates of strain and, where the material is elastic, of spin (eqs. 5.2, 5.21) over the slope norm, of a tile at most. */
+/* Strain rates and, for an elastic material, spins (eqs. 5.2, 5.21) of a tile at most, divided by the slope norm. */
 GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t first, int64_t last,
                          double (*rates)[SPH_TILE])
 {
@@ -174,7 +176,7 @@ GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t f
     for (int64_t a = first; a < last; a++) {
         vd sums[9];
         for (int k = 0; k < 9; k++) sums[k] = v_set(0.0);
-        if (is_wall) { /* the points of walls do not strain each other */
+        if (is_wall) { /* wall points do not strain each other */
             sph_add_rates(dim, SPH_FROM_WALL, elastic, s, a, s->begin[a], s->middle[a], sums, sums + 6);
         } else {
             sph_add_rates(dim, SPH_SAME, elastic, s, a, s->begin[a], s->middle[a], sums, sums + 6);
@@ -185,7 +187,7 @@ GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t f
     }
 }
 
-/* Add m_b G (T_a + T_b) d of some blocks, T = sigma/rho^2. */
+/* Add m_b G (T_a + T_b) d of blocks [first, last), T = sigma/rho^2. */
 GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pull, int64_t a, int64_t first, int64_t last,
                               vd *sum)
 {
@@ -210,7 +212,8 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pu
     }
 }
 
-/* a = sum_b m_b (sigma_a/rho_a^2 + sigma_b/rho_b^2) grad W + g of the grains (eq. 5.20, whose sum lacks m_b). */
+/* Acceleration of the particles, a = sum_b m_b (sigma_a/rho_a^2 + sigma_b/rho_b^2) grad W + g (eq. 5.20, whose sum
+ * lacks m_b). */
 GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), scale = sph_gradient_norm(dim, s);

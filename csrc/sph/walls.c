@@ -1,9 +1,9 @@
-/* Walls that move and go at given times, and grains that would go through them. */
+/* SPH walls that move and are removed at given times, and particles that would pass through them. */
 #include <math.h>
 
 #include "sph/sph.h"
 
-/* Number of the wall that a wall point belongs to; whatever is in the buffer, there is one of that number. */
+/* Index of the wall of a wall point; always valid, whatever the buffer contains. */
 static int wall_of(const struct gr_sph *s, int64_t row)
 {
     const double k = gr_sph_rows(s, GR_SPH_FIELD_wall)[0][row];
@@ -45,15 +45,16 @@ void gr_sph_move_walls(struct gr_sph *s, int64_t first, int64_t last)
     }
 }
 
-/* Where a wall is along an axis. */
+/* Present ends of a wall along an axis. */
 static void ends_of(const struct gr_sph *s, const struct gr_sph_wall *wall, int d, double *low, double *high)
 {
     const double time = s->time < wall->from ? 0.0 : s->time - wall->from;
     *low = wall->lower[d] + time * wall->v[d], *high = wall->upper[d] + time * wall->v[d];
 }
 
-/* Friction of a contact with a wall that takes the normal velocity `lost` from a grain: of the velocity along the wall
- * no more than mu times as much. A grain that lies on a wall alone has no pressure of its own, and would slide for ever. */
+/* Friction of a contact in which the wall removes the normal velocity `lost` from a particle: at most mu times that is
+ * removed from the tangential velocity. A particle that lies on a wall alone has no pressure and would otherwise slide
+ * for ever. */
 static void rub(const struct gr_sph *s, const double *wall_v, int axis, double lost, int64_t a)
 {
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), along2 = 0;
@@ -65,8 +66,8 @@ static void rub(const struct gr_sph *s, const double *wall_v, int axis, double l
         if (d != axis) v[d][a] = wall_v[d] + kept * (v[d][a] - wall_v[d]);
 }
 
-/* Put a grain that has come into a wall in this step, from `before`, back onto the face through which it came, at rest
- * against it. */
+/* Put a particle that entered a wall in this step, coming from `before`, back onto the face through which it came, at
+ * rest relative to that face. */
 static int stop(const struct gr_sph *s, const struct gr_sph_wall *wall, double wall_dt, const double *before, int64_t a)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
@@ -74,14 +75,14 @@ static int stop(const struct gr_sph *s, const struct gr_sph_wall *wall, double w
     int axis = -1;
     double face = 0.0;
     for (int k = 0; k < dim; k++) {
-        const int d = (wall->axis + k) % dim; /* first the wall's own axis */
+        const int d = (wall->axis + k) % dim; /* the axis across the wall first */
         double low, high;
         ends_of(s, wall, d, &low, &high);
         if (!(x[d][a] > low && x[d][a] < high)) return 0;
-        const double from = before[d] + wall_dt * wall->v[d]; /* as the wall sees it */
+        const double from = before[d] + wall_dt * wall->v[d]; /* relative to the moving wall */
         if (axis < 0 && !(from > low && from < high)) axis = d, face = from <= low ? low : high;
     }
-    if (axis < 0) return 0; /* it was in it from the start */
+    if (axis < 0) return 0; /* it was inside already */
     const double still[3] = {0}, *wall_v = wall_dt > 0 ? wall->v : still;
     x[axis][a] = face;
     rub(s, wall_v, axis, fabs(v[axis][a] - wall_v[axis]), a);

@@ -1,11 +1,11 @@
-/* Checks of the C tests. A test is a function; a program runs some and reports how many passed. */
+/* Checks for the C tests. A test is a function; a program runs several and reports how many passed. */
 #ifndef GR_TESTS_CHECK_H
 #define GR_TESTS_CHECK_H
 
 #include <math.h>
 #include <stdio.h>
 
-enum { CHECK_LINES = 20 }; /* failures that are told about; all are counted */
+enum { CHECK_LINES = 20 }; /* failures that are printed; all are counted */
 
 static int check_failures, check_passed, check_failed;
 
@@ -38,7 +38,8 @@ static int check_failures, check_passed, check_failed;
             check_failed++;                      \
     } while (0)
 
-/* The last line of a program, read by run.sh; returned: its exit status. */
+/* Print the last line of a program, which run.sh reads.
+ * Returned: its exit status. */
 static inline int check_report(const char *name)
 {
     printf("%s: %d passed, %d failed\n", name, check_passed, check_failed);

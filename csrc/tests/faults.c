@@ -1,3 +1,4 @@
+/* Allocations that fail on demand (faults.h). */
 #include "tests/faults.h"
 
 #include <stddef.h>

@@ -2,11 +2,11 @@
 #ifndef GR_TESTS_FAULTS_H
 #define GR_TESTS_FAULTS_H
 
-/* The n-th allocation from now on fails (n = 1 is the next one), and only that; n = 0: none fails. */
+/* Let the n-th allocation from now on fail (n = 1 is the next one), and only that one; with n = 0 none fails. */
 void faults_at(long n);
-/* Whether it has been reached. */
+/* True if this allocation was reached. */
 int faults_hit(void);
-/* Allocations since then. */
+/* Number of allocations since then. */
 long faults_calls(void);
 
 #endif

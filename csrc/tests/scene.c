@@ -1,3 +1,4 @@
+/* Small scenes for the tests (scene.h). */
 #include "tests/scene.h"
 
 #include <math.h>

@@ -7,7 +7,8 @@
 
 enum { SCENE_WALLS = 8 };
 
-/* What a test may ask for; zero is a plain choice everywhere (see scene_default). */
+/* A scene. Tests may change its configuration before it is built; zero is a plain choice everywhere (see
+ * scene_default). */
 struct scene {
     struct gr_config config;
     struct gr_wall walls[SCENE_WALLS];
@@ -25,8 +26,9 @@ int64_t scene_grid_nodes(const struct scene *s);
 /* Put wall row `row` on all nodes of the lower (upper: high = 1) face of an axis. Call scene_codes first. */
 void scene_codes(struct scene *s);
 void scene_face(struct scene *s, int axis, int high, uint8_t row);
-/* Build the engine and bind `n` points at random places inside the box [low, high] (shares of the domain),
- * of random mass, velocity, stress and log_density. Returned: the error of the core. */
+/* Build the engine and bind `n` points at random positions inside the box [low, high] (shares of the domain), with
+ * random mass, velocity, stress and log_density.
+ * Returned: the error of the core. */
 int scene_build(struct scene *s, int64_t n, double low, double high);
 void scene_free(struct scene *s);
 
@@ -39,11 +41,12 @@ double *scene_at(const struct scene *s, int field, int c, int64_t slot);
 /* Sums of a node in row q (see mpm/p2g.inl), and its position in m. */
 double scene_sum(const struct scene *s, int64_t node, int q);
 double scene_node_x(const struct scene *s, int64_t node, int d);
-/* The place of the point with this id, -1 if there is none. */
+/* Place of the point with this id, -1 if there is none. */
 int64_t scene_find(const struct scene *s, int64_t id);
-/* Order-free digest of what is bound to ids: 0 if and only if the points of a and b agree to the last bit. */
+/* Compare the points of two scenes by id, whatever their order: 0 if and only if they agree to the last bit. */
 int scene_differs(const struct scene *a, const struct scene *b);
-/* Larger buffers with the same points, as GR_ERR_CAPACITY asks. Returned: 0 or 1 where memory is short. */
+/* Move the points to larger buffers, as GR_ERR_CAPACITY requires.
+ * Returned: 0, or 1 without memory. */
 int scene_grow(struct scene *s);
 
 #endif

@@ -1,4 +1,4 @@
-/* core/axis.c: the shape functions of one axis, against what they must sum to and against Cox and de Boor's recursion. */
+/* Tests of core/axis.c: the shape functions of one axis, against their sum rules and the Cox-de Boor recursion. */
 #include "core/axis.h"
 
 #include <stdint.h>
@@ -29,7 +29,7 @@ static double b_spline(const double *t, int i, int degree, double x)
            (right > 0 ? (t[i + degree + 1] - x) / right * b_spline(t, i + 1, degree - 1, x) : 0);
 }
 
-/* Sums over the nodes of a cell: 1, the derivative of 1, x and its derivative. */
+/* Sum rules over the nodes of a cell: 1, the derivative of 1, x and its derivative. */
 static void check_sums(const struct gr_axis *axis, int nodes, int cells)
 {
     for (int c = 0; c < cells; c++)
@@ -73,7 +73,7 @@ static void quadratic_reproduces(void)
         }
 }
 
-/* Against the recursion on the whole knot vector, c0_lines and open ends included. */
+/* Compare with the recursion on the whole knot vector, including c0_lines and open ends. */
 static void quadratic_is_the_spline(void)
 {
     const double knot[] = {0, 0, 0, 1, 2, 3, 3, 4, 4, 5, 6, 7, 7, 8, 9, 9, 9};
@@ -92,7 +92,7 @@ static void quadratic_is_the_spline(void)
     gr_axis_free(&axis);
 }
 
-/* At an open end and on a c0_line one node holds all the weight: walls there are sharp. */
+/* At an open end and on a C0 line one node has the whole weight: the boundary condition of a wall holds exactly there. */
 static void walls_interpolate(void)
 {
     struct gr_axis axis;
@@ -104,7 +104,7 @@ static void walls_interpolate(void)
     }
     CHECK_NEAR(value(&axis.cell[N - 1], 2, 1), 1, 1e-15);
     CHECK_NEAR(axis.node_position[axis.n_nodes - 1], N, 0);
-    for (int k = 1; k < 4; k++) /* the same node from below */
+    for (int k = 1; k < 4; k++) /* the same node, seen from the cell below */
         CHECK(axis.cell[at[k] - 1].node[2] == axis.cell[at[k]].node[0]);
     gr_axis_free(&axis);
 }
@@ -140,7 +140,8 @@ static void integrals_at_a_wall(void)
     gr_axis_free(&axis);
 }
 
-/* The hat of a neighbour at distance q in [0, 1] seen by [q - l, q + l], clipped to [0, ...), by quadrature. */
+/* The linear shape function of a neighbour at distance q in [0, 1], averaged over [q - l, q + l], or over its positive
+ * part if clipped, by quadrature. */
 static double averaged(double q, double l, int clip)
 {
     double sum = 0, length = 0;
@@ -175,7 +176,7 @@ static void ugimp_averages_hats(void)
             CHECK_NEAR(w[0][0], left, 1e-4);
             CHECK_NEAR(w[0][0] + w[1][0] + w[2][0], 1, 1e-15);
             CHECK_NEAR(g[0][0] + g[1][0] + g[2][0], 0, 1e-15);
-            if (cell->clip) continue; /* there the mean of x over the extent is met, not x */
+            if (cell->clip) continue; /* there x is reproduced as its mean over the box only */
             CHECK_NEAR(w[2][0] - w[0][0], r, 1e-15);
             CHECK_NEAR(g[2][0] - g[0][0], 1, 1e-15);
         }
@@ -183,7 +184,7 @@ static void ugimp_averages_hats(void)
     gr_axis_free(&axis);
 }
 
-/* Weights and derivatives of the kernels' own evaluation, lane by lane. */
+/* The weights and derivatives that the kernels compute agree with the tables, lane by lane. */
 static void blocks_agree(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
@@ -213,13 +214,13 @@ static void periodic_wraps(void)
                 for (int a = 0; a < gr_basis_nodes_1d(basis); a++) {
                     CHECK(axis.cell[c].node[a] >= 0 && axis.cell[c].node[a] < n);
                     const double gap = c - axis.shift + axis.cell[c].position[a] - axis.node_position[axis.cell[c].node[a]];
-                    CHECK_NEAR(gap / n, round(gap / n), 1e-15); /* whole turns */
+                    CHECK_NEAR(gap / n, round(gap / n), 1e-15); /* a multiple of the period */
                 }
             gr_axis_free(&axis);
         }
 }
 
-/* Every x of the domain has one cell, which holds it; the cells leave no gap; beyond the ends there is none. */
+/* Every x of the domain lies in exactly one cell. The cells leave no gap, and there is none beyond the ends. */
 static void locates(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)

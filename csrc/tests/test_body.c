@@ -1,4 +1,4 @@
-/* body/body.c: distances, rules of contact, and motion, by hand. */
+/* Tests of body/body.c: distances, contact rules and motion, against values computed by hand. */
 #include "body/body.h"
 
 #include <math.h>
@@ -83,7 +83,7 @@ static void motion_is_integrated_exactly(void)
     CHECK_NEAR(out[5], 4, 1e-15);
     gr_motion_at(&body, 99, out);
     CHECK_NEAR(out[0], -2, 0);
-    gr_motion_mean(&body, 0, 5, out); /* 0, 4, 1, -2 over the stretches */
+    gr_motion_mean(&body, 0, 5, out); /* 0, 4, 1, -2 over the intervals */
     CHECK_NEAR(out[0], 3.0 / 5, 1e-15);
     CHECK_NEAR(out[1], 5, 1e-14);
     CHECK_NEAR(out[5], 24.0 / 5, 1e-14);

@@ -1,11 +1,11 @@
-/* mpm/cell_averaged.inl: cells that share their density, whatever the points. */
+/* Tests of mpm/cell_averaged.inl: properties of cell averages that hold for any points. */
 #include "mpm/engine.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 
 enum { POINTS = 900 };
 
-static void shared_scene(struct scene *s, int dim)
+static void averaged_scene(struct scene *s, int dim)
 {
     scene_seed(61);
     scene_default(s, dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0);
@@ -29,12 +29,12 @@ static double total(const struct scene *s, int q, int moment)
     return sum;
 }
 
-/* Mass is all there; the forces have no momentum, and no moment, as the stress is symmetric. */
+/* The mass is complete. The forces have no sum and no moment, as the stress is symmetric. */
 static void forces_balance(void)
 {
     for (int dim = 2; dim <= 3; dim++) {
         struct scene s;
-        shared_scene(&s, dim);
+        averaged_scene(&s, dim);
         CHECK(scene_build(&s, POINTS, 0.05, 0.95) == GR_OK);
         CHECK(gr_p2g(s.engine, gr_kernels_select("")) == GR_OK);
         double mass = 0, scale = 0;
@@ -50,16 +50,16 @@ static void forces_balance(void)
     }
 }
 
-/* Points of one stress, wherever they lie, make no force at a node whose cells are all inside the material. */
-static void an_even_stress_makes_no_force(void)
+/* Points of uniform stress, wherever they lie, make no force at a node whose cells are all inside the material. */
+static void a_uniform_stress_makes_no_force(void)
 {
     for (int dim = 2; dim <= 3; dim++) {
         struct scene s;
         int64_t within = 0;
-        shared_scene(&s, dim);
+        averaged_scene(&s, dim);
         CHECK(scene_build(&s, 4 * POINTS, 0.001, 0.999) == GR_OK);
         for (int64_t k = 0; k < 4 * POINTS; k++) {
-            *scene_at(&s, GR_FIELD_mass, 0, k) *= 3; /* every cell is full */
+            *scene_at(&s, GR_FIELD_mass, 0, k) *= 3; /* so that every cell is full */
             for (int q = 0; q < gr_field_components(GR_FIELD_stress, dim); q++)
                 *scene_at(&s, GR_FIELD_stress, q, k) = q < 3 ? -100 : 30;
         }
@@ -82,7 +82,7 @@ static void an_even_stress_makes_no_force(void)
 static void points_share(void)
 {
     struct scene s;
-    shared_scene(&s, 2);
+    averaged_scene(&s, 2);
     CHECK(scene_build(&s, POINTS, 0.05, 0.95) == GR_OK);
     CHECK(gr_grid(s.engine, gr_kernels_select("")) == GR_OK);
     for (int64_t c = 0; c < s.engine->mesh.n_cells; c++) {
@@ -101,15 +101,15 @@ static void points_share(void)
     int64_t like = 0;
     for (int64_t k = now->offset; k < now->offset + now->count; k++)
         like += *scene_at(&s, GR_FIELD_log_density, 0, k) == *scene_at(&s, GR_FIELD_log_density, 0, now->offset);
-    CHECK(like >= now->count - 1); /* but one that may have come */
+    CHECK(like >= now->count - 1); /* except for one that may have come from another cell */
     scene_free(&s);
 }
 
-/* Cells without points are neighbours of nobody; without sums there is nothing to gather. */
+/* Cells without points do not count as neighbours. G2P without sums is refused. */
 static void asks_for_sums(void)
 {
     struct scene s;
-    shared_scene(&s, 2);
+    averaged_scene(&s, 2);
     CHECK(scene_build(&s, 50, 0.3, 0.7) == GR_OK);
     const struct gr_kernels *kernels = gr_kernels_select("");
     CHECK(gr_p2g(s.engine, kernels) == GR_OK);
@@ -123,7 +123,7 @@ static void asks_for_sums(void)
     scene_free(&s);
 }
 
-/* What cannot be built is refused. */
+/* Variants that are not compiled are refused. */
 static void refuses_others(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
@@ -140,7 +140,7 @@ static void refuses_others(void)
 int main(void)
 {
     RUN(forces_balance);
-    RUN(an_even_stress_makes_no_force);
+    RUN(a_uniform_stress_makes_no_force);
     RUN(points_share);
     RUN(asks_for_sums);
     RUN(refuses_others);

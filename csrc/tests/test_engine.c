@@ -1,4 +1,4 @@
-/* mpm/engine.c: life of an engine, and configurations that are refused. */
+/* Tests of mpm/engine.c: construction and destruction of an engine, and configurations that are refused. */
 #include "mpm/engine.h"
 
 #include "tests/check.h"
@@ -42,7 +42,7 @@ static void fields_by_need(void)
     CHECK(gr_engine_uses(&s.config, GR_FIELD_density_gradient) && gr_engine_uses(&s.config, GR_FIELD_shift_velocity));
 }
 
-/* Build the default scene with one thing changed; it must be refused and leave no engine. */
+/* Build the default scene with one change; it must be refused and leave no engine. */
 #define REFUSED(change)                                       \
     do {                                                      \
         struct scene s;                                       \
@@ -63,7 +63,7 @@ static void refuses_kinds(void)
     REFUSED(s.config.affine = GR_AFFINE_COUNT);
     REFUSED(s.config.law = -1);
     REFUSED(s.config.law = 1000);
-    REFUSED(s.config.smoothed = 1); /* needs splines and the gradient */
+    REFUSED(s.config.smoothed = 1); /* requires splines and the gradient */
     REFUSED(s.config.xpic_order = -1);
     REFUSED((s.config.smoothed = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,
              s.config.averaging_interval = 0));
@@ -97,14 +97,14 @@ static void refuses_walls(void)
     REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = -INFINITY}));
     REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 2}));
     REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = -1}));
-    /* chains that would never end: a row that opens into itself, or into one that opened before */
+    /* chains of walls that would never end: a row that opens into itself, or into one that opened before */
     REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 1}));
     REFUSED((s.config.n_walls = 3, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 2},
              s.walls[2] = (struct gr_wall){.normal = -1, .opens_at = 0.5, .after = 1}));
 }
 
-/* The room of a solid block: its nodes lose what it takes, and the sum is the block's volume. */
-static void solids_take_room(void)
+/* The volume of a solid block: the nodes lose it, in all the volume of the block. */
+static void solids_take_volume(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis += 2) {
         struct scene s;
@@ -114,9 +114,9 @@ static void solids_take_room(void)
             for (int x = 2; x < 4; x++) flags[x + 6 * y] = GR_CELL_SOLID;
         s.config.cell_flags = flags;
         CHECK(scene_build(&s, 1, 0.1, 0.15) == GR_OK);
-        double room = 0;
-        for (int64_t n = 0; n < scene_grid_nodes(&s); n++) room += s.engine->solid[n];
-        CHECK_NEAR(room, 6, 1e-14);
+        double volume = 0;
+        for (int64_t n = 0; n < scene_grid_nodes(&s); n++) volume += s.engine->solid[n];
+        CHECK_NEAR(volume, 6, 1e-14);
         scene_free(&s);
     }
 }
@@ -129,6 +129,6 @@ int main(void)
     RUN(refuses_kinds);
     RUN(refuses_numbers);
     RUN(refuses_walls);
-    RUN(solids_take_room);
+    RUN(solids_take_volume);
     return check_report("engine");
 }

@@ -1,4 +1,4 @@
-/* core/error.c: each code has a message of its own. */
+/* Tests of core/error.c: every code has its own message. */
 #include "core/error.h"
 
 #include <string.h>

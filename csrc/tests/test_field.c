@@ -1,4 +1,4 @@
-/* core/field.c: names and components of the fields. */
+/* Tests of core/field.c: names and components of the fields. */
 #include "core/field.h"
 
 #include <stddef.h>

@@ -1,4 +1,4 @@
-/* fluidity/fluidity.c, fluidity/diffuse.inl, law/fluidity_update.h: by hand, against bad input, and without memory. */
+/* Tests of fluidity/ and law/fluidity_update.h: against values computed by hand, with invalid input and without memory. */
 #include "fluidity/fluidity.h"
 
 #include <string.h>
@@ -13,7 +13,7 @@ enum { MOST = 64 * 64 };
 
 static uint8_t faces[6 * MOST];
 
-/* nx x ny (x nz) cells, all faces linked; A^2 d^2/t0 = 1 and dx = 1, so that the explicit limit in the plane is 1/4. */
+/* nx x ny (x nz) cells, all faces linked. A^2 d^2/t0 = 1 and dx = 1, so that the explicit limit in 2D is 1/4. */
 static struct gr_fluidity_config plain(int64_t nx, int64_t ny, int64_t nz)
 {
     memset(faces, GR_FACE_LINK, sizeof faces);
@@ -42,7 +42,7 @@ static int run(struct gr_fluidity *f, const char *isa, int method, double dt, in
     return gr_fluidity_run(f, gr_kernels_select(isa)->diffuse, &call, threads);
 }
 
-/* Three cells in a row between a rough wall (left) and nothing: one explicit step by hand. */
+/* Three cells in a row between a no-slip wall on the left and an open end: one explicit step by hand. */
 static void three_cells(void)
 {
     struct gr_fluidity_config config = plain(3, 1, 0);
@@ -57,7 +57,7 @@ static void three_cells(void)
     gr_fluidity_free(f);
 }
 
-/* Two cells of a periodic axis exchange across both of their faces, one cell with itself not at all. */
+/* Two cells of a periodic axis exchange across both of their faces; a single cell does not exchange with itself. */
 static void periodic_ends(void)
 {
     for (int64_t n = 1; n <= 4; n++) {
@@ -73,12 +73,12 @@ static void periodic_ends(void)
     }
 }
 
-/* A link needs the consent of both sides, and both dense. */
+/* A link exists only if both cells have it and both are dense. */
 static void links_are_mutual(void)
 {
     for (int cut = 0; cut < 3; cut++) {
         struct gr_fluidity_config config = plain(2, 1, 0);
-        if (cut == 1) faces[1 * 2 + 0] = GR_FACE_OPEN; /* high side of the left cell alone */
+        if (cut == 1) faces[1 * 2 + 0] = GR_FACE_OPEN; /* high side of the left cell only */
         struct gr_fluidity *f = built(&config);
         f->g[0] = 1;
         if (cut == 2) f->dense[1] = 0, f->g[1] = 7;
@@ -89,8 +89,8 @@ static void links_are_mutual(void)
     }
 }
 
-/* Three cells in a row, a plate through the middle one: each side of it exchanges with its own neighbour; where the plate
- * ends, its one value with both. */
+/* Three cells in a row with a thin body through the middle one. Each side of that cell exchanges with its own
+ * neighbour. Where the body ends, the cell has one value, which exchanges with both. */
 static void two_sides(void)
 {
     for (int stencil = 0; stencil < GR_STENCIL_COUNT; stencil++)
@@ -174,7 +174,8 @@ static void random_faces(void)
         if (scene_random(0, 1) < 0.1) faces[i] = scene_random(0, 1) < 0.5 ? GR_FACE_OPEN : GR_FACE_ROUGH;
 }
 
-/* The same bits for any number of threads and every set; between sets to round-off. A step allocates nothing. */
+/* The result has the same bits for any number of threads, and instruction sets agree to round-off. A step allocates
+ * nothing. */
 static void threads_and_sets_agree(void)
 {
     static const char *const sets[] = {"baseline", "avx2", "avx512"};
@@ -215,7 +216,7 @@ static void does_not_converge(void)
     gr_fluidity_free(f);
 }
 
-/* Whatever allocation fails, of the lattice or of its places: none are left, and a second try has them all. */
+/* Whichever allocation of the grid or of its places fails, no place is left, and a second try succeeds. */
 static void without_memory(void)
 {
     const struct gr_fluidity_config config = plain(20, 20, 0);
@@ -242,7 +243,7 @@ static void without_memory(void)
     CHECK(of_places > 3);
 }
 
-/* Few cells of a box have the fluidity that all of it has, to the last bit, as the others are not dense. */
+/* If only some cells of a box have places, their fluidity is the same to the last bit, as the others are not dense. */
 static void places_do_not_matter(void)
 {
     for (int dim = 2; dim <= 3; dim++)
@@ -261,7 +262,7 @@ static void places_do_not_matter(void)
                     if (all->dense[i] || i % 31 == 0) cells[n++] = i;
                 }
                 CHECK(gr_fluidity_new(&few, &config) == GR_OK);
-                CHECK(gr_fluidity_cover(few, cells, NULL, n / 2) == GR_OK); /* another cover before */
+                CHECK(gr_fluidity_cover(few, cells, NULL, n / 2) == GR_OK); /* cover another set before */
                 CHECK(gr_fluidity_cover(few, cells, NULL, n) == GR_OK && few->n_pages < all->n_pages);
                 for (int64_t k = 0; k < n; k++) {
                     const int64_t place = gr_fluidity_place(few, cells[k], 0);
@@ -279,7 +280,7 @@ static void places_do_not_matter(void)
             }
 }
 
-/* At rest below yield nothing flows; in steady flow at a held rate the friction is that of mu(I). */
+/* At rest below yield nothing flows. In steady flow at a constant rate the friction is that of mu(I). */
 static void points(void)
 {
     const double G = 3e5, mu_s = 0.38, mu_2 = 0.64, I0 = 0.28, rho_s = 2450, d = 5e-3, t0 = 1e-3, p = 1000, rate = 5;

@@ -1,11 +1,11 @@
-/* mpm/g2p.inl: velocities, gradients and densities that points take from given nodal fields. */
+/* Tests of mpm/g2p.inl: velocities, gradients and densities of points, from given nodal fields. */
 #include <string.h>
 
 #include "mpm/engine.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 
-enum { POINTS = 300, LOOSE = 9 }; /* one of so many is disconnected */
+enum { POINTS = 300, STRIDE = 9 }; /* every STRIDE-th point is disconnected */
 
 static const double C[3][3] = {{0.5, -2, 1}, {1.5, 0.25, -1}, {0.75, 2, -0.5}};
 
@@ -16,7 +16,7 @@ static double linear_field(const double x[3], int dim, int d)
     return u;
 }
 
-/* After scatter and grid, put a linear velocity on the nodes, with w = share of it; then gather. */
+/* P2G and grid stage; then replace the nodal velocities by a linear field, with w = share of it; then G2P. */
 static void with_linear_field(struct scene *s, int dim, int basis, int affine, double keep, double share)
 {
     scene_seed(31);
@@ -24,7 +24,7 @@ static void with_linear_field(struct scene *s, int dim, int basis, int affine, d
     s->config.dt = 1e-4;
     s->config.law = gr_law_index("elastic");
     CHECK(scene_build(s, POINTS, 0.15, 0.85) == GR_OK);
-    for (int64_t k = 0; k < POINTS; k++) *scene_at(s, GR_FIELD_log_density, 0, k) = k % LOOSE ? 1e-3 : -0.1;
+    for (int64_t k = 0; k < POINTS; k++) *scene_at(s, GR_FIELD_log_density, 0, k) = k % STRIDE ? 1e-3 : -0.1;
     CHECK(gr_grid(s->engine, gr_kernels_select("baseline")) == GR_OK);
     for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++) {
         double x[3] = {0};
@@ -37,7 +37,7 @@ static void with_linear_field(struct scene *s, int dim, int basis, int affine, d
     s->engine->keep_velocity = keep;
 }
 
-/* The points as they were, by id. */
+/* The state of the points before G2P, by id. */
 struct before {
     double x[POINTS][3], v[POINTS][3], c[POINTS];
 };
@@ -54,7 +54,7 @@ static void remember(const struct scene *s, struct before *b)
     }
 }
 
-/* v <- f v + w, x <- x + dt v', log_density <- . - dt tr L; L goes into the affine field as it is. */
+/* v <- f v + w, x <- x + dt v', c <- c - dt tr L for the log-density c, and L becomes the affine field. */
 static void linear_fields_are_exact(void)
 {
     static struct before b;
@@ -84,7 +84,7 @@ static void linear_fields_are_exact(void)
             }
 }
 
-/* APIC: C = B D^-1 is the gradient for linear fields too, and the velocity is the grid's. */
+/* APIC: C = B D^-1 is the gradient of a linear field, and the velocity is that of the grid. */
 static void moments_are_exact(void)
 {
     static struct before b;
@@ -104,7 +104,7 @@ static void moments_are_exact(void)
         }
 }
 
-/* A uniform nodal velocity changes neither density nor stress, and the spare places stay without mass. */
+/* A uniform nodal velocity changes neither density nor stress, and spare places keep no mass. */
 static void translation_is_free(void)
 {
     struct scene s, before;
@@ -146,7 +146,7 @@ static void needs_points_and_a_step(void)
     scene_free(&s);
 }
 
-/* Without a grid stage since the last regrouping the nodes are at rest: nothing moves, nothing is undefined. */
+/* Without a grid stage since the last regrouping the nodes are at rest: nothing moves, and nothing is undefined. */
 static void before_the_grid_all_is_at_rest(void)
 {
     static struct before b;

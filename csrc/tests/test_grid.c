@@ -1,4 +1,4 @@
-/* core/gravity.h, and mpm/grid.c: the momentum balance of the nodes, and walls. */
+/* Tests of core/gravity.h and mpm/grid.c: the momentum balance of the nodes, and walls. */
 #include "mpm/grid.h"
 
 #include <string.h>
@@ -23,7 +23,7 @@ static void gravity_is_piecewise_linear(void)
     }
 }
 
-/* A scene after scatter and grid, with wall row 1 on the floor; `free_of` is the same without the wall. */
+/* Make a scene and run P2G and the grid stage, with wall row 1 on the floor if `walled`. */
 static void prepare(struct scene *s, int dim, struct gr_wall wall, int walled)
 {
     scene_seed(21);
@@ -62,7 +62,7 @@ static void free_nodes_follow_newton(void)
     }
 }
 
-/* Rough and free_slip walls, fixed component by component: no velocity and no increment. */
+/* No-slip and free-slip walls fix components: these have no velocity and no increment. */
 static void fixed_components_rest(void)
 {
     for (int fixed = 1; fixed < 4; fixed++) {
@@ -82,8 +82,9 @@ static void fixed_components_rest(void)
     }
 }
 
-/* Coulomb: the tangential velocity loses mu times what the wall takes along the normal, and never turns. */
-static void coulomb_rubs(void)
+/* Coulomb friction: the tangential velocity decreases by mu times the normal velocity that the wall removes, and is
+ * never reversed. */
+static void coulomb_friction(void)
 {
     for (int side = -1; side <= 1; side++)
         for (int dim = 2; dim <= 3; dim++) {
@@ -107,7 +108,7 @@ static void coulomb_rubs(void)
                 CHECK_NEAR(after, fmax(0, before - mu * taken), 1e-12 * before);
                 CHECK(along >= 0);
                 stuck += after == 0, slid += after > 0 && taken > 0, apart += taken == 0;
-                for (int d = 0; d < up; d++) /* friction is a force: it enters the increment */
+                for (int d = 0; d < up; d++) /* friction is a force, so it is part of the increment */
                     CHECK_NEAR(out(&s, n, dim + d) - out(&open, n, dim + d), out(&s, n, d) - out(&open, n, d),
                                1e-12 * (1 + before));
             }
@@ -135,7 +136,7 @@ static void walls_open_in_turn(void)
     scene_free(&s);
 }
 
-/* Decay of FLIP as a rate: w = f dv + (1 - f) v'. */
+/* FLIP with decay, given as a rate: w = f dv + (1 - f) v'. */
 static void velocity_decays_as_a_rate(void)
 {
     struct scene s;
@@ -155,7 +156,7 @@ static void velocity_decays_as_a_rate(void)
     scene_free(&s);
 }
 
-/* A nodal NaN is not hidden by the mass cutoff; light nodes are left out. */
+/* The mass cutoff does not hide a nodal NaN; nodes with little mass are left out. */
 static void cutoff_spares_nan(void)
 {
     struct scene s;
@@ -175,7 +176,7 @@ static void cutoff_spares_nan(void)
     scene_free(&s);
 }
 
-/* XPIC(m) = v' - v + sum of the passes; here against the sums of each pass made with dense matrices. */
+/* XPIC(m) = v' - v + the sum of the passes, compared with passes computed by dense matrices. */
 static void xpic_sums_its_passes(void)
 {
     enum { N = 36, MOST = 64 };
@@ -195,11 +196,12 @@ static void xpic_sums_its_passes(void)
             double m = 0, p = 0, x[2] = {scene_node_x(&s, n, 0), scene_node_x(&s, n, 1)};
             for (int64_t k = 0; k < N; k++) {
                 const int64_t at = scene_find(&s, k);
-                double hat = 1;
-                for (int d = 0; d < 2; d++) hat *= fmax(0, 1 - fabs(*scene_at(&s, GR_FIELD_x, d, at) - x[d]) / s.config.dx);
-                S[k][n] = hat;
-                m += hat * *scene_at(&s, GR_FIELD_mass, 0, at);
-                p += hat * *scene_at(&s, GR_FIELD_mass, 0, at) * *scene_at(&s, GR_FIELD_v, 0, at);
+                double weight = 1;
+                for (int d = 0; d < 2; d++)
+                    weight *= fmax(0, 1 - fabs(*scene_at(&s, GR_FIELD_x, d, at) - x[d]) / s.config.dx);
+                S[k][n] = weight;
+                m += weight * *scene_at(&s, GR_FIELD_mass, 0, at);
+                p += weight * *scene_at(&s, GR_FIELD_mass, 0, at) * *scene_at(&s, GR_FIELD_v, 0, at);
             }
             mass[n] = m;
             v[n] = m > 0 ? p / m : 0;
@@ -231,7 +233,7 @@ int main(void)
     RUN(gravity_is_piecewise_linear);
     RUN(free_nodes_follow_newton);
     RUN(fixed_components_rest);
-    RUN(coulomb_rubs);
+    RUN(coulomb_friction);
     RUN(walls_open_in_turn);
     RUN(velocity_decays_as_a_rate);
     RUN(cutoff_spares_nan);

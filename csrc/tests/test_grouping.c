@@ -1,4 +1,4 @@
-/* mpm/grouping.c: what must hold after a regrouping. */
+/* Tests of mpm/grouping.c: properties of the mesh and the points after a regrouping. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -6,7 +6,8 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-/* Every point once, in a place of its own cell; whole lanes; spare places clear; the tables inverse to each other. */
+/* Every point occurs once, in a place of its own cell; cells have whole vectors; spare places are clear; the tables are
+ * inverse to each other. */
 static void check_mesh(const struct scene *s)
 {
     const struct gr_engine *e = s->engine;
@@ -47,7 +48,7 @@ static void check_mesh(const struct scene *s)
     CHECK(linked == mesh->n_cells * e->K);
 }
 
-/* Neighbours of every cell that holds points are active. */
+/* The neighbours of every occupied cell are active. */
 static void check_halo(const struct scene *s)
 {
     const struct gr_engine *e = s->engine;
@@ -79,14 +80,14 @@ static void groups_points(void)
                 CHECK(gr_regroup(s.engine) == GR_OK);
                 check_mesh(&s);
                 check_halo(&s);
-                CHECK(gr_regroup(s.engine) == GR_OK); /* nothing to do: nothing changes */
+                CHECK(gr_regroup(s.engine) == GR_OK); /* nothing to do, so nothing changes */
                 check_mesh(&s);
                 for (int64_t id = 0; id < 300; id++) CHECK(scene_find(&s, id) >= 0);
                 scene_free(&s);
             }
 }
 
-/* Regrouping keeps every component of every point, and the order within a cell. */
+/* A regrouping keeps all components of every point, and the order within a cell. */
 static void moves_whole_points(void)
 {
     struct scene s, before;
@@ -105,7 +106,7 @@ static void moves_whole_points(void)
     scene_free(&before);
 }
 
-/* The nodes stand for the volume of the domain where the whole of it is active. */
+/* If the whole domain is active, the volumes of the nodes add up to it. */
 static void nodes_fill_the_domain(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
@@ -127,7 +128,7 @@ static void asks_for_capacity(void)
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     CHECK(scene_build(&s, 300, 0.05, 0.95) == GR_OK);
     gr_engine_bind(s.engine, s.field, s.id, s.capacity = 320);
-    /* the buffers are larger than is said; their components must lie 320 apart */
+    /* pretend a smaller capacity than the buffers have; their components must lie 320 apart */
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
             memmove(s.field[f] + c * 320, s.field[f] + c * (4 * 300 + 64 * 40), sizeof(double) * 320);

@@ -1,4 +1,5 @@
-/* law/strain.h, law/hencky.h, law/flow_rules.h: by hand, at every instruction set, under the sanitizers. */
+/* Tests of law/strain.h, law/hencky.h and law/flow_rules.h: against values computed by hand, with every instruction
+ * set. */
 #include <string.h>
 
 #include "law/law.h"
@@ -6,7 +7,7 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-enum { MOST = 29 }; /* no multiple of any number of lanes */
+enum { MOST = 29 }; /* not a multiple of any number of lanes */
 
 static const double DT = 1e-4;
 static const double PARAMETER[GR_HENCKY_PARAMETER_COUNT] = {1e6, 1, 5e5, 0.38, 0.64, 0.28, 2500, 4e-3, 1e-3, 0};
@@ -36,18 +37,18 @@ static void update(const char *isa, int flow, int dim, struct points *p, int n)
     gr_kernels_select(isa)->update_hencky(flow, dim, &call);
 }
 
-/* A stretch along the axes: h is the sum of the strains. */
+/* Stretches along the axes: h is the sum of the strains. */
 static void a_stretch_adds_up(void)
 {
     struct points p = {0};
-    const double first[3] = {0.02, -0.01, -0.01}, then[3] = {0.1, 0.3, -0.4}; /* short series, and eigenvalues */
+    const double first[3] = {0.02, -0.01, -0.01}, then[3] = {0.1, 0.3, -0.4}; /* the short series, and the eigenvalues */
     for (int c = 0; c < 3; c++) p.stress[c][0] = 2 * PARAMETER[3] * first[c], p.gradient[4 * c][0] = then[c];
     update("", GR_HENCKY_elastic, 3, &p, 1);
     for (int c = 0; c < 3; c++) CHECK_NEAR(p.stress[c][0] / (2 * PARAMETER[3]), first[c] + then[c], 1e-15 * 8);
     for (int c = 3; c < 6; c++) CHECK(p.stress[c][0] == 0);
 }
 
-/* Both instruction sets, any number of points, nothing written beyond them. */
+/* The instruction sets agree for any number of points, and nothing is written beyond them. */
 static void sets_and_numbers_agree(void)
 {
     scene_seed(3);
@@ -74,7 +75,7 @@ static void sets_and_numbers_agree(void)
             }
 }
 
-/* What is not a number stays visible, and in its lane. */
+/* A NaN stays visible, and in its lane. */
 static void nan_is_kept(void)
 {
     scene_seed(4);

@@ -1,4 +1,4 @@
-/* dispatch.c, kernels.c and core/simd.h: the instruction sets, and that they agree. */
+/* Tests of dispatch.c, kernels.c and core/simd.h: the instruction sets exist and agree. */
 #include <string.h>
 
 #include "core/simd.h"
@@ -22,7 +22,7 @@ static void selects_by_name(void)
     }
 }
 
-/* Largest difference of a field between two scenes, over its largest value. */
+/* Largest difference of a field between two scenes, divided by its largest value. */
 static double difference(const struct scene *a, const struct scene *b, int field)
 {
     double worst = 0, scale = 1e-300;
@@ -37,7 +37,7 @@ static double difference(const struct scene *a, const struct scene *b, int field
     return worst / scale;
 }
 
-/* All variants, three steps: every instruction set gives the baseline's points to round-off. */
+/* Three steps of every variant: all instruction sets give the points of the baseline to round-off. */
 static void sets_agree(void)
 {
     for (int dim = 2; dim <= 3; dim++)
@@ -62,7 +62,7 @@ static void sets_agree(void)
                 }
 }
 
-/* A step of advance is the three stages one by one, to the last bit. */
+/* A step of gr_advance equals the stages one by one, to the last bit. */
 static void fused_is_separate(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)

@@ -1,4 +1,4 @@
-/* law/law.c, law_elastic.inl, law_frictional.inl: the update of the stress, at the portable instruction set and at the best. */
+/* Tests of the laws in law/: the stress update, with the baseline and the widest instruction set. */
 #include "law/law.h"
 
 #include <string.h>
@@ -11,7 +11,7 @@ enum { MOST = 64 };
 
 static const double K = 1e6 / 1.2, G = 1e6 / 2.6, MU_S = 0.38, MU_2 = 0.64, XI = 1.12, DT = 1e-4;
 
-/* One batch of points for a law. */
+/* A batch of points for a law. */
 struct points {
     int n, dim;
     double gradient[MOST][9], stress[MOST][6], log_density[MOST], shear_rate[MOST];
@@ -22,7 +22,7 @@ static void random_points(struct points *p, int dim, int n, double strain)
     p->n = n, p->dim = dim;
     for (int k = 0; k < n; k++) {
         const double pressure = scene_random(100, 2000);
-        const double share = k % 2 ? 1 : 0.02; /* some that yield and some that do not */
+        const double share = k % 2 ? 1 : 0.02; /* some yield and some do not */
         for (int c = 0; c < dim * dim; c++) p->gradient[k][c] = share * strain * scene_random(-1, 1);
         for (int c = 0; c < 6; c++)
             p->stress[k][c] = (c < 3 ? -pressure : 0) + (k % 3 ? 0.1 : 0.3) * pressure * scene_random(-1, 1);
@@ -43,7 +43,7 @@ static double parameter_named(const char *name)
     return 0;
 }
 
-/* Run the law over the points in the order and lanes of a kernel; a nonlocal one without fluidity. */
+/* Run a law over the points, in the order and lanes of a kernel; a nonlocal law without a fluidity. */
 static void update(const struct gr_kernels *kernels, int law, struct points *p, int from_density)
 {
     static double gradient[MOST * 9], stress[6][MOST], log_density[MOST], shear_rate[MOST], g[MOST], g_star[MOST];
@@ -77,7 +77,7 @@ static void update(const struct gr_kernels *kernels, int law, struct points *p, 
     }
 }
 
-/* s + C:D dt + W s - s W with full 3 x 3 matrices. */
+/* The trial stress s + C:D dt + W s - s W, by full 3 x 3 matrices. */
 static void trial(const double *L, const double *s, int dim, double out[6])
 {
     const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
@@ -131,7 +131,7 @@ static void check_elastic(const struct gr_kernels *kernels, int dim)
 
 static void elastic_is_the_jaumann_rate(void) { each_isa(check_elastic); }
 
-/* mu(I): on the yield surface or inside; with the flow rule gdot = xi sqrt(p) (mu - mu_s)/(mu_2 - mu) (eq. 2.13). */
+/* mu(I): the stress is on the yield surface or inside, and obeys gdot = xi sqrt(p) (mu - mu_s)/(mu_2 - mu) (eq. 2.13). */
 static void check_mu_I(const struct gr_kernels *kernels, int dim)
 {
     for (int from_density = 0; from_density < 2; from_density++) {
@@ -188,7 +188,7 @@ static void check_drucker_prager(const struct gr_kernels *kernels, int dim)
 
 static void drucker_prager_returns(void) { each_isa(check_drucker_prager); }
 
-/* Looser than rho_c, or in tension: no stress at all. In every lane by itself. */
+/* Below rho_c or in tension the stress is zero, in each lane separately. */
 static void check_disconnected(const struct gr_kernels *kernels, int dim)
 {
     for (int law = gr_law_index("drucker_prager"); law <= gr_law_index("ngf"); law++) {
@@ -205,7 +205,7 @@ static void check_disconnected(const struct gr_kernels *kernels, int dim)
 
 static void disconnected_is_stress_free(void) { each_isa(check_disconnected); }
 
-/* No strain: what is admissible stays as it is. (Finite strain has the pressure of the density.) */
+/* Without strain an admissible stress does not change. (The finite-strain laws set the pressure by the density.) */
 static void check_rest(const struct gr_kernels *kernels, int dim)
 {
     for (int law = 0; law <= gr_law_index("ngf"); law++) {

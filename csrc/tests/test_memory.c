@@ -1,4 +1,5 @@
-/* Allocations that fail at the n-th call: an error is returned, nothing leaks, and the engine works afterwards. */
+/* Tests of failing allocations: at the n-th call an error is returned, nothing leaks, and the engine still works
+ * afterwards. */
 #include <string.h>
 
 #include "mpm/engine.h"
@@ -8,10 +9,10 @@
 
 enum { MOST = 300 };
 
-/* Scenes that need memory of their own. */
+/* Kinds of scenes that allocate differently. */
 enum { PLAIN, NONLOCAL, BODIES, NONLOCAL_BODIES, KINDS };
 
-/* Fluidity in substeps. */
+/* A nonlocal law with substeps. */
 static void make_nonlocal(struct gr_config *c)
 {
     static const uint8_t face[4 * 36]; /* of the 6 x 6 cells: all linked */
@@ -22,7 +23,7 @@ static void make_nonlocal(struct gr_config *c)
         (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .floor = 1e-6, .face = face};
 }
 
-/* A thick box that moves, and a plate with two sides, which does as well. */
+/* A thick box and a thin one with two sides, both moving. */
 static void give_bodies(struct gr_config *c)
 {
     static const double motion[] = {0, 0.5, 0, 0, 0, 0, 0};
@@ -125,14 +126,14 @@ static void regroup_fails(int moved, int kind)
     scene_free(&good);
 }
 
-/* Send all points off, into cells that are not active yet. */
+/* Throw all points into cells that are not active yet. */
 static void throw_all(struct scene *s)
 {
     for (int64_t k = 0; k < s->capacity; k++)
         if (s->id[k] >= 0) *scene_at(s, GR_FIELD_v, 0, k) = 5;
 }
 
-/* Advance with a fault, then simply again: the same points as without it, wherever it struck. */
+/* Advance with a fault, then again: the points are the same as without a fault, wherever it occurred. */
 static void advance_fails(int kind)
 {
     enum { STEPS = 200 };
@@ -162,20 +163,20 @@ static void advance_fails(int kind)
         scene_free(&s);
     } while (hit && n < MOST);
     CHECK(n > 6 && n < MOST);
-    CHECK(within > 0); /* a regrouping on the way */
+    CHECK(within > 0); /* there was a regrouping on the way */
     scene_free(&good);
 }
 
-/* Points per cell, to see that some have moved on. */
+/* Count the points per cell, to check that some have moved. */
 static void count_cells(const struct scene *s, int32_t *count)
 {
     for (int64_t c = 0; c < s->engine->mesh.n_cells; c++) count[c] = s->engine->mesh.cell[c].count;
 }
 
-/* A step allocates nothing, though points change cells; only a regrouping does. */
+/* A step allocates nothing, even if points change cells; only a regrouping does. */
 static void no_step_allocates(void)
 {
-    enum { CELLS = 7 * 7 }; /* of ugimp, 6 x 6 of the others */
+    enum { CELLS = 7 * 7 }; /* for ugimp; 6 x 6 for the others */
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int variant = 0; variant < 4; variant++)
             for (int threads = 1; threads <= 3; threads++) {
@@ -197,7 +198,7 @@ static void no_step_allocates(void)
                 count_cells(&s, after);
                 CHECK(memcmp(before, after, sizeof before) != 0);
                 CHECK(gr_regroup(s.engine) == GR_OK);
-                CHECK(faults_calls() > 0); /* they are counted */
+                CHECK(faults_calls() > 0); /* allocations are counted */
                 scene_free(&s);
             }
 }

@@ -1,4 +1,4 @@
-/* mpm/migrate.c: points that cross cells, ends of periodic axes, closed and open sides. */
+/* Tests of mpm/migrate.c: points that cross cells, periodic ends, and closed and open sides. */
 #include "mpm/migrate.h"
 
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-/* Confine a point that went from cell `from` to x along axis 0. */
+/* Confine a point that moved from cell `from` to x along axis 0. */
 static int confine(struct scene *s, double x[3], const int32_t from[3])
 {
     int64_t at[3] = {0};
@@ -34,7 +34,7 @@ static void periodic_ends(void)
             double x[3] = {low - past[k], 2.3}, y[3] = {low + length + past[k], 2.3};
             CHECK(confine(&s, x, (int32_t[3]){0, 2}));
             CHECK(confine(&s, y, (int32_t[3]){5, 2}));
-            if (k == 2) continue; /* lost in rounding: inside is all that counts */
+            if (k == 2) continue; /* lost in rounding: it only has to be inside */
             CHECK_NEAR(x[0], low - past[k] + length, 1e-15);
             CHECK_NEAR(y[0], low + past[k], 1e-15);
         }
@@ -49,7 +49,7 @@ static void closed_sides(void)
         for (int scale = 0; scale < 2; scale++) {
             struct scene s;
             scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
-            if (scale) s.config.lower[0] = 1e6; /* the grid far from zero: few bits are left for a cell */
+            if (scale) s.config.lower[0] = 1e6; /* a grid far from zero, where few bits are left for a cell */
             CHECK(scene_build(&s, 1, 0.4, 0.6) == GR_OK);
             const double low = s.config.lower[0], high = s.engine->axis[0].origin + s.engine->axis[0].length;
             const double past[] = {0.05, 1e-9, 0};
@@ -67,7 +67,7 @@ static void closed_sides(void)
         }
 }
 
-/* An open side lets points go, but not where all nodes of its face are walls. */
+/* Points leave through an open side, but not where all nodes of its face are walls. */
 static void open_sides(void)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
@@ -100,14 +100,14 @@ static void open_sides(void)
                 }
 }
 
-enum { ROOM = 400 };
+enum { LIST = 400 };
 
-/* A list with room for ROOM points of the scene. */
+/* A list with the capacity for LIST points of the scene. */
 static struct gr_migrants list_new(const struct scene *s)
 {
-    return (struct gr_migrants){malloc(sizeof(struct gr_migrant) * ROOM),
-                                malloc(sizeof(double) * (size_t)((ROOM + 1) * s->engine->n_components)),
-                                malloc(sizeof(int64_t) * (ROOM + 1)), 0};
+    return (struct gr_migrants){malloc(sizeof(struct gr_migrant) * LIST),
+                                malloc(sizeof(double) * (size_t)((LIST + 1) * s->engine->n_components)),
+                                malloc(sizeof(int64_t) * (LIST + 1)), 0};
 }
 
 static void list_free(struct gr_migrants *list)
@@ -117,7 +117,7 @@ static void list_free(struct gr_migrants *list)
     free(list->id);
 }
 
-/* Push the listed places into other cells by hand, and migrate. */
+/* Put the listed points into other cells by hand, and migrate. */
 static void moves_between_cells(void)
 {
     struct scene s, before;
@@ -133,7 +133,7 @@ static void moves_between_cells(void)
     int64_t gone = 0;
     double mass = 0;
     struct gr_engine *e = s.engine;
-    CHECK(gr_reserve_pending(e, 2 * (ROOM + 1)) == GR_OK);
+    CHECK(gr_reserve_pending(e, 2 * (LIST + 1)) == GR_OK);
     for (int64_t c = 0; c < e->mesh.n_cells; c++)
         for (int64_t k = e->mesh.cell[c].offset; k < e->mesh.cell[c].offset + e->mesh.cell[c].count; k++) {
             if (s.id[k] % 3) continue;
@@ -163,7 +163,7 @@ static void moves_between_cells(void)
     scene_free(&before);
 }
 
-/* A bad point is refused with its id, and all are back in their cells: neither grown nor lost. */
+/* An invalid point is refused with its id. All points are back in their cells, and their number is unchanged. */
 static void refuses_bad_points(void)
 {
     const double bad[] = {NAN, INFINITY, 1e30, 0.35}; /* the last: two cells in one step */

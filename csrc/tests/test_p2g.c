@@ -1,11 +1,11 @@
-/* mpm/p2g.inl: what the sums of all nodes must be, whatever the points. */
+/* Tests of mpm/p2g.inl: properties of the nodal sums that hold for any points. */
 #include "mpm/engine.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 
 enum { POINTS = 400 };
 
-/* Every variant that can be built, on a periodic and on a closed box. */
+/* Run a check for every variant, in a periodic and in a closed box. */
 static void each_variant(void (*check)(struct scene *s, int clipped))
 {
     for (int dim = 2; dim <= 3; dim++)
@@ -40,7 +40,7 @@ static double point_total(const struct scene *s, int field, int c, int moment)
     return sum;
 }
 
-/* Mass, and the centre of mass where the basis reproduces linear functions. */
+/* The mass is complete, and so is the centre of mass if the basis reproduces linear functions. */
 static void check_mass(struct scene *s, int clipped)
 {
     const double mass = point_total(s, -1, 0, -1);
@@ -50,7 +50,7 @@ static void check_mass(struct scene *s, int clipped)
 
 static void mass_is_kept(void) { each_variant(check_mass); }
 
-/* Momentum: the affine part has none, because sum w (x_i - x) = 0. */
+/* The momentum is complete; the affine part has none, because sum w (x_i - x) = 0. */
 static void check_momentum(struct scene *s, int clipped)
 {
     const int dim = s->config.dim;
@@ -61,12 +61,12 @@ static void check_momentum(struct scene *s, int clipped)
 
 static void momentum_is_kept(void) { each_variant(check_momentum); }
 
-/* Internal forces sum to zero, and their moment is -sum V sigma. */
+/* The internal forces sum to zero, and their moment is -sum V sigma. */
 static void check_force(struct scene *s, int clipped)
 {
     const int dim = s->config.dim, place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
     double scale = 0;
-    if (s->config.smoothed) /* the momentum that a shift has lent is not part of this */
+    if (s->config.smoothed) /* without the momentum of the shift */
         for (int64_t k = 0; k < s->capacity; k++)
             for (int d = 0; d < dim; d++) CHECK(*scene_at(s, GR_FIELD_shift_velocity, d, k) == 0);
     for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++) scale += fabs(scene_sum(s, n, 1 + dim));
@@ -87,7 +87,7 @@ static void check_force(struct scene *s, int clipped)
 
 static void forces_balance(void) { each_variant(check_force); }
 
-/* The affine field: a velocity linear in x, with C its gradient, gives p_i = m_i u(x_i) for every node. */
+/* A velocity linear in x, with C its gradient, gives p_i = m_i u(x_i) at every node. */
 static void affine_field_is_exact(void)
 {
     for (int dim = 2; dim <= 3; dim++)
@@ -117,8 +117,8 @@ static void affine_field_is_exact(void)
         }
 }
 
-/* A linear log-density with its gradient known is met exactly at the nodes, whatever the weights of the points;
- * loose points take no part. */
+/* A linear log-density with its gradient is reproduced exactly at the nodes, whatever the quadrature weights of the
+ * points; disconnected points take no part. */
 static void log_density_extrapolates(void)
 {
     struct scene s;

@@ -1,4 +1,4 @@
-/* sph/: the list of neighbours, the limits of the time step, and allocations that fail. */
+/* Tests of sph/: the neighbour list, the limits of the time step, walls, and allocations that fail. */
 #include "sph/sph.h"
 
 #include <math.h>
@@ -11,12 +11,12 @@
 #include "tests/check.h"
 #include "tests/faults.h"
 
-enum { SIDE = 8, GRAINS = SIDE * SIDE, WALL_FIRST = GRAINS + 2 * GR_LANES, WALLS = 3 * SIDE };
+enum { SIDE = 8, PARTICLES = SIDE * SIDE, WALL_FIRST = PARTICLES + 2 * GR_LANES, WALLS = 3 * SIDE };
 enum { CAPACITY = WALL_FIRST + WALLS + 2 * GR_LANES, MOST = 100 };
 
 static const double spacing = 0.01;
 
-/* A square of grains over a floor of three rows, periodic along x. */
+/* A square of particles over a floor of three rows, periodic along x. */
 struct bed {
     struct gr_sph_config config;
     double times[1], vectors[2], numbers[32 * CAPACITY], *row[GR_SPH_MAX_ROWS];
@@ -53,16 +53,16 @@ static void begin_substeps(struct bed *bed, double shake)
     for (int k = 0; k < CAPACITY; k++) {
         const int wall = k >= WALL_FIRST, n = wall ? k - WALL_FIRST : k;
         bed->id[k] = -1;
-        if (n >= (wall ? WALLS : GRAINS)) continue;
-        bed->id[k] = wall ? GRAINS + n : n;
+        if (n >= (wall ? WALLS : PARTICLES)) continue;
+        bed->id[k] = wall ? PARTICLES + n : n;
         for (int d = 0; d < 2; d++) {
             state = state * 1664525u + 1013904223u;
             const double noise = wall ? 0.0 : shake * spacing * ((double)(state >> 8) / (1 << 24) - 0.5);
             const int site = d ? n / SIDE : n % SIDE;
             bed->row[d][k] = (d && wall ? -(site + 0.5) : site + 0.5) * spacing + noise;
         }
-        bed->row[6][k] = 1550 * spacing * spacing; /* mass, behind x, v and anchor */
-        bed->row[12][k] = wall;                    /* the normal is y; behind the elastic stress */
+        bed->row[6][k] = 1550 * spacing * spacing; /* mass, after x, v and anchor */
+        bed->row[12][k] = wall;                    /* y component of the normal, after the elastic stress */
         bed->row[13][k] = wall ? (n / SIDE + 0.5) * spacing : 0;
     }
 }
@@ -72,16 +72,16 @@ static struct gr_sph *started(struct bed *bed, double shake)
     struct gr_sph *s = NULL;
     begin_substeps(bed, shake);
     CHECK(gr_sph_new(&s, &bed->config, gr_kernels_select("")->lanes) == GR_OK);
-    CHECK(gr_sph_bind(s, bed->row, bed->id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1) == GR_OK);
+    CHECK(gr_sph_bind(s, bed->row, bed->id, CAPACITY, PARTICLES, WALL_FIRST, WALLS, 1) == GR_OK);
     return s;
 }
 
-/* Every pair within reach is in the list of the point once, and no row is there twice as the same image. */
+/* Every pair within reach is once in the list of each point, and no row is twice there as the same image. */
 static void list_holds_every_pair_once(void)
 {
     static struct bed bed;
     struct gr_sph *s = started(&bed, 0.9);
-    for (int64_t a = 0; a < GRAINS; a++)
+    for (int64_t a = 0; a < PARTICLES; a++)
         for (int64_t b = 0; b < CAPACITY; b++)
             for (int image = 0; image < GR_SPH_SHIFTS; image++) {
                 if (bed.id[b] < 0 || image / 9 != 1 || image / 3 % 3 != 1) continue;
@@ -119,11 +119,11 @@ static void wrong_configurations_are_refused(void)
     bed.config.upper[0] = 2 * spacing; /* a period shorter than the list reaches */
     CHECK(gr_sph_new(&s, &bed.config, 8) == GR_ERR_CONFIG && !s);
     begin_substeps(&bed, 0.0);
-    bed.config.upper[1] = 1e9; /* cells without number */
+    bed.config.upper[1] = 1e9; /* too many cells */
     CHECK(gr_sph_new(&s, &bed.config, 8) == GR_ERR_CONFIG && !s);
     s = started(&bed, 0.0);
     CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, WALL_FIRST, WALL_FIRST, WALLS, 1) == GR_ERR_CONFIG);
-    CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, GRAINS, WALL_FIRST, CAPACITY, 1) == GR_ERR_CONFIG);
+    CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, PARTICLES, WALL_FIRST, CAPACITY, 1) == GR_ERR_CONFIG);
     gr_sph_free(s);
 }
 
@@ -137,7 +137,7 @@ static void allocations_fail(void)
         begin_substeps(&bed, 0.3);
         faults_at(++n);
         error = gr_sph_new(&s, &bed.config, gr_kernels_select("")->lanes);
-        if (!error) error = gr_sph_bind(s, bed.row, bed.id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1);
+        if (!error) error = gr_sph_bind(s, bed.row, bed.id, CAPACITY, PARTICLES, WALL_FIRST, WALLS, 1);
         const int hit = faults_hit();
         faults_at(0);
         CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
@@ -146,7 +146,7 @@ static void allocations_fail(void)
     CHECK(n > 8 && n < MOST);
 }
 
-/* Steps with one thread and with three give the same bits, and allocate nothing. */
+/* Steps with one thread and with three threads give the same bits, and allocate nothing. */
 static void steps_do_not_allocate(void)
 {
     static struct bed bed[2];
@@ -159,14 +159,14 @@ static void steps_do_not_allocate(void)
         CHECK(gr_sph_advance(s, kernels->sph, 200, 1e9, 1) == GR_OK);
         if (k == 0) CHECK(faults_calls() == 0);
         faults_at(0);
-        CHECK(s->step == 400 && s->rebuilds > rebuilds && s->n_particles == GRAINS);
+        CHECK(s->step == 400 && s->rebuilds > rebuilds && s->n_particles == PARTICLES);
         gr_sph_free(s);
     }
     CHECK(!memcmp(bed[0].numbers, bed[1].numbers, sizeof bed[0].numbers));
 }
 
-/* A floor that stands still, sinks from a time on, and is taken away, a step of any length. */
-static void walls_move_and_go(void)
+/* A floor that is at rest, sinks from one time on and is removed at another, with steps of any length. */
+static void walls_move_and_are_removed(void)
 {
     static struct bed bed;
     const struct gr_kernels *kernels = gr_kernels_select("");
@@ -181,7 +181,7 @@ static void walls_move_and_go(void)
                                               .until = until,
                                               .axis = 1};
     CHECK(gr_sph_new(&s, &bed.config, kernels->lanes) == GR_OK);
-    CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, GRAINS, WALL_FIRST, WALLS, 1) == GR_OK);
+    CHECK(gr_sph_bind(s, bed.row, bed.id, CAPACITY, PARTICLES, WALL_FIRST, WALLS, 1) == GR_OK);
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     double highest = -1;
     CHECK(gr_sph_advance(s, kernels->sph, 1000, 0.97 * from, 3) == GR_OK);
@@ -193,12 +193,12 @@ static void walls_move_and_go(void)
     CHECK_NEAR(highest, -0.5 * spacing + speed * (s->time - from), 1e-14);
     CHECK(v[1][WALL_FIRST] == speed && s->n_walls == WALLS);
     CHECK(gr_sph_advance(s, kernels->sph, 1000, 1.01 * until, 3) == GR_OK);
-    CHECK(s->n_walls == 0 && s->n_particles == GRAINS);
+    CHECK(s->n_walls == 0 && s->n_particles == PARTICLES);
     gr_sph_free(s);
 }
 
-/* What comes through a face of a wall in a step is put back on it; what was inside stays. */
-static void walls_stop_grains(void)
+/* A particle that enters a wall through a face is put back on it; one that was inside stays. */
+static void walls_stop_particles(void)
 {
     static struct bed bed;
     struct gr_sph *s = started(&bed, 0.0);
@@ -208,16 +208,16 @@ static void walls_stop_grains(void)
         .lower = {-INFINITY, -3 * spacing}, .upper = {INFINITY, 0}, .from = INFINITY, .until = INFINITY, .axis = 1};
     s->dt = 1e-3;
     x[1][0] = -0.2 * spacing, v[1][0] = -3.0, v[0][0] = 0.5; /* came from above */
-    x[1][1] = -0.2 * spacing, v[1][1] = 0.0;                 /* was there */
-    CHECK(gr_sph_stop(s, 0, GRAINS) == 1);
-    CHECK(x[1][0] == 0.0 && v[1][0] == 0.0 && v[0][0] == 0.0); /* .27 of 3 m/s are more than .5 m/s */
+    x[1][1] = -0.2 * spacing, v[1][1] = 0.0;                 /* was inside */
+    CHECK(gr_sph_stop(s, 0, PARTICLES) == 1);
+    CHECK(x[1][0] == 0.0 && v[1][0] == 0.0 && v[0][0] == 0.0); /* 0.27 of 3 m/s exceeds 0.5 m/s */
     CHECK(x[1][1] == -0.2 * spacing);
     x[1][0] = -0.05 * spacing, v[1][0] = -1.0, v[0][0] = 0.5;
-    CHECK(gr_sph_stop(s, 0, GRAINS) == 1);
+    CHECK(gr_sph_stop(s, 0, PARTICLES) == 1);
     CHECK_NEAR(v[0][0], 0.5 - 0.27, 1e-15);
     s->config.wall[0].until = 0.0;
     x[1][0] = -0.2 * spacing, v[1][0] = -3.0;
-    CHECK(gr_sph_stop(s, 0, GRAINS) == 0);
+    CHECK(gr_sph_stop(s, 0, PARTICLES) == 0);
     gr_sph_free(s);
 }
 
@@ -228,7 +228,7 @@ int main(void)
     RUN(wrong_configurations_are_refused);
     RUN(allocations_fail);
     RUN(steps_do_not_allocate);
-    RUN(walls_move_and_go);
-    RUN(walls_stop_grains);
+    RUN(walls_move_and_are_removed);
+    RUN(walls_stop_particles);
     return check_report("sph");
 }

@@ -1,4 +1,4 @@
-/* mpm/step.c: many steps: the same bits for any number of threads, the clock, and runs that fail. */
+/* Tests of mpm/step.c: equal bits for any number of threads, the clock, and runs that fail. */
 #include "mpm/engine.h"
 
 #include <stdlib.h>
@@ -6,7 +6,7 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-/* Advance to a time, with larger buffers where they are asked for. */
+/* Advance to a time, with larger buffers when they are required. */
 static int go(struct scene *s, int64_t steps, double until, int threads)
 {
     int error;
@@ -19,7 +19,7 @@ static int go(struct scene *s, int64_t steps, double until, int threads)
     return error;
 }
 
-/* A heap that falls onto a rough floor, with an open right side and points that leave. */
+/* A heap that falls onto a no-slip floor, with an open right side through which points leave. */
 static void falling(struct scene *s, int dim, int basis, int affine, int smoothed)
 {
     scene_seed(61);
@@ -53,8 +53,8 @@ static void threads_give_the_same_bits(void)
             }
 }
 
-/* Chunks of any length, and the sums made anew between them, do not touch the result. */
-static void chunks_give_the_same_bits(void)
+/* Calls of any length, with sums computed again in between, do not change the result. */
+static void calls_give_the_same_bits(void)
 {
     struct scene a, b;
     falling(&a, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
@@ -78,13 +78,13 @@ static void stops_at_the_first_step_past(void)
     CHECK(go(&s, 1000000, 0.01, 1) == GR_OK);
     CHECK(s.engine->time >= 0.01 && s.engine->time - s.engine->dt < 0.01);
     const int64_t steps = s.engine->step;
-    CHECK(go(&s, 1000, 0.01, 1) == GR_OK); /* already there */
+    CHECK(go(&s, 1000, 0.01, 1) == GR_OK); /* this time is already reached */
     CHECK(go(&s, 0, INFINITY, 1) == GR_OK);
     CHECK(s.engine->step == steps);
     scene_free(&s);
 }
 
-/* With a fixed step the time is a product, not a sum that drifts. */
+/* With a fixed step the time is a product, not an accumulated sum. */
 static void time_does_not_drift(void)
 {
     struct scene s;
@@ -112,7 +112,7 @@ static void stable_dt_follows_the_fastest(void)
     scene_free(&s);
 }
 
-/* Mass is exact, and the momentum of free flight that of gravity. */
+/* The mass is exact, and the momentum of free flight is that of gravity. */
 static void conserves(void)
 {
     struct scene s;
@@ -138,7 +138,7 @@ static void conserves(void)
     scene_free(&s);
 }
 
-/* A NaN in any field stops the run within ten steps, names a point, and does so again when asked again. */
+/* A NaN in any field stops the run within ten steps and names a point; a further call does so again. */
 static void nan_stops_the_run(void)
 {
     const int fields[] = {GR_FIELD_x, GR_FIELD_v, GR_FIELD_stress, GR_FIELD_mass, GR_FIELD_log_density};
@@ -179,7 +179,7 @@ static void runaway_stops_the_run(void)
     scene_free(&s);
 }
 
-/* Without points the clock goes on alone, by the steps of a medium at rest. */
+/* Without points only the clock runs, with the time step of a medium at rest. */
 static void empty_run(void)
 {
     struct scene s;
@@ -196,7 +196,7 @@ static void empty_run(void)
     scene_free(&s);
 }
 
-/* A domain that has emptied: the cells go with the points, and the clock does not see it. */
+/* When all points have left, the cells vanish too, and the clock is not affected. */
 static void emptied_run(void)
 {
     struct scene whole, cut;
@@ -217,7 +217,7 @@ static void emptied_run(void)
     scene_free(&cut);
 }
 
-/* Advancing again without the larger buffers that were asked for must not break anything, nor lose a point. */
+/* Advancing again without the larger buffers that are required must neither break anything nor lose a point. */
 static void capacity_may_be_refused(void)
 {
     struct scene s;
@@ -225,7 +225,7 @@ static void capacity_may_be_refused(void)
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     s.config.dt = 1e-3;
     CHECK(scene_build(&s, 300, 0.02, 0.98) == GR_OK);
-    for (int64_t k = 0; k < 300; k++) { /* loose points that fly together into a few cells */
+    for (int64_t k = 0; k < 300; k++) { /* disconnected points that fly together into a few cells */
         *scene_at(&s, GR_FIELD_log_density, 0, k) = -5;
         for (int c = 0; c < 4; c++) *scene_at(&s, GR_FIELD_stress, c, k) = 0;
         for (int d = 0; d < 2; d++)
@@ -233,7 +233,7 @@ static void capacity_may_be_refused(void)
     }
     CHECK(gr_regroup(s.engine) == GR_OK);
     const int64_t stride = s.capacity, used = s.engine->used;
-    for (int f = 0; f < GR_FIELD_COUNT; f++) /* pack the components: no place beyond those in use */
+    for (int f = 0; f < GR_FIELD_COUNT; f++) /* move the components together: no place beyond those in use */
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
             for (int64_t k = 0; k < used; k++) s.field[f][c * used + k] = s.field[f][c * stride + k];
     s.engine->capacity = s.capacity = used;
@@ -254,7 +254,7 @@ static void capacity_may_be_refused(void)
 int main(void)
 {
     RUN(threads_give_the_same_bits);
-    RUN(chunks_give_the_same_bits);
+    RUN(calls_give_the_same_bits);
     RUN(stops_at_the_first_step_past);
     RUN(time_does_not_drift);
     RUN(stable_dt_follows_the_fastest);

@@ -1,4 +1,4 @@
-/* core/table.c: against a plain array, emptied and filled again, without memory. */
+/* Tests of core/table.c: against a plain array, after clearing, and without memory. */
 #include "core/table.h"
 
 #include <string.h>
@@ -39,13 +39,13 @@ static void of_bytes(void)
     bytes[3] = 255, bytes[MOST - 1] = 7;
     CHECK(gr_table_of_bytes(&t, bytes, MOST) == GR_OK);
     CHECK(gr_table_get(&t, 3) == 255 && gr_table_get(&t, MOST - 1) == 7 && gr_table_get(&t, 500) == 0);
-    CHECK(t.n_blocks == 3); /* with that of zeros */
+    CHECK(t.n_blocks == 3); /* including the block of zeros */
     gr_table_free(&t);
     CHECK(gr_table_of_bytes(&t, 0, MOST) == GR_OK && gr_table_get(&t, 3) == 0);
     gr_table_free(&t);
 }
 
-/* What fails leaves the rest as it was; what is set again where something was needs no memory. */
+/* A failure leaves the table unchanged. Setting entries again where some were set before needs no memory. */
 static void without_memory(void)
 {
     uint8_t bytes[MOST];

@@ -1,4 +1,5 @@
-/* mpm/thin_bodies.c: which bodies are thin, what lies on which side, and the cells, nodes and points of both. */
+/* Tests of mpm/thin_bodies.c: which bodies are thin, which side a point is on, and the cells, nodes and points of both
+ * sides. */
 #include "mpm/thin_bodies.h"
 
 #include <string.h>
@@ -10,7 +11,7 @@
 
 enum { PARTS = 3 };
 
-/* A body of boxes, and the scene that lends it its places: 6 x 6 cells of 0.1 m from (-1, 2). */
+/* A body made of boxes, and its scene: 6 x 6 cells of 0.1 m from (-1, 2). */
 struct thin {
     struct scene scene;
     struct gr_part part[PARTS];
@@ -37,7 +38,7 @@ static void begin(struct thin *t, int dim, int basis, int parts)
     t->scene.config.bodies = &t->body, t->scene.config.parts = t->part;
 }
 
-static int is_plate(const struct thin *t, double half)
+static int is_thin(const struct thin *t, double half)
 {
     struct gr_part part = t->part[0];
     struct gr_config config = t->scene.config;
@@ -52,37 +53,37 @@ static void which_bodies_are_thin(void)
         struct thin t;
         const double limit = basis == GR_LINEAR ? 0.1 : 0.15; /* half of 2 or 3 cells */
         begin(&t, 2, basis, 1);
-        CHECK(is_plate(&t, 0.99 * limit) && !is_plate(&t, limit) && !is_plate(&t, 1.01 * limit));
+        CHECK(is_thin(&t, 0.99 * limit) && !is_thin(&t, limit) && !is_thin(&t, 1.01 * limit));
         t.part[0].kind = GR_PART_CYLINDER;
-        CHECK(!is_plate(&t, 0.01));
+        CHECK(!is_thin(&t, 0.01));
         t.part[0].kind = GR_PART_BOX;
         t.scene.config.smoothed = 1;
-        CHECK(!is_plate(&t, 0.01));
+        CHECK(!is_thin(&t, 0.01));
         t.scene.config.smoothed = 0, t.scene.config.xpic_order = 2;
-        CHECK(!is_plate(&t, 0.01));
+        CHECK(!is_thin(&t, 0.01));
         t.scene.config.xpic_order = 0, t.scene.config.cell_averaged = 1;
-        CHECK(!is_plate(&t, 0.01));
+        CHECK(!is_thin(&t, 0.01));
     }
 }
 
-/* A bucket: a floor and two walls; the front of each is away from the middle. */
+/* A bucket made of a floor and two walls: the front of each is away from the centre. */
 static void fronts_point_outwards(void)
 {
     struct thin t;
-    struct gr_thin_part plate[PARTS];
+    struct gr_thin_part part[PARTS];
     begin(&t, 2, GR_QUADRATIC, 3);
     t.part[0].size[0] = 0.2, t.part[0].size[1] = 0.01;
     t.part[1].center[0] = -0.2, t.part[1].center[1] = 0.2;
     t.part[2].center[0] = 0.2, t.part[2].center[1] = 0.2;
-    CHECK(gr_list_thin(&t.scene.config, plate) == 3);
-    CHECK(plate[0].axis == 1 && plate[0].front == -1);
-    CHECK(plate[1].axis == 0 && plate[1].front == -1 && plate[1].part == 1);
-    CHECK(plate[2].axis == 0 && plate[2].front == 1 && plate[2].body == 0);
-    t.part[0].size[1] = 0.2; /* a thick floor is none */
-    CHECK(gr_list_thin(&t.scene.config, plate) == 2 && plate[0].part == 1);
+    CHECK(gr_list_thin(&t.scene.config, part) == 3);
+    CHECK(part[0].axis == 1 && part[0].front == -1);
+    CHECK(part[1].axis == 0 && part[1].front == -1 && part[1].part == 1);
+    CHECK(part[2].axis == 0 && part[2].front == 1 && part[2].body == 0);
+    t.part[0].size[1] = 0.2; /* a thick floor is not a thin part */
+    CHECK(gr_list_thin(&t.scene.config, part) == 2 && part[0].part == 1);
 }
 
-/* Turned by a quarter: what was across along x is so along y. */
+/* After a quarter turn the axis across the thickness is y. */
 static void places_by_hand(void)
 {
     struct thin t;
@@ -106,7 +107,7 @@ static void places_by_hand(void)
     scene_free(&t.scene);
 }
 
-/* A point keeps its side while it faces the plate, and has that of its place beyond. */
+/* A point keeps its side while it faces the thin part; elsewhere its position decides. */
 static void sides_of_points(void)
 {
     struct thin t;
@@ -119,8 +120,8 @@ static void sides_of_points(void)
     scene_free(&t.scene);
 }
 
-/* Cells within 2.75 dx are there twice, the front first; their points have their sides, and their nodes duplicates that are
- * separated where they face the plate. */
+/* Cells within 2.75 dx are double, the front first. Their points have sides, and their nodes duplicates, which are
+ * separated where they face the thin part. */
 static void mesh_has_two_sides(void)
 {
     for (int dim = 2; dim <= 3; dim++) {
@@ -159,7 +160,7 @@ static void mesh_has_two_sides(void)
     }
 }
 
-/* The split stays until the body has moved, or turned at its reach, by a cell. */
+/* The split poses stay until the body has moved by a cell, or turned so far at its greatest radius. */
 static void split_follows(void)
 {
     struct thin t;
@@ -173,14 +174,14 @@ static void split_follows(void)
     CHECK(gr_follow_bodies(e) && !gr_follow_bodies(e));
     CHECK_NEAR(e->split[0].x[1], 2.401, 1e-15);
     const double start[4] = {1, 0, 0, 0};
-    gr_turn(start, (double[]){0, 0, 1}, 0.32, e->body[0].orientation); /* .3 m x .32 < a cell */
+    gr_turn(start, (double[]){0, 0, 1}, 0.32, e->body[0].orientation); /* 0.3 m x 0.32 < a cell */
     CHECK(!gr_follow_bodies(e));
     gr_turn(start, (double[]){0, 0, 1}, 0.35, e->body[0].orientation);
     CHECK(gr_follow_bodies(e));
     scene_free(&t.scene);
 }
 
-/* Which copies have a fluidity of their own: of the cells whose middle faces the plate. */
+/* The copies of the double cells whose centres face the thin part have a fluidity of their own. */
 static void fluidity_has_two_sides(void)
 {
     static const uint8_t face[4 * 36];
@@ -199,7 +200,7 @@ static void fluidity_has_two_sides(void)
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
         if (cell->side != 1) continue;
-        const int facing = cell->at[1] == 2 || cell->at[1] == 3, front = cell->at[0] > 2; /* middles at .05 and .15 */
+        const int facing = cell->at[1] == 2 || cell->at[1] == 3, front = cell->at[0] > 2; /* centres at 0.05 and 0.15 */
         const int64_t first = gr_place_of_cell(e, cell), second = gr_place_of_cell(e, cell + 1);
         CHECK((first != second) == facing);
         CHECK(gr_cells_of_fluidity(e, cell) == (facing ? 1 : 2) && gr_cells_of_fluidity(e, cell + 1) == facing);
