@@ -68,7 +68,8 @@ PyObject *gr_python_enumerations(PyObject *module, PyObject *unused)
     GR_FACES(GR_X)
     GR_ADD("face")
     GR_PARTS(GR_X)
-    GR_ADD("part") GR_CONTACTS(GR_X) GR_ADD("contact")
+    GR_ADD("part")
+    GR_CONTACTS(GR_X) GR_ADD("contact")
 #undef GR_X
 #define GR_X(text) names[n] = #text, values[n] = n, n++;
         GR_TRANSFERS(GR_X) GR_ADD("transfer") GR_DENSITIES(GR_X) GR_ADD("density") GR_DIFFUSIONS(GR_X) GR_ADD("diffusion")

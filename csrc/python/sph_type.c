@@ -212,7 +212,8 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
     if (out && gr_put_integer(out, #name, s->name)) Py_CLEAR(out);
     GR_INTEGERS(GR_X)
     GR_X(rebuilds)
-    GR_X(n_walls) GR_X(n_gas)
+    GR_X(n_walls)
+    GR_X(n_gas)
 #undef GR_X
         if (out && gr_put_integer(out, "n_points", s->n_particles)) Py_CLEAR(out);
     return out;

@@ -68,7 +68,7 @@ WORDS = (
     (r"\bschemes\.published\b", "schemes.dunatunga_kamrin_2015", ANY),
     (r"\b(mu_i|local_saturating|hencky_mu_i)\b|[\"']saturating[\"']", "mu_I", ANY),
     (r"\"\"\"(What|Whether|How)\b", "a noun or a verb", ANY),
-    (r"(?<=[\s(=<>~+-])\.\d", "a zero before the point", ANY),
+    (r"(?<!:[+-])(?<=[\s(=<>~+-])\.\d", "a zero before the point", ANY),
 )
 
 
