@@ -144,5 +144,5 @@ int main(void)
     RUN(points_share);
     RUN(asks_for_sums);
     RUN(refuses_others);
-    return check_report("cells");
+    return check_report("cell_averaged");
 }

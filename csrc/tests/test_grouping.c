@@ -176,5 +176,5 @@ int main(void)
     RUN(asks_for_capacity);
     RUN(refuses_points_outside);
     RUN(groups_nothing);
-    return check_report("mesh");
+    return check_report("grouping");
 }

@@ -22,7 +22,7 @@ static void random_points(struct points *p, double strain)
         const double pressure = scene_random(100, 2000);
         for (int c = 0; c < 9; c++) p->gradient[c][k] = strain * scene_random(-1, 1);
         for (int c = 0; c < 6; c++) p->stress[c][k] = 0.3 * pressure * scene_random(-1, 1) - (c < 3 ? pressure : 0);
-        p->log_density[k] = (k % 7 ? 1 : -1) * pressure / PARAMETER[0];
+        p->log_density[k] = (k % 7 ? 1 : -1) * pressure / PARAMETER[GR_HENCKY_P_K];
         p->g[k] = scene_random(0, 10);
         p->shear_rate[k] = scene_random(0, 5);
     }
@@ -42,9 +42,9 @@ static void a_stretch_adds_up(void)
 {
     struct points p = {0};
     const double first[3] = {0.02, -0.01, -0.01}, then[3] = {0.1, 0.3, -0.4}; /* the short series, and the eigenvalues */
-    for (int c = 0; c < 3; c++) p.stress[c][0] = 2 * PARAMETER[3] * first[c], p.gradient[4 * c][0] = then[c];
+    for (int c = 0; c < 3; c++) p.stress[c][0] = 2 * PARAMETER[GR_HENCKY_P_G] * first[c], p.gradient[4 * c][0] = then[c];
     update("", GR_HENCKY_elastic, 3, &p, 1);
-    for (int c = 0; c < 3; c++) CHECK_NEAR(p.stress[c][0] / (2 * PARAMETER[3]), first[c] + then[c], 1e-15 * 8);
+    for (int c = 0; c < 3; c++) CHECK_NEAR(p.stress[c][0] / (2 * PARAMETER[GR_HENCKY_P_G]), first[c] + then[c], 1e-15 * 8);
     for (int c = 3; c < 6; c++) CHECK(p.stress[c][0] == 0);
 }
 
@@ -62,7 +62,7 @@ static void sets_and_numbers_agree(void)
                 update("", flow, dim, &best, MOST);
                 update("", flow, dim, &few, 5);
                 for (int k = 0; k < MOST; k++) {
-                    const double size = 2 * PARAMETER[3] * (large ? 1 : 1e-3);
+                    const double size = 2 * PARAMETER[GR_HENCKY_P_G] * (large ? 1 : 1e-3);
                     for (int c = 0; c < (dim == 2 ? 4 : 6); c++) {
                         CHECK_NEAR(base.stress[c][k], best.stress[c][k], 1e-14 * size);
                         CHECK(few.stress[c][k] == (k < 5 ? best.stress[c][k] : start.stress[c][k]));

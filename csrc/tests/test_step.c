@@ -264,5 +264,5 @@ int main(void)
     RUN(empty_run);
     RUN(emptied_run);
     RUN(capacity_may_be_refused);
-    return check_report("advance");
+    return check_report("step");
 }

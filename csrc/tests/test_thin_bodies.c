@@ -221,5 +221,5 @@ int main(void)
     RUN(mesh_has_two_sides);
     RUN(split_follows);
     RUN(fluidity_has_two_sides);
-    return check_report("sides");
+    return check_report("thin_bodies");
 }
