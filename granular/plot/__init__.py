@@ -22,7 +22,7 @@ from granular.plot.friction import (
     scaling_of_dissipation,
 )
 from granular.plot.movie import check_movie, movie
-from granular.plot.space import view
+from granular.plot.view_3d import view
 
 __all__ = [
     "QUANTITIES",

@@ -1,6 +1,6 @@
 """Time of a step of the finite-strain laws in 3D, and the cost of its parts.
 
-    python benchmarks/speed_in_space.py [--quick] [--out benchmarks/results/speed_in_space.json]
+    python benchmarks/speed_3d.py [--quick] [--out benchmarks/results/speed_3d.json]
 
 A bed of 8 points per cell flows down a slope of 38 degrees, periodic on its sides. The scheme has
 the quadratic basis, APIC and the particle density. It is run without fluidity (A = 0), with a
