@@ -65,7 +65,7 @@ def speed(scheme: gr.Scheme, cell: float, fall: float, batches: int) -> list[dic
     return rows
 
 
-def speed_in_space(scheme: gr.Scheme, cell: float, batches: int) -> dict:
+def speed_3d(scheme: gr.Scheme, cell: float, batches: int) -> dict:
     """Time of a scheme on a quarter of a cylinder as seeded, with one thread."""
     scene = gr.scenes.cylinder_collapse(cell=cell, material=MATERIAL, scheme=scheme)
     sim = gr.Simulation(scene, threads=1)
@@ -112,7 +112,7 @@ def main(argv: list[str] | None = None) -> None:
             table += [row | {"scheme": name, "incline_error": errors} for row in rows]
     space = []
     for name, scheme in SCHEMES.items():
-        row = speed_in_space(scheme, 0.025 if arguments.quick else 0.0125, batches // 2)
+        row = speed_3d(scheme, 0.025 if arguments.quick else 0.0125, batches // 2)
         print(f"{name:16s}{row['points']:8d}  {'3D':14s}{row['ns']:9.1f}", flush=True)
         space.append(row | {"scheme": name})
     if arguments.out:

@@ -86,7 +86,7 @@ def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
 
 @pytest.mark.slow
 def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
-    script, out = module("speed_in_space"), tmp_path / "speed.json"
+    script, out = module("speed_3d"), tmp_path / "speed.json"
     script.main(["--quick", "--out", str(out)])
     rows = json.loads(out.read_text())["rows"]
     assert [row["case"] for row in rows] == list(script.CASES)
