@@ -296,7 +296,7 @@ class NGF(Material):
 
     def arguments(self) -> dict[str, Any]:
         """The arguments that make this material anew: `b`, or `I0`."""
-        derived = "I0" if self._by_b else "b"
+        derived = "I0" if self.__dict__["_by_b"] else "b"
         return {name: v for name, v in super().arguments().items() if name != derived}
 
     def replace(self, **changes: Any) -> Self:

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,15 @@ from granular.checks import integer, positive
 from granular.diagnostics import Health, Monitor, health
 from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
-from granular.serializable import Serializable
 from granular.state import State
 
 if TYPE_CHECKING:
+    from granular.mpm.scene import Scene as MpmScene
+    from granular.mpm.simulation import Simulation as MpmSimulation
     from granular.sph.gas import GasState
+    from granular.sph.scene import Scene as SphScene
+    from granular.sph.simulation import Simulation as SphSimulation
+    from granular.typing import AnyScene
 
 __all__ = ["Hook", "Simulation", "SimulationError"]
 
@@ -74,11 +78,22 @@ class Simulation(ABC):
         For what is known to go wrong without a word, see `granular.scene_warnings`.
     """
 
+    scene: AnyScene
+    _engine: _core.Engine | _core.Sph
+
     def __init_subclass__(cls, *, scenes: type | None = None) -> None:
         if scenes is not None:
             _METHODS[scenes] = cls
 
-    def __new__(cls, scene: object = None, **_: Any) -> Self:
+    @overload
+    def __new__(
+        cls, scene: MpmScene, *, threads: int | None = None, isa: str | None = None
+    ) -> MpmSimulation: ...
+    @overload
+    def __new__(
+        cls, scene: SphScene, *, threads: int | None = None, isa: str | None = None
+    ) -> SphSimulation: ...
+    def __new__(cls, scene: object = None, **_: Any) -> Simulation:
         return super().__new__(cls._of(scene))
 
     @classmethod
@@ -91,7 +106,9 @@ class Simulation(ABC):
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
 
-    def _start(self, scene: Serializable, engine: Any, threads: int | None) -> None:
+    def _start(
+        self, scene: AnyScene, engine: _core.Engine | _core.Sph, threads: int | None
+    ) -> None:
         """What every simulation has; subclasses make the engine and the buffers."""
         self.scene = scene
         self._engine = engine
@@ -161,7 +178,7 @@ class Simulation(ABC):
     @property
     def steps(self) -> int:
         """Steps made."""
-        return self._engine.scalars()["step"]
+        return int(self._engine.scalars()["step"])
 
     @property
     def dt(self) -> float:
@@ -171,7 +188,7 @@ class Simulation(ABC):
     @property
     def n_points(self) -> int:
         """Points that are still in the domain."""
-        return self._engine.scalars()["n_points"]
+        return int(self._engine.scalars()["n_points"])
 
     @property
     def isa(self) -> str:
@@ -188,7 +205,7 @@ class Simulation(ABC):
         return State(
             scene=self.scene,
             time=scalars["time"],
-            step=scalars["step"],
+            step=int(scalars["step"]),
             dt=scalars["dt"],
             fields=fields,
             gas=self._gas(),
@@ -354,7 +371,7 @@ class Simulation(ABC):
         scalars, arrays = self._checkpoint_data()
         return Checkpoint(
             time=scalars["time"],
-            step=scalars["step"],
+            step=int(scalars["step"]),
             dt=scalars["dt"],
             scalars=scalars,
             arrays=arrays,
@@ -363,7 +380,7 @@ class Simulation(ABC):
     @classmethod
     def from_checkpoint(
         cls,
-        scene: Serializable,
+        scene: AnyScene,
         checkpoint: Checkpoint,
         *,
         threads: int | None = None,

@@ -19,6 +19,8 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.measure.profiles import Profile
+from granular.state import State
+from granular.typing import States
 
 Field = str | Callable[[Any], ArrayLike]
 """Name of a point field, or a function of a state that returns one value or row per point."""
@@ -63,7 +65,7 @@ class Contour:
 
 
 def frame_average(
-    states: Any, field: Field, *, weight: str = "mass", points: str = "all", at: str = "cells"
+    states: States, field: Field, *, weight: str = "mass", points: str = "all", at: str = "cells"
 ) -> LatticeField:
     """A point field averaged over frames and over cells, or about nodes.
 
@@ -125,7 +127,7 @@ def frame_average(
     return LatticeField(axes, mean.reshape(shape + mean.shape[1:]), weights, frames)
 
 
-def _cell_sums(state: Any) -> Callable[[Array], Array]:
+def _cell_sums(state: State) -> Callable[[Array], Array]:
     shape = tuple(state.scene.grid.shape)
     flat, size = np.ravel_multi_index(tuple(cells_of(state).T), shape), int(np.prod(shape))
 
@@ -138,7 +140,7 @@ def _cell_sums(state: Any) -> Callable[[Array], Array]:
 
 
 def centre_line_pressure(
-    states: Any, *, columns: int = 1, opening: Opening | None = None
+    states: States, *, columns: int = 1, opening: Opening | None = None
 ) -> Profile:
     """Pressure above the middle of a silo's opening by height, averaged over frames.
 
@@ -170,7 +172,7 @@ def centre_line_pressure(
     states = list(each_state(states))
     where = opening_of(states[0], opening)
 
-    def both(state: Any) -> Array:
+    def both(state: State) -> Array:
         return np.stack([state.p, where.places(state)[:, 1]], axis=1)
 
     field = frame_average(states, both, weight="volume")
@@ -222,7 +224,7 @@ def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
     return tuple(Contour(float(level), tuple(lines.lines(level))) for level in at)
 
 
-def speed_contours(states: Any, levels: ArrayLike) -> tuple[Contour, ...]:
+def speed_contours(states: States, levels: ArrayLike) -> tuple[Contour, ...]:
     """Lines of equal speed: the magnitude of the nodal velocity averaged over frames.
 
     Dunatunga & Kamrin, Modelling silo clogging, figure 6, draw them at 0.05, 0.10 ... 0.35 m/s.

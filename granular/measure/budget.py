@@ -12,7 +12,7 @@ from granular.mpm.node_codes import c0_lines, node_codes, node_positions
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
-    from granular.simulation import Simulation
+    from granular.mpm.simulation import Simulation
 
 __all__ = ["StepBudget", "step_budget"]
 

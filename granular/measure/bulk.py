@@ -13,7 +13,9 @@ from granular.checks import integer, non_negative
 from granular.measure.averaging_grid import Array, cells_of
 from granular.measure.profiles import scaled_inertial_number
 from granular.mpm.walls import Solid
+from granular.state import State
 from granular.theory.well_posed import ill_posedness
+from granular.typing import AnyScene
 
 FILLED = 0.5
 """Share of the mass it holds at rho_c from which a cell counts as filled."""
@@ -45,7 +47,7 @@ class Bulk:
         If an argument is out of range, the state is empty, or a point is off the grid.
     """
 
-    def __init__(self, state: Any, *, depth_cells: int = 2, packed: float = 0.0) -> None:
+    def __init__(self, state: State, *, depth_cells: int = 2, packed: float = 0.0) -> None:
         integer("depth_cells", depth_cells, 0)
         non_negative("packed", packed)
         grid = state.scene.grid
@@ -111,7 +113,7 @@ def uppermost(filled: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.
     return filled, top
 
 
-def disconnected_fraction(state: Any, *, depth_cells: int = 2, packed: float = 0.0) -> float:
+def disconnected_fraction(state: State, *, depth_cells: int = 2, packed: float = 0.0) -> float:
     """Share, by mass, of the stress-free points (p = 0) in the bulk.
 
     Parameters
@@ -134,7 +136,7 @@ def disconnected_fraction(state: Any, *, depth_cells: int = 2, packed: float = 0
     return _bulk(state, depth_cells, packed).disconnected()
 
 
-def density_drift(state: Any, *, depth_cells: int = 2, packed: float = 0.9) -> float:
+def density_drift(state: State, *, depth_cells: int = 2, packed: float = 0.9) -> float:
     """Drift of the particle density from the volume that the points really occupy.
 
     In each cell and its occupied neighbours the sum of the particle volumes m/rho is divided by
@@ -161,7 +163,7 @@ def density_drift(state: Any, *, depth_cells: int = 2, packed: float = 0.9) -> f
     return _bulk(state, depth_cells, packed).drift()
 
 
-def _bulk(state: Any, depth_cells: int, packed: float) -> Bulk:
+def _bulk(state: State, depth_cells: int, packed: float) -> Bulk:
     bulk = Bulk(state, depth_cells=depth_cells, packed=packed)
     if not bulk.points.any():
         raise ValueError(
@@ -171,7 +173,7 @@ def _bulk(state: Any, depth_cells: int, packed: float) -> Bulk:
     return bulk
 
 
-def ill_posed_fraction(state: Any) -> float:
+def ill_posed_fraction(state: State) -> float:
     """Share, by mass, of the flowing points at which the mu(I) law is ill posed.
 
     Ill-posedness is decided by `granular.theory.ill_posedness` (Barker et al. 2015). Where the law
@@ -200,7 +202,7 @@ def ill_posed_fraction(state: Any) -> float:
     return float(mass @ (ill_posedness(scaled[flowing], state.scene.material) > 0) / mass.sum())
 
 
-def gap_fraction(state: Any) -> float:
+def gap_fraction(state: State) -> float:
     """Number of empty cells between cells with stressed points, over the number of the latter.
 
     This concerns bodies under tension. Once their points are a cell apart, cells between them are
@@ -240,7 +242,7 @@ def gaps(bulk: Bulk) -> float:
     return float(np.count_nonzero(between) / count) if count else float("nan")
 
 
-def _exclude_solids(scene: Any, cells: NDArray[np.bool_]) -> None:
+def _exclude_solids(scene: AnyScene, cells: NDArray[np.bool_]) -> None:
     """Set the cells of solid blocks to False in a mask."""
     grid = scene.grid
     for wall in scene.walls:

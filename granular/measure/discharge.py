@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from granular.checks import non_negative, positive
 from granular.measure.averaging_grid import Array
 from granular.measure.opening import modelled_share
+from granular.state import State
 
 WINDOW = (1200.0, 900.0)
 """Remaining mass of the full silo [kg per metre of depth] in the steady part of the flow."""
@@ -95,7 +96,7 @@ class BeverlooFit:
     rates: Array
 
 
-def mass_history(trajectory: Any) -> MassHistory:
+def mass_history(trajectory: Iterable[State]) -> MassHistory:
     """Mass of the full silo at every frame.
 
     Parameters
@@ -128,7 +129,7 @@ def mass_history(trajectory: Any) -> MassHistory:
 
 
 def discharge(
-    trajectory: Any, *, window: tuple[float, float] = WINDOW, total: bool = True
+    trajectory: Iterable[State], *, window: tuple[float, float] = WINDOW, total: bool = True
 ) -> Discharge:
     """Rate of discharge by linear regression of the mass over time, within a window of mass.
 

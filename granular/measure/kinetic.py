@@ -21,9 +21,10 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.fields import nodal
 from granular.measure.profiles import grain_diameter, inertial_number
+from granular.state import State
 
 
-def packing_fraction(state: Any, *, restitution: float, d: float | None = None) -> Array:
+def packing_fraction(state: State, *, restitution: float, d: float | None = None) -> Array:
     """Packing fraction Phi(I) that steady shear would have (A9).
 
     Parameters
@@ -82,7 +83,7 @@ class StressFreeError:
 
 
 def stress_free_error(
-    state: Any,
+    state: State,
     *,
     restitution: float,
     d: float | None = None,
@@ -141,7 +142,7 @@ def stress_free_error(
     )
 
 
-def _mean_pressure(state: Any) -> float:
+def _mean_pressure(state: State) -> float:
     p, volume = np.asarray(state.p, dtype=float), np.asarray(state.volume, dtype=float)
     dense = p > 0
     if not dense.any():
@@ -169,7 +170,7 @@ class MassBalance:
 
 
 def mass_balance_error(
-    state: Any,
+    state: State,
     *,
     restitution: float | None = None,
     d: float | None = None,
@@ -223,7 +224,7 @@ def mass_balance_error(
     return MassBalance(cells, residual, float(rms / scale) if scale > 0 else 0.0)
 
 
-def _surrounded(state: Any) -> tuple[Indices, Indices]:
+def _surrounded(state: State) -> tuple[Indices, Indices]:
     """Cells whose nodes have filled cells only around them, and their nodes, shape (2**dim, k)."""
     grid = state.scene.grid
     filled = cell_mass(state) > 0

@@ -1,8 +1,8 @@
 """Flow or clogging of a silo: outflow and dense velocity over time, and two verdicts."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from granular.checks import in_range, positive
 from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
+from granular.state import State
 
 VERDICTS = ("static", "flowing", "unsure")
 
@@ -120,7 +121,7 @@ class FlowVerdict:
     points_per_frame: float
 
 
-def silo_history(trajectory: Any, *, opening: Opening | None = None) -> SiloHistory:
+def silo_history(trajectory: Iterable[State], *, opening: Opening | None = None) -> SiloHistory:
     """Mass, dense velocity and fill above the opening of a plane silo, frame by frame.
 
     Parameters
@@ -156,7 +157,7 @@ def silo_history(trajectory: Any, *, opening: Opening | None = None) -> SiloHist
 
 
 def flow_verdict(
-    trajectory: Any,
+    trajectory: Iterable[State],
     *,
     opening: Opening | None = None,
     quiet: float = 0.01,

@@ -12,6 +12,7 @@ from granular.checks import finite, in_range, positive
 from granular.measure.averaging_grid import require_points
 from granular.measure.body import body_force, body_motion
 from granular.measure.opening import each_state
+from granular.typing import States
 
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory
@@ -190,7 +191,7 @@ def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> Whee
 
 
 def failure_surface(
-    states: Any,
+    states: States,
     *,
     speed: float,
     share: float = 0.1,
@@ -259,7 +260,7 @@ def failure_surface(
     )
 
 
-def strain_history(states: Any) -> StrainHistory:
+def strain_history(states: States) -> StrainHistory:
     """Elastic strain of Hencky materials (Haeri & Skonieczny 2021, figure 6).
 
     The strain follows from the stored stress and density: the Kirchhoff stress is rho_c/rho times

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from granular import measure, theory
 from granular.measure.stress import friction_of
 from granular.plot.canvas import Picture
+from granular.state import State
 
 __all__ = [
     "ConstitutivePath",
@@ -160,7 +161,7 @@ class InclineFlow:
     speed: Array
 
     @classmethod
-    def measured(cls, states: Iterable[Any]) -> Self:
+    def measured(cls, states: Iterable[State]) -> Self:
         """Measure the flow from states of the scene `incline`, in the order of time.
 
         Raises
@@ -224,7 +225,7 @@ def figure_9(
 
 
 def figure_10(
-    flows: Sequence[InclineFlow], state: Any, *, at_time: bool = True, gravity: float = 9.8
+    flows: Sequence[InclineFlow], state: State, *, at_time: bool = True, gravity: float = 9.8
 ) -> Picture:
     """Inclines: mean speed against the angle, and the velocity profile of one of them.
 
@@ -277,7 +278,7 @@ def _speeds(
 
 
 def _profile(
-    ax: Axes, state: Any, height: float, material: Any, at_time: bool, gravity: float
+    ax: Axes, state: State, height: float, material: Any, at_time: bool, gravity: float
 ) -> None:
     angle = float(state.scene.parameters["angle_deg"])
     unit = math.sqrt(gravity * height)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
@@ -11,6 +9,7 @@ from numpy.typing import ArrayLike
 from granular.checks import positive
 from granular.plot.canvas import Extent, Picture, Points, View, color_bar, scenery, show_at
 from granular.plot.fields import Brush
+from granular.state import State
 
 __all__ = ["frame"]
 
@@ -19,7 +18,7 @@ WIDTH = 7.0
 
 
 def frame(
-    state: Any,
+    state: State,
     color: str | ArrayLike = "shear_rate",
     *,
     ax: Axes | None = None,
@@ -103,7 +102,7 @@ def new_axes(extent: Extent) -> Axes:
 
 
 def draw(
-    ax: Axes, state: Any, brush: Brush, view: View, extent: Extent, *, size: float | None = None
+    ax: Axes, state: State, brush: Brush, view: View, extent: Extent, *, size: float | None = None
 ) -> Points:
     """Draw the points and walls of a state into an axes."""
     if size is not None:

@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -23,6 +22,8 @@ from granular.checks import in_range, integer
 from granular.plot.canvas import Extent, View, color_bar, diameter, scenery, show_at
 from granular.plot.fields import Brush
 from granular.plot.frame import new_axes
+from granular.record import Trajectory
+from granular.state import State
 
 __all__ = ["check_movie", "movie"]
 
@@ -34,7 +35,7 @@ least two."""
 
 
 def movie(
-    record: Any,
+    record: Sequence[State] | Trajectory,
     path: str | os.PathLike[str],
     *,
     color: str = "shear_rate",
@@ -138,7 +139,7 @@ class _Stage:
 
     def __init__(
         self,
-        state: Any,
+        state: State,
         brush: Brush,
         view: View,
         *,
@@ -174,7 +175,7 @@ class _Stage:
         # Small points are squares: a disc of three pixels would be a cross.
         return grid[(off**2).sum(axis=1) <= (self._across / 2 + 0.3) ** 2]
 
-    def _stamp_points(self, state: Any) -> None:
+    def _stamp_points(self, state: State) -> None:
         pixels = np.asarray(self._canvas.buffer_rgba())
         height, width = pixels.shape[:2]
         box = self._ax.get_window_extent()
@@ -192,7 +193,7 @@ class _Stage:
         which = np.nonzero(inside)
         flat[row[which] * width + column[which]] = colors[which[0]]
 
-    def shot(self, state: Any) -> NDArray[np.uint8]:
+    def shot(self, state: State) -> NDArray[np.uint8]:
         """Draw a state; return its pixels, shape (height, width, 3), height and width even."""
         self._canvas.restore_region(self._background)
         self._stamp_points(state)

@@ -34,9 +34,12 @@ _DENSE = 0.49  # from this packing fraction on, the radial function is that of a
 class GrainMaterial(Protocol):
     """Attributes of a material that the estimates need."""
 
-    rho_s: float
-    rho_c: float
-    K: float
+    @property
+    def rho_s(self) -> float: ...
+    @property
+    def rho_c(self) -> float: ...
+    @property
+    def K(self) -> float: ...
 
 
 def radial_function(packing_fraction: ArrayLike) -> Array:

@@ -15,6 +15,7 @@ from granular.simulation import Simulation
 from granular.state import State
 from granular.theory import chute_profile, stopping_height
 from granular.theory.chute import ChuteFlow
+from granular.typing import AnyScene
 from granular.verify.rows import Row, at_most, check, holds, within
 
 Array = NDArray[np.float64]
@@ -43,7 +44,7 @@ def column(ratio: float | None = None, **parameters: Any) -> Simulation:
     return Simulation(scene, threads=1)
 
 
-def threshold(scene: Any) -> float:
+def threshold(scene: AnyScene) -> float:
     """Stopping height H_stop of a scene [m], eq. 3.1."""
     m = scene.material
     return float(stopping_height(scene.parameters["angle_deg"], m.A, m.d, m.mu_s, m.mu_2))
