@@ -242,7 +242,7 @@ class NGF(Material):
     mu_2: float = 0.6435
     rho_s: float = 2450.0
     I0: float = None  # type: ignore[assignment]  # a float once made
-    b: float = None  # type: ignore[assignment]
+    b: float = None  # type: ignore[assignment]  # likewise
     rheology: str = "mu_I"
 
     def __post_init__(self) -> None:
@@ -272,12 +272,12 @@ class NGF(Material):
         self._set("b", (self.mu_2 - self.mu_s) / self.I0)
 
     @property
-    def has_fluidity(self) -> bool:  # type: ignore[override]
+    def has_fluidity(self) -> bool:  # type: ignore[override]  # else of the class
         """Whether there is a nonlocal amplitude."""
         return self.A > 0
 
     @property
-    def flow(self) -> str:  # type: ignore[override]
+    def flow(self) -> str:  # type: ignore[override]  # else of the class
         """How it flows, in the core's words: without a nonlocal amplitude as `MuI`."""
         if self.rheology == "linear_mu_I":
             return "linear_ngf" if self.A else "linear_mu_I"

@@ -6,7 +6,6 @@ import os
 import signal
 import threading
 import time as clock
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -49,7 +48,7 @@ _METHODS: dict[type, type[Simulation]] = {}
 """The simulation of each class of scenes."""
 
 
-class Simulation(ABC):
+class Simulation:
     """Steps the points of a scene by the method that the scene is made for.
 
     A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
@@ -100,8 +99,9 @@ class Simulation(ABC):
     def _of(cls, scene: object) -> type[Self]:
         """The class that simulates a scene, this one or one below it."""
         for kind in type(scene).__mro__:
-            if kind in _METHODS and issubclass(_METHODS[kind], cls):
-                return _METHODS[kind]
+            method = _METHODS.get(kind)
+            if method is not None and issubclass(method, cls):
+                return method
         known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
@@ -122,29 +122,29 @@ class Simulation(ABC):
 
     # ---- what a method must know ----
 
-    @abstractmethod
     def _make_steps(self, max_steps: int, until: float) -> None:
         """Run the core, up to a number of steps or a time."""
+        raise NotImplementedError
 
-    @abstractmethod
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         """The fields of a state, ordered by id; `kept`: those of a frame of a record."""
+        raise NotImplementedError
 
-    @abstractmethod
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         """The numbers and arrays of a checkpoint."""
+        raise NotImplementedError
 
     @classmethod
-    @abstractmethod
     def _restored(
         cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
         """A simulation as it was at a checkpoint."""
+        raise NotImplementedError
 
     @property
-    @abstractmethod
     def buffers(self) -> dict[str, NDArray]:
         """What the core works on, without copying: {field: (component, capacity)} and "id"."""
+        raise NotImplementedError
 
     def _body_rows(self) -> NDArray | None:
         """The states of rigid bodies for a frame; None for a method without any."""
@@ -340,11 +340,13 @@ class Simulation(ABC):
     def _writer(
         self, save: str | os.PathLike | None, overwrite: bool
     ) -> Iterator[TrajectoryWriter | None]:
-        if save is None and self.record is None:
+        if save is not None:
+            path, resumed = Path(save), False
+        elif self.record is not None:
+            path, resumed = self.record, True
+        else:
             yield None
             return
-        resumed = self.record is not None and save is None
-        path = self.record if resumed else Path(save)
         provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
         with (
             TrajectoryWriter.resume(path, provenance=provenance)

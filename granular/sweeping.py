@@ -29,6 +29,7 @@ from granular.checks import integer, positive
 from granular.record import RecordError, Trajectory, open_trajectory
 from granular.serializable import Serializable
 from granular.simulation import Simulation
+from granular.typing import AnyScene
 
 __all__ = ["Executor", "Sweep", "sweep"]
 
@@ -97,7 +98,7 @@ class Sweep(Sequence):
 
 
 def sweep(
-    cases: Iterable[Serializable] | Mapping[Hashable, Serializable],
+    cases: Iterable[AnyScene] | Mapping[Hashable, AnyScene],
     executor: Executor | None = None,
     *,
     measure: Measure | None = None,
@@ -194,7 +195,7 @@ def sweep(
 # ---- what is asked for ----
 
 
-def _scenes(cases: object) -> dict[Hashable, Serializable]:
+def _scenes(cases: object) -> dict[Hashable, AnyScene]:
     wanted = "an iterable of Scene or a mapping to Scene"
     if isinstance(cases, (str, bytes)) or not isinstance(cases, Iterable):
         raise TypeError(f"cases = {cases!r} must be {wanted}")
@@ -275,7 +276,7 @@ def _folder(folder: object) -> tuple[Path, bool]:
 @dataclass(frozen=True)
 class _Case:
     key: Hashable
-    scene: Serializable
+    scene: AnyScene
     path: Path
     every: float | None
     measure: Measure | None
@@ -382,7 +383,7 @@ def _submitter(
     receiver, sender = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(min(count, most), context, _enlist, (receiver,))
     try:
-        yield partial(pool.submit, _run_in_pool)
+        yield lambda case: pool.submit(_run_in_pool, case)
     except BaseException:
         sender.close()
         raise
@@ -407,7 +408,9 @@ def _enlist(stop: Any) -> None:
 def _watch() -> None:
     _stop.poll(None)
     interrupt_main()  # as Ctrl-C, which `Simulation.run` turns into a valid record
-    parent_process().join()
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
     os._exit(1)  # else it would go on for nobody, and hold the record
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import contourpy
 import numpy as np
@@ -15,6 +15,7 @@ from granular.measure.averaging_grid import (
     node_shape,
     point_weights,
     stencil,
+    sums_of,
     values,
 )
 from granular.measure.opening import Opening, each_state, opening_of
@@ -22,7 +23,7 @@ from granular.measure.profiles import Profile
 from granular.state import State
 from granular.typing import States
 
-Field = str | Callable[[Any], ArrayLike]
+Field = str | Callable[[State], ArrayLike]
 """Name of a point field, or a function of a state that returns one value or row per point."""
 
 
@@ -101,7 +102,7 @@ def frame_average(
     """
     one_of("points", points, ("all", "dense"))
     one_of("at", at, ("cells", "nodes"))
-    frames, moment, total = 0, 0.0, 0.0
+    frames, moment, total = 0, np.zeros(()), np.zeros(())
     for state in each_state(states):
         grid, frames = state.scene.grid, frames + 1
         f = values(state, field(state) if callable(field) else field)
@@ -120,7 +121,7 @@ def frame_average(
     mean = np.divide(moment, share, out=np.full_like(moment, np.nan), where=share > 0)
     first = 0.5 if at == "cells" else 0.0
     axes = tuple(
-        low + grid.cell * (np.arange(count) + first)
+        low + grid.cell * (np.arange(count, dtype=float) + first)
         for low, count in zip(grid.lower, shape, strict=True)
     )
     weights = total.reshape(shape) / frames
@@ -134,7 +135,7 @@ def _cell_sums(state: State) -> Callable[[Array], Array]:
     def spread(field: Array) -> Array:
         if field.ndim == 2:
             return np.stack([spread(column) for column in field.T], axis=1)
-        return np.bincount(flat, weights=field, minlength=size)
+        return sums_of(flat, field, size)
 
     return spread
 
@@ -221,7 +222,9 @@ def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
     lines = contourpy.contour_generator(
         *field.axes, np.ma.masked_invalid(field.value.T), line_type=contourpy.LineType.Separate
     )
-    return tuple(Contour(float(level), tuple(lines.lines(level))) for level in at)
+    return tuple(
+        Contour(float(level), tuple(cast(list[Array], lines.lines(level)))) for level in at
+    )
 
 
 def speed_contours(states: States, levels: ArrayLike) -> tuple[Contour, ...]:

@@ -106,11 +106,18 @@ def cells_of(state: State) -> Indices:
     return np.clip(np.floor(_positions(state)).astype(np.int64), 0, last)
 
 
+def sums_of(place: NDArray[np.integer], weights: ArrayLike, count: int = 0) -> Array:
+    """Sums of the weights by place, for places from 0 to the last one or to `count` - 1."""
+    return np.bincount(place, weights=np.asarray(weights), minlength=count).astype(
+        float, copy=False
+    )
+
+
 def cell_mass(state: State) -> Array:
     """Mass [kg] in every cell, an array of the grid's shape."""
     shape = tuple(state.scene.grid.shape)
     flat = np.ravel_multi_index(tuple(cells_of(state).T), shape)
-    return np.bincount(flat, weights=state.mass, minlength=int(np.prod(shape))).reshape(shape)
+    return sums_of(flat, state.mass, int(np.prod(shape))).reshape(shape)
 
 
 def node_shape(grid: Grid) -> tuple[int, ...]:
@@ -144,7 +151,7 @@ class Stencil:
             return np.stack([self.scatter(column) for column in field.T], axis=1)
         total = np.zeros(size)
         for nodes, weights in zip(self.nodes, self.weights, strict=True):
-            total += np.bincount(nodes, weights=weights * field, minlength=size)
+            total += sums_of(nodes, weights * field, size)
         return total
 
     def gather(self, nodal: Array) -> Array:

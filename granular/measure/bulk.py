@@ -4,13 +4,14 @@ The bulk consists of the points deep below the surface of their column. One `Bul
 these measures, so that the sums over cells are computed only once.
 """
 
-from typing import Any
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, non_negative
-from granular.measure.averaging_grid import Array, cells_of
+from granular.materials import MuI
+from granular.measure.averaging_grid import Array, cells_of, sums_of
 from granular.measure.profiles import scaled_inertial_number
 from granular.mpm.walls import Solid
 from granular.state import State
@@ -64,11 +65,9 @@ class Bulk:
             deep &= (self.around(self.mass) >= packed * full).ravel()[self.own]
         self.points: NDArray[np.bool_] = deep
 
-    def sum(self, values: Any) -> Array:
+    def sum(self, values: ArrayLike) -> Array:
         """Sum of a point field over each cell, an array of the grid's shape."""
-        return np.bincount(self.own, weights=values, minlength=int(np.prod(self.shape))).reshape(
-            self.shape
-        )
+        return sums_of(self.own, values, int(np.prod(self.shape))).reshape(self.shape)
 
     def around(self, cells: Array) -> Array:
         """Mean of a cell field over each cell and its occupied neighbours, corners included."""
@@ -77,7 +76,7 @@ class Bulk:
 
     def disconnected(self) -> float:
         """Share, by mass, of the stress-free points in the bulk; nan without a bulk."""
-        return self._mean(np.asarray(self.state.p) <= 0)
+        return self._mean((np.asarray(self.state.p) <= 0).astype(float))
 
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
@@ -199,7 +198,9 @@ def ill_posed_fraction(state: State) -> float:
     if not flowing.any():
         return float("nan")
     mass = np.asarray(state.mass)[flowing]
-    return float(mass @ (ill_posedness(scaled[flowing], state.scene.material) > 0) / mass.sum())
+    return float(
+        mass @ (ill_posedness(scaled[flowing], cast(MuI, state.scene.material)) > 0) / mass.sum()
+    )
 
 
 def gap_fraction(state: State) -> float:
@@ -236,8 +237,8 @@ def gaps(bulk: Bulk) -> float:
     for axis in range(len(bulk.shape)):
         low, mid, high = ([slice(None)] * len(bulk.shape) for _ in range(3))
         low[axis], mid[axis], high[axis] = slice(None, -2), slice(1, -1), slice(2, None)
-        low, mid, high = tuple(low), tuple(mid), tuple(high)
-        between[mid] |= empty[mid] & stressed[low] & stressed[high]
+        here = tuple(mid)
+        between[here] |= empty[here] & stressed[tuple(low)] & stressed[tuple(high)]
     count = np.count_nonzero(stressed)
     return float(np.count_nonzero(between) / count) if count else float("nan")
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import finite, vector
-from granular.measure.averaging_grid import Array
+from granular.measure.averaging_grid import Array, Indices, sums_of
 from granular.measure.opening import each_state
 from granular.state import State
 from granular.typing import States
@@ -100,13 +100,13 @@ def cylinder_profile(
         ring = np.searchsorted(bounds, r, side="right") - 1
         parts = (m, m * r, m * omega, m * omega**2, m * outward)
         for total, part in zip(sums, parts, strict=True):
-            total += np.bincount(ring, weights=part, minlength=len(total))
+            total += sums_of(ring, part, len(total))
     if not sums[0].any():
         raise ValueError(f"no point from {bounds[0]} to {bounds[-1]} m of the axis {axis}")
     return _profile(sums, len(states) - 1)
 
 
-def _turned(before: State, after: State, centre: Array) -> tuple[Array, Array, Array, Array]:
+def _turned(before: State, after: State, centre: Array) -> tuple[Array, Array, Array, Indices]:
     """Radius, angular and radial velocity of the points that are in both states, and their
     indices in the later one."""
     span = after.time - before.time

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,8 +115,9 @@ def mass_history(trajectory: Iterable[State]) -> MassHistory:
         If the trajectory has no frames.
     """
     series = getattr(trajectory, "series", None)
+    rows: Sequence[Any]
     if isinstance(series, Mapping) and {"time", "mass"} <= series.keys() and len(series["time"]):
-        scene, rows = trajectory.scene, (series["time"], series["mass"])
+        scene, rows = cast(Any, trajectory).scene, (series["time"], series["mass"])
     else:
         frames = [(state.time, np.sum(state.mass), state.scene) for state in trajectory]
         if not frames:
@@ -129,7 +130,10 @@ def mass_history(trajectory: Iterable[State]) -> MassHistory:
 
 
 def discharge(
-    trajectory: Iterable[State], *, window: tuple[float, float] = WINDOW, total: bool = True
+    trajectory: Iterable[State] | MassHistory,
+    *,
+    window: tuple[float, float] = WINDOW,
+    total: bool = True,
 ) -> Discharge:
     """Rate of discharge by linear regression of the mass over time, within a window of mass.
 
@@ -232,7 +236,7 @@ def beverloo(
         are given without rho.
     """
     if rates is None:
-        orifice, rate, scale = _measured(cases)
+        orifice, rate, scale = _measured(cast(Iterable[Any], cases))
     else:
         if rho is None:
             raise ValueError("rho = None: the bulk density in kg/m3 must come with the rates")

@@ -4,6 +4,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import Array, require_points
 from granular.measure.stress import deviator_squared, pressure
@@ -154,6 +155,8 @@ def energy_budget(trajectory: Iterable[State]) -> EnergyBudget:
 
 def between(before: State, after: State) -> tuple[float, float]:
     """Work of gravity on the points in both states, and the energy of those that left."""
+    old: slice | NDArray[np.integer]
+    new: slice | NDArray[np.integer]
     if np.array_equal(before.id, after.id):
         old = new = slice(None)
     else:

@@ -14,6 +14,7 @@ from granular.measure.averaging_grid import (
     filled_neighbours,
     point_weights,
     stencil,
+    sums_of,
     values,
 )
 from granular.state import State
@@ -183,9 +184,9 @@ def cell_average(state: State, field: str | ArrayLike, *, weight: str = "mass") 
     field = values(state, field)
     w = point_weights(state, weight)
     cells, row = np.unique(cells_of(state), axis=0, return_inverse=True)
-    total = np.bincount(row, weights=w)
+    total = sums_of(row, w)
     columns = field.reshape(len(field), -1).T
-    mean = np.stack([np.bincount(row, weights=w * column) / total for column in columns], axis=1)
+    mean = np.stack([sums_of(row, w * column) / total for column in columns], axis=1)
     value = mean if field.ndim == 2 else mean[:, 0]
     return CellField(cells, _centres(state, cells), value, total)
 

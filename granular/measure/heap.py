@@ -301,7 +301,9 @@ def _columns(
     top[column[order]] = (up + spacing / 2)[order]
     top_x[column[order]] = along[order]
     height = np.bincount(column, weights=mass, minlength=count) / (rho_c * measure)
-    return Surface(low + width * (np.arange(count) + 0.5), top, top_x, height, base, width)
+    return Surface(
+        low + width * (np.arange(count, dtype=float) + 0.5), top, top_x, height, base, width
+    )
 
 
 def _mass_quantile(distance: Array, mass: Array) -> float:

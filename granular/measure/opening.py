@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Self
+from typing import Self, cast
 
 import numpy as np
 
@@ -114,7 +114,8 @@ def each_state(states: States) -> Iterator[State]:
     if not hasattr(states, "mass") and not isinstance(states, Iterable):
         raise TypeError(f"states = {states!r} must be a State or an iterable of them")
     first = None
-    for state in (states,) if hasattr(states, "mass") else states:
+    several = cast(Iterable[State], (states,) if hasattr(states, "mass") else states)
+    for state in several:
         grid = state.scene.grid
         place = (tuple(grid.lower), grid.cell, tuple(grid.shape), tuple(grid.periodic))
         first = place if first is None else first

@@ -4,12 +4,14 @@ Heights are along the last axis, so that a scene with tilted gravity is measured
 """
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import integer, one_of, positive
-from granular.measure.averaging_grid import Array, require_points, values
+from granular.materials import MuI
+from granular.measure.averaging_grid import Array, require_points, sums_of, values
 from granular.measure.stress import friction_of
 from granular.state import State
 
@@ -77,10 +79,10 @@ def profile(
     rows = len(edges) - 1
     row = np.clip(np.searchsorted(edges, up[inside], side="right") - 1, 0, rows - 1)
     w = w[inside]
-    total = np.bincount(row, weights=w, minlength=rows)
+    total = sums_of(row, w, rows)
 
     def mean(column: Array) -> Array:
-        moment = np.bincount(row, weights=w * column[inside], minlength=rows)
+        moment = sums_of(row, w * column[inside], rows)
         return np.divide(moment, total, out=np.full(rows, np.nan), where=total > 0)
 
     value = mean(field) if field.ndim == 1 else np.stack([mean(c) for c in field.T], axis=1)
@@ -92,7 +94,7 @@ def _edges(state: State, up: Array, bins: int | ArrayLike | None) -> Array:
     floor, highest = float(grid.lower[-1]), float(up.max())
     if bins is None:
         rows = min(int(np.floor((highest - floor) / grid.cell)) + 1, grid.shape[-1])
-        return floor + grid.cell * np.arange(rows + 1)
+        return floor + grid.cell * np.arange(rows + 1, dtype=float)
     if np.ndim(bins) == 0:
         return np.linspace(floor, highest, integer("bins", bins, 1) + 1)
     edges = np.asarray(bins, dtype=float)
@@ -220,7 +222,7 @@ def inertial_number(state: State, *, d: float | None = None) -> Array:
         `scaled_inertial_number` can be computed.
     """
     require_points(state)
-    factor = grain_diameter(state, d) * np.sqrt(state.scene.material.rho_s)
+    factor = grain_diameter(state, d) * np.sqrt(cast(MuI, state.scene.material).rho_s)
     return factor * _rate_over_root_pressure(state)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -14,11 +14,13 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
 from granular.checks import finite, integer
 from granular.geometry import AXES, Grid
 from granular.mpm.walls import Solid, Wall
 from granular.plot.fields import Brush
+from granular.sph.walls import Wall as LayerWall
 from granular.state import State
 from granular.typing import AnyScene
 
@@ -140,6 +142,11 @@ class View:
         ax.spines[:].set_color("0.8")
 
 
+def figure_of(ax: Axes) -> Figure:
+    """The figure of axes that lie in no part of a figure."""
+    return cast(Figure, ax.figure)
+
+
 def diameter(state: State) -> float:
     """Diameter of a point in a picture [m]: the diagonal of the initial spacing, without gaps."""
     scene = state.scene
@@ -221,15 +228,17 @@ def _line(scene: AnyScene, wall: Wall, view: View, style: dict[str, Any]) -> Lin
     return Line2D(x, y, solid_capstyle="butt", zorder=3, **style)
 
 
-def _block(ax: Axes, lower: Sequence[float], upper: Sequence[float], view: View) -> Artist:
-    low, high = ([ends[axis] for axis in (view.across, view.up)] for ends in (lower, upper))
-    size = [b - a for a, b in zip(low, high, strict=True)]
+def _block(
+    ax: Axes, lower: Sequence[float] | NDArray, upper: Sequence[float] | NDArray, view: View
+) -> Artist:
+    x, y = lower[view.across], lower[view.up]
+    size = upper[view.across] - x, upper[view.up] - y
     # Faces of abutting blocks must not show as seams.
-    block = Rectangle(low, *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
+    block = Rectangle((x, y), *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
     return ax.add_patch(block)
 
 
-def _layers(ax: Axes, grid: Grid, wall: Any, view: View) -> tuple[Artist, float, float]:
+def _layers(ax: Axes, grid: Grid, wall: LayerWall, view: View) -> tuple[Artist, float, float]:
     """Draw a wall of an SPH scene, see `granular.sph.Wall`."""
     lower, upper = np.array(wall.box("wall", grid))
     ends = (
@@ -258,7 +267,7 @@ def scenery(ax: Axes, scene: AnyScene, view: View) -> list[tuple[Artist, float, 
             parts.append((_block(ax, wall.lower, wall.upper, view), -math.inf, math.inf))
         elif wall.axis not in (view.across, view.up):
             continue
-        elif scene.method == "sph":
+        elif isinstance(wall, LayerWall):
             parts.append(_layers(ax, scene.grid, wall, view))
         else:
             style = SYMMETRY_STYLE if _is_symmetry(scene, wall) else WALL_STYLES[wall.kind]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self, cast
 
 import matplotlib
 import numpy as np
@@ -17,6 +17,7 @@ from matplotlib.ticker import LogFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from granular import measure, theory
+from granular.materials import MuI
 from granular.measure.stress import friction_of
 from granular.plot.canvas import Picture
 from granular.state import State
@@ -243,7 +244,7 @@ def figure_10(
         Magnitude of gravity [m/s2].
     """
     scene = state.scene
-    height, material = float(scene.parameters["height"]), scene.material
+    height, material = float(scene.parameters["height"]), cast(MuI, scene.material)
     fig, ((left, right),) = _axes(2)
     _speeds(left, flows, height, material, at_time, gravity)
     _profile(right, state, height, material, at_time, gravity)
@@ -254,7 +255,7 @@ def _speeds(
     ax: Axes,
     flows: Sequence[InclineFlow],
     height: float,
-    material: Any,
+    material: MuI,
     at_time: bool,
     gravity: float,
 ) -> None:
@@ -278,7 +279,7 @@ def _speeds(
 
 
 def _profile(
-    ax: Axes, state: State, height: float, material: Any, at_time: bool, gravity: float
+    ax: Axes, state: State, height: float, material: MuI, at_time: bool, gravity: float
 ) -> None:
     angle = float(state.scene.parameters["angle_deg"])
     unit = math.sqrt(gravity * height)

@@ -178,8 +178,8 @@ class Brush:
         found = [values(state, color, smooth=smooth) for state in states]
         if quantity.two:
             return cls(color, quantity, Normalize(0.0, 1.0), PHASES, smooth)
-        found = np.concatenate(found) if found else np.zeros(0)
-        low, high = _checked(limits, quantity.log) if limits else _limits(found, quantity.log)
+        every = np.concatenate(found) if found else np.zeros(0)
+        low, high = _checked(limits, quantity.log) if limits else _limits(every, quantity.log)
         norm = LogNorm(low, high) if quantity.log else Normalize(low, high)
         colors = (_colormap(cmap or quantity.cmap)).with_extremes(bad=MISSING)
         return cls(color, quantity, norm, colors, smooth)
@@ -188,7 +188,7 @@ class Brush:
         """Return a brush of the same scale for other values, one number per point."""
         return replace(self, color=np.asarray(values))
 
-    def paint(self, state: State) -> NDArray:
+    def paint(self, state: State) -> np.ma.MaskedArray:
         """Values of a state, clipped to the scale and masked where there are none."""
         found = values(state, self.color, smooth=self.smooth)
         # Zero is not on a logarithmic scale and counts as its low end.

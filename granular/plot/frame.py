@@ -7,7 +7,16 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from granular.checks import positive
-from granular.plot.canvas import Extent, Picture, Points, View, color_bar, scenery, show_at
+from granular.plot.canvas import (
+    Extent,
+    Picture,
+    Points,
+    View,
+    color_bar,
+    figure_of,
+    scenery,
+    show_at,
+)
 from granular.plot.fields import Brush
 from granular.state import State
 
@@ -88,8 +97,8 @@ def frame(
     points = draw(ax, state, brush, seen, box, size=size)
     ax.set_title(f"t = {state.time:.3g} s" if title is None else title)
     if bar:
-        color_bar(ax.figure, points.artist, brush, ax=ax)
-    return ax.figure
+        color_bar(figure_of(ax), points.artist, brush, ax=ax)
+    return figure_of(ax)
 
 
 def new_axes(extent: Extent) -> Axes:

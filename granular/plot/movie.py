@@ -19,7 +19,7 @@ from PIL import Image
 from tqdm.auto import tqdm
 
 from granular.checks import in_range, integer
-from granular.plot.canvas import Extent, View, color_bar, diameter, scenery, show_at
+from granular.plot.canvas import Extent, View, color_bar, diameter, figure_of, scenery, show_at
 from granular.plot.fields import Brush
 from granular.plot.frame import new_axes
 from granular.record import Trajectory
@@ -149,7 +149,7 @@ class _Stage:
     ) -> None:
         self._brush, self._view = brush, view
         self._ax = ax = new_axes(extent)
-        figure = ax.figure
+        figure = figure_of(ax)
         figure.set_dpi(dpi)
         self._canvas = FigureCanvasAgg(figure)
         view.set_up(ax, extent, state.scene.grid.cell)
@@ -239,6 +239,7 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, bufsize=0)
         try:
             # If ffmpeg fails it closes its end of the pipe; its message is raised below.
+            assert process.stdin is not None
             with suppress(BrokenPipeError), process.stdin as pipe:
                 pipe.write(first.tobytes())
                 for shot in shots:

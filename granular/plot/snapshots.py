@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from granular import measure
 from granular.checks import one_of
+from granular.materials import MuI
 from granular.plot.canvas import Extent, Picture, View, color_bar
 from granular.plot.fields import Brush
 from granular.plot.frame import draw
@@ -114,7 +115,7 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
 def _steepest(ax: Axes, state: State) -> None:
     """Draw a line at the static angle from the 99.9 % quantile of mass; heaps should be below."""
     toe = 1.0 + measure.runout(state, half_width=1.0).quantile  # m: over a half-width of 1 m
-    mu_s = state.scene.material.mu_s
+    mu_s = cast(MuI, state.scene.material).mu_s
     top = ax.get_ylim()[1]
     ax.plot([toe, toe - top / mu_s], [0.0, top], color="0.4", linewidth=0.9, linestyle=":")
     degrees = math.degrees(math.atan(mu_s))

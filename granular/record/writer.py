@@ -356,7 +356,8 @@ class TrajectoryWriter:
         )
         frame = self._layout.packed(self.path, head, fields, samples=samples, gas=inside)
         self._frames.append(frame)
-        self._bytes += sum(part.source.nbytes for part in (frame, inside) if part)
+        waiting = [part.source for part in (frame, inside) if part]
+        self._bytes += sum(part.nbytes for part in waiting if isinstance(part, Memory))
         self._recorded[index:] = [(step, mark)]
         self._cursor = index + 1
 

@@ -283,7 +283,7 @@ class _Layer:
     ) -> None:
         self.cells, self.ramp = cells, ramp
         self.dy = height / cells
-        self.depth = height - self.dy * (np.arange(cells) + 0.5)
+        self.depth = height - self.dy * (np.arange(cells, dtype=float) + 0.5)
         self.weight = material.rho_c * gravity * math.cos(angle)  # dp/d(depth) [Pa/m]
         self.push = gravity * math.sin(angle)
         self.mu_s, self.span = material.mu_s, material.mu_2 - material.mu_s
