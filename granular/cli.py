@@ -14,7 +14,11 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, get_type_hints
+from typing import TYPE_CHECKING, Any, NoReturn, get_type_hints
+
+if TYPE_CHECKING:
+    from granular.simulation import Simulation
+    from granular.state import State
 
 __all__ = ["main"]
 
@@ -41,8 +45,8 @@ USER_ERRORS = (
 class _Parser(argparse.ArgumentParser):
     """Errors are one line, options are written out."""
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, allow_abbrev=False, **kwargs)
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(allow_abbrev=False, **kwargs)
 
     def error(self, message: str) -> NoReturn:
         self.exit(REFUSED, f"{self.prog}: error: {' '.join(message.split())}\n")
@@ -197,7 +201,13 @@ METAVARS = {_number: "X", _whole: "N", _numbers: "X,Y", str: "NAME", _truth: "ye
 def _keywords(function: Callable[..., Any]) -> list[tuple[str, Callable[[str], Any], Any]]:
     """Name, converter and default of the keywords of a scene function, from its signature."""
     hints = get_type_hints(function)
-    kinds = {"float": _number, "int": _whole, "str": str, "tuple": _numbers, "bool": _truth}
+    kinds: dict[str, Callable[[str], Any]] = {
+        "float": _number,
+        "int": _whole,
+        "str": str,
+        "tuple": _numbers,
+        "bool": _truth,
+    }
     found = []
     for name, parameter in inspect.signature(function).parameters.items():
         if name in OWN_OPTIONS:
@@ -211,7 +221,7 @@ def _keywords(function: Callable[..., Any]) -> list[tuple[str, Callable[[str], A
 
 
 def _first_line(function: Callable[..., Any]) -> str:
-    return inspect.getdoc(function).splitlines()[0]
+    return (inspect.getdoc(function) or "\n").splitlines()[0]
 
 
 def _shown(value: Any) -> str:
@@ -271,7 +281,9 @@ def _resume(arguments: argparse.Namespace) -> int:
     return _simulate(simulation, arguments, {})
 
 
-def _simulate(simulation: Any, arguments: argparse.Namespace, options: dict[str, Any]) -> int:
+def _simulate(
+    simulation: Simulation, arguments: argparse.Namespace, options: dict[str, Any]
+) -> int:
     until = simulation.scene.duration if arguments.until is None else arguments.until
     if until <= simulation.time:
         raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
@@ -345,7 +357,7 @@ def _check_pictures(picture: str | None, gif: str | None, overwrite: bool) -> No
         check_movie(gif, overwrite=overwrite)
 
 
-def _check_color(state: Any, color: str) -> None:
+def _check_color(state: State, color: str) -> None:
     from granular.plot.fields import values
 
     values(state, color)

@@ -21,8 +21,8 @@ from granular.measure.energy import between, elastic_of, kinetic_of, plastic_pow
 from granular.notebook import table
 
 if TYPE_CHECKING:
-    from granular.mpm.scene import Scene
     from granular.state import State
+    from granular.typing import AnyScene
 
 __all__ = [
     "NAMES",
@@ -52,7 +52,7 @@ class StabilityWarning(UserWarning):
     """A scene has settings that are known to give wrong results without an error."""
 
 
-def scene_warnings(scene: Scene) -> list[str]:
+def scene_warnings(scene: AnyScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
     Each is a failure that was measured (`benchmarks/stability_map.py`, the page "Limits and
@@ -61,7 +61,7 @@ def scene_warnings(scene: Scene) -> list[str]:
     return scene.known_failures()
 
 
-def warn(scene: Scene, stacklevel: int = 3) -> None:
+def warn(scene: AnyScene, stacklevel: int = 3) -> None:
     """Issue a `StabilityWarning` for each of `scene_warnings`."""
     for sentence in scene_warnings(scene):
         warnings.warn(sentence, StabilityWarning, stacklevel=stacklevel)
@@ -95,7 +95,7 @@ class Monitor:
         `NAMES`, and the names of the indicators that the method of the scene adds.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: AnyScene) -> None:
         self.names = (*NAMES, *(name for name, *_ in scene.indicators))
         self.rows: list[NDArray[np.float64]] = []
         self._before: State | None = None
@@ -305,7 +305,7 @@ ENERGY_LIMIT = 0.05
 """Largest energy created that is ok, as a fraction of the energy turned over (`_created`)."""
 
 
-def health(scene: Scene, samples: Mapping[str, NDArray[np.float64]]) -> Health:
+def health(scene: AnyScene, samples: Mapping[str, NDArray[np.float64]]) -> Health:
     """Compute the indicators of failure of a run from its samples.
 
     Parameters

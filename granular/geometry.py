@@ -88,14 +88,14 @@ class Grid:
             raise TypeError(f"periodic = {periodic} must hold True or False")
         if math.prod(shape) > MAX_COUNT:
             raise ValueError(f"shape = {shape} must have at most {MAX_COUNT} cells")
-        checked = {
+        checked: dict[str, object] = {
             "lower": lower,
             "cell": positive("cell", self.cell),
             "shape": shape,
             "periodic": tuple(bool(flag) for flag in periodic),
         }
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        for name, item in checked.items():
+            object.__setattr__(self, name, item)
         object.__setattr__(self, "open_sides", self._checked_sides())
 
     def _checked_sides(self) -> frozenset[str]:

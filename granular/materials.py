@@ -245,7 +245,7 @@ class NGF(Material):
     mu_2: float = 0.6435
     rho_s: float = 2450.0
     I0: float = None  # type: ignore[assignment]  # a float once made
-    b: float = None  # type: ignore[assignment]
+    b: float = None  # type: ignore[assignment]  # likewise
     rheology: str = "mu_I"
 
     def __post_init__(self) -> None:
@@ -275,12 +275,12 @@ class NGF(Material):
         self._set("b", (self.mu_2 - self.mu_s) / self.I0)
 
     @property
-    def has_fluidity(self) -> bool:  # type: ignore[override]
+    def has_fluidity(self) -> bool:  # type: ignore[override]  # else of the class
         """True if the nonlocal amplitude `A` is not 0."""
         return self.A > 0
 
     @property
-    def flow(self) -> str:  # type: ignore[override]
+    def flow(self) -> str:  # type: ignore[override]  # else of the class
         """Flow rule, by its name in the core; with `A` = 0 that of the local law."""
         if self.rheology == "linear_mu_I":
             return "linear_ngf" if self.A else "linear_mu_I"
@@ -299,7 +299,7 @@ class NGF(Material):
 
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal material: `b` or `I0`, as it was given."""
-        derived = "I0" if self._by_b else "b"
+        derived = "I0" if self.__dict__["_by_b"] else "b"
         return {name: v for name, v in super().arguments().items() if name != derived}
 
     def replace(self, **changes: Any) -> Self:

@@ -21,7 +21,7 @@ FORMAT = 1
 Value = bool | int | float | str | None | tuple["Value", ...]
 
 
-class Parameters(Mapping[str, Value]):
+class Parameters(Mapping[str, Any]):
     """An immutable, hashable mapping of plain values: the arguments of a scene function.
 
     Raises
@@ -58,7 +58,7 @@ class Parameters(Mapping[str, Value]):
             raise TypeError(f"parameters: {key} = {value!r} must be a plain value")
         return value
 
-    def __getitem__(self, key: str) -> Value:
+    def __getitem__(self, key: str) -> Any:
         for name, value in self._items:
             if name == key:
                 return value
@@ -82,7 +82,7 @@ class Serializable:
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some parts changed; it is checked like a new scene."""
-        return _replace(self, **changes)
+        return _replace(self, **changes)  # type: ignore[type-var]  # subclasses are dataclasses
 
     def to_json(self) -> str:
         """Return the scene as ASCII JSON, from which `from_json` makes an equal one.

@@ -6,11 +6,10 @@ import os
 import signal
 import threading
 import time as clock
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +20,15 @@ from granular.checks import integer, positive
 from granular.diagnostics import Health, Monitor, health
 from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
-from granular.serializable import Serializable
 from granular.state import State
 
 if TYPE_CHECKING:
+    from granular.mpm.scene import Scene as MpmScene
+    from granular.mpm.simulation import Simulation as MpmSimulation
     from granular.sph.gas import GasState
+    from granular.sph.scene import Scene as SphScene
+    from granular.sph.simulation import Simulation as SphSimulation
+    from granular.typing import AnyScene
 
 __all__ = ["Hook", "Simulation", "SimulationError"]
 
@@ -51,7 +54,7 @@ _METHODS: dict[type, type[Simulation]] = {}
 """Class of the simulation for each class of scenes."""
 
 
-class Simulation(ABC):
+class Simulation:
     """Advance the points of a scene in time by the method that the scene is made for.
 
     A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
@@ -80,24 +83,38 @@ class Simulation(ABC):
         For settings that are known to fail without an error, see `granular.scene_warnings`.
     """
 
+    scene: AnyScene
+    _engine: _core.Engine | _core.Sph
+
     def __init_subclass__(cls, *, scenes: type | None = None) -> None:
         if scenes is not None:
             _METHODS[scenes] = cls
 
-    def __new__(cls, scene: object = None, **_: Any) -> Self:
+    @overload
+    def __new__(
+        cls, scene: MpmScene, *, threads: int | None = None, isa: str | None = None
+    ) -> MpmSimulation: ...
+    @overload
+    def __new__(
+        cls, scene: SphScene, *, threads: int | None = None, isa: str | None = None
+    ) -> SphSimulation: ...
+    def __new__(cls, scene: object = None, **_: Any) -> Simulation:
         return super().__new__(cls._of(scene))
 
     @classmethod
     def _of(cls, scene: object) -> type[Self]:
         """Return the class that simulates a scene, this one or a subclass."""
         for kind in type(scene).__mro__:
-            if kind in _METHODS and issubclass(_METHODS[kind], cls):
-                return _METHODS[kind]
+            method = _METHODS.get(kind)
+            if method is not None and issubclass(method, cls):
+                return method
         known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
 
-    def _start(self, scene: Serializable, engine: Any, threads: int | None) -> None:
+    def _start(
+        self, scene: AnyScene, engine: _core.Engine | _core.Sph, threads: int | None
+    ) -> None:
         """Set the attributes that every simulation has; subclasses make engine and buffers."""
         self.scene = scene
         self._engine = engine
@@ -111,27 +128,22 @@ class Simulation(ABC):
 
     # ---- what a method must implement ----
 
-    @abstractmethod
     def _make_steps(self, max_steps: int, until: float) -> None:
         """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
 
-    @abstractmethod
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
 
-    @abstractmethod
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         """Return the numbers and arrays of a checkpoint."""
 
     @classmethod
-    @abstractmethod
     def _restored(
         cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
         """Return a simulation in the state of a checkpoint."""
 
     @property
-    @abstractmethod
     def buffers(self) -> dict[str, NDArray]:
         """Arrays of the core, not copied: {field: (component, capacity)} and "id"."""
 
@@ -167,7 +179,7 @@ class Simulation(ABC):
     @property
     def steps(self) -> int:
         """Number of steps made."""
-        return self._engine.scalars()["step"]
+        return int(self._engine.scalars()["step"])
 
     @property
     def dt(self) -> float:
@@ -177,7 +189,7 @@ class Simulation(ABC):
     @property
     def n_points(self) -> int:
         """Number of points in the domain; those that have left do not count."""
-        return self._engine.scalars()["n_points"]
+        return int(self._engine.scalars()["n_points"])
 
     @property
     def isa(self) -> str:
@@ -194,7 +206,7 @@ class Simulation(ABC):
         return State(
             scene=self.scene,
             time=scalars["time"],
-            step=scalars["step"],
+            step=int(scalars["step"]),
             dt=scalars["dt"],
             fields=fields,
             gas=self._gas(),
@@ -331,11 +343,13 @@ class Simulation(ABC):
     def _writer(
         self, save: str | os.PathLike | None, overwrite: bool
     ) -> Iterator[TrajectoryWriter | None]:
-        if save is None and self.record is None:
+        if save is not None:
+            path, resumed = Path(save), False
+        elif self.record is not None:
+            path, resumed = self.record, True
+        else:
             yield None
             return
-        resumed = self.record is not None and save is None
-        path = self.record if resumed else Path(save)
         provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
         with (
             TrajectoryWriter.resume(path, provenance=provenance)
@@ -362,7 +376,7 @@ class Simulation(ABC):
         scalars, arrays = self._checkpoint_data()
         return Checkpoint(
             time=scalars["time"],
-            step=scalars["step"],
+            step=int(scalars["step"]),
             dt=scalars["dt"],
             scalars=scalars,
             arrays=arrays,
@@ -371,7 +385,7 @@ class Simulation(ABC):
     @classmethod
     def from_checkpoint(
         cls,
-        scene: Serializable,
+        scene: AnyScene,
         checkpoint: Checkpoint,
         *,
         threads: int | None = None,

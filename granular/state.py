@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from granular.notebook import table
 
 if TYPE_CHECKING:
-    from granular.mpm.scene import Scene
     from granular.sph.gas import GasState
+    from granular.typing import AnyScene
 
 __all__ = ["State"]
 
@@ -47,7 +47,7 @@ class State:
     def __init__(
         self,
         *,
-        scene: Scene,
+        scene: AnyScene,
         time: float,
         step: int,
         dt: float,

@@ -29,6 +29,7 @@ from granular.checks import integer, positive
 from granular.record import RecordError, Trajectory, open_trajectory
 from granular.serializable import Serializable
 from granular.simulation import Simulation
+from granular.typing import AnyScene
 
 __all__ = ["Executor", "Sweep", "sweep"]
 
@@ -97,7 +98,7 @@ class Sweep(Sequence):
 
 
 def sweep(
-    cases: Iterable[Serializable] | Mapping[Hashable, Serializable],
+    cases: Iterable[AnyScene] | Mapping[Hashable, AnyScene],
     executor: Executor | None = None,
     *,
     measure: Measure | None = None,
@@ -195,7 +196,7 @@ def sweep(
 # ---- checks of the arguments ----
 
 
-def _scenes(cases: object) -> dict[Hashable, Serializable]:
+def _scenes(cases: object) -> dict[Hashable, AnyScene]:
     wanted = "an iterable of Scene or a mapping to Scene"
     if isinstance(cases, (str, bytes)) or not isinstance(cases, Iterable):
         raise TypeError(f"cases = {cases!r} must be {wanted}")
@@ -276,7 +277,7 @@ def _folder(folder: object) -> tuple[Path, bool]:
 @dataclass(frozen=True)
 class _Case:
     key: Hashable
-    scene: Serializable
+    scene: AnyScene
     path: Path
     every: float | None
     measure: Measure | None
@@ -384,7 +385,7 @@ def _submitter(
     receiver, sender = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(min(count, most), context, _enlist, (receiver,))
     try:
-        yield partial(pool.submit, _run_in_pool)
+        yield lambda case: pool.submit(_run_in_pool, case)
     except BaseException:
         sender.close()
         raise
@@ -409,7 +410,9 @@ def _enlist(stop: Any) -> None:
 def _watch() -> None:
     _stop.poll(None)
     interrupt_main()  # like Ctrl-C, after which `Simulation.run` leaves a valid record
-    parent_process().join()
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
     os._exit(1)  # otherwise the process would go on without a parent and hold the record open
 
 

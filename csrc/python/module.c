@@ -51,7 +51,7 @@ static PyObject *node_positions(PyObject *module, PyObject *args)
 static PyMethodDef functions[] = {
     {"law_update", gr_python_law_update, METH_VARARGS,
      "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa,"
-     " g_star=None, g=None)\n--\n\n"
+     " g_star=None, g=None, plastic_strain=None)\n--\n\n"
      "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n).\n"
      "g_star (blocks,): fluidity after its diffusion, for a nonlocal law; without it the law is in its local phase.\n"
      "g (n,): fluidity after the step."},
@@ -60,8 +60,8 @@ static PyMethodDef functions[] = {
      "Friction mu and fluidity g of n points after a step, from arrays (n,) of the trial friction, pressure, fluidity\n"
      "after diffusion and shear rate before the step."},
     {"fluidity_diffuse", (PyCFunction)(void (*)(void))gr_python_fluidity_diffuse, METH_VARARGS | METH_KEYWORDS,
-     "fluidity_diffuse(*, method, dx, A, d, t0, dt, steps, tolerance, max_iterations, periodic, faces, dense, g, threads,"
-     " isa)\n--\n\n"
+     "fluidity_diffuse(*, method, stencil, dx, A, d, t0, dt, steps, tolerance, max_iterations, periodic, faces, dense, g,"
+     " threads, isa)\n--\n\n"
      "Steps of t0 g' = A^2 d^2 lap g over the dense cells of a grid, in place: g and dense (ny, nx) or (nz, ny, nx),\n"
      "faces (2 dim, ...) at the low and high side of x, y, z: 0 linked, 1 open, 2 rough (g = 0 on it).\n"
      "method: explicit, implicit or rkl2. Returns iterations, clamped (cells), limit (s)."},
@@ -70,7 +70,7 @@ static PyMethodDef functions[] = {
      "One step of the finite-strain law of n points, in place: gradient (dim*dim, n) is L dt, log_density (n,) at its end;\n"
      "the Kirchhoff stress (4|6, n), g (n,), given after diffusion, and the plastic shear_rate (n,) are updated."},
     {"body_distance", gr_python_body_distance, METH_VARARGS,
-     "body_distance(parts, x)\n--\n\n(distance (n,), outward normal (n, 3)) of places x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
+     "body_distance(parts, samples, x)\n--\n\n(distance (n,), outward normal (n, 3)) of places x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
      "rotation[9], size[3])."},
     {"scheme_numbers", gr_python_scheme_numbers, METH_NOARGS,
      "scheme_numbers()\n--\n\n{group: [(name, default, range, unit, doc)]}: the numbers of schemes, of the diffusion of the\n"

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 
@@ -161,7 +162,7 @@ def incline_flow(scene: Scene, *, weaker: float = 0.0) -> float:
 
     The friction is reduced by the fraction `weaker`.
     """
-    grains = scene.material
+    grains = cast(MuI, scene.material)
     weak = grains.replace(mu_s=grains.mu_s * (1 - weaker), mu_2=grains.mu_2 * (1 - weaker))
     called = scene.parameters
     return _flow(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from granular.checks import in_range
 from granular.economy import bias
@@ -288,7 +288,7 @@ def inertia(scene: Scene, name: str) -> float:
     through the length L at the pressure rho g L, which gives 1/(xi sqrt(rho_c) L); L is the opening
     or the height.
     """
-    grains = scene.material
+    grains = cast(MuI, scene.material)
     if name == "incline":
         return scaled_inertial_number_of_slope(float(scene.parameters["angle_deg"]), grains)
     opening = scene.parameters.get("orifice", 2 * scene.parameters.get("orifice_radius", 0.0))
@@ -333,7 +333,7 @@ def _grains(asked: _Asked) -> Suggestion:
 
 def _stopping_height(scene: Scene, d: float) -> str:
     """Sentence on the stopping height by the nonlocal law on this slope; empty if there is none."""
-    grains, angle_deg = scene.material, float(scene.parameters["angle_deg"])
+    grains, angle_deg = cast(MuI, scene.material), float(scene.parameters["angle_deg"])
     low, high = (
         stopping_height(angle_deg, amplitude, d, grains.mu_s, grains.mu_2)
         for amplitude in NONLOCAL_AMPLITUDE

@@ -112,7 +112,7 @@ class Suggestions(Sequence[Suggestion]):
         )
 
 
-def scene_function(scene: Scene) -> Callable[..., Scene] | None:
+def scene_function(scene: Scene) -> Callable[..., Any] | None:
     """Function that made a ready-made scene; None for a scene made or changed by hand.
 
     A scene with another material, scheme, duration or seed does not count as changed, because the
@@ -129,7 +129,7 @@ def scene_function(scene: Scene) -> Callable[..., Scene] | None:
     return function if made == scene else None
 
 
-def _arguments(scene: Scene, function: Callable[..., Scene]) -> dict[str, Any]:
+def _arguments(scene: Scene, function: Callable[..., object]) -> dict[str, Any]:
     """Arguments with which a scene function was called."""
     known = inspect.signature(function).parameters
     called = {name: value for name, value in scene.parameters.items() if name in known}
@@ -154,7 +154,8 @@ def rebuilt(scene: Scene, **changes: Any) -> Scene:
         raise ValueError(
             f"scene {scene.name!r} must be as one of {tuple(registry)} made it, not by hand"
         )
-    return function(**(_arguments(scene, function) | changes))
+    made: Scene = function(**(_arguments(scene, function) | changes))
+    return made
 
 
 def apply(scene: Scene, suggestion: Suggestion | Iterable[Suggestion]) -> Scene:

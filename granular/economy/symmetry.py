@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from granular.geometry import (
     LINE_TOLERANCE,
@@ -39,8 +41,9 @@ class _Mirror:
         """Position of x relative to the plane, seen from the right (side 1) or the left (-1)."""
         return side * (x - self.middle)
 
-    def ends(self, low: float, high: float, side: int) -> tuple[float, ...]:
-        return self.key(*sorted((self.place(low, side), self.place(high, side))))
+    def ends(self, low: float, high: float, side: int) -> tuple[float, float]:
+        first, last = self.key(*sorted((self.place(low, side), self.place(high, side))))
+        return first, last
 
     def divides(self, wall: Wall | Solid) -> bool:
         """True if a wall stands on the plane and is not just a free_slip symmetry plane."""
@@ -102,10 +105,11 @@ def obstacle(scene: Scene) -> str:
         return "waves are absorbed on one side"
     if any(mirror.divides(wall) for wall in scene.walls):
         return "a wall stands on the plane of symmetry"
-    for name, parts, view in (
+    views: tuple[tuple[str, tuple[Any, ...], Callable[[Any, int], object]], ...] = (
         ("walls", scene.walls, mirror.wall),
         ("fills", scene.fills, mirror.fill),
-    ):
+    )
+    for name, parts, view in views:
         try:
             right, left = (sorted(repr(view(part, side)) for part in parts) for side in (1, -1))
         except TypeError as error:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import contourpy
 import numpy as np
@@ -15,12 +15,15 @@ from granular.measure.averaging_grid import (
     node_shape,
     point_weights,
     stencil,
+    sums_of,
     values,
 )
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.measure.profiles import Profile
+from granular.state import State
+from granular.typing import States
 
-Field = str | Callable[[Any], ArrayLike]
+Field = str | Callable[[State], ArrayLike]
 """Name of a point field, or a function of a state that returns one value or row per point."""
 
 
@@ -63,7 +66,7 @@ class Contour:
 
 
 def frame_average(
-    states: Any, field: Field, *, weight: str = "mass", points: str = "all", at: str = "cells"
+    states: States, field: Field, *, weight: str = "mass", points: str = "all", at: str = "cells"
 ) -> LatticeField:
     """A point field averaged over frames and over cells, or about nodes.
 
@@ -99,7 +102,7 @@ def frame_average(
     """
     one_of("points", points, ("all", "dense"))
     one_of("at", at, ("cells", "nodes"))
-    frames, moment, total = 0, 0.0, 0.0
+    frames, moment, total = 0, np.zeros(()), np.zeros(())
     for state in each_state(states):
         grid, frames = state.scene.grid, frames + 1
         f = values(state, field(state) if callable(field) else field)
@@ -118,27 +121,27 @@ def frame_average(
     mean = np.divide(moment, share, out=np.full_like(moment, np.nan), where=share > 0)
     first = 0.5 if at == "cells" else 0.0
     axes = tuple(
-        low + grid.cell * (np.arange(count) + first)
+        low + grid.cell * (np.arange(count, dtype=float) + first)
         for low, count in zip(grid.lower, shape, strict=True)
     )
     weights = total.reshape(shape) / frames
     return LatticeField(axes, mean.reshape(shape + mean.shape[1:]), weights, frames)
 
 
-def _cell_sums(state: Any) -> Callable[[Array], Array]:
+def _cell_sums(state: State) -> Callable[[Array], Array]:
     shape = tuple(state.scene.grid.shape)
     flat, size = np.ravel_multi_index(tuple(cells_of(state).T), shape), int(np.prod(shape))
 
     def spread(field: Array) -> Array:
         if field.ndim == 2:
             return np.stack([spread(column) for column in field.T], axis=1)
-        return np.bincount(flat, weights=field, minlength=size)
+        return sums_of(flat, field, size)
 
     return spread
 
 
 def centre_line_pressure(
-    states: Any, *, columns: int = 1, opening: Opening | None = None
+    states: States, *, columns: int = 1, opening: Opening | None = None
 ) -> Profile:
     """Pressure above the middle of a silo's opening by height, averaged over frames.
 
@@ -170,7 +173,7 @@ def centre_line_pressure(
     states = list(each_state(states))
     where = opening_of(states[0], opening)
 
-    def both(state: Any) -> Array:
+    def both(state: State) -> Array:
         return np.stack([state.p, where.places(state)[:, 1]], axis=1)
 
     field = frame_average(states, both, weight="volume")
@@ -219,10 +222,12 @@ def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
     lines = contourpy.contour_generator(
         *field.axes, np.ma.masked_invalid(field.value.T), line_type=contourpy.LineType.Separate
     )
-    return tuple(Contour(float(level), tuple(lines.lines(level))) for level in at)
+    return tuple(
+        Contour(float(level), tuple(cast(list[Array], lines.lines(level)))) for level in at
+    )
 
 
-def speed_contours(states: Any, levels: ArrayLike) -> tuple[Contour, ...]:
+def speed_contours(states: States, levels: ArrayLike) -> tuple[Contour, ...]:
     """Lines of equal speed: the magnitude of the nodal velocity averaged over frames.
 
     Dunatunga & Kamrin, Modelling silo clogging, figure 6, draw them at 0.05, 0.10 ... 0.35 m/s.

@@ -6,12 +6,13 @@ because a measurement must not depend on the scheme.
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import one_of
+from granular.geometry import Grid
+from granular.state import State
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -20,7 +21,7 @@ _EDGE = 1e-6
 """Distance [cells] a point may lie beyond the grid; it allows for rounding at a wall only."""
 
 
-def require_points(state: Any) -> None:
+def require_points(state: State) -> None:
     """Refuse a state without points.
 
     Raises
@@ -32,7 +33,7 @@ def require_points(state: Any) -> None:
         raise ValueError(f"state at time = {state.time} has 0 points, at least 1 is needed")
 
 
-def values(state: Any, field: Any) -> Array:
+def values(state: State, field: str | ArrayLike) -> Array:
     """A point field as floats, by name or as an array.
 
     Parameters
@@ -64,7 +65,7 @@ def values(state: Any, field: Any) -> Array:
     return array
 
 
-def point_weights(state: Any, weight: str) -> Array:
+def point_weights(state: State, weight: str) -> Array:
     """Weight of each point in an average: mass [kg], or the scheme's quadrature volume [m3].
 
     Raises
@@ -76,7 +77,7 @@ def point_weights(state: Any, weight: str) -> Array:
     return np.asarray(state.mass if weight == "mass" else state.quadrature_volume, dtype=float)
 
 
-def _positions(state: Any) -> Array:
+def _positions(state: State) -> Array:
     """Positions in cells from the lower corner, shape (n, dim), folded into periodic axes."""
     require_points(state)
     grid = state.scene.grid
@@ -93,7 +94,7 @@ def _positions(state: Any) -> Array:
     return cells
 
 
-def cells_of(state: Any) -> Indices:
+def cells_of(state: State) -> Indices:
     """The cell of every point, shape (n, dim); a point on the upper edge is in the last cell.
 
     Raises
@@ -105,14 +106,21 @@ def cells_of(state: Any) -> Indices:
     return np.clip(np.floor(_positions(state)).astype(np.int64), 0, last)
 
 
-def cell_mass(state: Any) -> Array:
+def sums_of(place: NDArray[np.integer], weights: ArrayLike, count: int = 0) -> Array:
+    """Sums of the weights by place, for places from 0 to the last one or to `count` - 1."""
+    return np.bincount(place, weights=np.asarray(weights), minlength=count).astype(
+        float, copy=False
+    )
+
+
+def cell_mass(state: State) -> Array:
     """Mass [kg] in every cell, an array of the grid's shape."""
     shape = tuple(state.scene.grid.shape)
     flat = np.ravel_multi_index(tuple(cells_of(state).T), shape)
-    return np.bincount(flat, weights=state.mass, minlength=int(np.prod(shape))).reshape(shape)
+    return sums_of(flat, state.mass, int(np.prod(shape))).reshape(shape)
 
 
-def node_shape(grid: Any) -> tuple[int, ...]:
+def node_shape(grid: Grid) -> tuple[int, ...]:
     """Number of nodes along each axis; along a periodic axis the last node is the first one."""
     pairs = zip(grid.shape, grid.periodic, strict=True)
     return tuple(count + (0 if periodic else 1) for count, periodic in pairs)
@@ -143,7 +151,7 @@ class Stencil:
             return np.stack([self.scatter(column) for column in field.T], axis=1)
         total = np.zeros(size)
         for nodes, weights in zip(self.nodes, self.weights, strict=True):
-            total += np.bincount(nodes, weights=weights * field, minlength=size)
+            total += sums_of(nodes, weights * field, size)
         return total
 
     def gather(self, nodal: Array) -> Array:
@@ -152,7 +160,7 @@ class Stencil:
         return (weights * nodal[self.nodes]).sum(axis=0)
 
 
-def stencil(state: Any) -> Stencil:
+def stencil(state: State) -> Stencil:
     """The multilinear shape functions of the points on the scene's grid.
 
     Raises
@@ -174,7 +182,7 @@ def _column(shape: tuple[int, ...]) -> Indices:
     return np.asarray(shape, dtype=np.int64)[:, None]
 
 
-def filled_neighbours(filled: NDArray[np.bool_], grid: Any) -> Indices:
+def filled_neighbours(filled: NDArray[np.bool_], grid: Grid) -> Indices:
     """Number of filled cells around each node, an array of the shape of the nodes."""
     count = np.zeros(node_shape(grid), dtype=np.int64)
     where = np.nonzero(filled)

@@ -5,6 +5,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import Array
 from granular.measure.energy import elastic_of, kinetic_of, plastic_power
@@ -12,7 +13,7 @@ from granular.mpm.node_codes import c0_lines, node_codes, node_positions
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
-    from granular.simulation import Simulation
+    from granular.mpm.simulation import Simulation
 
 __all__ = ["StepBudget", "step_budget"]
 
@@ -82,7 +83,7 @@ class StepBudget:
 
 
 @lru_cache(maxsize=4)
-def _ruled_nodes(scene: "Scene") -> tuple[list[Array], Array]:
+def _ruled_nodes(scene: "Scene") -> tuple[list[Array], NDArray[np.bool_]]:
     """Node positions along each axis [cells], and a flat mask of wall nodes with x fastest."""
     grid = scene.grid
     positions = [
@@ -92,7 +93,7 @@ def _ruled_nodes(scene: "Scene") -> tuple[list[Array], Array]:
     return positions, node_codes(scene)[0].ravel() > 0
 
 
-def _at_walls(scene: "Scene", x: Array) -> Array:
+def _at_walls(scene: "Scene", x: Array) -> NDArray[np.bool_]:
     """Mask of the nodes at `x`, shape (n, dim), on which a wall may act."""
     positions, ruled = _ruled_nodes(scene)
     number, stride = np.zeros(len(x), dtype=np.int64), 1

@@ -4,16 +4,19 @@ The bulk consists of the points deep below the surface of their column. One `Bul
 these measures, so that the sums over cells are computed only once.
 """
 
-from typing import Any
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, non_negative
-from granular.measure.averaging_grid import Array, cells_of
+from granular.materials import MuI
+from granular.measure.averaging_grid import Array, cells_of, sums_of
 from granular.measure.profiles import scaled_inertial_number
 from granular.mpm.walls import Solid
+from granular.state import State
 from granular.theory.well_posed import ill_posedness
+from granular.typing import AnyScene
 
 FILLED = 0.5
 """Share of the mass it holds at rho_c from which a cell counts as filled."""
@@ -45,7 +48,7 @@ class Bulk:
         If an argument is out of range, the state is empty, or a point is off the grid.
     """
 
-    def __init__(self, state: Any, *, depth_cells: int = 2, packed: float = 0.0) -> None:
+    def __init__(self, state: State, *, depth_cells: int = 2, packed: float = 0.0) -> None:
         integer("depth_cells", depth_cells, 0)
         non_negative("packed", packed)
         grid = state.scene.grid
@@ -62,11 +65,9 @@ class Bulk:
             deep &= (self.around(self.mass) >= packed * full).ravel()[self.own]
         self.points: NDArray[np.bool_] = deep
 
-    def sum(self, values: Any) -> Array:
+    def sum(self, values: ArrayLike) -> Array:
         """Sum of a point field over each cell, an array of the grid's shape."""
-        return np.bincount(self.own, weights=values, minlength=int(np.prod(self.shape))).reshape(
-            self.shape
-        )
+        return sums_of(self.own, values, int(np.prod(self.shape))).reshape(self.shape)
 
     def around(self, cells: Array) -> Array:
         """Mean of a cell field over each cell and its occupied neighbours, corners included."""
@@ -75,7 +76,7 @@ class Bulk:
 
     def disconnected(self) -> float:
         """Share, by mass, of the stress-free points in the bulk; nan without a bulk."""
-        return self._mean(np.asarray(self.state.p) <= 0)
+        return self._mean((np.asarray(self.state.p) <= 0).astype(float))
 
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
@@ -111,7 +112,7 @@ def uppermost(filled: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.
     return filled, top
 
 
-def disconnected_fraction(state: Any, *, depth_cells: int = 2, packed: float = 0.0) -> float:
+def disconnected_fraction(state: State, *, depth_cells: int = 2, packed: float = 0.0) -> float:
     """Share, by mass, of the stress-free points (p = 0) in the bulk.
 
     Parameters
@@ -134,7 +135,7 @@ def disconnected_fraction(state: Any, *, depth_cells: int = 2, packed: float = 0
     return _bulk(state, depth_cells, packed).disconnected()
 
 
-def density_drift(state: Any, *, depth_cells: int = 2, packed: float = 0.9) -> float:
+def density_drift(state: State, *, depth_cells: int = 2, packed: float = 0.9) -> float:
     """Drift of the particle density from the volume that the points really occupy.
 
     In each cell and its occupied neighbours the sum of the particle volumes m/rho is divided by
@@ -161,7 +162,7 @@ def density_drift(state: Any, *, depth_cells: int = 2, packed: float = 0.9) -> f
     return _bulk(state, depth_cells, packed).drift()
 
 
-def _bulk(state: Any, depth_cells: int, packed: float) -> Bulk:
+def _bulk(state: State, depth_cells: int, packed: float) -> Bulk:
     bulk = Bulk(state, depth_cells=depth_cells, packed=packed)
     if not bulk.points.any():
         raise ValueError(
@@ -171,7 +172,7 @@ def _bulk(state: Any, depth_cells: int, packed: float) -> Bulk:
     return bulk
 
 
-def ill_posed_fraction(state: Any) -> float:
+def ill_posed_fraction(state: State) -> float:
     """Share, by mass, of the flowing points at which the mu(I) law is ill posed.
 
     Ill-posedness is decided by `granular.theory.ill_posedness` (Barker et al. 2015). Where the law
@@ -197,10 +198,12 @@ def ill_posed_fraction(state: Any) -> float:
     if not flowing.any():
         return float("nan")
     mass = np.asarray(state.mass)[flowing]
-    return float(mass @ (ill_posedness(scaled[flowing], state.scene.material) > 0) / mass.sum())
+    return float(
+        mass @ (ill_posedness(scaled[flowing], cast(MuI, state.scene.material)) > 0) / mass.sum()
+    )
 
 
-def gap_fraction(state: Any) -> float:
+def gap_fraction(state: State) -> float:
     """Number of empty cells between cells with stressed points, over the number of the latter.
 
     This concerns bodies under tension. Once their points are a cell apart, cells between them are
@@ -234,13 +237,13 @@ def gaps(bulk: Bulk) -> float:
     for axis in range(len(bulk.shape)):
         low, mid, high = ([slice(None)] * len(bulk.shape) for _ in range(3))
         low[axis], mid[axis], high[axis] = slice(None, -2), slice(1, -1), slice(2, None)
-        low, mid, high = tuple(low), tuple(mid), tuple(high)
-        between[mid] |= empty[mid] & stressed[low] & stressed[high]
+        here = tuple(mid)
+        between[here] |= empty[here] & stressed[tuple(low)] & stressed[tuple(high)]
     count = np.count_nonzero(stressed)
     return float(np.count_nonzero(between) / count) if count else float("nan")
 
 
-def _exclude_solids(scene: Any, cells: NDArray[np.bool_]) -> None:
+def _exclude_solids(scene: AnyScene, cells: NDArray[np.bool_]) -> None:
     """Set the cells of solid blocks to False in a mask."""
     grid = scene.grid
     for wall in scene.walls:

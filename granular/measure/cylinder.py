@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import finite, vector
-from granular.measure.averaging_grid import Array
+from granular.measure.averaging_grid import Array, Indices, sums_of
 from granular.measure.opening import each_state
+from granular.state import State
+from granular.typing import States
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -44,7 +45,7 @@ class CylinderProfile:
 
 
 def cylinder_profile(
-    states: Any,
+    states: States,
     *,
     edges: ArrayLike | None = None,
     above: float | None = None,
@@ -99,13 +100,13 @@ def cylinder_profile(
         ring = np.searchsorted(bounds, r, side="right") - 1
         parts = (m, m * r, m * omega, m * omega**2, m * outward)
         for total, part in zip(sums, parts, strict=True):
-            total += np.bincount(ring, weights=part, minlength=len(total))
+            total += sums_of(ring, part, len(total))
     if not sums[0].any():
         raise ValueError(f"no point from {bounds[0]} to {bounds[-1]} m of the axis {axis}")
     return _profile(sums, len(states) - 1)
 
 
-def _turned(before: Any, after: Any, centre: Array) -> tuple[Array, Array, Array, Array]:
+def _turned(before: State, after: State, centre: Array) -> tuple[Array, Array, Array, Indices]:
     """Radius, angular and radial velocity of the points that are in both states, and their
     indices in the later one."""
     span = after.time - before.time
@@ -135,7 +136,7 @@ def _profile(sums: Array, intervals: int) -> CylinderProfile:
     )
 
 
-def _edges(state: Any, edges: ArrayLike | None) -> Array:
+def _edges(state: State, edges: ArrayLike | None) -> Array:
     if edges is not None:
         bounds = np.asarray(edges, dtype=float)
         rising = bounds.ndim == 1 and len(bounds) > 1 and np.all(np.diff(bounds) > 0)

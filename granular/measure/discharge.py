@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from granular.checks import non_negative, positive
 from granular.measure.averaging_grid import Array
 from granular.measure.opening import modelled_share
+from granular.state import State
 
 WINDOW = (1200.0, 900.0)
 """Remaining mass of the full silo [kg per metre of depth] in the steady part of the flow."""
@@ -95,7 +96,7 @@ class BeverlooFit:
     rates: Array
 
 
-def mass_history(trajectory: Any) -> MassHistory:
+def mass_history(trajectory: Iterable[State]) -> MassHistory:
     """Mass of the full silo at every frame.
 
     Parameters
@@ -114,8 +115,9 @@ def mass_history(trajectory: Any) -> MassHistory:
         If the trajectory has no frames.
     """
     series = getattr(trajectory, "series", None)
+    rows: Sequence[Any]
     if isinstance(series, Mapping) and {"time", "mass"} <= series.keys() and len(series["time"]):
-        scene, rows = trajectory.scene, (series["time"], series["mass"])
+        scene, rows = cast(Any, trajectory).scene, (series["time"], series["mass"])
     else:
         frames = [(state.time, np.sum(state.mass), state.scene) for state in trajectory]
         if not frames:
@@ -128,7 +130,10 @@ def mass_history(trajectory: Any) -> MassHistory:
 
 
 def discharge(
-    trajectory: Any, *, window: tuple[float, float] = WINDOW, total: bool = True
+    trajectory: Iterable[State] | MassHistory,
+    *,
+    window: tuple[float, float] = WINDOW,
+    total: bool = True,
 ) -> Discharge:
     """Rate of discharge by linear regression of the mass over time, within a window of mass.
 
@@ -231,7 +236,7 @@ def beverloo(
         are given without rho.
     """
     if rates is None:
-        orifice, rate, scale = _measured(cases)
+        orifice, rate, scale = _measured(cast(Iterable[Any], cases))
     else:
         if rho is None:
             raise ValueError("rho = None: the bulk density in kg/m3 must come with the rates")

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import Array, require_points
 from granular.measure.stress import deviator_squared, pressure
+from granular.state import State
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class EnergyBudget:
     dissipated: Array
 
 
-def energy(state: Any) -> Energy:
+def energy(state: State) -> Energy:
     """Kinetic, gravitational and elastic energy of a state.
 
     The three are ``sum m v.v/2``; ``-sum m g(t).(x - lower)``; and, with the deviator s of the
@@ -89,12 +90,12 @@ def energy(state: Any) -> Energy:
     )
 
 
-def kinetic_of(state: Any) -> Array:
+def kinetic_of(state: State) -> Array:
     """Kinetic energy of every point [J], shape (n,)."""
     return np.asarray(state.mass) * np.sum(np.asarray(state.v) ** 2, axis=1) / 2
 
 
-def elastic_of(state: Any) -> Array:
+def elastic_of(state: State) -> Array:
     """Elastic energy stored in every point [J], shape (n,)."""
     material = state.scene.material
     if hasattr(material, "stored_energy"):  # by an equation of state
@@ -104,14 +105,14 @@ def elastic_of(state: Any) -> Array:
     return np.asarray(state.quadrature_volume) * density
 
 
-def plastic_power(state: Any) -> float:
+def plastic_power(state: State) -> float:
     """``sum V tau gdot`` [W] over the points (eq. 2.15); 0 for a law without a yield criterion."""
     if not state.scene.material.granular:
         return 0.0
     return float(np.sum(state.quadrature_volume * state.tau * state.shear_rate))
 
 
-def energy_budget(trajectory: Iterable[Any]) -> EnergyBudget:
+def energy_budget(trajectory: Iterable[State]) -> EnergyBudget:
     """Energy budget of a run from differences between frames.
 
     The work of gravity is ``m g.(x1 - x0)`` of the points present in both frames, with the mean of
@@ -152,8 +153,10 @@ def energy_budget(trajectory: Iterable[Any]) -> EnergyBudget:
     )
 
 
-def between(before: Any, after: Any) -> tuple[float, float]:
+def between(before: State, after: State) -> tuple[float, float]:
     """Work of gravity on the points in both states, and the energy of those that left."""
+    old: slice | NDArray[np.integer]
+    new: slice | NDArray[np.integer]
     if np.array_equal(before.id, after.id):
         old = new = slice(None)
     else:

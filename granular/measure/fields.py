@@ -1,10 +1,9 @@
 """Point fields on the grid: nodal smoothing, the nodal density, averages by cell."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import in_range, non_negative, one_of
 from granular.measure.averaging_grid import (
@@ -15,11 +14,13 @@ from granular.measure.averaging_grid import (
     filled_neighbours,
     point_weights,
     stencil,
+    sums_of,
     values,
 )
+from granular.state import State
 
 
-def smooth(state: Any, field: Any) -> Array:
+def smooth(state: State, field: str | ArrayLike) -> Array:
     """A point field mapped to the nodes and projected back onto the points.
 
     ``f_i = sum_p S_ip m_p f_p / sum_p S_ip m_p``, then ``f_p = sum_i S_ip f_i``, with multilinear
@@ -47,7 +48,7 @@ def smooth(state: Any, field: Any) -> Array:
     return stencil(state).gather(nodal(state, field))
 
 
-def nodal(state: Any, field: Any) -> Array:
+def nodal(state: State, field: str | ArrayLike) -> Array:
     """Mass-weighted nodal values of a point field (Dunatunga & Kamrin 2015, eqs. 4.1-4.2).
 
     Parameters
@@ -74,7 +75,7 @@ def nodal(state: Any, field: Any) -> Array:
     return np.divide(weighted, mass, out=np.zeros_like(weighted), where=mass > 0)
 
 
-def nodal_density(state: Any, *, at: str = "points") -> Array:
+def nodal_density(state: State, *, at: str = "points") -> Array:
     """Density of the volume that the points really occupy, from nodal masses and volumes.
 
     It is the nodal mass divided by the nodal volume. The nodal volume is the filled fraction of the
@@ -109,7 +110,7 @@ def nodal_density(state: Any, *, at: str = "points") -> Array:
     return shapes.gather(density) if at == "points" else density
 
 
-def phase(state: Any, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
+def phase(state: State, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
     """Mask of the points that are dense (True) or disconnected (False) by the nodal density.
 
     A point is dense if `nodal_density` there is at least rho_c (Dunatunga & Kamrin 2015, figure
@@ -157,7 +158,7 @@ class CellField:
     weight: Array
 
 
-def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
+def cell_average(state: State, field: str | ArrayLike, *, weight: str = "mass") -> CellField:
     """A point field averaged over each occupied cell.
 
     The average is ``sum w_p f_p / sum w_p`` over the points of the cell, where w is the mass or the
@@ -183,14 +184,14 @@ def cell_average(state: Any, field: Any, *, weight: str = "mass") -> CellField:
     field = values(state, field)
     w = point_weights(state, weight)
     cells, row = np.unique(cells_of(state), axis=0, return_inverse=True)
-    total = np.bincount(row, weights=w)
+    total = sums_of(row, w)
     columns = field.reshape(len(field), -1).T
-    mean = np.stack([np.bincount(row, weights=w * column) / total for column in columns], axis=1)
+    mean = np.stack([sums_of(row, w * column) / total for column in columns], axis=1)
     value = mean if field.ndim == 2 else mean[:, 0]
     return CellField(cells, _centres(state, cells), value, total)
 
 
-def cell_density(state: Any) -> CellField:
+def cell_density(state: State) -> CellField:
     """Mass over volume of each occupied cell [kg/m3]: the density on the grid.
 
     Parameters
@@ -215,7 +216,7 @@ def cell_density(state: Any) -> CellField:
     )
 
 
-def cell_density_percentile(state: Any, *, q: float = 99.0) -> float:
+def cell_density_percentile(state: State, *, q: float = 99.0) -> float:
     """Percentile over the occupied cells of `cell_density` divided by rho_c.
 
     It is 1 for an undisturbed packing, and well above 1 where points have collapsed into one
@@ -240,6 +241,6 @@ def cell_density_percentile(state: Any, *, q: float = 99.0) -> float:
     return float(np.percentile(cell_density(state).value, q) / state.scene.material.rho_c)
 
 
-def _centres(state: Any, cells: Indices) -> Array:
+def _centres(state: State, cells: Indices) -> Array:
     grid = state.scene.grid
     return np.asarray(grid.lower) + (cells + 0.5) * grid.cell

@@ -1,12 +1,12 @@
 """Heaps: the free surface, the run-out of a collapse, the angle of repose."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from granular.checks import finite, integer, one_of, positive
 from granular.measure.averaging_grid import Array, require_points
+from granular.state import State
 
 QUANTILE = 0.999
 """Share of the mass within the run-out; the position of the farthest point alone is noise."""
@@ -92,7 +92,7 @@ class Repose:
 
 
 def surface(
-    state: Any,
+    state: State,
     *,
     region: tuple[float, float] | None = None,
     above: float | None = None,
@@ -136,7 +136,7 @@ def surface(
     return _columns(state, abscissa, keep, low=low, base=base, measure=measure)
 
 
-def runout(state: Any, *, half_width: float | None = None, centre: float = 0.0) -> Runout:
+def runout(state: State, *, half_width: float | None = None, centre: float = 0.0) -> Runout:
     """Run-out of a collapsed column, divided by its initial half-width.
 
     The half-width is the distance from the plane x = `centre` (in 3D from the vertical axis
@@ -176,7 +176,7 @@ def runout(state: Any, *, half_width: float | None = None, centre: float = 0.0) 
 
 
 def repose_angle(
-    state: Any,
+    state: State,
     *,
     side: str = "auto",
     region: tuple[float, float] | None = None,
@@ -232,7 +232,7 @@ def repose_angle(
     )
 
 
-def _half_width(state: Any, given: float | None) -> float:
+def _half_width(state: State, given: float | None) -> float:
     parameters = state.scene.parameters
     for name in ("half_width", "radius"):
         if given is None:
@@ -244,7 +244,7 @@ def _half_width(state: Any, given: float | None) -> float:
     return positive("half_width", given)
 
 
-def _distance(state: Any, centre: float) -> Array:
+def _distance(state: State, centre: float) -> Array:
     x = np.asarray(state.x, dtype=float)
     return np.abs(x[:, 0] - centre) if x.shape[1] == 2 else np.hypot(x[:, 0], x[:, 1])
 
@@ -253,7 +253,7 @@ def _ring_count(distance: Array, width: float) -> int:
     return int(np.floor(distance.max() / width)) + 1
 
 
-def _ring_measure(state: Any, count: int, centre: float) -> Array:
+def _ring_measure(state: State, count: int, centre: float) -> Array:
     """Length (2D) or area (3D) of the floor in each ring of one cell's width.
 
     A symmetry plane at the centre leaves one half of the ring.
@@ -268,7 +268,7 @@ def _ring_measure(state: Any, count: int, centre: float) -> Array:
 
 
 def _selected(
-    state: Any,
+    state: State,
     abscissa: Array,
     region: tuple[float, float] | None,
     above: float | None,
@@ -287,7 +287,7 @@ def _selected(
 
 
 def _columns(
-    state: Any, abscissa: Array, keep: np.ndarray, *, low: float, base: float, measure: Array
+    state: State, abscissa: Array, keep: np.ndarray, *, low: float, base: float, measure: Array
 ) -> Surface:
     width, rho_c = state.scene.grid.cell, state.scene.material.rho_c
     count = len(measure)
@@ -301,7 +301,9 @@ def _columns(
     top[column[order]] = (up + spacing / 2)[order]
     top_x[column[order]] = along[order]
     height = np.bincount(column, weights=mass, minlength=count) / (rho_c * measure)
-    return Surface(low + width * (np.arange(count) + 0.5), top, top_x, height, base, width)
+    return Surface(
+        low + width * (np.arange(count, dtype=float) + 0.5), top, top_x, height, base, width
+    )
 
 
 def _mass_quantile(distance: Array, mass: Array) -> float:

@@ -5,11 +5,13 @@ Dunatunga & Kamrin 2015, appendix A; the closed forms are those of `granular.the
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from granular.checks import in_range, positive
+from granular.materials import MuI
 from granular.measure.averaging_grid import (
     Array,
     Indices,
@@ -21,9 +23,10 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.fields import nodal
 from granular.measure.profiles import grain_diameter, inertial_number
+from granular.state import State
 
 
-def packing_fraction(state: Any, *, restitution: float, d: float | None = None) -> Array:
+def packing_fraction(state: State, *, restitution: float, d: float | None = None) -> Array:
     """Packing fraction Phi(I) that steady shear would have (A9).
 
     Parameters
@@ -48,7 +51,7 @@ def packing_fraction(state: Any, *, restitution: float, d: float | None = None) 
 
     number = inertial_number(state, d=d)
     pressed = np.isfinite(number)
-    phi = np.asarray(state.rho, dtype=float) / state.scene.material.rho_s
+    phi = np.asarray(state.rho, dtype=float) / cast(MuI, state.scene.material).rho_s
     steady = packing_fraction_of_inertial_number(np.where(pressed, number, 0.0), restitution)
     return np.where(pressed, steady, phi)
 
@@ -82,7 +85,7 @@ class StressFreeError:
 
 
 def stress_free_error(
-    state: Any,
+    state: State,
     *,
     restitution: float,
     d: float | None = None,
@@ -124,12 +127,12 @@ def stress_free_error(
 
     require_points(state)
     in_range("margin", margin, 0.0, JAMMED, open_low=True, open_high=True)
-    material = state.scene.material
+    material = cast(MuI, state.scene.material)
     size = grain_diameter(state, d)
     if rate is None:
         rate = float(np.linalg.norm(state.v, axis=1).max()) / size
     scale = _mean_pressure(state) if reference is None else positive("reference", reference)
-    grains = {"diameter": size, "restitution": restitution, "material": material}
+    grains: dict[str, Any] = {"diameter": size, "restitution": restitution, "material": material}
     critical = material.rho_c / material.rho_s
     coupled = coupled_shear(critical, rate, offset=JAMMED - critical, **grains)
     return StressFreeError(
@@ -141,7 +144,7 @@ def stress_free_error(
     )
 
 
-def _mean_pressure(state: Any) -> float:
+def _mean_pressure(state: State) -> float:
     p, volume = np.asarray(state.p, dtype=float), np.asarray(state.volume, dtype=float)
     dense = p > 0
     if not dense.any():
@@ -169,11 +172,11 @@ class MassBalance:
 
 
 def mass_balance_error(
-    state: Any,
+    state: State,
     *,
     restitution: float | None = None,
     d: float | None = None,
-    density: Any = None,
+    density: str | ArrayLike | None = None,
 ) -> MassBalance:
     """Error of mass conservation of the density Phi(I) in the computed flow (A25).
 
@@ -205,7 +208,7 @@ def mass_balance_error(
         if restitution is None:
             raise ValueError("restitution = None: give it, or a density to be examined")
         phi = packing_fraction(state, restitution=restitution, d=d)
-        density = state.scene.material.rho_s * phi
+        density = cast(MuI, state.scene.material).rho_s * phi
     rho = nodal(state, values(state, density))
     velocity = nodal(state, "v")
     cells, corners = _surrounded(state)
@@ -223,7 +226,7 @@ def mass_balance_error(
     return MassBalance(cells, residual, float(rms / scale) if scale > 0 else 0.0)
 
 
-def _surrounded(state: Any) -> tuple[Indices, Indices]:
+def _surrounded(state: State) -> tuple[Indices, Indices]:
     """Cells whose nodes have filled cells only around them, and their nodes, shape (2**dim, k)."""
     grid = state.scene.grid
     filled = cell_mass(state) > 0

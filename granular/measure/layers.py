@@ -1,16 +1,15 @@
 """Indicators of a sound run: speeds at rest, occupied area, height, pressure."""
 
-from typing import Any
-
 import numpy as np
 
 from granular.checks import finite, in_range, integer, non_negative, one_of
 from granular.measure.averaging_grid import Array, cell_mass, require_points
 from granular.measure.bulk import FILLED, uppermost
 from granular.measure.fields import cell_average
+from granular.state import State
 
 
-def speed_percentile(state: Any, *, q: float = 99.0) -> float:
+def speed_percentile(state: State, *, q: float = 99.0) -> float:
     """Percentile of the speeds of the points [m/s].
 
     Parameters
@@ -33,7 +32,7 @@ def speed_percentile(state: Any, *, q: float = 99.0) -> float:
     return float(np.percentile(np.linalg.norm(state.v, axis=1), q))
 
 
-def occupied_area(state: Any, *, filled: float = 0.0) -> float:
+def occupied_area(state: State, *, filled: float = 0.0) -> float:
     """Area (2D, m2) or volume (3D, m3) of the cells that hold points.
 
     Parameters
@@ -57,7 +56,7 @@ def occupied_area(state: Any, *, filled: float = 0.0) -> float:
     return float(np.count_nonzero(mass > filled * state.scene.material.rho_c * volume) * volume)
 
 
-def layer_height(state: Any, *, base: float | None = None) -> float:
+def layer_height(state: State, *, base: float | None = None) -> float:
     """Height [m] of a layer: twice the elevation of its centre of mass above the floor.
 
     Parameters
@@ -81,7 +80,7 @@ def layer_height(state: Any, *, base: float | None = None) -> float:
 
 
 def mean_pressure_error(
-    state: Any, *, of: str = "normal", depth_cells: int = 1, per_column: bool = False
+    state: State, *, of: str = "normal", depth_cells: int = 1, per_column: bool = False
 ) -> float:
     """Relative error of the cell-averaged pressure against the weight of the material above.
 
@@ -131,7 +130,7 @@ def mean_pressure_error(
     return float(np.sqrt(error / np.sum(volume * expected**2)))
 
 
-def _overburden(state: Any, per_column: bool) -> Array:
+def _overburden(state: State, per_column: bool) -> Array:
     """Weight per area [Pa] at the middle of every cell's mass, an array of the grid's shape."""
     require_points(state)
     down = -float(np.asarray(state.scene.gravity.at(state.time))[-1])

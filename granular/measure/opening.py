@@ -2,12 +2,14 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self, cast
 
 import numpy as np
 
 from granular.checks import finite, positive
 from granular.measure.averaging_grid import Array
+from granular.state import State
+from granular.typing import AnyScene, States
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Opening:
             raise TypeError(f"half = {self.half!r} must be True or False")
 
     @classmethod
-    def of(cls, scene: Any) -> Self:
+    def of(cls, scene: AnyScene) -> Self:
         """Opening of a scene, from its parameters ``orifice`` and ``half``.
 
         The bottom is at elevation 0. The axis is the left side of the grid for half a silo, and
@@ -70,17 +72,17 @@ class Opening:
         """Part of the full silo that is modelled, 1 or 1/2."""
         return 0.5 if self.half else 1.0
 
-    def places(self, state: Any) -> Array:
+    def places(self, state: State) -> Array:
         """Positions of the points relative to the middle of the opening [m], shape (n, 2)."""
         return np.asarray(state.x, dtype=float) - (self.axis, self.floor)
 
 
-def modelled_share(scene: Any) -> float:
+def modelled_share(scene: AnyScene) -> float:
     """Part of the full silo that a scene models: 1, or 1/2 if its parameter ``half`` is true."""
     return 0.5 if scene.parameters.get("half", False) else 1.0
 
 
-def opening_of(state: Any, given: Opening | None) -> Opening:
+def opening_of(state: State, given: Opening | None) -> Opening:
     """Return the opening that was given, or else that of the state's scene.
 
     Raises
@@ -97,7 +99,7 @@ def opening_of(state: Any, given: Opening | None) -> Opening:
     return given
 
 
-def each_state(states: Any) -> Iterator[Any]:
+def each_state(states: States) -> Iterator[State]:
     """Iterate over the states of an iterable, or over a single state.
 
     There must be at least one state, and all must lie on the same grid.
@@ -112,7 +114,8 @@ def each_state(states: Any) -> Iterator[Any]:
     if not hasattr(states, "mass") and not isinstance(states, Iterable):
         raise TypeError(f"states = {states!r} must be a State or an iterable of them")
     first = None
-    for state in (states,) if hasattr(states, "mass") else states:
+    several = cast(Iterable[State], (states,) if hasattr(states, "mass") else states)
+    for state in several:
         grid = state.scene.grid
         place = (tuple(grid.lower), grid.cell, tuple(grid.shape), tuple(grid.periodic))
         first = place if first is None else first

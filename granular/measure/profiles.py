@@ -4,14 +4,16 @@ Heights are along the last axis, so that a scene with tilted gravity is measured
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import integer, one_of, positive
-from granular.measure.averaging_grid import Array, require_points, values
+from granular.materials import MuI
+from granular.measure.averaging_grid import Array, require_points, sums_of, values
 from granular.measure.stress import friction_of
+from granular.state import State
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,11 @@ class Profile:
 
 
 def profile(
-    state: Any, field: Any, *, bins: int | ArrayLike | None = None, weight: str = "mass"
+    state: State,
+    field: str | ArrayLike,
+    *,
+    bins: int | ArrayLike | None = None,
+    weight: str = "mass",
 ) -> Profile:
     """Weighted mean of a point field in rows of equal height.
 
@@ -73,22 +79,22 @@ def profile(
     rows = len(edges) - 1
     row = np.clip(np.searchsorted(edges, up[inside], side="right") - 1, 0, rows - 1)
     w = w[inside]
-    total = np.bincount(row, weights=w, minlength=rows)
+    total = sums_of(row, w, rows)
 
     def mean(column: Array) -> Array:
-        moment = np.bincount(row, weights=w * column[inside], minlength=rows)
+        moment = sums_of(row, w * column[inside], rows)
         return np.divide(moment, total, out=np.full(rows, np.nan), where=total > 0)
 
     value = mean(field) if field.ndim == 1 else np.stack([mean(c) for c in field.T], axis=1)
     return Profile((edges[:-1] + edges[1:]) / 2, value, mean(up), total)
 
 
-def _edges(state: Any, up: Array, bins: int | ArrayLike | None) -> Array:
+def _edges(state: State, up: Array, bins: int | ArrayLike | None) -> Array:
     grid = state.scene.grid
     floor, highest = float(grid.lower[-1]), float(up.max())
     if bins is None:
         rows = min(int(np.floor((highest - floor) / grid.cell)) + 1, grid.shape[-1])
-        return floor + grid.cell * np.arange(rows + 1)
+        return floor + grid.cell * np.arange(rows + 1, dtype=float)
     if np.ndim(bins) == 0:
         return np.linspace(floor, highest, integer("bins", bins, 1) + 1)
     edges = np.asarray(bins, dtype=float)
@@ -98,7 +104,7 @@ def _edges(state: Any, up: Array, bins: int | ArrayLike | None) -> Array:
 
 
 def velocity_profile(
-    state: Any, bins: int | ArrayLike | None = None, *, component: int = 0
+    state: State, bins: int | ArrayLike | None = None, *, component: int = 0
 ) -> Profile:
     """Mass-weighted mean of a velocity component [m/s] in rows of equal height.
 
@@ -127,7 +133,7 @@ def velocity_profile(
     return profile(state, velocity[:, component], bins=bins)
 
 
-def friction_profile(state: Any, bins: int | ArrayLike | None = None) -> Profile:
+def friction_profile(state: State, bins: int | ArrayLike | None = None) -> Profile:
     """Friction coefficient ``tau/p`` of the volume-averaged stress in rows of equal height.
 
     The stress is averaged first, because noise adds to a mean of tau but not to a mean of
@@ -154,7 +160,7 @@ def friction_profile(state: Any, bins: int | ArrayLike | None = None) -> Profile
     return Profile(mean.y, friction_of(mean.value), mean.centroid, mean.weight)
 
 
-def depth_average(state: Any, field: Any) -> float | Array:
+def depth_average(state: State, field: str | ArrayLike) -> float | Array:
     """Mass-weighted mean of a point field over the whole layer.
 
     Parameters
@@ -176,7 +182,7 @@ def depth_average(state: Any, field: Any) -> float | Array:
     return float(mean) if field.ndim == 1 else mean
 
 
-def grain_diameter(state: Any, d: float | None = None) -> float:
+def grain_diameter(state: State, d: float | None = None) -> float:
     """Return the grain diameter [m]: `d` if given, or else that of the material.
 
     Raises
@@ -193,7 +199,7 @@ def grain_diameter(state: Any, d: float | None = None) -> float:
     return positive("d", given)
 
 
-def inertial_number(state: Any, *, d: float | None = None) -> Array:
+def inertial_number(state: State, *, d: float | None = None) -> Array:
     """Inertial number ``I = shear_rate d sqrt(rho_s/p)`` of every point.
 
     The shear rate is the equivalent plastic one (Dunatunga & Kamrin 2015, eq. 2.11).
@@ -216,11 +222,11 @@ def inertial_number(state: Any, *, d: float | None = None) -> Array:
         `scaled_inertial_number` can be computed.
     """
     require_points(state)
-    factor = grain_diameter(state, d) * np.sqrt(state.scene.material.rho_s)
+    factor = grain_diameter(state, d) * np.sqrt(cast(MuI, state.scene.material).rho_s)
     return factor * _rate_over_root_pressure(state)
 
 
-def scaled_inertial_number(state: Any) -> Array:
+def scaled_inertial_number(state: State) -> Array:
     """Scaled inertial number ``I/I0 = shear_rate/(xi sqrt(p))`` of every point.
 
     It needs no grain diameter.
@@ -249,7 +255,7 @@ def scaled_inertial_number(state: Any) -> Array:
     return _rate_over_root_pressure(state) / xi
 
 
-def _rate_over_root_pressure(state: Any) -> Array:
+def _rate_over_root_pressure(state: State) -> Array:
     rate, p = np.asarray(state.shear_rate, dtype=float), np.asarray(state.p, dtype=float)
     root = np.sqrt(np.maximum(p, 0.0))
     return np.divide(rate, root, out=np.full_like(p, np.nan), where=root > 0)

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import finite, in_range, positive
+from granular.materials import Material
 from granular.measure.averaging_grid import require_points
-from granular.measure.body import body_force, body_motion
+from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
+from granular.typing import States
 
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory
@@ -190,7 +192,7 @@ def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> Whee
 
 
 def failure_surface(
-    states: Any,
+    states: States,
     *,
     speed: float,
     share: float = 0.1,
@@ -252,14 +254,14 @@ def failure_surface(
     base = grid.lower[2]
     found = filled.any(axis=1) & (lowest <= highest)
     return FailureSurface(
-        x=grid.lower[0] + grid.cell * (np.arange(shape[0]) + 0.5),
+        x=grid.lower[0] + grid.cell * (np.arange(shape[0], dtype=float) + 0.5),
         z=np.where(found, base + grid.cell * lowest, np.nan),
         top=np.where(filled.any(axis=1), base + grid.cell * (highest + 1), np.nan),
         speed=limit,
     )
 
 
-def strain_history(states: Any) -> StrainHistory:
+def strain_history(states: States) -> StrainHistory:
     """Elastic strain of Hencky materials (Haeri & Skonieczny 2021, figure 6).
 
     The strain follows from the stored stress and density: the Kirchhoff stress is rho_c/rho times
@@ -283,7 +285,7 @@ def strain_history(states: Any) -> StrainHistory:
     """
     rows, times = [], []
     for state in each_state(states):
-        material = state.scene.material
+        material = cast(Material, state.scene.material)
         if material.elasticity != "hencky":
             raise ValueError(f'elasticity = {material.elasticity!r} must be "hencky"')
         dense = state.dense
@@ -320,6 +322,6 @@ def _require_3d(record: Trajectory) -> None:
         raise ValueError(f"record = {record!r} must be one in space")
 
 
-def _at(times: Array, motion: Any) -> Array:
+def _at(times: Array, motion: BodyMotion) -> Array:
     """Position of the body at `times`, interpolated linearly between frames."""
     return np.stack([np.interp(times, motion.times, x) for x in motion.position.T], axis=1)

@@ -1,10 +1,9 @@
 """Invariants of stress arrays with rows xx, yy, zz, xy (2D) or xx, yy, zz, xy, yz, xz (3D)."""
 
-from typing import Any
-
 import numpy as np
 
 from granular.measure.averaging_grid import Array, values
+from granular.state import State
 
 
 def pressure(stress: Array) -> Array:
@@ -25,7 +24,7 @@ def friction_of(stress: Array) -> Array:
     return np.divide(tau, p, out=np.full_like(p, np.nan), where=p > 0)
 
 
-def friction(state: Any) -> Array:
+def friction(state: State) -> Array:
     """Friction coefficient mu = tau/p of every point.
 
     ``tau = sqrt(s : s/2)`` with the deviator s (Dunatunga & Kamrin 2015, eq. 2.10).

@@ -91,9 +91,8 @@ class Motion:
             raise ValueError(f"velocity = {self.velocity} must be as many as times, {len(times)}")
         dim = len(vector("velocity[0]", self.velocity[0]))
         velocity = tuple(vector(f"velocity[{i}]", v, dim) for i, v in enumerate(self.velocity))
-        turning = self.angular_velocity
-        if turning is None:
-            turning = (0.0 if dim == 2 else (0.0,) * 3,) * len(times)
+        given: Sequence[object] | None = self.angular_velocity
+        turning = (0.0 if dim == 2 else (0.0,) * 3,) * len(times) if given is None else given
         if len(turning) != len(times):
             raise ValueError(f"angular_velocity = {turning} must be as many as times, {len(times)}")
         turning = tuple(
@@ -158,7 +157,7 @@ class Body:
     position: tuple[float, ...]
     _: KW_ONLY
     rotation_deg: float | tuple[float, ...] = 0.0
-    motion: Motion | None = None
+    motion: Motion = None  # type: ignore[assignment]  # a motion once made
     contact: str = "separating"
     friction: float = 0.0
     rough: bool = False

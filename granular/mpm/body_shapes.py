@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache, partial
 from itertools import product
@@ -49,7 +49,7 @@ def padded(value: Sequence[float]) -> tuple[float, ...]:
     return (*value, 0.0)[:3]
 
 
-def _row(kind: int, inside: bool, center: Sequence[float], matrix: Array, size: Sequence) -> Array:
+def _row(kind: int, inside: bool, center: Sequence[float], matrix: Array, size: Iterable) -> Array:
     return np.array([kind, inside, *padded(center), *matrix.ravel(), *size], dtype=float)
 
 
@@ -95,7 +95,7 @@ class Box:
 
     size: tuple[float, ...]
     _: KW_ONLY
-    center: tuple[float, ...] | None = None
+    center: tuple[float, ...] = None  # type: ignore[assignment]  # a place once made
     rotation_deg: float | tuple[float, ...] = 0.0
 
     def __post_init__(self) -> None:
@@ -205,7 +205,7 @@ class HalfSpace:
     """
 
     normal: tuple[float, ...]
-    through: tuple[float, ...] | None = None
+    through: tuple[float, ...] = None  # type: ignore[assignment]  # a place once made
 
     def __post_init__(self) -> None:
         normal = _direction("normal", self.normal)

@@ -202,7 +202,7 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
     length = -(-capacity * 8 // PAGE) * PAGE + skew
     raw = np.zeros(total * length + LINE, dtype=np.uint8)
     start = -raw.ctypes.data % LINE
-    buffers = {}
+    buffers: dict[str, NDArray] = {}
     for name, count in [*rows, ("id", 1)]:
         flat = raw[start : start + count * length]
         if name == "id":

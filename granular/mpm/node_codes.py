@@ -194,7 +194,7 @@ class _Axes:
         x = self.positions[axis][nodes]
         if self.grid.periodic[axis]:
             x = np.where(x < low - LINE_TOLERANCE, x + n, x)
-            faces = () if high - low > n - LINE_TOLERANCE else (low, high)
+            faces: tuple[float, ...] = () if high - low > n - LINE_TOLERANCE else (low, high)
         else:
             faces = tuple(f for f in (low, high) if LINE_TOLERANCE < f < n - LINE_TOLERANCE)
         at_face = np.zeros(len(nodes), dtype=bool)

@@ -22,7 +22,7 @@ from granular.checks import one_of, positive
 from granular.gravity import Gravity
 from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import DENSITIES, Fluidity, Scheme
+from granular.mpm.schemes import DENSITIES, Density, Fluidity, Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 
 __all__ = ["POWERS", "Froude"]
@@ -52,7 +52,7 @@ _PLANE = ("mass", "force", "impulse", "torque", "angular_impulse", "energy", "po
 _UNITS = {"1/s": "rate", "s": "time"}
 
 
-def _of_units(kind: type) -> dict[str, str]:
+def _of_units(kind: type[Density | Scheme]) -> dict[str, str]:
     """Return the quantities of the numbers of a class from the units declared for them."""
     return {name: _UNITS[unit] for name, unit in kind.units.items() if unit != "1"}
 
@@ -165,7 +165,7 @@ class Froude:
             return tuple(self._scaled(entry, dim) for entry in part)
         if not is_dataclass(part):
             return part
-        kind = type(part)
+        kind: Any = type(part)
         if kind not in _QUANTITIES:
             raise TypeError(f"{part!r} cannot be scaled: its class is not known")
         values = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from granular import geometry, materials
 from granular.checks import integer, kinds_of, positive, tuple_of
@@ -81,7 +81,7 @@ class Scene(Serializable):
     sponge_layers: tuple[SpongeLayer, ...] = ()
     bodies: tuple[Body, ...] = ()
     seed: int = 0
-    parameters: Parameters = field(default_factory=Parameters)
+    parameters: Mapping[str, Any] = field(default_factory=Parameters)
 
     def __post_init__(self) -> None:
         kinds_of(

@@ -67,13 +67,14 @@ class _Numbers:
 
     units: ClassVar[Mapping[str, str]]
     """Units of the declared numbers by name."""
+    _group: ClassVar[str]
 
     def __init_subclass__(cls, **_: Any) -> None:
         if cls.__doc__ and "{numbers}" in cls.__doc__:
-            cls.__doc__ = _documented(cls.__doc__, cls._group)  # type: ignore[attr-defined]
+            cls.__doc__ = _documented(cls.__doc__, cls._group)
 
     def _check_numbers(self) -> None:
-        for name, default, allowed, _, _ in _NUMBERS[self._group]:  # type: ignore[attr-defined]
+        for name, default, allowed, _, _ in _NUMBERS[self._group]:
             object.__setattr__(self, name, _check(name, getattr(self, name), default, allowed))
 
     def __post_init__(self) -> None:
@@ -81,7 +82,7 @@ class _Numbers:
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some arguments changed; it is checked like a new object."""
-        return _replace(self, **changes)  # type: ignore[type-var]
+        return _replace(self, **changes)  # type: ignore[type-var]  # subclasses are dataclasses
 
     def numbers(self) -> dict[str, float | None]:
         """Return the declared numbers by name."""
@@ -103,8 +104,15 @@ def _declared(group: str) -> Any:
     )
 
 
+_Particle: Any = _declared("particle")
+_Smoothed: Any = _declared("smoothed")
+_CellAveraged: Any = _declared("cell_averaged")
+_Fluidity: Any = _declared("fluidity")
+_Scheme: Any = _declared("scheme")
+
+
 @dataclass(frozen=True, kw_only=True)
-class ParticleDensity(_declared("particle")):
+class ParticleDensity(_Particle):
     """Density that each point integrates by itself, from its velocity gradient.
 
     This is the published scheme (Dunatunga & Kamrin 2015, eq. 3.9). In flows that vary in two or
@@ -119,7 +127,7 @@ class ParticleDensity(_declared("particle")):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SmoothedDensity(_declared("smoothed")):
+class SmoothedDensity(_Smoothed):
     """Density that is averaged over neighbours and relaxes to the nodal density.
 
     For quadratic B-splines with TPIC. Points are shifted away from over-compressed places, and
@@ -141,7 +149,7 @@ class SmoothedDensity(_declared("smoothed")):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellAveragedDensity(_declared("cell_averaged")):
+class CellAveragedDensity(_CellAveraged):
     """Density that the points of a cell have in common, with their gradient and mean stress.
 
     For linear shape functions with TPIC. It relaxes to the filling fraction of the cell.
@@ -165,7 +173,7 @@ Density = ParticleDensity | SmoothedDensity | CellAveragedDensity
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fluidity(_declared("fluidity")):
+class Fluidity(_Fluidity):
     """Diffusion of the fluidity of a nonlocal law (`granular.NGF`); without one it has no effect.
 
     Parameters
@@ -206,7 +214,7 @@ class Fluidity(_declared("fluidity")):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scheme(_declared("scheme")):
+class Scheme(_Scheme):
     """A numerical scheme of the material point method; without arguments it is `default`.
 
     Parameters
@@ -235,8 +243,8 @@ class Scheme(_declared("scheme")):
     """
 
     basis: str = None  # type: ignore[assignment]  # a name once made
-    transfer: str = None  # type: ignore[assignment]
-    density: Density = None  # type: ignore[assignment]
+    transfer: str = None  # type: ignore[assignment]  # likewise
+    density: Density = None  # type: ignore[assignment]  # a density once made
     fluidity: Fluidity = Fluidity()
 
     def __post_init__(self) -> None:

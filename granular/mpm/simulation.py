@@ -26,6 +26,9 @@ these fields.
 class Simulation(simulation.Simulation, scenes=Scene):
     """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`."""
 
+    scene: Scene
+    _engine: _core.Engine
+
     def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
         diagnostics.warn(scene)
         points = core.initial_points(scene)
@@ -127,7 +130,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _restored(
         cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
-        self = cls.__new__(cls, scene)
+        self = object.__new__(cls)
         scalars = dict(checkpoint.scalars)
         if "mean_mass" not in scalars:
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")

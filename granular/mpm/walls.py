@@ -21,11 +21,13 @@ def _spans(value: object) -> tuple[Span, ...]:
         raise TypeError(f"span = {value!r} must be pairs (low, high), one for each other axis")
     if len(value) not in (1, 2):
         raise ValueError(f"span = {value!r} must be pairs (low, high), one for each other axis")
-    spans = tuple(vector(f"span[{i}]", pair, 2) for i, pair in enumerate(value))
-    for i, (low, high) in enumerate(spans):
+    spans = []
+    for i, pair in enumerate(value):
+        low, high = vector(f"span[{i}]", pair, 2)
         if not high > low:
             raise ValueError(f"span[{i}] = {(low, high)} must have its low end first")
-    return spans
+        spans.append((low, high))
+    return tuple(spans)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -14,11 +14,15 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 
 from granular.checks import finite, integer
-from granular.geometry import AXES
+from granular.geometry import AXES, Grid
 from granular.mpm.walls import Solid, Wall
 from granular.plot.fields import Brush
+from granular.sph.walls import Wall as LayerWall
+from granular.state import State
+from granular.typing import AnyScene
 
 __all__ = ["Picture", "Points", "View", "color_bar", "scenery"]
 
@@ -86,7 +90,7 @@ class View:
         """Names of the two axes."""
         return f"{AXES[self.across]} [m]", f"{AXES[self.up]} [m]"
 
-    def order(self, state: Any) -> Any:
+    def order(self, state: State) -> Any:
         """Indices of the points to draw, nearest last.
 
         The viewer is at the low end of the third axis.
@@ -100,11 +104,11 @@ class View:
         inside = (third >= self.slab[0]) & (third <= self.slab[1])
         return rows[inside[rows]]
 
-    def places(self, state: Any) -> np.ndarray:
+    def places(self, state: State) -> np.ndarray:
         """Positions of the points in the picture [m], shape (k, 2), in the order of `order`."""
         return state.x[:, (self.across, self.up)][self.order(state)]
 
-    def extent(self, states: Sequence[Any]) -> Extent:
+    def extent(self, states: Sequence[State]) -> Extent:
         """Extent of the material of all states, with a margin, cut at the ends of the domain."""
         grid = states[0].scene.grid
         ends = []
@@ -138,7 +142,12 @@ class View:
         ax.spines[:].set_color("0.8")
 
 
-def diameter(state: Any) -> float:
+def figure_of(ax: Axes) -> Figure:
+    """The figure of axes that lie in no part of a figure."""
+    return cast(Figure, ax.figure)
+
+
+def diameter(state: State) -> float:
     """Diameter of a point in a picture [m]: the diagonal of the initial spacing, without gaps."""
     scene = state.scene
     per_cell = max(fill.points_per_cell for fill in scene.fills)
@@ -161,7 +170,7 @@ class Points:
     """
 
     def __init__(
-        self, ax: Axes, state: Any, brush: Brush, view: View, *, size: float | None = None
+        self, ax: Axes, state: State, brush: Brush, view: View, *, size: float | None = None
     ) -> None:
         self.brush, self.view = brush, view
         size = diameter(state) if size is None else size
@@ -180,7 +189,7 @@ class Points:
         ax.add_collection(self.artist, autolim=False)
         self.update(state)
 
-    def update(self, state: Any) -> None:
+    def update(self, state: State) -> None:
         """Show another state."""
         self.artist.set_offsets(self.view.places(state))
         self.artist.set_array(self.brush.paint(state)[self.view.order(state)])
@@ -201,7 +210,7 @@ def color_bar(fig: Figure, artist: Any, brush: Brush, **options: Any) -> None:
     bar.ax.tick_params(labelsize="small")
 
 
-def _is_symmetry(scene: Any, wall: Wall) -> bool:
+def _is_symmetry(scene: AnyScene, wall: Wall) -> bool:
     cut = scene.parameters.get("half") or scene.parameters.get("quarter")
     return (
         bool(cut)
@@ -211,7 +220,7 @@ def _is_symmetry(scene: Any, wall: Wall) -> bool:
     )
 
 
-def _line(scene: Any, wall: Wall, view: View, style: dict[str, Any]) -> Line2D:
+def _line(scene: AnyScene, wall: Wall, view: View, style: dict[str, Any]) -> Line2D:
     other = view.up if wall.axis == view.across else view.across
     ends = wall.extent(scene.grid, other)
     at = (wall.at, wall.at)
@@ -219,15 +228,17 @@ def _line(scene: Any, wall: Wall, view: View, style: dict[str, Any]) -> Line2D:
     return Line2D(x, y, solid_capstyle="butt", zorder=3, **style)
 
 
-def _block(ax: Axes, lower: Sequence[float], upper: Sequence[float], view: View) -> Artist:
-    low, high = ([ends[axis] for axis in (view.across, view.up)] for ends in (lower, upper))
-    size = [b - a for a, b in zip(low, high, strict=True)]
+def _block(
+    ax: Axes, lower: Sequence[float] | NDArray, upper: Sequence[float] | NDArray, view: View
+) -> Artist:
+    x, y = lower[view.across], lower[view.up]
+    size = upper[view.across] - x, upper[view.up] - y
     # Faces of abutting blocks must not show as seams.
-    block = Rectangle(low, *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
+    block = Rectangle((x, y), *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
     return ax.add_patch(block)
 
 
-def _layers(ax: Axes, grid: Any, wall: Any, view: View) -> tuple[Artist, float, float]:
+def _layers(ax: Axes, grid: Grid, wall: LayerWall, view: View) -> tuple[Artist, float, float]:
     """Draw a wall of an SPH scene, see `granular.sph.Wall`."""
     lower, upper = np.array(wall.box("wall", grid))
     ends = (
@@ -238,7 +249,7 @@ def _layers(ax: Axes, grid: Any, wall: Any, view: View) -> tuple[Artist, float, 
     return _block(ax, *ends, view), -math.inf, min(moves, wall.until)
 
 
-def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float]]:
+def scenery(ax: Axes, scene: AnyScene, view: View) -> list[tuple[Artist, float, float]]:
     """Draw the walls, blocks and outlets of a scene.
 
     Walls of kind "no_slip" are thick, those of kind "free_slip" thin, and planes of symmetry
@@ -256,7 +267,7 @@ def scenery(ax: Axes, scene: Any, view: View) -> list[tuple[Artist, float, float
             parts.append((_block(ax, wall.lower, wall.upper, view), -math.inf, math.inf))
         elif wall.axis not in (view.across, view.up):
             continue
-        elif scene.method == "sph":
+        elif isinstance(wall, LayerWall):
             parts.append(_layers(ax, scene.grid, wall, view))
         else:
             style = SYMMETRY_STYLE if _is_symmetry(scene, wall) else WALL_STYLES[wall.kind]

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular import measure
 from granular.checks import finite
+from granular.state import State
 
 __all__ = ["QUANTITIES", "Brush", "Quantity", "names"]
 
@@ -87,14 +88,14 @@ _MEASURED = {
 }
 
 
-def names(state: Any) -> list[str]:
+def names(state: State) -> list[str]:
     """Names of the fields that a state can be coloured by."""
     plain = [name for name, field in state.fields.items() if field.ndim == 1]
     wanted = [name for name in QUANTITIES if _component(state, name) is not None or "_" not in name]
     return sorted({*plain, *wanted, *_MEASURED, "shear_rate", "log_density"})
 
 
-def _component(state: Any, name: str) -> Array | None:
+def _component(state: State, name: str) -> Array | None:
     """A component such as `v_x` or `stress_xy`; None if there is no such component."""
     field, _, part = name.rpartition("_")
     if part not in _COMPONENTS.get(field, ()):
@@ -104,7 +105,7 @@ def _component(state: Any, name: str) -> Array | None:
     return array[:, column] if column < array.shape[1] else None
 
 
-def values(state: Any, color: str | ArrayLike, *, smooth: bool = False) -> Array:
+def values(state: State, color: str | ArrayLike, *, smooth: bool = False) -> Array:
     """Values of the points by which they are coloured, shape (n,); nan where there is none.
 
     Raises
@@ -128,7 +129,7 @@ def values(state: Any, color: str | ArrayLike, *, smooth: bool = False) -> Array
     return measure.smooth(state, array) if smooth else array
 
 
-def _by_name(state: Any, name: str) -> Any:
+def _by_name(state: State, name: str) -> Any:
     if name in _MEASURED:
         return _MEASURED[name](state)
     column = _component(state, name)
@@ -151,7 +152,7 @@ class Brush:
     @classmethod
     def fitted(
         cls,
-        states: Sequence[Any],
+        states: Sequence[State],
         color: str | ArrayLike = "shear_rate",
         *,
         limits: tuple[float, float] | None = None,
@@ -177,8 +178,8 @@ class Brush:
         found = [values(state, color, smooth=smooth) for state in states]
         if quantity.two:
             return cls(color, quantity, Normalize(0.0, 1.0), PHASES, smooth)
-        found = np.concatenate(found) if found else np.zeros(0)
-        low, high = _checked(limits, quantity.log) if limits else _limits(found, quantity.log)
+        every = np.concatenate(found) if found else np.zeros(0)
+        low, high = _checked(limits, quantity.log) if limits else _limits(every, quantity.log)
         norm = LogNorm(low, high) if quantity.log else Normalize(low, high)
         colors = (_colormap(cmap or quantity.cmap)).with_extremes(bad=MISSING)
         return cls(color, quantity, norm, colors, smooth)
@@ -187,7 +188,7 @@ class Brush:
         """Return a brush of the same scale for other values, one number per point."""
         return replace(self, color=np.asarray(values))
 
-    def paint(self, state: Any) -> NDArray:
+    def paint(self, state: State) -> np.ma.MaskedArray:
         """Values of a state, clipped to the scale and masked where there are none."""
         found = values(state, self.color, smooth=self.smooth)
         # Zero is not on a logarithmic scale and counts as its low end.

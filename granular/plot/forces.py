@@ -132,7 +132,7 @@ def _network(
     order = np.argsort(share)
     paths = np.stack([ends[0], at[0], gap, at[1], ends[1]], axis=1)[order]
     lines = LineCollection(
-        paths, linewidths=WIDEST * share[order], colors=SHADES[0], capstyle="round", zorder=2
+        list(paths), linewidths=WIDEST * share[order], colors=SHADES[0], capstyle="round", zorder=2
     )
     ax.add_collection(lines)
     low, high = _extent(packing, axes)

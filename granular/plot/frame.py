@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from granular.checks import positive
-from granular.plot.canvas import Extent, Picture, Points, View, color_bar, scenery, show_at
+from granular.plot.canvas import (
+    Extent,
+    Picture,
+    Points,
+    View,
+    color_bar,
+    figure_of,
+    scenery,
+    show_at,
+)
 from granular.plot.fields import Brush
+from granular.state import State
 
 __all__ = ["frame"]
 
@@ -19,7 +27,7 @@ WIDTH = 7.0
 
 
 def frame(
-    state: Any,
+    state: State,
     color: str | ArrayLike = "shear_rate",
     *,
     ax: Axes | None = None,
@@ -89,8 +97,8 @@ def frame(
     points = draw(ax, state, brush, seen, box, size=size)
     ax.set_title(f"t = {state.time:.3g} s" if title is None else title)
     if bar:
-        color_bar(ax.figure, points.artist, brush, ax=ax)
-    return ax.figure
+        color_bar(figure_of(ax), points.artist, brush, ax=ax)
+    return figure_of(ax)
 
 
 def new_axes(extent: Extent) -> Axes:
@@ -103,7 +111,7 @@ def new_axes(extent: Extent) -> Axes:
 
 
 def draw(
-    ax: Axes, state: Any, brush: Brush, view: View, extent: Extent, *, size: float | None = None
+    ax: Axes, state: State, brush: Brush, view: View, extent: Extent, *, size: float | None = None
 ) -> Points:
     """Draw the points and walls of a state into an axes."""
     if size is not None:

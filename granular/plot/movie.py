@@ -10,7 +10,6 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -20,9 +19,11 @@ from PIL import Image
 from tqdm.auto import tqdm
 
 from granular.checks import in_range, integer
-from granular.plot.canvas import Extent, View, color_bar, diameter, scenery, show_at
+from granular.plot.canvas import Extent, View, color_bar, diameter, figure_of, scenery, show_at
 from granular.plot.fields import Brush
 from granular.plot.frame import new_axes
+from granular.record import Trajectory
+from granular.state import State
 
 __all__ = ["check_movie", "movie"]
 
@@ -34,7 +35,7 @@ least two."""
 
 
 def movie(
-    record: Any,
+    record: Sequence[State] | Trajectory,
     path: str | os.PathLike[str],
     *,
     color: str = "shear_rate",
@@ -138,7 +139,7 @@ class _Stage:
 
     def __init__(
         self,
-        state: Any,
+        state: State,
         brush: Brush,
         view: View,
         *,
@@ -148,7 +149,7 @@ class _Stage:
     ) -> None:
         self._brush, self._view = brush, view
         self._ax = ax = new_axes(extent)
-        figure = ax.figure
+        figure = figure_of(ax)
         figure.set_dpi(dpi)
         self._canvas = FigureCanvasAgg(figure)
         view.set_up(ax, extent, state.scene.grid.cell)
@@ -174,7 +175,7 @@ class _Stage:
         # Small points are squares: a disc of three pixels would be a cross.
         return grid[(off**2).sum(axis=1) <= (self._across / 2 + 0.3) ** 2]
 
-    def _stamp_points(self, state: Any) -> None:
+    def _stamp_points(self, state: State) -> None:
         pixels = np.asarray(self._canvas.buffer_rgba())
         height, width = pixels.shape[:2]
         box = self._ax.get_window_extent()
@@ -192,7 +193,7 @@ class _Stage:
         which = np.nonzero(inside)
         flat[row[which] * width + column[which]] = colors[which[0]]
 
-    def shot(self, state: Any) -> NDArray[np.uint8]:
+    def shot(self, state: State) -> NDArray[np.uint8]:
         """Draw a state; return its pixels, shape (height, width, 3), height and width even."""
         self._canvas.restore_region(self._background)
         self._stamp_points(state)
@@ -238,6 +239,7 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, bufsize=0)
         try:
             # If ffmpeg fails it closes its end of the pipe; its message is raised below.
+            assert process.stdin is not None
             with suppress(BrokenPipeError), process.stdin as pipe:
                 pipe.write(first.tobytes())
                 for shot in shots:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from granular.measure.silo_clogging.threshold import FlowThreshold, phase_points
-from granular.plot.canvas import Picture
+from granular.measure.flow_threshold import FlowThreshold, phase_points
+from granular.plot.canvas import Picture, figure_of
 
 __all__ = ["phase_diagram"]
 
-STYLES = {
+STYLES: dict[str, dict[str, Any]] = {
     "flowing": {"marker": "o", "color": "#2d5d8f"},
     "static": {"marker": "s", "color": "#8a8a8a"},
     "unsure": {"marker": "^", "color": "#e08214"},
@@ -91,7 +92,7 @@ def phase_diagram(
         ax.plot(along, shown, color="black", linewidth=1.2, label="theory")
     ax.set(xlim=(low_x, right), ylim=(low_y, top), xlabel=labels[0], ylabel=labels[1])
     ax.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    return ax.figure
+    return figure_of(ax)
 
 
 def _ends(values: NDArray[np.float64], *, origin: bool) -> tuple[float, float]:

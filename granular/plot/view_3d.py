@@ -145,11 +145,12 @@ def _look(
     source: State | Simulation | Trajectory, frame: int, bodies: Sequence[BodyState] | None
 ) -> tuple[State, Sequence[BodyState]]:
     """Return the 3D state to draw, and the poses of its bodies."""
+    poses: Sequence[BodyState]
     if isinstance(source, Trajectory):
         state = source[integer("frame", frame, -len(source), len(source) - 1)]
         poses = [state_of(numbers, state.dim) for numbers in source.bodies[frame]]
     elif isinstance(source, Simulation):
-        state, poses = source.state, source.bodies
+        state, poses = source.state, getattr(source, "bodies", ())
     else:
         state, poses = source, () if bodies is None else tuple(bodies)
         if poses and len(poses) != len(state.scene.bodies):

@@ -108,7 +108,7 @@ class Packed:
         chunks = []
         for row, *rest in corners(n, chunk, columns):
             column = np.zeros(chunk, dtype=array.dtype)
-            part = array[(slice(row, row + chunk), *rest)]
+            part = array[row : row + chunk, rest[0]] if rest else array[row : row + chunk]
             column[: len(part)] = part
             chunks.append(packer.pack((name, row, *rest), column))
         return cls(array.dtype.str, columns, chunk, n, chunks)

@@ -17,7 +17,9 @@ from granular.record.layout import RecordError, frame_digest, reading, seal
 class Source(Protocol):
     """Place where the fields of frames are stored."""
 
-    path: Path
+    @property
+    def path(self) -> Path:
+        """Path of the file."""
 
     def fields(self) -> AbstractContextManager[Mapping[str, Field]]:
         """Return the fields by name."""

@@ -109,7 +109,7 @@ class Main:
         checkpoint = b""
         if self.has_checkpoint:
             checkpoint = attribute(hard(own, "checkpoint", h5py.Group), "digest", "u")
-        expected = points.table.seal(version, self.texts, checkpoint, gas and gas.table)
+        expected = points.table.seal(version, self.texts, checkpoint, gas.table if gas else None)
         if attribute(own, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
         below = {frame.step: frame for frame in gas.frames({})} if gas else {}

@@ -26,6 +26,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Literal, overload
 
 import h5py
 import numpy as np
@@ -98,7 +99,7 @@ def update(digest: "hashlib.blake2b", array: np.ndarray) -> None:
     """Update a digest with dtype, shape and bytes of an array."""
     array = np.ascontiguousarray(array)
     digest.update(f"{array.dtype.str}{array.shape}".encode())
-    digest.update(array.reshape(-1).view(np.uint8))
+    digest.update(array.reshape(-1).view(np.uint8).data)
 
 
 def frame_digest(
@@ -190,6 +191,12 @@ def read_text(group: h5py.Group, name: str) -> str:
     return bytes(data[()]).decode("ascii")
 
 
+@overload
+def attribute(group: h5py.Group | h5py.Dataset, name: str, kind: Literal["f"]) -> float: ...
+@overload
+def attribute(group: h5py.Group | h5py.Dataset, name: str, kind: Literal["i"]) -> int: ...
+@overload
+def attribute(group: h5py.Group | h5py.Dataset, name: str, kind: Literal["u"]) -> bytes: ...
 def attribute(group: h5py.Group | h5py.Dataset, name: str, kind: str) -> float | int | bytes:
     """Read a scalar (``"f"`` or ``"i"``) or bytes (``"u"``) attribute and check its type first."""
     if name not in group.attrs:

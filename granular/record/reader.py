@@ -18,9 +18,9 @@ from granular.record.layout import RecordError, format_of, reading
 
 if TYPE_CHECKING:
     from granular.diagnostics import Health
-    from granular.mpm.scene import Scene
     from granular.sph.gas import GasState
     from granular.state import State
+    from granular.typing import AnyScene
 
 SERIES = ("time", "step", "dt", "n", "mass")
 
@@ -56,13 +56,14 @@ class Trajectory:
         return any(frame.gas for frame in self._frames)
 
     @cached_property
-    def scene(self) -> "Scene":
+    def scene(self) -> "AnyScene":
         """The scene of the run, of the class that belongs to its method (MPM or SPH)."""
         # Imported here: a scene needs the whole package, a record does not.
         from granular.serializable import Serializable
 
         try:
-            return Serializable.from_json(self._contents.texts.scene)
+            scene: Any = Serializable.from_json(self._contents.texts.scene)
+            return scene
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise RecordError(f"{self.path}: the scene cannot be read: {error}") from error
 

@@ -142,6 +142,7 @@ def _pack_frame(frame: Frame, data: list[bytes]) -> tuple[Any, ...]:
     layout = {}
     with frame.source.fields() as fields:
         for name, field in fields.items():
+            assert isinstance(field, Packed)  # as all that waits in memory
             chunks = [field.raw(corner) for corner in field.corners]
             sizes = [(mask, len(raw)) for mask, raw in chunks]
             layout[name] = field.dtype, field.columns, field.chunk, sizes

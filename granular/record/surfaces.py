@@ -87,7 +87,8 @@ def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
 
 
 def _joined(meshes: list[Patches]) -> Patches:
-    polygons, before = [], 0
+    polygons: list[tuple[int, ...]] = []
+    before = 0
     for vertices, faces in meshes:
         polygons += [tuple(before + i for i in face) for face in faces]
         before += len(vertices)
@@ -139,7 +140,9 @@ def _cylinder(radius: float, half: float, inside: bool, dim: int, size: float) -
         end = np.array([0.0, 0.0, half])
         lower, upper = rim - end, rim + end
     after = np.roll(np.arange(SIDES), -1)
-    faces = [(i, int(j), SIDES + int(j), SIDES + i) for i, j in enumerate(after)]
+    faces: list[tuple[int, ...]] = [
+        (i, int(j), SIDES + int(j), SIDES + i) for i, j in enumerate(after)
+    ]
     if dim == 3 and not inside:
         faces += [tuple(range(SIDES)), tuple(range(SIDES, 2 * SIDES))]
     return np.concatenate([lower, upper]), faces
@@ -157,7 +160,11 @@ def _half_space(turn: Array, dim: int, size: float) -> Patches:
 
 
 def _write(
-    vtk: h5py.Group, times: Array, points: Array, polygons: list[tuple[int, ...]], owner: Array
+    vtk: h5py.Group,
+    times: Array,
+    points: Array,
+    polygons: list[tuple[int, ...]],
+    owner: NDArray[np.intp],
 ) -> None:
     frames, count = points.shape[:2]
     vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
@@ -169,7 +176,7 @@ def _write(
         group, filled = vtk.create_group(name), name == "Polygons"
         group["NumberOfCells"] = np.full(frames, len(polygons) * filled, dtype="<i8")
         group["NumberOfConnectivityIds"] = np.full(frames, sum(corners) * filled, dtype="<i8")
-        group["Connectivity"] = np.concatenate(polygons if filled else [[]]).astype("<i8")
+        group["Connectivity"] = np.concatenate(polygons if filled else [()]).astype("<i8")
         group["Offsets"] = np.cumsum([0, *(corners if filled else ())], dtype="<i8")
     vtk.create_group("CellData")["body"] = owner.astype("<i8")
     steps = vtk.create_group("Steps")

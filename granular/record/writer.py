@@ -28,7 +28,7 @@ from granular.record.storage import fsync_folder, replacing
 try:
     import fcntl
 except ImportError:  # Windows has no advisory locks
-    fcntl = None
+    fcntl = None  # type: ignore[assignment]  # the name of a module
 
 WAITING_SECONDS = 1.0
 """Wall time that may be lost if the run is killed [s].
@@ -42,10 +42,14 @@ WAITING_BYTES = 1 << 24
 class StateLike(Protocol):
     """The attributes of a `State` from which a frame is made."""
 
-    time: float
-    step: int
-    dt: float
-    fields: Mapping[str, np.ndarray]
+    @property
+    def time(self) -> float: ...
+    @property
+    def step(self) -> int: ...
+    @property
+    def dt(self) -> float: ...
+    @property
+    def fields(self) -> Mapping[str, np.ndarray]: ...
 
 
 class SceneLike(Protocol):
@@ -136,13 +140,13 @@ class _Layout:
 
 def _head(state: StateLike, fields: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Scalars and digest of a frame."""
-    scalars = {
+    scalars: dict[str, Any] = {
         "time": float(state.time),
         "step": int(state.step),
         "dt": float(state.dt),
         "mass": float(np.sum(fields["mass"])),
     }
-    digest = frame_digest(*scalars.values(), fields)
+    digest = frame_digest(**scalars, fields=fields)
     return scalars | {"n": len(fields["x"]), "digest": digest}
 
 
@@ -347,10 +351,13 @@ class TrajectoryWriter:
         if index < self._cursor:
             last = self._recorded[self._cursor - 1][0]
             raise ValueError(f"step = {step} must exceed the last recorded step {last}")
-        inside = None if below is None else self._gas_layout.packed(self.path, below, gas)
+        inside = (
+            None if gas is None or below is None else self._gas_layout.packed(self.path, below, gas)
+        )
         frame = self._layout.packed(self.path, head, fields, samples=samples, gas=inside)
         self._frames.append(frame)
-        self._bytes += sum(part.source.nbytes for part in (frame, inside) if part)
+        waiting = [part.source for part in (frame, inside) if part]
+        self._bytes += sum(part.nbytes for part in waiting if isinstance(part, Memory))
         self._recorded[index:] = [(step, mark)]
         self._cursor = index + 1
 

@@ -6,11 +6,9 @@ To add a scene, write a file with a function that takes keyword arguments only a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from types import MappingProxyType
-from typing import Any
 
-from granular.mpm.scene import Scene
 from granular.scenes.chute_ngf import chute_ngf
 from granular.scenes.clogging_silo import clogging_silo
 from granular.scenes.column_collapse import column_collapse
@@ -29,6 +27,7 @@ from granular.scenes.sph_incline import incline_sph
 from granular.scenes.sph_inclined_collapse import inclined_collapse
 from granular.scenes.sph_slump import slump_sph
 from granular.scenes.wheel import wheel
+from granular.typing import AnyScene
 
 __all__ = [
     "chute_ngf",
@@ -61,12 +60,12 @@ _FUNCTIONS = (
     *(silo_3d, couette, excavation, wheel, excavator),
 )
 
-registry: Mapping[str, Callable[..., Scene]] = MappingProxyType(
+registry: MappingProxyType[str, Callable[..., AnyScene]] = MappingProxyType(
     {function.__name__: function for function in _FUNCTIONS}
 )
 """Scene functions of the material point method by name."""
 
-sph_registry: Mapping[str, Callable[..., Any]] = MappingProxyType(
+sph_registry: MappingProxyType[str, Callable[..., AnyScene]] = MappingProxyType(
     {
         "slump_sph": slump_sph,
         "incline_sph": incline_sph,

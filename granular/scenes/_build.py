@@ -64,6 +64,7 @@ def gravity_down(dim: int, magnitude: object, ramp: object) -> Gravity:
     """Gravity against the last axis; it grows from zero to `magnitude` [m/s2] within `ramp` [s]."""
     zero = (0.0,) * dim
     full = (*zero[1:], -positive("gravity", magnitude))
-    if non_negative("ramp", ramp) == 0.0:
+    end = non_negative("ramp", ramp)
+    if end == 0.0:
         return Gravity((0.0,), (full,))
-    return Gravity((0.0, ramp), (zero, full))
+    return Gravity((0.0, end), (zero, full))

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 from granular import sph
 from granular.checks import one_of, positive
 from granular.geometry import Box, Fill, Grid
-from granular.materials import Material, glass_beads
+from granular.materials import Material, MuI, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -105,7 +106,7 @@ def column_collapse(
         per = fill.points_per_axis
         if isinstance(material, Material):
             weight = material.rho_c * positive("gravity", gravity) * height
-            material = sph.Viscoplastic.matching(material, 0.5 * weight)
+            material = sph.Viscoplastic.matching(cast(MuI, material), 0.5 * weight)
         return sph.Scene(
             name="column_collapse_sph",
             grid=Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
@@ -125,7 +126,7 @@ def column_collapse(
         name="column_collapse",
         grid=Grid((0.0, 0.0), cell, (n_x, n_y)),
         fills=(fill,),
-        material=material,
+        material=cast(Material, material),
         scheme=scheme,
         walls=(
             Wall(1, 0.0, kind="no_slip"),

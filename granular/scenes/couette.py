@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from granular.checks import finite, in_range, positive
 from granular.geometry import Cylinder as Upright
@@ -106,7 +107,7 @@ def couette(
     flat = pressure is not None
     dim = 2 if flat else 3
     count = 2**dim if points_per_cell is None else points_per_cell
-    fill = {"points_per_cell": count, "jitter": jitter}
+    fill: dict[str, Any] = {"points_per_cell": count, "jitter": jitter}
     if flat:
         grid = Grid((-n * cell,) * 2, cell, (2 * n,) * 2)
         ring = Difference(*(Disc((0.0, 0.0), r) for r in (outer, inner)))
@@ -141,7 +142,7 @@ def couette(
 def _cylinder(radius: float, dim: int, omega: float, *, rough: bool, inside: bool = False) -> Body:
     """An upright sticky cylinder about the origin."""
     axis, origin = (None, (0.0, 0.0, 1.0))[dim - 2], (0.0,) * dim
-    turning = omega if dim == 2 else (0.0, 0.0, omega)
+    turning: Any = omega if dim == 2 else (0.0, 0.0, omega)
     return Body(
         Cylinder(radius, center=origin, axis=axis, inside=inside),
         origin,

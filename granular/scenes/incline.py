@@ -74,7 +74,7 @@ def incline(
     columns = integer("columns", columns, 1)
     n_y = whole_cells("height", height, cell)
     gravity = positive("gravity", gravity)
-    level = (columns,)
+    level: tuple[int, ...] = (columns,)
     if integer("columns_across", columns_across, 0):
         level += (columns_across,)
     still = (0.0,) * len(level)

@@ -68,7 +68,8 @@ def slug(
     """
     cell = positive("cell", cell)
     gravity = positive("gravity", gravity)
-    velocity = vector("velocity", velocity, 2)
+    v_x, v_y = vector("velocity", velocity, 2)
+    velocity = (v_x, v_y)
     disc = Disc(vector("center", center, 2), radius)
     (left, bottom), (right, top) = disc.bounds
     if min(left, bottom) < 0.0 or right > positive("wall_at", wall_at):

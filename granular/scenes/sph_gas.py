@@ -87,7 +87,7 @@ def fluidised_bed(
         raise ValueError(
             f"velocity = {velocity} must be at most {plenum / duration}, plenum/duration"
         )
-    level = (integer("columns", columns, 1),)
+    level: tuple[int, ...] = (integer("columns", columns, 1),)
     if integer("columns_across", columns_across, 0):
         level += (columns_across,)
     axis, still = len(level), (0.0,) * len(level)

@@ -71,7 +71,7 @@ def incline_sph(
     spacing = positive("spacing", spacing)
     layers = whole_cells("height", height, spacing)
     settle, g = positive("settle", settle), positive("gravity", gravity)
-    level = (integer("columns", columns, 1),)
+    level: tuple[int, ...] = (integer("columns", columns, 1),)
     if integer("columns_across", columns_across, 0):
         level += (columns_across,)
     still = (0.0,) * len(level)

@@ -100,7 +100,7 @@ def inclined_collapse(
         until=clear,
         layers=thin,
     )
-    channel = ()
+    channel: tuple[Wall, ...] = ()
     if side_walls:
         channel = tuple(
             Wall(1, at, side, span=ends, layers=thin) for at, side in ((0.0, 1), (sides[0][1], -1))

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from granular.checks import in_range, non_negative, positive
 from granular.simulation import Hook, Simulation
+from granular.state import State
 
 __all__ = ["run_to_rest"]
 
 
-def _speed(state: Any) -> float:
+def _speed(state: State) -> float:
     """Root mean square of the speed [m/s], weighted by mass; 0 without particles."""
     if not state.n:
         return 0.0

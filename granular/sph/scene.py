@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -109,7 +109,7 @@ class Scene(Serializable):
     gravity: Gravity
     duration: float
     seed: int = 0
-    parameters: Parameters = field(default_factory=Parameters)
+    parameters: Mapping[str, Any] = field(default_factory=Parameters)
 
     def __post_init__(self) -> None:
         kinds_of(

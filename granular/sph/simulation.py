@@ -92,6 +92,9 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
 class Simulation(simulation.Simulation, scenes=Scene):
     """Simulation of a `granular.sph.Scene`; see `granular.Simulation`."""
 
+    scene: Scene
+    _engine: _core.Sph
+
     def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
         diagnostics.warn(scene)
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
@@ -105,8 +108,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
             self._buffers[name][:, grains] = part.T
         for name, part in walls.items():
             self._buffers[name][:, behind] = part.T
-        for part in (grains, behind):
-            self._buffers["mass"][:, part] = scene.point_mass
+        for rows_of in (grains, behind):
+            self._buffers["mass"][:, rows_of] = scene.point_mass
         self._buffers["id"][grains] = np.arange(rows.grains)
         self._buffers["id"][behind] = rows.grains + np.arange(rows.walls)
         if gas is not None:
@@ -156,9 +159,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return State(
             scene=self.scene,
             time=scalars["time"],
-            step=scalars["step"],
+            step=int(scalars["step"]),
             dt=scalars["dt"],
-            fields=self._shown(slice(first, first + scalars["n_walls"])),
+            fields=self._shown(slice(first, first + int(scalars["n_walls"]))),
         )
 
     @property
@@ -180,7 +183,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             return None
         self._evaluate()
         first = self._rows.gas_first
-        rows = slice(first, first + self._engine.scalars()["n_gas"])
+        rows = slice(first, first + int(self._engine.scalars()["n_gas"]))
         fields = self._ordered(rows, ("x", "v", "a", "mass", "rho", "stress", "porosity"))
         p = np.ascontiguousarray(-fields.pop("stress")[:, 0])
         return GasState(time=self.time, p=p, **fields)
@@ -235,14 +238,16 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         scalars, rows = self._engine.scalars(), self._rows
         counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
-        places = replace(rows, **{name: scalars[count] for name, count in counts.items()}).places()
+        places = replace(
+            rows, **{name: int(scalars[count]) for name, count in counts.items()}
+        ).places()
         return scalars, {name: rows.take(places, axis=-1) for name, rows in self._buffers.items()}
 
     @classmethod
     def _restored(
         cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
-        self = cls.__new__(cls, scene)
+        self = object.__new__(cls)
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         total = len(checkpoint.arrays.get("id", ()))
         n = integer("the number n_points of the checkpoint", checkpoint.scalars.get("n_points"), 0)

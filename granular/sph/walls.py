@@ -122,7 +122,8 @@ class Wall:
                 more = 0 if grid.periodic[axis] else self.layers
                 sites.append((-more, grid.shape[axis] + more))
             else:
-                sites.append(tuple(_site(name, grid, axis, at) for at in next(others)))
+                low, high = next(others)
+                sites.append((_site(name, grid, axis, low), _site(name, grid, axis, high)))
         return sites
 
     def box(self, name: str, grid: Grid) -> tuple[list[float], list[float]]:

@@ -38,14 +38,22 @@ class NonlocalMaterial(Protocol):
     t0 [s] has no effect on the steady flow.
     """
 
-    mu_s: float
-    mu_2: float
-    rho_s: float
-    rho_c: float
-    d: float
-    A: float
-    b: float
-    t0: float
+    @property
+    def mu_s(self) -> float: ...
+    @property
+    def mu_2(self) -> float: ...
+    @property
+    def rho_s(self) -> float: ...
+    @property
+    def rho_c(self) -> float: ...
+    @property
+    def d(self) -> float: ...
+    @property
+    def A(self) -> float: ...
+    @property
+    def b(self) -> float: ...
+    @property
+    def t0(self) -> float: ...
 
 
 @dataclass(frozen=True)

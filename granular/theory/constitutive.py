@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,11 +33,16 @@ _CONTACT = 1e-9
 class InertialElasticMaterial(Protocol):
     """Attributes of a material with the mu(I) law that the reference solution needs."""
 
-    mu_s: float
-    mu_2: float
-    xi: float
-    K: float
-    G: float
+    @property
+    def mu_s(self) -> float: ...
+    @property
+    def mu_2(self) -> float: ...
+    @property
+    def xi(self) -> float: ...
+    @property
+    def K(self) -> float: ...
+    @property
+    def G(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -218,11 +223,11 @@ def reference(
     RuntimeError
         If the integrator fails.
     """
-    times, breakpoints = _time_arrays(times, breakpoints)
+    times, ends = _time_arrays(times, breakpoints)
     one_of("solver", solver, ("auto", "RK45", "Radau"))
     positive("rtol", rtol)
-    history = _DensityHistory(velocity_gradient, breakpoints, _start(material, p0, log_density0))
-    stiff = _stiff_pressure(material, breakpoints[-1] - breakpoints[0]) / material.K
+    history = _DensityHistory(velocity_gradient, ends, _start(material, p0, log_density0))
+    stiff = _stiff_pressure(material, ends[-1] - ends[0]) / material.K
     log_density = history(times)
     # The absolute tolerance follows from the largest |K ln(rho/rho_c)|, also below rho_c.
     largest = max(p0, material.K * np.max(np.abs(log_density)))
@@ -253,9 +258,9 @@ def reference(
 
 def _time_arrays(times: ArrayLike, breakpoints: Sequence[float]) -> tuple[Array, Array]:
     times = np.atleast_1d(np.asarray(times, dtype=float))
-    breakpoints = np.asarray(breakpoints, dtype=float)
-    if breakpoints.ndim != 1 or breakpoints.size < 1 or not np.all(np.diff(breakpoints) > 0):
-        raise ValueError(f"breakpoints = {breakpoints} must be an increasing list of times")
+    ends = np.asarray(breakpoints, dtype=float)
+    if ends.ndim != 1 or ends.size < 1 or not np.all(np.diff(ends) > 0):
+        raise ValueError(f"breakpoints = {ends} must be an increasing list of times")
     if times.ndim != 1 or times.size == 0 or not np.all(np.diff(times) >= 0):
         raise ValueError(f"times = {times} must be a non-empty list that does not decrease")
     if not times[0] >= breakpoints[0]:
@@ -317,7 +322,7 @@ class _DensityHistory:
         found = []
         for part in self._parts:
 
-            def above(t: float, part=part) -> float:
+            def above(t: float, part: Any = part) -> float:
                 return part.sol(t)[0] - level
 
             # The steps are short (1/16 of a smooth piece); a root is searched for in each.
@@ -342,8 +347,7 @@ class _DensityHistory:
         cuts = list(self._edges)
         for level in levels:
             cuts.extend(self.crossings(level))
-        cuts = np.unique(cuts)
-        return list(pairwise(cuts))
+        return list(pairwise(np.unique(cuts)))
 
 
 def _one_sided(gradient: VelocityGradient, a: float, b: float) -> Callable[[float], Array]:

@@ -26,9 +26,12 @@ _MOST_STRAIN = 1.0
 class ElasticMaterial(Protocol):
     """Attributes of a material that the closed forms need; rho_c [kg/m3] is the density at rest."""
 
-    K: float
-    G: float
-    rho_c: float
+    @property
+    def K(self) -> float: ...
+    @property
+    def G(self) -> float: ...
+    @property
+    def rho_c(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -120,9 +123,9 @@ def hencky_column(
     M = K + 4 * G / 3
     weight = positive("rho_c", material.rho_c) * positive("gravity", gravity)
     load = weight * (height0 - Y) / M
-    q, q0 = lambertw(load).real, float(lambertw(weight * height0 / M).real)
+    q, q0 = lambertw(load).real, lambertw(weight * height0 / M).real
 
-    def integral(q: ArrayLike) -> ArrayLike:
+    def integral(q: Array) -> Array:
         return q + np.square(q) / 2
 
     side = -(K - 2 * G / 3) * load

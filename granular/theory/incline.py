@@ -7,6 +7,7 @@ rough base, y = height at the free surface.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -37,10 +38,14 @@ _ERROR_WEIGHTS = (_STAGES[2][0] - (1 - _LOW_2), _STAGES[2][1] - _LOW_2, _DIAGONA
 class InertialMaterial(Protocol):
     """Attributes of a material with the mu(I) law that the incline needs."""
 
-    mu_s: float
-    mu_2: float
-    xi: float
-    rho_c: float
+    @property
+    def mu_s(self) -> float: ...
+    @property
+    def mu_2(self) -> float: ...
+    @property
+    def xi(self) -> float: ...
+    @property
+    def rho_c(self) -> float: ...
 
 
 def bagnold_profile(
@@ -278,7 +283,7 @@ class _Layer:
     ) -> None:
         self.cells, self.ramp = cells, ramp
         self.dy = height / cells
-        self.depth = height - self.dy * (np.arange(cells) + 0.5)
+        self.depth = height - self.dy * (np.arange(cells, dtype=float) + 0.5)
         self.weight = material.rho_c * gravity * math.cos(angle)  # dp/d(depth) [Pa/m]
         self.push = gravity * math.sin(angle)
         self.mu_s, self.span = material.mu_s, material.mu_2 - material.mu_s
@@ -342,7 +347,7 @@ class _Layer:
         return out
 
 
-def _march(layer: _Layer, times: Array, rtol: float):
+def _march(layer: _Layer, times: Array, rtol: float) -> Iterator[tuple[Array, Array]]:
     """Yield (shear rate, z) at each output time."""
     time, rate = 0.0, np.zeros(layer.cells)
     z = np.full(layer.cells, -1.0)
@@ -354,13 +359,12 @@ def _march(layer: _Layer, times: Array, rtol: float):
             stop = stops[np.searchsorted(stops, time, side="right")]
             step = min(proposal, stop - time)
             trial = _step(layer, time, step, rate, z)
-            if trial is None:
-                error = math.inf
-            else:
+            error = math.inf
+            if trial is not None:
                 fastest = max(np.max(layer.velocity(trial[0])), np.max(layer.velocity(rate)))
                 error = np.max(np.abs(layer.velocity(trial[2]))) / (rtol * fastest + floor)
             grow = 4.0 if error == 0 else min(4.0, max(0.2, 0.9 * error ** (-1 / 3)))
-            if error <= 1:
+            if trial is not None and error <= 1:
                 # A step cut short by an output time does not limit the next step.
                 proposal = max(proposal, step * grow) if step < proposal else step * grow
                 time = stop if step == stop - time else time + step
@@ -384,5 +388,7 @@ def _step(
             return None
         new, z = stage
         slopes.append((new - known) / (_DIAGONAL * step))
-    error = step * sum(w * s for w, s in zip(_ERROR_WEIGHTS, slopes, strict=True))
+    error = step * sum(
+        (w * s for w, s in zip(_ERROR_WEIGHTS, slopes, strict=True)), np.zeros_like(rate)
+    )
     return new, z, error

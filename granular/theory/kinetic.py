@@ -34,9 +34,12 @@ _DENSE = 0.49  # from this packing fraction on, the radial function is that of a
 class GrainMaterial(Protocol):
     """Attributes of a material that the estimates need."""
 
-    rho_s: float
-    rho_c: float
-    K: float
+    @property
+    def rho_s(self) -> float: ...
+    @property
+    def rho_c(self) -> float: ...
+    @property
+    def K(self) -> float: ...
 
 
 def radial_function(packing_fraction: ArrayLike) -> Array:
@@ -52,7 +55,7 @@ def radial_function(packing_fraction: ArrayLike) -> Array:
     """
     phi = np.asarray(packing_fraction, dtype=float)
     if not (np.all(phi >= 0) and np.all(phi < JAMMED)):
-        raise ValueError(f"packing_fraction = {packing_fraction} must lie in [0, {JAMMED})")
+        raise ValueError(f"packing_fraction = {packing_fraction!s} must lie in [0, {JAMMED})")
     return np.where(phi < _DENSE, _dilute(phi), 0.63 * phi / (JAMMED - phi))
 
 
@@ -101,7 +104,7 @@ def packing_fraction_of_inertial_number(inertial_number: ArrayLike, restitution:
     """
     number = np.asarray(inertial_number, dtype=float)
     if not (np.all(number >= 0) and np.all(np.isfinite(number))):
-        raise ValueError(f"inertial_number = {inertial_number} must be finite and >= 0")
+        raise ValueError(f"inertial_number = {inertial_number!s} must be finite and >= 0")
     lam = _lambda(restitution)
     half = (number / 9 + 1 / JAMMED) / 2
     phi = np.asarray(1 / (half + np.sqrt(half**2 + number / (9 * JAMMED) * (2.52 * lam - 1))))
@@ -245,7 +248,7 @@ def compression_temperature(
         raise ValueError("restitution = 1 must be below 1: nothing bounds the temperature")
     g = radial_function(packing_fraction)
     if not np.all(g > 0):
-        raise ValueError(f"packing_fraction = {packing_fraction} must be > 0")
+        raise ValueError(f"packing_fraction = {packing_fraction!s} must be > 0")
     rate = np.maximum(np.asarray(compression_rate, dtype=float), 0.0)
     speed = rate * positive("diameter", diameter) * (1 + 1 / (4 * lam * g))
     return math.pi / 144 * (speed / (1 - lam)) ** 2

@@ -31,7 +31,8 @@ _STEP = 1e-6
 class LayerMaterial(InertialElasticMaterial, InertialMaterial, Protocol):
     """Attributes of a material that waves in a layer need."""
 
-    wave_speed: float
+    @property
+    def wave_speed(self) -> float: ...
 
 
 @dataclass(frozen=True)

@@ -5,16 +5,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import measure, scenes
+from granular.materials import NGF
 from granular.simulation import Simulation
 from granular.state import State
 from granular.theory import chute_profile, stopping_height
 from granular.theory.chute import ChuteFlow
+from granular.typing import AnyScene
 from granular.verify.rows import Row, at_most, check, holds, within
 
 Array = NDArray[np.float64]
@@ -38,20 +40,20 @@ def column(ratio: float | None = None, **parameters: Any) -> Simulation:
     """
     scene = scenes.chute_ngf(**parameters)
     if ratio is not None:
-        d = scene.material.d * scene.parameters["height"] / (ratio * threshold(scene))
+        d = cast(NGF, scene.material).d * scene.parameters["height"] / (ratio * threshold(scene))
         scene = scenes.chute_ngf(**(parameters | {"material": scene.material.replace(d=d)}))
     return Simulation(scene, threads=1)
 
 
-def threshold(scene: Any) -> float:
+def threshold(scene: AnyScene) -> float:
     """Stopping height H_stop of a scene [m], eq. 3.1."""
-    m = scene.material
+    m = cast(NGF, scene.material)
     return float(stopping_height(scene.parameters["angle_deg"], m.A, m.d, m.mu_s, m.mu_2))
 
 
 def exact_flow(state: State) -> ChuteFlow:
     """Steady flow of the layer of a state, from the one-dimensional equation."""
-    asked, material = state.scene.parameters, state.scene.material
+    asked, material = state.scene.parameters, cast(NGF, state.scene.material)
     return chute_profile(asked["angle_deg"], asked["height"], material, asked["gravity"])
 
 
@@ -148,7 +150,7 @@ def chute() -> Iterator[Row]:
     """Figures 2(b) and 2(c): the profiles at 27 deg, the stopping height at three angles."""
     for height in PROFILES:
         speed, shape = _steady(height)
-        name = f"{height / scenes.chute_ngf().material.d:g} d"
+        name = f"{height / cast(NGF, scenes.chute_ngf().material).d:g} d"
         yield at_most(f"error of the speed, {name}", abs(speed), 5e-3)
         yield at_most(f"error of the profile, {name}", shape, 5e-3)
     for angle in ANGLES:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal, localcontext
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ def constitutive_path(
         Times [s] and stresses [Pa], the initial state first.
     """
     steps = round(duration / dt)
-    gradient = velocity_gradient((np.arange(steps) + at) * dt).reshape(steps, 4) * dt
+    gradient = velocity_gradient((np.arange(steps, dtype=float) + at) * dt).reshape(steps, 4) * dt
     start = p0 / material.K if log_density0 is None else log_density0
     log_density = start - np.cumsum(gradient[:, 0] + gradient[:, 3])
     stress = np.zeros((steps + 1, 4))
@@ -123,7 +124,7 @@ def constitutive_path(
             stress[k : k + 1],
             pressure_from_density=pressure_from_density,
         )[0]
-    return dt * np.arange(steps + 1), stress
+    return dt * np.arange(steps + 1, dtype=float), stress
 
 
 def path_errors(
@@ -138,7 +139,7 @@ def path_errors(
     """Largest error of a stress component at any step, divided by the largest stress, per dt."""
     finest = round(DURATION / min(steps))
     times = np.arange(finest + 1) * (DURATION / finest)
-    exact = reference(material, p0, times, log_density0).stress
+    exact = reference(cast(MuI, material), p0, times, log_density0).stress
     errors = []
     for dt in steps:
         path = constitutive_path(

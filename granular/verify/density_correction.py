@@ -11,11 +11,13 @@ one; `benchmarks/density_correction_table.py` runs the checks for other schemes.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 
 from granular import materials, measure, scenes
 from granular.geometry import Box, Fill, Grid
+from granular.materials import MuI
 from granular.measure.averaging_grid import cell_mass
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
@@ -188,7 +190,7 @@ def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
         state = sim.run(until=float(time)).state
         power = state.quadrature_volume * state.tau * state.shear_rate
         scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # stress-free: no power
-        bad = (scaled > 0) & (ill_posedness(scaled, state.scene.material) > 0)
+        bad = (scaled > 0) & (ill_posedness(scaled, cast(MuI, state.scene.material)) > 0)
         found.append((power.sum(), power[bad].sum()))
     total, ill_posed = np.sum(found, axis=0)
     return float(ill_posed / total)
@@ -312,5 +314,5 @@ def density_correction_thresholds(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     yield beside(f"|vbar| [m/s] at {sim.time:.2g} s, 20 deg, E = 1e6", speed, "reported")
     sim = layer(21.5, scheme=scheme).run(until=20.0)
     mean = mean_speed(sim.state)
-    exact = transient(21.5, layers.HEIGHT, sim.scene.material, [sim.time]).mean[0]
+    exact = transient(21.5, layers.HEIGHT, cast(MuI, sim.scene.material), [sim.time]).mean[0]
     yield within("vbar over that of the PDE, 21.5 deg, 20 s", mean / exact, 1.0, 0.1)

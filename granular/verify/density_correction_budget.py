@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -83,12 +84,13 @@ def given(sim: Simulation) -> Given:
     step without the density correction, in which the momentum correction of the particle shifting
     is taken back.
     """
-    scheme = sim.scene.scheme
-    interval = averaging_interval(sim.scene) if scheme.density.name == "smoothed" else 1
+    scene = cast(Scene, sim.scene)
+    scheme = scene.scheme
+    interval = averaging_interval(scene) if scheme.density.name == "smoothed" else 1
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
-    corrected = sim.scene.scheme.replace(dt=sim.dt)  # the same time step for all four steps
-    idle = corrected.replace(density=_switched_off(corrected.density))
+    corrected = scheme.replace(dt=sim.dt)  # the same time step for all four steps
+    idle = corrected.replace(**IDLE)
     a, b = _two_steps(sim, corrected, idle), _two_steps(sim, idle, idle)
     grid, m = a.scene.grid, a.mass
     length = np.array(grid.shape) * grid.cell

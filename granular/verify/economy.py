@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -32,7 +32,7 @@ STIFF = 1e8
 
 def published(name: str, scheme: Scheme, **parameters: Any) -> Scene:
     """A scene at E = 1 GPa; with the paper's scheme its time step is the paper's dt = 3e-6 s."""
-    return scenes.registry[name](scheme=scheme, **parameters)
+    return cast(Scene, scenes.registry[name](scheme=scheme, **parameters))
 
 
 def reference(scene: Scene, E: float) -> Outcome:
@@ -114,7 +114,7 @@ def economy_collapse() -> Iterator[Row]:
         cheaper.append(cheaper_run(scene, LOOSER))
         full.append(reference(scene, materials.glass_beads.E))
     means = [np.mean([run.numbers["run-out"] for run in runs]) for runs in (cheaper, full)]
-    moved = abs(means[0] / means[1] - 1)
+    moved = float(abs(means[0] / means[1] - 1))
     yield at_most("change of the run-out, mean of 3", moved, LOOSER + 0.02)
     spared = sum(run.seconds for run in full) / sum(run.seconds for run in cheaper)
     yield at_least("core-seconds spared, collapse", spared, SPARED)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
+from granular.materials import MuI
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
@@ -77,9 +79,9 @@ def states_as_figure_7(
     shares = []
     for dense in (lambda s: measure.phase(s, tolerance=LOOSE), lambda s: s.dense):
         pooled = [(dense(state), *bearing_and_falling(state)) for state in states]
-        bears = np.concatenate([phase[bears] for phase, bears, _ in pooled])
-        falls = np.concatenate([phase[falls] for phase, _, falls in pooled])
-        shares.append((float(bears.mean()), float(falls.mean())))
+        above = np.concatenate([phase[bears] for phase, bears, _ in pooled])
+        below = np.concatenate([phase[falls] for phase, _, falls in pooled])
+        shares.append((float(above.mean()), float(below.mean())))
     (bears, falls), (stressed, falling) = shares
     yield at_least(f"dense above the divider, nodal density, {name}", bears, 0.9)
     yield at_most(f"dense in the falling column, nodal density, {name}", falls, 0.5)
@@ -117,7 +119,7 @@ def creep_slope(state: State) -> tuple[float, float]:
     a least-squares fit over the points one to four cells deep; mu follows from their mean shear
     rate and pressure.
     """
-    cell, material = state.scene.grid.cell, state.scene.material
+    cell, material = state.scene.grid.cell, cast(MuI, state.scene.material)
     columns = measure.surface(state, below=0.9 * state.scene.parameters["drop"])
     reach = columns.x[np.argmin(columns.height > 0.5 * cell)]  # the first empty column
     flank = (columns.x > 0.2 * reach) & (columns.x < 0.8 * reach)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import cast
 
 import numpy as np
 
 from granular import materials, scenes
+from granular.materials import MuI
 from granular.mpm import schemes
 from granular.simulation import Simulation
 from granular.state import State
@@ -47,7 +49,7 @@ def mean_speed(state: State) -> float:
 def profile_error(state: State) -> float:
     """Relative L2 error of v(y) at the points against the steady profile (eq. 4.6)."""
     exact = bagnold_profile(
-        state.x[:, 1], state.scene.parameters["angle_deg"], HEIGHT, state.scene.material
+        state.x[:, 1], state.scene.parameters["angle_deg"], HEIGHT, cast(MuI, state.scene.material)
     )
     miss = state.v[:, 0] - exact
     return float(np.sqrt(np.sum(state.mass * miss**2) / np.sum(state.mass * exact**2)))

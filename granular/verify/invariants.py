@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,9 +70,9 @@ def threads_and_restart() -> Iterator[Row]:
             yield holds(f"same bits with {threads} threads, {name}", same_bits(sim.state, end))
         resumed = []
         for stop in stops:
-            sim = Simulation.from_checkpoint(scene, stop, threads=1)
-            sim.step(STEPS - sim.steps)
-            resumed.append(same_bits(sim.state, end))
+            again = Simulation.from_checkpoint(scene, stop, threads=1)
+            again.step(STEPS - again.steps)
+            resumed.append(same_bits(again.state, end))
         yield holds(f"same bits after 3 restarts, {name}", all(resumed))
         yield holds(f"points left meanwhile, {name}", end.n < Simulation(scene).n_points)
 
@@ -100,7 +101,7 @@ def momentum(state: State) -> NDArray[np.float64]:
 
     It excludes the momentum correction of the particle shifting, which the next step takes back.
     """
-    averaged = (state.step - 1) % averaging_interval(state.scene) == 0
+    averaged = (state.step - 1) % averaging_interval(cast(Scene, state.scene)) == 0
     shift_velocity = state.fields.get("shift_velocity", 0.0) if averaged else 0.0
     return state.mass @ (state.v - shift_velocity)
 
@@ -128,7 +129,7 @@ def energy() -> Iterator[Row]:
     """Energy of a small collapse, 300 steps: the balance of the grid, and each loss."""
     for name, scheme in SCHEMES.items():
         scene = scenes.column_collapse(aspect=1.0, cell=0.025, material=SOFT, scheme=scheme)
-        sim = Simulation(scene, threads=1)
+        sim = Simulation(cast(Scene, scene), threads=1)
         sim.run(until=0.2)
         steps = [measure.step_budget(sim) for _ in range(300)]
         off = max(abs(s.grid_residual) / s.grid_kinetic_before for s in steps)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
+from granular.materials import MuI
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
@@ -77,23 +78,24 @@ def _set_steady(sim: Simulation) -> None:
     scene, fields = sim.scene, sim.buffers
     angle, height = scene.parameters["angle_deg"], scene.parameters["height"]
     up = np.clip(fields["x"][-1], 0.0, height)
-    fields["v"][0] = bagnold_profile(up, angle, height, scene.material)
+    grains = cast(MuI, scene.material)
+    fields["v"][0] = bagnold_profile(up, angle, height, grains)
     g = scene.gravity.at(0.0)
-    depth = scene.material.rho_c * (height - up)
+    depth = grains.rho_c * (height - up)
     p, tau = -g[-1] * depth, g[0] * depth
     fields["stress"][:3] = -p
     fields["stress"][3 if len(g) == 2 else 5] = tau  # the shear of the slope and the height
-    fields["log_density"][:] = p / scene.material.K
+    fields["log_density"][:] = p / grains.K
 
 
 def reference(sim: Simulation, steady: bool, y: Array) -> Array:
     """Velocity [m/s] of the one-dimensional equation at the heights `y` and the present time."""
-    scene = sim.scene
+    scene, grains = sim.scene, cast(MuI, sim.scene.material)
     angle, height = scene.parameters["angle_deg"], scene.parameters["height"]
     y = np.clip(y, 0.0, height)
     if steady:
-        return bagnold_profile(y, angle, height, scene.material)
-    exact = transient(angle, height, scene.material, [sim.time])
+        return bagnold_profile(y, angle, height, grains)
+    exact = transient(angle, height, grains, [sim.time])
     return np.interp(y, exact.y, exact.v[0])
 
 

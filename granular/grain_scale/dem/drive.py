@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,13 @@ def shear(
     timeout: float = ...,
     command: Sequence[str] | None = ...,
 ) -> list[T]: ...
-def shear(settings, measure=None, *, timeout=3600.0, command=None):  # type: ignore[no-untyped-def]
+def shear(
+    settings: Shear,
+    measure: Callable[[Frame], Any] | None = None,
+    *,
+    timeout: float = 3600.0,
+    command: Sequence[str] | None = None,
+) -> list[Any]:
     """Shear grains with LAMMPS and return its frames, or a measurement of each.
 
     Parameters

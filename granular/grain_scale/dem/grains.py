@@ -135,7 +135,7 @@ def _rebound(damping: float) -> float:
     def parted(_: float, y: np.ndarray) -> float:
         return y[0]
 
-    parted.terminal, parted.direction = True, -1.0  # type: ignore[attr-defined]
+    parted.terminal, parted.direction = True, -1.0  # type: ignore[attr-defined]  # for SciPy
     end = 1e3 * (1.0 + damping)
     path = solve_ivp(rate, (0.0, end), (0.0, 1.0), "LSODA", events=parted, rtol=1e-10, atol=1e-13)
     return -float(path.y_events[0][0][1]) if len(path.y_events[0]) else 0.0

@@ -58,7 +58,7 @@ def start(settings: Shear | Packing) -> str:
     kinds = 1 + np.arange(settings.count) % 2
     parts = [(kinds, np.where(kinds == 1, *settings.grains.diameters) / unit, x)]
     height, margin = layers * spacing, 2.0 if walls else 0.0
-    if walls:
+    if isinstance(settings, Shear) and walls:
         parts += [_wall(settings, 3, 0.0, rng), _wall(settings, 4, height, rng)]
     kinds, diameters, x = (np.concatenate(column) for column in zip(*parts, strict=True))
     lines = [

@@ -89,9 +89,9 @@ def momentum_vector(packing: Packing) -> Array:
     d, n = packing.dim, packing.n
     found = np.zeros((n, rows_of(d)))
     for given, sign in ((packing.accelerations, 1.0), (packing.gravity, -1.0)):
-        if given is not None:
+        if given is not None and packing.masses is not None:
             found[:, :d] += sign * packing.masses[:, None] * given
-    if packing.inertias is not None:
+    if packing.inertias is not None and packing.angular_accelerations is not None:
         alpha = packing.angular_accelerations.reshape(n, -1)
         if packing.inertias.ndim == 1:
             found[:, d:] = packing.inertias[:, None] * alpha

@@ -84,22 +84,22 @@ class Packing:
         The message names the first such contact or grain.
     """
 
-    bodies: ArrayLike
-    positions: ArrayLike
-    normals: ArrayLike
-    centroids: ArrayLike
-    volumes: ArrayLike
-    stresses: ArrayLike | None = None
-    strains: ArrayLike | None = None
-    stiffness: ArrayLike | None = None
-    masses: ArrayLike | None = None
-    accelerations: ArrayLike | None = None
-    gravity: ArrayLike | None = None
-    inertias: ArrayLike | None = None
-    angular_accelerations: ArrayLike | None = None
-    stress_errors: ArrayLike | None = None
-    acceleration_errors: ArrayLike | None = None
-    shifts: ArrayLike | None = None
+    bodies: Index
+    positions: Array
+    normals: Array
+    centroids: Array
+    volumes: Array
+    stresses: Array = None  # type: ignore[assignment]  # an array once made
+    strains: Array | None = None
+    stiffness: Array | None = None
+    masses: Array | None = None
+    accelerations: Array | None = None
+    gravity: Array | None = None
+    inertias: Array | None = None
+    angular_accelerations: Array | None = None
+    stress_errors: Array | None = None
+    acceleration_errors: Array | None = None
+    shifts: Array | None = None
 
     def __post_init__(self) -> None:
         self._check_grains()
@@ -250,8 +250,8 @@ class Packing:
 
     def seen_from(self, side: int) -> Array:
         """Positions of the contacts at the first (0) or second (1) bodies [m], shape (c, d)."""
-        shifted = side == 1 and self.shifts is not None
-        return self.positions + self.shifts if shifted else self.positions
+        shifts = self.shifts if side == 1 else None
+        return self.positions if shifts is None else self.positions + shifts
 
     def clusters(self) -> Index:
         """Number of the connected cluster of each grain, shape (n,). Walls connect nothing."""
@@ -373,7 +373,7 @@ def _written(shape: tuple[int | None, ...]) -> str:
     return str(tuple("any" if s is None else s for s in shape)).replace("'", "")
 
 
-def _all_positive(name: str, values: Array) -> None:
+def _all_positive(name: str, values: NDArray[np.floating]) -> None:
     if (values <= 0).any():
         k = int(np.argmax(values <= 0))
         raise ValueError(f"{name}[{k}] = {values[k]} must be > 0")

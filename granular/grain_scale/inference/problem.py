@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,7 +135,7 @@ class Problem:
         found[inner] = np.maximum(found[inner], slip[finite] - self.mu[inner] * push[inner])
         return found
 
-    def replace(self, **changes: float) -> Problem:
+    def replace(self, **changes: Any) -> Problem:
         """Copy with another weight or regularisation."""
         return replace(self, **changes)
 
@@ -204,7 +205,7 @@ def _errors(packing: Packing) -> tuple[Array, Array]:
     if packing.stress_errors is not None:
         stress *= (packing.volumes * packing.stress_errors / R)[:, None]
         stress[:, d:] *= 2.0
-    if packing.acceleration_errors is not None:
+    if packing.acceleration_errors is not None and packing.masses is not None:
         balance *= (packing.masses * packing.acceleration_errors)[:, None]
         if packing.inertias is not None:
             inertias = packing.inertias

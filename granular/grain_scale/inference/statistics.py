@@ -97,7 +97,7 @@ def macroscopic_stress(
     positive("volume", volume)
     # The arms of both sides add up to the branch between two centroids.
     total = np.zeros((packing.dim, packing.dim))
-    inner = (packing.bodies >= 0).all(axis=1)
+    inner = np.all(packing.bodies >= 0, axis=1)
     for contacts, _, sign, arms in packing.sides():
         kept = np.ones(len(contacts), bool) if walls else inner[contacts]
         total += sign * np.einsum("ka,kb->ab", forces[contacts[kept]], arms[kept])

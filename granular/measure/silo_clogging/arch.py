@@ -1,13 +1,14 @@
 """The arch over the opening of a jammed silo."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
 from granular.measure.averaging_grid import Array, require_points
 from granular.measure.opening import Opening, each_state, opening_of
+from granular.state import State
+from granular.typing import States
 
 _LEVEL = 0.25
 """Difference of height, in point spacings, within which points count as equally low."""
@@ -41,7 +42,7 @@ class Arch:
     frames: int
 
 
-def arch_outline(states: Any, *, opening: Opening | None = None) -> Arch:
+def arch_outline(states: States, *, opening: Opening | None = None) -> Arch:
     """The outline of the arch over the opening of a jammed silo.
 
     The plane is divided into squares two point spacings wide; the spacing is the median of
@@ -84,7 +85,7 @@ def arch_outline(states: Any, *, opening: Opening | None = None) -> Arch:
     return Arch(x.mean(axis=0), mean, y.std(axis=0), crown, crown / width, len(rows))
 
 
-def _outline(state: Any, where: Opening) -> Array:
+def _outline(state: State, where: Opening) -> Array:
     """The outline of one state, one row (x, y) for each column of squares."""
     mass = np.asarray(state.mass, dtype=float)
     spacing = np.sqrt(mass / state.scene.material.rho_c)
@@ -112,7 +113,7 @@ def _outline(state: Any, where: Opening) -> Array:
     return np.array(rows)
 
 
-def _modelled(state: Any, where: Opening, side: float, reach: int) -> range:
+def _modelled(state: State, where: Opening, side: float, reach: int) -> range:
     """Columns of squares whose middles are over the opening and within the grid."""
     grid = state.scene.grid
     left = (grid.lower[0] - where.axis) / side

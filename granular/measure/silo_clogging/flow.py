@@ -1,8 +1,8 @@
 """Flow or clogging of a silo: outflow and dense velocity over time, and two verdicts."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from granular.checks import in_range, positive
 from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
+from granular.state import State
 
 VERDICTS = ("static", "flowing", "unsure")
 
@@ -120,7 +121,7 @@ class FlowVerdict:
     points_per_frame: float
 
 
-def silo_history(trajectory: Any, *, opening: Opening | None = None) -> SiloHistory:
+def silo_history(trajectory: Iterable[State], *, opening: Opening | None = None) -> SiloHistory:
     """Mass, dense velocity and fill above the opening of a plane silo, frame by frame.
 
     Parameters
@@ -152,11 +153,12 @@ def silo_history(trajectory: Any, *, opening: Opening | None = None) -> SiloHist
         head = above / (material.rho_c * where.share * where.width)
         rows.append((state.time, mass.sum() / where.share, len(mass) / where.share, v, head))
     gravity = float(np.linalg.norm(scene.gravity.at(scene.duration)))
-    return SiloHistory(*np.array(rows, dtype=float).T, where.width, material.rho_c, gravity)
+    times, mass, points, velocity, fill = np.array(rows, dtype=float).T
+    return SiloHistory(times, mass, points, velocity, fill, where.width, material.rho_c, gravity)
 
 
 def flow_verdict(
-    trajectory: Any,
+    trajectory: Iterable[State] | SiloHistory,
     *,
     opening: Opening | None = None,
     quiet: float = 0.01,
@@ -219,8 +221,10 @@ def flow_verdict(
     in_range("quiet", quiet, 0.0, steady)
     in_range("persistence", persistence, 0.0, 1.0)
     positive("frame", frame)
-    is_history = isinstance(trajectory, SiloHistory)
-    history = trajectory if is_history else silo_history(trajectory, opening=opening)
+    if isinstance(trajectory, SiloHistory):
+        history = trajectory
+    else:
+        history = silo_history(trajectory, opening=opening)
     floor = 1e-3 * math.sqrt(history.gravity * history.width)
     floor = floor if speed_floor is None else positive("speed_floor", speed_floor)
     end = _drained(history)

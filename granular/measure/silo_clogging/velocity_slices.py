@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +11,7 @@ from granular.checks import positive
 from granular.measure.averages import frame_average
 from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
+from granular.typing import States
 
 HEIGHTS = (1.5, 2.0, 2.5)
 """Heights of the slices in the paper, in widths of the opening."""
@@ -82,7 +82,7 @@ class GaussianFit:
 
 
 def velocity_slices(
-    states: Any, heights: ArrayLike = HEIGHTS, *, opening: Opening | None = None
+    states: States, heights: ArrayLike = HEIGHTS, *, opening: Opening | None = None
 ) -> VelocitySlices:
     """Vertical velocity across a silo at some heights, averaged over frames.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self, cast
 
 import matplotlib
 import numpy as np
@@ -17,8 +17,10 @@ from matplotlib.ticker import LogFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from granular import measure, theory
+from granular.materials import MuI
 from granular.measure.stress import friction_of
 from granular.plot.canvas import Picture
+from granular.state import State
 
 __all__ = [
     "ConstitutivePath",
@@ -160,7 +162,7 @@ class InclineFlow:
     speed: Array
 
     @classmethod
-    def measured(cls, states: Iterable[Any]) -> Self:
+    def measured(cls, states: Iterable[State]) -> Self:
         """Measure the flow from states of the scene `incline`, in the order of time.
 
         Raises
@@ -224,7 +226,7 @@ def figure_9(
 
 
 def figure_10(
-    flows: Sequence[InclineFlow], state: Any, *, at_time: bool = True, gravity: float = 9.8
+    flows: Sequence[InclineFlow], state: State, *, at_time: bool = True, gravity: float = 9.8
 ) -> Picture:
     """Inclines: mean speed against the angle, and the velocity profile of one of them.
 
@@ -242,7 +244,7 @@ def figure_10(
         Magnitude of gravity [m/s2].
     """
     scene = state.scene
-    height, material = float(scene.parameters["height"]), scene.material
+    height, material = float(scene.parameters["height"]), cast(MuI, scene.material)
     fig, ((left, right),) = _axes(2)
     _speeds(left, flows, height, material, at_time, gravity)
     _profile(right, state, height, material, at_time, gravity)
@@ -253,7 +255,7 @@ def _speeds(
     ax: Axes,
     flows: Sequence[InclineFlow],
     height: float,
-    material: Any,
+    material: MuI,
     at_time: bool,
     gravity: float,
 ) -> None:
@@ -277,7 +279,7 @@ def _speeds(
 
 
 def _profile(
-    ax: Axes, state: Any, height: float, material: Any, at_time: bool, gravity: float
+    ax: Axes, state: State, height: float, material: MuI, at_time: bool, gravity: float
 ) -> None:
     angle = float(state.scene.parameters["angle_deg"])
     unit = math.sqrt(gravity * height)

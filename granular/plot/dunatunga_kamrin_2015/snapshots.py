@@ -7,21 +7,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from granular import measure
 from granular.checks import one_of
+from granular.materials import MuI
 from granular.plot.canvas import Extent, Picture, View, color_bar
 from granular.plot.fields import Brush
 from granular.plot.frame import draw
 from granular.plot.mosaic import Panel, mosaic
+from granular.state import State
 
 __all__ = ["figure_2", "figure_4", "figure_6", "figure_7", "figure_11"]
 
-States = Sequence[Any]
+States = Sequence[State]
 
 TOLERANCE = 0.02
 """Relative shortfall of the nodal density that is still shown as dense.
@@ -41,7 +43,7 @@ def _rectangular(name: str, columns: Sequence[States]) -> int:
     return counts.pop()
 
 
-def _panel(ax: Axes, state: Any, brush: Brush, extent: Extent, title: str) -> Any:
+def _panel(ax: Axes, state: State, brush: Brush, extent: Extent, title: str) -> Any:
     points = draw(ax, state, brush, View(state.dim), extent)
     _dress(ax, title)
     return points.artist
@@ -61,7 +63,7 @@ def _label(axes: Sequence[Sequence[Axes]]) -> None:
         ax.set_xlabel("x [m]", fontsize="small")
 
 
-def _time(state: Any) -> str:
+def _time(state: State) -> str:
     return f"t = {state.time:.2f} s"
 
 
@@ -110,10 +112,10 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
     return fig
 
 
-def _steepest(ax: Axes, state: Any) -> None:
+def _steepest(ax: Axes, state: State) -> None:
     """Draw a line at the static angle from the 99.9 % quantile of mass; heaps should be below."""
     toe = 1.0 + measure.runout(state, half_width=1.0).quantile  # m: over a half-width of 1 m
-    mu_s = state.scene.material.mu_s
+    mu_s = cast(MuI, state.scene.material).mu_s
     top = ax.get_ylim()[1]
     ax.plot([toe, toe - top / mu_s], [0.0, top], color="0.4", linewidth=0.9, linestyle=":")
     degrees = math.degrees(math.atan(mu_s))
@@ -229,7 +231,7 @@ def _hourglasses(
     return fig
 
 
-def figure_11(flight: States, impact: States, heap: Any) -> Picture:
+def figure_11(flight: States, impact: States, heap: State) -> Picture:
     """A slug of initially stress-free material: its flight, its impact on the wall, its heap.
 
     Parameters
@@ -283,7 +285,7 @@ def _tall(extent: Extent) -> float:
     return extent[1][1] - extent[1][0]
 
 
-def _parabola(ax: Axes, start: Any, until: float) -> None:
+def _parabola(ax: Axes, start: State, until: float) -> None:
     """Draw the path of a point mass under the gravity at the start."""
     mass = start.mass / start.mass.sum()
     x, v = mass @ start.x, mass @ start.v
