@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.measure import LatticeField
+from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
 
 OUT = Path("benchmarks/results/clogging.json")
@@ -226,7 +226,7 @@ def window(record: gr.Trajectory, at: float, half: float) -> list[gr.State]:
     return [record[int(i)] for i in near]
 
 
-def coarsened(field: LatticeField) -> LatticeField:
+def coarsened(field: GridField) -> GridField:
     """Means of two by two cells."""
     nx, ny = (n // 2 for n in field.value.shape)
 
@@ -239,14 +239,14 @@ def coarsened(field: LatticeField) -> LatticeField:
     axes = tuple(
         a[: 2 * n].reshape(n, 2).mean(axis=1) for a, n in zip(field.axes, (nx, ny), strict=True)
     )
-    return LatticeField(axes, mean, w, field.frames)
+    return GridField(axes, mean, w, field.frames)
 
 
-def mean_field(fields: Sequence[LatticeField]) -> LatticeField:
+def mean_field(fields: Sequence[GridField]) -> GridField:
     """Mean of fields of equal size; nan where one of them is nan."""
     weight = np.min([f.weight for f in fields], axis=0)
     value = np.mean([f.value for f in fields], axis=0)
-    return LatticeField(fields[0].axes, value, weight, fields[0].frames)
+    return GridField(fields[0].axes, value, weight, fields[0].frames)
 
 
 def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) -> dict[str, Any]:
@@ -278,7 +278,7 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
     return found
 
 
-def pressure_difference(coarse: LatticeField, fine: LatticeField, W: float) -> dict[str, Any]:
+def pressure_difference(coarse: GridField, fine: GridField, W: float) -> dict[str, Any]:
     rows = min(coarse.value.shape[1], fine.value.shape[1])
     pc, pf = coarse.value[:, :rows], fine.value[:, :rows]
     full = (coarse.weight[:, :rows] > 0) & (fine.weight[:, :rows] > 0)

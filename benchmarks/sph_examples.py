@@ -312,7 +312,7 @@ def kind_of_column(row: dict[str, Any]) -> str:
     """Name of the set of columns to which a row belongs in the fits."""
     name = f"{row['material']} beta {row['dilation']:g}"
     creeping = " creeping" if row.get("creeping") else ""
-    return name + creeping + (" in space" if row.get("width") else "")
+    return name + creeping + (" 3D" if row.get("width") else "")
 
 
 def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:

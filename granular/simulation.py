@@ -130,30 +130,35 @@ class Simulation:
 
     def _make_steps(self, max_steps: int, until: float) -> None:
         """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
+        raise NotImplementedError
 
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
+        raise NotImplementedError
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         """Return the numbers and arrays of a checkpoint."""
+        raise NotImplementedError
 
     @classmethod
     def _restored(
         cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
         """Return a simulation in the state of a checkpoint."""
+        raise NotImplementedError
 
     @property
     def buffers(self) -> dict[str, NDArray]:
         """Arrays of the core, not copied: {field: (component, capacity)} and "id"."""
+        raise NotImplementedError
 
     def _body_rows(self) -> NDArray | None:
         """Return the states of the rigid bodies for a frame; None for a method without any."""
         return None
 
-    def _gas(self) -> GasState | None:
-        """Return the particles of the gas; None for a scene without any."""
-        return None
+    def _extra_state(self) -> dict[str, GasState]:
+        """Return what a state of the method has besides the fields of its points."""
+        return {}
 
     def _indicators(self, state: State) -> dict[str, float]:
         """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
@@ -209,7 +214,7 @@ class Simulation:
             step=int(scalars["step"]),
             dt=scalars["dt"],
             fields=fields,
-            gas=self._gas(),
+            **self._extra_state(),
         )
 
     # ---- stepping ----

@@ -74,7 +74,7 @@ def options(
     chosen.material = grains.replace(E=chosen.E)
     chosen.note = f"E = {chosen.E:g} Pa"
     if tolerance is not None:
-        chosen.note = f"as advised at {tolerance:g} for {chosen.note}"
+        chosen.note = f"as suggested at {tolerance:g} for {chosen.note}"
     if "scheme" not in without:
         chosen.note = f"{chosen.scheme} scheme, {chosen.note}"
         chosen.scheme = schemes[chosen.scheme]

@@ -16,7 +16,7 @@ from matplotlib.colors import LogNorm
 
 import granular as gr
 from granular import plot
-from granular.measure import LatticeField
+from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
 from granular.scenes.clogging_silo import linear_flip
 
@@ -88,7 +88,7 @@ def some(found: dict[int, gr.State], wanted: Iterable[int]) -> list[gr.State]:
 # ---- parts of pictures ----
 
 
-def shown(ax: Axes, field: LatticeField, **style) -> object:
+def shown(ax: Axes, field: GridField, **style) -> object:
     """Draw a field of half a silo with its mirror image; empty cells are white."""
     cell = field.axes[1][1] - field.axes[1][0]
     x = np.concatenate([-field.axes[0][::-1], field.axes[0]])
@@ -118,7 +118,7 @@ def speed(state: gr.State) -> np.ndarray:
     return np.linalg.norm(state.v, axis=1)
 
 
-def pressure(states: list[gr.State]) -> LatticeField:
+def pressure(states: list[gr.State]) -> GridField:
     return gr.measure.frame_average(states, "p", weight="volume")
 
 

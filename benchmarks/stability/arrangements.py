@@ -32,7 +32,7 @@ def spline(s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return weight, np.where(near, -2 * s, np.where(far, -np.sign(s) * (1.5 - a), 0.0))
 
 
-def averaged_hat(half: float) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+def averaged_linear(half: float) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """Linear shape function averaged over a point of half-width `half` [cells] (uGIMP)."""
 
     def integral(s: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ def smallest_step(
 
     The quadrature weights of the points are 1 + limit or 1 - limit at random.
     """
-    shape = {"linear": linear, "quadratic": spline, "ugimp": averaged_hat(0.5 / per_axis)}[basis]
+    shape = {"linear": linear, "quadratic": spline, "ugimp": averaged_linear(0.5 / per_axis)}[basis]
     rng = np.random.default_rng(3)
     cells = 4 if dim == 1 else 2
     steps = []

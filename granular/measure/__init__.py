@@ -7,7 +7,7 @@ small frozen dataclass. No function changes its arguments.
 from granular.measure import silo_clogging, soil_tools
 from granular.measure.averages import (
     Contour,
-    LatticeField,
+    GridField,
     centre_line_pressure,
     contours,
     frame_average,
@@ -76,7 +76,7 @@ __all__ = [
     "Discharge",
     "Energy",
     "EnergyBudget",
-    "LatticeField",
+    "GridField",
     "MassBalance",
     "MassHistory",
     "Opening",

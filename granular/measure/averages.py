@@ -28,7 +28,7 @@ Field = str | Callable[[State], ArrayLike]
 
 
 @dataclass(frozen=True)
-class LatticeField:
+class GridField:
     """A field on all cells or nodes of the grid, averaged over frames.
 
     Attributes
@@ -67,7 +67,7 @@ class Contour:
 
 def frame_average(
     states: States, field: Field, *, weight: str = "mass", points: str = "all", at: str = "cells"
-) -> LatticeField:
+) -> GridField:
     """A point field averaged over frames and over cells, or about nodes.
 
     A cell holds ``sum w_p f_p / sum w_p`` over all points inside it in any of the frames; a node
@@ -91,7 +91,7 @@ def frame_average(
 
     Returns
     -------
-    LatticeField
+    GridField
 
     Raises
     ------
@@ -111,7 +111,7 @@ def frame_average(
             # A point that is not dense may hold nan, and nan times a weight of 0 would stay nan.
             dense = np.asarray(state.dense, dtype=bool)
             w, f = np.where(dense, w, 0.0), np.where(dense if f.ndim == 1 else dense[:, None], f, 0)
-        spread = _cell_sums(state) if at == "cells" else stencil(state).scatter
+        spread = _cell_sums(state) if at == "cells" else stencil(state).to_nodes
         total = total + spread(w)
         moment = moment + spread((f.T * w).T)
     if not np.any(total > 0):
@@ -125,7 +125,7 @@ def frame_average(
         for low, count in zip(grid.lower, shape, strict=True)
     )
     weights = total.reshape(shape) / frames
-    return LatticeField(axes, mean.reshape(shape + mean.shape[1:]), weights, frames)
+    return GridField(axes, mean.reshape(shape + mean.shape[1:]), weights, frames)
 
 
 def _cell_sums(state: State) -> Callable[[Array], Array]:
@@ -191,12 +191,12 @@ def centre_line_pressure(
     return Profile(y[above], mean[:, 0], mean[:, 1], total)
 
 
-def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
+def contours(field: GridField, levels: ArrayLike) -> tuple[Contour, ...]:
     """Lines of equal value of a 2D field, interpolated linearly between its cells or nodes.
 
     Parameters
     ----------
-    field : LatticeField
+    field : GridField
         In 2D, with one value per cell or node.
     levels : array_like, shape (k,)
         Values of the field, ascending.
@@ -214,7 +214,7 @@ def contours(field: LatticeField, levels: ArrayLike) -> tuple[Contour, ...]:
     """
     if field.value.ndim != 2 or len(field.axes) != 2:
         raise ValueError(
-            f"field has values of shape {field.value.shape}, must have one a place in the plane"
+            f"field has values of shape {field.value.shape}, must be 2D, with one value a place"
         )
     at = np.atleast_1d(np.asarray(levels, dtype=float))
     if at.ndim != 1 or not len(at) or not np.all(np.isfinite(at)) or not np.all(np.diff(at) > 0):
@@ -249,4 +249,4 @@ def speed_contours(states: States, levels: ArrayLike) -> tuple[Contour, ...]:
     """
     v = frame_average(states, "v", at="nodes")
     speed = np.linalg.norm(v.value, axis=-1)
-    return contours(LatticeField(v.axes, speed, v.weight, v.frames), levels)
+    return contours(GridField(v.axes, speed, v.weight, v.frames), levels)

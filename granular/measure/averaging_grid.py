@@ -144,17 +144,17 @@ class Stencil:
     weights: Array
     shape: tuple[int, ...]
 
-    def scatter(self, field: Array) -> Array:
+    def to_nodes(self, field: Array) -> Array:
         """``sum_p S_ip f_p`` at all nodes in a flat array, shape (nodes,) or (nodes, k)."""
         size = int(np.prod(self.shape))
         if field.ndim == 2:
-            return np.stack([self.scatter(column) for column in field.T], axis=1)
+            return np.stack([self.to_nodes(column) for column in field.T], axis=1)
         total = np.zeros(size)
         for nodes, weights in zip(self.nodes, self.weights, strict=True):
             total += sums_of(nodes, weights * field, size)
         return total
 
-    def gather(self, nodal: Array) -> Array:
+    def to_points(self, nodal: Array) -> Array:
         """``sum_i S_ip f_i`` at all points, from flat nodal values."""
         weights = self.weights[..., None] if nodal.ndim == 2 else self.weights
         return (weights * nodal[self.nodes]).sum(axis=0)

@@ -45,7 +45,7 @@ def smooth(state: State, field: str | ArrayLike) -> Array:
         point.
     """
     field = values(state, field)
-    return stencil(state).gather(nodal(state, field))
+    return stencil(state).to_points(nodal(state, field))
 
 
 def nodal(state: State, field: str | ArrayLike) -> Array:
@@ -69,8 +69,8 @@ def nodal(state: State, field: str | ArrayLike) -> Array:
     """
     field = values(state, field)
     shapes = stencil(state)
-    mass = shapes.scatter(np.asarray(state.mass, dtype=float))
-    weighted = shapes.scatter((field.T * state.mass).T)
+    mass = shapes.to_nodes(np.asarray(state.mass, dtype=float))
+    weighted = shapes.to_nodes((field.T * state.mass).T)
     mass = mass[:, None] if field.ndim == 2 else mass
     return np.divide(weighted, mass, out=np.zeros_like(weighted), where=mass > 0)
 
@@ -103,11 +103,11 @@ def nodal_density(state: State, *, at: str = "points") -> Array:
     grid = state.scene.grid
     dim = len(grid.shape)
     shapes = stencil(state)
-    mass = shapes.scatter(np.asarray(state.mass, dtype=float))
+    mass = shapes.to_nodes(np.asarray(state.mass, dtype=float))
     filled = filled_neighbours(cell_mass(state) > 0, grid).ravel()
     volume = filled * (grid.cell / 2) ** dim
     density = np.divide(mass, volume, out=np.zeros_like(mass), where=filled > 0)
-    return shapes.gather(density) if at == "points" else density
+    return shapes.to_points(density) if at == "points" else density
 
 
 def phase(state: State, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:

@@ -319,7 +319,7 @@ def strain_history(states: States) -> StrainHistory:
 
 def _require_3d(record: Trajectory) -> None:
     if record.scene.dim != 3:
-        raise ValueError(f"record = {record!r} must be one in space")
+        raise ValueError(f"record = {record!r} must be a record of a 3D scene")
 
 
 def _at(times: Array, motion: BodyMotion) -> Array:

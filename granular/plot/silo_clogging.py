@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from granular.measure.flow_threshold import FlowThreshold, phase_points
+from granular.measure.silo_clogging.threshold import FlowThreshold, phase_points
 from granular.plot.canvas import Picture, figure_of
 
 __all__ = ["phase_diagram"]

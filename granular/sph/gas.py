@@ -19,7 +19,7 @@ MAX_JETS = 16
 """Largest number of jets of a gas, by the capacity of the core."""
 ERGUN = 150.0
 """Factor of the viscous part of Ergun's equation, k = e^3 d^2/(150 (1 - e)^2) (Ergun 1952)."""
-WIDEST_LATTICE = 1.0
+WIDEST_SPACING = 1.0
 """Largest spacing of gas particles, in smoothing lengths of the kernel."""
 
 
@@ -174,7 +174,7 @@ class Gas:
             spacing = grid.cell / fill.points_per_axis
             if fill.lithostatic:
                 raise ValueError(f"gas.fills[{i}] must have no weight on it")
-            if h < spacing * WIDEST_LATTICE or h > 2.0 * spacing * (1.0 + 1e-9):
+            if h < spacing * WIDEST_SPACING or h > 2.0 * spacing * (1.0 + 1e-9):
                 raise ValueError(
                     f"gas.fills[{i}]: the smoothing length {h:.4g} must be 1 to 2 spacings"
                     f" {spacing:.4g} of its points"

@@ -173,20 +173,20 @@ class Simulation(simulation.Simulation, scenes=Scene):
         AttributeError
             If the scene has no gas.
         """
-        gas = self._gas()
-        if gas is None:
+        found = self._extra_state()
+        if "gas" not in found:
             raise AttributeError(f"the scene {self.scene.name} has no gas")
-        return gas
+        return found["gas"]
 
-    def _gas(self) -> GasState | None:
+    def _extra_state(self) -> dict[str, GasState]:
         if self.scene.gas is None:
-            return None
+            return {}
         self._evaluate()
         first = self._rows.gas_first
         rows = slice(first, first + int(self._engine.scalars()["n_gas"]))
         fields = self._ordered(rows, ("x", "v", "a", "mass", "rho", "stress", "porosity"))
         p = np.ascontiguousarray(-fields.pop("stress")[:, 0])
-        return GasState(time=self.time, p=p, **fields)
+        return {"gas": GasState(time=self.time, p=p, **fields)}
 
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         self._evaluate()

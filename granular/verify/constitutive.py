@@ -22,9 +22,8 @@ STEPS = (1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
 DURATION = 1.25
 """Duration of appendix B [s]."""
 
-LOOSE = 500.0
-"""The disconnected start begins below rho_c, stress-free: rho = rho_c exp(-LOOSE/K), LOOSE in
-Pa."""
+SEPARATION = 500.0
+"""Start of a disconnected point [Pa]: below rho_c and stress-free, rho = rho_c exp(-SEPARATION/K)."""
 
 
 def law_parameters(material: Material) -> dict[str, float]:
@@ -254,7 +253,7 @@ def appendix_b() -> Iterator[Row]:
         yield within(f"order, the worst of 4 halvings, p0 = {p0:g}", worst, 1.0, 0.03)
         gain = float((end / middle).min())
         yield at_least(f"gain of L at mid-step, least of 5 dt, p0 = {p0:g}", gain, 10.0)
-    errors = path_errors(soft, 0.0, log_density0=-LOOSE / soft.K, pressure_from_density=True)
+    errors = path_errors(soft, 0.0, log_density0=-SEPARATION / soft.K, pressure_from_density=True)
     fit = -np.polyfit(np.arange(len(STEPS)), np.log2(errors), 1)[0]
     yield at_least("order, disconnected start, equation of state", fit, 0.9)
     yield at_least("the least of its 4 halvings", orders(errors).min(), 0.9)

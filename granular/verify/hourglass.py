@@ -27,7 +27,7 @@ up to tan(theta) = mu_s (20.9 deg) if it is not compressed along the slope, and 
 sin(theta) = mu_s at the largest compression. The checks use the stricter bound of the validation
 plan, one degree above 20.9 deg."""
 
-LOOSE = 0.05
+PHASE_TOLERANCE = 0.05
 """Relative deficit of the nodal density below rho_c that still counts as dense. The threshold of
 the paper is rho_c itself, but the nodal densities of regularly seeded points lie on both sides of
 it, due to quadrature errors alone."""
@@ -77,7 +77,7 @@ def states_as_figure_7(
     that lie in a dense heap.
     """
     shares = []
-    for dense in (lambda s: measure.phase(s, tolerance=LOOSE), lambda s: s.dense):
+    for dense in (lambda s: measure.phase(s, tolerance=PHASE_TOLERANCE), lambda s: s.dense):
         pooled = [(dense(state), *bearing_and_falling(state)) for state in states]
         above = np.concatenate([phase[bears] for phase, bears, _ in pooled])
         below = np.concatenate([phase[falls] for phase, _, falls in pooled])

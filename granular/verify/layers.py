@@ -110,7 +110,7 @@ class Flow:
         equation.
     height : float
         Height divided by that at the start; it includes the elastic settling.
-    loose : float
+    disconnected : float
         Stress-free share of the bulk.
     pressure : float
         Relative rms error of the cell-averaged pressure against the weight above, over the cells
@@ -119,7 +119,7 @@ class Flow:
 
     error: float
     height: float
-    loose: float
+    disconnected: float
     pressure: float
 
 
@@ -135,7 +135,7 @@ def measured(sim: Simulation, start: State, steady: bool = False, readings: int 
     return Flow(
         error=float(np.sqrt(miss / np.sum(state.mass * v**2))),
         height=measure.layer_height(state) / measure.layer_height(start),
-        loose=measure.disconnected_fraction(state),
+        disconnected=measure.disconnected_fraction(state),
         pressure=float(np.sqrt(np.mean(np.square(_pressures(sim, readings))))),
     )
 
@@ -175,7 +175,7 @@ def rows(name: str, flows: list[Flow], bound: float, pressure: float = math.inf)
     yield at_most(f"L2 error of v, {name}", max(f.error for f in flows), bound)
     height = max((f.height for f in flows), key=lambda h: abs(h - 1))
     yield within(f"height over that at the start, {name}", height, 1.0, 0.015)
-    yield at_most(f"stress-free in the bulk, {name}", max(f.loose for f in flows), 0.005)
+    yield at_most(f"stress-free in the bulk, {name}", max(f.disconnected for f in flows), 0.005)
     worst, noise = max(f.pressure for f in flows), f"rms error of p by cell, {name}"
     bounded = math.isfinite(pressure)
     yield at_most(noise, worst, pressure) if bounded else beside(noise, f"{worst:.4g}", "reported")

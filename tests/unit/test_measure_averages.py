@@ -5,7 +5,7 @@ import pytest
 from synthetic import RHO_C, isotropic, regular_points, scene, silo, state
 
 from granular.measure import (
-    LatticeField,
+    GridField,
     Opening,
     cell_average,
     centre_line_pressure,
@@ -120,7 +120,7 @@ def test_contours_of_a_cone_are_circles():
     axis = np.linspace(-1, 1, 201)
     r = np.hypot(*np.meshgrid(axis, axis, indexing="ij"))
     r[r > 0.95] = np.nan
-    found = contours(LatticeField((axis, axis), r, np.ones_like(r), 1), [0.25, 0.5, 2.0])
+    found = contours(GridField((axis, axis), r, np.ones_like(r), 1), [0.25, 0.5, 2.0])
     assert [c.level for c in found] == [0.25, 0.5, 2.0]
     assert [len(c.lines) for c in found] == [1, 1, 0]
     for c in found[:2]:

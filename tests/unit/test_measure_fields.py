@@ -36,7 +36,7 @@ def test_weights_sum_to_one_and_place_the_point():
     assert np.allclose(shapes.weights.sum(axis=0), 1, atol=1e-14)
     i, j = np.meshgrid(np.arange(7), np.arange(6), indexing="ij")
     nodes = CELL * np.stack([i.ravel(), j.ravel()], axis=1)
-    assert np.allclose(shapes.gather(nodes), points.x, atol=1e-14)
+    assert np.allclose(shapes.to_points(nodes), points.x, atol=1e-14)
 
 
 def test_smoothing_is_the_papers_sum_over_nodes():

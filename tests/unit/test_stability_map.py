@@ -53,7 +53,7 @@ def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
     """No limit exceeds 2/sqrt(lambda_max) of a single point, nor is it far below."""
     part, rng = script.arrangements, np.random.default_rng(2)
     x = rng.uniform(1.0, 2.0, (tries, 1, dim))
-    for basis, shape in (("quadratic", part.spline), ("ugimp", part.averaged_hat(0.25))):
+    for basis, shape in (("quadratic", part.spline), ("ugimp", part.averaged_linear(0.25))):
         worst = max(part.largest_eigenvalue(at, shape, 2, 1.0) for at in x)
         assert COURANT_LIMIT[basis][dim] <= 2 / np.sqrt(worst) < 1.2 * COURANT_LIMIT[basis][dim]
 

@@ -42,7 +42,7 @@ def test_a_steady_layer_starts_in_balance(across):
     state = sim.state
     flow = layers.measured(sim, state, steady=True, readings=1)
     assert flow.error == pytest.approx(0.0, abs=1e-12)
-    assert flow.loose == 0.0 and flow.height == 1.0 and flow.pressure < 0.05
+    assert flow.disconnected == 0.0 and flow.height == 1.0 and flow.pressure < 0.05
     assert state.mu == pytest.approx(np.tan(np.radians(25.0)), rel=1e-12)
     sim.step(20)
     free_fall = sim.scene.gravity.at(0.0)[0] * sim.time
@@ -78,8 +78,8 @@ def test_the_error_sees_the_profile_and_what_goes_across_it():
 
 
 def test_the_worst_seed_counts():
-    good = layers.Flow(error=0.01, height=1.0, loose=0.0, pressure=0.01)
-    bad = layers.Flow(error=0.03, height=0.98, loose=0.01, pressure=0.06)
+    good = layers.Flow(error=0.01, height=1.0, disconnected=0.0, pressure=0.01)
+    bad = layers.Flow(error=0.03, height=0.98, disconnected=0.01, pressure=0.06)
     rows = list(layers.rows("both", [good, bad], 0.02, pressure=0.05))
     assert [row.passed for row in rows] == [False, False, False, False, None]
     assert all(row.passed for row in layers.rows("one", [good], 0.02, pressure=0.05))
@@ -89,11 +89,11 @@ def test_the_worst_seed_counts():
 def test_filling_by_hand():
     """A seeded column is full everywhere; with points of twice the mass it is twice as full."""
     sim = Simulation(scenes.column_collapse(cell=0.025), threads=1)
-    assert [density_correction.crowding(sim.state, k) for k in (1, 3, 5)] == pytest.approx(
+    assert [density_correction.over_compression(sim.state, k) for k in (1, 3, 5)] == pytest.approx(
         [1.0] * 3, rel=1e-12
     )
     sim.buffers["mass"][..., sim.buffers["x"][1] < 0.2] *= 2.0
-    assert density_correction.crowding(sim.state) == pytest.approx(2.0, rel=1e-12)
+    assert density_correction.over_compression(sim.state) == pytest.approx(2.0, rel=1e-12)
 
 
 @pytest.mark.parametrize(("name", "more"), [("dunatunga_kamrin_2015", 0.0), ("default", 0.01)])

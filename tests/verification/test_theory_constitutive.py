@@ -19,7 +19,7 @@ def material(E=1e4, nu=0.3, mu_s=0.3819, mu_2=0.6435, xi=1.1233):
 SOFT = material()
 STICKY = material(mu_s=50.0, mu_2=60.0)  # elastic in every test that uses it
 TIMES = np.linspace(0, 1.25, 26)
-LOOSE = {"p0": 0.0, "log_density0": -500 / SOFT.K}
+DISCONNECTED = {"p0": 0.0, "log_density0": -500 / SOFT.K}
 
 
 def invariants(stress):
@@ -79,7 +79,7 @@ def test_rotation_turns_the_stress():
 
 
 def test_pressure_is_that_of_the_density_while_dense():
-    for start in ({"p0": 500.0}, {"p0": 100.0}, LOOSE):
+    for start in ({"p0": 500.0}, {"p0": 100.0}, DISCONNECTED):
         result = reference(SOFT, times=TIMES, **start)
         p, tau = invariants(result.stress)
         expected = SOFT.K * np.maximum(result.log_density, 0)
@@ -120,7 +120,7 @@ def test_self_convergence_with_the_tolerance():
     assert error[2] < error[1] < error[0]
 
 
-@pytest.mark.parametrize("start", [{"p0": 100.0}, LOOSE])
+@pytest.mark.parametrize("start", [{"p0": 100.0}, DISCONNECTED])
 def test_explicit_and_implicit_integrators_agree(start):
     explicit = reference(SOFT, times=TIMES, solver="RK45", rtol=1e-7, **start)
     implicit = reference(SOFT, times=TIMES, solver="Radau", rtol=1e-7, **start)
@@ -130,7 +130,7 @@ def test_explicit_and_implicit_integrators_agree(start):
 
 def test_events_of_the_disconnected_case():
     """ln(rho/rho_c) rises by 8 (t - 1/4)^2 at first and ends 8 (1 - t)^2 above its start."""
-    result = reference(SOFT, times=TIMES, **LOOSE)
+    result = reference(SOFT, times=TIMES, **DISCONNECTED)
     wait = math.sqrt(500 / SOFT.K / 8)
     assert [event.kind for event in result.events] == ["reconnect", "disconnect"]
     assert result.events[0].time == pytest.approx(0.25 + wait, abs=1e-12)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.grain_scale.dem.dumps import ATOM_COLUMNS, CONTACT_COLUMNS
-from granular.grain_scale.dem.settings import ROOM, Packing, Shear
+from granular.grain_scale.dem.settings import SPACING, Packing, Shear
 
 __all__ = ["packing_script", "shear_script", "start"]
 
@@ -48,7 +48,7 @@ def start(settings: Shear | Packing) -> str:
     unit, rng = settings.units.length, np.random.default_rng(settings.seed)
     walls = isinstance(settings, Shear) and settings.drive == "walls"
     large, width = settings.grains.diameters[1] / unit, settings.width / unit
-    across = max(int(width / (ROOM * large)), 2)
+    across = max(int(width / (SPACING * large)), 2)
     spacing = width / across
     layers = math.ceil(settings.count / across**2)
     sites = np.stack(np.meshgrid(*map(np.arange, (across, layers, across)), indexing="ij"), axis=-1)

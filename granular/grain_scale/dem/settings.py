@@ -10,7 +10,7 @@ from granular.grain_scale.dem.grains import Grains
 
 __all__ = ["Packing", "Shear", "Units"]
 
-ROOM = 1.1
+SPACING = 1.1
 """Least spacing of the initial cubic array, divided by the diameter of the large grains."""
 
 _DENSE = 0.59
@@ -205,7 +205,7 @@ class Packing:
     @property
     def width(self) -> float:
         """Edge of the initial loose box, a cube [m]."""
-        return math.ceil(math.cbrt(self.count)) * ROOM * self.grains.diameters[1]
+        return math.ceil(math.cbrt(self.count)) * SPACING * self.grains.diameters[1]
 
 
 def _check_grains(grains: object) -> None:
