@@ -22,7 +22,7 @@ FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 
 PICTURES = (".png", ".pdf", ".svg")
 
-OWN_OPTIONS = ("material", "scheme", "numerics")
+OWN_OPTIONS = ("material", "scheme", "numerics", "material_numbers")
 """Arguments of scene functions that have options of their own."""
 
 USER_ERRORS = (
@@ -99,11 +99,11 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(commands: Any) -> None:
-    from granular.scenes import registry, sph_registry
+    from granular.scenes import registry
 
     command = commands.add_parser("run", help="simulate a scene and record it")
     scenes = command.add_subparsers(required=True, metavar="SCENE")
-    for name, function in (registry | sph_registry).items():
+    for name, function in registry.items():
         scene = scenes.add_parser(name, help=_first_line(function))
         keywords = scene.add_argument_group("keywords of the scene")
         for keyword, kind, default in _keywords(function):
@@ -114,7 +114,7 @@ def _add_run(commands: Any) -> None:
             keywords.add_argument(
                 *spelled, dest=f"scene_{keyword}", type=kind, metavar=METAVARS[kind], help=shown
             )
-        if name in registry:
+        if "mpm" in function.methods:
             _add_method_options(scene)
         _add_run_options(scene)
         scene.add_argument("--every", type=_number, help="time between frames [s]; default 1/60")
@@ -382,9 +382,9 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    from granular.scenes import registry, sph_registry
+    from granular.scenes import registry
 
-    for name, function in (registry | sph_registry).items():
+    for name, function in registry.items():
         print(f"{name}: {_first_line(function)}")
         for keyword, kind, default in _keywords(function):
             print(f"    --{keyword} {METAVARS[kind]}  ({_shown(default)})")
