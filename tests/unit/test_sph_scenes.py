@@ -170,9 +170,11 @@ def test_wrong_columns_are_named():
 def test_command_line_runs_them(tmp_path, capsys):
     out = str(tmp_path / "a.h5")
     words = ["--length", "0.1", "--height", "0.06", "--orifice", "0.03", "--duration", "0.05"]
+    words += ["--nu", "0.3", "--mu_wall", "0.2"]
     assert main(["run", "slump_sph", *words, "-o", out, "--quiet", "--until", "0.05"]) == 0
     with gr.open(out) as record:
         assert record.scene.name == "slump_sph"
+        assert (record.scene.material.nu, record.scene.material.mu_wall) == (0.3, 0.2)
     assert main(["run", "incline_sph", "--E", "1e6", "-o", out, "--quiet"]) == 2
     assert main(["list"]) == 0
     assert "inclined_collapse: " in capsys.readouterr().out
