@@ -89,7 +89,8 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
             arguments = {
                 name: _plain(value) for name, value in (own | given).items() if name not in PARTS
             }
-            return scene.replace(parameters=arguments | dict(scene.parameters))
+            recorded = arguments | dict(scene.parameters)
+            return cast("S", scene.replace(parameters=recorded))
 
         registered = cast("SceneFunction[P, S]", made_with)
         registered.methods = methods
