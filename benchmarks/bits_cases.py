@@ -58,6 +58,7 @@ READY_SPH = {
         "nozzle": 0.05,
         "spacing": 0.025,
     },
+    "column_collapse_sph": {"spacing": 0.03},
 }
 
 
@@ -140,8 +141,7 @@ def ready() -> Iterator[tuple[str, object, int]]:
         for name in ("column_collapse", "silo", "hourglass"):
             yield f"{name} {label}", scenes.registry[name](**READY[name], scheme=scheme), 100
     for name, numbers in READY_SPH.items():
-        yield name, scenes.sph_registry[name](**numbers), 60
-    yield "column_collapse_sph", scenes.column_collapse_sph(spacing=0.03), 60
+        yield name, scenes.registry[name](**numbers), 60
     column = scenes.column_collapse(**READY["column_collapse"], method="sph")
     yield "column_collapse both", column, 60
 

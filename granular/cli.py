@@ -13,6 +13,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, get_type_hints
 
@@ -26,8 +27,14 @@ FAILED, REFUSED, INTERRUPTED = 1, 2, 130
 
 PICTURES = (".png", ".pdf", ".svg")
 
+BY_SCENE, UNSET = "chosen by the scene", "none"
+"""Default of a keyword of a scene and of its material that is None."""
+
 OWN_OPTIONS = ("material", "scheme", "numerics")
 """Arguments of scene functions that have options of their own."""
+
+_Keyword = tuple[str, Callable[[str], Any], Any]
+"""Name, converter from text, and default of a keyword."""
 
 USER_ERRORS = (
     ValueError,
@@ -39,11 +46,11 @@ USER_ERRORS = (
     NotADirectoryError,
     BlockingIOError,
 )
-"""What is raised for arguments and files that cannot be used."""
+"""Exceptions raised for arguments and files that cannot be used."""
 
 
 class _Parser(argparse.ArgumentParser):
-    """Errors are one line, options are written out."""
+    """Parser whose errors are one line and whose options cannot be abbreviated."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(allow_abbrev=False, **kwargs)
@@ -53,7 +60,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with arguments (those of the process by default); returns the exit code."""
+    """Run the command with arguments (by default those of the process); return the exit code."""
     try:
         arguments = _parser().parse_args(argv)
     except SystemExit as stop:  # --help, --version, or a refused argument
@@ -73,13 +80,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complain(error: BaseException, code: int) -> int:
+    """Print an error with its notes in one line; return the exit code."""
     notes = getattr(error, "__notes__", ())
     text = "; ".join([str(error) or type(error).__name__, *notes])
     print(f"granular: error: {' '.join(text.split())}", file=sys.stderr)
     return code
 
 
-# ---- what can be said on the command line ----
+# ---- commands and options ----
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,7 +98,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_run(commands)
     _add_resume(commands)
-    command = commands.add_parser("info", help="what a record holds, after verifying all of it")
+    command = commands.add_parser("info", help="contents of a record, which is verified")
     command.add_argument("file", metavar="FILE")
     command.set_defaults(command=_info)
     _add_plot(commands)
@@ -103,23 +111,18 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_run(commands: Any) -> None:
-    from granular.scenes import registry, sph_registry
+    from granular.scenes import registry
 
     command = commands.add_parser("run", help="simulate a scene and record it")
     scenes = command.add_subparsers(required=True, metavar="SCENE")
-    for name, function in (registry | sph_registry).items():
-        scene = scenes.add_parser(name, help=_first_line(function))
-        keywords = scene.add_argument_group("keywords of the scene")
-        for keyword, kind, default in _keywords(function):
-            spelled = [f"--{keyword}"]
-            if "_" in keyword:
-                spelled.append(f"--{keyword.replace('_', '-')}")
-            shown = f"default {_shown(default)}"
-            keywords.add_argument(
-                *spelled, dest=f"scene_{keyword}", type=kind, metavar=METAVARS[kind], help=shown
-            )
-        if name in registry:
-            _add_method_options(scene)
+    for name, function in registry.items():
+        scene = scenes.add_parser(name, help=_summary(function))
+        group = scene.add_argument_group("keywords of the scene")
+        _add_keywords(group, _keywords(function), BY_SCENE)
+        group = scene.add_argument_group("material")
+        _add_keywords(group, _material_keywords(function), UNSET)
+        if "mpm" in function.methods:
+            _add_scheme(scene)
         _add_run_options(scene)
         scene.add_argument("--every", type=_number, help="time between frames [s]; default 1/60")
         scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
@@ -127,12 +130,21 @@ def _add_run(commands: Any) -> None:
         scene.add_argument("--gif", metavar="GIF", help="animation of all frames")
         scene.add_argument("--color", default="shear_rate", metavar="F", help="field in pictures")
         scene.add_argument("--overwrite", action="store_true", help="existing files may go")
-        scene.set_defaults(command=_run, scene=function, E=None, scheme="default")
+        scene.set_defaults(command=_run, scene=function, scheme="default")
 
 
-def _add_method_options(scene: Any) -> None:
-    """What only the material point method has."""
-    scene.add_argument("--E", type=_number, help="Young's modulus [Pa]; default that of the scene")
+def _add_keywords(group: Any, keywords: Sequence[_Keyword], none: str) -> None:
+    """Add an option for each keyword, which may be spelled with hyphens too."""
+    for name, kind, default in keywords:
+        spelled = dict.fromkeys((f"--{name}", f"--{name.replace('_', '-')}"))
+        shown = f"default {_shown(default, none)}"
+        group.add_argument(
+            *spelled, dest=f"scene_{name}", type=kind, metavar=METAVARS[kind], help=shown
+        )
+
+
+def _add_scheme(scene: Any) -> None:
+    """Add the option for the scheme of the material point method."""
     scene.add_argument(
         "--scheme",
         choices=("default", "cell_averaged", "dunatunga_kamrin_2015"),
@@ -196,11 +208,11 @@ def _truth(text: str) -> bool:
 
 
 METAVARS = {_number: "X", _whole: "N", _numbers: "X,Y", str: "NAME", _truth: "yes|no"}
+"""Placeholders of values in the help, by converter."""
 
 
-def _keywords(function: Callable[..., Any]) -> list[tuple[str, Callable[[str], Any], Any]]:
-    """Name, converter and default of the keywords of a scene function, from its signature."""
-    hints = get_type_hints(function)
+def _converter(hint: Any) -> Callable[[str], Any]:
+    """Converter from text to a type, or to the first of several alternatives."""
     kinds: dict[str, Callable[[str], Any]] = {
         "float": _number,
         "int": _whole,
@@ -208,31 +220,50 @@ def _keywords(function: Callable[..., Any]) -> list[tuple[str, Callable[[str], A
         "tuple": _numbers,
         "bool": _truth,
     }
-    found = []
-    for name, parameter in inspect.signature(function).parameters.items():
-        if name in OWN_OPTIONS:
-            continue
-        options = [hint for hint in getattr(hints[name], "__args__", ()) if hint is not type(None)]
-        # tuple[float, float] has arguments too, which are not alternatives.
-        if getattr(hints[name], "__origin__", None) is tuple or not options:
-            options = [hints[name]]
-        found.append((name, kinds[options[0].__name__], parameter.default))
-    return found
+    options = [option for option in getattr(hint, "__args__", ()) if option is not type(None)]
+    # tuple[float, float] has arguments too, which are not alternatives.
+    if getattr(hint, "__origin__", None) is tuple or not options:
+        options = [hint]
+    return kinds[options[0].__name__]
 
 
-def _first_line(function: Callable[..., Any]) -> str:
-    return (inspect.getdoc(function) or "\n").splitlines()[0]
+def _keywords(function: Callable[..., Any]) -> list[_Keyword]:
+    """Keywords of a scene function, from its signature."""
+    hints = get_type_hints(function)
+    return [
+        (name, _converter(hints[name]), parameter.default)
+        for name, parameter in inspect.signature(function).parameters.items()
+        if name not in OWN_OPTIONS and parameter.kind is parameter.KEYWORD_ONLY
+    ]
 
 
-def _shown(value: Any) -> str:
+def _material_keywords(function: Callable[..., Any]) -> list[_Keyword]:
+    """Numbers of the default material of a scene function, except its own keywords."""
+    own = inspect.signature(function).parameters
+    material = own["material"].default
+    hints = get_type_hints(type(material))
+    return [
+        (field.name, _converter(hints[field.name]), getattr(material, field.name))
+        for field in fields(material)
+        if field.name not in own
+    ]
+
+
+def _summary(function: Callable[..., Any]) -> str:
+    """First paragraph of the docstring in one line."""
+    return " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
+
+
+def _shown(value: Any, none: str) -> str:
+    """Default value in the help; `none` stands for None."""
     if isinstance(value, tuple):
         return ",".join(f"{part:g}" for part in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return "chosen by the scene" if value is None else f"{value}"
+    return none if value is None else f"{value}"
 
 
-# ---- what the commands do ----
+# ---- execution of the commands ----
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -245,19 +276,16 @@ def _run(arguments: argparse.Namespace) -> int:
         for name, value in vars(arguments).items()
         if name.startswith("scene_") and value is not None
     }
-    if arguments.E is not None:
-        grains = inspect.signature(arguments.scene).parameters["material"].default
-        given["material"] = grains.replace(E=arguments.E)
     if arguments.scheme != "default":
         given["scheme"] = getattr(schemes, arguments.scheme)
     scene = arguments.scene(**given)
     _check_output(arguments.output, arguments.overwrite)
     _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)  # said in a line of our own
+        warnings.simplefilter("ignore", StabilityWarning)  # printed below in one line each
         simulation = Simulation(scene, threads=arguments.threads)
-    for doubt in scene_warnings(scene):
-        print(f"granular: warning: {doubt}", file=sys.stderr)
+    for warning in scene_warnings(scene):
+        print(f"granular: warning: {warning}", file=sys.stderr)
     if arguments.picture or arguments.gif:
         _check_color(simulation.state, arguments.color)
     options = {"save": arguments.output, "overwrite": arguments.overwrite}
@@ -394,10 +422,13 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace) -> int:
-    from granular.scenes import registry, sph_registry
+    from granular.scenes import registry
 
-    for name, function in (registry | sph_registry).items():
-        print(f"{name}: {_first_line(function)}")
+    for name, function in registry.items():
+        print(f"{name}: {_summary(function)} [{', '.join(function.methods)}]")
         for keyword, kind, default in _keywords(function):
-            print(f"    --{keyword} {METAVARS[kind]}  ({_shown(default)})")
+            print(f"    --{keyword} {METAVARS[kind]}  ({_shown(default, BY_SCENE)})")
+        print("  material")
+        for keyword, kind, default in _material_keywords(function):
+            print(f"    --{keyword} {METAVARS[kind]}  ({_shown(default, UNSET)})")
     return 0

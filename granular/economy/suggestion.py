@@ -13,7 +13,7 @@ from granular.economy.cost import cost
 from granular.economy.symmetry import mirror_half
 from granular.mpm.scene import Scene
 from granular.notebook import table
-from granular.scenes import registry
+from granular.scenes import names, registry
 
 __all__ = ["Suggestion", "Suggestions", "apply", "rebuilt", "scene_function"]
 
@@ -118,10 +118,10 @@ def scene_function(scene: Scene) -> Callable[..., Any] | None:
     A scene with another material, scheme, duration or seed does not count as changed, because the
     functions take these as arguments.
     """
-    names = [n for n in registry if scene.name == n or scene.name.startswith(f"{n}_")]
-    if not names:
+    alike = [n for n in names("mpm") if scene.name == n or scene.name.startswith(f"{n}_")]
+    if not alike:
         return None
-    function = registry[max(names, key=len)]
+    function = registry[max(alike, key=len)]
     try:
         made = function(**_arguments(scene, function))
     except (TypeError, ValueError):
@@ -152,7 +152,7 @@ def rebuilt(scene: Scene, **changes: Any) -> Scene:
     function = scene_function(scene)
     if function is None:
         raise ValueError(
-            f"scene {scene.name!r} must be as one of {tuple(registry)} made it, not by hand"
+            f"scene {scene.name!r} must be as one of {names('mpm')} made it, not by hand"
         )
     made: Scene = function(**(_arguments(scene, function) | changes))
     return made

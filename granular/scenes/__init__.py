@@ -1,14 +1,16 @@
 """Ready-made scenes, with the numbers of the papers as defaults; one function per file.
 
-To add a scene, write a file with a function that takes keyword arguments only and returns a
-`Scene`, and add the function to `_FUNCTIONS`.
+Each function is decorated with `scene_function`, which registers it under its name. Numbers of the
+material may be given as keywords of each: ``column_collapse(E=1e7, mu_s=0.4)``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from types import MappingProxyType
 
+from granular.checks import one_of
+from granular.scenes._registry import METHODS, SceneFunction, functions
 from granular.scenes.chute_ngf import chute_ngf
 from granular.scenes.clogging_silo import clogging_silo
 from granular.scenes.column_collapse import column_collapse
@@ -30,6 +32,7 @@ from granular.scenes.wheel import wheel
 from granular.typing import AnyScene
 
 __all__ = [
+    "SceneFunction",
     "chute_ngf",
     "clogging_silo",
     "column_collapse",
@@ -50,33 +53,27 @@ __all__ = [
     "silo_3d",
     "slug",
     "slump_sph",
-    "sph_registry",
     "wheel",
 ]
 
-_FUNCTIONS = (
-    *(column_collapse, silo, hourglass, incline, slug, cylinder_collapse),
-    *(chute_ngf, clogging_silo),
-    *(silo_3d, couette, excavation, wheel, excavator),
-)
-
-registry: MappingProxyType[str, Callable[..., AnyScene]] = MappingProxyType(
-    {function.__name__: function for function in _FUNCTIONS}
-)
-"""Scene functions of the material point method by name."""
-
-sph_registry: MappingProxyType[str, Callable[..., AnyScene]] = MappingProxyType(
-    {
-        "slump_sph": slump_sph,
-        "incline_sph": incline_sph,
-        "inclined_collapse": inclined_collapse,
-        "fluidised_bed": fluidised_bed,
-        "jet_on_bed": jet_on_bed,
-    }
-)
-"""Scene functions for SPH alone, by name; `column_collapse` can be run with either method."""
+registry: Mapping[str, SceneFunction[..., Any]] = MappingProxyType(dict(sorted(functions.items())))
+"""Scene functions by name; each has `methods`, the methods of solution of its scenes."""
 
 
-def names() -> tuple[str, ...]:
-    """Names of the ready-made MPM scenes."""
-    return tuple(registry)
+def names(method: str | None = None) -> tuple[str, ...]:
+    """Names of the ready scenes.
+
+    Parameters
+    ----------
+    method : {"mpm", "sph"}, optional
+        Method of solution; None for the scenes of all methods.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is no such method.
+    """
+    if method is None:
+        return tuple(registry)
+    one_of("method", method, METHODS)
+    return tuple(name for name, function in registry.items() if method in function.methods)

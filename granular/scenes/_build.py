@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from granular.checks import non_negative, positive
 from granular.gravity import Gravity
@@ -24,12 +22,6 @@ dense again get the fluidity of their eq. 23."""
 sided = reconnected.replace(transfer="tpic", density=ParticleDensity())
 """The scheme `reconnected` with the density with which the material on the two sides of a thin
 body is kept apart."""
-
-
-def scene_parameters(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of a scene function, without those that are parts of the scene of the same name."""
-    parts = ("duration", "material", "scheme", "seed")
-    return {name: value for name, value in arguments.items() if name not in parts}
 
 
 def whole_cells(name: str, length: object, cell: float) -> int:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.materials import NGF
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme
+from granular.scenes._registry import scene_function
 from granular.scenes.incline import incline
 
 chute_grains = NGF(
@@ -14,6 +17,7 @@ chute_grains = NGF(
 linear_flip = Scheme(basis="linear", transfer="flip", density=ParticleDensity())
 
 
+@scene_function("mpm")
 def chute_ngf(
     *,
     angle_deg: float = 27.0,
@@ -29,6 +33,7 @@ def chute_ngf(
     material: NGF = chute_grains,
     scheme: Scheme = linear_flip,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Layer on a rough incline by the nonlocal law (Dunatunga & Kamrin, "Modeling silo clogging
     with nonlocal granular rheology", section 6).
@@ -50,6 +55,8 @@ def chute_ngf(
         See `incline`.
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------

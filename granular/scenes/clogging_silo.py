@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 from granular.checks import non_negative, positive
 from granular.diagnostics import StabilityWarning
@@ -13,6 +14,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import SpongeLayer, Wall
 from granular.scenes._build import HEADROOM, whole_cells
+from granular.scenes._registry import scene_function
 
 JAM_FRICTION = 1.0
 """Friction tau/p at the face of a 2D arch: it is compressed along its face and free across it."""
@@ -20,6 +22,7 @@ JAM_FRICTION = 1.0
 linear_flip = Scheme(basis="linear", transfer="flip", density=ParticleDensity(), dt=1e-4)
 
 
+@scene_function("mpm")
 def clogging_silo(
     *,
     opening_over_d: float = 1.0,
@@ -38,6 +41,7 @@ def clogging_silo(
     material: NGF = silo_grains,
     scheme: Scheme = linear_flip,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Silo with grains that are nearly as large as its opening (Dunatunga & Kamrin, "Modeling silo
     clogging with nonlocal granular rheology", section 7).
@@ -79,6 +83,8 @@ def clogging_silo(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
@@ -103,7 +109,7 @@ def clogging_silo(
             f"mu_2 = {material.mu_2} is below 1: the face of a 2D arch bears friction 1,"
             " so that this silo cannot jam",
             StabilityWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
     n_x = whole_cells("width/2", positive("width", width) / 2, cell)
     n_y = whole_cells("height", height, cell)
@@ -141,18 +147,4 @@ def clogging_silo(
         gravity=Gravity((0.0,), ((0.0, -positive("gravity", gravity)),)),
         duration=duration,
         seed=seed,
-        parameters={
-            "opening_over_d": opening_over_d,
-            "A": A,
-            "cell": cell,
-            "orifice": orifice,
-            "width": width,
-            "height": height,
-            "half": half,
-            "points_per_cell": points_per_cell,
-            "jitter": jitter,
-            "sponge": sponge,
-            "sponge_damping": sponge_damping,
-            "gravity": gravity,
-        },
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
+from typing import Any, cast
 
 from granular import sph
 from granular.checks import one_of, positive
@@ -14,6 +14,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down
+from granular.scenes._registry import scene_function
 
 
 def _expected_runout(aspect: float) -> float:
@@ -21,6 +22,7 @@ def _expected_runout(aspect: float) -> float:
     return 2.28 * aspect if aspect < 2.83 else 3.24 * aspect**0.66
 
 
+@scene_function("mpm", "sph")
 def column_collapse(
     *,
     aspect: float = 2.0,
@@ -36,6 +38,7 @@ def column_collapse(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     method: str = "mpm",
+    **material_numbers: Any,
 ) -> Scene | sph.Scene:
     """Right half of a column that collapses (Dunatunga & Kamrin 2015, section 4.1).
 
@@ -71,6 +74,9 @@ def column_collapse(
         scheme is not used.
     method : {"mpm", "sph"}
         Method of solution.
+    **material_numbers
+        Numbers of `material` to change, such as `E`; with "sph" before the material of SPH is
+        matched to it.
 
     Raises
     ------
@@ -89,17 +95,7 @@ def column_collapse(
         raise ValueError(f"lip = {lip} must not be less than half_width = {half_width}")
     n_x = enough_cells(lip, cell)
     n_y = enough_cells(height, cell) + HEADROOM
-    parameters = {
-        "aspect": aspect,
-        "half_width": half_width,
-        "cell": cell,
-        "points_per_cell": points_per_cell,
-        "jitter": jitter,
-        "lip": n_x * cell,
-        "gravity": gravity,
-        "ramp": ramp,
-        "half": True,
-    }
+    parameters = {"cell": cell, "lip": n_x * cell, "half": True}
     fill = Fill(Box((0.0, 0.0), (half_width, height)), points_per_cell, jitter=jitter)
     falls = gravity_down(2, gravity, ramp)
     if one_of("method", method, ("mpm", "sph")) == "sph":

@@ -14,13 +14,8 @@ from granular.mpm.bodies import Body, Cylinder, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import (
-    HEADROOM,
-    enough_cells,
-    reconnected,
-    scene_parameters,
-    whole_cells,
-)
+from granular.scenes._build import HEADROOM, enough_cells, reconnected, whole_cells
+from granular.scenes._registry import scene_function
 
 MARGIN = 3
 """Cells between the outer cylinder and the ends of the grid, as splines extend over two nodes."""
@@ -28,6 +23,7 @@ MARGIN = 3
 soft_beads = couette_beads.replace(E=couette_beads.E / 100)
 
 
+@scene_function("mpm")
 def couette(
     *,
     inner: float = 0.0999,
@@ -45,6 +41,7 @@ def couette(
     material: Material = soft_beads,
     scheme: Scheme = reconnected,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Taylor-Couette cell (Haeri & Skonieczny 2021, section 4.1, figures 9 and 10).
 
@@ -91,13 +88,14 @@ def couette(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
     TypeError, ValueError
         Naming argument, value and allowed range; also if the gap has less than 4 cells.
     """
-    called = scene_parameters(locals())
     cell, inner, outer = positive("cell", cell), positive("inner", inner), positive("outer", outer)
     n_z, gravity = whole_cells("height", height, cell), positive("gravity", gravity)
     overlap = in_range("overlap", overlap, 0.0, 1.0)
@@ -135,7 +133,6 @@ def couette(
         gravity=Gravity((0.0,), (down,)),
         duration=duration,
         seed=seed,
-        parameters=called,
     )
 
 

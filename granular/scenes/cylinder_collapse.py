@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.checks import positive
 from granular.geometry import Box, Cylinder, Fill, Grid, Intersection
 from granular.materials import Material, glass_beads
@@ -10,6 +12,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down
+from granular.scenes._registry import scene_function
 
 
 def _expected_runout(aspect: float) -> float:
@@ -17,6 +20,7 @@ def _expected_runout(aspect: float) -> float:
     return 1.24 * aspect if aspect < 1.7 else 1.6 * aspect**0.5
 
 
+@scene_function("mpm")
 def cylinder_collapse(
     *,
     aspect: float = 0.5,
@@ -31,6 +35,7 @@ def cylinder_collapse(
     material: Material = glass_beads,
     scheme: Scheme = schemes.default,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """A quarter of a cylinder that collapses: the column collapse of section 4.1, in 3D.
 
@@ -58,6 +63,8 @@ def cylinder_collapse(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
@@ -93,15 +100,5 @@ def cylinder_collapse(
         gravity=gravity_down(3, gravity, ramp),
         duration=duration,
         seed=seed,
-        parameters={
-            "aspect": aspect,
-            "radius": radius,
-            "cell": cell,
-            "points_per_cell": points_per_cell,
-            "jitter": jitter,
-            "lip": n * cell,
-            "gravity": gravity,
-            "ramp": ramp,
-            "quarter": True,
-        },
+        parameters={"lip": n * cell, "quarter": True},
     )

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from granular.checks import in_range, non_negative, positive
 from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body, Box
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import scene_parameters, sided
+from granular.scenes._build import sided
+from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs, thickness_of
 
 soft_grc_1 = grc_1.replace(E=0.15e6)
 
 
+@scene_function("mpm")
 def excavation(
     *,
     depth: float = 0.05,
@@ -40,6 +43,7 @@ def excavation(
     material: Material = soft_grc_1,
     scheme: Scheme = sided,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Excavation by a blade (Haeri & Skonieczny 2021, section 4.2, figures 11 to 15).
 
@@ -95,13 +99,14 @@ def excavation(
         Duration [s]; None for the whole motion.
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
     TypeError, ValueError
         Naming argument, value and allowed range; also if the blade would leave the bed.
     """
-    called = scene_parameters(locals())
     cell, depth, speed = positive("cell", cell), positive("depth", depth), positive("speed", speed)
     travel, dive = positive("travel", travel), positive("dive_speed", dive_speed)
     rake = in_range("rake_deg", rake_deg, -60.0, 60.0)
@@ -159,5 +164,4 @@ def excavation(
         ),
         duration=settle * 2 + 2 * down + travel / speed if duration is None else duration,
         seed=seed,
-        parameters=called,
     )

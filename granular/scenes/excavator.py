@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from granular.checks import finite, non_negative, positive, vector
 from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body, Box, Union
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import reconnected, scene_parameters
+from granular.scenes._build import reconnected
+from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs, thickness_of
 
 excavated = grc_1.replace(E=0.15e6, nu=0.25, rho_c=0.6 * grc_1.rho_s)
 
 
+@scene_function("mpm")
 def excavator(
     *,
     bucket: tuple[float, float, float] = (0.31, 0.28, 0.41),
@@ -39,6 +42,7 @@ def excavator(
     material: Material = excavated,
     scheme: Scheme = reconnected,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Industrial excavator (Haeri & Skonieczny 2021, section 4.3, figure 1), a demonstration.
 
@@ -87,13 +91,14 @@ def excavator(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
     TypeError, ValueError
         Naming argument, value and allowed range; also if no time is left to come out again.
     """
-    called = scene_parameters(locals())
     cell, speed, depth = positive("cell", cell), positive("speed", speed), positive("depth", depth)
     if depth >= positive("soil", soil):
         raise ValueError(f"depth = {depth} must be less than soil = {soil}")
@@ -143,7 +148,6 @@ def excavator(
         ),
         duration=duration,
         seed=seed,
-        parameters=called,
     )
 
 

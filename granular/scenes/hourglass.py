@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from granular.checks import in_range, non_negative, one_of, positive
 from granular.geometry import Box, Difference, Fill, Grid, Region, Union
@@ -13,6 +14,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Solid, Wall
 from granular.scenes._build import HEADROOM, gravity_down, whole_cells
+from granular.scenes._registry import scene_function
 
 WIDTHS = {"flat": 1.0, "sloped": 0.5}
 FLOOR_OVER_WIDTH = 2
@@ -64,6 +66,7 @@ def _walls(lines: _Lines, kind: str, opens_at: float) -> list[Wall]:
     ]
 
 
+@scene_function("mpm")
 def hourglass(
     *,
     kind: str = "flat",
@@ -82,6 +85,7 @@ def hourglass(
     material: Material = glass_beads,
     scheme: Scheme = schemes.default,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Right half of an hourglass (Dunatunga & Kamrin 2015, section 4.3).
 
@@ -120,6 +124,8 @@ def hourglass(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
@@ -165,19 +171,5 @@ def hourglass(
         gravity=gravity_down(2, gravity, ramp),
         duration=duration,
         seed=seed,
-        parameters={
-            "kind": kind,
-            "orifice_radius": orifice_radius,
-            "width": width,
-            "fill_height": fill_height,
-            "drop": drop,
-            "slope_deg": slope_deg,
-            "cell": cell,
-            "points_per_cell": points_per_cell,
-            "jitter": jitter,
-            "opens_at": opens_at,
-            "gravity": gravity,
-            "ramp": ramp,
-            "half": True,
-        },
+        parameters={"width": width, "half": True},
     )

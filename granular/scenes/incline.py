@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from granular.checks import in_range, integer, non_negative, positive
 from granular.geometry import Box, Fill, Grid
@@ -13,8 +14,10 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import whole_cells
+from granular.scenes._registry import scene_function
 
 
+@scene_function("mpm")
 def incline(
     *,
     angle_deg: float = 25.0,
@@ -31,6 +34,7 @@ def incline(
     material: Material = glass_beads,
     scheme: Scheme = schemes.default,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Layer on an incline, with x down the slope (Dunatunga & Kamrin 2015, section 4.4).
 
@@ -63,6 +67,8 @@ def incline(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
@@ -104,16 +110,4 @@ def incline(
         gravity=pull,
         duration=duration,
         seed=seed,
-        parameters={
-            "angle_deg": angle_deg,
-            "height": height,
-            "cell": cell,
-            "columns": columns,
-            "columns_across": columns_across,
-            "points_per_cell": points_per_cell,
-            "jitter": jitter,
-            "headroom": headroom,
-            "gravity": gravity,
-            "ramp": ramp,
-        },
     )

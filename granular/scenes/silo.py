@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.checks import non_negative, one_of, positive
 from granular.geometry import Box, Fill, Grid
 from granular.materials import Material, glass_beads
@@ -10,8 +12,10 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, gravity_down, whole_cells
+from granular.scenes._registry import scene_function
 
 
+@scene_function("mpm")
 def silo(
     *,
     orifice: float = 0.1,
@@ -28,6 +32,7 @@ def silo(
     material: Material = glass_beads,
     scheme: Scheme = schemes.default,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Right half of a silo that empties (Dunatunga & Kamrin 2015, section 4.2).
 
@@ -61,6 +66,8 @@ def silo(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
@@ -95,17 +102,5 @@ def silo(
         gravity=gravity_down(2, gravity, ramp),
         duration=duration,
         seed=seed,
-        parameters={
-            "orifice": orifice,
-            "width": width,
-            "height": height,
-            "cell": cell,
-            "points_per_cell": points_per_cell,
-            "jitter": jitter,
-            "edge": edge,
-            "opens_at": opens_at,
-            "gravity": gravity,
-            "ramp": ramp,
-            "half": True,
-        },
+        parameters={"half": True},
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.checks import positive
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
@@ -9,11 +11,13 @@ from granular.materials import Material, grc_1
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, reconnected, scene_parameters, whole_cells
+from granular.scenes._build import HEADROOM, reconnected, whole_cells
+from granular.scenes._registry import scene_function
 
 soft_grains = grc_1.replace(E=0.15e6, mu_s=0.3819)
 
 
+@scene_function("mpm")
 def silo_3d(
     *,
     length: float = 0.25,
@@ -28,6 +32,7 @@ def silo_3d(
     material: Material = soft_grains,
     scheme: Scheme = reconnected,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Silo with a slot at its left wall, across its whole width (Haeri & Skonieczny 2021, section
     4.3, figure 19).
@@ -59,13 +64,14 @@ def silo_3d(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
     TypeError, ValueError
         Naming argument, value and allowed range; also if the slot leaves no bottom.
     """
-    called = scene_parameters(locals())
     cell = positive("cell", cell)
     lengths = (("length", length), ("width", width), ("height", height))
     n_x, n_y, n_z = (whole_cells(name, value, cell) for name, value in lengths)
@@ -92,5 +98,4 @@ def silo_3d(
         gravity=Gravity((0.0,), ((0.0, 0.0, -positive("gravity", gravity)),)),
         duration=duration,
         seed=seed,
-        parameters=called,
     )

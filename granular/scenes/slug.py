@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.checks import non_negative, positive, vector
 from granular.geometry import Disc, Fill, Grid
 from granular.materials import Material, glass_beads
@@ -10,8 +12,10 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import enough_cells, gravity_down
+from granular.scenes._registry import scene_function
 
 
+@scene_function("mpm")
 def slug(
     *,
     radius: float = 0.15,
@@ -28,6 +32,7 @@ def slug(
     material: Material = glass_beads,
     scheme: Scheme = schemes.default,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """A disconnected disc that flies into a wall (Dunatunga & Kamrin 2015, section 4.5).
 
@@ -60,6 +65,8 @@ def slug(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
@@ -95,16 +102,5 @@ def slug(
         gravity=gravity_down(2, gravity, 0.0),
         duration=duration,
         seed=seed,
-        parameters={
-            "radius": disc.radius,
-            "center": disc.center,
-            "velocity": velocity,
-            "density": density,
-            "wall_at": n_x * cell,
-            "headroom": headroom,
-            "cell": cell,
-            "points_per_cell": points_per_cell,
-            "jitter": jitter,
-            "gravity": gravity,
-        },
+        parameters={"center": disc.center, "velocity": velocity, "wall_at": n_x * cell},
     )

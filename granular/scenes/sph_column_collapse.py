@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.checks import positive
 from granular.geometry import Box, Fill, Grid
 from granular.scenes._build import enough_cells, whole_cells
 from granular.scenes._build_sph import SETTLE, across, settling_gravity
+from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic, grit
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
@@ -14,6 +17,7 @@ from granular.sph.walls import Wall
 HEADROOM = 10
 
 
+@scene_function("sph")
 def column_collapse_sph(
     *,
     aspect: float = 2.0,
@@ -26,6 +30,7 @@ def column_collapse_sph(
     duration: float | None = None,
     material: Viscoplastic = grit,
     numerics: Numerics | None = None,
+    **material_numbers: Any,
 ) -> Scene:
     """Column between a wall and a gate that vanishes (Hurley, section 5.4.3).
 
@@ -58,6 +63,8 @@ def column_collapse_sph(
     material : Viscoplastic
     numerics
         By default those of the thesis.
+    **material_numbers
+        Numbers of the material to change, such as `kappa`.
 
     Raises
     ------
@@ -98,14 +105,9 @@ def column_collapse_sph(
         gravity=settling_gravity((0.0, *still, -g), settle),
         duration=settle + positive("duration", duration),
         parameters={
-            "aspect": aspect,
-            "length": length,
             "half_width": n * spacing,
             "half": True,
-            "width": width,
-            "spacing": spacing,
             "reach": n_x * spacing,
-            "settle": settle,
-            "gravity": gravity,
+            "duration": duration,
         },
     )

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.checks import in_range, integer, non_negative, positive
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
 from granular.scenes._build import whole_cells
+from granular.scenes._registry import scene_function
 from granular.sph.gas import Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
@@ -20,6 +23,10 @@ GAP_PRESSURE = 0.8
 """Pressure of a gap in the gas, divided by that of the gas at the start."""
 
 
+bed_soil = Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8)
+"""Soil of the thesis (section 6.2.2)."""
+
+
 def _numerics() -> Numerics:
     """Numerics with a wider kernel, which the gas needs, and half the largest viscosity.
 
@@ -28,6 +35,7 @@ def _numerics() -> Numerics:
     return Numerics(smoothing=1.5)
 
 
+@scene_function("sph")
 def fluidised_bed(
     *,
     velocity: float = 0.15,
@@ -43,8 +51,9 @@ def fluidised_bed(
     permeability: float = 2e-10,
     viscosity: float = 1e-5,
     duration: float = 0.3,
-    material: Viscoplastic | None = None,
+    material: Viscoplastic = bed_soil,
     numerics: Numerics | None = None,
+    **material_numbers: Any,
 ) -> Scene:
     """Bed on a sieve through which a piston below presses gas; periodic sides, open above.
 
@@ -72,6 +81,8 @@ def fluidised_bed(
         Duration [s].
     material, numerics
         By default 1600 kg/m3, friction 0.8; h = 1.5 spacings, half the largest viscosity.
+    **material_numbers
+        Numbers of the material to change, such as `kappa`.
 
     Raises
     ------
@@ -104,7 +115,7 @@ def fluidised_bed(
             periodic=(*(True for _ in level), False),
         ),
         fills=(Fill(Box((*still, sieve), (*ends, top)), 1),),
-        material=material or Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8),
+        material=material,
         numerics=numerics or _numerics(),
         walls=(
             Wall(axis, 0.0, 1, layers=LAYERS, velocity=(*still, velocity)),
@@ -119,22 +130,11 @@ def fluidised_bed(
         ),
         gravity=Gravity((0.0, 0.02), ((*still, 0.0), (*still, -positive("gravity", gravity)))),
         duration=duration,
-        parameters={
-            "velocity": velocity,
-            "spacing": spacing,
-            "columns": columns,
-            "columns_across": columns_across,
-            "gravity": gravity,
-            "pressure": pressure,
-            "sound_speed": sound_speed,
-            "permeability": permeability,
-            "viscosity": viscosity,
-            "duration": duration,
-            **parts,
-        },
+        parameters={"duration": duration},
     )
 
 
+@scene_function("sph")
 def jet_on_bed(
     *,
     speed: float = 100.0,
@@ -150,8 +150,9 @@ def jet_on_bed(
     permeability: float = 2e-10,
     viscosity: float = 1e-5,
     duration: float = 0.075,
-    material: Viscoplastic | None = None,
+    material: Viscoplastic = bed_soil,
     numerics: Numerics | None = None,
+    **material_numbers: Any,
 ) -> Scene:
     """Jet of gas directed at a bed (Hurley, thesis, section 6.2.2, figure 6.2).
 
@@ -188,6 +189,8 @@ def jet_on_bed(
         Duration [s].
     material, numerics
         By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
+    **material_numbers
+        Numbers of the material to change, such as `kappa`.
 
     Raises
     ------
@@ -221,7 +224,7 @@ def jet_on_bed(
             periodic=(*(True for _ in level), False),
         ),
         fills=(Fill(Box((*still, 0.0), (*ends, soil * spacing)), 1),),
-        material=material or Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8),
+        material=material,
         numerics=numerics or _numerics(),
         walls=(Wall(axis, 0.0, 1, layers=LAYERS), Wall(axis, top, -1, layers=LAYERS)),
         gas=Gas(
@@ -234,19 +237,5 @@ def jet_on_bed(
         ),
         gravity=Gravity((0.0,), ((*still, -positive("gravity", gravity)),)),
         duration=duration,
-        parameters={
-            "speed": speed,
-            "width": width,
-            "depth": depth,
-            "headroom": headroom,
-            "nozzle": nozzle,
-            "across": across,
-            "spacing": spacing,
-            "gravity": gravity,
-            "pressure": pressure,
-            "sound_speed": sound_speed,
-            "permeability": permeability,
-            "viscosity": viscosity,
-            "duration": duration,
-        },
+        parameters={"duration": duration},
     )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from granular.checks import in_range, integer, non_negative, positive
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
 from granular.scenes._build import whole_cells
+from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
@@ -18,6 +20,11 @@ SWITCH = 1e-6
 of the gravity table must ascend."""
 
 
+sand = Viscoplastic()
+"""Material of the inclined flows of the thesis (table 5.2), without dilation."""
+
+
+@scene_function("sph")
 def incline_sph(
     *,
     angle_deg: float = 18.0,
@@ -29,8 +36,9 @@ def incline_sph(
     settle: float = 0.5,
     gravity: float = 9.81,
     duration: float = 3.0,
-    material: Viscoplastic | None = None,
+    material: Viscoplastic = sand,
     numerics: Numerics | None = None,
+    **material_numbers: Any,
 ) -> Scene:
     """Layer on an incline, with x down the slope (Hurley, thesis, section 5.4.2).
 
@@ -59,8 +67,11 @@ def incline_sph(
         Its magnitude [m/s2].
     duration : float
         Time after the tilt [s].
-    material, numerics
+    material : Viscoplastic
+    numerics
         By default those of the thesis, without dilation.
+    **material_numbers
+        Numbers of the material to change, such as `kappa`.
 
     Raises
     ------
@@ -85,7 +96,7 @@ def incline_sph(
             periodic=(*(True for _ in level), False),
         ),
         fills=(Fill(Box((*still, 0.0), (*(n * spacing for n in level), layers * spacing)), 1),),
-        material=material or Viscoplastic(),
+        material=material,
         numerics=numerics or Numerics(),
         walls=(Wall(len(level), 0.0, 1),),
         gravity=Gravity(
@@ -93,13 +104,5 @@ def incline_sph(
             ((*still, 0.0), down, down, tilted),
         ),
         duration=settle + non_negative("duration", duration),
-        parameters={
-            "angle_deg": angle_deg,
-            "height": height,
-            "spacing": spacing,
-            "columns": columns,
-            "columns_across": columns_across,
-            "settle": settle,
-            "gravity": gravity,
-        },
+        parameters={"duration": duration},
     )

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from granular.checks import in_range, positive
 from granular.geometry import Box, Fill, Grid
 from granular.scenes._build import whole_cells
 from granular.scenes._build_sph import SETTLE, across, settling_gravity
+from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
@@ -15,7 +17,11 @@ from granular.sph.walls import Wall
 
 LAYERS = 5
 
+sand = Viscoplastic()
+"""Material of the thesis; the friction is that of the angle."""
 
+
+@scene_function("sph")
 def slump_sph(
     *,
     phi_deg: float = 30.0,
@@ -29,7 +35,9 @@ def slump_sph(
     gravity: float = 9.81,
     duration: float = 6.0,
     kappa: float = 1e5,
+    material: Viscoplastic = sand,
     numerics: Numerics | None = None,
+    **material_numbers: Any,
 ) -> Scene:
     """Slope that remains after the material has left through an orifice (Hurley, section 5.4.1).
 
@@ -63,8 +71,12 @@ def slump_sph(
         Time with an open orifice [s].
     kappa : float
         Stiffness [Pa].
+    material : Viscoplastic
+        Its `mu_l`, `mu_h`, `kappa` and `dilation` are replaced by the values above.
     numerics
         By default those of the thesis.
+    **material_numbers
+        Numbers of the material to change, such as `kappa`.
 
     Raises
     ------
@@ -84,7 +96,9 @@ def slump_sph(
     below = -LAYERS * spacing
     up = (below, (n_z + LAYERS) * spacing)
     mu = math.tan(math.radians(phi))
-    material = Viscoplastic(mu_l=mu, mu_h=mu, kappa=kappa, dilation=dilation)
+    if not isinstance(material, Viscoplastic):
+        raise TypeError(f"material = {material!r} must be a Viscoplastic")
+    material = material.replace(mu_l=mu, mu_h=mu, kappa=kappa, dilation=dilation)
     return Scene(
         name="slump_sph",
         grid=Grid(
@@ -104,16 +118,5 @@ def slump_sph(
         ),
         gravity=settling_gravity((0.0, *still, -g), settle),
         duration=settle + positive("duration", duration),
-        parameters={
-            "phi_deg": phi_deg,
-            "dilation": dilation,
-            "length": length,
-            "height": height,
-            "width": width,
-            "orifice": orifice,
-            "spacing": spacing,
-            "settle": settle,
-            "gravity": gravity,
-            "kappa": kappa,
-        },
+        parameters={"duration": duration},
     )

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from granular.checks import in_range, non_negative, positive
 from granular.materials import Material
 from granular.mpm.bodies import Body, Cylinder
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import reconnected, scene_parameters
+from granular.scenes._build import reconnected
+from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
 
 
+@scene_function("mpm")
 def wheel(
     *,
     slip: float = 0.2,
@@ -35,6 +39,7 @@ def wheel(
     material: Material = soft_grc_1,
     scheme: Scheme = reconnected,
     seed: int = 0,
+    **material_numbers: Any,
 ) -> Scene:
     """Single wheel in a soil bin (Haeri & Skonieczny 2021, section 4.3, figures 16 to 18).
 
@@ -76,13 +81,14 @@ def wheel(
         Duration [s].
     material, scheme, seed
         See `Scene`.
+    **material_numbers
+        Numbers of the material to change, such as `E`.
 
     Raises
     ------
     TypeError, ValueError
         Naming argument, value and allowed range; also if the wheel would leave the bed.
     """
-    called = scene_parameters(locals())
     slip = in_range("slip", slip, 0.0, 1.0, open_high=True)
     load, gravity = positive("load", load), positive("gravity", gravity)
     radius, omega = positive("diameter", diameter) / 2, positive("omega", omega)
@@ -129,5 +135,4 @@ def wheel(
         ),
         duration=duration,
         seed=seed,
-        parameters=called,
     )

@@ -23,7 +23,7 @@ DURATION = 1.25
 """Duration of appendix B [s]."""
 
 SEPARATION = 500.0
-"""Start of a disconnected point [Pa]: below rho_c and stress-free, rho = rho_c exp(-SEPARATION/K)."""
+"""The disconnected start is stress-free, at rho = rho_c exp(-SEPARATION/K) [Pa]."""
 
 
 def law_parameters(material: Material) -> dict[str, float]:

@@ -58,7 +58,7 @@ def test_numbers_of_a_wrong_type(name, argument, value):
         scenes.registry[name](**{argument: value})
 
 
-@pytest.mark.parametrize("name", scenes.names())
+@pytest.mark.parametrize("name", scenes.names("mpm"))
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [

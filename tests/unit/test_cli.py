@@ -1,5 +1,8 @@
 """The command line: printed output, written files and exit codes."""
 
+import inspect
+from dataclasses import fields
+
 import pytest
 
 import granular as gr
@@ -100,24 +103,41 @@ def test_list_names_all_scenes_and_keywords(capsys):
     assert cli.main(["list"]) == 0
     said = capsys.readouterr().out
     for name in registry:
-        assert f"{name}: " in said
+        assert f"\n{name}: " in f"\n{said}"
+    assert "section 4.1). [mpm, sph]" in said and "section 5.4.3). [sph]" in said
     assert "--orifice X  (0.1)" in said
     assert "--center X,Y  (0.2,0.25)" in said
     assert "--half" in said and "(yes)" in said
     assert "--material" not in said
+    beads = said[said.index("\nsilo: ") : said.index("\nsilo_3d: ")]
+    assert beads.index("  material\n") < beads.index("--mu_s X  (0.3819)")
+    assert "--elasticity NAME  (hypoelastic)" in beads and "--I0 X  (none)" in beads
+
+
+@pytest.mark.parametrize("name", registry)
+def test_numbers_of_the_material_are_options(name, capsys):
+    material = inspect.signature(registry[name]).parameters["material"].default
+    assert cli.main(["run", name, "--help"]) == 0
+    said = capsys.readouterr().out
+    for field in fields(material):
+        assert said.count(f"\n  --{field.name} ") == 1  # once, also if it is a keyword of the scene
+    assert ("--scheme" in said) == ("mpm" in registry[name].methods)
 
 
 def test_tuples_and_words_reach_the_scene(tmp_path):
     out = tmp_path / "slug.h5"
     arguments = ["run", "slug", "--velocity", "2,1", "--cell", "0.05", "--E", "1e5", "--quiet"]
+    arguments += ["--mu-s", "0.4", "--elasticity", "hencky", "--I0", "0.3", "--d", "1e-3"]
     assert cli.main([*arguments, "--until", "0.002", "-o", str(out)]) == 0
     with gr.open(out) as states:
         assert states.scene.parameters["velocity"] == (2.0, 1.0)
         assert states[0].v[0].tolist() == [2.0, 1.0]
+        numbers = {"E": 1e5, "mu_s": 0.4, "elasticity": "hencky", "I0": 0.3, "d": 1e-3}
+        assert states.scene.material == gr.materials.glass_beads.replace(**numbers)
 
 
 def test_what_is_not_said_is_that_of_the_scene(tmp_path):
-    """Defaults are those of the scene: material except E, scheme, and yes-or-no keywords."""
+    """Defaults are those of the scene: other numbers of the material, scheme, yes or no."""
     out = tmp_path / "silo.h5"
     words = ["run", "clogging_silo", "--half", "no", "--cell", "0.07", "--width", "0.7"]
     words += ["--height", "0.7", "--E", "2e6", "--quiet", "--until", "2e-4", "-o", str(out)]

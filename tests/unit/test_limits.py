@@ -20,7 +20,7 @@ def layer(**options):
     return gr.scenes.incline(**({"columns": 8, "cell": 0.01, "material": BEADS} | options))
 
 
-@pytest.mark.parametrize("name", gr.scenes.names())
+@pytest.mark.parametrize("name", gr.scenes.names("mpm"))
 def test_scenes_as_they_are_raise_no_warnings(name):
     scene = gr.scenes.registry[name]()
     if name == "clogging_silo":  # the published scheme; half of its points are stress-free in flow

@@ -37,36 +37,117 @@ def fixed_along_y(scene, y, time=0.0):
     return xs, np.array(held)
 
 
-def test_registry_holds_keyword_only_functions():
-    assert scenes.names() == (
-        "column_collapse",
-        "silo",
-        "hourglass",
-        "incline",
-        "slug",
-        "cylinder_collapse",
-        "chute_ngf",
-        "clogging_silo",
-        "silo_3d",
-        "couette",
-        "excavation",
-        "wheel",
-        "excavator",
-    )
-    for name, function in scenes.registry.items():
-        assert getattr(scenes, name) is function
-        parameters = inspect.signature(function).parameters.values()
-        assert all(p.kind is p.KEYWORD_ONLY and p.default is not p.empty for p in parameters)
-        assert {"material", "scheme", "seed", "jitter"} <= {p.name for p in parameters}
-
-
-NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
 COARSE = {"couette": {"cell": 0.02}, "excavation": {"cell": 0.025}}
 """Coarse cells for scenes that have very many by default."""
 
+MPM = (
+    *("chute_ngf", "clogging_silo", "column_collapse", "couette", "cylinder_collapse"),
+    *("excavation", "excavator", "hourglass", "incline", "silo", "silo_3d", "slug", "wheel"),
+)
+SPH = (
+    *("column_collapse", "column_collapse_sph", "fluidised_bed", "incline_sph"),
+    *("inclined_collapse", "jet_on_bed", "slump_sph"),
+)
+
+
+def test_registry_holds_keyword_only_functions_of_both_methods():
+    assert scenes.names("mpm") == MPM and scenes.names("sph") == SPH
+    assert scenes.names() == tuple(sorted({*MPM, *SPH})) == tuple(scenes.registry)
+    assert scenes.registry["column_collapse"].methods == ("mpm", "sph")
+    for name, function in scenes.registry.items():
+        assert getattr(scenes, name) is function and function.__name__ == name
+        *own, numbers = inspect.signature(function).parameters.values()
+        assert all(p.kind is p.KEYWORD_ONLY and p.default is not p.empty for p in own)
+        assert numbers.kind is numbers.VAR_KEYWORD and "material" in {p.name for p in own}
+        if "mpm" in function.methods:
+            assert {"scheme", "seed", "jitter"} <= {p.name for p in own}
+    with pytest.raises(ValueError, match="method = 'dem' must be one of 'mpm', 'sph'"):
+        scenes.names("dem")
+
+
+PARTS = ("duration", "material", "method", "numerics", "scheme", "seed")
+DERIVED = {
+    "chute_ngf": {"columns_across": 0},
+    "column_collapse": {"cell": 0.0125, "lip": pytest.approx(142 * 0.0125), "half": True},
+    "cylinder_collapse": {"lip": pytest.approx(47 * 0.0125), "quarter": True},
+    "hourglass": {"width": 1.0, "half": True},
+    "silo": {"half": True},
+    "slug": {"wall_at": pytest.approx(91 * 0.0083)},
+    "column_collapse_sph": {
+        **{"half_width": pytest.approx(0.09), "half": True, "reach": pytest.approx(0.91)},
+        "duration": pytest.approx(1.5 + 8.0 * math.sqrt(0.18 / 9.81)),
+    },
+    "fluidised_bed": {"duration": 0.3},
+    "incline_sph": {"duration": 3.0},
+    "inclined_collapse": {"half_width": pytest.approx(0.2), "duration": 1.5},
+    "jet_on_bed": {"duration": 0.075},
+    "slump_sph": {"duration": 6.0},
+}
+"""Parameters that a scene chooses, rounds or adds, by hand."""
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_parameters_are_the_arguments_and_what_the_scene_derives(name):
+    arguments = inspect.signature(scenes.registry[name]).parameters
+    expected = {
+        key: argument.default
+        for key, argument in arguments.items()
+        if key not in (*PARTS, "material_numbers")
+    }
+    given = {"gravity": 5.0, **COARSE.get(name, {})}
+    scene = scenes.registry[name](**given)
+    if name == "column_collapse_sph":
+        given["duration"] = pytest.approx(1.5 + 8.0 * math.sqrt(0.18 / 5.0))
+    assert dict(scene.parameters) == expected | DERIVED.get(name, {}) | given
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_numbers_of_the_material_are_keywords(name):
+    function, coarse = scenes.registry[name], COARSE.get(name, {})
+    default = inspect.signature(function).parameters["material"].default
+    scene = function(nu=0.2, **coarse)
+    assert scene == function(material=default.replace(nu=0.2), **coarse)
+    assert scene.material == function(**coarse).material.replace(nu=0.2)
+    assert scene.material.nu == 0.2 and "nu" not in scene.parameters
+    with pytest.raises(TypeError, match=rf"{name}\(\) has no keyword 'youngs'.* gravity,.* nu,"):
+        function(youngs=1e7)
+    with pytest.raises(ValueError, match=r"nu = 0\.7"):
+        function(nu=0.7)
+    with pytest.raises(TypeError, match="material = 'sand' must be a Material or"):
+        function(nu=0.2, material="sand")
+
+
+def test_scenes_derive_from_the_changed_material():
+    flat = scenes.couette(pressure=1000.0, E=1e5, nu=0.25)
+    assert flat.fills[0].density == pytest.approx(0.645 * 2550.0 * math.exp(1000.0 / (1e5 / 1.5)))
+    half_weight = 0.5 * 1500.0 * 9.8 * 0.4
+    soft = materials.glass_beads.replace(E=1e7, mu_s=0.4)
+    column = scenes.column_collapse(method="sph", E=1e7, mu_s=0.4)
+    assert column.material == gr.sph.Viscoplastic.matching(soft, half_weight)
+    with pytest.raises(TypeError, match=r"'kappa'.* its material, MuI, are E, nu"):
+        scenes.column_collapse(method="sph", kappa=1e6)
+    stiff = scenes.column_collapse(method="sph", material=gr.sph.grit, kappa=1e6)
+    assert stiff.material == gr.sph.grit.replace(kappa=1e6)
+    small = scenes.silo(I0=0.3, d=1e-3).material  # in place of xi
+    assert small.xi == pytest.approx(0.3 / (1e-3 * math.sqrt(2450.0)))
+
+
+def test_keywords_of_the_scene_come_before_those_of_its_material():
+    silo = scenes.clogging_silo(A=0.3, E=2e6)
+    assert silo.parameters["A"] == silo.material.A == 0.3 and silo.material.E == 2e6
+    slump = scenes.slump_sph(dilation=0.2, nu=0.3)
+    assert slump.parameters["dilation"] == slump.material.dilation == 0.2
+    with pytest.raises(ValueError, match=r"d = 0\.05 must not be given: clogging_silo sets it"):
+        scenes.clogging_silo(d=0.05)
+    with pytest.raises(ValueError, match=r"mu_l = 0\.3 must not be given: slump_sph sets it"):
+        scenes.slump_sph(mu_l=0.3)
+
+
+NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
+
 
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
-@pytest.mark.parametrize("name", scenes.names())
+@pytest.mark.parametrize("name", scenes.names("mpm"))
 def test_every_scene_is_whole(name, basis):
     make = scenes.registry[name]
     if name in NONLOCAL and basis == "ugimp":
@@ -241,8 +322,9 @@ def test_clogging_silo_of_the_paper(half):
 
 def test_a_silo_that_cannot_jam_is_warned_of():
     beads = materials.silo_grains.replace(mu_2=0.9)
-    with pytest.warns(gr.StabilityWarning, match=r"mu_2 = 0.9 is below 1: .* cannot jam"):
+    with pytest.warns(gr.StabilityWarning, match=r"mu_2 = 0.9 is below 1: .* cannot jam") as said:
         scenes.clogging_silo(material=beads)
+    assert said[0].filename == __file__  # the line that called the scene
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         scenes.clogging_silo()

@@ -1,0 +1,150 @@
+"""The decorator of scene functions, and the functions that it has registered."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import fields
+from numbers import Integral, Real
+from typing import Any, ParamSpec, Protocol, TypeVar, cast
+
+from granular import sph
+from granular.checks import one_of
+from granular.materials import Material
+from granular.mpm import scene as mpm
+
+METHODS = ("mpm", "sph")
+
+PARTS = ("duration", "material", "method", "numerics", "scheme", "seed")
+"""Arguments that are not recorded as parameters, because the scene has a part of the same name."""
+
+P = ParamSpec("P")
+S = TypeVar("S", bound="mpm.Scene | sph.Scene")
+S_co = TypeVar("S_co", bound="mpm.Scene | sph.Scene", covariant=True)
+
+
+class SceneFunction(Protocol[P, S_co]):
+    """Function that makes a ready scene.
+
+    Attributes
+    ----------
+    methods : tuple of str
+        Methods of solution of its scenes: "mpm", "sph" or both.
+    """
+
+    __name__: str
+    methods: tuple[str, ...]
+
+    def __call__(self, *args: P.args, **kwargs: P.kwargs) -> S_co: ...
+
+
+functions: dict[str, SceneFunction[..., Any]] = {}
+"""Registered functions by name, in the order of their definition."""
+
+
+def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P, S]]:
+    """Register a function as that of a ready scene, and complete what it does.
+
+    The function takes keyword arguments only, all with a default. One of them is `material`, and
+    the last is ``**material_numbers``. The decorated function differs from it in two ways.
+
+    - Numbers of the material may be given as keywords: ``column_collapse(E=1e7)`` is
+      ``column_collapse(material=m.replace(E=1e7))``, m being the material given or the default one.
+      The function itself receives the changed material only, so that all that it derives from the
+      material follows. A keyword that is an argument of the function is never taken for a number
+      of the material.
+    - The arguments, defaults included, are added to the `parameters` of the scene, except `PARTS`
+      and numbers of the material. Parameters that the function itself has set take precedence:
+      it sets those that it derives or rounds, and `duration` if that of the scene is another.
+
+    Parameters
+    ----------
+    *methods : {"mpm", "sph"}
+        Methods of solution of the scenes that it makes.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When the decorated function is called: for keywords that neither the function nor the
+        material has, and for numbers of the material that the function replaces by its own.
+    """
+    for method in methods:
+        one_of("method", method, METHODS)
+
+    def decorate(function: Callable[P, S]) -> SceneFunction[P, S]:
+        signature = inspect.signature(function)
+        own = own_keywords(signature)
+
+        @functools.wraps(function)
+        def made_with(**keywords: Any) -> S:
+            given = {name: value for name, value in keywords.items() if name in own}
+            numbers = {name: value for name, value in keywords.items() if name not in own}
+            if numbers:
+                material = given.get("material", own["material"])
+                given["material"] = _changed(function.__name__, material, numbers, tuple(own))
+            scene = function(**given)  # type: ignore[call-arg]
+            if numbers:
+                _check_kept(function.__name__, given["material"], scene.material, numbers)
+            arguments = {
+                name: _plain(value) for name, value in (own | given).items() if name not in PARTS
+            }
+            recorded = arguments | dict(scene.parameters)
+            return cast("S", scene.replace(parameters=recorded))
+
+        registered = cast("SceneFunction[P, S]", made_with)
+        registered.methods = methods
+        functions[function.__name__] = registered
+        return registered
+
+    return decorate
+
+
+def own_keywords(signature: inspect.Signature) -> dict[str, Any]:
+    """Keywords of a scene function with their defaults, without numbers of the material."""
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return {name: p.default for name, p in signature.parameters.items() if p.kind is kind}
+
+
+def material_numbers(material: object) -> tuple[str, ...]:
+    """Names of the numbers of a material.
+
+    Raises
+    ------
+    TypeError
+        If it is not a material.
+    """
+    if not isinstance(material, Material | sph.Viscoplastic):
+        raise TypeError(f"material = {material!r} must be a Material or a Viscoplastic")
+    return tuple(field.name for field in fields(material))
+
+
+def _changed(
+    name: str, material: Any, numbers: Mapping[str, Any], own: tuple[str, ...]
+) -> Material | sph.Viscoplastic:
+    """Material with some numbers changed."""
+    known = material_numbers(material)
+    for keyword in numbers:
+        if keyword not in known:
+            free = (number for number in known if number not in own)
+            raise TypeError(
+                f"{name}() has no keyword {keyword!r}: its own are {', '.join(own)}; those of its "
+                f"material, {type(material).__name__}, are {', '.join(free)}"
+            )
+    return material.replace(**numbers)
+
+
+def _check_kept(name: str, changed: object, used: object, numbers: Mapping[str, Any]) -> None:
+    """Refuse numbers of the material that the scene function replaced by its own."""
+    if type(used) is not type(changed):
+        return  # the material of the other method, made from the changed one
+    for number, value in numbers.items():
+        if (chosen := getattr(used, number)) != getattr(changed, number):
+            raise ValueError(
+                f"{number} = {value} must not be given: {name} sets it, here to {chosen}"
+            )
+
+
+def _plain(value: Any) -> Any:
+    """Numbers of other types, such as fractions, as floats; all other values as they are."""
+    return float(value) if isinstance(value, Real) and not isinstance(value, Integral) else value
