@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Any
 
 from granular.checks import one_of
 from granular.scenes._registry import METHODS, SceneFunction, functions
@@ -29,7 +30,6 @@ from granular.scenes.sph_incline import incline_sph
 from granular.scenes.sph_inclined_collapse import inclined_collapse
 from granular.scenes.sph_slump import slump_sph
 from granular.scenes.wheel import wheel
-from granular.typing import AnyScene
 
 __all__ = [
     "SceneFunction",
