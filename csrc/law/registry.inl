@@ -11,3 +11,4 @@
 #include "law/hencky_linear_mu_I.inl"
 #include "law/hencky_ngf.inl"
 #include "law/hencky_linear_ngf.inl"
+#include "law/half_friction.inl"
