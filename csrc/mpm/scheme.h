@@ -61,7 +61,6 @@
 #define GR_DENSITY_SCHEME(X)                                                                                             \
     X(separation_strain, 0.02, 0.02, 0.02, "[0, inf)", "1",                                                              \
       "Points with c below -separation_strain are disconnected: they take no part in the averaging of the density.")     \
-    X(trial, 0.25, 0.75, GR_NONE, "[0, 1]", "1", "Trial of a number.")                                                   \
     X(diffusion, 0, 0.5, GR_NONE, "[0, inf)", "1",                                                                       \
       "dd: c relaxes towards the mean of its neighbours, extrapolated linearly so that a hydrostatic gradient is "       \
       "untouched, at the rate dd c_w/dx + ds gdot/c.")                                                                   \
