@@ -341,13 +341,6 @@ class DruckerPrager(Material):
 
 
 @dataclass(frozen=True, kw_only=True)
-class HalfFriction(DruckerPrager):
-    """Trial of a law: `DruckerPrager` with half the friction."""
-
-    flow = "half_friction"
-
-
-@dataclass(frozen=True, kw_only=True)
 class HardeningDruckerPrager(Material):
     """Friction that changes with the plastic strain (Klar et al. 2016, section 7.3).
 

@@ -11,4 +11,3 @@
 #include "law/hencky_linear_mu_I.inl"
 #include "law/hencky_ngf.inl"
 #include "law/hencky_linear_ngf.inl"
-#include "law/half_friction.inl"
