@@ -263,11 +263,11 @@ def _time_arrays(times: ArrayLike, breakpoints: Sequence[float]) -> tuple[Array,
         raise ValueError(f"breakpoints = {ends} must be an increasing list of times")
     if times.ndim != 1 or times.size == 0 or not np.all(np.diff(times) >= 0):
         raise ValueError(f"times = {times} must be a non-empty list that does not decrease")
-    if not times[0] >= breakpoints[0]:
-        raise ValueError(f"times = {times} must not begin before breakpoints[0] = {breakpoints[0]}")
-    if not breakpoints[0] < times[-1] < math.inf:
-        raise ValueError(f"times = {times} must end after breakpoints[0] = {breakpoints[0]}")
-    kept = breakpoints[breakpoints < times[-1]]
+    if not times[0] >= ends[0]:
+        raise ValueError(f"times = {times} must not begin before breakpoints[0] = {ends[0]}")
+    if not ends[0] < times[-1] < math.inf:
+        raise ValueError(f"times = {times} must end after breakpoints[0] = {ends[0]}")
+    kept = ends[ends < times[-1]]
     return times, np.append(kept, times[-1])
 
 
