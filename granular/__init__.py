@@ -12,13 +12,13 @@ if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXT
     )
 
 from granular import economy, grain_scale, materials, measure, scenes, sph, theory
+from granular.buffers import show_config
 from granular.diagnostics import StabilityWarning, scene_warnings
 from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
 from granular.gravity import Gravity
 from granular.materials import NGF, DruckerPrager, Elastic, HardeningDruckerPrager, MuI
 from granular.mpm import bodies, scaling, schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.engine import show_config
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import (
     CellAveragedDensity,

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.buffers import allocate
 from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
@@ -18,35 +18,15 @@ from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene
 
 __all__ = [
-    "allocate",
     "build",
-    "default_isa",
     "initial_buffers",
     "initial_points",
-    "show_config",
 ]
 
 CORE = _core.enumerations()
-PAGE, LINE = 4096, 64  # bytes
 UNBOUNDED = 1e300
 LOCAL_PHASE = 10.0
 """Duration of the local phase of a nonlocal law without an initial fluidity, in units of t0."""
-
-
-def default_isa() -> str:
-    """Instruction set requested by the environment; an empty string means the best available."""
-    return os.environ.get("GRANULAR_ISA", "")
-
-
-def show_config() -> _core.BuildInfo:
-    """Return compiler, flags and OpenMP of the build, and the instruction set of simulations.
-
-    Raises
-    ------
-    ValueError
-        If the environment variable GRANULAR_ISA names a set that this machine does not have.
-    """
-    return _core.build_info(default_isa())
 
 
 def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, float]:
@@ -187,31 +167,6 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
         bodies=[body.row() for body in scene.bodies],
     )
-
-
-def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArray]:
-    """Make zeroed buffers: {field: (component, capacity)} and "id" (capacity,).
-
-    All rows lie in one block at multiples of 64 bytes. The same index in different rows has
-    different offsets in a memory page, so that the processor does not take loads from one row for
-    stores to another (a precaution: on the one machine tried it changed nothing).
-    """
-    rows = [(name, count) for name, count, _, _ in engine.fields()]
-    total = sum(count for _, count in rows) + 1
-    skew = max(PAGE // total // LINE, 1) * LINE
-    length = -(-capacity * 8 // PAGE) * PAGE + skew
-    raw = np.zeros(total * length + LINE, dtype=np.uint8)
-    start = -raw.ctypes.data % LINE
-    buffers: dict[str, NDArray] = {}
-    for name, count in [*rows, ("id", 1)]:
-        flat = raw[start : start + count * length]
-        if name == "id":
-            buffers[name] = flat.view(np.int64)
-        else:
-            buffers[name] = flat.view(np.float64).reshape(count, length // 8)
-        start += count * length
-    buffers["id"][:] = -1
-    return buffers
 
 
 def initial_points(scene: Scene) -> dict[str, NDArray]:

@@ -57,7 +57,7 @@ def _documented(doc: str, group: str) -> str:
         kind = "int" if allowed.startswith("integer") else "float"
         optional = " or None" if default is None else f", default {default:g}"
         lines.append(f"    {name} : {kind}{optional}")
-        text = f"{text} In {allowed.removeprefix('integer ')}{'' if unit == '1' else ' ' + unit}."
+        text = f"{text} Range: {allowed}{'' if unit == '1' else ' ' + unit}."
         lines.append(fill(text, 96, initial_indent=" " * 8, subsequent_indent=" " * 8))
     return doc.replace("    {numbers}", "\n".join(lines))
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
+from granular.buffers import allocate, default_isa
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.scene import Scene
@@ -37,7 +38,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._bind(len(points["mass"]))
 
     def _build(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
-        engine = core.build(scene, mean_mass, core.default_isa() if isa is None else isa)
+        engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
         self._mean_mass = mean_mass
 
@@ -49,7 +50,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """Give the core buffers of the capacity `needed`; 0 means that they suffice."""
         grown = needed > 0
         while needed:
-            larger = core.allocate(self._engine, needed)
+            larger = allocate(self._engine, needed)
             for name, array in self._buffers.items():
                 larger[name][..., : array.shape[-1]] = array
             self._engine.bind(larger, 0, False)
@@ -136,7 +137,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
         self._build(scene, float(scalars.pop("mean_mass")), threads, isa)
         n = len(checkpoint.arrays.get("id", ()))
-        self._buffers = core.allocate(self._engine, 3 * n + 64)
+        self._buffers = allocate(self._engine, 3 * n + 64)
         for name, array in self._buffers.items():
             stored = checkpoint.arrays.get(name)
             if stored is None or stored.shape != (*array.shape[:-1], n):

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
+from granular.buffers import allocate, default_isa
 from granular.checks import integer
-from granular.mpm.engine import allocate, default_isa
 from granular.record import Checkpoint
 from granular.sph.gas import GasState
 from granular.sph.scene import Scene, seeding_gradient

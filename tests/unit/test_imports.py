@@ -10,10 +10,6 @@ import pytest
 ROOT = Path(__file__).parents[2]
 CSRC = ROOT / "csrc"
 
-COMMON_MAY_IMPORT: dict[tuple[str, str], str] = {}
-"""Imports of a method by a common module that are allowed, with the reason: none."""
-
-
 # ---- Python ----
 
 
@@ -127,16 +123,20 @@ def test_modules_do_not_import_each_other_in_a_circle():
     assert " -> ".join(_cycle(graph)) == ""
 
 
-def test_common_modules_import_no_method():
-    graph = _graph()
-    broken = {
+def test_common_modules_import_no_method_and_methods_not_each_other():
+    def method(name):
+        found = re.match(r"granular\.(mpm|sph)(\.|$)", name)
+        return found and found[1]
+
+    common = {n for n, p in _modules().items() if p.parent == ROOT / "granular"}
+    common -= {"granular", "granular.cli"}
+    broken = [
         (name, wanted)
-        for name, path in _modules().items()
-        if path.parent == ROOT / "granular" and path.stem not in ("__init__", "cli")
-        for wanted in graph[name]
-        if re.match(r"granular\.(mpm|sph)(\.|$)", wanted)
-    }
-    assert broken == set(COMMON_MAY_IMPORT)
+        for name, imported in _graph().items()
+        for wanted in imported
+        if method(wanted) and (name in common or method(name) not in (None, method(wanted)))
+    ]
+    assert not broken
 
 
 # ---- C ----

@@ -1,0 +1,55 @@
+"""The build of the core, and the arrays that it borrows: what the engines of both methods share."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+
+__all__ = ["allocate", "default_isa", "show_config"]
+
+PAGE, LINE = 4096, 64  # bytes
+
+
+def default_isa() -> str:
+    """Instruction set requested by the environment; an empty string means the best available."""
+    return os.environ.get("GRANULAR_ISA", "")
+
+
+def show_config() -> _core.BuildInfo:
+    """Return compiler, flags and OpenMP of the build, and the instruction set of simulations.
+
+    Raises
+    ------
+    ValueError
+        If the environment variable GRANULAR_ISA names a set that this machine does not have.
+    """
+    return _core.build_info(default_isa())
+
+
+def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArray]:
+    """Make zeroed buffers: {field: (component, capacity)} and "id" (capacity,).
+
+    All rows lie in one block at multiples of 64 bytes. The same index in different rows has
+    different offsets in a memory page, so that the processor does not take loads from one row for
+    stores to another (a precaution: on the one machine tried it changed nothing).
+    """
+    rows = [(name, count) for name, count, _, _ in engine.fields()]
+    total = sum(count for _, count in rows) + 1
+    skew = max(PAGE // total // LINE, 1) * LINE
+    length = -(-capacity * 8 // PAGE) * PAGE + skew
+    raw = np.zeros(total * length + LINE, dtype=np.uint8)
+    start = -raw.ctypes.data % LINE
+    buffers: dict[str, NDArray] = {}
+    for name, count in [*rows, ("id", 1)]:
+        flat = raw[start : start + count * length]
+        if name == "id":
+            buffers[name] = flat.view(np.int64)
+        else:
+            buffers[name] = flat.view(np.float64).reshape(count, length // 8)
+        start += count * length
+    buffers["id"][:] = -1
+    return buffers
