@@ -90,7 +90,7 @@ def given(sim: Simulation) -> Given:
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
     corrected = scheme.replace(dt=sim.dt)  # the same time step for all four steps
-    idle = corrected.replace(**IDLE)
+    idle = corrected.replace(density=_switched_off(corrected.density))
     a, b = _two_steps(sim, corrected, idle), _two_steps(sim, idle, idle)
     grid, m = a.scene.grid, a.mass
     length = np.array(grid.shape) * grid.cell

@@ -162,5 +162,5 @@ def test_bad_averages_are_refused():
     for levels in ([], [0.2, 0.1], [np.nan], [[0.1]]):
         with pytest.raises(ValueError, match="levels"):
             contours(field, levels)
-    with pytest.raises(ValueError, match="must have one"):
+    with pytest.raises(ValueError, match="one value per cell or node"):
         contours(frame_average(points, "v"), [0.1])

@@ -165,7 +165,7 @@ def test_tools_are_in_3d(tmp_path):
     gr.Simulation(scene, threads=1).run(until=0.01, save=tmp_path / "flat.h5", every=0.005)
     with gr.open(tmp_path / "flat.h5") as record:
         for measure in (gr.measure.soil_tools.tool_force, gr.measure.soil_tools.wheel_history):
-            with pytest.raises(ValueError, match="must be one in"):
+            with pytest.raises(ValueError, match="record of a 3D scene"):
                 measure(record)
 
 
