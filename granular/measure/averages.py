@@ -214,7 +214,8 @@ def contours(field: GridField, levels: ArrayLike) -> tuple[Contour, ...]:
     """
     if field.value.ndim != 2 or len(field.axes) != 2:
         raise ValueError(
-            f"field has values of shape {field.value.shape}, must be 2D, with one value per cell or node"
+            f"field has values of shape {field.value.shape}, "
+            "must be 2D, with one value per cell or node"
         )
     at = np.atleast_1d(np.asarray(levels, dtype=float))
     if at.ndim != 1 or not len(at) or not np.all(np.isfinite(at)) or not np.all(np.diff(at) > 0):
