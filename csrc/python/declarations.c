@@ -61,25 +61,33 @@ PyObject *gr_python_enumerations(PyObject *module, PyObject *unused)
     PyObject *out = PyDict_New();
     const char *names[16];
     int values[16], n = 0;
-#define GR_ADD(name) out = add_enumeration(out, name, names, values, n), n = 0;
+#define GR_ADD(name) out = add_enumeration(out, name, names, values, n), n = 0
 #define GR_X(constant, text) names[n] = #text, values[n++] = constant;
-    GR_BASES(GR_X)
-    GR_ADD("basis")
-    GR_FACES(GR_X)
-    GR_ADD("face")
-    GR_PARTS(GR_X)
-    GR_ADD("part")
-    GR_CONTACTS(GR_X) GR_ADD("contact")
+    GR_BASES(GR_X);
+    GR_ADD("basis");
+    GR_FACES(GR_X);
+    GR_ADD("face");
+    GR_PARTS(GR_X);
+    GR_ADD("part");
+    GR_CONTACTS(GR_X);
+    GR_ADD("contact");
 #undef GR_X
 #define GR_X(text) names[n] = #text, values[n] = n, n++;
-        GR_TRANSFERS(GR_X) GR_ADD("transfer") GR_DENSITIES(GR_X) GR_ADD("density") GR_DIFFUSIONS(GR_X) GR_ADD("diffusion")
-            GR_STENCILS(GR_X) GR_ADD("stencil")
+    GR_TRANSFERS(GR_X);
+    GR_ADD("transfer");
+    GR_DENSITIES(GR_X);
+    GR_ADD("density");
+    GR_DIFFUSIONS(GR_X);
+    GR_ADD("diffusion");
+    GR_STENCILS(GR_X);
+    GR_ADD("stencil");
 #undef GR_X
 #define GR_X(constant, text, value) names[n] = #text, values[n++] = constant;
-                GR_CELL_FLAGS(GR_X) GR_ADD("cell_flag")
+    GR_CELL_FLAGS(GR_X);
+    GR_ADD("cell_flag");
 #undef GR_X
 #undef GR_ADD
-                    return out;
+    return out;
 }
 
 PyObject *gr_python_laws(PyObject *module, PyObject *unused)

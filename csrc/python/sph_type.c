@@ -204,6 +204,7 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
     const struct gr_sph *s = ready(self, 0);
     if (!s) return NULL;
     PyObject *out = PyDict_New();
+    if (out && gr_put_integer(out, "n_points", s->n_particles)) Py_CLEAR(out);
 #define GR_X(name) \
     if (out && gr_put_float(out, #name, s->name)) Py_CLEAR(out);
     GR_FLOATS(GR_X)
@@ -215,7 +216,6 @@ static PyObject *sph_scalars(struct sph_object *self, PyObject *unused)
     GR_X(n_walls)
     GR_X(n_gas)
 #undef GR_X
-        if (out && gr_put_integer(out, "n_points", s->n_particles)) Py_CLEAR(out);
     return out;
 }
 
