@@ -11,14 +11,16 @@ from granular.mpm.cell_codes import FACE_LINK, FACE_OPEN, FACE_ROUGH, cell_flags
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Solid, Wall
 
-HATS = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())
+LINEAR = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())
 SOFT = NGF(E=1e5, A=0.5, d=0.1, t0=1e-3)
 METHODS = ["explicit", "implicit", "rkl2"]
 
 
 def silo(method="implicit", substeps=1, seed=None, cell=0.035, dt=5e-4, **options):
     """A soft silo of a few hundred cells that flows, about 0.6 m high."""
-    scheme = HATS.replace(dt=dt, fluidity=Fluidity(method=method, substeps=substeps, initial=seed))
+    scheme = LINEAR.replace(
+        dt=dt, fluidity=Fluidity(method=method, substeps=substeps, initial=seed)
+    )
     grains = gr.materials.silo_grains.replace(E=2e5, t0=1e-3)
     given = {"A": 0.1, "width": 0.56, "height": 0.56, "points_per_cell": 4, "material": grains}
     return gr.scenes.clogging_silo(cell=cell, scheme=scheme, **(given | options))
@@ -178,7 +180,7 @@ def still(dim, dt, method="explicit", substeps=1):
         grid=Grid((0.0,) * dim, 0.1, (n,) * dim),
         fills=(Fill(Box((0.0,) * dim, (size,) * dim), 2**dim, lithostatic=True),),
         material=SOFT,
-        scheme=HATS.replace(
+        scheme=LINEAR.replace(
             dt=dt, fluidity=Fluidity(method=method, substeps=substeps, initial=1e-3)
         ),
         walls=(
@@ -253,7 +255,7 @@ def walled(*walls, periodic=(False, False)):
         grid=Grid((0.0, 0.0), 0.1, (4, 3), periodic=periodic),
         fills=(Fill(Box((0.0, 0.0), (0.4, 0.1)), 4),),
         material=SOFT,
-        scheme=HATS,
+        scheme=LINEAR,
         walls=walls,
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
         duration=1.0,
