@@ -28,7 +28,7 @@ OUTSIDE_GRAIN_SCALE = (
 )
 
 WORDS = (
-    (r"\b[Hh]ats?\b", "linear shape functions", ANY),
+    (r"\b([Hh]ats?|HATS?)\b", "linear shape functions", ANY),
     (r"\b[Cc]reas(e|es|ed)\b", "C0 line", ANY),
     (r"\b[Ss]catter\w*", "P2G", CORE),
     (r"\b[Gg]ather\w*", "G2P, or sum over cells", ENGINE),
@@ -54,7 +54,6 @@ WORDS = (
     (r"\bfrictionless\b", "free-slip", OUTSIDE_GRAIN_SCALE),
     (r"\brough walls?\b", "no-slip wall", OUTSIDE_GRAIN_SCALE),
     (r"\b[Aa]bsorb(er|ers|s|ing)\b", "sponge layer", ANY),
-    (r"\b[Hh]ats?\b|\bHATS?\b", "linear (functions)", ANY),
     (r"\b[Dd]oubt(s|ful|ed)?\b", "scene_warnings; suspect", ANY),
     (r"\b(a|the|each|all|no|these|two|many) looks?\b", "sample", ANY),
     (r"\bthrift\w*|\badvi[sc]e[sd]?\b|\beconomy\.half\b", "cheaper, suggest, mirror_half", ANY),
