@@ -2,6 +2,8 @@
 #ifndef GR_MPM_WALLS_H
 #define GR_MPM_WALLS_H
 
+#include <math.h>
+
 #include "mpm/engine.h"
 
 /* The row of the wall table that applies to a node now. */
@@ -12,8 +14,28 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
     return wall;
 }
 
-/* Apply a wall to the velocity `next` that a node would have, and to its velocity v before the forces. */
-void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next);
+/* Apply a wall to the velocity `next` that a node would have. The impulse on a fixed component does not enter the
+ * increment that points receive: v is set to zero together with `next`, so that the wall neither pushes nor drags them.
+ * Coulomb friction is a force and does enter it. Inline: the loop over nodes is compiled for each dimension. */
+static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next)
+{
+    double friction = 0;
+    if (wall->normal >= 0) {
+        const double into = next[wall->normal] * -wall->side; /* normal velocity that the wall removes */
+        const double taken = wall->side ? into : fabs(next[wall->normal]);
+        double sliding = 0;
+        for (int d = 0; d < dim; d++)
+            if (d != wall->normal) sliding += next[d] * next[d];
+        sliding = sqrt(sliding);
+        if (taken > 0 && sliding > 0) friction = fmin(1.0, wall->friction * taken / sliding);
+    }
+    for (int d = 0; d < dim; d++) {
+        if (wall->fixed >> d & 1)
+            v[d] = next[d] = 0;
+        else if (wall->normal >= 0)
+            next[d] -= friction * next[d];
+    }
+}
 
 /* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
 int gr_face_is_closed(const struct gr_engine *e, const int32_t from[3], int d, int high);
