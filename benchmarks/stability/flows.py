@@ -35,8 +35,8 @@ def error_of_profile(state: gr.State, height: float = HEIGHT) -> float:
 
 def watched(sim: gr.Simulation, until: float, frames: int = 60) -> dict[str, float]:
     """Run under a monitor that samples every frame, and return its final indicators."""
-    monitor = Monitor()
-    hooks = (lambda sim: monitor.look(sim.state),)
+    monitor = Monitor(sim.scene)
+    hooks = (lambda sim: monitor.sample(sim.state),)
     sim.run(until=until, every=until / frames, hooks=hooks, monitor=False)
     signs = health(sim.scene, monitor.columns())
     return {sign.name: round(sign.value, 4) for sign in signs}
