@@ -53,15 +53,7 @@ def chute_ngf(
     ----------
     angle_deg, height, cell, columns, points_per_cell, jitter, headroom, gravity, ramp, duration
         See `incline`.
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}
     """
     if not isinstance(material, NGF):
         raise TypeError(f"material = {material!r} must be an NGF")

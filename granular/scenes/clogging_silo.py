@@ -5,15 +5,13 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-from granular.checks import non_negative, positive
+from granular.checks import non_negative, positive, truth
 from granular.diagnostics import StabilityWarning
-from granular.geometry import Box, Fill, Grid
-from granular.gravity import Gravity
 from granular.materials import NGF, silo_grains
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import SpongeLayer, Wall
-from granular.scenes._build import HEADROOM, whole_cells
+from granular.scenes._build import HEADROOM, block, gravity_down, whole_cells
 from granular.scenes._registry import scene_function
 
 JAM_FRICTION = 1.0
@@ -64,32 +62,16 @@ def clogging_silo(
         Width of the opening divided by the grain diameter; it replaces `d` of `material`.
     A : float
         Nonlocal amplitude; it replaces `A` of `material`.
-    cell : float
-        Cell size [m].
     orifice, width, height : float
         Full widths of the opening and of the silo, and height of the fill [m], whole cells (the
         half-widths too).
     half : bool
         If true, only the right half is modelled, with a symmetry plane at x = 0.
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     sponge : float or None
         Height [m] above which upward motion is damped (a sponge layer); None for no damping.
     sponge_damping : float
         Rate of the damping [1/s]; infinity as published. See `granular.mpm.walls.SpongeLayer`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}
 
     Warns
     -----
@@ -99,9 +81,7 @@ def clogging_silo(
     cell = positive("cell", cell)
     if not isinstance(material, NGF):
         raise TypeError(f"material = {material!r} must be an NGF")
-    if not isinstance(half, bool):
-        raise TypeError(f"half = {half!r} must be True or False")
-    orifice = positive("orifice", orifice)
+    half, orifice = truth("half", half), positive("orifice", orifice)
     d = orifice / positive("opening_over_d", opening_over_d)
     material = material.replace(A=non_negative("A", A), d=d)
     if material.mu_2 < JAM_FRICTION:
@@ -124,27 +104,23 @@ def clogging_silo(
     ]
     if not half:
         bottoms.append(Wall(1, 0.0, kind="no_slip", span=((low, -edge),)))
-    top = n_y * cell
     return Scene(
         name="clogging_silo",
-        grid=Grid(
-            (low, 0.0),
+        **block(
             cell,
             (n_x if half else 2 * n_x, n_y + HEADROOM),
-            open_sides=frozenset({"y-"}),
-        ),
-        fills=(
-            Fill(Box((low, 0.0), (side, top)), points_per_cell, jitter=jitter, lithostatic=True),
+            (side, n_y * cell),
+            lower=(low, 0.0),
+            open_sides={"y-"},
+            points_per_cell=points_per_cell,
+            jitter=jitter,
+            lithostatic=True,
         ),
         material=material,
         scheme=scheme,
-        walls=(
-            *bottoms,
-            Wall(0, low, kind="free_slip"),
-            Wall(0, side, kind="free_slip"),
-        ),
+        walls=(*bottoms, *(Wall(0, at, kind="free_slip") for at in (low, side))),
         sponge_layers=() if sponge is None else (SpongeLayer(1, sponge, sponge_damping),),
-        gravity=Gravity((0.0,), ((0.0, -positive("gravity", gravity)),)),
+        gravity=gravity_down(2, gravity),
         duration=duration,
         seed=seed,
     )

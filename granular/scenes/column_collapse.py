@@ -13,7 +13,7 @@ from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, gravity_down
+from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
 
 
@@ -61,14 +61,8 @@ def column_collapse(
         Height divided by half-width; half-width [m].
     cell : float or None
         Cell size [m]; None for 0.00625 if aspect <= 0.5, else 0.0125.
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     lip : float or None
         Distance of the right wall from the symmetry plane [m], rounded up to whole cells.
-    gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero to it [s].
-    duration : float
-        Duration [s].
     material, scheme, seed
         See `Scene`. With "sph" the material may also be a `granular.sph.Viscoplastic`, and the
         scheme is not used.
@@ -77,11 +71,7 @@ def column_collapse(
     **material_numbers
         Numbers of `material` to change, such as `E`; with "sph" before the material of SPH is
         matched to it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}
     """
     aspect = positive("aspect", aspect)
     half_width = positive("half_width", half_width)
@@ -95,6 +85,7 @@ def column_collapse(
         raise ValueError(f"lip = {lip} must not be less than half_width = {half_width}")
     n_x = enough_cells(lip, cell)
     n_y = enough_cells(height, cell) + HEADROOM
+    grid = Grid((0.0, 0.0), cell, (n_x, n_y))
     parameters = {"cell": cell, "lip": n_x * cell, "half": True}
     fill = Fill(Box((0.0, 0.0), (half_width, height)), points_per_cell, jitter=jitter)
     falls = gravity_down(2, gravity, ramp)
@@ -108,11 +99,7 @@ def column_collapse(
             grid=Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
             fills=(replace(fill, points_per_cell=1),),
             material=material,
-            walls=(
-                sph.Wall(1, 0.0, 1),
-                sph.Wall(0, 0.0, 1),
-                sph.Wall(0, n_x * cell, -1),
-            ),
+            walls=(sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1), sph.Wall(0, n_x * cell, -1)),
             gravity=falls,
             duration=duration,
             seed=seed,
@@ -120,15 +107,11 @@ def column_collapse(
         )
     return Scene(
         name="column_collapse",
-        grid=Grid((0.0, 0.0), cell, (n_x, n_y)),
+        grid=grid,
         fills=(fill,),
         material=cast(Material, material),
         scheme=scheme,
-        walls=(
-            Wall(1, 0.0, kind="no_slip"),
-            Wall(0, 0.0, kind="free_slip"),
-            Wall(0, n_x * cell, kind="free_slip"),
-        ),
+        walls=(Wall(1, 0.0, kind="no_slip"), *smooth_sides(grid)),
         gravity=falls,
         duration=duration,
         seed=seed,

@@ -11,7 +11,7 @@ from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, gravity_down
+from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
 
 
@@ -51,25 +51,9 @@ def cylinder_collapse(
     ----------
     aspect, radius : float
         Height divided by radius; radius [m].
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     lip : float or None
         Distance of the outer walls from the axis [m], rounded up to whole cells.
-    gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero to it [s].
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}
     """
     aspect = positive("aspect", aspect)
     radius = positive("radius", radius)
@@ -80,7 +64,7 @@ def cylinder_collapse(
     if positive("lip", lip) < radius:
         raise ValueError(f"lip = {lip} must not be less than radius = {radius}")
     n = enough_cells(lip, cell)
-    n_z = enough_cells(height, cell) + HEADROOM
+    grid = Grid((0.0, 0.0, 0.0), cell, (n, n, enough_cells(height, cell) + HEADROOM))
     quarter = Intersection(
         (
             Cylinder((0.0, 0.0, 0.0), radius, height),
@@ -89,14 +73,11 @@ def cylinder_collapse(
     )
     return Scene(
         name="cylinder_collapse",
-        grid=Grid((0.0, 0.0, 0.0), cell, (n, n, n_z)),
+        grid=grid,
         fills=(Fill(quarter, points_per_cell, jitter=jitter),),
         material=material,
         scheme=scheme,
-        walls=(
-            Wall(2, 0.0, kind="no_slip"),
-            *(Wall(axis, at, kind="free_slip") for axis in (0, 1) for at in (0.0, n * cell)),
-        ),
+        walls=(Wall(2, 0.0, kind="no_slip"), *smooth_sides(grid)),
         gravity=gravity_down(3, gravity, ramp),
         duration=duration,
         seed=seed,

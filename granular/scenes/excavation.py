@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import in_range, non_negative, positive
+from granular.checks import in_range, non_negative, positive, truth
 from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body, Box
 from granular.mpm.scene import Scene
@@ -89,18 +89,9 @@ def excavation(
         If true, only y >= 0 is modelled.
     settle, ramp : float
         Time before the blade moves, and time in which it changes its velocity [s].
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
     duration : float or None
         Duration [s]; None for the whole motion.
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
+    {common}
 
     Raises
     ------
@@ -110,8 +101,7 @@ def excavation(
     cell, depth, speed = positive("cell", cell), positive("depth", depth), positive("speed", speed)
     travel, dive = positive("travel", travel), positive("dive_speed", dive_speed)
     rake = in_range("rake_deg", rake_deg, -60.0, 60.0)
-    if not isinstance(half, bool):
-        raise TypeError(f"half = {half!r} must be True or False")
+    half = truth("half", half)
     if depth >= positive("soil", soil):
         raise ValueError(f"depth = {depth} must be less than soil = {soil}")
     thick, wide, high = blade

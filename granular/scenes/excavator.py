@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import finite, non_negative, positive, vector
+from granular.checks import finite, non_negative, positive, truth, vector
 from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body, Box, Union
 from granular.mpm.scene import Scene
@@ -81,18 +81,7 @@ def excavator(
         If true, only y >= 0 is modelled.
     settle, ramp : float
         Time before the bucket moves, and time in which it changes its velocity [s].
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
+    {common}
 
     Raises
     ------
@@ -102,8 +91,7 @@ def excavator(
     cell, speed, depth = positive("cell", cell), positive("speed", speed), positive("depth", depth)
     if depth >= positive("soil", soil):
         raise ValueError(f"depth = {depth} must be less than soil = {soil}")
-    if not isinstance(half, bool):
-        raise TypeError(f"half = {half!r} must be True or False")
+    half = truth("half", half)
     begin_deg, end_deg = (finite(f"tilt_deg[{i}]", v) for i, v in enumerate(tilt_deg))
     settle, down = non_negative("settle", settle), depth / speed
     up = positive("duration", duration) - settle - down

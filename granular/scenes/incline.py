@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from granular.checks import in_range, integer, non_negative, positive
-from granular.geometry import Box, Fill, Grid
-from granular.gravity import Gravity
+from granular.checks import integer, positive
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import whole_cells
+from granular.scenes._build import block, down_slope, level_cells, ramped, whole_cells
 from granular.scenes._registry import scene_function
 
 
@@ -51,63 +48,31 @@ def incline(
         Inclination [deg], 0 <= angle < 90.
     height : float
         Height of the layer across the slope [m], whole cells.
-    cell : float
-        Cell size [m].
     columns : int
         Number of cells along the slope.
     columns_across : int
         Number of cells along the horizontal axis across the slope, also periodic; 0 for 2D.
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     headroom : int
         Number of free cells above the surface, >= 1.
-    gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero to it [s].
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}
     """
-    angle = math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True))
-    cell = positive("cell", cell)
-    columns = integer("columns", columns, 1)
+    cell, level = positive("cell", cell), level_cells(columns, columns_across)
     n_y = whole_cells("height", height, cell)
-    gravity = positive("gravity", gravity)
-    level: tuple[int, ...] = (columns,)
-    if integer("columns_across", columns_across, 0):
-        level += (columns_across,)
-    still = (0.0,) * len(level)
-    full = (gravity * math.sin(angle), *still[1:], -gravity * math.cos(angle))
-    if non_negative("ramp", ramp) == 0.0:
-        pull = Gravity((0.0,), (full,))
-    else:
-        pull = Gravity((0.0, ramp), ((*still, 0.0), full))
+    full = down_slope(len(level) + 1, gravity, angle_deg)
     return Scene(
         name="incline",
-        grid=Grid(
-            (*still, 0.0),
+        **block(
             cell,
             (*level, n_y + integer("headroom", headroom, 1)),
-            periodic=(*(True for _ in level), False),
-        ),
-        fills=(
-            Fill(
-                Box((*still, 0.0), (*(n * cell for n in level), n_y * cell)),
-                points_per_cell,
-                jitter=jitter,
-            ),
+            tuple(n * cell for n in (*level, n_y)),
+            periodic=range(len(level)),
+            points_per_cell=points_per_cell,
+            jitter=jitter,
         ),
         material=material,
         scheme=scheme,
         walls=(Wall(len(level), 0.0, kind="no_slip"),),
-        gravity=pull,
+        gravity=ramped(full, ramp),
         duration=duration,
         seed=seed,
     )

@@ -5,13 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import non_negative, one_of, positive
-from granular.geometry import Box, Fill, Grid
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, gravity_down, whole_cells
+from granular.scenes._build import HEADROOM, block, gravity_down, smooth_sides, whole_cells
 from granular.scenes._registry import scene_function
 
 
@@ -52,22 +51,11 @@ def silo(
         Full width D of the opening [m], an even number of cells.
     width, height : float
         Full width of the silo and height of the fill [m], whole cells (the half-width too).
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     edge : {"last_free_node", "wall"}
         Beginning of the bottom: at D/2 + cell, as in the paper, or at D/2.
     opens_at : float
         Time at which the orifice opens [s].
-    gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero to it [s].
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
+    {common}
 
     Raises
     ------
@@ -85,10 +73,17 @@ def silo(
             f"orifice = {orifice} must be less than width = {width} by more than two cells"
             f" of {cell}"
         )
+    filled = block(
+        cell,
+        (n_x, n_y + HEADROOM),
+        (n_x * cell, n_y * cell),
+        open_sides={"y-"},
+        points_per_cell=points_per_cell,
+        jitter=jitter,
+    )
     return Scene(
         name="silo",
-        grid=Grid((0.0, 0.0), cell, (n_x, n_y + HEADROOM), open_sides=frozenset({"y-"})),
-        fills=(Fill(Box((0.0, 0.0), (n_x * cell, n_y * cell)), points_per_cell, jitter=jitter),),
+        **filled,
         material=material,
         scheme=scheme,
         walls=(
@@ -96,8 +91,7 @@ def silo(
             # The lid has the width of the outlet, so that all that is done near outlets is done
             # near it.
             Wall(1, 0.0, kind="no_slip", span=((0.0, begin * cell),), opens_at=opens_at),
-            Wall(0, 0.0, kind="free_slip"),
-            Wall(0, n_x * cell, kind="free_slip"),
+            *smooth_sides(filled["grid"]),
         ),
         gravity=gravity_down(2, gravity, ramp),
         duration=duration,

@@ -5,13 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import positive
-from granular.geometry import Box, Fill, Grid
-from granular.gravity import Gravity
 from granular.materials import Material, grc_1
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, reconnected, whole_cells
+from granular.scenes._build import (
+    HEADROOM,
+    block,
+    gravity_down,
+    reconnected,
+    smooth_sides,
+    whole_cells,
+)
 from granular.scenes._registry import scene_function
 
 soft_grains = grc_1.replace(E=0.15e6, mu_s=0.3819)
@@ -54,18 +59,7 @@ def silo_3d(
         Extents of the fill along x, z and y [m], whole cells.
     slot : float
         Width of the opening, which begins at the left wall [m], whole cells.
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
+    {common}
 
     Raises
     ------
@@ -78,24 +72,29 @@ def silo_3d(
     n_slot = whole_cells("slot", slot, cell)
     if n_slot >= n_x:
         raise ValueError(f"slot = {slot} must be less than length = {length}")
-    x, y, z = n_x * cell, n_y * cell, n_z * cell
+    x, y = n_x * cell, n_y * cell
     edge, across = n_slot * cell, (0.0, y)
+    filled = block(
+        cell,
+        (n_x, n_y, n_z + HEADROOM),
+        (x, y, n_z * cell),
+        open_sides={"z-"},
+        points_per_cell=points_per_cell,
+        jitter=jitter,
+        lithostatic=True,
+    )
     return Scene(
         name="silo_3d",
-        grid=Grid((0.0, 0.0, 0.0), cell, (n_x, n_y, n_z + HEADROOM), open_sides=frozenset({"z-"})),
-        fills=(
-            Fill(Box((0.0, 0.0, 0.0), (x, y, z)), points_per_cell, jitter=jitter, lithostatic=True),
-        ),
+        **filled,
         material=material,
         scheme=scheme,
         walls=(
             Wall(2, 0.0, kind="no_slip", span=((edge, x), across)),
             # Open from the start, so that all that is done near outlets is done near it.
             Wall(2, 0.0, kind="no_slip", span=((0.0, edge), across), opens_at=0.0),
-            *(Wall(0, at, kind="free_slip") for at in (0.0, x)),
-            *(Wall(1, at, kind="free_slip") for at in (0.0, y)),
+            *smooth_sides(filled["grid"]),
         ),
-        gravity=Gravity((0.0,), ((0.0, 0.0, -positive("gravity", gravity)),)),
+        gravity=gravity_down(3, gravity),
         duration=duration,
         seed=seed,
     )

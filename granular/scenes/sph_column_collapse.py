@@ -5,9 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import positive
-from granular.geometry import Box, Fill, Grid
-from granular.scenes._build import enough_cells, whole_cells
-from granular.scenes._build_sph import SETTLE, across, settling_gravity
+from granular.scenes._build import (
+    SETTLE,
+    block,
+    cells_across,
+    enough_cells,
+    settling_gravity,
+    whole_cells,
+)
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic, grit
 from granular.sph.numerics import Numerics
@@ -50,8 +55,6 @@ def column_collapse_sph(
         Height divided by length; the height is rounded to whole spacings.
     length, width : float
         Length and width of the column [m], whole spacings; a width of 0 is for 2D.
-    spacing : float
-        Spacing of the particles [m].
     reach : float or None
         Length of the floor [m], rounded up to whole spacings.
     settle : float
@@ -60,16 +63,7 @@ def column_collapse_sph(
         Its magnitude [m/s2].
     duration : float or None
         Time without the right wall [s]; None for that given above.
-    material : Viscoplastic
-    numerics
-        By default those of the thesis.
-    **material_numbers
-        Numbers of the material to change, such as `kappa`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}
     """
     aspect, g = positive("aspect", aspect), positive("gravity", gravity)
     spacing = positive("spacing", spacing)
@@ -83,18 +77,17 @@ def column_collapse_sph(
     n_x = enough_cells(reach, spacing)
     if duration is None:
         duration = 1.5 + 8.0 * (height / g) ** 0.5
-    n_y, settle = across(width, spacing), positive("settle", settle)
+    n_y, settle = cells_across("width", width, spacing), positive("settle", settle)
     still, sides = (0.0,) * len(n_y), tuple((0.0, k * spacing) for k in n_y)
     up = (0.0, (n_z + HEADROOM) * spacing)
     return Scene(
         name="column_collapse_sph",
-        grid=Grid(
-            (0.0, *still, 0.0),
+        **block(
             spacing,
             (n_x, *n_y, n_z + HEADROOM),
-            periodic=(False, *(True for _ in n_y), False),
+            (length, *(k * spacing for k in n_y), height),
+            periodic=range(1, 1 + len(n_y)),
         ),
-        fills=(Fill(Box((0.0, *still, 0.0), (length, *(s[1] for s in sides), height)), 1),),
         material=material,
         numerics=numerics or Numerics(),
         walls=(

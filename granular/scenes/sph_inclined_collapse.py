@@ -5,10 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import in_range, positive
-from granular.geometry import Box, Fill, Grid
-from granular.scenes._build import enough_cells, whole_cells
-from granular.scenes._build_sph import SETTLE, across, settling_gravity
+from granular.checks import positive
+from granular.scenes._build import (
+    SETTLE,
+    block,
+    cells_across,
+    down_slope,
+    enough_cells,
+    settling_gravity,
+    whole_cells,
+)
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
@@ -60,8 +66,6 @@ def inclined_collapse(
         If true, there are walls at the sides; otherwise the channel is periodic across.
     length, height, width : float
         Extents of the block [m], whole spacings; a width of 0 is for 2D, without side walls.
-    spacing : float
-        Spacing of the particles [m].
     lift : float
         Speed of the gate [m/s].
     reach : float
@@ -72,20 +76,14 @@ def inclined_collapse(
         Its magnitude [m/s2].
     duration : float
         Time from the lifting of the gate on [s].
-    material, numerics
-        By default those of the thesis.
-    **material_numbers
-        Numbers of the material to change, such as `kappa`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}
     """
-    angle = math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True))
-    spacing, g = positive("spacing", spacing), positive("gravity", gravity)
+    spacing = positive("spacing", spacing)
     n, n_z = whole_cells("length", length, spacing), whole_cells("height", height, spacing)
-    n_x, n_y = enough_cells(positive("reach", reach), spacing), across(width, spacing)
+    n_x, n_y = (
+        enough_cells(positive("reach", reach), spacing),
+        cells_across("width", width, spacing),
+    )
     if n_x <= n:
         raise ValueError(f"reach = {reach} must exceed length = {length}")
     if side_walls and not n_y:
@@ -114,24 +112,16 @@ def inclined_collapse(
         )
     return Scene(
         name="inclined_collapse_sph",
-        grid=Grid(
-            (0.0, *still, 0.0),
+        **block(
             spacing,
             (n_x, *n_y, n_z + HEADROOM),
-            periodic=(False, *(not side_walls for _ in n_y), False),
-        ),
-        fills=(
-            Fill(Box((0.0, *still, 0.0), (n * spacing, *(s[1] for s in sides), n_z * spacing)), 1),
+            tuple(k * spacing for k in (n, *n_y, n_z)),
+            periodic=() if side_walls else range(1, 1 + len(n_y)),
         ),
         material=material,
         numerics=numerics,
-        walls=(
-            Wall(1 + len(n_y), 0.0, 1, layers=thin),
-            Wall(0, 0.0, 1, layers=thin),
-            *channel,
-            gate,
-        ),
-        gravity=settling_gravity((g * math.sin(angle), *still, -g * math.cos(angle)), settle),
+        walls=(*(Wall(axis, 0.0, 1, layers=thin) for axis in (1 + len(n_y), 0)), *channel, gate),
+        gravity=settling_gravity(down_slope(2 + len(n_y), gravity, angle_deg), settle),
         duration=settle + positive("duration", duration),
         parameters={"half_width": n * spacing, "reach": n_x * spacing, "duration": duration},
     )
