@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import geometry, materials
-from granular.checks import one_of, positive
+from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
@@ -67,11 +67,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Union: {},
     geometry.Intersection: {},
     geometry.Difference: {},
-    materials.MuI: _MATERIAL,
-    materials.NGF: _MATERIAL,
-    materials.DruckerPrager: _MATERIAL,
-    materials.HardeningDruckerPrager: _MATERIAL,
-    materials.Elastic: _MATERIAL,
+    **{law: _MATERIAL for law in materials.Material.__subclasses__()},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     Wall: {"at": "length", "span": "length", "opens_at": "time"},
     Solid: {"lower": "length", "upper": "length"},
@@ -108,7 +104,7 @@ class Froude:
     length: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "length", positive("length", self.length))
+        check_fields(self, positive, "length")
 
     def factor(self, quantity: str, *, dim: int = 3) -> float:
         """Ratio of a quantity in the scaled world to that in the real one.
