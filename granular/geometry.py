@@ -404,7 +404,7 @@ def check_inside(name: str, grid: Grid, region: Region) -> None:
             )
 
 
-def lattice(axes: Sequence[NDArray]) -> NDArray:
+def combined(axes: Sequence[NDArray]) -> NDArray:
     """All combinations of coordinates along axes, shape (n, dim), the first axis fastest."""
     mesh = np.meshgrid(*axes[::-1], indexing="ij")
     return np.stack([coordinate.ravel() for coordinate in mesh[::-1]], axis=1)
@@ -421,7 +421,7 @@ def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
         axes.append(origin + (np.arange(first, last) + 0.5) * spacing)
     if math.prod(len(sites) for sites in axes) > MAX_COUNT:
         raise ValueError(f"a fill of {fill.region} must have at most {MAX_COUNT} points")
-    x = lattice(axes)
+    x = combined(axes)
     return x[fill.region.contains(x)]
 
 

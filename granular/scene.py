@@ -1,4 +1,4 @@
-"""What the scenes of both methods have in common."""
+"""Base class of the scenes of both methods."""
 
 from __future__ import annotations
 

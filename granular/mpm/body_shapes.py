@@ -30,7 +30,7 @@ from granular.checks import (
     tuple_of,
     vector,
 )
-from granular.geometry import lattice
+from granular.geometry import combined
 
 __all__ = ["Box", "Cylinder", "HalfSpace", "Mesh", "Union"]
 
@@ -359,7 +359,7 @@ def _sampled(mesh: Mesh) -> Array:
     surface = trimesh.Trimesh(np.array(mesh.vertices), np.array(mesh.faces), process=False)
     low, counts = mesh._sampling_grid()
     axes = [start + mesh.spacing * np.arange(n) for start, n in zip(low, counts, strict=True)]
-    places = lattice(axes)
+    places = combined(axes)
     parts = np.array_split(places, max(len(places) // 20000, 1))
     inside = [trimesh.proximity.signed_distance(surface, part) for part in parts]
     distance = -np.concatenate(inside).reshape(counts[::-1])

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.geometry import combined
 from granular.materials import MuI
 from granular.mpm.body_shapes import deepest, padded, reach, thicknesses, turned
 from granular.theory.well_posed import well_posed_slopes
@@ -148,8 +149,7 @@ def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
     for low, cells, at in zip(grid.lower, grid.shape, body.position, strict=True):
         middle = low + grid.cell * (np.arange(cells) + 0.5)
         axes.append(middle[abs(middle - at) <= extent])
-    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, body.dim)
-    return np.pad(places, ((0, 0), (0, 3 - body.dim)))
+    return np.pad(combined(axes), ((0, 0), (0, 3 - body.dim)))
 
 
 def _reach(body: Body) -> float:

@@ -77,7 +77,9 @@ class Wall:
         check_fields(self, non_negative, "opens_at", allow_inf=True)
 
     def extent(self, grid: Grid, axis: int) -> Span:
-        """Lower and upper end of the wall along another `axis` [m]."""
+        """Lower and upper end of the wall along an axis [m], both `at` along its own."""
+        if axis == self.axis:
+            return self.at, self.at
         if self.span is None:
             return grid.lower[axis], grid.upper[axis]
         return self.span[axis - (axis > self.axis)]

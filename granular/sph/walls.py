@@ -20,7 +20,7 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.geometry import AXES, LINE_TOLERANCE, Grid, lattice
+from granular.geometry import AXES, LINE_TOLERANCE, Grid, combined
 
 __all__ = ["Wall", "wall_points", "wall_rows"]
 
@@ -154,7 +154,7 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
     parts: dict[str, list[NDArray]] = {name: [] for name in names}
     for i, wall in enumerate(walls):
         axes = [np.arange(*ends) for ends in wall.extent(f"walls[{i}]", grid)]
-        sites = lattice(axes)
+        sites = combined(axes)
         normal = np.zeros(dim)
         normal[wall.axis] = wall.side
         behind = (
