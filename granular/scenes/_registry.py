@@ -41,7 +41,8 @@ RAISES = """
 Raises
 ------
 TypeError, ValueError
-    Naming argument, value and allowed range."""
+    Naming argument, value and allowed range"""
+"""Last part of the docstrings of scene functions; each of them ends this sentence."""
 
 P = ParamSpec("P")
 S = TypeVar("S", bound="mpm.Scene | sph.Scene")
@@ -82,7 +83,7 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
       and numbers of the material. Parameters that the function itself has set take precedence:
       it sets those that it derives or rounds, and `duration` if that of the scene is another.
     - In its docstring ``{common}`` stands for the descriptions of those arguments among `COMMON`
-      that the docstring does not describe itself, and for `RAISES` unless it has such a section.
+      that the docstring does not describe itself, and for `RAISES`.
 
     Parameters
     ----------
@@ -136,9 +137,7 @@ def _completed(doc: str, arguments: tuple[str, ...]) -> str:
         if names <= set(arguments) - described:
             lines += [head, f"    {text}"]
             described |= names
-    if "\nRaises\n" not in doc:
-        lines += RAISES.split("\n")
-    return doc.replace("{common}", "\n".join(lines))
+    return doc.replace("{common}", "\n".join([*lines, RAISES]))
 
 
 def own_keywords(signature: inspect.Signature) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Collapse of a column onto a rough floor, in 2D."""
+"""Collapse onto a rough floor: of a column in 2D, of a cylinder in 3D."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any, cast
 
 from granular import sph
 from granular.checks import one_of, positive
-from granular.geometry import Box, Fill, Grid
+from granular.geometry import Box, Cylinder, Fill, Grid, Intersection
 from granular.materials import Material, MuI, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
@@ -17,7 +17,7 @@ from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_
 from granular.scenes._registry import scene_function
 
 
-def _expected_runout(aspect: float) -> float:
+def _runout_of_column(aspect: float) -> float:
     """Run-out divided by half-width, by the paper's fit (figure 3)."""
     return 2.28 * aspect if aspect < 2.83 else 3.24 * aspect**0.66
 
@@ -71,7 +71,7 @@ def column_collapse(
     **material_numbers
         Numbers of `material` to change, such as `E`; with "sph" before the material of SPH is
         matched to it.
-    {common}
+    {common}.
     """
     aspect = positive("aspect", aspect)
     half_width = positive("half_width", half_width)
@@ -80,7 +80,7 @@ def column_collapse(
     cell = positive("cell", cell)
     height = aspect * half_width
     if lip is None:
-        lip = (2.0 + 1.5 * _expected_runout(aspect)) * half_width
+        lip = (2.0 + 1.5 * _runout_of_column(aspect)) * half_width
     if positive("lip", lip) < half_width:
         raise ValueError(f"lip = {lip} must not be less than half_width = {half_width}")
     n_x = enough_cells(lip, cell)
@@ -116,4 +116,74 @@ def column_collapse(
         duration=duration,
         seed=seed,
         parameters=parameters,
+    )
+
+
+def _runout_of_cylinder(aspect: float) -> float:
+    """Run-out divided by radius, of cylinders of sand (Lube et al. 2004)."""
+    return 1.24 * aspect if aspect < 1.7 else 1.6 * aspect**0.5
+
+
+@scene_function("mpm")
+def cylinder_collapse(
+    *,
+    aspect: float = 0.5,
+    radius: float = 0.2,
+    cell: float = 0.0125,
+    points_per_cell: int = 8,
+    jitter: float = 0.0,
+    lip: float | None = None,
+    gravity: float = 9.8,
+    ramp: float = 0.1,
+    duration: float = 2.0,
+    material: Material = glass_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+    **material_numbers: Any,
+) -> Scene:
+    """A quarter of a cylinder that collapses: the column collapse of section 4.1, in 3D.
+
+    Dunatunga & Kamrin 2015 study 2D flows only. This scene is the experiment of Lube et al. 2004
+    with the paper's material, gravity ramp and walls: no_slip floor, free_slip symmetry planes
+    x = 0 and y = 0, free_slip lips.
+
+    Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being
+    the run-out that Lube et al. found (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round
+    side is cut out of the seeding lattice; the height is rounded to rows of points.
+
+    Parameters
+    ----------
+    aspect, radius : float
+        Height divided by radius; radius [m].
+    lip : float or None
+        Distance of the outer walls from the axis [m], rounded up to whole cells.
+    {common}.
+    """
+    aspect = positive("aspect", aspect)
+    radius = positive("radius", radius)
+    cell = positive("cell", cell)
+    height = aspect * radius
+    if lip is None:
+        lip = (2.0 + 1.5 * _runout_of_cylinder(aspect)) * radius
+    if positive("lip", lip) < radius:
+        raise ValueError(f"lip = {lip} must not be less than radius = {radius}")
+    n = enough_cells(lip, cell)
+    grid = Grid((0.0, 0.0, 0.0), cell, (n, n, enough_cells(height, cell) + HEADROOM))
+    quarter = Intersection(
+        (
+            Cylinder((0.0, 0.0, 0.0), radius, height),
+            Box((0.0, 0.0, 0.0), (radius, radius, height)),
+        )
+    )
+    return Scene(
+        name="cylinder_collapse",
+        grid=grid,
+        fills=(Fill(quarter, points_per_cell, jitter=jitter),),
+        material=material,
+        scheme=scheme,
+        walls=(Wall(2, 0.0, kind="no_slip"), *smooth_sides(grid)),
+        gravity=gravity_down(3, gravity, ramp),
+        duration=duration,
+        seed=seed,
+        parameters={"lip": n * cell, "quarter": True},
     )

@@ -82,12 +82,7 @@ def couette(
         See `granular.geometry.Fill`; by default 2 along an edge of a cell.
     gravity : float
         Magnitude [m/s2], constant from the start; unused in 2D.
-    {common}
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the gap has less than 4 cells.
+    {common}; also if the gap has less than 4 cells.
     """
     cell, inner, outer = positive("cell", cell), positive("inner", inner), positive("outer", outer)
     n_z, overlap = whole_cells("height", height, cell), in_range("overlap", overlap, 0.0, 1.0)

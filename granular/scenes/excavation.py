@@ -91,12 +91,7 @@ def excavation(
         Time before the blade moves, and time in which it changes its velocity [s].
     duration : float or None
         Duration [s]; None for the whole motion.
-    {common}
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the blade would leave the bed.
+    {common}; also if the blade would leave the bed.
     """
     cell, depth, speed = positive("cell", cell), positive("depth", depth), positive("speed", speed)
     travel, dive = positive("travel", travel), positive("dive_speed", dive_speed)

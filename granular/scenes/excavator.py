@@ -81,12 +81,7 @@ def excavator(
         If true, only y >= 0 is modelled.
     settle, ramp : float
         Time before the bucket moves, and time in which it changes its velocity [s].
-    {common}
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if no time is left to come out again.
+    {common}; also if no time is left to come out again.
     """
     cell, speed, depth = positive("cell", cell), positive("speed", speed), positive("depth", depth)
     if depth >= positive("soil", soil):

@@ -114,12 +114,7 @@ def hourglass(
         Slope of the staircase to the horizontal [deg], 0 < slope < 90; unused when flat.
     opens_at : float
         Time at which the orifice opens [s].
-    {common}
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the opening leaves no divider.
+    {common}; also if the opening leaves no divider.
     """
     one_of("kind", kind, ("flat", "sloped"))
     cell = positive("cell", cell)

@@ -55,7 +55,7 @@ def slug(
         Position of the right wall [m], rounded up to whole cells.
     headroom : float
         Height above the highest point of the free flight [m].
-    {common}
+    {common}.
     """
     cell = positive("cell", cell)
     gravity = positive("gravity", gravity)

@@ -78,7 +78,7 @@ def fluidised_bed(
         the density of the gas is then 10 kg/m3.
     material, numerics
         By default 1600 kg/m3, friction 0.8; h = 1.5 spacings, half the largest viscosity.
-    {common}
+    {common}.
     """
     spacing = positive("spacing", spacing)
     parts = {"height": height, "plenum": plenum, "freeboard": freeboard}
@@ -174,7 +174,7 @@ def jet_on_bed(
         See `Gas`.
     material, numerics
         By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
-    {common}
+    {common}.
     """
     spacing = positive("spacing", spacing)
     columns = whole_cells("width", width, spacing)

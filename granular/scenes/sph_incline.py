@@ -65,7 +65,7 @@ def incline_sph(
         Its magnitude [m/s2].
     duration : float
         Time after the tilt [s].
-    {common}
+    {common}.
     """
     spacing, level = positive("spacing", spacing), level_cells(columns, columns_across)
     layers = whole_cells("height", height, spacing)

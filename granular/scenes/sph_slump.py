@@ -69,7 +69,7 @@ def slump_sph(
         Stiffness [Pa].
     material : Viscoplastic
         Its `mu_l`, `mu_h`, `kappa` and `dilation` are replaced by the values above.
-    {common}
+    {common}.
     """
     phi = in_range("phi_deg", phi_deg, 0.0, 90.0, open_low=True, open_high=True)
     spacing, g = positive("spacing", spacing), positive("gravity", gravity)
