@@ -24,6 +24,9 @@ class BaseScene(Serializable):
     indicators: ClassVar[tuple[tuple[str, str, float | None, str], ...]] = ()
     """Indicators in addition to those of all methods; see `granular.diagnostics`."""
 
+    _limits: ClassVar[Any]
+    """Module of the method with its limits."""
+
     name: str
     grid: Grid
     fills: tuple[Fill, ...]
@@ -63,6 +66,15 @@ class BaseScene(Serializable):
     def points(self) -> geometry.Points:
         """Make the points of the material at the start; see `granular.geometry.seed_points`."""
         return geometry.seed_points(self.grid, self.fills, self.seed, self.material.rho_c)
+
+    @property
+    def courant_limit(self) -> float:
+        """Largest stable (c + speed) dt/dx."""
+        return self._limits.courant_limit(self)
+
+    def known_failures(self) -> list[str]:
+        """List the settings that are known to fail without an error, one sentence each."""
+        return self._limits.known_failures(self)
 
     def _repr_html_(self) -> str:
         rows: dict[str, object] = {

@@ -73,13 +73,7 @@ def dt_limit(scene: Scene) -> float:
 
 
 def check_time_step(scene: Scene) -> None:
-    """Refuse a time step beyond its limit.
-
-    Raises
-    ------
-    ValueError
-        The message names dt or cfl, its value and the limit.
-    """
+    """Refuse a time step beyond its limit by a ValueError that names dt or cfl, and the limit."""
     scheme, limit = scene.scheme, courant_limit(scene)
     if scheme.dt is None:
         if scheme.cfl > limit:
@@ -103,13 +97,7 @@ THIN = 2.0
 
 
 def check_blades(scene: Scene) -> None:
-    """Refuse thin bodies if the scheme has no duplicate nodes that separate their two sides.
-
-    Raises
-    ------
-    ValueError
-        The message names the body, its thickness and the least thickness.
-    """
+    """Refuse thin bodies if the scheme has no duplicate nodes that separate their two sides."""
     scheme, least = scene.scheme, THIN * scene.grid.cell
     if keeps_sides(scheme):
         return
@@ -125,13 +113,7 @@ def check_blades(scene: Scene) -> None:
 
 
 def check_overlaps(scene: Scene) -> None:
-    """Refuse bodies that overlap at the start: both would prescribe the velocity of common nodes.
-
-    Raises
-    ------
-    ValueError
-        The message names the two bodies, the depth of their overlap and the largest allowed depth.
-    """
+    """Refuse bodies that overlap at the start: both would set the velocity of common nodes."""
     most = 0.5 * scene.grid.cell
     for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
         places = _places_about(scene, min(one, other, key=_reach))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from granular import geometry
 from granular.checks import check_fields, tuple_of
@@ -59,6 +59,7 @@ class Scene(BaseScene):
     """
 
     method = "mpm"
+    _limits: ClassVar[Any] = limits
 
     name: str
     grid: Grid
@@ -105,15 +106,6 @@ class Scene(BaseScene):
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = c0_lines(self.grid, self.walls, axis)
             check_c0_lines(self.scheme.basis, n, periodic, lines)
-
-    @property
-    def courant_limit(self) -> float:
-        """Largest stable (c + speed) dt/dx."""
-        return limits.courant_limit(self)
-
-    def known_failures(self) -> list[str]:
-        """List the settings that are known to fail without an error, one sentence each."""
-        return limits.known_failures(self)
 
     @property
     def knows_all_work(self) -> bool:

@@ -14,8 +14,7 @@ from granular.checks import one_of
 from granular.scenes._registry import METHODS, SceneFunction, functions
 from granular.scenes.column_collapse import column_collapse, cylinder_collapse
 from granular.scenes.couette import couette
-from granular.scenes.excavation import excavation
-from granular.scenes.excavator import excavator
+from granular.scenes.excavation import excavation, excavator
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
 from granular.scenes.silo import clogging_silo, silo, silo_3d

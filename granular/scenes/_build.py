@@ -32,13 +32,7 @@ body is kept apart."""
 
 
 def whole_cells(name: str, length: object, cell: float) -> int:
-    """Number of cells in a length.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If the length is not a number, not positive, or not a whole number of cells.
-    """
+    """Number of cells in a length; refuses one that is not a whole number of cells."""
     ratio = positive(name, length) / cell
     count = round(ratio) if math.isfinite(ratio) else 0
     if count < 1 or abs(ratio - count) > ROUND_OFF * max(1.0, ratio):
@@ -47,26 +41,14 @@ def whole_cells(name: str, length: object, cell: float) -> int:
 
 
 def enough_cells(length: float, cell: float) -> int:
-    """Smallest number of cells that are together at least as long as `length`.
-
-    Raises
-    ------
-    ValueError
-        If the number is not finite.
-    """
+    """Smallest number of cells that are together at least as long as `length`; must be finite."""
     if not math.isfinite(length / cell):
         raise ValueError(f"cell = {cell} must not be so small for a domain of {length}")
     return math.ceil(length / cell - ROUND_OFF)
 
 
 def level_cells(columns: object, columns_across: object) -> tuple[int, ...]:
-    """Numbers of cells along the horizontal axes: one axis if there are 0 columns across, or two.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If they are not integers, or out of range.
-    """
+    """Numbers of cells along the horizontal axes, which are two, or one with 0 columns across."""
     along, across = integer("columns", columns, 1), integer("columns_across", columns_across, 0)
     return (along, across) if across else (along,)
 

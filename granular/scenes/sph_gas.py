@@ -26,12 +26,11 @@ bed_soil = Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8)
 """Soil of the thesis (section 6.2.2)."""
 
 
-def _numerics() -> Numerics:
-    """Numerics with a wider kernel, which the gas needs, and half the largest viscosity.
+wide = Numerics(smoothing=1.5)
+"""Numerics with a wider kernel, which the gas needs, and half the largest viscosity.
 
-    With the full viscosity beds never come to rest, and their noise is passed to the gas.
-    """
-    return Numerics(smoothing=1.5)
+With the full viscosity beds never come to rest, and their noise is passed to the gas.
+"""
 
 
 @scene_function("sph")
@@ -105,7 +104,7 @@ def fluidised_bed(
             periodic=range(axis),
         ),
         material=material,
-        numerics=numerics or _numerics(),
+        numerics=numerics or wide,
         walls=(
             Wall(axis, 0.0, 1, layers=LAYERS, velocity=(*still, velocity)),
             Wall(axis, sieve, 1, layers=LAYERS, permeable=True),
@@ -194,7 +193,7 @@ def jet_on_bed(
         name="jet_on_bed",
         **block(spacing, (*level, soil + above), (*ends, soil * spacing), periodic=range(axis)),
         material=material,
-        numerics=numerics or _numerics(),
+        numerics=numerics or wide,
         walls=(Wall(axis, 0.0, 1, layers=LAYERS), Wall(axis, top, -1, layers=LAYERS)),
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -93,6 +93,7 @@ class Scene(BaseScene):
     """
 
     method = "sph"
+    _limits: ClassVar[Any] = limits
     indicators = limits.INDICATORS
 
     name: str
@@ -138,15 +139,6 @@ class Scene(BaseScene):
             raise ValueError(
                 f"dt = {numerics.dt} must be at most {self.longest_dt:.4g}, h/(4 c) at rho0"
             )
-
-    @property
-    def courant_limit(self) -> float:
-        """Largest stable (c + speed) dt/dx."""
-        return limits.courant_limit(self)
-
-    def known_failures(self) -> list[str]:
-        """List known failures of the scene that raise no error, one sentence each."""
-        return limits.known_failures(self)
 
     @property
     def knows_all_work(self) -> bool:

@@ -151,13 +151,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """A snapshot of the particles of the present walls, ordered by id."""
         self._evaluate()
         first, scalars = self._rows.wall_first, self._engine.scalars()
-        return State(
-            scene=self.scene,
-            time=scalars["time"],
-            step=int(scalars["step"]),
-            dt=scalars["dt"],
-            fields=self._shown(slice(first, first + int(scalars["n_walls"]))),
-        )
+        return self._state_of(self._shown(slice(first, first + int(scalars["n_walls"]))))
 
     @property
     def gas(self) -> GasState:
