@@ -24,10 +24,7 @@ COMMON = (
     ("cell : float", "Cell size [m]."),
     ("spacing : float", "Spacing of the particles [m]."),
     ("points_per_cell, jitter", "See `granular.geometry.Fill`."),
-    (
-        "gravity, ramp : float",
-        "Magnitude [m/s2], reached from zero within the time `ramp` [s].",
-    ),
+    ("gravity, ramp : float", "Magnitude [m/s2], reached from zero within the time `ramp` [s]."),
     ("gravity : float", "Magnitude [m/s2], constant from the start."),
     ("duration : float", "Duration [s]."),
     ("material, scheme, seed", "See `Scene`."),
@@ -129,7 +126,7 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
 
 
 def _completed(doc: str, arguments: tuple[str, ...]) -> str:
-    """Docstring of a scene function with what stands for ``{common}`` in it."""
+    """Put what ``{common}`` stands for into the docstring of a scene function."""
     heads = re.findall(r"^\**([\w, ]+?)(?: :.*)?\n    ", doc, re.MULTILINE)
     described, lines = set(", ".join(heads).split(", ")), []
     for head, text in COMMON:

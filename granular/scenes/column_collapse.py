@@ -17,6 +17,15 @@ from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_
 from granular.scenes._registry import scene_function
 
 
+def _lip(lip: float | None, runout: float, name: str, radius: float) -> float:
+    """Distance of the lip [m], by default 2 + 1.5 `runout` radii; refuses less than one radius."""
+    if lip is None:
+        lip = (2.0 + 1.5 * runout) * radius
+    if positive("lip", lip) < radius:
+        raise ValueError(f"lip = {lip} must not be less than {name} = {radius}")
+    return lip
+
+
 def _runout_of_column(aspect: float) -> float:
     """Run-out divided by half-width, by the paper's fit (figure 3)."""
     return 2.28 * aspect if aspect < 2.83 else 3.24 * aspect**0.66
@@ -79,10 +88,7 @@ def column_collapse(
         cell = 0.00625 if aspect <= 0.5 else 0.0125
     cell = positive("cell", cell)
     height = aspect * half_width
-    if lip is None:
-        lip = (2.0 + 1.5 * _runout_of_column(aspect)) * half_width
-    if positive("lip", lip) < half_width:
-        raise ValueError(f"lip = {lip} must not be less than half_width = {half_width}")
+    lip = _lip(lip, _runout_of_column(aspect), "half_width", half_width)
     n_x = enough_cells(lip, cell)
     n_y = enough_cells(height, cell) + HEADROOM
     grid = Grid((0.0, 0.0), cell, (n_x, n_y))
@@ -163,10 +169,7 @@ def cylinder_collapse(
     radius = positive("radius", radius)
     cell = positive("cell", cell)
     height = aspect * radius
-    if lip is None:
-        lip = (2.0 + 1.5 * _runout_of_cylinder(aspect)) * radius
-    if positive("lip", lip) < radius:
-        raise ValueError(f"lip = {lip} must not be less than radius = {radius}")
+    lip = _lip(lip, _runout_of_cylinder(aspect), "radius", radius)
     n = enough_cells(lip, cell)
     grid = Grid((0.0, 0.0, 0.0), cell, (n, n, enough_cells(height, cell) + HEADROOM))
     quarter = Intersection(
