@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
 
-__all__ = ["allocate", "default_isa", "show_config"]
+__all__ = ["allocate", "default_isa", "fill", "show_config"]
 
 PAGE, LINE = 4096, 64  # bytes
 
@@ -17,6 +18,21 @@ PAGE, LINE = 4096, 64  # bytes
 def default_isa() -> str:
     """Instruction set requested by the environment; an empty string means the best available."""
     return os.environ.get("GRANULAR_ISA", "")
+
+
+def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: NDArray) -> None:
+    """Put the arrays of a checkpoint into buffers, at `places` of the last axis.
+
+    Raises
+    ------
+    ValueError
+        If an array is missing, or has another shape.
+    """
+    for name, array in buffers.items():
+        values = stored.get(name)
+        if values is None or values.shape != (*array.shape[:-1], len(places)):
+            raise ValueError(f"the checkpoint does not hold {name} of {len(places)} points")
+        array[..., places] = values
 
 
 def show_config() -> _core.BuildInfo:

@@ -1,19 +1,23 @@
 """Argument checks: each returns its value, or raises naming argument, value and allowed range.
 
-Wrong kinds raise ``TypeError``; wrong values, NaN among them, raise ``ValueError``. A bool is
-never a number here: ``half_width=True`` is a slip, not one metre.
+Wrong kinds raise ``TypeError``; wrong values, lengths and numbers out of range, NaN among them,
+raise ``ValueError``. A bool is never a number here: ``half_width=True`` is a slip, not one metre.
+NumPy's numbers are numbers.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
 import numpy as np
 
 __all__ = [
+    "ascending",
+    "check_fields",
     "finite",
     "in_range",
     "integer",
@@ -21,6 +25,10 @@ __all__ = [
     "non_negative",
     "one_of",
     "positive",
+    "sequence",
+    "set_fields",
+    "spans",
+    "truth",
     "tuple_of",
     "vector",
 ]
@@ -43,15 +51,7 @@ def _real(name: str, value: object, wanted: str) -> float:
 
 
 def finite(name: str, value: object) -> float:
-    """Return `value` as a float if it is a finite number.
-
-    Raises
-    ------
-    TypeError
-        If `value` is not a real number (bool included).
-    ValueError
-        If it is NaN or infinite.
-    """
+    """Return `value` as a float if it is a finite number."""
     number = _real(name, value, "a finite number")
     if math.isinf(number):
         raise ValueError(f"{name} = {number} must be a finite number")
@@ -59,15 +59,7 @@ def finite(name: str, value: object) -> float:
 
 
 def positive(name: str, value: object, *, allow_inf: bool = False) -> float:
-    """Return `value` as a float if it is greater than zero.
-
-    Raises
-    ------
-    TypeError
-        If `value` is not a real number (bool included).
-    ValueError
-        If it is NaN, zero, negative, or infinite without `allow_inf`.
-    """
+    """Return `value` as a float if it is greater than zero; infinity needs `allow_inf`."""
     wanted = "a number > 0" if allow_inf else "a finite number > 0"
     number = _real(name, value, wanted)
     if number <= 0.0 or (math.isinf(number) and not allow_inf):
@@ -76,15 +68,7 @@ def positive(name: str, value: object, *, allow_inf: bool = False) -> float:
 
 
 def non_negative(name: str, value: object, *, allow_inf: bool = False) -> float:
-    """Return `value` as a float if it is zero or greater.
-
-    Raises
-    ------
-    TypeError
-        If `value` is not a real number (bool included).
-    ValueError
-        If it is NaN, negative, or infinite without `allow_inf`.
-    """
+    """Return `value` as a float if it is zero or greater; infinity needs `allow_inf`."""
     wanted = "a number >= 0" if allow_inf else "a finite number >= 0"
     number = _real(name, value, wanted)
     if number < 0.0 or (math.isinf(number) and not allow_inf):
@@ -101,15 +85,7 @@ def in_range(
     open_low: bool = False,
     open_high: bool = False,
 ) -> float:
-    """Return `value` as a float if it lies between `low` and `high` (ends included unless open).
-
-    Raises
-    ------
-    TypeError
-        If `value` is not a real number (bool included).
-    ValueError
-        If it is NaN or outside the range.
-    """
+    """Return `value` as a float if it lies between `low` and `high` (ends included unless open)."""
     wanted = f"in {'(' if open_low else '['}{low}, {high}{')' if open_high else ']'}"
     number = _real(name, value, wanted)
     below = number <= low if open_low else number < low
@@ -120,15 +96,7 @@ def in_range(
 
 
 def integer(name: str, value: object, low: int | None = None, high: int | None = None) -> int:
-    """Return `value` as an int if it is an integer (NumPy's included) from `low` to `high`.
-
-    Raises
-    ------
-    TypeError
-        If `value` is not an integer type (bool and float included).
-    ValueError
-        If it is outside the range.
-    """
+    """Return `value` as an int if it is an integer (NumPy's included) from `low` to `high`."""
     wanted = "an integer"
     if low is not None and high is not None:
         wanted += f" from {low} to {high}"
@@ -145,15 +113,7 @@ def integer(name: str, value: object, low: int | None = None, high: int | None =
 
 
 def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
-    """Return `value` if it equals one of `allowed` (strings, or None, as a rule).
-
-    Raises
-    ------
-    TypeError
-        If `value` is of none of the types of `allowed`.
-    ValueError
-        If it is of a right type but not among them.
-    """
+    """Return `value` if it equals one of `allowed` (strings, or None, as a rule)."""
     choices = tuple(allowed)
     wanted = "one of " + ", ".join(repr(choice) for choice in choices)
     # Exact types: True == 1 and must not pass for it.
@@ -173,13 +133,6 @@ def vector(
     """Return `value` as a tuple of 2 or 3 floats, or of `dim` floats if `dim` is given.
 
     Each component is checked by `check`, which is `finite` by default.
-
-    Raises
-    ------
-    TypeError
-        If `value` is not a sequence of real numbers.
-    ValueError
-        If its length is wrong or a component is refused.
     """
     wanted = f"{dim} numbers" if dim is not None else "2 or 3 numbers"
     if isinstance(value, (str, bytes)) or not isinstance(value, (Sequence, np.ndarray)):
@@ -188,6 +141,42 @@ def vector(
         raise ValueError(f"{name} = {value!r} must be {wanted}")
     check = finite if check is None else check
     return tuple(check(f"{name}[{i}]", component) for i, component in enumerate(value))
+
+
+def truth(name: str, value: object) -> bool:
+    """Return `value` if it is True or False; others are of a wrong kind."""
+    if not isinstance(value, bool):
+        raise TypeError(f"{name} = {value!r} must be True or False")
+    return value
+
+
+def sequence(name: str, value: object) -> tuple[Any, ...]:
+    """Return the entries of a sequence or array as a tuple."""
+    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
+        raise TypeError(f"{name} = {value!r} must be a sequence, not {type(value).__name__}")
+    return tuple(value)
+
+
+def ascending(name: str, value: object) -> tuple[float, ...]:
+    """Return a sequence of at least one time as floats >= 0 that ascend."""
+    times = tuple(non_negative(f"{name}[{i}]", t) for i, t in enumerate(sequence(name, value)))
+    if not times or any(b <= a for a, b in pairwise(times)):
+        raise ValueError(f"{name} = {times} must ascend, and be at least one")
+    return times
+
+
+def spans(name: str, value: object) -> tuple[tuple[float, float], ...]:
+    """Return one or two pairs (low, high) of floats, the low end first."""
+    pairs = sequence(name, value)
+    if len(pairs) not in (1, 2):
+        raise ValueError(f"{name} = {value!r} must be pairs (low, high), one for each other axis")
+    found = []
+    for i, pair in enumerate(pairs):
+        low, high = vector(f"{name}[{i}]", pair, 2)
+        if not high > low:
+            raise ValueError(f"{name}[{i}] = {(low, high)} must have its low end first")
+        found.append((low, high))
+    return tuple(found)
 
 
 def kinds_of(owner: object, **kinds: type) -> None:
@@ -207,3 +196,22 @@ def tuple_of(name: str, value: object, kinds: tuple[type, ...]) -> tuple[Any, ..
         if not isinstance(entry, kinds):
             raise TypeError(f"{name}[{i}] = {entry!r} must be a {wanted}")
     return tuple(value)
+
+
+def set_fields(part: object, **values: object) -> None:
+    """Set attributes of a frozen dataclass."""
+    for name, value in values.items():
+        object.__setattr__(part, name, value)
+
+
+def check_fields(
+    part: object, check: Callable[..., Any], *names: str, optional: bool = False, **limits: Any
+) -> None:
+    """Replace attributes of a frozen dataclass by what `check` makes of them.
+
+    `limits` are further arguments of `check`. Where `optional`, None is left as it is.
+    """
+    for name in names:
+        value = getattr(part, name)
+        if value is not None or not optional:
+            object.__setattr__(part, name, check(name, value, **limits))

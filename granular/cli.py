@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any, NoReturn, get_type_hints
 
 if TYPE_CHECKING:
     from granular.simulation import Simulation
-    from granular.state import State
 
 __all__ = ["main"]
 
@@ -97,11 +96,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"granular {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_run(commands)
-    _add_resume(commands)
-    command = commands.add_parser("info", help="contents of a record, which is verified")
-    command.add_argument("file", metavar="FILE")
-    command.set_defaults(command=_info)
-    _add_plot(commands)
+    command = _add_file_command(commands, _resume, "go on with a record where it stopped")
+    _add_run_options(command, "default as before")
+    _add_file_command(commands, _info, "contents of a record, which is verified")
+    command = _add_file_command(commands, _plot, "picture or animation of a record")
+    command.add_argument("--frame", type=_whole, default=-1, help="default -1, the last one")
+    command.add_argument("-o", "--output", metavar="PNG")
+    _add_picture_options(command)
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
     command = commands.add_parser("verify", help="check the package against theory")
     command.add_argument("--slow", action="store_true", help="the long checks too")
     command.set_defaults(command=_verify)
@@ -122,15 +124,13 @@ def _add_run(commands: Any) -> None:
         group = scene.add_argument_group("material")
         _add_keywords(group, _material_keywords(function), UNSET)
         if "mpm" in function.methods:
-            _add_scheme(scene)
-        _add_run_options(scene)
-        scene.add_argument("--every", type=_number, help="time between frames [s]; default 1/60")
+            choices = ("default", "cell_averaged", "dunatunga_kamrin_2015")
+            scene.add_argument("--scheme", choices=choices, help="default that of the scene")
+        _add_run_options(scene, "default 1/60")
         scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
         scene.add_argument("--picture", metavar="PNG", help="picture of the last state")
-        scene.add_argument("--gif", metavar="GIF", help="animation of all frames")
-        scene.add_argument("--color", default="shear_rate", metavar="F", help="field in pictures")
-        scene.add_argument("--overwrite", action="store_true", help="existing files may go")
-        scene.set_defaults(command=_run, scene=function, scheme="default")
+        _add_picture_options(scene)
+        scene.set_defaults(command=_run, scene=function, scheme=None)
 
 
 def _add_keywords(group: Any, keywords: Sequence[_Keyword], none: str) -> None:
@@ -143,40 +143,26 @@ def _add_keywords(group: Any, keywords: Sequence[_Keyword], none: str) -> None:
         )
 
 
-def _add_scheme(scene: Any) -> None:
-    """Add the option for the scheme of the material point method."""
-    scene.add_argument(
-        "--scheme",
-        choices=("default", "cell_averaged", "dunatunga_kamrin_2015"),
-        default="default",
-        help="default that of the scene",
-    )
+def _add_file_command(commands: Any, run: Callable[..., int], text: str) -> Any:
+    """Add the command of a record whose function is `run`, with the same name."""
+    command = commands.add_parser(run.__name__.removeprefix("_"), help=text)
+    command.add_argument("file", metavar="FILE")
+    command.set_defaults(command=run)
+    return command
 
 
-def _add_run_options(command: argparse.ArgumentParser) -> None:
+def _add_run_options(command: Any, every: str) -> None:
     command.add_argument("--until", type=_number, metavar="T", help="stop at this time [s]")
     command.add_argument("--threads", type=_whole, metavar="N", help="default: as fits")
+    command.add_argument("--every", type=_number, help=f"time between frames [s]; {every}")
     command.add_argument("--quiet", action="store_true", help="no progress bar")
 
 
-def _add_resume(commands: Any) -> None:
-    command = commands.add_parser("resume", help="go on with a record where it stopped")
-    command.add_argument("file", metavar="FILE")
-    _add_run_options(command)
-    command.add_argument("--every", type=_number, help="time between frames [s]; default as before")
-    command.set_defaults(command=_resume)
-
-
-def _add_plot(commands: Any) -> None:
-    command = commands.add_parser("plot", help="picture or animation of a record")
-    command.add_argument("file", metavar="FILE")
-    command.add_argument("--frame", type=_whole, default=-1, help="default -1, the last one")
-    command.add_argument("--color", default="shear_rate", metavar="F", help="default shear_rate")
-    command.add_argument("-o", "--output", metavar="PNG")
-    command.add_argument("--gif", metavar="GIF")
+def _add_picture_options(command: Any) -> None:
+    command.add_argument("--gif", metavar="GIF", help="animation of all frames")
+    text = "field in pictures; default shear_rate"
+    command.add_argument("--color", default="shear_rate", metavar="F", help=text)
     command.add_argument("--overwrite", action="store_true", help="existing files may go")
-    command.add_argument("--quiet", action="store_true", help="no progress bar")
-    command.set_defaults(command=_plot)
 
 
 def _number(text: str) -> float:
@@ -229,11 +215,13 @@ def _converter(hint: Any) -> Callable[[str], Any]:
 
 def _keywords(function: Callable[..., Any]) -> list[_Keyword]:
     """Keywords of a scene function, from its signature."""
+    from granular.scenes._registry import own_keywords
+
     hints = get_type_hints(function)
     return [
-        (name, _converter(hints[name]), parameter.default)
-        for name, parameter in inspect.signature(function).parameters.items()
-        if name not in OWN_OPTIONS and parameter.kind is parameter.KEYWORD_ONLY
+        (name, _converter(hints[name]), default)
+        for name, default in own_keywords(inspect.signature(function)).items()
+        if name not in OWN_OPTIONS
     ]
 
 
@@ -276,7 +264,7 @@ def _run(arguments: argparse.Namespace) -> int:
         for name, value in vars(arguments).items()
         if name.startswith("scene_") and value is not None
     }
-    if arguments.scheme != "default":
+    if arguments.scheme not in (None, "default"):
         given["scheme"] = getattr(schemes, arguments.scheme)
     scene = arguments.scene(**given)
     _check_output(arguments.output, arguments.overwrite)
@@ -287,18 +275,12 @@ def _run(arguments: argparse.Namespace) -> int:
     for warning in scene_warnings(scene):
         print(f"granular: warning: {warning}", file=sys.stderr)
     if arguments.picture or arguments.gif:
-        _check_color(simulation.state, arguments.color)
-    options = {"save": arguments.output, "overwrite": arguments.overwrite}
-    code = _simulate(simulation, arguments, options)
+        from granular.plot.fields import values
+
+        values(simulation.state, arguments.color)  # refuses an unknown field before the run
+    code = _simulate(simulation, arguments, save=arguments.output, overwrite=arguments.overwrite)
     if code == 0:
-        _draw(
-            arguments.output,
-            picture=arguments.picture,
-            gif=arguments.gif,
-            color=arguments.color,
-            quiet=arguments.quiet,
-            overwrite=arguments.overwrite,
-        )
+        _draw(arguments.output, arguments.picture, -1, arguments)
     return code
 
 
@@ -306,12 +288,10 @@ def _resume(arguments: argparse.Namespace) -> int:
     from granular import Simulation
 
     simulation = Simulation.resume(arguments.file, threads=arguments.threads)
-    return _simulate(simulation, arguments, {})
+    return _simulate(simulation, arguments)
 
 
-def _simulate(
-    simulation: Simulation, arguments: argparse.Namespace, options: dict[str, Any]
-) -> int:
+def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: Any) -> int:
     until = simulation.scene.duration if arguments.until is None else arguments.until
     if until <= simulation.time:
         raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
@@ -352,15 +332,7 @@ def _plot(arguments: argparse.Namespace) -> int:
     if arguments.output is None and arguments.gif is None:
         raise ValueError("give -o PNG or --gif GIF")
     _check_pictures(arguments.output, arguments.gif, arguments.overwrite)
-    _draw(
-        arguments.file,
-        picture=arguments.output,
-        gif=arguments.gif,
-        color=arguments.color,
-        frame=arguments.frame,
-        quiet=arguments.quiet,
-        overwrite=arguments.overwrite,
-    )
+    _draw(arguments.file, arguments.output, arguments.frame, arguments)
     return 0
 
 
@@ -385,22 +357,9 @@ def _check_pictures(picture: str | None, gif: str | None, overwrite: bool) -> No
         check_movie(gif, overwrite=overwrite)
 
 
-def _check_color(state: State, color: str) -> None:
-    from granular.plot.fields import values
-
-    values(state, color)
-
-
-def _draw(
-    record: str,
-    *,
-    picture: str | None,
-    gif: str | None,
-    color: str,
-    quiet: bool,
-    overwrite: bool,
-    frame: int = -1,
-) -> None:
+def _draw(record: str, picture: str | None, frame: int, arguments: argparse.Namespace) -> None:
+    """Draw a frame of a record, and its animation if one was asked for."""
+    gif, color = arguments.gif, arguments.color
     if picture is None and gif is None:
         return
     from granular import open_trajectory, plot
@@ -412,7 +371,8 @@ def _draw(
         except IndexError as error:
             raise ValueError(str(error)) from None
         if gif is not None:
-            plot.movie(states, gif, color=color, overwrite=overwrite, progress=not quiet)
+            options = {"overwrite": arguments.overwrite, "progress": not arguments.quiet}
+            plot.movie(states, gif, color=color, **options)
 
 
 def _verify(arguments: argparse.Namespace) -> int:

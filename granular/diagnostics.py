@@ -153,14 +153,10 @@ class Monitor:
         self.rows = list(np.array([samples.get(name, unknown) for name in self.names]).T)
 
 
-def _fastest(state: State) -> float:
-    return float(np.sqrt(np.max(np.sum(state.v**2, axis=1))))
-
-
 def _courant(state: State) -> float:
     """Courant number (c + max speed) dt/dx of the last step."""
-    scene = state.scene
-    return (scene.material.wave_speed + _fastest(state)) * state.dt / scene.grid.cell
+    scene, fastest = state.scene, float(np.sqrt(np.max(np.sum(state.v**2, axis=1))))
+    return (scene.material.wave_speed + fastest) * state.dt / scene.grid.cell
 
 
 def _account(before: State, after: State) -> tuple[float, float, float]:
@@ -255,25 +251,26 @@ class Health:
         return table(f"Health, {self.samples} samples", self.rows())
 
 
-def _later(column: NDArray[np.float64]) -> float:
+def _later(column: NDArray[np.float64]) -> np.floating:
     """Median of the later half of the samples.
 
     It is neither affected by an impact nor by the beginning, when all points are stress-free.
     """
-    seen = column[~np.isnan(column)]
-    return float(np.median(seen[len(seen) // 2 :])) if len(seen) else np.nan
+    return np.median(column[len(column) // 2 :])
 
 
-def _largest(column: NDArray[np.float64]) -> float:
-    seen = column[~np.isnan(column)]
-    return float(seen.max()) if len(seen) else np.nan
-
-
-_SUMMARIES: Mapping[str, Callable[[NDArray[np.float64]], float]] = {
+_SUMMARIES: Mapping[str, Callable[[NDArray[np.float64]], np.floating]] = {
     "later": _later,
     "later absolute": lambda column: _later(np.abs(column)),
-    "largest": _largest,
+    "largest": np.max,
 }
+
+
+def _summary(how: str, column: NDArray[np.float64]) -> float:
+    """Summary of the samples that have a value; nan if none has."""
+    seen = column[~np.isnan(column)]
+    return float(_SUMMARIES[how](seen)) if len(seen) else np.nan
+
 
 _INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
     (
@@ -320,25 +317,15 @@ def health(scene: AnyScene, samples: Mapping[str, NDArray[np.float64]]) -> Healt
     """
     nothing = np.full(0, np.nan)
     indicators = [
-        Indicator(name, _SUMMARIES[how](samples.get(name, nothing)), limit, doc)
+        Indicator(name, _summary(how, samples.get(name, nothing)), limit, doc)
         for name, how, limit, doc in (*_INDICATORS, *scene.indicators)
     ]
-    indicators.append(
-        Indicator(
-            "courant",
-            _largest(samples.get("courant", nothing)),
-            scene.courant_limit,
-            "(c + max speed) dt/dx: beyond the limit a run may fail without a NaN",
-        )
-    )
-    indicators.append(
-        Indicator(
-            "energy_created",
-            _created(*(samples.get(name, nothing) for name in ("held_before", "work", "created"))),
-            ENERGY_LIMIT,
-            "energy created over the sum of the work of gravity and the energy at the beginning",
-        )
-    )
+    courant = _summary("largest", samples.get("courant", nothing))
+    text = "(c + max speed) dt/dx: beyond the limit a run may fail without a NaN"
+    indicators.append(Indicator("courant", courant, scene.courant_limit, text))
+    created = _created(*(samples.get(n, nothing) for n in ("held_before", "work", "created")))
+    text = "energy created over the sum of the work of gravity and the energy at the beginning"
+    indicators.append(Indicator("energy_created", created, ENERGY_LIMIT, text))
     return Health(max((len(column) for column in samples.values()), default=0), tuple(indicators))
 
 

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import permutations
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import in_range, integer, positive, vector
+from granular.checks import (
+    check_fields,
+    in_range,
+    integer,
+    kinds_of,
+    positive,
+    sequence,
+    set_fields,
+    truth,
+    vector,
+)
 
 __all__ = [
     "AXES",
@@ -37,12 +46,6 @@ MAX_COUNT = 2**31 - 1
 """Largest number of cells or points; the core counts them with 32 bits."""
 
 Vector = tuple[float, ...]
-
-
-def _sequence(name: str, value: object) -> tuple[Any, ...]:
-    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
-        raise TypeError(f"{name} = {value!r} must be a sequence, not {type(value).__name__}")
-    return tuple(value)
 
 
 @dataclass(frozen=True)
@@ -78,9 +81,9 @@ class Grid:
         lower = vector("lower", self.lower)
         shape = tuple(
             integer(f"shape[{i}]", n, 1, MAX_COUNT)
-            for i, n in enumerate(_sequence("shape", self.shape))
+            for i, n in enumerate(sequence("shape", self.shape))
         )
-        periodic = _sequence("periodic", self.periodic) or (False,) * len(lower)
+        periodic = sequence("periodic", self.periodic) or (False,) * len(lower)
         for name, value in (("shape", shape), ("periodic", periodic)):
             if len(value) != len(lower):
                 raise ValueError(f"{name} = {value} must have {len(lower)} entries, as lower")
@@ -88,15 +91,9 @@ class Grid:
             raise TypeError(f"periodic = {periodic} must hold True or False")
         if math.prod(shape) > MAX_COUNT:
             raise ValueError(f"shape = {shape} must have at most {MAX_COUNT} cells")
-        checked: dict[str, object] = {
-            "lower": lower,
-            "cell": positive("cell", self.cell),
-            "shape": shape,
-            "periodic": tuple(bool(flag) for flag in periodic),
-        }
-        for name, item in checked.items():
-            object.__setattr__(self, name, item)
-        object.__setattr__(self, "open_sides", self._checked_sides())
+        check_fields(self, positive, "cell")
+        set_fields(self, lower=lower, shape=shape, periodic=tuple(map(bool, periodic)))
+        set_fields(self, open_sides=self._checked_sides())
 
     def _checked_sides(self) -> frozenset[str]:
         if isinstance(self.open_sides, str):
@@ -182,8 +179,7 @@ class Box(Region):
         for axis, (low, high) in enumerate(zip(lower, upper, strict=True)):
             if not high > low:
                 raise ValueError(f"upper[{axis}] = {high} must exceed lower[{axis}] = {low}")
-        object.__setattr__(self, "lower", lower)
-        object.__setattr__(self, "upper", upper)
+        set_fields(self, lower=lower, upper=upper)
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:
@@ -201,8 +197,8 @@ class Disc(Region):
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", vector("center", self.center))
-        object.__setattr__(self, "radius", positive("radius", self.radius))
+        check_fields(self, vector, "center")
+        check_fields(self, positive, "radius")
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:
@@ -224,9 +220,8 @@ class Cylinder(Region):
     height: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", vector("center", self.center, 3))
-        object.__setattr__(self, "radius", positive("radius", self.radius))
-        object.__setattr__(self, "height", positive("height", self.height))
+        check_fields(self, vector, "center", dim=3)
+        check_fields(self, positive, "radius", "height")
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:
@@ -240,8 +235,8 @@ class Cylinder(Region):
         return flat & (x[:, 2] >= base) & (x[:, 2] < base + self.height)
 
 
-def _regions(regions: object) -> tuple[Region, ...]:
-    checked = _sequence("regions", regions)
+def _regions(name: str, regions: object) -> tuple[Region, ...]:
+    checked = sequence(name, regions)
     for region in checked:
         if not isinstance(region, Region):
             raise TypeError(f"regions: {region!r} must be a Region")
@@ -252,6 +247,15 @@ def _regions(regions: object) -> tuple[Region, ...]:
     return checked
 
 
+def _common_box(
+    regions: Sequence[Region], low: Callable[..., float], high: Callable[..., float]
+) -> tuple[Vector, Vector]:
+    """Corners made of the `low` of the lower ends and the `high` of the upper ends of regions."""
+    corners = zip(*(region.bounds for region in regions), strict=True)
+    lows, highs = (zip(*ends, strict=True) for ends in corners)
+    return tuple(map(low, lows)), tuple(map(high, highs))
+
+
 @dataclass(frozen=True)
 class Union(Region):
     """The points that lie in at least one of `regions`."""
@@ -259,16 +263,11 @@ class Union(Region):
     regions: tuple[Region, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "regions", _regions(self.regions))
+        check_fields(self, _regions, "regions")
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:
-        corners = [region.bounds for region in self.regions]
-        lows, highs = zip(*corners, strict=True)
-        return (
-            tuple(min(c) for c in zip(*lows, strict=True)),
-            tuple(max(c) for c in zip(*highs, strict=True)),
-        )
+        return _common_box(self.regions, min, max)
 
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.any([region.contains(x) for region in self.regions], axis=0)
@@ -281,19 +280,14 @@ class Intersection(Region):
     regions: tuple[Region, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "regions", _regions(self.regions))
+        check_fields(self, _regions, "regions")
         low, high = self.bounds
         if not all(a < b for a, b in zip(low, high, strict=True)):
             raise ValueError(f"regions = {self.regions} must overlap")
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:
-        corners = [region.bounds for region in self.regions]
-        lows, highs = zip(*corners, strict=True)
-        return (
-            tuple(max(c) for c in zip(*lows, strict=True)),
-            tuple(min(c) for c in zip(*highs, strict=True)),
-        )
+        return _common_box(self.regions, max, min)
 
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.all([region.contains(x) for region in self.regions], axis=0)
@@ -307,7 +301,7 @@ class Difference(Region):
     without: Region
 
     def __post_init__(self) -> None:
-        _regions((self.region, self.without))
+        _regions("regions", (self.region, self.without))
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:
@@ -353,26 +347,17 @@ class Fill:
     lithostatic: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.region, Region):
-            raise TypeError(f"region = {self.region!r} must be a Region")
+        kinds_of(self, region=Region)
         count = integer("points_per_cell", self.points_per_cell, 1, 10**6)
         if self.points_per_axis**self.region.dim != count:
             kind = "square" if self.region.dim == 2 else "cube"
             raise ValueError(f"points_per_cell = {count} must be the {kind} of an integer")
-        checked: dict[str, object] = {
-            "points_per_cell": count,
-            "jitter": in_range("jitter", self.jitter, 0.0, 1.0),
-        }
-        if self.density is not None:
-            checked["density"] = positive("density", self.density)
-        if not isinstance(self.lithostatic, bool):
-            raise TypeError(f"lithostatic = {self.lithostatic!r} must be True or False")
-        if self.lithostatic and self.density is not None:
+        set_fields(self, points_per_cell=count)
+        check_fields(self, in_range, "jitter", low=0.0, high=1.0)
+        check_fields(self, positive, "density", optional=True)
+        if truth("lithostatic", self.lithostatic) and self.density is not None:
             raise ValueError(f"density = {self.density} must be None in a lithostatic fill")
-        if self.velocity is not None:
-            checked["velocity"] = vector("velocity", self.velocity, self.region.dim)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        check_fields(self, vector, "velocity", dim=self.region.dim, optional=True)
 
     @property
     def points_per_axis(self) -> int:
@@ -402,7 +387,7 @@ class Points:
     depth: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        for array in (self.x, self.v, self.volume, self.density, self.depth):
+        for array in vars(self).values():
             array.setflags(write=False)
 
 
@@ -419,6 +404,12 @@ def check_inside(name: str, grid: Grid, region: Region) -> None:
             )
 
 
+def combined(axes: Sequence[NDArray]) -> NDArray:
+    """All combinations of coordinates along axes, shape (n, dim), the first axis fastest."""
+    mesh = np.meshgrid(*axes[::-1], indexing="ij")
+    return np.stack([coordinate.ravel() for coordinate in mesh[::-1]], axis=1)
+
+
 def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
     """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest."""
     spacing = grid.cell / fill.points_per_axis
@@ -430,8 +421,7 @@ def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
         axes.append(origin + (np.arange(first, last) + 0.5) * spacing)
     if math.prod(len(sites) for sites in axes) > MAX_COUNT:
         raise ValueError(f"a fill of {fill.region} must have at most {MAX_COUNT} points")
-    mesh = np.meshgrid(*axes[::-1], indexing="ij")
-    x = np.stack([coordinate.ravel() for coordinate in mesh[::-1]], axis=1)
+    x = combined(axes)
     return x[fill.region.contains(x)]
 
 
@@ -481,7 +471,7 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
     """
     rng = np.random.default_rng(integer("seed", seed, 0))
     rho_c = positive("rho_c", rho_c)
-    x, v, volume, density, depth = [], [], [], [], []
+    parts = []
     # Rounding may put a site onto the upper end of the grid, which does not belong to any cell.
     last = np.nextafter(grid.upper, grid.lower)
     for fill, sites in zip(fills, _checked_sites(grid, fills), strict=True):
@@ -489,16 +479,9 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
         if fill.jitter:
             moved = sites + rng.uniform(-0.5, 0.5, sites.shape) * (fill.jitter * spacing)
             sites = np.clip(moved, grid.lower, last)
-        x.append(sites)
-        v.append(np.broadcast_to(fill.velocity or (0.0,) * grid.dim, sites.shape))
-        volume.append(np.full(len(sites), spacing**grid.dim))
-        density.append(np.full(len(sites), rho_c if fill.density is None else fill.density))
-        top = fill.region.bounds[1][-1]
-        depth.append((top - sites[:, -1]) * fill.lithostatic)
-    return Points(
-        x=np.concatenate(x),
-        v=np.concatenate(v),
-        volume=np.concatenate(volume),
-        density=np.concatenate(density),
-        depth=np.concatenate(depth),
-    )
+        v = np.broadcast_to(fill.velocity or (0.0,) * grid.dim, sites.shape)
+        volume = np.full(len(sites), spacing**grid.dim)
+        density = np.full(len(sites), rho_c if fill.density is None else fill.density)
+        depth = (fill.region.bounds[1][-1] - sites[:, -1]) * fill.lithostatic
+        parts.append((sites, v, volume, density, depth))
+    return Points(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import finite, non_negative, vector
+from granular.checks import ascending, check_fields, finite, sequence, set_fields, vector
 
 __all__ = ["Gravity"]
 
@@ -37,20 +35,13 @@ class Gravity:
     vectors: tuple[tuple[float, ...], ...] = ((0.0, 0.0), (0.0, -9.8))
 
     def __post_init__(self) -> None:
-        for name in ("times", "vectors"):
-            value = getattr(self, name)
-            if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
-                raise TypeError(f"{name} = {value!r} must be a sequence")
-        times = tuple(non_negative(f"times[{i}]", t) for i, t in enumerate(self.times))
-        if not times or len(times) != len(self.vectors):
-            raise ValueError(f"times = {times} must be as many as vectors, and at least one")
-        if any(b <= a for a, b in pairwise(times)):
-            raise ValueError(f"times = {times} must ascend")
-        vectors = [vector("vectors[0]", self.vectors[0])]
-        for i, value in enumerate(self.vectors[1:], start=1):
-            vectors.append(vector(f"vectors[{i}]", value, len(vectors[0])))
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "vectors", tuple(vectors))
+        check_fields(self, ascending, "times")
+        vectors = sequence("vectors", self.vectors)
+        if len(self.times) != len(vectors):
+            raise ValueError(f"times = {self.times} must be as many as vectors")
+        dim = len(vector("vectors[0]", vectors[0]))
+        checked = tuple(vector(f"vectors[{i}]", v, dim) for i, v in enumerate(vectors))
+        set_fields(self, vectors=checked)
 
     @property
     def dim(self) -> int:

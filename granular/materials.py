@@ -10,7 +10,15 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
-from granular.checks import finite, in_range, non_negative, one_of, positive
+from granular.checks import (
+    check_fields,
+    finite,
+    in_range,
+    non_negative,
+    one_of,
+    positive,
+    set_fields,
+)
 from granular.notebook import table
 
 __all__ = [
@@ -66,9 +74,8 @@ class Material:
                 "Material is abstract: use MuI, NGF, DruckerPrager, HardeningDruckerPrager or "
                 "Elastic"
             )
-        self._set("E", positive("E", self.E))
-        self._set("nu", in_range("nu", self.nu, 0.0, 0.5, open_high=True))
-        self._set("rho_c", positive("rho_c", self.rho_c))
+        check_fields(self, positive, "E", "rho_c")
+        check_fields(self, in_range, "nu", low=0.0, high=0.5, open_high=True)
         one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
 
     @property
@@ -78,9 +85,6 @@ class Material:
         It is composed of the elasticity and the flow rule.
         """
         return self.flow if self.elasticity == "hypoelastic" else f"hencky_{self.flow}"
-
-    def _set(self, name: str, value: float) -> None:
-        object.__setattr__(self, name, value)
 
     @property
     def K(self) -> float:  # the usual symbol
@@ -111,11 +115,19 @@ class Material:
         return table(f"{type(self).__name__} ({self.law})", rows)
 
 
-def _check_grain_density(material: MuI | NGF | DruckerPrager | HardeningDruckerPrager) -> float:
-    rho_s = positive("rho_s", material.rho_s)
-    if rho_s < material.rho_c:
-        raise ValueError(f"rho_c = {material.rho_c} must not exceed rho_s = {rho_s}")
-    return rho_s
+def _check_grain_density(material: MuI | NGF | DruckerPrager | HardeningDruckerPrager) -> None:
+    check_fields(material, positive, "rho_s")
+    if material.rho_s < material.rho_c:
+        raise ValueError(f"rho_c = {material.rho_c} must not exceed rho_s = {material.rho_s}")
+
+
+def _check_friction(material: MuI | NGF, *, allow_inf: bool) -> None:
+    """Check the coefficients of a friction that rises with the rate, and the grain density."""
+    check_fields(material, positive, "mu_s")
+    check_fields(material, positive, "mu_2", allow_inf=allow_inf)
+    if material.mu_2 <= material.mu_s:
+        raise ValueError(f"mu_2 = {material.mu_2} must exceed mu_s = {material.mu_s}")
+    _check_grain_density(material)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,21 +174,17 @@ class MuI(Material):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set("mu_s", positive("mu_s", self.mu_s))
-        self._set("mu_2", positive("mu_2", self.mu_2))
-        if self.mu_2 <= self.mu_s:
-            raise ValueError(f"mu_2 = {self.mu_2} must exceed mu_s = {self.mu_s}")
-        self._set("rho_s", _check_grain_density(self))
+        _check_friction(self, allow_inf=False)
         if self.I0 is None and self.d is None:
-            self._set("xi", 1.1233 if self.xi is None else positive("xi", self.xi))
+            set_fields(self, xi=1.1233 if self.xi is None else positive("xi", self.xi))
             return
         if self.xi is not None:
             raise ValueError(f"xi = {self.xi} must not be given together with I0 or d")
         if self.I0 is None or self.d is None:
             raise ValueError(f"I0 = {self.I0} and d = {self.d} must be given together")
-        self._set("I0", positive("I0", self.I0))
-        self._set("d", positive("d", self.d))
-        self._set("xi", positive("I0/(d sqrt(rho_s))", self.I0 / (self.d * math.sqrt(self.rho_s))))
+        check_fields(self, positive, "I0", "d")
+        xi = self.I0 / (self.d * math.sqrt(self.rho_s))
+        set_fields(self, xi=positive("I0/(d sqrt(rho_s))", xi))
 
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal material: `xi`, or `I0` and `d`, as they were given."""
@@ -254,25 +262,20 @@ class NGF(Material):
             self.elasticity != "hencky"
         ):
             raise ValueError('rheology = "linear_mu_I" must go with elasticity = "hencky"')
-        self._set("A", non_negative("A", self.A))
-        self._set("d", positive("d", self.d))
-        self._set("t0", positive("t0", self.t0))
-        self._set("mu_s", positive("mu_s", self.mu_s))
-        self._set("mu_2", positive("mu_2", self.mu_2, allow_inf=True))
-        if self.mu_2 <= self.mu_s:
-            raise ValueError(f"mu_2 = {self.mu_2} must exceed mu_s = {self.mu_s}")
-        self._set("rho_s", _check_grain_density(self))
+        check_fields(self, non_negative, "A")
+        check_fields(self, positive, "d", "t0")
+        _check_friction(self, allow_inf=True)
         if self.I0 is not None and self.b is not None:
             raise ValueError(f"I0 = {self.I0} must not be given together with b = {self.b}")
-        self._set("_by_b", self.b is not None)
+        set_fields(self, _by_b=self.b is not None)
         if self._by_b:
-            self._set("b", positive("b", self.b))
-            self._set("I0", (self.mu_2 - self.mu_s) / self.b)
+            check_fields(self, positive, "b")
+            set_fields(self, I0=(self.mu_2 - self.mu_s) / self.b)
             return
         if math.isinf(self.mu_2):
             raise ValueError("mu_2 = inf must go with b, the slope of mu(I) at rest")
-        self._set("I0", 0.279 if self.I0 is None else positive("I0", self.I0))
-        self._set("b", (self.mu_2 - self.mu_s) / self.I0)
+        set_fields(self, I0=0.279 if self.I0 is None else positive("I0", self.I0))
+        set_fields(self, b=(self.mu_2 - self.mu_s) / self.I0)
 
     @property
     def has_fluidity(self) -> bool:  # type: ignore[override]  # else of the class
@@ -336,8 +339,8 @@ class DruckerPrager(Material):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set("mu", positive("mu", self.mu))
-        self._set("rho_s", _check_grain_density(self))
+        check_fields(self, positive, "mu")
+        _check_grain_density(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -382,10 +385,9 @@ class HardeningDruckerPrager(Material):
         super().__post_init__()
         if self.elasticity != "hencky":
             raise ValueError(f'elasticity = {self.elasticity!r} must be "hencky" with hardening')
-        for name in ("h0_deg", "h1_deg", "h3_deg"):
-            self._set(name, finite(name, getattr(self, name)))
-        self._set("h2", positive("h2", self.h2))
-        self._set("rho_s", _check_grain_density(self))
+        check_fields(self, finite, "h0_deg", "h1_deg", "h3_deg")
+        check_fields(self, positive, "h2")
+        _check_grain_density(self)
         strains = [0.0, math.inf]
         if self.h1_deg:
             strains.append(max(0.0, 1.0 / self.h2 + self.h3_deg / self.h1_deg))

@@ -36,18 +36,12 @@ class Parameters(Mapping[str, Any]):
     __slots__ = ("_items",)
 
     def __init__(self, items: Mapping[str, Any] | Sequence[tuple[str, Any]] = ()) -> None:
-        self._items = tuple(
-            (self._key(key), self._plain(key, value)) for key, value in dict(items).items()
-        )
-
-    @staticmethod
-    def _key(key: object) -> str:
-        if not isinstance(key, str):
-            raise TypeError(f"parameters: the name {key!r} must be a string")
-        return key
+        self._items = tuple((key, self._plain(key, value)) for key, value in dict(items).items())
 
     @classmethod
-    def _plain(cls, key: str, value: Any) -> Value:
+    def _plain(cls, key: object, value: Any) -> Value:
+        if not isinstance(key, str):
+            raise TypeError(f"parameters: the name {key!r} must be a string")
         if isinstance(value, np.generic):
             value = value.item()
         if isinstance(value, (tuple, list)):
@@ -153,11 +147,14 @@ def _encode(value: Any) -> Any:
     kind = type(value)
     if kind not in _TAGS:
         raise TypeError(f"{value!r} cannot be written: the class must be one of {list(_PARTS)}")
-    if hasattr(value, "arguments"):  # a material
-        arguments = value.arguments()
-    else:
-        arguments = {f.name: getattr(value, f.name) for f in fields(value)}
-    return {"type": _TAGS[kind], **{name: _encode(entry) for name, entry in arguments.items()}}
+    return {"type": _TAGS[kind]} | {n: _encode(entry) for n, entry in arguments_of(value).items()}
+
+
+def arguments_of(part: Any) -> dict[str, Any]:
+    """Arguments that make an equal part of a scene: its fields, but a material knows its own."""
+    if hasattr(part, "arguments"):
+        return part.arguments()
+    return {f.name: getattr(part, f.name) for f in fields(part)}
 
 
 def _decode(value: Any) -> Any:

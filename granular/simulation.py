@@ -207,15 +207,13 @@ class Simulation:
         return self._snapshot()
 
     def _snapshot(self, kept: bool = False) -> State:
-        fields, scalars = self._fields(kept), self._engine.scalars()
-        return State(
-            scene=self.scene,
-            time=scalars["time"],
-            step=int(scalars["step"]),
-            dt=scalars["dt"],
-            fields=fields,
-            **self._extra_state(),
-        )
+        return self._state_of(self._fields(kept), **self._extra_state())
+
+    def _state_of(self, fields: dict[str, NDArray], gas: GasState | None = None) -> State:
+        """Make a state of the present time, step and time step from fields."""
+        scalars = self._engine.scalars()
+        time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
+        return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, gas=gas)
 
     # ---- stepping ----
 
@@ -451,17 +449,14 @@ class _Silent:
         self.n += amount
 
 
-class _Flag(list):
-    """List of the signals received; empty, and hence false, until the first."""
-
-
 @contextmanager
-def _interruptible() -> Iterator[_Flag]:
+def _interruptible() -> Iterator[list[int]]:
     """Turn Ctrl-C into a flag that is checked between calls of the core.
 
-    The handler is restored in the end.
+    The flag is the list of the signals received: empty, and hence false, until the first. The
+    handler is restored in the end.
     """
-    flag = _Flag()
+    flag: list[int] = []
     if threading.current_thread() is not threading.main_thread():
         yield flag
         return

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,20 +16,31 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from granular import _core
-from granular.checks import finite, non_negative, one_of, positive, vector
+from granular.checks import (
+    ascending,
+    check_fields,
+    finite,
+    non_negative,
+    one_of,
+    positive,
+    sequence,
+    set_fields,
+    truth,
+    vector,
+)
 from granular.mpm.body_shapes import (
     MOST_SHAPES,
     Box,
     Cylinder,
     HalfSpace,
     Mesh,
+    Shape,
     Union,
     are_endless,
     corners,
     padded,
     reach,
     rotation_of,
-    set_fields,
     turned,
 )
 
@@ -78,30 +88,25 @@ class Motion:
     angular_velocity: tuple[float, ...] | tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("times", "velocity", "angular_velocity"):
-            value = getattr(self, name)
-            if name == "angular_velocity" and value is None:
-                continue
-            if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
-                raise TypeError(f"{name} = {value!r} must be a sequence")
-        times = tuple(non_negative(f"times[{i}]", t) for i, t in enumerate(self.times))
-        if not times or any(b <= a for a, b in pairwise(times)):
-            raise ValueError(f"times = {times} must ascend, and be at least one")
-        if len(self.velocity) != len(times):
-            raise ValueError(f"velocity = {self.velocity} must be as many as times, {len(times)}")
+        check_fields(self, sequence, "velocity")
+        check_fields(self, sequence, "angular_velocity", optional=True)
+        check_fields(self, ascending, "times")
+        count = len(self.times)
+        if len(self.velocity) != count:
+            raise ValueError(f"velocity = {self.velocity} must be as many as times, {count}")
         dim = len(vector("velocity[0]", self.velocity[0]))
         velocity = tuple(vector(f"velocity[{i}]", v, dim) for i, v in enumerate(self.velocity))
-        given: Sequence[object] | None = self.angular_velocity
-        turning = (0.0 if dim == 2 else (0.0,) * 3,) * len(times) if given is None else given
-        if len(turning) != len(times):
-            raise ValueError(f"angular_velocity = {turning} must be as many as times, {len(times)}")
-        turning = tuple(
+        given = self.angular_velocity
+        turning = (0.0 if dim == 2 else (0.0,) * 3,) * count if given is None else given
+        if len(turning) != count:
+            raise ValueError(f"angular_velocity = {turning} must be as many as times, {count}")
+        checked = tuple(
             finite(f"angular_velocity[{i}]", w)
             if dim == 2
             else vector(f"angular_velocity[{i}]", w, 3)
             for i, w in enumerate(turning)
         )
-        set_fields(self, times=times, velocity=velocity, angular_velocity=turning)
+        set_fields(self, velocity=velocity, angular_velocity=checked)
 
     @property
     def dim(self) -> int:
@@ -165,7 +170,7 @@ class Body:
     mass: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.shape, (Box, Cylinder, HalfSpace, Mesh, Union)):
+        if not isinstance(self.shape, Shape):
             raise TypeError(
                 f"shape = {self.shape!r} must be a Box, Cylinder, HalfSpace, Mesh or Union"
             )
@@ -175,11 +180,8 @@ class Body:
             raise TypeError(f"motion = {motion!r} must be a Motion or None")
         if motion.dim != dim:
             raise ValueError(f"motion = {motion} must have the dimension of the shape, {dim}")
-        rotation = self.rotation_deg
-        if isinstance(rotation, (int, float)) and rotation == 0:
-            rotation = finite("rotation_deg", rotation)
-        else:
-            rotation = rotation_of("rotation_deg", rotation, dim)
+        set_fields(self, motion=motion)
+        check_fields(self, rotation_of, "rotation_deg", dim=dim)
         contact = one_of("contact", self.contact, tuple(CONTACTS))
         friction = non_negative("friction", self.friction)
         if friction and contact == "sticky":
@@ -192,15 +194,10 @@ class Body:
             raise ValueError(
                 f"mass = {self.mass} must be given if, and only if, free names an axis"
             )
-        set_fields(
-            self,
-            rough=one_of("rough", self.rough, (False, True)),
-            position=vector("position", self.position, dim),
-            rotation_deg=rotation,
-            motion=motion,
-            friction=friction,
-            mass=None if self.mass is None else positive("mass", self.mass),
-        )
+        set_fields(self, friction=friction)
+        check_fields(self, truth, "rough")
+        check_fields(self, vector, "position", dim=dim)
+        check_fields(self, positive, "mass", optional=True)
 
     @property
     def dim(self) -> int:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
@@ -19,7 +20,17 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from granular import _core
-from granular.checks import finite, integer, one_of, positive, vector
+from granular.checks import (
+    check_fields,
+    finite,
+    integer,
+    positive,
+    set_fields,
+    truth,
+    tuple_of,
+    vector,
+)
+from granular.geometry import combined
 
 __all__ = ["Box", "Cylinder", "HalfSpace", "Mesh", "Union"]
 
@@ -33,8 +44,9 @@ BOX, CYLINDER, HALF_SPACE, SAMPLED = (
 
 
 def rotation_of(name: str, value: object, dim: int) -> float | tuple[float, ...]:
-    """Check a rotation [degrees]: an angle in 2D, a rotation vector in 3D."""
-    return finite(name, value) if dim == 2 else vector(name, value, 3)
+    """Check a rotation [degrees]: an angle in 2D, a rotation vector in 3D; 0 is none in both."""
+    is_angle = dim == 2 or (isinstance(value, (int, float)) and value == 0)
+    return finite(name, value) if is_angle else vector(name, value, 3)
 
 
 def turned(rotation: float | tuple[float, ...]) -> Rotation:
@@ -61,12 +73,6 @@ def _axes_about(normal: Sequence[float]) -> Array:
     return np.column_stack([first, np.cross(third, first), third])
 
 
-def set_fields(part: object, **values: object) -> None:
-    """Set attributes of a frozen dataclass."""
-    for name, value in values.items():
-        object.__setattr__(part, name, value)
-
-
 def _direction(name: str, value: object, dim: int | None = None) -> tuple[float, ...]:
     direction = vector(name, value, dim)
     if not math.hypot(*direction) > 0:
@@ -74,8 +80,25 @@ def _direction(name: str, value: object, dim: int | None = None) -> tuple[float,
     return direction
 
 
+class Shape(ABC):
+    """A shape of a rigid body."""
+
+    @property
+    @abstractmethod
+    def dim(self) -> int:
+        """Dimension, 2 or 3."""
+
+    @abstractmethod
+    def rows(self) -> Array:
+        """Return the description of the shape for the core, shape (parts, 17)."""
+
+    def samples(self) -> tuple[Array, ...]:
+        """Return sampled signed distances [m], (z, y, x), negative inside; others have formulas."""
+        return ()
+
+
 @dataclass(frozen=True)
-class Box:
+class Box(Shape):
     """A box, in coordinates of its body.
 
     Parameters
@@ -101,33 +124,21 @@ class Box:
     def __post_init__(self) -> None:
         size = vector("size", self.size, check=partial(positive, allow_inf=True))
         center = (0.0,) * len(size) if self.center is None else self.center
-        rotation = self.rotation_deg
-        if not (isinstance(rotation, (int, float)) and rotation == 0):
-            rotation = rotation_of("rotation_deg", rotation, len(size))
-        else:
-            rotation = finite("rotation_deg", rotation)
-        set_fields(
-            self, size=size, center=vector("center", center, len(size)), rotation_deg=rotation
-        )
+        set_fields(self, size=size, center=vector("center", center, len(size)))
+        check_fields(self, rotation_of, "rotation_deg", dim=len(size))
 
     @property
     def dim(self) -> int:
-        """Dimension, 2 or 3."""
         return len(self.size)
 
     def rows(self) -> Array:
-        """Return the description of the shape for the core, shape (1, 17)."""
         half = [edge / 2 for edge in self.size] + [math.inf]
         matrix = turned(self.rotation_deg).as_matrix()
         return _row(BOX, False, self.center, matrix, half[:3])[None]
 
-    def samples(self) -> tuple[Array, ...]:
-        """Return the sampled signed distances: none, they are computed from a formula."""
-        return ()
-
 
 @dataclass(frozen=True)
-class Cylinder:
+class Cylinder(Shape):
     """A cylinder, in coordinates of its body; in 2D a disc.
 
     Parameters
@@ -165,30 +176,22 @@ class Cylinder:
             raise ValueError(f"axis = {axis} and length = {length} must be None and inf in 2D")
         if len(center) == 3:
             axis = _direction("axis", axis, 3)
-        radius, inside = (
-            positive("radius", self.radius),
-            one_of("inside", self.inside, (False, True)),
-        )
-        set_fields(self, radius=radius, center=center, axis=axis, length=length, inside=inside)
+        set_fields(self, center=center, axis=axis, length=length)
+        check_fields(self, positive, "radius")
+        check_fields(self, truth, "inside")
 
     @property
     def dim(self) -> int:
-        """Dimension, 2 or 3."""
         return len(self.center)
 
     def rows(self) -> Array:
-        """Return the description of the shape for the core, shape (1, 17)."""
         matrix = np.eye(3) if self.axis is None else _axes_about(self.axis)
         size = (self.radius, self.length / 2, 0.0)
         return _row(CYLINDER, self.inside, self.center, matrix, size)[None]
 
-    def samples(self) -> tuple[Array, ...]:
-        """Return the sampled signed distances: none, they are computed from a formula."""
-        return ()
-
 
 @dataclass(frozen=True)
-class HalfSpace:
+class HalfSpace(Shape):
     """All that lies behind a plane, in coordinates of its body.
 
     Parameters
@@ -214,22 +217,15 @@ class HalfSpace:
 
     @property
     def dim(self) -> int:
-        """Dimension, 2 or 3."""
         return len(self.normal)
 
     def rows(self) -> Array:
-        """Return the description of the shape for the core, shape (1, 17)."""
-        return _row(HALF_SPACE, False, self.through, _axes_about(self.normal), (0.0, 0.0, 0.0))[
-            None
-        ]
-
-    def samples(self) -> tuple[Array, ...]:
-        """Return the sampled signed distances: none, they are computed from a formula."""
-        return ()
+        matrix = _axes_about(self.normal)
+        return _row(HALF_SPACE, False, self.through, matrix, (0.0, 0.0, 0.0))[None]
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Mesh(Shape):
     """A closed surface of triangles in 3D, in coordinates of its body.
 
     Its signed distance is sampled once on a sampling grid and interpolated linearly in between,
@@ -311,17 +307,14 @@ class Mesh:
 
     @property
     def dim(self) -> int:
-        """Dimension, 3."""
         return 3
 
     def rows(self) -> Array:
-        """Return the description of the shape for the core, shape (1, 17)."""
         low, counts = self._sampling_grid()
         half = 0.5 * self.spacing * (counts - 1)
         return _row(SAMPLED, False, tuple(low + half), np.eye(3), half)[None]
 
     def samples(self) -> tuple[Array, ...]:
-        """Return the signed distances [m] on the sampling grid, (z, y, x), negative inside."""
         return (_sampled(self),)
 
     def _sampling_grid(self) -> tuple[Array, NDArray[np.int64]]:
@@ -366,17 +359,16 @@ def _sampled(mesh: Mesh) -> Array:
     surface = trimesh.Trimesh(np.array(mesh.vertices), np.array(mesh.faces), process=False)
     low, counts = mesh._sampling_grid()
     axes = [start + mesh.spacing * np.arange(n) for start, n in zip(low, counts, strict=True)]
-    z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
-    places = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
+    places = combined(axes)
     parts = np.array_split(places, max(len(places) // 20000, 1))
     inside = [trimesh.proximity.signed_distance(surface, part) for part in parts]
-    distance = -np.concatenate(inside).reshape(z.shape)
+    distance = -np.concatenate(inside).reshape(counts[::-1])
     distance.flags.writeable = False
     return distance
 
 
 @dataclass(frozen=True)
-class Union:
+class Union(Shape):
     """Several shapes as one; a bucket, for example, is a union of boxes.
 
     Its signed distance is the least of theirs. This is exact outside; where shapes overlap, the
@@ -396,31 +388,22 @@ class Union:
     parts: tuple[Box | Cylinder | HalfSpace | Mesh, ...]
 
     def __post_init__(self) -> None:
-        if isinstance(self.parts, str) or not isinstance(self.parts, Sequence):
-            raise TypeError(
-                f"parts = {self.parts!r} must be a sequence of Box, Cylinder, HalfSpace, Mesh"
-            )
-        parts = tuple(self.parts)
+        parts = tuple_of("parts", self.parts, (Box, Cylinder, HalfSpace, Mesh))
         if not 1 <= len(parts) <= MOST_SHAPES:
             raise ValueError(f"parts: {len(parts)} shapes must be from 1 to {MOST_SHAPES}")
         for i, part in enumerate(parts):
-            if not isinstance(part, (Box, Cylinder, HalfSpace, Mesh)):
-                raise TypeError(f"parts[{i}] = {part!r} must be a Box, Cylinder, HalfSpace or Mesh")
             if part.dim != parts[0].dim:
                 raise ValueError(f"parts[{i}] = {part} must have dimension {parts[0].dim}")
         set_fields(self, parts=parts)
 
     @property
     def dim(self) -> int:
-        """Dimension, 2 or 3."""
         return self.parts[0].dim
 
     def rows(self) -> Array:
-        """Return the description of the shapes for the core, shape (parts, 17)."""
         return np.concatenate([part.rows() for part in self.parts])
 
     def samples(self) -> tuple[Array, ...]:
-        """Return the sampled signed distances of the parts that have some."""
         return tuple(array for part in self.parts for array in part.samples())
 
 

@@ -49,8 +49,8 @@ def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int, Wall | So
 
 def _ends(wall: Wall, grid: Grid) -> tuple[_Vector, _Vector]:
     """Lower and upper corner of a wall [m]."""
-    ends = [(wall.at, wall.at) if d == wall.axis else wall.extent(grid, d) for d in range(grid.dim)]
-    return np.array([low for low, _ in ends]), np.array([high for _, high in ends])
+    low, high = np.array([wall.extent(grid, axis) for axis in range(grid.dim)]).T
+    return low, high
 
 
 class _Cells:
@@ -97,9 +97,8 @@ def cell_flags(scene: Scene) -> NDArray[np.uint8]:
     Particle shifting is off in cells near an outlet, a wall that opens.
     """
     grid = scene.grid
-    cells = _Cells(
-        grid, on_nodes=scene.scheme.basis == "ugimp"
-    )  # points are grouped by the nearest node
+    # With "ugimp" points are grouped by the nearest node.
+    cells = _Cells(grid, on_nodes=scene.scheme.basis == "ugimp")
     flags = np.zeros(cells.shape[::-1], dtype=np.uint8)
     for low, high, axis, sides, _ in _faces(scene):
         for side, where in cells.at_face(low, high, axis, sides):

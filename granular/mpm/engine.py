@@ -29,16 +29,6 @@ LOCAL_PHASE = 10.0
 """Duration of the local phase of a nonlocal law without an initial fluidity, in units of t0."""
 
 
-def _numbers(scene: Scene, mean_mass: float, half_extent: float) -> dict[str, float]:
-    return {
-        "dx": scene.grid.cell,
-        "half_extent": half_extent,
-        "rho_c": scene.material.rho_c,
-        "wave_speed": scene.material.wave_speed,
-        "mean_mass": mean_mass,
-    }
-
-
 def _density_numbers(scene: Scene) -> dict[str, float]:
     """Numbers of the density; two of them are converted to what the core needs."""
     numbers = scene.scheme.density.numbers()
@@ -47,16 +37,6 @@ def _density_numbers(scene: Scene) -> dict[str, float]:
     if not scene.material.granular:  # material that bears tension is never disconnected
         numbers["separation_strain"] = UNBOUNDED
     return numbers
-
-
-def _fluidity_numbers(scene: Scene) -> dict[str, float]:
-    fluidity = scene.scheme.fluidity
-    return {
-        "begins_at": _local_phase(scene),
-        "tolerance": fluidity.tolerance,
-        "floor": fluidity.floor,
-        "substeps": float(fluidity.substeps),
-    }
 
 
 def _local_phase(scene: Scene) -> float:
@@ -112,10 +92,6 @@ def _sponge_layers(scene: Scene) -> tuple[tuple[float, float], ...]:
     return tuple(found.get(axis, (math.inf, 0.0)) for axis in range(scene.grid.dim))
 
 
-def _row(row: WallRow) -> tuple[int, float, int, int, float, int]:
-    return (row.fixed, row.friction, row.normal, row.side, row.opens_at, row.after)
-
-
 def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     """Make the engine of a scene, without points.
 
@@ -128,7 +104,6 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     check_blades(scene)
     check_overlaps(scene)
     grid, scheme = scene.grid, scene.scheme
-    per_axis = round(scene.fills[0].points_per_cell ** (1.0 / grid.dim))
     codes, rows = node_codes(scene)
     lines = tuple(
         np.array(c0_lines(grid, scene.walls, axis), dtype=np.int32) for axis in range(grid.dim)
@@ -150,17 +125,28 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         open_high=tuple(f"{a}+" in grid.open_sides for a in axes),
         c0_lines=lines,
         sponge_layers=_sponge_layers(scene),
-        walls=[(0, 0.0, -1, 0, math.inf, 0), *map(_row, rows)],
+        walls=[WallRow(), *rows],
         node_codes=codes,
         cell_flags=cell_flags(scene)
         if scheme.density.name != "particle" or scheme.transfer in ("apic", "tpic")
         else None,
         gravity_times=np.array(scene.gravity.times, dtype=float),
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
-        numbers=_numbers(scene, mean_mass, 0.5 / per_axis),
+        numbers={
+            "dx": grid.cell,
+            "half_extent": 0.5 / scene.fills[0].points_per_axis,
+            "rho_c": scene.material.rho_c,
+            "wave_speed": scene.material.wave_speed,
+            "mean_mass": mean_mass,
+        },
         scheme_numbers=scheme.numbers() | {"dt": scheme.dt or 0.0},
         density_numbers=_density_numbers(scene),
-        fluidity_numbers=_fluidity_numbers(scene),
+        fluidity_numbers={
+            "begins_at": _local_phase(scene),
+            "tolerance": scheme.fluidity.tolerance,
+            "floor": scheme.fluidity.floor,
+            "substeps": float(scheme.fluidity.substeps),
+        },
         parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
         fluidity_stencil=scheme.fluidity.stencil,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.geometry import combined
 from granular.materials import MuI
 from granular.mpm.body_shapes import deepest, padded, reach, thicknesses, turned
 from granular.theory.well_posed import well_posed_slopes
@@ -72,13 +73,7 @@ def dt_limit(scene: Scene) -> float:
 
 
 def check_time_step(scene: Scene) -> None:
-    """Refuse a time step beyond its limit.
-
-    Raises
-    ------
-    ValueError
-        The message names dt or cfl, its value and the limit.
-    """
+    """Refuse a time step beyond its limit by a ValueError that names dt or cfl, and the limit."""
     scheme, limit = scene.scheme, courant_limit(scene)
     if scheme.dt is None:
         if scheme.cfl > limit:
@@ -102,13 +97,7 @@ THIN = 2.0
 
 
 def check_blades(scene: Scene) -> None:
-    """Refuse thin bodies if the scheme has no duplicate nodes that separate their two sides.
-
-    Raises
-    ------
-    ValueError
-        The message names the body, its thickness and the least thickness.
-    """
+    """Refuse thin bodies if the scheme has no duplicate nodes that separate their two sides."""
     scheme, least = scene.scheme, THIN * scene.grid.cell
     if keeps_sides(scheme):
         return
@@ -124,13 +113,7 @@ def check_blades(scene: Scene) -> None:
 
 
 def check_overlaps(scene: Scene) -> None:
-    """Refuse bodies that overlap at the start: both would prescribe the velocity of common nodes.
-
-    Raises
-    ------
-    ValueError
-        The message names the two bodies, the depth of their overlap and the largest allowed depth.
-    """
+    """Refuse bodies that overlap at the start: both would set the velocity of common nodes."""
     most = 0.5 * scene.grid.cell
     for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
         places = _places_about(scene, min(one, other, key=_reach))
@@ -148,8 +131,7 @@ def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
     for low, cells, at in zip(grid.lower, grid.shape, body.position, strict=True):
         middle = low + grid.cell * (np.arange(cells) + 0.5)
         axes.append(middle[abs(middle - at) <= extent])
-    places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, body.dim)
-    return np.pad(places, ((0, 0), (0, 3 - body.dim)))
+    return np.pad(combined(axes), ((0, 0), (0, 3 - body.dim)))
 
 
 def _reach(body: Body) -> float:

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +34,8 @@ that slides along the face.
 """
 
 
-@dataclass(frozen=True)
-class WallRow:
-    """Constraint on the velocity of a node.
+class WallRow(NamedTuple):
+    """Constraint on the velocity of a node, by one wall or by several; the core has these rows.
 
     Attributes
     ----------
@@ -87,7 +85,7 @@ def c0_lines(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tupl
     for i, wall in enumerate(walls):
         if isinstance(wall, Solid):
             continue
-        ends = (wall.at,) if wall.axis == axis else wall.extent(scene_grid, axis)
+        ends = wall.extent(scene_grid, axis)
         lines |= {scene_grid.line(f"walls[{i}] {wall}", axis, end) for end in ends}
     return tuple(sorted(line for line in lines if 0 < line < scene_grid.shape[axis]))
 
@@ -135,24 +133,8 @@ def node_positions(
         For C0 lines out of order or range, or on a periodic axis of quadratic splines.
     """
     lines = check_c0_lines(basis, n_cells, periodic, c0_lines)
-    n = int(n_cells)
-    if periodic and lines and basis == "quadratic":
-        raise ValueError(
-            f"c0_lines = {tuple(lines)} must be empty on a periodic axis of quadratic splines:"
-            " no wall may end along it"
-        )
-    return _core.node_positions(CORE_BASES[basis], n, periodic, np.array(lines, np.int32))
-
-
-@dataclass(frozen=True)
-class _Hold:
-    """Constraint on a node by one wall; the set of all constraints on a node makes its row."""
-
-    fixed: int = 0
-    friction: float = 0.0
-    normal: int = -1
-    side: int = 0
-    opens_at: float = math.inf
+    lines_of_core = np.array(lines, np.int32)
+    return _core.node_positions(CORE_BASES[basis], int(n_cells), periodic, lines_of_core)
 
 
 Nodes = tuple[NDArray[np.intp], ...]  # indices along each axis; the nodes are the product
@@ -184,7 +166,7 @@ class _Axes:
         """Nodes on a wall."""
         found = []
         for axis in range(self.grid.dim):
-            ends = (wall.at, wall.at) if axis == wall.axis else wall.extent(self.grid, axis)
+            ends = wall.extent(self.grid, axis)
             found.append(self.within(axis, *(self.cells(axis, end) for end in ends)))
         return tuple(found)
 
@@ -203,20 +185,18 @@ class _Axes:
         return {True: nodes[at_face], False: nodes[~at_face]}
 
 
-def _wall_hold(wall: Wall, grid: Grid) -> _Hold:
+def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
     everything, normal = (1 << grid.dim) - 1, 1 << wall.axis
     if wall.kind == "no_slip":
-        return _Hold(fixed=everything, opens_at=wall.opens_at)
+        return WallRow(fixed=everything, opens_at=wall.opens_at)
     if wall.kind == "free_slip":
-        return _Hold(fixed=normal, opens_at=wall.opens_at)
+        return WallRow(fixed=normal, opens_at=wall.opens_at)
     line = grid.line("at", wall.axis, wall.at)
     side = 1 if line == 0 else -1 if line == grid.shape[wall.axis] else 0
-    return _Hold(
-        fixed=normal, friction=wall.friction, normal=wall.axis, side=side, opens_at=wall.opens_at
-    )
+    return WallRow(normal, wall.friction, wall.axis, side, wall.opens_at)
 
 
-def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Nodes, _Hold]]:
+def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Nodes, WallRow]]:
     dim = axes.grid.dim
     ends = [
         (axes.cells(axis, solid.lower[axis]), axes.cells(axis, solid.upper[axis]))
@@ -225,15 +205,15 @@ def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Nodes, _Hold]]:
     everything = (1 << dim) - 1
     if solid.kind == "no_slip":
         nodes = tuple(axes.within(axis, *ends[axis]) for axis in range(dim))
-        yield nodes, _Hold(fixed=everything)
+        yield nodes, WallRow(fixed=everything)
         return
     parts = [axes.split(axis, *ends[axis]) for axis in range(dim)]
     for at_face in product((False, True), repeat=dim):
         fixed = sum(1 << axis for axis in range(dim) if at_face[axis]) or everything
-        yield tuple(parts[axis][at_face[axis]] for axis in range(dim)), _Hold(fixed=fixed)
+        yield tuple(parts[axis][at_face[axis]] for axis in range(dim)), WallRow(fixed=fixed)
 
 
-def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Nodes, _Hold]]:
+def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Nodes, WallRow]]:
     for wall in scene.walls:
         if isinstance(wall, Wall):
             yield axes.of_wall(wall), _wall_hold(wall, scene.grid)
@@ -248,7 +228,7 @@ class _Rows:
         self.everything = (1 << dim) - 1
         self.codes: dict[WallRow, int] = {}
 
-    def code(self, holds: frozenset[_Hold]) -> int:
+    def code(self, holds: frozenset[WallRow]) -> int:
         """Code of a node with these constraints; makes its row, and the rows after openings."""
         if not holds:
             return 0
@@ -257,7 +237,7 @@ class _Rows:
         if opens_at < math.inf:
             after = self.code(frozenset(hold for hold in holds if hold.opens_at > opens_at))
         fixed = 0
-        rubbing = _Hold()
+        rubbing = WallRow()
         # In a fixed order: where two Coulomb walls meet, the higher friction counts, then the lower
         # axis.
         for hold in sorted(holds, key=lambda h: (-h.friction, h.normal, h.side)):
@@ -265,18 +245,13 @@ class _Rows:
             if hold.normal >= 0 and rubbing.normal < 0:
                 rubbing = hold
         if fixed == self.everything:
-            rubbing = _Hold()  # no component is left for friction
-        row = WallRow(
-            fixed=fixed,
-            friction=rubbing.friction,
-            normal=rubbing.normal,
-            side=rubbing.side,
-        )
+            rubbing = WallRow()  # no component is left for friction
+        row = WallRow(fixed, rubbing.friction, rubbing.normal, rubbing.side)
         if after:  # if another wall holds the node after the opening, nothing changes
             remaining = list(self.codes)[after - 1]
-            if replace(remaining, opens_at=math.inf, after=0) == row:
+            if remaining._replace(opens_at=math.inf, after=0) == row:
                 return after
-        row = replace(row, opens_at=opens_at, after=after)
+        row = row._replace(opens_at=opens_at, after=after)
         return self.codes.setdefault(row, len(self.codes) + 1)
 
 
@@ -302,7 +277,7 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
     axes = _Axes(scene)
     shape = tuple(len(x) for x in axes.positions[::-1])
     state = np.zeros(shape, dtype=np.int32)
-    known: dict[frozenset[_Hold], int] = {frozenset(): 0}
+    known: dict[frozenset[WallRow], int] = {frozenset(): 0}
     for nodes, hold in _all_holds(scene, axes):
         where = np.ix_(*nodes[::-1])
         old, places = np.unique(state[where], return_inverse=True)

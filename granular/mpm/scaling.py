@@ -11,19 +11,20 @@ another scale, such as those of Haeri & Skonieczny 2021 at a quarter.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular import geometry, materials
-from granular.checks import one_of, positive
+from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import DENSITIES, Density, Fluidity, Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.serializable import arguments_of
 
 __all__ = ["POWERS", "Froude"]
 
@@ -67,11 +68,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Union: {},
     geometry.Intersection: {},
     geometry.Difference: {},
-    materials.MuI: _MATERIAL,
-    materials.NGF: _MATERIAL,
-    materials.DruckerPrager: _MATERIAL,
-    materials.HardeningDruckerPrager: _MATERIAL,
-    materials.Elastic: _MATERIAL,
+    **{law: _MATERIAL for law in materials.Material.__subclasses__()},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     Wall: {"at": "length", "span": "length", "opens_at": "time"},
     Solid: {"lower": "length", "upper": "length"},
@@ -108,7 +105,7 @@ class Froude:
     length: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "length", positive("length", self.length))
+        check_fields(self, positive, "length")
 
     def factor(self, quantity: str, *, dim: int = 3) -> float:
         """Ratio of a quantity in the scaled world to that in the real one.
@@ -154,10 +151,9 @@ class Froude:
         """
         if not isinstance(scene, Scene):
             raise TypeError(f"scene = {scene!r} must be a Scene")
-        scaled = self._scaled(scene, scene.dim)
         ratio = self.length * float(scene.parameters.get("froude_length", 1.0))
         parameters = dict(scene.parameters) | {"froude_length": ratio}
-        return scaled.replace(parameters=parameters)
+        return self._scaled(scene, scene.dim).replace(parameters=parameters)
 
     def _scaled(self, part: Any, dim: int) -> Any:
         """Return a part of a scene, scaled; values that are no dataclasses are left unchanged."""
@@ -168,11 +164,7 @@ class Froude:
         kind: Any = type(part)
         if kind not in _QUANTITIES:
             raise TypeError(f"{part!r} cannot be scaled: its class is not known")
-        values = (
-            part.arguments()
-            if isinstance(part, materials.Material)
-            else {f.name: getattr(part, f.name) for f in fields(part)}
-        )
+        values = arguments_of(part)
         if values.get("xi") is not None:
             values["xi"] /= self.length  # I0/(d sqrt(rho_s))
         quantities = _QUANTITIES[kind]

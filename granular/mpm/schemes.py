@@ -13,7 +13,7 @@ from textwrap import fill
 from typing import Any, ClassVar, Self
 
 from granular import _core
-from granular.checks import in_range, integer, one_of
+from granular.checks import check_fields, in_range, integer, kinds_of, one_of, set_fields, truth
 from granular.notebook import table
 
 __all__ = [
@@ -73,12 +73,9 @@ class _Numbers:
         if cls.__doc__ and "{numbers}" in cls.__doc__:
             cls.__doc__ = _documented(cls.__doc__, cls._group)
 
-    def _check_numbers(self) -> None:
-        for name, default, allowed, _, _ in _NUMBERS[self._group]:
-            object.__setattr__(self, name, _check(name, getattr(self, name), default, allowed))
-
     def __post_init__(self) -> None:
-        self._check_numbers()
+        for name, default, allowed, _, _ in _NUMBERS[self._group]:
+            check_fields(self, _check, name, default=default, allowed=allowed)
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some arguments changed; it is checked like a new object."""
@@ -204,13 +201,10 @@ class Fluidity(_Fluidity):
     reconnect_fluidity: bool = False
 
     def __post_init__(self) -> None:
-        self._check_numbers()
+        super().__post_init__()
         one_of("method", self.method, DIFFUSIONS)
         one_of("stencil", self.stencil, STENCILS)
-        if not isinstance(self.reconnect_fluidity, bool):
-            raise TypeError(
-                f"reconnect_fluidity = {self.reconnect_fluidity!r} must be True or False"
-            )
+        truth("reconnect_fluidity", self.reconnect_fluidity)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,20 +256,18 @@ class Scheme(_Scheme):
                 f"density = {density!r} must be a SmoothedDensity, a CellAveragedDensity or a "
                 "ParticleDensity"
             )
-        if not isinstance(self.fluidity, Fluidity):
-            raise TypeError(f"fluidity = {self.fluidity!r} must be a Fluidity")
-        for name, value in {"basis": basis, "transfer": transfer, "density": density}.items():
-            object.__setattr__(self, name, value)
+        kinds_of(self, fluidity=Fluidity)
+        set_fields(self, basis=basis, transfer=transfer, density=density)
         if self.tpic_decay is None:
-            object.__setattr__(self, "tpic_decay", 3.0 if averaged else 0.03)
-        self._check_numbers()
-        self._check_fit(smooth)
+            set_fields(self, tpic_decay=3.0 if averaged else 0.03)
+        super().__post_init__()
+        self._check_fit()
 
-    def _check_fit(self, smooth: bool) -> None:
+    def _check_fit(self) -> None:
         """Refuse a density that the basis and transfer are not made for."""
-        needed = {"smoothed": smooth, "cell_averaged": self._is_linear_tpic}
-        if not needed.get(self.density.name, True):
-            basis = "quadratic" if self.density.name == "smoothed" else "linear"
+        made_for = {"smoothed": "quadratic", "cell_averaged": "linear"}
+        basis = made_for.get(self.density.name)
+        if basis is not None and (self.basis, self.transfer) != (basis, "tpic"):
             raise ValueError(
                 f'density = {type(self.density).__name__}() needs basis = "{basis}" and '
                 f'transfer = "tpic", not {self.basis!r} and {self.transfer!r}; choose '
@@ -285,10 +277,6 @@ class Scheme(_Scheme):
             raise ValueError(
                 f"flip_decay = {self.flip_decay} must be 0 with transfer = {self.transfer!r}"
             )
-
-    @property
-    def _is_linear_tpic(self) -> bool:
-        return (self.basis, self.transfer) == ("linear", "tpic")
 
     def _repr_html_(self) -> str:
         rows = {f.name: getattr(self, f.name) for f in fields(self)}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
-from granular.buffers import allocate, default_isa
+from granular.buffers import allocate, default_isa, fill
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.scene import Scene
@@ -125,7 +125,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
         places = np.arange(count.sum()) + np.repeat(offset - before, count)
         arrays = {name: array.take(places, axis=-1) for name, array in self._buffers.items()}
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
-        return scalars, arrays | self._body_arrays()
+        if self.scene.bodies:
+            arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
+        return scalars, arrays
 
     @classmethod
     def _restored(
@@ -138,29 +140,16 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._build(scene, float(scalars.pop("mean_mass")), threads, isa)
         n = len(checkpoint.arrays.get("id", ()))
         self._buffers = allocate(self._engine, 3 * n + 64)
-        for name, array in self._buffers.items():
-            stored = checkpoint.arrays.get(name)
-            if stored is None or stored.shape != (*array.shape[:-1], n):
-                raise ValueError(f"the checkpoint does not hold {name} of {n} points")
-            array[..., :n] = stored
+        fill(self._buffers, checkpoint.arrays, np.arange(n))
         if scene.bodies:  # before the points: those near thin bodies are grouped by side
-            self._restore_bodies(checkpoint)
+            if "bodies" not in checkpoint.arrays:
+                raise ValueError("the checkpoint does not hold the bodies of the scene")
+            self._engine.restore_bodies(checkpoint.arrays["bodies"])
+            if "split" in checkpoint.arrays:
+                self._engine.restore_split(checkpoint.arrays["split"])
         self._bind(n)
         self._engine.restore(scalars)
         return self
-
-    def _restore_bodies(self, checkpoint: Checkpoint) -> None:
-        stored = checkpoint.arrays.get("bodies")
-        if stored is None:
-            raise ValueError("the checkpoint does not hold the bodies of the scene")
-        self._engine.restore_bodies(stored)
-        if "split" in checkpoint.arrays:
-            self._engine.restore_split(checkpoint.arrays["split"])
-
-    def _body_arrays(self) -> dict[str, NDArray]:
-        if not self.scene.bodies:
-            return {}
-        return {"bodies": self._engine.bodies(), "split": self._engine.split()}
 
     def _body_rows(self) -> NDArray:
         return self._engine.bodies()

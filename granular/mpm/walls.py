@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 
-import numpy as np
-
-from granular.checks import finite, integer, non_negative, one_of, positive, vector
-from granular.geometry import AXES, LINE_TOLERANCE, Grid
+from granular.checks import (
+    check_fields,
+    finite,
+    integer,
+    non_negative,
+    one_of,
+    positive,
+    set_fields,
+    spans,
+)
+from granular.geometry import AXES, LINE_TOLERANCE, Box, Grid
 
 __all__ = ["Solid", "SpongeLayer", "Wall"]
 
 Span = tuple[float, float]
 
 
-def _spans(value: object) -> tuple[Span, ...]:
-    if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
-        raise TypeError(f"span = {value!r} must be pairs (low, high), one for each other axis")
-    if len(value) not in (1, 2):
-        raise ValueError(f"span = {value!r} must be pairs (low, high), one for each other axis")
-    spans = []
-    for i, pair in enumerate(value):
-        low, high = vector(f"span[{i}]", pair, 2)
-        if not high > low:
-            raise ValueError(f"span[{i}] = {(low, high)} must have its low end first")
-        spans.append((low, high))
-    return tuple(spans)
+def _check_axis(part: Wall | SpongeLayer, name: str, grid: Grid) -> None:
+    """Refuse a part whose axis the grid does not have, or along which the grid is periodic."""
+    if part.axis >= grid.dim:
+        raise ValueError(f"{name} = {part} must have the grid's dimension {grid.dim}")
+    if grid.periodic[part.axis]:
+        raise ValueError(f"{name} = {part} must not be normal to the periodic axis")
 
 
 @dataclass(frozen=True)
@@ -70,29 +70,25 @@ class Wall:
         friction = non_negative("friction", self.friction)
         if friction and kind != "coulomb":
             raise ValueError(f'friction = {friction} must be 0 unless kind is "coulomb"')
-        span = None if self.span is None else _spans(self.span)
-        checked: dict[str, object] = {
-            "axis": integer("axis", self.axis, 0, 2 if span is None else len(span)),
-            "at": finite("at", self.at),
-            "friction": friction,
-            "span": span,
-            "opens_at": non_negative("opens_at", self.opens_at, allow_inf=True),
-        }
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        check_fields(self, spans, "span", optional=True)
+        check_fields(self, integer, "axis", low=0, high=2 if self.span is None else len(self.span))
+        check_fields(self, finite, "at")
+        check_fields(self, non_negative, "friction")
+        check_fields(self, non_negative, "opens_at", allow_inf=True)
 
     def extent(self, grid: Grid, axis: int) -> Span:
-        """Lower and upper end of the wall along another `axis` [m]."""
+        """Lower and upper end of the wall along an axis [m], both `at` along its own."""
+        if axis == self.axis:
+            return self.at, self.at
         if self.span is None:
             return grid.lower[axis], grid.upper[axis]
         return self.span[axis - (axis > self.axis)]
 
     def check(self, name: str, grid: Grid) -> None:
         """Refuse what does not fit the grid: its dimension, its periodic axes, its lines."""
-        if self.axis >= grid.dim or (self.span is not None and len(self.span) != grid.dim - 1):
+        _check_axis(self, name, grid)
+        if self.span is not None and len(self.span) != grid.dim - 1:
             raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
-        if grid.periodic[self.axis]:
-            raise ValueError(f"{name} = {self} must not be normal to the periodic axis")
         grid.line(f"{name}.at", self.axis, self.at)
         for axis in range(grid.dim):
             if axis != self.axis:
@@ -127,14 +123,9 @@ class Solid:
     kind: str = "no_slip"
 
     def __post_init__(self) -> None:
-        lower = vector("lower", self.lower)
-        upper = vector("upper", self.upper, len(lower))
-        for axis, (low, high) in enumerate(zip(lower, upper, strict=True)):
-            if not high > low:
-                raise ValueError(f"upper[{axis}] = {high} must exceed lower[{axis}] = {low}")
+        box = Box(self.lower, self.upper)
         one_of("kind", self.kind, ("no_slip", "free_slip"))
-        object.__setattr__(self, "lower", lower)
-        object.__setattr__(self, "upper", upper)
+        set_fields(self, lower=box.lower, upper=box.upper)
 
     def check(self, name: str, grid: Grid) -> None:
         """Refuse what does not fit the grid."""
@@ -167,17 +158,13 @@ class SpongeLayer:
     damping: float = math.inf
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "axis", integer("axis", self.axis, 0, 2))
-        object.__setattr__(self, "above", finite("above", self.above))
-        if self.damping != math.inf:
-            object.__setattr__(self, "damping", positive("damping", self.damping))
+        check_fields(self, integer, "axis", low=0, high=2)
+        check_fields(self, finite, "above")
+        check_fields(self, positive, "damping", allow_inf=True)
 
     def check(self, name: str, grid: Grid) -> None:
         """Refuse what does not fit the grid."""
-        if self.axis >= grid.dim:
-            raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
-        if grid.periodic[self.axis]:
-            raise ValueError(f"{name} = {self} must not be normal to the periodic axis")
+        _check_axis(self, name, grid)
         low, high = grid.lower[self.axis], grid.upper[self.axis]
         if not low <= self.above < high - LINE_TOLERANCE * grid.cell:
             raise ValueError(f"{name}.above = {self.above} must be in [{low}, {high})")

@@ -1,4 +1,4 @@
-"""Ready-made scenes, with the numbers of the papers as defaults; one function per file.
+"""Ready-made scenes, with the numbers of the papers as defaults.
 
 Each function is decorated with `scene_function`, which registers it under its name. Numbers of the
 material may be given as keywords of each: ``column_collapse(E=1e7, mu_s=0.4)``.
@@ -12,22 +12,16 @@ from typing import Any
 
 from granular.checks import one_of
 from granular.scenes._registry import METHODS, SceneFunction, functions
-from granular.scenes.chute_ngf import chute_ngf
-from granular.scenes.clogging_silo import clogging_silo
-from granular.scenes.column_collapse import column_collapse
+from granular.scenes.column_collapse import column_collapse, cylinder_collapse
 from granular.scenes.couette import couette
-from granular.scenes.cylinder_collapse import cylinder_collapse
-from granular.scenes.excavation import excavation
-from granular.scenes.excavator import excavator
+from granular.scenes.excavation import excavation, excavator
 from granular.scenes.hourglass import hourglass
-from granular.scenes.incline import incline
-from granular.scenes.silo import silo
-from granular.scenes.silo_3d import silo_3d
+from granular.scenes.incline import chute_ngf, incline
+from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
-from granular.scenes.sph_column_collapse import column_collapse_sph
+from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
 from granular.scenes.sph_gas import fluidised_bed, jet_on_bed
 from granular.scenes.sph_incline import incline_sph
-from granular.scenes.sph_inclined_collapse import inclined_collapse
 from granular.scenes.sph_slump import slump_sph
 from granular.scenes.wheel import wheel
 

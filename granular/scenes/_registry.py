@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from numbers import Integral, Real
@@ -18,6 +19,27 @@ METHODS = ("mpm", "sph")
 
 PARTS = ("duration", "material", "method", "numerics", "scheme", "seed")
 """Arguments that are not recorded as parameters, because the scene has a part of the same name."""
+
+COMMON = (
+    ("cell : float", "Cell size [m]."),
+    ("spacing : float", "Spacing of the particles [m]."),
+    ("points_per_cell, jitter", "See `granular.geometry.Fill`."),
+    ("gravity, ramp : float", "Magnitude [m/s2], reached from zero within the time `ramp` [s]."),
+    ("gravity : float", "Magnitude [m/s2], constant from the start."),
+    ("duration : float", "Duration [s]."),
+    ("material, scheme, seed", "See `Scene`."),
+    ("material, numerics", "By default those of the thesis."),
+    ("numerics", "By default those of the thesis."),
+    ("**material_numbers", "Numbers of the material to change, such as `nu`."),
+)
+"""Arguments that many scene functions have, as they stand in docstrings, and what they mean."""
+
+RAISES = """
+Raises
+------
+TypeError, ValueError
+    Naming argument, value and allowed range"""
+"""Last part of the docstrings of scene functions; each of them ends this sentence."""
 
 P = ParamSpec("P")
 S = TypeVar("S", bound="mpm.Scene | sph.Scene")
@@ -47,7 +69,7 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
     """Register a function as that of a ready scene, and complete what it does.
 
     The function takes keyword arguments only, all with a default. One of them is `material`, and
-    the last is ``**material_numbers``. The decorated function differs from it in two ways.
+    the last is ``**material_numbers``. The decorated function differs from it in three ways.
 
     - Numbers of the material may be given as keywords: ``column_collapse(E=1e7)`` is
       ``column_collapse(material=m.replace(E=1e7))``, m being the material given or the default one.
@@ -57,6 +79,8 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
     - The arguments, defaults included, are added to the `parameters` of the scene, except `PARTS`
       and numbers of the material. Parameters that the function itself has set take precedence:
       it sets those that it derives or rounds, and `duration` if that of the scene is another.
+    - In its docstring ``{common}`` stands for the descriptions of those arguments among `COMMON`
+      that the docstring does not describe itself, and for `RAISES`.
 
     Parameters
     ----------
@@ -94,10 +118,23 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
 
         registered = cast("SceneFunction[P, S]", made_with)
         registered.methods = methods
+        registered.__doc__ = _completed(inspect.getdoc(function) or "", tuple(signature.parameters))
         functions[function.__name__] = registered
         return registered
 
     return decorate
+
+
+def _completed(doc: str, arguments: tuple[str, ...]) -> str:
+    """Put what ``{common}`` stands for into the docstring of a scene function."""
+    heads = re.findall(r"^\**([\w, ]+?)(?: :.*)?\n    ", doc, re.MULTILINE)
+    described, lines = set(", ".join(heads).split(", ")), []
+    for head, text in COMMON:
+        names = set(head.partition(" :")[0].removeprefix("**").split(", "))
+        if names <= set(arguments) - described:
+            lines += [head, f"    {text}"]
+            described |= names
+    return doc.replace("{common}", "\n".join([*lines, RAISES]))
 
 
 def own_keywords(signature: inspect.Signature) -> dict[str, Any]:

@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 from granular.checks import positive
-from granular.geometry import Box, Fill, Grid
-from granular.gravity import Gravity
 from granular.mpm.bodies import Motion
 from granular.mpm.limits import THIN, keeps_sides
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import whole_cells
+from granular.scenes._build import block, gravity_down, smooth_sides, whole_cells
 
 Leg = tuple[float, tuple[float, ...], float]
 """Duration [s], velocity [m/s], angular velocity about y [rad/s]."""
@@ -66,31 +64,24 @@ def bed(
     points_per_cell: int,
     jitter: float,
     gravity: float,
-    start: float = 0.0,
 ) -> dict:
     """Grid, fill, walls and gravity of a level bed with its surface at z = 0.
 
-    x begins at `start` and y at 0. The floor is no_slip and the sides are free_slip.
+    x and y begin at 0. The floor is no_slip and the sides are free_slip.
     """
     cell = positive("cell", cell)
     lengths = (("length", length), ("width", width), ("soil", depth))
     n_x, n_y, n_z = (whole_cells(name, value, cell) for name, value in lengths)
     n_up = whole_cells("headroom", headroom, cell)
-    x, y, z = n_x * cell, n_y * cell, -n_z * cell
-    return {
-        "grid": Grid((start, 0.0, z), cell, (n_x, n_y, n_z + n_up)),
-        "fills": (
-            Fill(
-                Box((start, 0.0, z), (start + x, y, 0.0)),
-                points_per_cell,
-                jitter=jitter,
-                lithostatic=True,
-            ),
-        ),
-        "walls": (
-            Wall(2, z, kind="no_slip"),
-            *(Wall(0, at, kind="free_slip") for at in (start, start + x)),
-            *(Wall(1, at, kind="free_slip") for at in (0.0, y)),
-        ),
-        "gravity": Gravity((0.0,), ((0.0, 0.0, -positive("gravity", gravity)),)),
-    }
+    z = -n_z * cell
+    soil = block(
+        cell,
+        (n_x, n_y, n_z + n_up),
+        (n_x * cell, n_y * cell, 0.0),
+        lower=(0.0, 0.0, z),
+        points_per_cell=points_per_cell,
+        jitter=jitter,
+        lithostatic=True,
+    )
+    walls = (Wall(2, z, kind="no_slip"), *smooth_sides(soil["grid"]))
+    return soil | {"walls": walls, "gravity": gravity_down(3, gravity)}

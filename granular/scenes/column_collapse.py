@@ -1,4 +1,4 @@
-"""Collapse of a column onto a rough floor, in 2D."""
+"""Collapse onto a rough floor: of a column in 2D, of a cylinder in 3D."""
 
 from __future__ import annotations
 
@@ -7,17 +7,26 @@ from typing import Any, cast
 
 from granular import sph
 from granular.checks import one_of, positive
-from granular.geometry import Box, Fill, Grid
+from granular.geometry import Box, Cylinder, Fill, Grid, Intersection
 from granular.materials import Material, MuI, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, gravity_down
+from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
 
 
-def _expected_runout(aspect: float) -> float:
+def _lip(lip: float | None, runout: float, name: str, radius: float) -> float:
+    """Distance of the lip [m], by default 2 + 1.5 `runout` radii; refuses less than one radius."""
+    if lip is None:
+        lip = (2.0 + 1.5 * runout) * radius
+    if positive("lip", lip) < radius:
+        raise ValueError(f"lip = {lip} must not be less than {name} = {radius}")
+    return lip
+
+
+def _runout_of_column(aspect: float) -> float:
     """Run-out divided by half-width, by the paper's fit (figure 3)."""
     return 2.28 * aspect if aspect < 2.83 else 3.24 * aspect**0.66
 
@@ -61,14 +70,8 @@ def column_collapse(
         Height divided by half-width; half-width [m].
     cell : float or None
         Cell size [m]; None for 0.00625 if aspect <= 0.5, else 0.0125.
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     lip : float or None
         Distance of the right wall from the symmetry plane [m], rounded up to whole cells.
-    gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero to it [s].
-    duration : float
-        Duration [s].
     material, scheme, seed
         See `Scene`. With "sph" the material may also be a `granular.sph.Viscoplastic`, and the
         scheme is not used.
@@ -77,11 +80,7 @@ def column_collapse(
     **material_numbers
         Numbers of `material` to change, such as `E`; with "sph" before the material of SPH is
         matched to it.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}.
     """
     aspect = positive("aspect", aspect)
     half_width = positive("half_width", half_width)
@@ -89,12 +88,10 @@ def column_collapse(
         cell = 0.00625 if aspect <= 0.5 else 0.0125
     cell = positive("cell", cell)
     height = aspect * half_width
-    if lip is None:
-        lip = (2.0 + 1.5 * _expected_runout(aspect)) * half_width
-    if positive("lip", lip) < half_width:
-        raise ValueError(f"lip = {lip} must not be less than half_width = {half_width}")
+    lip = _lip(lip, _runout_of_column(aspect), "half_width", half_width)
     n_x = enough_cells(lip, cell)
     n_y = enough_cells(height, cell) + HEADROOM
+    grid = Grid((0.0, 0.0), cell, (n_x, n_y))
     parameters = {"cell": cell, "lip": n_x * cell, "half": True}
     fill = Fill(Box((0.0, 0.0), (half_width, height)), points_per_cell, jitter=jitter)
     falls = gravity_down(2, gravity, ramp)
@@ -108,11 +105,7 @@ def column_collapse(
             grid=Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
             fills=(replace(fill, points_per_cell=1),),
             material=material,
-            walls=(
-                sph.Wall(1, 0.0, 1),
-                sph.Wall(0, 0.0, 1),
-                sph.Wall(0, n_x * cell, -1),
-            ),
+            walls=(sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1), sph.Wall(0, n_x * cell, -1)),
             gravity=falls,
             duration=duration,
             seed=seed,
@@ -120,17 +113,80 @@ def column_collapse(
         )
     return Scene(
         name="column_collapse",
-        grid=Grid((0.0, 0.0), cell, (n_x, n_y)),
+        grid=grid,
         fills=(fill,),
         material=cast(Material, material),
         scheme=scheme,
-        walls=(
-            Wall(1, 0.0, kind="no_slip"),
-            Wall(0, 0.0, kind="free_slip"),
-            Wall(0, n_x * cell, kind="free_slip"),
-        ),
+        walls=(Wall(1, 0.0, kind="no_slip"), *smooth_sides(grid)),
         gravity=falls,
         duration=duration,
         seed=seed,
         parameters=parameters,
+    )
+
+
+def _runout_of_cylinder(aspect: float) -> float:
+    """Run-out divided by radius, of cylinders of sand (Lube et al. 2004)."""
+    return 1.24 * aspect if aspect < 1.7 else 1.6 * aspect**0.5
+
+
+@scene_function("mpm")
+def cylinder_collapse(
+    *,
+    aspect: float = 0.5,
+    radius: float = 0.2,
+    cell: float = 0.0125,
+    points_per_cell: int = 8,
+    jitter: float = 0.0,
+    lip: float | None = None,
+    gravity: float = 9.8,
+    ramp: float = 0.1,
+    duration: float = 2.0,
+    material: Material = glass_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+    **material_numbers: Any,
+) -> Scene:
+    """A quarter of a cylinder that collapses: the column collapse of section 4.1, in 3D.
+
+    Dunatunga & Kamrin 2015 study 2D flows only. This scene is the experiment of Lube et al. 2004
+    with the paper's material, gravity ramp and walls: no_slip floor, free_slip symmetry planes
+    x = 0 and y = 0, free_slip lips.
+
+    Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being
+    the run-out that Lube et al. found (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round
+    side is cut out of the seeding lattice; the height is rounded to rows of points.
+
+    Parameters
+    ----------
+    aspect, radius : float
+        Height divided by radius; radius [m].
+    lip : float or None
+        Distance of the outer walls from the axis [m], rounded up to whole cells.
+    {common}.
+    """
+    aspect = positive("aspect", aspect)
+    radius = positive("radius", radius)
+    cell = positive("cell", cell)
+    height = aspect * radius
+    lip = _lip(lip, _runout_of_cylinder(aspect), "radius", radius)
+    n = enough_cells(lip, cell)
+    grid = Grid((0.0, 0.0, 0.0), cell, (n, n, enough_cells(height, cell) + HEADROOM))
+    quarter = Intersection(
+        (
+            Cylinder((0.0, 0.0, 0.0), radius, height),
+            Box((0.0, 0.0, 0.0), (radius, radius, height)),
+        )
+    )
+    return Scene(
+        name="cylinder_collapse",
+        grid=grid,
+        fills=(Fill(quarter, points_per_cell, jitter=jitter),),
+        material=material,
+        scheme=scheme,
+        walls=(Wall(2, 0.0, kind="no_slip"), *smooth_sides(grid)),
+        gravity=gravity_down(3, gravity, ramp),
+        duration=duration,
+        seed=seed,
+        parameters={"lip": n * cell, "quarter": True},
     )

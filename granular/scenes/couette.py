@@ -14,7 +14,7 @@ from granular.mpm.bodies import Body, Cylinder, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, reconnected, whole_cells
+from granular.scenes._build import HEADROOM, enough_cells, gravity_down, reconnected, whole_cells
 from granular.scenes._registry import scene_function
 
 MARGIN = 3
@@ -78,27 +78,15 @@ def couette(
         Cells by which the cylinders reach into the material, 0 to 1.
     rough : bool
         If true, the fluidity is 0 at the cylinders; otherwise the cylinders do not affect it.
-    cell : float
-        Cell size [m].
     points_per_cell, jitter
         See `granular.geometry.Fill`; by default 2 along an edge of a cell.
     gravity : float
         Magnitude [m/s2], constant from the start; unused in 2D.
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the gap has less than 4 cells.
+    {common}; also if the gap has less than 4 cells.
     """
     cell, inner, outer = positive("cell", cell), positive("inner", inner), positive("outer", outer)
-    n_z, gravity = whole_cells("height", height, cell), positive("gravity", gravity)
-    overlap = in_range("overlap", overlap, 0.0, 1.0)
+    n_z, overlap = whole_cells("height", height, cell), in_range("overlap", overlap, 0.0, 1.0)
+    positive("gravity", gravity)
     if outer - inner < 4 * cell:
         raise ValueError(f"outer = {outer} must exceed inner = {inner} by 4 cells of {cell}")
     n = enough_cells(outer, cell) + MARGIN
@@ -117,20 +105,18 @@ def couette(
         grid = Grid((-n * cell, -n * cell, 0.0), cell, (2 * n, 2 * n, n_z + HEADROOM))
         ring = Difference(*(Upright((0.0,) * 3, r, n_z * cell) for r in (outer, inner)))
         fill["lithostatic"] = True
-    walls = () if flat else (Wall(2, 0.0, kind="free_slip"),)
-    down = (0.0,) * dim if flat else (0.0, 0.0, -gravity)
     return Scene(
         name="couette",
         grid=grid,
         fills=(Fill(ring, **fill),),
         material=material,
         scheme=scheme,
-        walls=walls,
+        walls=() if flat else (Wall(2, 0.0, kind="free_slip"),),
         bodies=(
             _cylinder(inner + overlap * cell, dim, finite("omega", omega), rough=rough),
             _cylinder(outer - overlap * cell, dim, 0.0, rough=rough, inside=True),
         ),
-        gravity=Gravity((0.0,), (down,)),
+        gravity=Gravity((0.0,), ((0.0, 0.0),)) if flat else gravity_down(3, gravity),
         duration=duration,
         seed=seed,
     )

@@ -112,25 +112,9 @@ def hourglass(
         Height of the fill above the divider, and of the divider above the base [m], whole cells.
     slope_deg : float
         Slope of the staircase to the horizontal [deg], 0 < slope < 90; unused when flat.
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     opens_at : float
         Time at which the orifice opens [s].
-    gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero to it [s].
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the opening leaves no divider.
+    {common}; also if the opening leaves no divider.
     """
     one_of("kind", kind, ("flat", "sloped"))
     cell = positive("cell", cell)

@@ -1,17 +1,25 @@
-"""Discharge of a flat-bottomed silo, in 2D."""
+"""Discharge of silos in 2D and 3D; one has an opening a few grains wide, and flows or clogs."""
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
-from granular.checks import non_negative, one_of, positive
-from granular.geometry import Box, Fill, Grid
-from granular.materials import Material, glass_beads
+from granular.checks import non_negative, one_of, positive, truth
+from granular.diagnostics import StabilityWarning
+from granular.materials import NGF, Material, glass_beads, grc_1, silo_grains
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Scheme
-from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, gravity_down, whole_cells
+from granular.mpm.schemes import ParticleDensity, Scheme
+from granular.mpm.walls import SpongeLayer, Wall
+from granular.scenes._build import (
+    HEADROOM,
+    block,
+    gravity_down,
+    reconnected,
+    smooth_sides,
+    whole_cells,
+)
 from granular.scenes._registry import scene_function
 
 
@@ -52,27 +60,11 @@ def silo(
         Full width D of the opening [m], an even number of cells.
     width, height : float
         Full width of the silo and height of the fill [m], whole cells (the half-width too).
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
     edge : {"last_free_node", "wall"}
         Beginning of the bottom: at D/2 + cell, as in the paper, or at D/2.
     opens_at : float
         Time at which the orifice opens [s].
-    gravity, ramp : float
-        Magnitude [m/s2] and the time in which it grows from zero to it [s].
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the orifice leaves no bottom.
+    {common}; also if the orifice leaves no bottom.
     """
     cell = positive("cell", cell)
     n_x = whole_cells("width/2", positive("width", width) / 2, cell)
@@ -85,10 +77,17 @@ def silo(
             f"orifice = {orifice} must be less than width = {width} by more than two cells"
             f" of {cell}"
         )
+    filled = block(
+        cell,
+        (n_x, n_y + HEADROOM),
+        (n_x * cell, n_y * cell),
+        open_sides={"y-"},
+        points_per_cell=points_per_cell,
+        jitter=jitter,
+    )
     return Scene(
         name="silo",
-        grid=Grid((0.0, 0.0), cell, (n_x, n_y + HEADROOM), open_sides=frozenset({"y-"})),
-        fills=(Fill(Box((0.0, 0.0), (n_x * cell, n_y * cell)), points_per_cell, jitter=jitter),),
+        **filled,
         material=material,
         scheme=scheme,
         walls=(
@@ -96,11 +95,198 @@ def silo(
             # The lid has the width of the outlet, so that all that is done near outlets is done
             # near it.
             Wall(1, 0.0, kind="no_slip", span=((0.0, begin * cell),), opens_at=opens_at),
-            Wall(0, 0.0, kind="free_slip"),
-            Wall(0, n_x * cell, kind="free_slip"),
+            *smooth_sides(filled["grid"]),
         ),
         gravity=gravity_down(2, gravity, ramp),
         duration=duration,
         seed=seed,
         parameters={"half": True},
+    )
+
+
+soft_grains = grc_1.replace(E=0.15e6, mu_s=0.3819)
+
+
+@scene_function("mpm")
+def silo_3d(
+    *,
+    length: float = 0.25,
+    height: float = 0.125,
+    width: float = 0.0625,
+    slot: float = 0.025,
+    cell: float = 0.00625,
+    points_per_cell: int = 8,
+    jitter: float = 0.0,
+    gravity: float = 9.81,
+    duration: float = 12.0,
+    material: Material = soft_grains,
+    scheme: Scheme = reconnected,
+    seed: int = 0,
+    **material_numbers: Any,
+) -> Scene:
+    """Silo with a slot at its left wall, across its whole width (Haeri & Skonieczny 2021, section
+    4.3, figure 19).
+
+    From the paper: rough bottom, smooth sides, E = 0.15 MPa, the grains of its table 1 with
+    mu_s = 0.3819, 12 s, after which the slope is at the friction angle. From the scripts of the
+    paper: 0.25 m long, filled 0.125 m high, a quarter of the length wide, a slot of 0.025 m.
+
+    Chosen here: the slot is open from the start, and the fill is under its own weight. Points leave
+    for good as they cross the bottom, z = 0, where the paper lets them fall on a floor. mu_2 is
+    that of table 1 (the scripts have 1.5). The paper's cells of 4 mm do not divide these lengths,
+    and its 32 000 points, 8 per cell, fill an eighth of the volume; here the cells are 6.25 mm with
+    64 000 points. Between smooth sides nothing depends on y, so that a `width` of two cells gives
+    the same result at a fifth of the cost.
+
+    Parameters
+    ----------
+    length, height, width : float
+        Extents of the fill along x, z and y [m], whole cells.
+    slot : float
+        Width of the opening, which begins at the left wall [m], whole cells.
+    {common}; also if the slot leaves no bottom.
+    """
+    cell = positive("cell", cell)
+    lengths = (("length", length), ("width", width), ("height", height))
+    n_x, n_y, n_z = (whole_cells(name, value, cell) for name, value in lengths)
+    n_slot = whole_cells("slot", slot, cell)
+    if n_slot >= n_x:
+        raise ValueError(f"slot = {slot} must be less than length = {length}")
+    x, y = n_x * cell, n_y * cell
+    edge, across = n_slot * cell, (0.0, y)
+    filled = block(
+        cell,
+        (n_x, n_y, n_z + HEADROOM),
+        (x, y, n_z * cell),
+        open_sides={"z-"},
+        points_per_cell=points_per_cell,
+        jitter=jitter,
+        lithostatic=True,
+    )
+    return Scene(
+        name="silo_3d",
+        **filled,
+        material=material,
+        scheme=scheme,
+        walls=(
+            Wall(2, 0.0, kind="no_slip", span=((edge, x), across)),
+            # Open from the start, so that all that is done near outlets is done near it.
+            Wall(2, 0.0, kind="no_slip", span=((0.0, edge), across), opens_at=0.0),
+            *smooth_sides(filled["grid"]),
+        ),
+        gravity=gravity_down(3, gravity),
+        duration=duration,
+        seed=seed,
+    )
+
+
+JAM_FRICTION = 1.0
+"""Friction tau/p at the face of a 2D arch: it is compressed along its face and free across it."""
+
+linear_flip = Scheme(basis="linear", transfer="flip", density=ParticleDensity(), dt=1e-4)
+
+
+@scene_function("mpm")
+def clogging_silo(
+    *,
+    opening_over_d: float = 1.0,
+    A: float = 1.0,
+    cell: float = 0.0175,
+    orifice: float = 0.14,
+    width: float = 0.595,
+    height: float = 0.595,
+    half: bool = True,
+    points_per_cell: int = 16,
+    jitter: float = 0.0,
+    sponge: float | None = 0.49,
+    sponge_damping: float = 1000.0,
+    gravity: float = 9.81,
+    duration: float = 1.5,
+    material: NGF = silo_grains,
+    scheme: Scheme = linear_flip,
+    seed: int = 0,
+    **material_numbers: Any,
+) -> Scene:
+    """Silo with grains that are nearly as large as its opening (Dunatunga & Kamrin, "Modeling silo
+    clogging with nonlocal granular rheology", section 7).
+
+    From the paper: opening 0.14 m between the fixed nodes, 0.595 m wide and filled as high, cells
+    of 0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
+    nu = 0.45, mu_s = 0.3819, mu_2 = 50, b = 1, t0 = 1 ms; the opening is `opening_over_d` grains
+    wide. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic start with the
+    orifice open, and no upward motion above 0.49 m, to damp elastic waves. Some lengths are printed
+    as a tenth or a fifth of these; only these are consistent with one another.
+
+    Chosen here: square cells in place of pairs of triangles, and the right half in place of the
+    whole. Points leave for good as they cross the bottom, y = 0. Upward motion above 0.49 m is
+    damped at a finite rate. If it is stopped at once, as in the paper, a bed that its waves have
+    compressed stays compressed, with cells of half the size for seconds.
+
+    Parameters
+    ----------
+    opening_over_d : float
+        Width of the opening divided by the grain diameter; it replaces `d` of `material`.
+    A : float
+        Nonlocal amplitude; it replaces `A` of `material`.
+    orifice, width, height : float
+        Full widths of the opening and of the silo, and height of the fill [m], whole cells (the
+        half-widths too).
+    half : bool
+        If true, only the right half is modelled, with a symmetry plane at x = 0.
+    sponge : float or None
+        Height [m] above which upward motion is damped (a sponge layer); None for no damping.
+    sponge_damping : float
+        Rate of the damping [1/s]; infinity as published. See `granular.mpm.walls.SpongeLayer`.
+    {common}.
+
+    Warns
+    -----
+    StabilityWarning
+        If the friction cannot reach 1, the friction of an arch, so that the silo cannot jam.
+    """
+    cell = positive("cell", cell)
+    if not isinstance(material, NGF):
+        raise TypeError(f"material = {material!r} must be an NGF")
+    half, orifice = truth("half", half), positive("orifice", orifice)
+    d = orifice / positive("opening_over_d", opening_over_d)
+    material = material.replace(A=non_negative("A", A), d=d)
+    if material.mu_2 < JAM_FRICTION:
+        warnings.warn(
+            f"mu_2 = {material.mu_2} is below 1: the face of a 2D arch bears friction 1,"
+            " so that this silo cannot jam",
+            StabilityWarning,
+            stacklevel=3,
+        )
+    n_x = whole_cells("width/2", positive("width", width) / 2, cell)
+    n_y = whole_cells("height", height, cell)
+    n_open = whole_cells("orifice/2", orifice / 2, cell)
+    if n_open >= n_x:
+        raise ValueError(f"orifice = {orifice} must be less than width = {width}")
+    low, edge, side = 0.0 if half else -n_x * cell, n_open * cell, n_x * cell
+    bottoms = [
+        Wall(1, 0.0, kind="no_slip", span=((edge, side),)),
+        # Open from the start, so that all that is done near outlets is done near it.
+        Wall(1, 0.0, kind="no_slip", span=((max(low, -edge), edge),), opens_at=0.0),
+    ]
+    if not half:
+        bottoms.append(Wall(1, 0.0, kind="no_slip", span=((low, -edge),)))
+    return Scene(
+        name="clogging_silo",
+        **block(
+            cell,
+            (n_x if half else 2 * n_x, n_y + HEADROOM),
+            (side, n_y * cell),
+            lower=(low, 0.0),
+            open_sides={"y-"},
+            points_per_cell=points_per_cell,
+            jitter=jitter,
+            lithostatic=True,
+        ),
+        material=material,
+        scheme=scheme,
+        walls=(*bottoms, *(Wall(0, at, kind="free_slip") for at in (low, side))),
+        sponge_layers=() if sponge is None else (SpongeLayer(1, sponge, sponge_damping),),
+        gravity=gravity_down(2, gravity),
+        duration=duration,
+        seed=seed,
     )

@@ -11,7 +11,7 @@ from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import enough_cells, gravity_down
+from granular.scenes._build import enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
 
 
@@ -55,23 +55,7 @@ def slug(
         Position of the right wall [m], rounded up to whole cells.
     headroom : float
         Height above the highest point of the free flight [m].
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
-    gravity : float
-        Magnitude [m/s2], constant.
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}.
     """
     cell = positive("cell", cell)
     gravity = positive("gravity", gravity)
@@ -88,18 +72,15 @@ def slug(
     rise = max(velocity[1], 0.0)
     apex = top + rise * rise / (2.0 * gravity)
     n_y = enough_cells(apex + non_negative("headroom", headroom), cell)
+    grid = Grid((0.0, 0.0), cell, (n_x, n_y))
     return Scene(
         name="slug",
-        grid=Grid((0.0, 0.0), cell, (n_x, n_y)),
+        grid=grid,
         fills=(Fill(disc, points_per_cell, density=density, velocity=velocity, jitter=jitter),),
         material=material,
         scheme=scheme,
-        walls=(
-            Wall(1, 0.0, kind="no_slip"),
-            Wall(0, 0.0, kind="free_slip"),
-            Wall(0, n_x * cell, kind="free_slip"),
-        ),
-        gravity=gravity_down(2, gravity, 0.0),
+        walls=(Wall(1, 0.0, kind="no_slip"), *smooth_sides(grid)),
+        gravity=gravity_down(2, gravity),
         duration=duration,
         seed=seed,
         parameters={"center": disc.center, "velocity": velocity, "wall_at": n_x * cell},

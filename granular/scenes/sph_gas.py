@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import in_range, integer, non_negative, positive
-from granular.geometry import Box, Fill, Grid
-from granular.gravity import Gravity
-from granular.scenes._build import whole_cells
+from granular.checks import in_range, non_negative, positive
+from granular.geometry import Box, Fill
+from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
 from granular.scenes._registry import scene_function
 from granular.sph.gas import Gas, Jet
 from granular.sph.material import Viscoplastic
@@ -27,12 +26,11 @@ bed_soil = Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8)
 """Soil of the thesis (section 6.2.2)."""
 
 
-def _numerics() -> Numerics:
-    """Numerics with a wider kernel, which the gas needs, and half the largest viscosity.
+wide = Numerics(smoothing=1.5)
+"""Numerics with a wider kernel, which the gas needs, and half the largest viscosity.
 
-    With the full viscosity beds never come to rest, and their noise is passed to the gas.
-    """
-    return Numerics(smoothing=1.5)
+With the full viscosity beds never come to rest, and their noise is passed to the gas.
+"""
 
 
 @scene_function("sph")
@@ -77,17 +75,9 @@ def fluidised_bed(
     pressure, sound_speed, permeability, viscosity : float
         See `Gas`. The default speed of sound is low, 100 m/s, so that the time steps are longer;
         the density of the gas is then 10 kg/m3.
-    duration : float
-        Duration [s].
     material, numerics
         By default 1600 kg/m3, friction 0.8; h = 1.5 spacings, half the largest viscosity.
-    **material_numbers
-        Numbers of the material to change, such as `kappa`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}.
     """
     spacing = positive("spacing", spacing)
     parts = {"height": height, "plenum": plenum, "freeboard": freeboard}
@@ -98,9 +88,7 @@ def fluidised_bed(
         raise ValueError(
             f"velocity = {velocity} must be at most {plenum / duration}, plenum/duration"
         )
-    level: tuple[int, ...] = (integer("columns", columns, 1),)
-    if integer("columns_across", columns_across, 0):
-        level += (columns_across,)
+    level = level_cells(columns, columns_across)
     axis, still = len(level), (0.0,) * len(level)
     ends = tuple(n * spacing for n in level)
     sieve = (counts["plenum"] + LAYERS) * spacing
@@ -108,15 +96,15 @@ def fluidised_bed(
     rows = sum(counts.values()) + LAYERS
     return Scene(
         name="fluidised_bed",
-        grid=Grid(
-            (*still, 0.0),
+        **block(
             spacing,
             (*level, rows + counts["plenum"]),
-            periodic=(*(True for _ in level), False),
+            (*ends, top),
+            base=(*still, sieve),
+            periodic=range(axis),
         ),
-        fills=(Fill(Box((*still, sieve), (*ends, top)), 1),),
         material=material,
-        numerics=numerics or _numerics(),
+        numerics=numerics or wide,
         walls=(
             Wall(axis, 0.0, 1, layers=LAYERS, velocity=(*still, velocity)),
             Wall(axis, sieve, 1, layers=LAYERS, permeable=True),
@@ -128,7 +116,7 @@ def fluidised_bed(
             permeability=permeability,
             viscosity=viscosity,
         ),
-        gravity=Gravity((0.0, 0.02), ((*still, 0.0), (*still, -positive("gravity", gravity)))),
+        gravity=gravity_down(axis + 1, gravity, 0.02),
         duration=duration,
         parameters={"duration": duration},
     )
@@ -179,33 +167,19 @@ def jet_on_bed(
         Extent along the second horizontal axis [m], whole spacings; 0 for 2D.
     spacing : float
         Spacing of the particles of the material, the walls and the gas [m].
-    gravity : float
-        Its magnitude [m/s2].
     pressure : float
         Initial pressure of the gas [Pa], > 0.
     sound_speed, permeability, viscosity : float
         See `Gas`.
-    duration : float
-        Duration [s].
     material, numerics
         By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
-    **material_numbers
-        Numbers of the material to change, such as `kappa`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}.
     """
     spacing = positive("spacing", spacing)
     columns = whole_cells("width", width, spacing)
-    soil, above = (
-        whole_cells("depth", depth, spacing),
-        whole_cells("headroom", headroom, spacing),
-    )
-    level: tuple[int, ...] = (columns,)
-    if non_negative("across", across):
-        level += (whole_cells("across", across, spacing),)
+    soil = whole_cells("depth", depth, spacing)
+    above = whole_cells("headroom", headroom, spacing)
+    level = (columns, *cells_across("across", across, spacing))
     in_range("nozzle", nozzle, spacing, width)
     sound_speed = positive("sound_speed", sound_speed)
     in_range("speed", speed, 0.0, sound_speed, open_high=True)
@@ -217,15 +191,9 @@ def jet_on_bed(
     box = Box((middle - 0.5 * nozzle, *still[1:], low), (middle + 0.5 * nozzle, *ends[1:], top))
     return Scene(
         name="jet_on_bed",
-        grid=Grid(
-            (*still, 0.0),
-            spacing,
-            (*level, soil + above),
-            periodic=(*(True for _ in level), False),
-        ),
-        fills=(Fill(Box((*still, 0.0), (*ends, soil * spacing)), 1),),
+        **block(spacing, (*level, soil + above), (*ends, soil * spacing), periodic=range(axis)),
         material=material,
-        numerics=numerics or _numerics(),
+        numerics=numerics or wide,
         walls=(Wall(axis, 0.0, 1, layers=LAYERS), Wall(axis, top, -1, layers=LAYERS)),
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),
@@ -235,7 +203,7 @@ def jet_on_bed(
             viscosity=viscosity,
             jets=(Jet(box, (*still, -speed)),),
         ),
-        gravity=Gravity((0.0,), ((*still, -positive("gravity", gravity)),)),
+        gravity=gravity_down(axis + 1, gravity),
         duration=duration,
         parameters={"duration": duration},
     )

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-from granular.checks import in_range, integer, non_negative, positive
-from granular.geometry import Box, Fill, Grid
+from granular.checks import integer, non_negative, positive
 from granular.gravity import Gravity
-from granular.scenes._build import whole_cells
+from granular.scenes._build import block, down_slope, level_cells, whole_cells
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
@@ -67,35 +65,21 @@ def incline_sph(
         Its magnitude [m/s2].
     duration : float
         Time after the tilt [s].
-    material : Viscoplastic
-    numerics
-        By default those of the thesis, without dilation.
-    **material_numbers
-        Numbers of the material to change, such as `kappa`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}.
     """
-    angle = math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True))
-    spacing = positive("spacing", spacing)
+    spacing, level = positive("spacing", spacing), level_cells(columns, columns_across)
     layers = whole_cells("height", height, spacing)
-    settle, g = positive("settle", settle), positive("gravity", gravity)
-    level: tuple[int, ...] = (integer("columns", columns, 1),)
-    if integer("columns_across", columns_across, 0):
-        level += (columns_across,)
-    still = (0.0,) * len(level)
-    down, tilted = (*still, -g), (g * math.sin(angle), *still[1:], -g * math.cos(angle))
+    settle, still = positive("settle", settle), (0.0,) * len(level)
+    down = (*still, -positive("gravity", gravity))
+    tilted = down_slope(len(level) + 1, gravity, angle_deg)
     return Scene(
         name="incline_sph",
-        grid=Grid(
-            (*still, 0.0),
+        **block(
             spacing,
             (*level, layers + integer("headroom", headroom, 1)),
-            periodic=(*(True for _ in level), False),
+            tuple(n * spacing for n in (*level, layers)),
+            periodic=range(len(level)),
         ),
-        fills=(Fill(Box((*still, 0.0), (*(n * spacing for n in level), layers * spacing)), 1),),
         material=material,
         numerics=numerics or Numerics(),
         walls=(Wall(len(level), 0.0, 1),),

@@ -6,9 +6,7 @@ import math
 from typing import Any
 
 from granular.checks import in_range, positive
-from granular.geometry import Box, Fill, Grid
-from granular.scenes._build import whole_cells
-from granular.scenes._build_sph import SETTLE, across, settling_gravity
+from granular.scenes._build import SETTLE, block, cells_across, settling_gravity, whole_cells
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
@@ -61,8 +59,6 @@ def slump_sph(
         Extents of the material [m], whole spacings; a width of 0 is for 2D.
     orifice : float
         Length of the opening at the right end of the floor [m], whole spacings, less than `length`.
-    spacing : float
-        Spacing of the particles [m].
     settle : float
         Time with a closed orifice [s].
     gravity : float
@@ -73,15 +69,7 @@ def slump_sph(
         Stiffness [Pa].
     material : Viscoplastic
         Its `mu_l`, `mu_h`, `kappa` and `dilation` are replaced by the values above.
-    numerics
-        By default those of the thesis.
-    **material_numbers
-        Numbers of the material to change, such as `kappa`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {common}.
     """
     phi = in_range("phi_deg", phi_deg, 0.0, 90.0, open_low=True, open_high=True)
     spacing, g = positive("spacing", spacing), positive("gravity", gravity)
@@ -89,9 +77,8 @@ def slump_sph(
     n_hole = whole_cells("orifice", orifice, spacing)
     if n_hole >= n_x:
         raise ValueError(f"orifice = {orifice} must be less than length = {length}")
-    n_y, settle = across(width, spacing), positive("settle", settle)
-    still = (0.0,) * len(n_y)
-    sides = tuple((0.0, n * spacing) for n in n_y)
+    n_y, settle = cells_across("width", width, spacing), positive("settle", settle)
+    still, sides = (0.0,) * len(n_y), tuple((0.0, k * spacing) for k in n_y)
     x, hole = n_x * spacing, (n_x - n_hole) * spacing
     below = -LAYERS * spacing
     up = (below, (n_z + LAYERS) * spacing)
@@ -101,13 +88,14 @@ def slump_sph(
     material = material.replace(mu_l=mu, mu_h=mu, kappa=kappa, dilation=dilation)
     return Scene(
         name="slump_sph",
-        grid=Grid(
-            (0.0, *still, below),
+        **block(
             spacing,
             (n_x, *n_y, n_z + 2 * LAYERS),
-            periodic=(False, *(True for _ in n_y), False),
+            tuple(k * spacing for k in (n_x, *n_y, n_z)),
+            lower=(0.0, *still, below),
+            base=(0.0, *still, 0.0),
+            periodic=range(1, 1 + len(n_y)),
         ),
-        fills=(Fill(Box((0.0, *still, 0.0), (x, *(s[1] for s in sides), n_z * spacing)), 1),),
         material=material,
         numerics=numerics or Numerics(),
         walls=(

@@ -71,23 +71,7 @@ def wheel(
         Initial position x of the axle [m].
     settle, ramp : float
         Time before the wheel turns, and time in which it takes up its velocity [s].
-    cell : float
-        Cell size [m].
-    points_per_cell, jitter
-        See `granular.geometry.Fill`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
-    duration : float
-        Duration [s].
-    material, scheme, seed
-        See `Scene`.
-    **material_numbers
-        Numbers of the material to change, such as `E`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the wheel would leave the bed.
+    {common}; also if the wheel would leave the bed.
     """
     slip = in_range("slip", slip, 0.0, 1.0, open_high=True)
     load, gravity = positive("load", load), positive("gravity", gravity)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import geometry
-from granular.checks import in_range, positive, tuple_of, vector
+from granular.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
 from granular.geometry import Box, Fill, Grid
 from granular.notebook import table
 
@@ -19,6 +19,14 @@ MAX_JETS = 16
 """Largest number of jets of a gas, by the capacity of the core."""
 ERGUN = 150.0
 """Factor of the viscous part of Ergun's equation, k = e^3 d^2/(150 (1 - e)^2) (Ergun 1952)."""
+POSITIVE = ("pressure", "sound_speed", "viscosity", "permeability", "grain_density")
+RANGES = {
+    "darcy_porosity": (0.05, 0.95),
+    "blend": (1e-6, 0.5),
+    "damping": (0.0, 2.0),
+    "diffusion": (0.0, 0.5),
+}
+"""Numbers of a gas that are positive, and those in a range; the core has them by the same names."""
 WIDEST_SPACING = 1.0
 """Largest spacing of gas particles, in smoothing lengths of the kernel."""
 
@@ -45,9 +53,8 @@ class Jet:
     velocity: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.region, Box):
-            raise TypeError(f"region = {self.region!r} must be a Box")
-        object.__setattr__(self, "velocity", vector("velocity", self.velocity, self.region.dim))
+        kinds_of(self, region=Box)
+        check_fields(self, vector, "velocity", dim=self.region.dim)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,21 +126,12 @@ class Gas:
     jets: tuple[Jet, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, kind in (("fills", Fill), ("jets", Jet)):
-            object.__setattr__(self, name, tuple_of(name, getattr(self, name), (kind,)))
-        names = ("pressure", "sound_speed", "viscosity", "permeability", "grain_density")
-        checked: dict[str, object] = {name: positive(name, getattr(self, name)) for name in names}
-        for name, low, high in (
-            ("darcy_porosity", 0.05, 0.95),
-            ("blend", 1e-6, 0.5),
-            ("damping", 0.0, 2.0),
-            ("diffusion", 0.0, 0.5),
-        ):
-            checked[name] = in_range(name, getattr(self, name), low, high)
-        if self.diameter is not None:
-            checked["diameter"] = positive("diameter", self.diameter)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        check_fields(self, tuple_of, "fills", kinds=(Fill,))
+        check_fields(self, tuple_of, "jets", kinds=(Jet,))
+        check_fields(self, positive, *POSITIVE)
+        for name, (low, high) in RANGES.items():
+            check_fields(self, in_range, name, low=low, high=high)
+        check_fields(self, positive, "diameter", optional=True)
         if not self.fills:
             raise ValueError("fills = () must hold at least one Fill")
         if len(self.jets) > MAX_JETS:
@@ -192,16 +190,14 @@ class Gas:
 
     def for_core(self, dim: int, rho0: float, wall_volume: float) -> tuple[dict, NDArray]:
         """Data for the core: parameters, and jets as rows (lower, upper, velocity)."""
-        names = ("sound_speed", "pressure", "viscosity", "permeability", "grain_density")
-        more = ("darcy_porosity", "blend", "damping", "diffusion")
-        parameters = {name: getattr(self, name) for name in (*names, *more)}
+        parameters = {name: getattr(self, name) for name in (*POSITIVE, *RANGES)}
         parameters["diameter"] = self.grain_diameter(rho0)
         parameters["wall_volume"] = wall_volume
         rows = [(*jet.region.bounds[0], *jet.region.bounds[1], *jet.velocity) for jet in self.jets]
         return parameters, np.array(rows, dtype=float).reshape(-1, 3 * dim)
 
     def _repr_html_(self) -> str:
-        return table("Gas", {name: getattr(self, name) for name in self.__dataclass_fields__})
+        return table("Gas", vars(self))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import in_range, non_negative, positive
+from granular.checks import check_fields, in_range, non_negative, positive
 from granular.materials import MuI
 from granular.notebook import table
 
@@ -71,17 +71,11 @@ class Viscoplastic:
     mu_wall: float | None = None
 
     def __post_init__(self) -> None:
-        checked: dict[str, object] = {
-            name: positive(name, getattr(self, name)) for name in ("rho0", "D_star", "kappa")
-        }
-        for name in ("mu_l", "mu_h", "cohesion"):
-            checked[name] = non_negative(name, getattr(self, name))
-        checked["nu"] = in_range("nu", self.nu, 0.0, 0.5)
-        checked["dilation"] = in_range("dilation", self.dilation, 0.0, 1.0)
-        if self.mu_wall is not None:
-            checked["mu_wall"] = non_negative("mu_wall", self.mu_wall)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        check_fields(self, positive, "rho0", "D_star", "kappa")
+        check_fields(self, non_negative, "mu_l", "mu_h", "cohesion")
+        check_fields(self, in_range, "nu", low=0.0, high=0.5)
+        check_fields(self, in_range, "dilation", low=0.0, high=1.0)
+        check_fields(self, non_negative, "mu_wall", optional=True)
 
     @property
     def rho_c(self) -> float:
@@ -150,9 +144,7 @@ class Viscoplastic:
         return math.sqrt((1.5 * self.kappa + 4.0 / 3.0 * self.shear_modulus) / self.rho0)
 
     def _repr_html_(self) -> str:
-        return table(
-            "Viscoplastic", {name: getattr(self, name) for name in self.__dataclass_fields__}
-        )
+        return table("Viscoplastic", vars(self))
 
 
 grit = Viscoplastic(rho0=1404.0, mu_l=0.74, mu_h=0.74, mu_wall=0.335)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from granular.checks import in_range, positive
+from granular.checks import check_fields, in_range, positive
 from granular.sph.material import Viscoplastic
 
 __all__ = ["Numerics"]
@@ -66,20 +66,12 @@ class Numerics:
     z_max: float = 1.0
 
     def __post_init__(self) -> None:
-        ranges = {
-            "smoothing": (1.0, 2.0),
-            "skin": (0.02, 1.0),
-            "cfl": (1e-6, 2.0),
-            "regularisation": (0.01, 1.5),
-            "z_max": (1.0, 2.0),
-        }
-        for name, (low, high) in ranges.items():
-            object.__setattr__(self, name, in_range(name, getattr(self, name), low, high))
-        if self.wall_density is not None:
-            share = in_range("wall_density", self.wall_density, 0.9, 1.0)
-            object.__setattr__(self, "wall_density", share)
-        if self.dt is not None:
-            object.__setattr__(self, "dt", positive("dt", self.dt))
+        check_fields(self, in_range, "smoothing", "z_max", low=1.0, high=2.0)
+        check_fields(self, in_range, "skin", low=0.02, high=1.0)
+        check_fields(self, in_range, "cfl", low=1e-6, high=2.0)
+        check_fields(self, in_range, "regularisation", low=0.01, high=1.5)
+        check_fields(self, in_range, "wall_density", low=0.9, high=1.0, optional=True)
+        check_fields(self, positive, "dt", optional=True)
 
     def rho0_wall(self, material: Viscoplastic) -> float:
         """rho0 of the wall particles [kg/m3]."""

@@ -5,17 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from granular import geometry
-from granular.checks import integer, kinds_of, positive, tuple_of
+from granular.checks import check_fields, tuple_of
 from granular.geometry import AXES, Fill, Grid
 from granular.gravity import Gravity
-from granular.notebook import table
-from granular.serializable import Parameters, Serializable, register
+from granular.scene import BaseScene
+from granular.serializable import Parameters, register
 from granular.sph import limits
 from granular.sph.gas import Gas, Jet
 from granular.sph.material import Viscoplastic
@@ -62,7 +60,7 @@ def seeding_gradient(dim: int, smoothing: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene(Serializable):
+class Scene(BaseScene):
     """All data that determine a run.
 
     Parameters
@@ -94,10 +92,9 @@ class Scene(Serializable):
         kernel, periods shorter than the reach of the neighbour list, a time step beyond its limit.
     """
 
-    method: ClassVar[str] = "sph"
-    """Method of solution."""
-    indicators: ClassVar[tuple[tuple[str, str, float | None, str], ...]] = limits.INDICATORS
-    """Indicators in addition to those of all methods; see `granular.diagnostics`."""
+    method = "sph"
+    _limits: ClassVar[Any] = limits
+    indicators = limits.INDICATORS
 
     name: str
     grid: Grid
@@ -112,40 +109,21 @@ class Scene(Serializable):
     parameters: Mapping[str, Any] = field(default_factory=Parameters)
 
     def __post_init__(self) -> None:
-        kinds_of(
-            self,
-            name=str,
-            grid=Grid,
-            material=Viscoplastic,
-            numerics=Numerics,
-            gravity=Gravity,
-            parameters=Mapping,
-        )
-        for name, kind in (("fills", Fill), ("walls", Wall)):
-            object.__setattr__(self, name, tuple_of(name, getattr(self, name), (kind,)))
+        check_fields(self, tuple_of, "walls", kinds=(Wall,))
         if not isinstance(self.gas, Gas | None):
             raise TypeError(f"gas = {self.gas!r} must be a Gas or None")
-        object.__setattr__(self, "duration", positive("duration", self.duration))
-        object.__setattr__(self, "seed", integer("seed", self.seed, 0, 2**63 - 1))
-        object.__setattr__(self, "parameters", Parameters(self.parameters))
+        self._check_common(material=Viscoplastic, numerics=Numerics)
         self._check_fit()
 
     def _check_fit(self) -> None:
         grid, numerics = self.grid, self.numerics
-        if not self.fills:
-            raise ValueError("fills = () must hold at least one Fill")
         for i, fill in enumerate(self.fills):
-            geometry.check_inside(f"fills[{i}]", grid, fill.region)
             if fill.points_per_cell != 1:
                 raise ValueError(f"fills[{i}].points_per_cell = {fill.points_per_cell} must be 1")
             if fill.density is not None or fill.lithostatic:
                 raise ValueError(
                     f"fills[{i}] must have the density of the material and no weight on it"
                 )
-        if self.gravity.dim != grid.dim:
-            raise ValueError(
-                f"gravity of dimension {self.gravity.dim} must have {grid.dim} as the grid"
-            )
         if self.gas is not None:
             self.gas.check(grid, self.material.rho0, self.h)
         for i, wall in enumerate(self.walls):
@@ -163,20 +141,6 @@ class Scene(Serializable):
             )
 
     @property
-    def dim(self) -> int:
-        """Dimension, 2 or 3."""
-        return self.grid.dim
-
-    @property
-    def courant_limit(self) -> float:
-        """Largest stable (c + speed) dt/dx."""
-        return limits.courant_limit(self)
-
-    def known_failures(self) -> list[str]:
-        """List known failures of the scene that raise no error, one sentence each."""
-        return limits.known_failures(self)
-
-    @property
     def knows_all_work(self) -> bool:
         """False: energy cannot be accounted for, because the work of wall particles is unknown."""
         return False
@@ -185,11 +149,6 @@ class Scene(Serializable):
     def bodies(self) -> tuple[()]:
         """Empty: in SPH moving objects are walls."""
         return ()
-
-    @cached_property
-    def n_points(self) -> int:
-        """Number of particles at the start, without walls and gas."""
-        return geometry.count_points(self.grid, self.fills)
 
     @property
     def h(self) -> float:
@@ -211,27 +170,12 @@ class Scene(Serializable):
         weight = seeding_weight(self.dim, self.numerics.smoothing)
         return self.material.rho0 * self.grid.cell**self.dim / weight
 
-    def points(self) -> geometry.Points:
-        """Particles of the material at the start; see `granular.geometry.seed_points`."""
-        return geometry.seed_points(self.grid, self.fills, self.seed, self.material.rho0)
-
     def wall_points(self) -> dict[str, np.ndarray]:
         """Wall particles at the start; see `granular.sph.walls.wall_points`."""
         return wall_points(self.grid, self.walls)
 
-    def _repr_html_(self) -> str:
-        grid = self.grid
-        size = " x ".join(f"{n * grid.cell:g}" for n in grid.shape)
-        rows: dict[str, object] = {
-            "domain [m]": size,
-            "spacing [m]": grid.cell,
-            "particles": self.n_points,
-            "duration [s]": self.duration,
-            "gravity [m/s2]": self.gravity.vectors[-1],
-            "walls": len(self.walls),
-            "method": "smoothed particle hydrodynamics",
-        }
-        return table(f"Scene {self.name}", rows | dict(self.parameters))
+    def _method_in_words(self) -> str:
+        return "smoothed particle hydrodynamics"
 
 
 register(Scene, Wall, Numerics, Viscoplastic, Gas, Jet, prefix="sph.")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
-from granular.buffers import allocate, default_isa
+from granular.buffers import allocate, default_isa, fill
 from granular.checks import integer
 from granular.record import Checkpoint
 from granular.sph.gas import GasState
@@ -22,6 +22,11 @@ __all__ = ["Simulation"]
 
 SHOWN = ("x", "v", "a", "stress", "rho", "shear_rate", "mass")
 """Fields from which a state is made, besides the id; `rho` becomes the log-density."""
+
+
+OF_MATERIAL = ("rho0", "kappa", "mu_l", "mu_h", "D_star", "cohesion", "shear_modulus", "dilation")
+OF_NUMERICS = ("regularisation", "z_max", "cfl")
+"""Parameters that the core takes as they are, by their names."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +59,7 @@ class _Rows:
 
 def _build(scene: Scene, isa: str) -> _core.Sph:
     grid, material, numerics = scene.grid, scene.material, scene.numerics
-    gas = scene.gas
-    point_volume = scene.point_mass / material.rho0
+    gas, point_volume = scene.gas, scene.point_mass / material.rho0
     return _core.Sph(
         dim=grid.dim,
         lower=tuple(grid.lower),
@@ -63,23 +67,14 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
         periodic=tuple(grid.periodic),
         isa=isa,
         wall_friction=material.mu_wall is not None,
-        parameters={
+        parameters={name: getattr(material, name) for name in OF_MATERIAL}
+        | {name: getattr(numerics, name) for name in OF_NUMERICS}
+        | {
             "h": scene.h,
             "skin": numerics.skin * scene.h,
-            "rho0": material.rho0,
             "rho0_wall": numerics.rho0_wall(material),
-            "kappa": material.kappa,
-            "mu_l": material.mu_l,
-            "mu_h": material.mu_h,
-            "D_star": material.D_star,
-            "cohesion": material.cohesion,
-            "shear_modulus": material.shear_modulus,
             "mu_wall": material.mu_wall or 0.0,
-            "dilation": material.dilation,
-            "regularisation": numerics.regularisation,
-            "z_max": numerics.z_max,
             "gradient": seeding_gradient(grid.dim, numerics.smoothing),
-            "cfl": numerics.cfl,
             "dt": numerics.dt or 0.0,
         },
         gravity_times=np.array(scene.gravity.times, dtype=float),
@@ -156,13 +151,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """A snapshot of the particles of the present walls, ordered by id."""
         self._evaluate()
         first, scalars = self._rows.wall_first, self._engine.scalars()
-        return State(
-            scene=self.scene,
-            time=scalars["time"],
-            step=int(scalars["step"]),
-            dt=scalars["dt"],
-            fields=self._shown(slice(first, first + int(scalars["n_walls"]))),
-        )
+        return self._state_of(self._shown(slice(first, first + int(scalars["n_walls"]))))
 
     @property
     def gas(self) -> GasState:
@@ -258,11 +247,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             )
         rows = _Rows.of(n, total - n - gas, None if scene.gas is None else gas)
         self._buffers = allocate(self._engine, rows.capacity)
-        for name, array in self._buffers.items():
-            stored = checkpoint.arrays.get(name)
-            if stored is None or stored.shape != (*array.shape[:-1], total):
-                raise ValueError(f"the checkpoint does not hold {name} of {total} points")
-            array[..., rows.places()] = stored
+        fill(self._buffers, checkpoint.arrays, rows.places())
         self._bind(rows, fresh=False)
         self._engine.restore(dict(checkpoint.scalars))
         return self

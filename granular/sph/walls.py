@@ -9,8 +9,18 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import finite, integer, non_negative, one_of, positive, vector
-from granular.geometry import AXES, LINE_TOLERANCE, Grid
+from granular.checks import (
+    check_fields,
+    finite,
+    integer,
+    non_negative,
+    one_of,
+    positive,
+    spans,
+    truth,
+    vector,
+)
+from granular.geometry import AXES, LINE_TOLERANCE, Grid, combined
 
 __all__ = ["Wall", "wall_points", "wall_rows"]
 
@@ -65,28 +75,15 @@ class Wall:
     permeable: bool = False
 
     def __post_init__(self) -> None:
-        checked: dict[str, object] = {
-            "axis": integer("axis", self.axis, 0, 2),
-            "at": finite("at", self.at),
-            "side": one_of("side", self.side, (1, -1)),
-            "layers": integer("layers", self.layers, 1, MAX_LAYERS),
-            "moves_from": non_negative("moves_from", self.moves_from),
-            "until": math.inf if self.until == math.inf else positive("until", self.until),
-        }
-        if not isinstance(self.permeable, bool):
-            raise TypeError(f"permeable = {self.permeable!r} must be True or False")
-        if self.span is not None:
-            if isinstance(self.span, str) or not isinstance(self.span, Sequence):
-                raise TypeError(f"span = {self.span!r} must be pairs (low, high)")
-            pairs = tuple(vector(f"span[{i}]", pair, 2) for i, pair in enumerate(self.span))
-            for i, (low, high) in enumerate(pairs):
-                if not high > low:
-                    raise ValueError(f"span[{i}] = {(low, high)} must have its low end first")
-            checked["span"] = pairs
-        if self.velocity is not None:
-            checked["velocity"] = vector("velocity", self.velocity)
-        for name, value in checked.items():
-            object.__setattr__(self, name, value)
+        check_fields(self, integer, "axis", low=0, high=2)
+        check_fields(self, finite, "at")
+        check_fields(self, one_of, "side", allowed=(1, -1))
+        check_fields(self, integer, "layers", low=1, high=MAX_LAYERS)
+        check_fields(self, non_negative, "moves_from")
+        check_fields(self, positive, "until", allow_inf=True)
+        check_fields(self, truth, "permeable")
+        check_fields(self, spans, "span", optional=True)
+        check_fields(self, vector, "velocity", optional=True)
 
     def check(self, name: str, grid: Grid, reach: float) -> None:
         """Raise if the wall does not fit the grid, or is thinner than the kernel's reach [m]."""
@@ -157,8 +154,7 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
     parts: dict[str, list[NDArray]] = {name: [] for name in names}
     for i, wall in enumerate(walls):
         axes = [np.arange(*ends) for ends in wall.extent(f"walls[{i}]", grid)]
-        mesh = np.meshgrid(*axes[::-1], indexing="ij")
-        sites = np.stack([k.ravel() for k in mesh[::-1]], axis=1)
+        sites = combined(axes)
         normal = np.zeros(dim)
         normal[wall.axis] = wall.side
         behind = (

@@ -2,6 +2,7 @@
 
 import inspect
 import math
+import re
 import warnings
 
 import numpy as np
@@ -363,3 +364,12 @@ def test_material_scheme_and_ramp_are_passed_on():
     )
     assert scene.gravity.at(0.25).tolist() == [0.0, -4.9]
     assert scenes.silo(ramp=0.0).gravity.at(0.0).tolist() == [0.0, -9.8]
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_docstrings_describe_each_argument_once(name):
+    doc = inspect.getdoc(scenes.registry[name])
+    arguments = doc.partition("\nParameters\n")[2].partition("\nRaises\n")[0]
+    heads = re.findall(r"^\**(\w[\w, ]*?)(?: :.*)?$", arguments, re.MULTILINE)
+    described = ", ".join(heads).split(", ")
+    assert sorted(described) == sorted(inspect.signature(scenes.registry[name]).parameters)

@@ -1,0 +1,93 @@
+"""Base class of the scenes of both methods."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, ClassVar
+
+from granular import geometry
+from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
+from granular.geometry import Fill, Grid
+from granular.gravity import Gravity
+from granular.notebook import table
+from granular.serializable import Parameters, Serializable
+
+__all__ = ["BaseScene"]
+
+
+class BaseScene(Serializable):
+    """Base class of the scenes; the frozen dataclasses below it declare the fields."""
+
+    method: ClassVar[str]
+    """Name of the numerical method."""
+    indicators: ClassVar[tuple[tuple[str, str, float | None, str], ...]] = ()
+    """Indicators in addition to those of all methods; see `granular.diagnostics`."""
+
+    _limits: ClassVar[Any]
+    """Module of the method with its limits."""
+
+    name: str
+    grid: Grid
+    fills: tuple[Fill, ...]
+    material: Any
+    walls: tuple[Any, ...]
+    gravity: Gravity
+    duration: float
+    seed: int
+    parameters: Mapping[str, Any]
+
+    def _check_common(self, **kinds: type) -> None:
+        """Check the fields of all scenes, and those that must be of the given classes."""
+        kinds_of(self, name=str, grid=Grid, gravity=Gravity, parameters=Mapping, **kinds)
+        check_fields(self, tuple_of, "fills", kinds=(Fill,))
+        check_fields(self, positive, "duration")
+        check_fields(self, integer, "seed", low=0, high=2**63 - 1)
+        set_fields(self, parameters=Parameters(self.parameters))
+        if not self.fills:
+            raise ValueError("fills = () must hold at least one Fill")
+        for i, fill in enumerate(self.fills):
+            geometry.check_inside(f"fills[{i}]", self.grid, fill.region)
+        if self.gravity.dim != self.dim:
+            raise ValueError(
+                f"gravity of dimension {self.gravity.dim} must have {self.dim} as the grid"
+            )
+
+    @property
+    def dim(self) -> int:
+        """Dimension, 2 or 3."""
+        return self.grid.dim
+
+    @cached_property
+    def n_points(self) -> int:
+        """Number of points of the material at the start."""
+        return geometry.count_points(self.grid, self.fills)
+
+    def points(self) -> geometry.Points:
+        """Make the points of the material at the start; see `granular.geometry.seed_points`."""
+        return geometry.seed_points(self.grid, self.fills, self.seed, self.material.rho_c)
+
+    @property
+    def courant_limit(self) -> float:
+        """Largest stable (c + speed) dt/dx."""
+        return self._limits.courant_limit(self)
+
+    def known_failures(self) -> list[str]:
+        """List the settings that are known to fail without an error, one sentence each."""
+        return self._limits.known_failures(self)
+
+    def _repr_html_(self) -> str:
+        rows: dict[str, object] = {
+            "domain [m]": " x ".join(f"{n * self.grid.cell:g}" for n in self.grid.shape),
+            "cells": " x ".join(map(str, self.grid.shape)) + f" of {self.grid.cell:g} m",
+            "points": self.n_points,
+            "duration [s]": self.duration,
+            "gravity [m/s2]": self.gravity.vectors[-1],
+            "walls": len(self.walls),
+            "material": type(self.material).__name__,
+            "method": self._method_in_words(),
+        }
+        return table(f"Scene {self.name}", rows | dict(self.parameters))
+
+    def _method_in_words(self) -> str:
+        return self.method
