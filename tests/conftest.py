@@ -1,6 +1,9 @@
 """Fixtures shared by all test folders: small scenes in every scheme that can be built."""
 
+import os
 import signal
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of tests are small
 
 import pytest
 from schemes_by_name import scheme_of

@@ -5,64 +5,28 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
 import pytest
+import records
+from records import SCENE, make_checkpoint, make_record, make_state
 
-from granular.record import (
-    Checkpoint,
-    RecordError,
-    TrajectoryWriter,
-    layout,
-    merge,
-    open_trajectory,
-)
-
-SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
-
-
-def make_state(i, n=40):
-    rng = np.random.default_rng(i)
-    fields = {
-        "x": rng.random((n, 2)),
-        "v": rng.normal(size=(n, 2)),
-        "stress": rng.normal(size=(n, 4)),
-        "mass": np.full(n, 0.25),
-        "id": np.arange(n),
-    }
-    return SimpleNamespace(time=0.1 * i, step=10 * i, dt=1e-4, fields=fields)
-
-
-def make_checkpoint(i):
-    arrays = {"x": np.random.default_rng(i).random((2, 50)), "offsets": np.arange(9)}
-    return Checkpoint(time=0.1 * i, step=10 * i, dt=1e-4, scalars={"lost": i}, arrays=arrays)
-
-
-def content(path):
-    """Everything that a user can read from the file and that must not change."""
-    with open_trajectory(path) as record:
-        frames = [
-            (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
-            for with_gas in record._contents.frames
-            for f in (with_gas, with_gas.gas)
-            if f
-        ]
-        checkpoint = record.checkpoint().digest if record._contents.has_checkpoint else None
-        texts = record._contents.texts
-    return frames, checkpoint, texts
-
+from granular.record import RecordError, TrajectoryWriter, layout, merge, open_trajectory
 
 MUTANTS = textwrap.dedent("""
-    import json, random, shutil, sys
+    import json, random, sys
     from pathlib import Path
-    sys.path[:0] = sys.argv[4:]
-    from test_record_damage import RecordError, content
-    path, target, count = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
-    truth, good = content(path), target.read_bytes()
-    chance, found = random.Random(7), {"refused": 0, "same": 0, "wrong": [], "other": []}
-    for k in range(count):
+    sys.path.insert(0, sys.argv[1])
+    from granular.record import RecordError, open_trajectory
+    from records import content
+
+    def everything(path):
+        with open_trajectory(path) as record:
+            digest = record._contents.has_checkpoint and record.checkpoint().digest
+            return content(path), digest, record._contents.texts
+
+    def damaged(good, chance):
         bad = bytearray(good)
         kind = chance.randrange(8)
         at = chance.randrange(len(bad))
@@ -78,25 +42,23 @@ MUTANTS = textwrap.dedent("""
         else:
             for _ in range(chance.randrange(1, 9)):
                 bad[chance.randrange(len(bad))] = chance.randrange(256)
-        target.write_bytes(bad)
-        try:
-            if content(path) == truth:
-                found["same"] += 1
-            else:
-                found["wrong"].append(k)
-        except RecordError as error:
-            found["refused"] += 1
-            assert str(target) in str(error) or str(path) in str(error)
-        except Exception as error:
-            found["other"].append(f"{k}: {error!r}")
-    print(json.dumps(found))
+        return bad
+
+    for path, target, count in json.loads(sys.argv[2]):
+        truth, good, chance = everything(path), Path(target).read_bytes(), random.Random(7)
+        found = {"target": target, "share": 0.0, "wrong": [], "other": []}
+        for k in range(count):
+            Path(target).write_bytes(damaged(good, chance))
+            try:
+                if everything(path) != truth:
+                    found["wrong"].append(k)
+            except RecordError as error:
+                found["share"] += 1 / count
+                assert target in str(error) or path in str(error)
+            except Exception as error:
+                found["other"].append(f"{k}: {error!r}")
+        print(json.dumps(found), flush=True)
 """)
-
-
-def make_record(path, frames=3):
-    with TrajectoryWriter(path, SCENE) as writer:
-        for i in range(frames):
-            writer.append(make_state(i))
 
 
 def unfinished(path, gas=0):
@@ -109,39 +71,33 @@ def unfinished(path, gas=0):
     return writer
 
 
-@pytest.mark.parametrize(
-    ("member", "count", "gas"),
-    [
-        ("a.h5", 80, 0),
-        ("a.h5", 80, 9),
-        ("head.part", 20, 0),
-        ("frames-00000001.part", 40, 0),
-        ("frames-00000001.part", 40, 9),
-        ("checkpoint.part", 20, 0),
-    ],
-)
-def test_mutants_are_refused_or_harmless(tmp_path, member, count, gas):
+def test_mutants_are_refused_or_harmless(tmp_path):
     """Damaged files are read in a separate process, so that a crash or hang of HDF5 is noticed."""
-    path = tmp_path / "a.h5"
-    writer = unfinished(path, gas)
-    if member == "a.h5":
-        writer.close()
-        target = path
-    else:
-        target = tmp_path / "a.h5.parts" / member
-    folders = [str(Path(__file__).parent)]
+    cases, writers = [], []
+    for k, (member, count, gas) in enumerate([
+        ("", 80, 0), ("", 80, 9), ("head.part", 20, 0), ("frames-00000001.part", 40, 0),
+        ("frames-00000001.part", 40, 9), ("checkpoint.part", 20, 0),
+    ]):  # fmt: skip
+        path = tmp_path / f"{k}.h5"
+        writers.append(unfinished(path, gas))
+        if not member:
+            writers[-1].close()
+        target = tmp_path / f"{k}.h5.parts" / member if member else path
+        cases.append((str(path), str(target), count))
+    folder = str(Path(records.__file__).parent)
     run = subprocess.run(
-        [sys.executable, "-c", MUTANTS, str(path), str(target), str(count), *folders],
+        [sys.executable, "-c", MUTANTS, folder, json.dumps(cases)],
         capture_output=True,
         text=True,
         timeout=60,
         check=False,
     )
-    assert run.returncode == 0, run.stderr[-2000:]
-    found = json.loads(run.stdout)
-    assert found["wrong"] == []
-    assert found["other"] == []
-    assert found["refused"] > count / 4
+    assert run.returncode == 0, run.stdout + run.stderr[-2000:]
+    found = [json.loads(line) for line in run.stdout.splitlines()]
+    assert len(found) == len(cases)
+    for case in found:
+        assert case["wrong"] == case["other"] == [], case
+        assert case["share"] > 0.25, case
 
 
 PNG = b"\x89PNG\r\n\x1a\n" + bytes(100)

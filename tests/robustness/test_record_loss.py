@@ -10,44 +10,15 @@ import sys
 import textwrap
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import records
+from records import SCENE, content, make_checkpoint, make_record, make_state
 
-from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
+from granular.record import TrajectoryWriter, open_trajectory
 from granular.record.merge import merge
 from granular.record.writer import WAITING_SECONDS
-
-SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
-
-
-def make_state(i, n=40):
-    rng = np.random.default_rng(i)
-    fields = {
-        "x": rng.random((n, 2)),
-        "v": rng.normal(size=(n, 2)),
-        "stress": rng.normal(size=(n, 4)),
-        "mass": np.full(n, 0.25),
-        "id": np.arange(n),
-    }
-    return SimpleNamespace(time=0.1 * i, step=10 * i, dt=1e-4, fields=fields)
-
-
-def make_checkpoint(i):
-    arrays = {"x": np.random.default_rng(i).random((2, 50)), "offsets": np.arange(9)}
-    return Checkpoint(time=0.1 * i, step=10 * i, dt=1e-4, scalars={"lost": i}, arrays=arrays)
-
-
-def content(path):
-    """Steps, bytes of all fields, and step of the checkpoint, none of which may change."""
-    with open_trajectory(path) as record:
-        frames = [
-            (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
-            for f in record._contents.frames
-        ]
-        checkpoint = record.checkpoint().step if record._contents.has_checkpoint else None
-    return frames, checkpoint
 
 
 def expected(steps, checkpoint):
@@ -59,19 +30,12 @@ def expected(steps, checkpoint):
     return frames, checkpoint
 
 
-def make_record(path, frames=3):
-    with TrajectoryWriter(path, SCENE) as writer:
-        for i in range(frames):
-            writer.append(make_state(i))
-        writer.checkpoint(make_checkpoint(frames - 1))
-
-
 # --- kills -----------------------------------------------------------------------------------
 
 CHILD = textwrap.dedent("""
     import sys
-    sys.path[:0] = sys.argv[2:]
-    from test_record_loss import SCENE, TrajectoryWriter, make_checkpoint, make_state
+    sys.path.insert(0, sys.argv[2])
+    from records import SCENE, TrajectoryWriter, make_checkpoint, make_state
     writer = TrajectoryWriter(sys.argv[1], SCENE)
     for i in range(100000):
         writer.append(make_state(i))
@@ -83,12 +47,17 @@ CHILD = textwrap.dedent("""
 """)
 
 
+def started(text, path):
+    """A child process that writes to this record until it is killed."""
+    command = [sys.executable, "-c", text, str(path), str(Path(records.__file__).parent)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
 def test_kill_leaves_all_completed_frames(tmp_path):
     chance = random.Random(5)
     for trial in range(4):
         path = tmp_path / f"{trial}.h5"
-        command = [sys.executable, "-c", CHILD, str(path), str(Path(__file__).parent)]
-        child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        child = started(CHILD, path)
         for _ in range(chance.randint(1, 6)):
             last = int(child.stdout.readline())
         with pytest.raises(subprocess.TimeoutExpired):
@@ -110,8 +79,8 @@ def test_kill_leaves_all_completed_frames(tmp_path):
 
 WAITING = textwrap.dedent("""
     import sys, time
-    sys.path[:0] = sys.argv[2:]
-    from test_record_loss import SCENE, TrajectoryWriter, make_checkpoint, make_state
+    sys.path.insert(0, sys.argv[2])
+    from records import SCENE, TrajectoryWriter, make_checkpoint, make_state
     writer = TrajectoryWriter(sys.argv[1], SCENE)
     for i in range(100000):
         writer.append(make_state(i), make_checkpoint(i), may_wait=True)
@@ -122,12 +91,10 @@ WAITING = textwrap.dedent("""
 
 def test_kill_while_frames_wait_costs_a_second(tmp_path):
     chance = random.Random(6)
-    for trial in range(2):
-        path = tmp_path / f"{trial}.h5"
-        command = [sys.executable, "-c", WAITING, str(path), str(Path(__file__).parent)]
-        child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    paths = [tmp_path / f"{trial}.h5" for trial in range(2)]
+    for path, child in [(path, started(WAITING, path)) for path in paths]:
         lines = [child.stdout.readline()]
-        end = time.monotonic() + 1.2 + chance.random()
+        end = float(lines[0].split()[1]) + 1.2 + chance.random()
         while time.monotonic() < end:
             lines.append(child.stdout.readline())
         child.send_signal(signal.SIGKILL)

@@ -65,7 +65,7 @@ def beads(**changes):
 def turning(until, material, *, begin=None, frames=10, above=None, **size):
     """Profile between two times, half of the last and the last, and the moments."""
     scene = gr.scenes.couette(**({"inner": 0.1} | size), material=material)
-    sim = gr.Simulation(scene, threads=1)
+    sim = gr.Simulation(scene)
     kept, begin = [], until / 2 if begin is None else begin
     sim.run(until=begin, every=until)
     start, felt = sim.time, sim.bodies

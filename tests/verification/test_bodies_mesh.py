@@ -21,10 +21,16 @@ FACES = (
 )  # fmt: skip
 
 
+@pytest.fixture
+def trimesh():
+    """The package, if it and the tree that it needs are installed."""
+    pytest.importorskip("rtree")
+    return pytest.importorskip("trimesh")
+
+
+@pytest.mark.usefixtures("trimesh")
 def test_samples_are_signed_distances():
     """Distance to a cube: exact at samples where it is linear; elsewhere within its curvature."""
-    pytest.importorskip("trimesh")
-    pytest.importorskip("rtree")
     mesh = Body(Mesh(CUBE, FACES, spacing=0.02), (0.3, 0.0, 0.0))
     box = Body(Box((0.2, 0.2, 0.2)), (0.3, 0.0, 0.0))
     x = np.random.default_rng(3).uniform(-0.15, 0.15, (400, 3))
@@ -43,10 +49,8 @@ def test_samples_are_signed_distances():
     np.testing.assert_allclose(normal, [[1, 0, 0], [0, 1, 0]], rtol=0, atol=1e-12)
 
 
-def test_error_falls_with_the_spacing():
+def test_error_falls_with_the_spacing(trimesh):
     """The distance of a triangulated ball is curved: the error is of second order."""
-    trimesh = pytest.importorskip("trimesh")
-    pytest.importorskip("rtree")
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
     vertices = tuple(map(tuple, ball.vertices.tolist()))
     faces = tuple(map(tuple, ball.faces.tolist()))
@@ -74,10 +78,8 @@ def bed(shape):
     )
 
 
-def test_a_mesh_moves_through_a_bed_as_the_box_it_is(tmp_path):
+def test_a_mesh_moves_through_a_bed_as_the_box_it_is(tmp_path, trimesh):
     """The mesh moves alone, as a part of a union, and in a record; momentum is tested elsewhere."""
-    pytest.importorskip("trimesh")
-    pytest.importorskip("rtree")
     mesh = Mesh(CUBE, FACES, spacing=0.0125)  # a quarter of a cell
     scenes = [bed(shape) for shape in (mesh, Box((0.2, 0.2, 0.2)), Union((mesh,)))]
     assert gr.Scene.from_json(scenes[0].to_json()) == scenes[0]
@@ -100,9 +102,7 @@ def test_a_mesh_is_scaled():
     assert small == Mesh(tuple(tuple(0.25 * x for x in v) for v in CUBE), FACES, spacing=0.005)
 
 
-def test_a_file_is_read(tmp_path):
-    trimesh = pytest.importorskip("trimesh")
-    pytest.importorskip("rtree")
+def test_a_file_is_read(tmp_path, trimesh):
     path = tmp_path / "cube.stl"
     trimesh.Trimesh(1000 * np.array(CUBE), FACES).export(path)
     mesh = Mesh.read(path, spacing=0.05, scale=1e-3)

@@ -1,9 +1,9 @@
-"""The stress update by itself: rows of the verification table, and errors that they detect."""
+"""The stress update by itself: errors that the rows of the verification table detect."""
 
 import numpy as np
 import pytest
 
-from granular import materials, verify
+from granular import materials
 from granular.verify.constitutive import (
     STEPS,
     constitutive_path,
@@ -14,11 +14,6 @@ from granular.verify.constitutive import (
 )
 
 SOFT = materials.glass_beads.replace(E=1e4)
-
-
-@pytest.mark.parametrize("name", ["stress_update", "appendix_b"])
-def test_table(name):
-    assert verify.failures(name) == []
 
 
 def test_random_states_flow_and_rest():

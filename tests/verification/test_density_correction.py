@@ -1,28 +1,13 @@
-"""The table of the density correction: quick and long rows, errors that its measures detect."""
+"""The table of the density correction: errors that its measures detect."""
 
 import numpy as np
 import pytest
 
-from granular import measure, scenes, theory, verify
+from granular import measure, scenes, theory
 from granular.mpm import schemes
 from granular.simulation import Simulation
 from granular.verify import density_correction, density_correction_budget, layers, silo
 from granular.verify.incline import mean_speed
-
-CHECKS = [check for check in verify.checks.values() if check.name.startswith("density_correction_")]
-QUICK = [check.name for check in CHECKS if not check.slow]
-LONG = [check.name for check in CHECKS if check.slow]
-
-
-@pytest.mark.parametrize("name", QUICK)
-def test_table(name):
-    assert verify.failures(name) == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", LONG)
-def test_long_table(name):
-    assert verify.failures(name) == []
 
 
 def test_the_published_scheme_fails_the_quick_rows():

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import verify
 from granular.economy import rules
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
@@ -13,19 +12,6 @@ from granular.mpm.limits import damps_by_step
 from granular.mpm.schemes import BASES, TRANSFERS
 from granular.mpm.walls import Wall
 from granular.verify.quantities import change, quantities
-
-
-def test_quick_row():
-    assert verify.failures("economy_quick") == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "name",
-    ["economy_incline", "economy_collapse", "economy_silo", "economy_hourglass", "economy_slug"],
-)
-def test_slow_rows(name):
-    assert verify.failures(name) == []
 
 
 def test_half_of_a_scene_flows_as_half_of_the_whole():

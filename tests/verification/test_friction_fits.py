@@ -100,20 +100,26 @@ def test_from_flows_to_the_material_of_a_scene():
     assert fit.material(d=1e-3, rho_s=2500.0, rho_c=1400.0).rho_c == 1400.0
 
 
-def test_data_that_do_not_determine_the_constants_are_refused():
-    with pytest.raises(ValueError, match=r"do not determine|mu_s < mu_2"):
-        friction_law.fit_mu_I(INERTIAL, np.full(12, 0.4))
-    with pytest.raises(ValueError, match=r"mu_s < mu_2|do not determine"):
-        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)[::-1])
-    with pytest.raises(ValueError, match="at least 4 different"):
-        friction_law.fit_mu_I([0.1, 0.2, 0.2, 0.3], [0.4, 0.5, 0.5, 0.6])
-    with pytest.raises(ValueError, match="finite and > 0"):
-        friction_law.fit_power([0.1, 0.2, -0.3], [1.0, 2.0, 3.0])
-    with pytest.raises(ValueError, match="equal length"):
-        friction_law.fit_packing([0.1, 0.2], [0.5])
-    with pytest.raises(ValueError, match="confidence = 1"):
-        friction_law.fit_mu_I(INERTIAL, law(INERTIAL), confidence=1.0)
-    with pytest.raises(ValueError, match="3 flows"):
-        friction_law.fit_rheology([flow(0.1, 0.4, 0.5)] * 3)
+NOT_DETERMINED = r"do not determine|mu_s < mu_2"
+
+
+@pytest.mark.parametrize(
+    ("fit", "data", "options", "words"),
+    [
+        (friction_law.fit_mu_I, (INERTIAL, np.full(12, 0.4)), {}, NOT_DETERMINED),
+        (friction_law.fit_mu_I, (INERTIAL, law(INERTIAL)[::-1]), {}, NOT_DETERMINED),
+        (friction_law.fit_mu_I, ([0.1, 0.2, 0.2, 0.3], [0.4, 0.5, 0.5, 0.6]), {}, "at least 4"),
+        (friction_law.fit_mu_I, (INERTIAL, law(INERTIAL)), {"confidence": 1.0}, "confidence = 1"),
+        (friction_law.fit_power, ([0.1, 0.2, -0.3], [1.0, 2.0, 3.0]), {}, "finite and > 0"),
+        (friction_law.fit_packing, ([0.1, 0.2], [0.5]), {}, "equal length"),
+        (friction_law.fit_rheology, ([flow(0.1, 0.4, 0.5)] * 3,), {}, "3 flows"),
+    ],
+)
+def test_data_that_do_not_determine_the_constants_are_refused(fit, data, options, words):
+    with pytest.raises(ValueError, match=words):
+        fit(*data, **options)
+
+
+def test_a_material_needs_packing_fractions():
     with pytest.raises(ValueError, match="no packing fractions"):
         friction_law.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)

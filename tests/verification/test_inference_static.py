@@ -1,6 +1,5 @@
 """Inferred forces against known forces of packings (Hurley's thesis, chapter 2)."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +9,9 @@ from grains import jittered_grid, oedometers, pressed_discs, pressed_spheres, se
 from granular.grain_scale import inference
 from granular.grain_scale.inference import BoundaryForce, InferenceWarning
 
+FLAGS_MAY_WARN = pytest.mark.filterwarnings(
+    "ignore::granular.grain_scale.inference.InferenceWarning"
+)
 MU = 0.5
 TOP, BOTTOM = -4, -3
 
@@ -110,7 +112,7 @@ def check_protocol(errors):
     assert max(force_wall, virial_wall) <= 0.035
 
 
-@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
+@FLAGS_MAY_WARN
 def test_noise_protocol():
     """Section 2.4.2, 20 draws."""
     pytest.importorskip("clarabel")
@@ -118,7 +120,7 @@ def test_noise_protocol():
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
+@FLAGS_MAY_WARN
 def test_noise_protocol_at_length():
     """Forty more packings, two draws each: packings matter as much as draws."""
     pytest.importorskip("clarabel")
@@ -128,6 +130,7 @@ def test_noise_protocol_at_length():
     check_protocol(ensemble(cases, 2))
 
 
+@FLAGS_MAY_WARN
 def test_what_is_known_badly_counts_little():
     """One grain has a stress ten times too large, and an error that states it."""
     case = pressed_discs()[0]
@@ -139,9 +142,7 @@ def test_what_is_known_badly_counts_little():
     errors[worst] = 1e3 * size
     for given, low, high in ((errors, 0, 1e-4), (np.full_like(errors, size), 0.2, np.inf)):
         packing = replace(case.packing, stresses=stresses, stress_errors=given)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", InferenceWarning)
-            found = inference.infer_static(packing, mu=np.inf)
+        found = inference.infer_static(packing, mu=np.inf)
         assert low <= error(found.forces, case.forces) < high
 
 
@@ -192,15 +193,14 @@ def clusters_of_six(packing):
         yield live[np.argsort(away)[:6]]
 
 
+@FLAGS_MAY_WARN
 def test_six_particles():
     """Section 2.4.3: exact where the rank is full; other clusters are flagged with what is open."""
     full = deficient = 0
     for case in pressed_discs()[:4]:
         for grains in clusters_of_six(case.packing):
             window, contacts = case.packing.subset(grains)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", InferenceWarning)
-                found = inference.infer_static(window, mu=MU, solver="nnls")
+            found = inference.infer_static(window, mu=MU, solver="nnls")
             wrong = np.linalg.norm(found.forces - case.forces[contacts], axis=1)
             rows = np.vstack(
                 [
@@ -221,6 +221,7 @@ def test_six_particles():
 
 
 @pytest.mark.parametrize("shape", [(14, 12), (6, 6, 6)])
+@FLAGS_MAY_WARN
 def test_rank_is_that_of_the_singular_values(shape):
     """Larger packings are included, also with more contacts than can be determined."""
     case = jittered_grid(shape)
@@ -240,9 +241,7 @@ def test_rank_is_that_of_the_singular_values(shape):
         balance = inference.equilibrium_matrix(shrunk).toarray()
         balance[moments] /= packing.radius
         rows = np.vstack([balance, inference.stress_matrix(shrunk).toarray() / packing.radius])
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", InferenceWarning)
-            found = inference.infer_static(shrunk, mu=MU)
+        found = inference.infer_static(shrunk, mu=MU)
         assert found.rank == np.linalg.matrix_rank(rows, rtol=1e-6)
         assert found.unknowns - found.rank == d * doubled
         duplicates = np.concatenate([extra, len(packing.bodies) + np.arange(doubled)])
@@ -260,6 +259,7 @@ def test_too_little_friction_is_reported():
         assert "friction" in {flag.name for flag in soft.flags}
 
 
+@FLAGS_MAY_WARN
 def test_the_trap_of_zero_forces():
     """Positions off by 1 % and 3 % of R: f = 0 is always in balance, and at times the only
     solution.
@@ -273,9 +273,7 @@ def test_the_trap_of_zero_forces():
             rng = np.random.default_rng(1)
             moved = shift * case.packing.radius * rng.normal(size=case.forces.shape)
             rough = replace(case.packing, positions=case.packing.positions + moved)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", InferenceWarning)
-                found = inference.infer_static(rough, mu=MU, solver="nnls")
+            found = inference.infer_static(rough, mu=MU, solver="nnls")
             if found.trusted:
                 assert error(found.forces, case.forces) < 5 * shift
             else:

@@ -17,7 +17,6 @@ from granular.mpm import schemes
 from granular.mpm.schemes import Fluidity
 from granular.theory import bagnold_profile, chute_profile, chute_transient
 from granular.theory.stopping import fluidity_growth
-from granular.verify import failures
 from granular.verify.chute import (
     ANGLES,
     AT_REST,
@@ -79,18 +78,6 @@ def seeding_speed(height, cells, spread=0.5, felt=None, m=GRAINS, angle_deg=27.0
     for _ in range(50):
         g = g - np.linalg.solve(linear - np.diag(2 * sink * g), linear @ g - sink * g**2)
     return math.tan(angle) * cell * np.sum(g)
-
-
-# The table
-
-
-def test_table():
-    assert failures("chute_quick") == []
-
-
-@pytest.mark.slow
-def test_long_table():
-    assert failures("chute") == []
 
 
 # Profiles

@@ -207,25 +207,3 @@ def test_velocity_gradient_of_appendix_b():
     np.testing.assert_array_equal(at[:, 1, 1], at[:, 0, 0])
     assert np.all(at[:, 0, 1] == 0.05)
     assert np.all(at[:, 1, 0] == 0)
-
-
-@pytest.mark.parametrize(
-    ("change", "name"),
-    [
-        ({"p0": -1.0}, "p0"),
-        ({"p0": 0.0}, "log_density0"),
-        ({"p0": 0.0, "log_density0": 0.0}, "log_density0"),
-        ({"log_density0": 0.1}, "log_density0"),
-        ({"times": [0.5, 0.1]}, "times"),
-        ({"times": [-0.5, 0.1]}, "times"),
-        ({"times": [math.nan]}, "times"),
-        ({"times": [0.0]}, "times"),
-        ({"breakpoints": (0.0, 1.0, 0.5)}, "breakpoints"),
-        ({"solver": "euler"}, "solver"),
-        ({"rtol": 0.0}, "rtol"),
-    ],
-)
-def test_errors_name_the_argument(change, name):
-    arguments = {"p0": 500.0, "times": [0.0, 1.0]}
-    with pytest.raises(ValueError, match=name):
-        reference(SOFT, **(arguments | change))

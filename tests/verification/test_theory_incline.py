@@ -180,24 +180,3 @@ def test_beyond_mu_2_it_accelerates_towards_its_limit():
     acceleration = np.diff(mean) / np.diff(times)
     assert np.all(acceleration > limit)
     assert np.all(np.diff(acceleration) < 0)
-
-
-@pytest.mark.parametrize(
-    ("change", "name"),
-    [
-        ({"height": -0.2}, "height"),
-        ({"gravity": 0.0}, "gravity"),
-        ({"ramp": -0.1}, "ramp"),
-        ({"cells": 1}, "cells"),
-        ({"rtol": 0.0}, "rtol"),
-        ({"times": [1.0, 0.5]}, "times"),
-        ({"times": [math.nan]}, "times"),
-        ({"times": []}, "times"),
-        ({"angle_deg": math.nan}, "angle_deg"),
-        ({"angle_deg": -1.0}, "angle_deg"),
-    ],
-)
-def test_errors_name_the_argument(change, name):
-    arguments = {"angle_deg": 25.0, "height": HEIGHT, "material": MATERIAL, "times": [1.0]}
-    with pytest.raises(ValueError, match=name):
-        transient(**(arguments | change))

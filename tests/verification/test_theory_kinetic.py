@@ -118,8 +118,6 @@ def test_limits_of_the_temperature():
     elastic = granular_temperature([0.1], 1e-4, 0.5, 6.0, diameter=0.005, restitution=1.0)
     A, _ = temperature_coefficients(0.5, 6.0, diameter=0.005, restitution=1.0)
     assert elastic[0] == pytest.approx(1e-4 * math.exp(0.1 * A), rel=1e-12)
-    with pytest.raises(ValueError, match="restitution = 1"):
-        compression_temperature(0.5, 6.0, diameter=0.005, restitution=1.0)
 
 
 def test_compression_pressure_as_printed():
@@ -163,22 +161,3 @@ def test_limits_of_the_coupled_system():
     assert coupled_shear(critical, 0.0, offset=0.6 - critical, **SHEAR).p == pytest.approx(
         0, abs=1e-6
     )
-
-
-@pytest.mark.parametrize(
-    ("call", "name"),
-    [
-        (lambda: packing_fraction_of_inertial_number(-0.1, 0.7), "inertial_number"),
-        (lambda: packing_fraction_of_inertial_number(0.1, 1.1), "restitution"),
-        (lambda: shear_pressure(0.6, 1.0, **SHEAR), "packing_fraction"),
-        (lambda: shear_pressure(0.5, 1.0, **(SHEAR | {"diameter": 0.0})), "diameter"),
-        (lambda: compression_temperature(0.0, 1.0, **GAS), "packing_fraction"),
-        (lambda: granular_temperature([-1.0], 1.0, 0.5, 1.0, **GAS), "times"),
-        (lambda: granular_temperature([1.0], -1.0, 0.5, 1.0, **GAS), "temperature0"),
-        (lambda: coupled_shear(0.5, -1.0, **SHEAR), "shear_rate"),
-        (lambda: coupled_shear(0.5, 1.0, offset=-0.5, **SHEAR), "offset"),
-    ],
-)
-def test_errors_name_the_argument(call, name):
-    with pytest.raises(ValueError, match=name):
-        call()

@@ -65,12 +65,3 @@ def test_beverloo_scaling_and_blocking():
     rate = beverloo_rate(widths, 1500.0, k=1.6, d=0.005)
     np.testing.assert_array_equal(rate[:2], 0)
     assert rate[3] / rate[2] == pytest.approx(8.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("change", ["rho", "C", "k", "d", "gravity", "exponent"])
-def test_beverloo_errors_name_the_argument(change):
-    arguments = {"orifice": 0.1, "rho": 1500.0, change: -1.0}
-    with pytest.raises(ValueError, match=change):
-        beverloo_rate(**arguments)
-    with pytest.raises(ValueError, match="orifice"):
-        beverloo_rate(-0.1, 1500.0)

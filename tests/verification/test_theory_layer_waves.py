@@ -41,19 +41,3 @@ def test_order_of_the_pieces():
     ]
     first, second = np.abs(np.diff(growth))
     assert 1.6 < first / second < 5.0
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"angle_deg": 20.0}, "angle_deg = 20.0"),
-        ({"angle_deg": 33.0}, "angle_deg = 33.0"),
-        ({"wavelength": 0.0}, "wavelength = 0.0"),
-        ({"height": -1.0}, "height = -1.0"),
-        ({"cells": 3}, "cells = 3"),
-    ],
-)
-def test_what_has_no_waves_is_refused(changes, message):
-    given = {"angle_deg": 25.0, "height": HEIGHT, "wavelength": 0.1, "cells": 10} | changes
-    with pytest.raises(ValueError, match=message):
-        layer_waves(material=glass_beads, **given)

@@ -40,11 +40,6 @@ def make(**changes):
     return SimpleNamespace(**given, xi=xi)
 
 
-def spoilt(**changes):
-    """The same grains with meaningless numbers."""
-    return SimpleNamespace(**(vars(MATERIAL) | changes))
-
-
 MATERIAL = make()
 
 
@@ -154,8 +149,9 @@ def test_jacobian_is_the_derivative_of_the_rate():
         np.testing.assert_allclose(change / 2, matrix[:, k], rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("angle_deg", [24.0, 27.0, 30.0])
-@pytest.mark.parametrize("ratio", [0.9, 0.97, 1.03, 1.2])
+@pytest.mark.parametrize(
+    ("angle_deg", "ratio"), [(24.0, 0.9), (27.0, 0.97), (30.0, 1.03), (24.0, 1.03), (27.0, 1.2)]
+)
 def test_small_fluidity_grows_or_decays_at_the_rate_of_its_slowest_mode(angle_deg, ratio):
     height = ratio * threshold(angle_deg)
     diffusion, growth, _ = coefficients(angle_deg, height)
@@ -274,8 +270,10 @@ def test_starts_that_stay():
 # The steady flow
 
 
-@pytest.mark.parametrize("angle_deg", [24.0, 27.0, 30.0])
-@pytest.mark.parametrize("ratio", [1.03, 1.93, 4.83, 19.3])
+@pytest.mark.parametrize(
+    ("angle_deg", "ratio"),
+    [(24.0, 1.03), (27.0, 1.93), (30.0, 4.83), (27.0, 19.3), (30.0, 1.03), (24.0, 19.3)],
+)
 def test_profile_against_a_boundary_value_problem(angle_deg, ratio):
     height = ratio * threshold(angle_deg)
     diffusion, growth, damping = coefficients(angle_deg, height)
@@ -404,74 +402,3 @@ def test_rest_up_to_the_stopping_height_and_flow_above():
     barely = chute_profile(27.0, (1 + 1e-6) * height, MATERIAL)
     assert barely.v[-1] > 0
     assert barely.error > 0.5  # the grid has its own threshold
-
-
-# Bad input
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"angle_deg": -1.0}, "angle_deg"),
-        ({"angle_deg": [20.0, 90.0]}, "angle_deg"),
-        ({"angle_deg": math.nan}, "angle_deg"),
-        ({"A": -0.1}, "A = -0.1"),
-        ({"d": 0.0}, "d = 0.0"),
-        ({"mu_s": 0.0}, "mu_s = 0.0"),
-        ({"mu_s": math.inf}, "mu_s = inf"),
-        ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s"),
-        ({"mu_2": math.nan}, "mu_2 = nan"),
-    ],
-)
-def test_stopping_errors_name_the_argument(changes, message):
-    given = {"angle_deg": 25.0} | CHUTE | changes
-    with pytest.raises(ValueError, match=message):
-        stopping_height(**given)
-    if "angle_deg" not in changes:
-        given["height"] = given.pop("angle_deg")
-        with pytest.raises(ValueError, match=message):
-            stopping_angle(**given)
-
-
-def test_stopping_heights_must_be_positive():
-    for height in (0.0, -1.0, math.nan):
-        with pytest.raises(ValueError, match="height"):
-            stopping_angle(height, **CHUTE)
-    with pytest.raises(ValueError, match="height"):
-        stopping_shape(0.1, 0.0)
-    with pytest.raises(ValueError, match="y in"):
-        stopping_shape([0.1, 0.21], 0.2)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"angle_deg": 90.0}, "angle_deg = 90"),
-        ({"angle_deg": 57.0}, r"below atan\(mu_2\) = 56.3"),
-        ({"height": 0.0}, "height = 0.0"),
-        ({"gravity": -9.8}, "gravity = -9.8"),
-        ({"cells": 6}, "cells = 6"),
-        ({"cells": 11}, "cells = 11 must be even"),
-        ({"material": spoilt(A=-0.1)}, "A = -0.1"),
-        ({"material": spoilt(d=-5e-3)}, "d = -0.005"),
-        ({"material": spoilt(b=0.0)}, "b = 0.0"),
-        ({"material": spoilt(t0=0.0)}, "t0 = 0.0"),
-        ({"material": spoilt(rho_s=0.0)}, "rho_s = 0.0"),
-        ({"material": spoilt(rho_c=math.nan)}, "rho_c = nan"),
-        ({"material": spoilt(mu_2=0.38)}, "mu_2 = 0.38 must exceed"),
-        ({"times": [1.0, 0.5]}, "times"),
-        ({"times": [math.inf]}, "times"),
-        ({"rtol": 0.0}, "rtol = 0.0"),
-        ({"g0": -1.0}, "g0 = -1.0"),
-        ({"g0": lambda y: 0.1 - y / 0.02}, "g0"),
-        ({"g0": lambda y: 1.0}, "g0"),
-    ],
-)
-def test_chute_errors_name_the_argument(changes, message):
-    given = {"angle_deg": 27.0, "height": 0.02, "material": MATERIAL, "cells": 20} | changes
-    transient_only = {"times": [0.1], "g0": 1.0}
-    with pytest.raises(ValueError, match=message):
-        chute_transient(**(transient_only | given))
-    if not changes.keys() & {"times", "rtol", "g0"}:
-        with pytest.raises(ValueError, match=message):
-            chute_profile(**given)

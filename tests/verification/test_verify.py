@@ -1,16 +1,24 @@
-"""The verification table itself: its rows, its exit status, and rows that must hold bit by bit."""
+"""The verification table: every row of it passes, and its rows and exit status can fail."""
 
 import io
 import math
 
+import numpy as np
 import pytest
 
-from granular import verify
+from granular import theory, verify
+from granular.mpm import schemes
+from granular.verify.incline import profile_error, states
 from granular.verify.rows import at_least, at_most, beside, checks, holds, within
+from granular.verify.slug import fly, parabola
 
 
-@pytest.mark.parametrize("name", ["threads_and_restart", "conservation", "energy"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(c.name, marks=[pytest.mark.slow] * c.slow) for c in checks.values()],
+)
 def test_table(name):
+    """All rows of the table; tests of what its measures detect are beside those of each subject."""
     assert verify.failures(name) == []
 
 
@@ -82,4 +90,29 @@ def test_unknown_name():
 
 
 def test_every_check_says_what_it_is():
+    assert len(checks) > 40
     assert all(check.doc for check in checks.values())
+
+
+# ---- errors that the measures of its rows detect ----
+
+
+def test_profile_error_sees_the_profile():
+    """Zero for the Bagnold profile, and one for points that have just started to move."""
+    (state,) = states(25.0, 1e7, (0.02,))
+    assert profile_error(state) == pytest.approx(1.0, abs=0.05)
+    x, material = state.x[:, 1], state.scene.material
+    fields = state.fields | {"v": state.v.copy()}
+    fields["v"][:, 0] = 1.01 * theory.bagnold_profile(x, 25.0, 0.2, material)
+    moved = type(state)(scene=state.scene, time=0.0, step=0, dt=1.0, fields=fields)
+    assert profile_error(moved) == pytest.approx(0.01, rel=1e-9)
+    assert np.isfinite(moved.v).all()
+
+
+def test_the_discrete_parabola_is_not_the_exact_one():
+    """The integrator is first order in time: its parabola is n dt^2 g/2 off the exact one."""
+    start, now = fly(schemes.dunatunga_kamrin_2015, 1e5, 0.05)
+    t, g = now.step * now.dt, 9.8
+    exact = start.x[:, 1] + t * start.v[:, 1] - 0.5 * g * t**2
+    assert now.x[:, 1] - exact == pytest.approx(-0.5 * now.step * now.dt**2 * g, rel=1e-8)
+    assert np.abs(now.x - parabola(start, now)[0]).max() < 1e-13

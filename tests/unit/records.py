@@ -1,0 +1,46 @@
+"""Records made by hand, for tests that damage, kill or overwrite them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
+
+SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
+
+
+def make_state(i, n=40):
+    rng = np.random.default_rng(i)
+    fields = {
+        "x": rng.random((n, 2)),
+        "v": rng.normal(size=(n, 2)),
+        "stress": rng.normal(size=(n, 4)),
+        "mass": np.full(n, 0.25),
+        "id": np.arange(n),
+    }
+    return SimpleNamespace(time=0.1 * i, step=10 * i, dt=1e-4, fields=fields)
+
+
+def make_checkpoint(i):
+    arrays = {"x": np.random.default_rng(i).random((2, 50)), "offsets": np.arange(9)}
+    return Checkpoint(time=0.1 * i, step=10 * i, dt=1e-4, scalars={"lost": i}, arrays=arrays)
+
+
+def make_record(path, frames=3):
+    with TrajectoryWriter(path, SCENE) as writer:
+        for i in range(frames):
+            writer.append(make_state(i))
+        writer.checkpoint(make_checkpoint(frames - 1))
+
+
+def content(path):
+    """Steps, times and bytes of all frames, and the step of the checkpoint: what a reader finds."""
+    with open_trajectory(path) as record:
+        frames = [
+            (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
+            for with_gas in record._contents.frames
+            for f in (with_gas, with_gas.gas)
+            if f
+        ]
+        checkpoint = record.checkpoint().step if record._contents.has_checkpoint else None
+    return frames, checkpoint
