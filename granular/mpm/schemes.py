@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from dataclasses import replace as _replace
+from inspect import cleandoc
 from textwrap import fill
 from typing import Any, ClassVar, Self
 
@@ -56,10 +57,10 @@ def _documented(doc: str, group: str) -> str:
     for name, default, allowed, unit, text in _NUMBERS[group]:
         kind = "int" if allowed.startswith("integer") else "float"
         optional = " or None" if default is None else f", default {default:g}"
-        lines.append(f"    {name} : {kind}{optional}")
+        lines.append(f"{name} : {kind}{optional}")
         text = f"{text} Range: {allowed}{'' if unit == '1' else ' ' + unit}."
-        lines.append(fill(text, 96, initial_indent=" " * 8, subsequent_indent=" " * 8))
-    return doc.replace("    {numbers}", "\n".join(lines))
+        lines.append(fill(text, 96, initial_indent=" " * 4, subsequent_indent=" " * 4))
+    return cleandoc(doc).replace("{numbers}", "\n".join(lines))
 
 
 class _Numbers:
