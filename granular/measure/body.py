@@ -14,8 +14,6 @@ from granular.mpm.bodies import split
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory
 
-__all__ = ["BodyForce", "BodyMotion", "body_force", "body_motion"]
-
 Array = NDArray[np.float64]
 
 

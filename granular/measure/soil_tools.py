@@ -18,17 +18,6 @@ from granular.typing import States
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory
 
-__all__ = [
-    "FailureSurface",
-    "StrainHistory",
-    "ToolForce",
-    "WheelHistory",
-    "failure_surface",
-    "strain_history",
-    "tool_force",
-    "wheel_history",
-]
-
 Array = NDArray[np.float64]
 
 

@@ -24,8 +24,6 @@ from granular.sph.walls import Wall as LayerWall
 from granular.state import State
 from granular.typing import AnyScene
 
-__all__ = ["Picture", "Points", "View", "color_bar", "scenery"]
-
 Extent = tuple[tuple[float, float], tuple[float, float]]
 
 WALL_STYLES = {

@@ -16,8 +16,6 @@ from granular import measure
 from granular.checks import finite
 from granular.state import State
 
-__all__ = ["QUANTITIES", "Brush", "Quantity", "names"]
-
 Array = NDArray[np.float64]
 
 DECADES = 4

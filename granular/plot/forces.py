@@ -17,14 +17,6 @@ from granular.checks import integer, positive
 from granular.grain_scale.inference import ForceStatistics, Packing, ParetoFront
 from granular.plot.canvas import Picture
 
-__all__ = [
-    "force_distances",
-    "force_distribution",
-    "force_histories",
-    "force_networks",
-    "pareto_front",
-]
-
 Array = NDArray[np.float64]
 
 WIDEST = 7.0

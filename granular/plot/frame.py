@@ -20,8 +20,6 @@ from granular.plot.canvas import (
 from granular.plot.fields import Brush
 from granular.state import State
 
-__all__ = ["frame"]
-
 WIDTH = 7.0
 """Width of a picture [inches]."""
 

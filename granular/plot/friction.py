@@ -13,14 +13,6 @@ from granular.grain_scale.friction_law import SteadyShear
 from granular.plot.canvas import Picture
 from granular.plot.dunatunga_kamrin_2015.curves import MARKERS
 
-__all__ = [
-    "friction_and_packing",
-    "friction_by_law",
-    "friction_shares",
-    "scaling_of_dilation",
-    "scaling_of_dissipation",
-]
-
 Array = NDArray[np.float64]
 Flows = Sequence[SteadyShear]
 LABEL = "inertial number I"

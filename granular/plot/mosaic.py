@@ -10,8 +10,6 @@ from matplotlib.axes import Axes
 
 from granular.plot.canvas import Extent, Picture
 
-__all__ = ["Panel", "mosaic"]
-
 WIDTH, HEIGHT = 10.0, 12.0
 """Largest size of a figure [inches]."""
 GAP, HEAD, FOOT = 0.5, 0.32, 0.25

@@ -25,8 +25,6 @@ from granular.plot.frame import new_axes
 from granular.record import Trajectory
 from granular.state import State
 
-__all__ = ["check_movie", "movie"]
-
 SCANNED = 16
 """Number of frames to which the colour scale and the extent are fitted."""
 MAX_FPS = {".gif": 50.0, ".mp4": 240.0}

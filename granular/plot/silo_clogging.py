@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from granular.measure.silo_clogging.threshold import FlowThreshold, phase_points
 from granular.plot.canvas import Picture, figure_of
 
-__all__ = ["phase_diagram"]
-
 STYLES: dict[str, dict[str, Any]] = {
     "flowing": {"marker": "o", "color": "#2d5d8f"},
     "static": {"marker": "s", "color": "#8a8a8a"},

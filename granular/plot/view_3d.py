@@ -21,8 +21,6 @@ from granular.simulation import Simulation
 if TYPE_CHECKING:
     from granular.state import State
 
-__all__ = ["view"]
-
 CAMERAS = ("iso", "xy", "xz", "yz", "yx", "zx", "zy")
 TOOL = "#9aa0a6"
 """Colour of bodies."""

@@ -19,8 +19,6 @@ from granular.record.merge import VTKHDF_VERSION
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory
 
-__all__ = ["write_bodies"]
-
 Array = NDArray[np.float64]
 Patches = tuple[Array, list[tuple[int, ...]]]
 """Vertices, shape (n, 3), and polygons as tuples of indices of vertices."""

@@ -22,16 +22,6 @@ from granular.measure.stress import friction_of
 from granular.plot.canvas import Picture
 from granular.state import State
 
-__all__ = [
-    "ConstitutivePath",
-    "InclineFlow",
-    "figure_3",
-    "figure_5",
-    "figure_9",
-    "figure_10",
-    "figure_13",
-]
-
 Array = NDArray[np.float64]
 
 MARKERS = "osD^v<>ph"

@@ -21,8 +21,6 @@ from granular.plot.frame import draw
 from granular.plot.mosaic import Panel, mosaic
 from granular.state import State
 
-__all__ = ["figure_2", "figure_4", "figure_6", "figure_7", "figure_11"]
-
 States = Sequence[State]
 
 TOLERANCE = 0.02
