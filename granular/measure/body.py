@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.checks import integer
+from granular.measure.averaging_grid import Array
 from granular.mpm.bodies import split
 
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

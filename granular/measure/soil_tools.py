@@ -6,19 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.checks import finite, in_range, positive
 from granular.materials import Material
-from granular.measure.averaging_grid import require_points
+from granular.measure.averaging_grid import Array, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
 from granular.typing import States
 
 if TYPE_CHECKING:
     from granular.record.reader import Trajectory
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -15,12 +15,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.checks import non_negative, positive
-from granular.theory.incline import relative_depth
-
-Array = NDArray[np.float64]
+from granular.theory.incline import Array, relative_depth
 
 
 def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2: float) -> Array:
