@@ -65,16 +65,11 @@ class Points:
 
     def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:
         """Return all frames, each with the gas of its step if there is one."""
-        table = self.table
+        table, scalars = self.table, ("time", "step", "dt", "mass", "n", "row")
         return [
             Frame(
-                time=float(table.time[i]),
-                step=int(table.step[i]),
-                dt=float(table.dt[i]),
-                mass=float(table.mass[i]),
-                n=int(table.n[i]),
+                **{name: getattr(table, name)[i].item() for name in scalars},
                 digest=table.digest[i].tobytes(),
-                row=int(table.row[i]),
                 source=self,
                 samples=table.sample(i),
                 gas=gas.get(int(table.step[i])),

@@ -24,7 +24,11 @@ from granular.record.layout import (
 )
 from granular.record.storage import Sink, fsync_folder, replacing
 
-VTKHDF_VERSION = (2, 0)
+
+def begin_poly_data(vtk: h5py.Group) -> None:
+    """Mark a group as VTKHDF PolyData."""
+    vtk.attrs["Version"] = np.array((2, 0), dtype="<i8")
+    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
 
 
 def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
@@ -40,30 +44,31 @@ def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
         vtk[name] = vtk["Lines"]  # equally empty: a second name of the same group
 
 
-def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
+def write_steps(vtk: h5py.Group, times: np.ndarray, first_points: np.ndarray) -> h5py.Group:
+    """Write the steps of PolyData: their times, and the first point of each; return the group."""
     steps = vtk.create_group("Steps")
-    count = len(table.time)
+    count = len(times)
     steps.attrs["NSteps"] = count
-    steps["Values"] = table.time
+    steps["Values"] = times
     steps["PartOffsets"] = np.arange(count, dtype="<i8")
     steps["NumberOfParts"] = np.ones(count, dtype="<i8")
-    steps["PointOffsets"] = table.row
+    steps["PointOffsets"] = first_points
     steps["CellOffsets"] = np.zeros((count, len(TOPOLOGIES)), dtype="<i8")
     steps["ConnectivityIdOffsets"] = steps["CellOffsets"]
-    offsets = steps.create_group("PointDataOffsets")
-    for name in fields:
-        if name != "x":
-            offsets[name] = steps["PointOffsets"]  # a second name of the same data
+    return steps
 
 
 def _write_points(vtk: h5py.Group, own: h5py.Group, frames: Sequence[Frame]) -> Table:
     """Write the frames of one set of points: the data that ParaView reads, and all other data."""
-    vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
-    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
+    begin_poly_data(vtk)
     table, fields = _write_frames(vtk, frames)
     vtk["NumberOfPoints"] = table.n
     _write_vertices(vtk, table.n)
-    _write_steps(vtk, table, fields)
+    steps = write_steps(vtk, table.time, table.row)
+    offsets = steps.create_group("PointDataOffsets")
+    for name in fields:
+        if name != "x":
+            offsets[name] = steps["PointOffsets"]  # a second name of the same data
     for name in ("step", "dt", "mass", "digest"):
         own[name] = getattr(table, name)
     return table
