@@ -89,7 +89,7 @@ class FailureSurface:
     speed: float
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class StrainHistory:
     """Mass-weighted elastic strain of the dense material over time.
 
@@ -269,15 +269,14 @@ def strain_history(states: States) -> StrainHistory:
     ValueError
         If the elasticity of the material is not "hencky".
     """
-    rows, times = [], []
+    rows = []
     for state in each_state(states):
         material = cast(Material, state.scene.material)
         if material.elasticity != "hencky":
             raise ValueError(f'elasticity = {material.elasticity!r} must be "hencky"')
         dense = state.dense
-        times.append(state.time)
         if not dense.any():
-            rows.append([np.nan] * 4)
+            rows.append([state.time, *[np.nan] * 4])
             continue
         compression = state.log_density[dense]
         kirchhoff = state.tau[dense] * np.exp(-compression)
@@ -287,20 +286,14 @@ def strain_history(states: States) -> StrainHistory:
         mean = np.average(norm, weights=m)
         rows.append(
             [
+                state.time,
                 np.average(compression, weights=m),
                 np.average(deviatoric, weights=m),
                 mean,
                 np.sqrt(np.average((norm - mean) ** 2, weights=m)),
             ]
         )
-    volumetric, deviatoric, norm, deviation = np.array(rows).T
-    return StrainHistory(
-        times=np.array(times),
-        volumetric=volumetric,
-        deviatoric=deviatoric,
-        norm=norm,
-        deviation=deviation,
-    )
+    return StrainHistory(*np.array(rows).T)
 
 
 def _require_3d(record: Trajectory) -> None:

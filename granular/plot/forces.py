@@ -10,12 +10,12 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
 from granular.grain_scale.inference import ForceStatistics, Packing, ParetoFront
-from granular.plot.canvas import Picture
+from granular.plot.canvas import Picture, discs
 
 Array = NDArray[np.float64]
 
@@ -98,19 +98,7 @@ def _network(
 ) -> None:
     seen, size = _seen(packing, axes), 2 * packing.radii
     x = packing.centroids[:, seen]
-    ax.add_collection(
-        EllipseCollection(
-            size,
-            size,
-            np.zeros(len(size)),
-            units="x",
-            offsets=x,
-            offset_transform=ax.transData,
-            facecolors=FACE,
-            edgecolors=EDGE,
-            linewidths=0.6,
-        )
-    )
+    discs(ax, size, x, facecolors=FACE, edgecolors=EDGE, linewidths=0.6)
     # Lines join centroids; to a wall or a missing grain they end at the contact. Across a periodic
     # boundary a line has a gap, the nan.
     at = [packing.seen_from(side)[:, seen] for side in (0, 1)]

@@ -102,11 +102,8 @@ def hencky_column(
         If an argument is out of range.
     """
     Y = np.asarray(reference_height, dtype=float)
-    height0, K, G = (
-        positive("height0", height0),
-        positive("K", material.K),
-        positive("G", material.G),
-    )
+    height0 = positive("height0", height0)
+    K, G = positive("K", material.K), positive("G", material.G)
     if not np.all((height0 >= Y) & (Y >= 0)):
         raise ValueError(f"reference_height = {Y} must be in [0, {height0}]")
     M = K + 4 * G / 3

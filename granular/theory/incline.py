@@ -223,10 +223,7 @@ def transient(
         integer("cells", cells, 2),
     )
     positive("rtol", rtol)
-    shear_rate = np.empty((times.size, cells))
-    z = np.empty((times.size, cells))
-    for k, (rate_k, z_k) in enumerate(_march(layer, times, rtol)):
-        shear_rate[k], z[k] = rate_k, z_k
+    shear_rate, z = map(np.array, zip(*_march(layer, times, rtol), strict=True))
     v = layer.velocity(shear_rate)
     return InclineTransient(
         y=np.linspace(0.0, height, cells + 1),
