@@ -1,18 +1,13 @@
 """Motion of the rigid bodies of a record, and the force of the material on them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from granular.checks import integer
 from granular.measure.averaging_grid import Array
 from granular.mpm.bodies import split
-
-if TYPE_CHECKING:
-    from granular.record.reader import Trajectory
+from granular.record.reader import Trajectory
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,9 +1,7 @@
 """Tools in soil: forces on a tool, sinkage of a wheel, failure surface in front of a blade."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
@@ -12,10 +10,8 @@ from granular.materials import Material
 from granular.measure.averaging_grid import Array, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
+from granular.record.reader import Trajectory
 from granular.typing import States
-
-if TYPE_CHECKING:
-    from granular.record.reader import Trajectory
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

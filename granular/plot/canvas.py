@@ -1,7 +1,5 @@
 """Axes, material points and walls, the parts of all pictures. No pyplot, no global state."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Sequence

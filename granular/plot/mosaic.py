@@ -1,7 +1,5 @@
 """Panels of true aspect ratio, row by row, with colour bars at the right."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Movies: one canvas, on which only the points and walls are drawn again for each frame."""
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Phase diagrams of static and flowing cases."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -11,7 +11,7 @@ import numpy as np
 
 from granular.record.checkpoint import Checkpoint, read_checkpoint
 from granular.record.chunks import Stored
-from granular.record.frame import Frame, Table, Texts
+from granular.record.frame import SCALARS, Frame, Table, Texts
 from granular.record.layout import (
     RecordError,
     attribute,
@@ -65,7 +65,7 @@ class Points:
 
     def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:
         """Return all frames, each with the gas of its step if there is one."""
-        table, scalars = self.table, ("time", "step", "dt", "mass", "n", "row")
+        table, scalars = self.table, (*SCALARS, "row")
         return [
             Frame(
                 **{name: getattr(table, name)[i].item() for name in scalars},

@@ -9,7 +9,7 @@ import numpy as np
 
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
-from granular.record.frame import Frame, Table, Texts, samples_of
+from granular.record.frame import SCALARS, Frame, Table, Texts, samples_of
 from granular.record.index import load, parts_folder
 from granular.record.layout import (
     DIGEST_SIZE,
@@ -75,18 +75,14 @@ def _write_points(vtk: h5py.Group, own: h5py.Group, frames: Sequence[Frame]) -> 
 
 
 def _table(frames: Sequence[Frame], chunk: int) -> Table:
-    def column(name: str, dtype: str) -> np.ndarray:
-        return np.array([getattr(frame, name) for frame in frames], dtype=dtype)
-
     rows = [rows_of(frame.n, chunk) for frame in frames]
     digests = b"".join(frame.digest for frame in frames)
     return Table(
-        time=column("time", "<f8"),
-        n=column("n", "<i8"),
+        **{
+            name: np.array([getattr(frame, name) for frame in frames], dtype=dtype)
+            for name, dtype in SCALARS.items()
+        },
         row=np.cumsum([0, *rows], dtype="<i8")[:-1],
-        step=column("step", "<i8"),
-        dt=column("dt", "<f8"),
-        mass=column("mass", "<f8"),
         digest=np.frombuffer(digests, dtype=np.uint8).reshape(-1, DIGEST_SIZE),
         samples=samples_of(frames),
     )

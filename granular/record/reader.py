@@ -11,7 +11,7 @@ import numpy as np
 
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.frame import BODY, Frame, body_names, samples_of
+from granular.record.frame import BODY, SCALARS, Frame, body_names, samples_of
 from granular.record.index import Contents, load
 from granular.record.layout import RecordError, format_of, reading
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from granular.sph.gas import GasState
     from granular.state import State
     from granular.typing import AnyScene
-
-SERIES = ("time", "step", "dt", "n", "mass")
 
 
 class Trajectory:
@@ -74,7 +72,7 @@ class Trajectory:
     @cached_property
     def series(self) -> dict[str, np.ndarray]:
         """Scalars of every frame: time [s], step, dt [s], n, total mass [kg]; shape (frames,)."""
-        return {name: np.array([getattr(f, name) for f in self._frames]) for name in SERIES}
+        return {name: np.array([getattr(f, name) for f in self._frames]) for name in SCALARS}
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:

@@ -1,10 +1,7 @@
 """Surfaces of the rigid bodies of a record, in a file that ParaView opens beside the record."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -15,9 +12,7 @@ from granular.mpm.bodies import split
 from granular.mpm.body_shapes import BOX, CYLINDER, Box, Cylinder, HalfSpace, Mesh, Union
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.merge import begin_poly_data, write_steps
-
-if TYPE_CHECKING:
-    from granular.record.reader import Trajectory
+from granular.record.reader import Trajectory
 
 Array = NDArray[np.float64]
 Patches = tuple[Array, list[tuple[int, ...]]]

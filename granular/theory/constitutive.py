@@ -4,12 +4,10 @@ The rate law of Dunatunga & Kamrin 2015 (eqs 2.4-2.15) in plane strain, integrat
 adaptive Runge-Kutta method to a tolerance far below that of any stepping scheme (appendix B).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import cycle, pairwise
 from typing import Any
 
 import numpy as np
@@ -319,14 +317,9 @@ class _DensityHistory:
 
     def events(self) -> tuple[Event, ...]:
         """Times at which the density passes through rho_c, and the kind of each passage."""
-        times = self.crossings(0.0)
-        dense = [float(self(self._edges[0])) > 0]
-        for _ in times:
-            dense.append(not dense[-1])
-        return tuple(
-            Event(t, "disconnect" if was else "reconnect")
-            for t, was in zip(times, dense[:-1], strict=True)
-        )
+        kinds = ("reconnect", "disconnect")
+        dense = float(self(self._edges[0])) > 0
+        return tuple(map(Event, self.crossings(0.0), cycle(kinds[::-1] if dense else kinds)))
 
     def pieces(self, levels: Sequence[float]) -> list[tuple[float, float]]:
         """Intervals in which L is smooth and ln(rho/rho_c) on one side of every level."""

@@ -12,8 +12,6 @@ cannot be evaluated at that Phi_c, unless the packing fraction is shifted by the
 allows in (A11).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ al. 2015 analyse the incompressible law locally, where the shortest waves decide
 finite length, and the layer has a depth, boundaries and a compressibility.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The functions take states and simulate nothing; the runs are in `benchmarks/figures`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, cast
