@@ -4,128 +4,64 @@ Every function takes a `State` (or an iterable of states) and returns plain numb
 small frozen dataclass. No function changes its arguments.
 """
 
-from granular.measure import silo_clogging, soil_tools
-from granular.measure.averages import (
-    Contour,
-    GridField,
-    centre_line_pressure,
-    contours,
-    frame_average,
-    speed_contours,
-)
-from granular.measure.body import BodyForce, BodyMotion, body_force, body_motion
-from granular.measure.budget import StepBudget, step_budget
-from granular.measure.bulk import (
-    density_drift,
-    disconnected_fraction,
-    gap_fraction,
-    ill_posed_fraction,
-)
-from granular.measure.cylinder import CylinderProfile, cylinder_profile
-from granular.measure.discharge import (
-    BeverlooFit,
-    Discharge,
-    MassHistory,
-    beverloo,
-    discharge,
-    mass_history,
-)
-from granular.measure.energy import Energy, EnergyBudget, energy, energy_budget
-from granular.measure.fields import (
-    CellField,
-    cell_average,
-    cell_density,
-    cell_density_percentile,
-    nodal_density,
-    phase,
-    smooth,
-)
-from granular.measure.heap import Repose, Runout, Surface, repose_angle, runout, surface
-from granular.measure.kinetic import (
-    MassBalance,
-    StressFreeError,
-    mass_balance_error,
-    packing_fraction,
-    stress_free_error,
-)
-from granular.measure.layers import (
-    layer_height,
-    mean_pressure_error,
-    occupied_area,
-    speed_percentile,
-)
-from granular.measure.opening import Opening
-from granular.measure.profiles import (
-    Profile,
-    depth_average,
-    friction_profile,
-    inertial_number,
-    profile,
-    scaled_inertial_number,
-    velocity_profile,
-)
-from granular.measure.stress import friction
-
-__all__ = [
-    "BeverlooFit",
-    "BodyForce",
-    "BodyMotion",
-    "CellField",
-    "Contour",
-    "CylinderProfile",
-    "Discharge",
-    "Energy",
-    "EnergyBudget",
-    "GridField",
-    "MassBalance",
-    "MassHistory",
-    "Opening",
-    "Profile",
-    "Repose",
-    "Runout",
-    "StepBudget",
-    "StressFreeError",
-    "Surface",
-    "beverloo",
-    "body_force",
-    "body_motion",
-    "cell_average",
-    "cell_density",
-    "cell_density_percentile",
-    "centre_line_pressure",
-    "contours",
-    "cylinder_profile",
-    "density_drift",
-    "depth_average",
-    "discharge",
-    "disconnected_fraction",
-    "energy",
-    "energy_budget",
-    "frame_average",
-    "friction",
-    "friction_profile",
-    "gap_fraction",
-    "ill_posed_fraction",
-    "inertial_number",
-    "layer_height",
-    "mass_balance_error",
-    "mass_history",
-    "mean_pressure_error",
-    "nodal_density",
-    "occupied_area",
-    "packing_fraction",
-    "phase",
-    "profile",
-    "repose_angle",
-    "runout",
-    "scaled_inertial_number",
-    "silo_clogging",
-    "smooth",
-    "soil_tools",
-    "speed_contours",
-    "speed_percentile",
-    "step_budget",
-    "stress_free_error",
-    "surface",
-    "velocity_profile",
-]
+from granular.measure import silo_clogging as silo_clogging
+from granular.measure import soil_tools as soil_tools
+from granular.measure.averages import Contour as Contour
+from granular.measure.averages import GridField as GridField
+from granular.measure.averages import centre_line_pressure as centre_line_pressure
+from granular.measure.averages import contours as contours
+from granular.measure.averages import frame_average as frame_average
+from granular.measure.averages import speed_contours as speed_contours
+from granular.measure.body import BodyForce as BodyForce
+from granular.measure.body import BodyMotion as BodyMotion
+from granular.measure.body import body_force as body_force
+from granular.measure.body import body_motion as body_motion
+from granular.measure.budget import StepBudget as StepBudget
+from granular.measure.budget import step_budget as step_budget
+from granular.measure.bulk import density_drift as density_drift
+from granular.measure.bulk import disconnected_fraction as disconnected_fraction
+from granular.measure.bulk import gap_fraction as gap_fraction
+from granular.measure.bulk import ill_posed_fraction as ill_posed_fraction
+from granular.measure.cylinder import CylinderProfile as CylinderProfile
+from granular.measure.cylinder import cylinder_profile as cylinder_profile
+from granular.measure.discharge import BeverlooFit as BeverlooFit
+from granular.measure.discharge import Discharge as Discharge
+from granular.measure.discharge import MassHistory as MassHistory
+from granular.measure.discharge import beverloo as beverloo
+from granular.measure.discharge import discharge as discharge
+from granular.measure.discharge import mass_history as mass_history
+from granular.measure.energy import Energy as Energy
+from granular.measure.energy import EnergyBudget as EnergyBudget
+from granular.measure.energy import energy as energy
+from granular.measure.energy import energy_budget as energy_budget
+from granular.measure.fields import CellField as CellField
+from granular.measure.fields import cell_average as cell_average
+from granular.measure.fields import cell_density as cell_density
+from granular.measure.fields import cell_density_percentile as cell_density_percentile
+from granular.measure.fields import nodal_density as nodal_density
+from granular.measure.fields import phase as phase
+from granular.measure.fields import smooth as smooth
+from granular.measure.heap import Repose as Repose
+from granular.measure.heap import Runout as Runout
+from granular.measure.heap import Surface as Surface
+from granular.measure.heap import repose_angle as repose_angle
+from granular.measure.heap import runout as runout
+from granular.measure.heap import surface as surface
+from granular.measure.kinetic import MassBalance as MassBalance
+from granular.measure.kinetic import StressFreeError as StressFreeError
+from granular.measure.kinetic import mass_balance_error as mass_balance_error
+from granular.measure.kinetic import packing_fraction as packing_fraction
+from granular.measure.kinetic import stress_free_error as stress_free_error
+from granular.measure.layers import layer_height as layer_height
+from granular.measure.layers import mean_pressure_error as mean_pressure_error
+from granular.measure.layers import occupied_area as occupied_area
+from granular.measure.layers import speed_percentile as speed_percentile
+from granular.measure.opening import Opening as Opening
+from granular.measure.profiles import Profile as Profile
+from granular.measure.profiles import depth_average as depth_average
+from granular.measure.profiles import friction_profile as friction_profile
+from granular.measure.profiles import inertial_number as inertial_number
+from granular.measure.profiles import profile as profile
+from granular.measure.profiles import scaled_inertial_number as scaled_inertial_number
+from granular.measure.profiles import velocity_profile as velocity_profile
+from granular.measure.stress import friction as friction

@@ -12,6 +12,7 @@ from granular.checks import integer, one_of
 from granular.measure.averaging_grid import (
     Array,
     cells_of,
+    mean_of,
     node_shape,
     point_weights,
     stencil,
@@ -117,8 +118,7 @@ def frame_average(
     if not np.any(total > 0):
         raise ValueError(f"points = {points!r}: no such point in any of the {frames} frames")
     shape = tuple(grid.shape) if at == "cells" else node_shape(grid)
-    share = total.reshape(total.shape + (1,) * (moment.ndim - 1))
-    mean = np.divide(moment, share, out=np.full_like(moment, np.nan), where=share > 0)
+    mean = mean_of(moment, total)
     first = 0.5 if at == "cells" else 0.0
     axes = tuple(
         low + grid.cell * (np.arange(count, dtype=float) + first)
@@ -130,14 +130,8 @@ def frame_average(
 
 def _cell_sums(state: State) -> Callable[[Array], Array]:
     shape = tuple(state.scene.grid.shape)
-    flat, size = np.ravel_multi_index(tuple(cells_of(state).T), shape), int(np.prod(shape))
-
-    def spread(field: Array) -> Array:
-        if field.ndim == 2:
-            return np.stack([spread(column) for column in field.T], axis=1)
-        return sums_of(flat, field, size)
-
-    return spread
+    flat = np.ravel_multi_index(tuple(cells_of(state).T), shape)
+    return lambda field: sums_of(flat, field, int(np.prod(shape)))
 
 
 def centre_line_pressure(
@@ -185,9 +179,7 @@ def centre_line_pressure(
     w = field.weight[near][:, above]
     moment = np.nansum(field.value[near][:, above] * w[..., None], axis=0)
     total = w.sum(axis=0)
-    mean = np.divide(
-        moment, total[:, None], out=np.full_like(moment, np.nan), where=total[:, None] > 0
-    )
+    mean = mean_of(moment, total)
     return Profile(y[above], mean[:, 0], mean[:, 1], total)
 
 

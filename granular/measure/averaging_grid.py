@@ -107,10 +107,20 @@ def cells_of(state: State) -> Indices:
 
 
 def sums_of(place: NDArray[np.integer], weights: ArrayLike, count: int = 0) -> Array:
-    """Sums of the weights by place, for places from 0 to the last one or to `count` - 1."""
-    return np.bincount(place, weights=np.asarray(weights), minlength=count).astype(
-        float, copy=False
-    )
+    """Sums of the weights by place, for places from 0 to the last one or to `count` - 1.
+
+    Weights of shape (n, k) are summed column by column.
+    """
+    weights = np.asarray(weights)
+    if weights.ndim == 2:
+        return np.stack([sums_of(place, column, count) for column in weights.T], axis=1)
+    return np.bincount(place, weights=weights, minlength=count).astype(float, copy=False)
+
+
+def mean_of(moment: Array, total: Array) -> Array:
+    """Moments divided by the total weights of their rows; nan where the weight is not positive."""
+    total = total.reshape(total.shape + (1,) * (moment.ndim - total.ndim))
+    return np.divide(moment, total, out=np.full_like(moment, np.nan), where=total > 0)
 
 
 def cell_mass(state: State) -> Array:
@@ -147,11 +157,9 @@ class Stencil:
     def to_nodes(self, field: Array) -> Array:
         """``sum_p S_ip f_p`` at all nodes in a flat array, shape (nodes,) or (nodes, k)."""
         size = int(np.prod(self.shape))
-        if field.ndim == 2:
-            return np.stack([self.to_nodes(column) for column in field.T], axis=1)
-        total = np.zeros(size)
+        total = np.zeros((size, *field.shape[1:]))
         for nodes, weights in zip(self.nodes, self.weights, strict=True):
-            total += sums_of(nodes, weights * field, size)
+            total += sums_of(nodes, (weights * field.T).T, size)
         return total
 
     def to_points(self, nodal: Array) -> Array:
@@ -173,13 +181,9 @@ def stencil(state: State) -> Stencil:
     shape = node_shape(state.scene.grid)
     nodes, weights = [], []
     for corner in product((0, 1), repeat=cell.shape[1]):
-        nodes.append(np.ravel_multi_index(tuple((cell + corner).T % _column(shape)), shape))
+        nodes.append(np.ravel_multi_index(tuple(((cell + corner) % shape).T), shape))
         weights.append(np.where(corner, inside, 1.0 - inside).prod(axis=1))
     return Stencil(np.array(nodes), np.array(weights), shape)
-
-
-def _column(shape: tuple[int, ...]) -> Indices:
-    return np.asarray(shape, dtype=np.int64)[:, None]
 
 
 def filled_neighbours(filled: NDArray[np.bool_], grid: Grid) -> Indices:

@@ -1,22 +1,13 @@
 """Motion of the rigid bodies of a record, and the force of the material on them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.checks import integer
+from granular.measure.averaging_grid import Array
 from granular.mpm.bodies import split
-
-if TYPE_CHECKING:
-    from granular.record.reader import Trajectory
-
-__all__ = ["BodyForce", "BodyMotion", "body_force", "body_motion"]
-
-Array = NDArray[np.float64]
+from granular.record.reader import Trajectory
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -15,8 +15,6 @@ if TYPE_CHECKING:
     from granular.mpm.scene import Scene
     from granular.mpm.simulation import Simulation
 
-__all__ = ["StepBudget", "step_budget"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StepBudget:

@@ -58,7 +58,8 @@ class Bulk:
         self.own = np.ravel_multi_index(tuple(own.T), self.shape)
         self.mass = self.sum(state.mass)
         full = state.scene.material.rho_c * self.cell_volume
-        filled, top = uppermost(self.mass >= FILLED * full)
+        filled = self.mass >= FILLED * full
+        top = uppermost(filled)
         up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
         deep = filled.ravel()[self.own] & (top.ravel()[self.own] + 1 - up > depth_cells)
         if packed:
@@ -104,12 +105,12 @@ def _pooled(cells: Array) -> Array:
     return cells
 
 
-def uppermost(filled: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """The filled cells, and for each cell the uppermost one of its gapless run upwards."""
+def uppermost(filled: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """For each cell, the uppermost one of its run upwards through filled cells."""
     top = np.broadcast_to(np.arange(filled.shape[-1]), filled.shape).copy()
     for j in range(filled.shape[-1] - 2, -1, -1):
         top[..., j] = np.where(filled[..., j + 1], top[..., j + 1], j)
-    return filled, top
+    return top
 
 
 def disconnected_fraction(state: State, *, depth_cells: int = 2, packed: float = 0.0) -> float:

@@ -12,6 +12,7 @@ from granular.measure.averaging_grid import (
     cell_mass,
     cells_of,
     filled_neighbours,
+    mean_of,
     point_weights,
     stencil,
     sums_of,
@@ -185,10 +186,8 @@ def cell_average(state: State, field: str | ArrayLike, *, weight: str = "mass") 
     w = point_weights(state, weight)
     cells, row = np.unique(cells_of(state), axis=0, return_inverse=True)
     total = sums_of(row, w)
-    columns = field.reshape(len(field), -1).T
-    mean = np.stack([sums_of(row, w * column) / total for column in columns], axis=1)
-    value = mean if field.ndim == 2 else mean[:, 0]
-    return CellField(cells, _centres(state, cells), value, total)
+    mean = mean_of(sums_of(row, (field.T * w).T), total)
+    return CellField(cells, _centres(state, cells), mean, total)
 
 
 def cell_density(state: State) -> CellField:

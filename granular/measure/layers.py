@@ -117,7 +117,8 @@ def mean_pressure_error(
     weight = _overburden(state, per_column)
     grid = state.scene.grid
     full = grid.cell**weight.ndim * state.scene.material.rho_c
-    filled, top = uppermost(cell_mass(state) >= FILLED * full)
+    filled = cell_mass(state) >= FILLED * full
+    top = uppermost(filled)
     axis = weight.ndim - 1
     field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.p
     mean = cell_average(state, field, weight="volume")

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from granular.checks import integer, one_of, positive
 from granular.materials import MuI
-from granular.measure.averaging_grid import Array, require_points, sums_of, values
+from granular.measure.averaging_grid import Array, mean_of, require_points, sums_of, values
 from granular.measure.stress import friction_of
 from granular.state import State
 
@@ -80,13 +80,10 @@ def profile(
     row = np.clip(np.searchsorted(edges, up[inside], side="right") - 1, 0, rows - 1)
     w = w[inside]
     total = sums_of(row, w, rows)
-
-    def mean(column: Array) -> Array:
-        moment = sums_of(row, w * column[inside], rows)
-        return np.divide(moment, total, out=np.full(rows, np.nan), where=total > 0)
-
-    value = mean(field) if field.ndim == 1 else np.stack([mean(c) for c in field.T], axis=1)
-    return Profile((edges[:-1] + edges[1:]) / 2, value, mean(up), total)
+    value, centroid = (
+        mean_of(sums_of(row, (w * each[inside].T).T, rows), total) for each in (field, up)
+    )
+    return Profile((edges[:-1] + edges[1:]) / 2, value, centroid, total)
 
 
 def _edges(state: State, up: Array, bins: int | ArrayLike | None) -> Array:

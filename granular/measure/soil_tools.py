@@ -1,35 +1,17 @@
 """Tools in soil: forces on a tool, sinkage of a wheel, failure surface in front of a blade."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.checks import finite, in_range, positive
 from granular.materials import Material
-from granular.measure.averaging_grid import require_points
+from granular.measure.averaging_grid import Array, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
+from granular.record.reader import Trajectory
 from granular.typing import States
-
-if TYPE_CHECKING:
-    from granular.record.reader import Trajectory
-
-__all__ = [
-    "FailureSurface",
-    "StrainHistory",
-    "ToolForce",
-    "WheelHistory",
-    "failure_surface",
-    "strain_history",
-    "tool_force",
-    "wheel_history",
-]
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,7 +85,7 @@ class FailureSurface:
     speed: float
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class StrainHistory:
     """Mass-weighted elastic strain of the dense material over time.
 
@@ -283,15 +265,14 @@ def strain_history(states: States) -> StrainHistory:
     ValueError
         If the elasticity of the material is not "hencky".
     """
-    rows, times = [], []
+    rows = []
     for state in each_state(states):
         material = cast(Material, state.scene.material)
         if material.elasticity != "hencky":
             raise ValueError(f'elasticity = {material.elasticity!r} must be "hencky"')
         dense = state.dense
-        times.append(state.time)
         if not dense.any():
-            rows.append([np.nan] * 4)
+            rows.append([state.time, *[np.nan] * 4])
             continue
         compression = state.log_density[dense]
         kirchhoff = state.tau[dense] * np.exp(-compression)
@@ -301,20 +282,14 @@ def strain_history(states: States) -> StrainHistory:
         mean = np.average(norm, weights=m)
         rows.append(
             [
+                state.time,
                 np.average(compression, weights=m),
                 np.average(deviatoric, weights=m),
                 mean,
                 np.sqrt(np.average((norm - mean) ** 2, weights=m)),
             ]
         )
-    volumetric, deviatoric, norm, deviation = np.array(rows).T
-    return StrainHistory(
-        times=np.array(times),
-        volumetric=volumetric,
-        deviatoric=deviatoric,
-        norm=norm,
-        deviation=deviation,
-    )
+    return StrainHistory(*np.array(rows).T)
 
 
 def _require_3d(record: Trajectory) -> None:

@@ -3,45 +3,22 @@
 `view` draws 3D pictures with pyvista, if it is installed.
 """
 
-from granular.plot import dunatunga_kamrin_2015, silo_clogging
-from granular.plot.canvas import Picture
-from granular.plot.fields import QUANTITIES, Quantity
-from granular.plot.forces import (
-    force_distances,
-    force_distribution,
-    force_histories,
-    force_networks,
-    pareto_front,
-)
-from granular.plot.frame import frame
-from granular.plot.friction import (
-    friction_and_packing,
-    friction_by_law,
-    friction_shares,
-    scaling_of_dilation,
-    scaling_of_dissipation,
-)
-from granular.plot.movie import check_movie, movie
-from granular.plot.view_3d import view
-
-__all__ = [
-    "QUANTITIES",
-    "Picture",
-    "Quantity",
-    "check_movie",
-    "dunatunga_kamrin_2015",
-    "force_distances",
-    "force_distribution",
-    "force_histories",
-    "force_networks",
-    "frame",
-    "friction_and_packing",
-    "friction_by_law",
-    "friction_shares",
-    "movie",
-    "pareto_front",
-    "scaling_of_dilation",
-    "scaling_of_dissipation",
-    "silo_clogging",
-    "view",
-]
+from granular.plot import dunatunga_kamrin_2015 as dunatunga_kamrin_2015
+from granular.plot import silo_clogging as silo_clogging
+from granular.plot.canvas import Picture as Picture
+from granular.plot.fields import QUANTITIES as QUANTITIES
+from granular.plot.fields import Quantity as Quantity
+from granular.plot.forces import force_distances as force_distances
+from granular.plot.forces import force_distribution as force_distribution
+from granular.plot.forces import force_histories as force_histories
+from granular.plot.forces import force_networks as force_networks
+from granular.plot.forces import pareto_front as pareto_front
+from granular.plot.frame import frame as frame
+from granular.plot.friction import friction_and_packing as friction_and_packing
+from granular.plot.friction import friction_by_law as friction_by_law
+from granular.plot.friction import friction_shares as friction_shares
+from granular.plot.friction import scaling_of_dilation as scaling_of_dilation
+from granular.plot.friction import scaling_of_dissipation as scaling_of_dissipation
+from granular.plot.movie import check_movie as check_movie
+from granular.plot.movie import movie as movie
+from granular.plot.view_3d import view as view

@@ -1,7 +1,5 @@
 """Axes, material points and walls, the parts of all pictures. No pyplot, no global state."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Sequence
@@ -14,7 +12,7 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import finite, integer
 from granular.geometry import AXES, Grid
@@ -23,8 +21,6 @@ from granular.plot.fields import Brush
 from granular.sph.walls import Wall as LayerWall
 from granular.state import State
 from granular.typing import AnyScene
-
-__all__ = ["Picture", "Points", "View", "color_bar", "scenery"]
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
 
@@ -154,6 +150,21 @@ def diameter(state: State) -> float:
     return math.sqrt(2) * scene.grid.cell / per_cell ** (1 / state.dim)
 
 
+def discs(ax: Axes, diameters: ArrayLike, places: ArrayLike, **style: Any) -> EllipseCollection:
+    """Draw discs of true size: diameters [m], positions of the middles [m], shape (n, 2)."""
+    artist = EllipseCollection(
+        diameters,
+        diameters,
+        np.zeros_like(diameters),
+        units="x",
+        offsets=places,
+        offset_transform=ax.transData,
+        **style,
+    )
+    ax.add_collection(artist, autolim=False)
+    return artist
+
+
 class Points:
     """The material points drawn in an axes: discs of true size, which can show another state.
 
@@ -174,19 +185,8 @@ class Points:
     ) -> None:
         self.brush, self.view = brush, view
         size = diameter(state) if size is None else size
-        self.artist = EllipseCollection(
-            [size],
-            [size],
-            [0.0],
-            units="x",
-            offsets=np.zeros((0, 2)),
-            offset_transform=ax.transData,
-            linewidths=0,
-            norm=brush.norm,
-            cmap=brush.cmap,
-            zorder=2,
-        )
-        ax.add_collection(self.artist, autolim=False)
+        style = {"linewidths": 0, "norm": brush.norm, "cmap": brush.cmap, "zorder": 2}
+        self.artist = discs(ax, [size], np.zeros((0, 2)), **style)
         self.update(state)
 
     def update(self, state: State) -> None:

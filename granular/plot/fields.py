@@ -1,11 +1,9 @@
 """Colours of a picture: values, names, units and scales."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import matplotlib
 import numpy as np
@@ -15,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 from granular import measure
 from granular.checks import finite
 from granular.state import State
-
-__all__ = ["QUANTITIES", "Brush", "Quantity", "names"]
 
 Array = NDArray[np.float64]
 
@@ -160,7 +156,7 @@ class Brush:
         cmap: str | None = None,
         label: str | None = None,
         smooth: bool = False,
-    ) -> Brush:
+    ) -> Self:
         """Make a brush whose scale fits the given states, unless `limits` are given.
 
         Raises
@@ -184,7 +180,7 @@ class Brush:
         colors = (_colormap(cmap or quantity.cmap)).with_extremes(bad=MISSING)
         return cls(color, quantity, norm, colors, smooth)
 
-    def with_values(self, values: ArrayLike) -> Brush:
+    def with_values(self, values: ArrayLike) -> Self:
         """Return a brush of the same scale for other values, one number per point."""
         return replace(self, color=np.asarray(values))
 

@@ -4,26 +4,16 @@ The functions take results and infer nothing; the runs are in `benchmarks/figure
 figures are those of chapters 2 and 3 of Hurley's thesis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.collections import LineCollection
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
 from granular.grain_scale.inference import ForceStatistics, Packing, ParetoFront
-from granular.plot.canvas import Picture
-
-__all__ = [
-    "force_distances",
-    "force_distribution",
-    "force_histories",
-    "force_networks",
-    "pareto_front",
-]
+from granular.plot.canvas import Picture, discs
 
 Array = NDArray[np.float64]
 
@@ -106,19 +96,7 @@ def _network(
 ) -> None:
     seen, size = _seen(packing, axes), 2 * packing.radii
     x = packing.centroids[:, seen]
-    ax.add_collection(
-        EllipseCollection(
-            size,
-            size,
-            np.zeros(len(size)),
-            units="x",
-            offsets=x,
-            offset_transform=ax.transData,
-            facecolors=FACE,
-            edgecolors=EDGE,
-            linewidths=0.6,
-        )
-    )
+    discs(ax, size, x, facecolors=FACE, edgecolors=EDGE, linewidths=0.6)
     # Lines join centroids; to a wall or a missing grain they end at the contact. Across a periodic
     # boundary a line has a gap, the nan.
     at = [packing.seen_from(side)[:, seen] for side in (0, 1)]

@@ -1,7 +1,5 @@
 """A picture of one state."""
 
-from __future__ import annotations
-
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
@@ -19,8 +17,6 @@ from granular.plot.canvas import (
 )
 from granular.plot.fields import Brush
 from granular.state import State
-
-__all__ = ["frame"]
 
 WIDTH = 7.0
 """Width of a picture [inches]."""

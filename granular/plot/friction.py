@@ -1,7 +1,5 @@
 """Figures 4.4 to 4.8 of Hurley's thesis: friction of sheared grains from their contacts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -13,24 +11,15 @@ from granular.grain_scale.friction_law import SteadyShear
 from granular.plot.canvas import Picture
 from granular.plot.dunatunga_kamrin_2015.curves import MARKERS
 
-__all__ = [
-    "friction_and_packing",
-    "friction_by_law",
-    "friction_shares",
-    "scaling_of_dilation",
-    "scaling_of_dissipation",
-]
-
 Array = NDArray[np.float64]
 Flows = Sequence[SteadyShear]
-LABEL = "inertial number I"
 
 
 def _axes(columns: int, rows: int = 1) -> tuple[Picture, np.ndarray]:
     fig = Picture(figsize=(3.8 * columns if columns > 1 else 5.5, 3.6 * rows), layout="tight")
     axes = fig.subplots(rows, columns, squeeze=False)
     for ax in axes.ravel():
-        ax.set(xscale="log", xlabel=LABEL)
+        ax.set(xscale="log", xlabel="inertial number I")
     return fig, axes
 
 
@@ -137,18 +126,12 @@ def friction_shares(sets: Mapping[str, Flows]) -> Picture:
     fig, ((left, right),) = _axes(2)
     for k, ((name, flows), marker) in enumerate(zip(sets.items(), MARKERS, strict=False)):
         inertial, color = _column(flows, "inertial_number"), f"C{k}"
-        sliding = _column(flows, "friction_sliding")
-        viscous = _column(flows, "friction_viscoelastic")
-        left.plot(inertial, sliding, marker + "-", color=color, label=f"sliding, {name}")
-        left.plot(
-            inertial,
-            viscous,
-            marker + "--",
-            color=color,
-            fillstyle="none",
-            label=f"viscoelastic, {name}",
-        )
-        right.plot(inertial, sliding + viscous, marker + "-", color=color, label=name)
+        total = np.zeros(len(flows))
+        for part, dashes, fill in (("sliding", "-", "full"), ("viscoelastic", "--", "none")):
+            share, label = _column(flows, f"friction_{part}"), f"{part}, {name}"
+            left.plot(inertial, share, marker + dashes, color=color, fillstyle=fill, label=label)
+            total += share
+        right.plot(inertial, total, marker + "-", color=color, label=name)
     left.set(ylabel=r"parts of the friction, eq. 4.9", ylim=(0.0, None))
     right.set(ylabel=r"friction $\mu$ by the law", ylim=(0.0, None))
     for ax in (left, right):
@@ -199,13 +182,10 @@ def scaling_of_dilation(flows: Flows) -> Picture:
     packing.errorbar(inertial, phi, _column(flows, "packing_error"), fmt="o", color="C0")
     packing.set_ylabel(r"packing fraction $\phi$")
     _dissipation(rates, flows)
-    dilation.plot(inertial, z * phi / inertial, "o", fillstyle="none")
-    _power_line(
-        dilation, along, -1.0, (inertial.min(), (z * phi / inertial)[inertial.argmin()]), "-1"
-    )
-    _power_line(
-        dilation, along, -2.0, (inertial.max(), (z * phi / inertial)[inertial.argmax()]), "-2"
-    )
+    product = z * phi / inertial
+    dilation.plot(inertial, product, "o", fillstyle="none")
+    for exponent, k in ((-1, inertial.argmin()), (-2, inertial.argmax())):
+        _power_line(dilation, along, exponent, (inertial[k], product[k]), str(exponent))
     dilation.set(yscale="log", ylabel=r"$Z \phi / I$")
     for ax in (upper, packing, rates, dilation):
         ax.legend(fontsize="small")

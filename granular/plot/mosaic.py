@@ -1,7 +1,5 @@
 """Panels of true aspect ratio, row by row, with colour bars at the right."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,8 +7,6 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from granular.plot.canvas import Extent, Picture
-
-__all__ = ["Panel", "mosaic"]
 
 WIDTH, HEIGHT = 10.0, 12.0
 """Largest size of a figure [inches]."""

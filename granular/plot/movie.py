@@ -1,7 +1,5 @@
 """Movies: one canvas, on which only the points and walls are drawn again for each frame."""
 
-from __future__ import annotations
-
 import math
 import os
 import shutil
@@ -24,8 +22,6 @@ from granular.plot.fields import Brush
 from granular.plot.frame import new_axes
 from granular.record import Trajectory
 from granular.state import State
-
-__all__ = ["check_movie", "movie"]
 
 SCANNED = 16
 """Number of frames to which the colour scale and the extent are fitted."""

@@ -1,7 +1,5 @@
 """Phase diagrams of static and flowing cases."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular.measure.silo_clogging.threshold import FlowThreshold, phase_points
 from granular.plot.canvas import Picture, figure_of
-
-__all__ = ["phase_diagram"]
 
 STYLES: dict[str, dict[str, Any]] = {
     "flowing": {"marker": "o", "color": "#2d5d8f"},

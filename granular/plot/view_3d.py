@@ -1,11 +1,9 @@
 """Pictures of 3D states and their bodies, drawn off-screen by pyvista."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.colors import LogNorm
@@ -17,11 +15,7 @@ from granular.plot.fields import MISSING, Brush
 from granular.record import Trajectory
 from granular.record.surfaces import surface
 from granular.simulation import Simulation
-
-if TYPE_CHECKING:
-    from granular.state import State
-
-__all__ = ["view"]
+from granular.state import State
 
 CAMERAS = ("iso", "xy", "xz", "yz", "yx", "zx", "zy")
 TOOL = "#9aa0a6"

@@ -5,16 +5,9 @@ written completely or not at all. A full disk therefore loses no frame that was 
 the run loses only frames of about the last second.
 """
 
-from granular.record.checkpoint import Checkpoint
-from granular.record.layout import RecordError
-from granular.record.reader import Trajectory, info, open_trajectory
-from granular.record.writer import TrajectoryWriter
-
-__all__ = [
-    "Checkpoint",
-    "RecordError",
-    "Trajectory",
-    "TrajectoryWriter",
-    "info",
-    "open_trajectory",
-]
+from granular.record.checkpoint import Checkpoint as Checkpoint
+from granular.record.layout import RecordError as RecordError
+from granular.record.reader import Trajectory as Trajectory
+from granular.record.reader import info as info
+from granular.record.reader import open_trajectory as open_trajectory
+from granular.record.writer import TrajectoryWriter as TrajectoryWriter

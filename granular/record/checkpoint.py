@@ -8,7 +8,7 @@ from numbers import Integral, Real
 import h5py
 import numpy as np
 
-from granular.record.layout import DTYPES, as_attribute, attribute, checked, hard, seal
+from granular.record.layout import DTYPES, as_attribute, attribute, check_type, checked, hard, seal
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,9 +46,7 @@ class Checkpoint:
             if isinstance(value, Integral) and not -(2**63) <= value < 2**63:
                 raise ValueError(f"scalars[{name!r}] = {value} must fit into 64 bits")
         for name, array in self.arrays.items():
-            if not isinstance(array, np.ndarray) or array.dtype.str not in DTYPES:
-                kind = getattr(array, "dtype", type(array).__name__)
-                raise TypeError(f"arrays[{name!r}] has type {kind}, must be float64 or int64")
+            check_type(f"arrays[{name!r}]", array)
 
     @property
     def digest(self) -> bytes:

@@ -25,6 +25,10 @@ class Source(Protocol):
         """Return the fields by name."""
 
 
+SCALARS = {"time": "<f8", "step": "<i8", "dt": "<f8", "n": "<i8", "mass": "<f8"}
+"""Scalars of a frame, with the types in which they are stored."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Frame:
     """One frame: its scalars, and its place, ``n`` rows from ``row`` of ``source``.

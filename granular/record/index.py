@@ -11,7 +11,7 @@ import numpy as np
 
 from granular.record.checkpoint import Checkpoint, read_checkpoint
 from granular.record.chunks import Stored
-from granular.record.frame import Frame, Table, Texts
+from granular.record.frame import SCALARS, Frame, Table, Texts
 from granular.record.layout import (
     RecordError,
     attribute,
@@ -65,16 +65,11 @@ class Points:
 
     def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:
         """Return all frames, each with the gas of its step if there is one."""
-        table = self.table
+        table, scalars = self.table, (*SCALARS, "row")
         return [
             Frame(
-                time=float(table.time[i]),
-                step=int(table.step[i]),
-                dt=float(table.dt[i]),
-                mass=float(table.mass[i]),
-                n=int(table.n[i]),
+                **{name: getattr(table, name)[i].item() for name in scalars},
                 digest=table.digest[i].tobytes(),
-                row=int(table.row[i]),
                 source=self,
                 samples=table.sample(i),
                 gas=gas.get(int(table.step[i])),

@@ -78,6 +78,13 @@ def reading(path: Path) -> Iterator[None]:
         raise RecordError(f"{path}: damaged record: {error}") from error
 
 
+def check_type(name: str, array: object) -> None:
+    """Refuse anything but an array of float64 or int64 with a TypeError."""
+    if not isinstance(array, np.ndarray) or array.dtype.str not in DTYPES:
+        kind = getattr(array, "dtype", type(array).__name__)
+        raise TypeError(f"{name} has type {kind}, must be float64 or int64")
+
+
 def check_format(path: Path, version: int) -> int:
     """Return a format version; refuse versions that this code does not know."""
     if version > FORMAT:

@@ -9,7 +9,7 @@ import numpy as np
 
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
-from granular.record.frame import Frame, Table, Texts, samples_of
+from granular.record.frame import SCALARS, Frame, Table, Texts, samples_of
 from granular.record.index import load, parts_folder
 from granular.record.layout import (
     DIGEST_SIZE,
@@ -24,7 +24,11 @@ from granular.record.layout import (
 )
 from granular.record.storage import Sink, fsync_folder, replacing
 
-VTKHDF_VERSION = (2, 0)
+
+def begin_poly_data(vtk: h5py.Group) -> None:
+    """Mark a group as VTKHDF PolyData."""
+    vtk.attrs["Version"] = np.array((2, 0), dtype="<i8")
+    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
 
 
 def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
@@ -40,48 +44,45 @@ def _write_vertices(vtk: h5py.Group, counts: np.ndarray) -> None:
         vtk[name] = vtk["Lines"]  # equally empty: a second name of the same group
 
 
-def _write_steps(vtk: h5py.Group, table: Table, fields: Sequence[str]) -> None:
+def write_steps(vtk: h5py.Group, times: np.ndarray, first_points: np.ndarray) -> h5py.Group:
+    """Write the steps of PolyData: their times, and the first point of each; return the group."""
     steps = vtk.create_group("Steps")
-    count = len(table.time)
+    count = len(times)
     steps.attrs["NSteps"] = count
-    steps["Values"] = table.time
+    steps["Values"] = times
     steps["PartOffsets"] = np.arange(count, dtype="<i8")
     steps["NumberOfParts"] = np.ones(count, dtype="<i8")
-    steps["PointOffsets"] = table.row
+    steps["PointOffsets"] = first_points
     steps["CellOffsets"] = np.zeros((count, len(TOPOLOGIES)), dtype="<i8")
     steps["ConnectivityIdOffsets"] = steps["CellOffsets"]
-    offsets = steps.create_group("PointDataOffsets")
-    for name in fields:
-        if name != "x":
-            offsets[name] = steps["PointOffsets"]  # a second name of the same data
+    return steps
 
 
 def _write_points(vtk: h5py.Group, own: h5py.Group, frames: Sequence[Frame]) -> Table:
     """Write the frames of one set of points: the data that ParaView reads, and all other data."""
-    vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
-    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
+    begin_poly_data(vtk)
     table, fields = _write_frames(vtk, frames)
     vtk["NumberOfPoints"] = table.n
     _write_vertices(vtk, table.n)
-    _write_steps(vtk, table, fields)
+    steps = write_steps(vtk, table.time, table.row)
+    offsets = steps.create_group("PointDataOffsets")
+    for name in fields:
+        if name != "x":
+            offsets[name] = steps["PointOffsets"]  # a second name of the same data
     for name in ("step", "dt", "mass", "digest"):
         own[name] = getattr(table, name)
     return table
 
 
 def _table(frames: Sequence[Frame], chunk: int) -> Table:
-    def column(name: str, dtype: str) -> np.ndarray:
-        return np.array([getattr(frame, name) for frame in frames], dtype=dtype)
-
     rows = [rows_of(frame.n, chunk) for frame in frames]
     digests = b"".join(frame.digest for frame in frames)
     return Table(
-        time=column("time", "<f8"),
-        n=column("n", "<i8"),
+        **{
+            name: np.array([getattr(frame, name) for frame in frames], dtype=dtype)
+            for name, dtype in SCALARS.items()
+        },
         row=np.cumsum([0, *rows], dtype="<i8")[:-1],
-        step=column("step", "<i8"),
-        dt=column("dt", "<f8"),
-        mass=column("mass", "<f8"),
         digest=np.frombuffer(digests, dtype=np.uint8).reshape(-1, DIGEST_SIZE),
         samples=samples_of(frames),
     )

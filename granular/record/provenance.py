@@ -1,6 +1,5 @@
 """Provenance of a record: versions, build, machine, start, parent."""
 
-import json
 import os
 import platform
 from collections.abc import Mapping
@@ -64,14 +63,3 @@ def collect(extra: Mapping[str, Any] | None = None, *, parent: str | None = None
         "parent": parent,
         **(extra or {}),
     }
-
-
-def to_json(provenance: Mapping[str, Any]) -> str:
-    """Convert a provenance to ASCII JSON.
-
-    Raises
-    ------
-    TypeError
-        If JSON cannot represent an entry.
-    """
-    return json.dumps(provenance, sort_keys=True)

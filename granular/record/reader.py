@@ -5,14 +5,13 @@ import os
 from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.frame import BODY, Frame, body_names, samples_of
+from granular.record.frame import BODY, SCALARS, Frame, body_names, samples_of
 from granular.record.index import Contents, load
 from granular.record.layout import RecordError, format_of, reading
 
@@ -21,8 +20,6 @@ if TYPE_CHECKING:
     from granular.sph.gas import GasState
     from granular.state import State
     from granular.typing import AnyScene
-
-SERIES = ("time", "step", "dt", "n", "mass")
 
 
 class Trajectory:
@@ -75,7 +72,7 @@ class Trajectory:
     @cached_property
     def series(self) -> dict[str, np.ndarray]:
         """Scalars of every frame: time [s], step, dt [s], n, total mass [kg]; shape (frames,)."""
-        return {name: np.array([getattr(f, name) for f in self._frames]) for name in SERIES}
+        return {name: np.array([getattr(f, name) for f in self._frames]) for name in SCALARS}
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
@@ -192,12 +189,7 @@ class Trajectory:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def __repr__(self) -> str:

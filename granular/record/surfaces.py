@@ -1,10 +1,7 @@
 """Surfaces of the rigid bodies of a record, in a file that ParaView opens beside the record."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -14,12 +11,8 @@ from scipy.spatial.transform import Rotation
 from granular.mpm.bodies import split
 from granular.mpm.body_shapes import BOX, CYLINDER, Box, Cylinder, HalfSpace, Mesh, Union
 from granular.record.layout import LIBVER, TOPOLOGIES
-from granular.record.merge import VTKHDF_VERSION
-
-if TYPE_CHECKING:
-    from granular.record.reader import Trajectory
-
-__all__ = ["write_bodies"]
+from granular.record.merge import begin_poly_data, write_steps
+from granular.record.reader import Trajectory
 
 Array = NDArray[np.float64]
 Patches = tuple[Array, list[tuple[int, ...]]]
@@ -167,8 +160,7 @@ def _write(
     owner: NDArray[np.intp],
 ) -> None:
     frames, count = points.shape[:2]
-    vtk.attrs["Version"] = np.array(VTKHDF_VERSION, dtype="<i8")
-    vtk.attrs.create("Type", np.bytes_("PolyData"), dtype=h5py.string_dtype("ascii", 8))
+    begin_poly_data(vtk)
     vtk["NumberOfPoints"] = np.full(frames, count, dtype="<i8")
     vtk["Points"] = points.reshape(-1, 3)
     corners = [len(polygon) for polygon in polygons]
@@ -179,12 +171,5 @@ def _write(
         group["Connectivity"] = np.concatenate(polygons if filled else [()]).astype("<i8")
         group["Offsets"] = np.cumsum([0, *(corners if filled else ())], dtype="<i8")
     vtk.create_group("CellData")["body"] = owner.astype("<i8")
-    steps = vtk.create_group("Steps")
-    steps.attrs["NSteps"] = frames
-    steps["Values"] = times
-    steps["PartOffsets"] = np.arange(frames, dtype="<i8")
-    steps["NumberOfParts"] = np.ones(frames, dtype="<i8")
-    steps["PointOffsets"] = count * np.arange(frames, dtype="<i8")
-    steps["CellOffsets"] = np.zeros((frames, len(TOPOLOGIES)), dtype="<i8")
-    steps["ConnectivityIdOffsets"] = steps["CellOffsets"]
+    steps = write_steps(vtk, times, count * np.arange(frames, dtype="<i8"))
     steps.create_group("CellDataOffsets")["body"] = np.zeros(frames, dtype="<i8")

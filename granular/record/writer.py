@@ -10,8 +10,7 @@ from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from granular.record.checkpoint import Checkpoint
 from granular.record.chunks import Packed, Packer
 from granular.record.frame import Frame, Texts, body_names
 from granular.record.index import Contents, load, parts_folder
-from granular.record.layout import DTYPES, MAX_COLUMNS, chunk_rows, frame_digest
+from granular.record.layout import MAX_COLUMNS, check_type, chunk_rows, frame_digest
 from granular.record.merge import clear_parts, merge, remove_parts
 from granular.record.segment import Memory, write_frames, write_head, write_restart
 from granular.record.storage import fsync_folder, replacing
@@ -30,6 +29,10 @@ try:
 except ImportError:  # Windows has no advisory locks
     fcntl = None  # type: ignore[assignment]  # the name of a module
 
+if TYPE_CHECKING:
+    from granular.state import State
+    from granular.typing import AnyScene
+
 WAITING_SECONDS = 1.0
 """Wall time that may be lost if the run is killed [s].
 
@@ -37,26 +40,6 @@ Frames that follow the last segment sooner than this may wait for more frames.
 """
 WAITING_BYTES = 1 << 24
 """Largest amount that may wait in memory [bytes]; it is quickly written if Ctrl-C is pressed."""
-
-
-class StateLike(Protocol):
-    """The attributes of a `State` from which a frame is made."""
-
-    @property
-    def time(self) -> float: ...
-    @property
-    def step(self) -> int: ...
-    @property
-    def dt(self) -> float: ...
-    @property
-    def fields(self) -> Mapping[str, np.ndarray]: ...
-
-
-class SceneLike(Protocol):
-    """The method of a `Scene` with which the header of a record is made."""
-
-    def to_json(self) -> str:
-        """Return the scene as JSON."""
 
 
 def _lock(head: Path) -> int | None:
@@ -83,9 +66,7 @@ def _check_fields(given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     for name, array in given.items():
         if not name.isidentifier() or not name.isascii():
             raise ValueError(f"field name {name!r} must be an ASCII identifier")
-        if not isinstance(array, np.ndarray) or array.dtype.str not in DTYPES:
-            kind = getattr(array, "dtype", type(array).__name__)
-            raise TypeError(f"field {name} has type {kind}, must be float64 or int64")
+        check_type(f"field {name}", array)
         if array.ndim not in (1, 2) or (array.ndim == 2 and not 1 <= array.shape[1] <= MAX_COLUMNS):
             raise ValueError(
                 f"field {name} has shape {array.shape}, must be (n,) or (n, 1..{MAX_COLUMNS})"
@@ -138,7 +119,7 @@ class _Layout:
         return Frame(**head, row=0, source=Memory(path, packed), **more)
 
 
-def _head(state: StateLike, fields: Mapping[str, np.ndarray]) -> dict[str, Any]:
+def _head(state: "State", fields: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """Scalars and digest of a frame."""
     scalars: dict[str, Any] = {
         "time": float(state.time),
@@ -181,7 +162,7 @@ class TrajectoryWriter:
     def __init__(
         self,
         path: str | os.PathLike[str],
-        scene: SceneLike,
+        scene: "AnyScene",
         *,
         overwrite: bool = False,
         provenance: Mapping[str, Any] | None = None,
@@ -197,7 +178,7 @@ class TrajectoryWriter:
                     + (" (unfinished: resume it)" if existing != path else "")
                     + "; overwrite=True replaces it"
                 )
-        text = origin.to_json(origin.collect(provenance))
+        text = json.dumps(origin.collect(provenance), sort_keys=True)
         self._begin(path, Texts(uuid.uuid4().hex, scene.to_json(), text))
         self._recorded: list[tuple[int, bytes]] = []  # step and mark of each frame
         self._cursor = 0
@@ -252,7 +233,8 @@ class TrajectoryWriter:
             parent = contents.checkpoint().digest.hex()
         before = json.loads(contents.texts.provenance)
         earlier = [*before.pop("earlier", []), before]
-        text = origin.to_json(origin.collect(extra, parent=parent) | {"earlier": earlier})
+        now = origin.collect(extra, parent=parent) | {"earlier": earlier}
+        text = json.dumps(now, sort_keys=True)
         self._begin(contents.path, replace(contents.texts, provenance=text))
 
     def _begin(self, path: Path, texts: Texts) -> None:
@@ -293,7 +275,7 @@ class TrajectoryWriter:
 
     def append(
         self,
-        state: StateLike,
+        state: "State",
         checkpoint: Checkpoint | None = None,
         *,
         gas: Mapping[str, np.ndarray] | None = None,
@@ -336,7 +318,7 @@ class TrajectoryWriter:
 
     def _add(
         self,
-        state: StateLike,
+        state: "State",
         fields: Mapping[str, np.ndarray],
         gas: Mapping[str, np.ndarray] | None,
         samples: Mapping[str, float],
@@ -436,12 +418,7 @@ class TrajectoryWriter:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if kind is not None and issubclass(kind, KeyboardInterrupt):
             self.leave()  # Ctrl-C must not wait for the merge
         else:

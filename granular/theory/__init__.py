@@ -1,101 +1,56 @@
 """Closed forms and reference solutions with which simulations are compared."""
 
-from granular.theory.beverloo import beverloo_rate
-from granular.theory.chute import ChuteFlow, chute_profile, chute_transient
+from granular.theory.beverloo import beverloo_rate as beverloo_rate
+from granular.theory.chute import ChuteFlow as ChuteFlow
+from granular.theory.chute import chute_profile as chute_profile
+from granular.theory.chute import chute_transient as chute_transient
+from granular.theory.constitutive import APPENDIX_B_BREAKPOINTS as APPENDIX_B_BREAKPOINTS
+from granular.theory.constitutive import ConstitutiveReference as ConstitutiveReference
+from granular.theory.constitutive import Event as Event
 from granular.theory.constitutive import (
-    APPENDIX_B_BREAKPOINTS,
-    ConstitutiveReference,
-    Event,
-    appendix_b_velocity_gradient,
-    elastic_stress_rate,
-    plastic_shear_rate,
-    reference,
-    stress_rate,
+    appendix_b_velocity_gradient as appendix_b_velocity_gradient,
 )
-from granular.theory.couette import (
-    CouetteFlow,
-    couette_decay_length,
-    couette_flow,
-    couette_quasi_static,
-)
-from granular.theory.hencky import HenckyColumn, StandingWave, hencky_column, standing_wave
-from granular.theory.incline import (
-    InclineTransient,
-    bagnold_mean,
-    bagnold_profile,
-    bagnold_shape,
-    transient,
-)
+from granular.theory.constitutive import elastic_stress_rate as elastic_stress_rate
+from granular.theory.constitutive import plastic_shear_rate as plastic_shear_rate
+from granular.theory.constitutive import reference as reference
+from granular.theory.constitutive import stress_rate as stress_rate
+from granular.theory.couette import CouetteFlow as CouetteFlow
+from granular.theory.couette import couette_decay_length as couette_decay_length
+from granular.theory.couette import couette_flow as couette_flow
+from granular.theory.couette import couette_quasi_static as couette_quasi_static
+from granular.theory.hencky import HenckyColumn as HenckyColumn
+from granular.theory.hencky import StandingWave as StandingWave
+from granular.theory.hencky import hencky_column as hencky_column
+from granular.theory.hencky import standing_wave as standing_wave
+from granular.theory.incline import InclineTransient as InclineTransient
+from granular.theory.incline import bagnold_mean as bagnold_mean
+from granular.theory.incline import bagnold_profile as bagnold_profile
+from granular.theory.incline import bagnold_shape as bagnold_shape
+from granular.theory.incline import transient as transient
+from granular.theory.kinetic import CoupledShear as CoupledShear
+from granular.theory.kinetic import compression_pressure as compression_pressure
+from granular.theory.kinetic import compression_temperature as compression_temperature
+from granular.theory.kinetic import coupled_shear as coupled_shear
+from granular.theory.kinetic import gas_pressure as gas_pressure
+from granular.theory.kinetic import granular_temperature as granular_temperature
 from granular.theory.kinetic import (
-    CoupledShear,
-    compression_pressure,
-    compression_temperature,
-    coupled_shear,
-    gas_pressure,
-    granular_temperature,
-    packing_fraction_of_inertial_number,
-    radial_function,
-    shear_pressure,
-    shear_temperature,
-    temperature_coefficients,
+    packing_fraction_of_inertial_number as packing_fraction_of_inertial_number,
 )
-from granular.theory.layer_waves import LayerWaves, layer_waves
-from granular.theory.runout import RUNOUT_LAWS, Piece, RunoutLaw
-from granular.theory.stopping import stopping_angle, stopping_height, stopping_shape
+from granular.theory.kinetic import radial_function as radial_function
+from granular.theory.kinetic import shear_pressure as shear_pressure
+from granular.theory.kinetic import shear_temperature as shear_temperature
+from granular.theory.kinetic import temperature_coefficients as temperature_coefficients
+from granular.theory.layer_waves import LayerWaves as LayerWaves
+from granular.theory.layer_waves import layer_waves as layer_waves
+from granular.theory.runout import RUNOUT_LAWS as RUNOUT_LAWS
+from granular.theory.runout import Piece as Piece
+from granular.theory.runout import RunoutLaw as RunoutLaw
+from granular.theory.stopping import stopping_angle as stopping_angle
+from granular.theory.stopping import stopping_height as stopping_height
+from granular.theory.stopping import stopping_shape as stopping_shape
+from granular.theory.well_posed import ill_posedness as ill_posedness
 from granular.theory.well_posed import (
-    ill_posedness,
-    scaled_inertial_number_of_slope,
-    well_posed_range,
-    well_posed_slopes,
+    scaled_inertial_number_of_slope as scaled_inertial_number_of_slope,
 )
-
-__all__ = [
-    "APPENDIX_B_BREAKPOINTS",
-    "RUNOUT_LAWS",
-    "ChuteFlow",
-    "ConstitutiveReference",
-    "CouetteFlow",
-    "CoupledShear",
-    "Event",
-    "HenckyColumn",
-    "InclineTransient",
-    "LayerWaves",
-    "Piece",
-    "RunoutLaw",
-    "StandingWave",
-    "appendix_b_velocity_gradient",
-    "bagnold_mean",
-    "bagnold_profile",
-    "bagnold_shape",
-    "beverloo_rate",
-    "chute_profile",
-    "chute_transient",
-    "compression_pressure",
-    "compression_temperature",
-    "couette_decay_length",
-    "couette_flow",
-    "couette_quasi_static",
-    "coupled_shear",
-    "elastic_stress_rate",
-    "gas_pressure",
-    "granular_temperature",
-    "hencky_column",
-    "ill_posedness",
-    "layer_waves",
-    "packing_fraction_of_inertial_number",
-    "plastic_shear_rate",
-    "radial_function",
-    "reference",
-    "scaled_inertial_number_of_slope",
-    "shear_pressure",
-    "shear_temperature",
-    "standing_wave",
-    "stopping_angle",
-    "stopping_height",
-    "stopping_shape",
-    "stress_rate",
-    "temperature_coefficients",
-    "transient",
-    "well_posed_range",
-    "well_posed_slopes",
-]
+from granular.theory.well_posed import well_posed_range as well_posed_range
+from granular.theory.well_posed import well_posed_slopes as well_posed_slopes

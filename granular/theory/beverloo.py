@@ -1,7 +1,5 @@
 """Discharge of a silo through an orifice."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

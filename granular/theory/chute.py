@@ -11,49 +11,20 @@ base. The stress is in static balance with gravity at every time, as in a layer 
 slowly, or in a simulation long after its start. y = height - z is the distance from the base.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_banded
 from scipy.sparse import csc_array, diags_array
 
 from granular.checks import in_range, integer, non_negative, positive
-from granular.theory.incline import output_times
+from granular.materials import NGF
+from granular.theory.incline import Array, output_times
 from granular.theory.stopping import fluidity_growth, stopping_height
-
-Array = NDArray[np.float64]
-
-
-class NonlocalMaterial(Protocol):
-    """Attributes of a material with the nonlocal law that the chute needs.
-
-    b is (mu_2 - mu_s)/I0, the slope of mu(I) at rest, which is finite for an infinite mu_2 too.
-    t0 [s] has no effect on the steady flow.
-    """
-
-    @property
-    def mu_s(self) -> float: ...
-    @property
-    def mu_2(self) -> float: ...
-    @property
-    def rho_s(self) -> float: ...
-    @property
-    def rho_c(self) -> float: ...
-    @property
-    def d(self) -> float: ...
-    @property
-    def A(self) -> float: ...
-    @property
-    def b(self) -> float: ...
-    @property
-    def t0(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -89,7 +60,7 @@ class ChuteFlow:
 def chute_profile(
     angle_deg: float,
     height: float,
-    material: NonlocalMaterial,
+    material: NGF,
     gravity: float = 9.81,
     cells: int = 400,
 ) -> ChuteFlow:
@@ -106,8 +77,8 @@ def chute_profile(
         Inclination [degrees], in [0, 90).
     height : float
         Thickness of the layer, normal to the base [m].
-    material : NonlocalMaterial
-        ``mu_2`` may be infinite; ``A = 0`` is the local law.
+    material : NGF
+        ``mu_2`` may be infinite; ``A = 0`` is the local law. ``t0`` has no effect.
     gravity : float
         Magnitude of gravity [m/s2].
     cells : int
@@ -137,7 +108,7 @@ def chute_profile(
 def chute_transient(
     angle_deg: float,
     height: float,
-    material: NonlocalMaterial,
+    material: NGF,
     times: ArrayLike,
     g0: float | Callable[[Array], ArrayLike],
     gravity: float = 9.81,
@@ -184,8 +155,8 @@ def chute_transient(
 
 
 def _layers(
-    angle_deg: float, height: float, material: NonlocalMaterial, gravity: float, cells: int
-) -> tuple[Layer, Layer]:
+    angle_deg: float, height: float, material: NGF, gravity: float, cells: int
+) -> tuple["Layer", "Layer"]:
     """Return the layer, and one of half as many cells for the estimate of the error."""
     if integer("cells", cells, 8, 100_000) % 2:
         raise ValueError(f"cells = {cells} must be even: the error is found with half of them")
@@ -223,7 +194,7 @@ class Layer:
         self,
         angle_deg: float,
         height: float,
-        material: NonlocalMaterial,
+        material: NGF,
         gravity: float,
         cells: int,
     ) -> None:

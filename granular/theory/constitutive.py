@@ -4,13 +4,11 @@ The rate law of Dunatunga & Kamrin 2015 (eqs 2.4-2.15) in plane strain, integrat
 adaptive Runge-Kutta method to a tolerance far below that of any stepping scheme (appendix B).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any, Protocol
+from itertools import cycle, pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from granular.checks import finite, non_negative, one_of, positive
+from granular.materials import MuI
 
 Array = NDArray[np.float64]
 VelocityGradient = Callable[[float], ArrayLike]
@@ -28,21 +27,6 @@ APPENDIX_B_BREAKPOINTS = (0.0, 0.25, 0.375, 0.5, 0.75, 0.875, 1.0, 1.25)
 # Pressures below this fraction of K count as the moment of contact itself: one implicit step
 # passes through them. The error of the stress is of this size.
 _CONTACT = 1e-9
-
-
-class InertialElasticMaterial(Protocol):
-    """Attributes of a material with the mu(I) law that the reference solution needs."""
-
-    @property
-    def mu_s(self) -> float: ...
-    @property
-    def mu_2(self) -> float: ...
-    @property
-    def xi(self) -> float: ...
-    @property
-    def K(self) -> float: ...
-    @property
-    def G(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -107,7 +91,7 @@ def appendix_b_velocity_gradient(t: ArrayLike) -> Array:
     return gradient
 
 
-def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: InertialElasticMaterial) -> Array:
+def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: MuI) -> Array:
     """Equivalent plastic shear rate [1/s] of the mu(I) law (eqs 2.11-2.13, solved for it).
 
     It is ``xi sqrt(p) (mu - mu_s)/(mu_2 - mu)`` with ``mu = tau/p``, and zero at and below mu_s and
@@ -128,7 +112,7 @@ def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: InertialElasticMa
     return material.xi * np.sqrt(pressed) * ratio
 
 
-def elastic_stress_rate(stress: Array, gradient: Array, material: InertialElasticMaterial) -> Array:
+def elastic_stress_rate(stress: Array, gradient: Array, material: MuI) -> Array:
     """Time derivative of the stress without plastic flow, ``W sigma - sigma W + C:D``.
 
     The arguments are those of `stress_rate` (eqs 2.8, 2.9).
@@ -141,7 +125,7 @@ def elastic_stress_rate(stress: Array, gradient: Array, material: InertialElasti
     return rate + spin * np.array([2 * sxy, -2 * sxy, 0.0, syy - sxx])
 
 
-def stress_rate(stress: Array, gradient: Array, material: InertialElasticMaterial) -> Array:
+def stress_rate(stress: Array, gradient: Array, material: MuI) -> Array:
     """Time derivative of the stress of a dense point (eqs 2.8, 2.9, 2.15).
 
     The rate is ``dsigma/dt = W sigma - sigma W + C:D - G gp s/tau``: with the deviator s,
@@ -171,7 +155,7 @@ def _invariants(stress: Array) -> tuple[Array, Array, Array]:
 
 
 def reference(
-    material: InertialElasticMaterial,
+    material: MuI,
     p0: float,
     times: ArrayLike,
     log_density0: float | None = None,
@@ -190,8 +174,8 @@ def reference(
 
     Parameters
     ----------
-    material
-        Object with ``mu_s``, ``mu_2``, ``xi``, ``K``, ``G``.
+    material : MuI
+        Or any object with ``mu_s``, ``mu_2``, ``xi``, ``K``, ``G``.
     p0 : float
         Initial isotropic pressure [Pa]; 0 for a stress-free start.
     times : array_like, shape (nt,)
@@ -271,7 +255,7 @@ def _time_arrays(times: ArrayLike, breakpoints: Sequence[float]) -> tuple[Array,
     return times, np.append(kept, times[-1])
 
 
-def _start(material: InertialElasticMaterial, p0: float, log_density0: float | None) -> float:
+def _start(material: MuI, p0: float, log_density0: float | None) -> float:
     """Initial ln(rho/rho_c), consistent with the pressure."""
     non_negative("p0", p0)
     if log_density0 is None:
@@ -333,14 +317,9 @@ class _DensityHistory:
 
     def events(self) -> tuple[Event, ...]:
         """Times at which the density passes through rho_c, and the kind of each passage."""
-        times = self.crossings(0.0)
-        dense = [float(self(self._edges[0])) > 0]
-        for _ in times:
-            dense.append(not dense[-1])
-        return tuple(
-            Event(t, "disconnect" if was else "reconnect")
-            for t, was in zip(times, dense[:-1], strict=True)
-        )
+        kinds = ("reconnect", "disconnect")
+        dense = float(self(self._edges[0])) > 0
+        return tuple(map(Event, self.crossings(0.0), cycle(kinds[::-1] if dense else kinds)))
 
     def pieces(self, levels: Sequence[float]) -> list[tuple[float, float]]:
         """Intervals in which L is smooth and ln(rho/rho_c) on one side of every level."""
@@ -356,7 +335,7 @@ def _one_sided(gradient: VelocityGradient, a: float, b: float) -> Callable[[floa
     return lambda t: np.asarray(gradient(min(max(t, first), last)), dtype=float)
 
 
-def _stiff_pressure(material: InertialElasticMaterial, duration: float) -> float:
+def _stiff_pressure(material: MuI, duration: float) -> float:
     """Pressure [Pa] below which the flow rule relaxes more than 1e4 times in `duration`.
 
     The relaxation rate of tau just above yield is ``xi G/(sqrt(p) (mu_2 - mu_s))``.
@@ -367,7 +346,7 @@ def _stiff_pressure(material: InertialElasticMaterial, duration: float) -> float
 
 def _integrate(
     smooth: Callable[[float], Array],
-    material: InertialElasticMaterial,
+    material: MuI,
     span: tuple[float, float],
     stress: Array,
     times: Array,
@@ -393,9 +372,7 @@ def _integrate(
     return values[:-1], values[-1]
 
 
-def _contact_step(
-    stress: Array, gradient: Array, step: float, material: InertialElasticMaterial
-) -> Array:
+def _contact_step(stress: Array, gradient: Array, step: float, material: MuI) -> Array:
     """One implicit step of the law (eqs 3.10-3.16), for the instant of contact.
 
     In the limit p -> 0 the rate law determines no direction of stress, and a start from zero stress

@@ -12,23 +12,20 @@ last term is negligible: any multiple of a solution g is a solution, and mu_w is
 which one exists.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 from scipy.linalg import solve_banded
 from scipy.optimize import brentq
 
 from granular.checks import integer, one_of, positive
-from granular.theory.chute import NonlocalMaterial
+from granular.materials import NGF
+from granular.theory.incline import Array
 from granular.theory.stopping import fluidity_growth
-
-Array = NDArray[np.float64]
 
 WALLS = ("rough", "smooth")
 """Boundary conditions of the fluidity at the cylinders: g = 0 (rough) or dg/dr = 0 (smooth)."""
@@ -65,7 +62,7 @@ class CouetteFlow:
     error: float
 
 
-def couette_decay_length(mu: ArrayLike, material: NonlocalMaterial) -> Array:
+def couette_decay_length(mu: ArrayLike, material: NGF) -> Array:
     """Length over which the fluidity falls by a factor e where mu < mu_s.
 
     It is ``A d/sqrt(-lambda(mu))``. Far from the inner cylinder mu tends to 0 and the length to
@@ -76,8 +73,8 @@ def couette_decay_length(mu: ArrayLike, material: NonlocalMaterial) -> Array:
     ----------
     mu : array_like
         Friction coefficient, any shape, >= 0.
-    material : NonlocalMaterial
-        Object with ``mu_s``, ``mu_2`` (may be infinite), ``A``, ``d``.
+    material : NGF
+        Or any object with ``mu_s``, ``mu_2`` (may be infinite), ``A``, ``d``.
 
     Returns
     -------
@@ -100,7 +97,7 @@ def couette_decay_length(mu: ArrayLike, material: NonlocalMaterial) -> Array:
 def couette_quasi_static(
     inner: float,
     outer: float,
-    material: NonlocalMaterial,
+    material: NGF,
     *,
     rate: float = 1.0,
     walls: str = "rough",
@@ -118,8 +115,8 @@ def couette_quasi_static(
     ----------
     inner, outer : float
         Radii R_i < R_o [m].
-    material : NonlocalMaterial
-        Object with ``mu_s``, ``mu_2`` (may be infinite), ``A`` > 0, ``d``.
+    material : NGF
+        Or any object with ``mu_s``, ``mu_2`` (may be infinite), ``A`` > 0, ``d``.
     rate : float
         Angular velocity of the inner cylinder [rad/s], which sets the scale of `g`.
     walls : {"rough", "smooth"}
@@ -149,7 +146,7 @@ def couette_quasi_static(
 def couette_flow(
     inner: float,
     outer: float,
-    material: NonlocalMaterial,
+    material: NGF,
     *,
     rate: float,
     pressure: float,
@@ -165,7 +162,7 @@ def couette_flow(
     ----------
     inner, outer, walls, points
         As in `couette_quasi_static`.
-    material : NonlocalMaterial
+    material : NGF
         As in `couette_quasi_static`, with ``rho_s`` and ``b`` in addition.
     rate : float
         Angular velocity of the inner cylinder [rad/s].
@@ -194,9 +191,7 @@ def couette_flow(
 class _Gap:
     """The annulus on a grid that is uniform in ln r."""
 
-    def __init__(
-        self, inner: float, outer: float, material: NonlocalMaterial, walls: str, points: int
-    ) -> None:
+    def __init__(self, inner: float, outer: float, material: NGF, walls: str, points: int) -> None:
         inner, m = positive("inner", inner), material
         if positive("outer", outer) <= inner:
             raise ValueError(f"outer = {outer} must exceed inner = {inner}")

@@ -5,33 +5,20 @@ with the modulus M = K + 4G/3. The force per unit area of the undeformed section
 P = M e exp(-e).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import lambertw
 
 from granular.checks import finite, integer, one_of, positive
+from granular.materials import Material
 
 Array = NDArray[np.float64]
 
 _MOST_STRAIN = 1.0
 """ln(lambda) below which P grows with lambda, so that waves propagate."""
-
-
-class ElasticMaterial(Protocol):
-    """Attributes of a material that the closed forms need; rho_c [kg/m3] is the density at rest."""
-
-    @property
-    def K(self) -> float: ...
-    @property
-    def G(self) -> float: ...
-    @property
-    def rho_c(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -83,7 +70,7 @@ class StandingWave:
 
 
 def hencky_column(
-    reference_height: ArrayLike, height0: float, material: ElasticMaterial, gravity: float = 9.81
+    reference_height: ArrayLike, height0: float, material: Material, gravity: float = 9.81
 ) -> HenckyColumn:
     """Exact solution of a column between free-slip walls under its own weight.
 
@@ -98,8 +85,8 @@ def hencky_column(
         Heights Y without gravity [m], any shape, within [0, height0].
     height0 : float
         Height of the column without gravity [m].
-    material : ElasticMaterial
-        Object with ``K``, ``G``, ``rho_c``.
+    material : Material
+        Or any object with ``K``, ``G``, ``rho_c``.
     gravity : float
         Magnitude of gravity [m/s2].
 
@@ -113,11 +100,8 @@ def hencky_column(
         If an argument is out of range.
     """
     Y = np.asarray(reference_height, dtype=float)
-    height0, K, G = (
-        positive("height0", height0),
-        positive("K", material.K),
-        positive("G", material.G),
-    )
+    height0 = positive("height0", height0)
+    K, G = positive("K", material.K), positive("G", material.G)
     if not np.all((height0 >= Y) & (Y >= 0)):
         raise ValueError(f"reference_height = {Y} must be in [0, {height0}]")
     M = K + 4 * G / 3
@@ -144,7 +128,7 @@ def standing_wave(
     t: ArrayLike,
     length: float,
     amplitude: float,
-    material: ElasticMaterial,
+    material: Material,
     *,
     ends: str = "fixed-free",
     mode: int = 1,
@@ -164,8 +148,8 @@ def standing_wave(
         Present length of the bar [m].
     amplitude : float
         Largest displacement [m], at t = 0.
-    material : ElasticMaterial
-        Object with ``K``, ``G``, ``rho_c``.
+    material : Material
+        Or any object with ``K``, ``G``, ``rho_c``.
     ends : {"fixed-free", "fixed-fixed"}
         Condition at the first end and at the other end.
     mode : int

@@ -4,18 +4,16 @@ Axes as in Dunatunga & Kamrin 2015, figure 8: x down the slope, y normal to it, 
 rough base, y = height at the free surface.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.linalg import solve_banded
 
 from granular.checks import in_range, integer, non_negative, positive
+from granular.materials import MuI
 
 Array = NDArray[np.float64]
 
@@ -35,24 +33,11 @@ _LOW_2 = (0.5 - _NODES[0]) / (_NODES[1] - _NODES[0])
 _ERROR_WEIGHTS = (_STAGES[2][0] - (1 - _LOW_2), _STAGES[2][1] - _LOW_2, _DIAGONAL)
 
 
-class InertialMaterial(Protocol):
-    """Attributes of a material with the mu(I) law that the incline needs."""
-
-    @property
-    def mu_s(self) -> float: ...
-    @property
-    def mu_2(self) -> float: ...
-    @property
-    def xi(self) -> float: ...
-    @property
-    def rho_c(self) -> float: ...
-
-
 def bagnold_profile(
     y: ArrayLike,
     angle_deg: float,
     height: float,
-    material: InertialMaterial,
+    material: MuI,
     gravity: float = 9.8,
 ) -> Array:
     """Steady velocity down a rough incline (Dunatunga & Kamrin 2015, eq. 4.6).
@@ -68,8 +53,8 @@ def bagnold_profile(
         Inclination [degrees].
     height : float
         Thickness of the layer, normal to the base [m].
-    material
-        Object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)] and ``rho_c`` [kg/m3].
+    material : MuI
+        Or any object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)] and ``rho_c`` [kg/m3].
     gravity : float
         Magnitude of gravity [m/s2].
 
@@ -114,9 +99,7 @@ def relative_depth(y: ArrayLike, height: float) -> Array:
     return np.clip(1 - y / height, 0.0, 1.0)
 
 
-def bagnold_mean(
-    angle_deg: float, height: float, material: InertialMaterial, gravity: float = 9.8
-) -> float:
+def bagnold_mean(angle_deg: float, height: float, material: MuI, gravity: float = 9.8) -> float:
     """Depth-averaged steady velocity [m/s] (Dunatunga & Kamrin 2015, eq. 4.7).
 
     ``vbar = (2/5) xi A sqrt(rho g cos t) h^1.5`` is the mean of `bagnold_profile` over the height;
@@ -126,7 +109,7 @@ def bagnold_mean(
     return 0.4 * _steady_scale(angle_deg, material, gravity) * height**1.5
 
 
-def _steady_scale(angle_deg: float, material: InertialMaterial, gravity: float) -> float:
+def _steady_scale(angle_deg: float, material: MuI, gravity: float) -> float:
     """xi A sqrt(rho g cos t): the shear rate at unit depth [1/(s sqrt(m))]."""
     angle = _angle(angle_deg)
     positive("gravity", gravity)
@@ -179,7 +162,7 @@ class InclineTransient:
 def transient(
     angle_deg: float,
     height: float,
-    material: InertialMaterial,
+    material: MuI,
     times: ArrayLike,
     gravity: float = 9.8,
     ramp: float = 0.1,
@@ -238,10 +221,7 @@ def transient(
         integer("cells", cells, 2),
     )
     positive("rtol", rtol)
-    shear_rate = np.empty((times.size, cells))
-    z = np.empty((times.size, cells))
-    for k, (rate_k, z_k) in enumerate(_march(layer, times, rtol)):
-        shear_rate[k], z[k] = rate_k, z_k
+    shear_rate, z = map(np.array, zip(*_march(layer, times, rtol), strict=True))
     v = layer.velocity(shear_rate)
     return InclineTransient(
         y=np.linspace(0.0, height, cells + 1),
@@ -276,7 +256,7 @@ class _Layer:
         self,
         angle: float,
         height: float,
-        material: InertialMaterial,
+        material: MuI,
         gravity: float,
         ramp: float,
         cells: int,

@@ -12,34 +12,21 @@ cannot be evaluated at that Phi_c, unless the packing fraction is shifted by the
 allows in (A11).
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from granular.checks import finite, in_range, non_negative, positive
+from granular.materials import MuI
 
 Array = NDArray[np.float64]
 
 #: Packing fraction at which the kinetic pressure diverges.
 JAMMED = 0.6
 _DENSE = 0.49  # from this packing fraction on, the radial function is that of a dense gas
-
-
-class GrainMaterial(Protocol):
-    """Attributes of a material that the estimates need."""
-
-    @property
-    def rho_s(self) -> float: ...
-    @property
-    def rho_c(self) -> float: ...
-    @property
-    def K(self) -> float: ...
 
 
 def radial_function(packing_fraction: ArrayLike) -> Array:
@@ -64,7 +51,7 @@ def _dilute(phi: Array) -> Array:
 
 
 def gas_pressure(
-    packing_fraction: ArrayLike, temperature: ArrayLike, restitution: float, material: GrainMaterial
+    packing_fraction: ArrayLike, temperature: ArrayLike, restitution: float, material: MuI
 ) -> Array:
     """Pressure [Pa] of the gas (A5), ``p = 4 rho G F T = rho (4 lambda G + 1) T``.
 
@@ -76,8 +63,8 @@ def gas_pressure(
         Phi and the granular temperature [m2/s2], broadcast together.
     restitution : float
         Effective coefficient of restitution, in [0, 1].
-    material
-        Object with ``rho_s`` [kg/m3].
+    material : MuI
+        Or any object with ``rho_s`` [kg/m3].
     """
     phi = np.asarray(packing_fraction, dtype=float)
     factor = 4 * _lambda(restitution) * radial_function(phi) + 1
@@ -136,7 +123,7 @@ def shear_pressure(
     *,
     diameter: float,
     restitution: float,
-    material: GrainMaterial,
+    material: MuI,
 ) -> Array:
     """Pressure [Pa] of steady shear at a given packing fraction (A10).
 
@@ -155,8 +142,8 @@ def shear_pressure(
         Grain diameter [m].
     restitution : float
         Effective coefficient of restitution, in [0, 1].
-    material
-        Object with ``rho_s`` [kg/m3].
+    material : MuI
+        Or any object with ``rho_s`` [kg/m3].
     """
     phi = np.asarray(packing_fraction, dtype=float)
     factor = phi * (4 * _lambda(restitution) * radial_function(phi) + 1)
@@ -260,7 +247,7 @@ def compression_pressure(
     *,
     diameter: float,
     restitution: float,
-    material: GrainMaterial,
+    material: MuI,
 ) -> Array:
     """Pressure [Pa] of the gas at the bound of `compression_temperature` (A23)."""
     temperature = compression_temperature(
@@ -294,7 +281,7 @@ def coupled_shear(
     *,
     diameter: float,
     restitution: float,
-    material: GrainMaterial,
+    material: MuI,
     offset: float = 0.0,
 ) -> CoupledShear:
     """Pressure of sheared *elastic* grains at a given packing fraction (A11, A12).
@@ -311,8 +298,8 @@ def coupled_shear(
         Shear rate [1/s], >= 0.
     diameter, restitution
         As in `shear_pressure`.
-    material
-        Object with ``rho_s``, ``rho_c``, ``K``.
+    material : MuI
+        Or any object with ``rho_s``, ``rho_c``, ``K``.
     offset : float
         The delta of the text. With ``0.6 - Phi_c`` the flowing volume jams at Phi_c.
     """

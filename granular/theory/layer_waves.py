@@ -6,11 +6,8 @@ al. 2015 analyse the incompressible law locally, where the shortest waves decide
 finite length, and the layer has a depth, boundaries and a compressibility.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,21 +15,12 @@ from scipy.linalg import eigvals
 from scipy.optimize import fsolve
 
 from granular.checks import integer, positive
-from granular.theory.constitutive import InertialElasticMaterial, stress_rate
-from granular.theory.incline import InertialMaterial
-
-Array = NDArray[np.float64]
+from granular.materials import MuI
+from granular.theory.constitutive import Array, stress_rate
 
 _XX, _YY, _XY = 0, 1, 3
 _STEP = 1e-6
 """Relative step of the finite differences that linearise the law."""
-
-
-class LayerMaterial(InertialElasticMaterial, InertialMaterial, Protocol):
-    """Attributes of a material that waves in a layer need."""
-
-    @property
-    def wave_speed(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -54,7 +42,7 @@ class LayerWaves:
 def layer_waves(
     angle_deg: float,
     height: float,
-    material: LayerMaterial,
+    material: MuI,
     wavelength: float,
     gravity: float = 9.8,
     cells: int = 60,
@@ -71,9 +59,9 @@ def layer_waves(
         Inclination [degrees], between atan(mu_s) and atan(mu_2).
     height, wavelength : float
         Thickness of the layer and length of the wave [m].
-    material
-        Object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)], ``rho_c`` [kg/m3], ``K``, ``G`` [Pa]
-        and ``wave_speed`` [m/s].
+    material : MuI
+        Or any object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)], ``rho_c`` [kg/m3], ``K``,
+        ``G`` [Pa] and ``wave_speed`` [m/s].
     gravity : float
         Magnitude of gravity [m/s2].
     cells : int
@@ -101,7 +89,7 @@ def layer_waves(
     return LayerWaves(growth=s.real, frequency=-s.imag / (2 * math.pi))
 
 
-def _steady(p: float, slope: float, material: LayerMaterial) -> tuple[Array, float]:
+def _steady(p: float, slope: float, material: MuI) -> tuple[Array, float]:
     """Stress [Pa] and shear rate [1/s] of the steady flow under the normal stress `p`.
 
     The Jaumann rate causes small differences between the normal stresses, so that only sigma_yy is
@@ -120,7 +108,7 @@ def _steady(p: float, slope: float, material: LayerMaterial) -> tuple[Array, flo
     return stress(q), float(q[2]) * plain
 
 
-def _linear(stress: Array, shear: float, p: float, material: LayerMaterial) -> tuple[Array, Array]:
+def _linear(stress: Array, shear: float, p: float, material: MuI) -> tuple[Array, Array]:
     """Derivatives of the stress rate by stress, (4, 4), and by velocity gradient, (4, 2, 2)."""
     L = np.array([[0.0, shear], [0.0, 0.0]])
     by_stress, by_gradient = np.empty((4, 4)), np.empty((4, 2, 2))
@@ -139,7 +127,7 @@ def _linear(stress: Array, shear: float, p: float, material: LayerMaterial) -> t
 
 
 def _system(
-    slope: float, g: float, height: float, material: LayerMaterial, k: float, n: int
+    slope: float, g: float, height: float, material: MuI, k: float, n: int
 ) -> NDArray[np.complex128]:
     """Matrix of the linear system of time derivatives.
 

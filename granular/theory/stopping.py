@@ -10,17 +10,13 @@ is cos(pi z/2H). It grows at the rate (lambda - (pi A d/2H)^2)/t0, which is posi
 H > H_stop.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.checks import non_negative, positive
-from granular.theory.incline import relative_depth
-
-Array = NDArray[np.float64]
+from granular.theory.incline import Array, relative_depth
 
 
 def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2: float) -> Array:

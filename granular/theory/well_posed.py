@@ -17,8 +17,6 @@ a^2 + b^2 = 1 and q = mu (1 - r/2). This rate grows without bound as the wave ge
 The material enters only by mu_s and mu_2, and the flow only by I/I0.
 """
 
-from __future__ import annotations
-
 import math
 from typing import overload
 

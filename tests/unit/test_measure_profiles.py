@@ -122,7 +122,8 @@ def test_bad_profiles_are_refused():
         profile(flow, "p", weight="count")
 
 
-def test_every_public_name_is_there():
+def test_every_public_name_has_a_docstring():
     for module in (measure, measure.silo_clogging, measure.soil_tools):
-        for name in module.__all__:
-            assert isinstance(getattr(module, name).__doc__, str)
+        for name, value in vars(module).items():
+            if getattr(value, "__module__", "").startswith("granular.measure") and name[0] != "_":
+                assert isinstance(value.__doc__, str)

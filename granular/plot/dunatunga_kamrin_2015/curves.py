@@ -3,8 +3,6 @@
 The functions take results and simulate nothing; the runs are in `benchmarks/figures`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,16 +19,6 @@ from granular.materials import MuI
 from granular.measure.stress import friction_of
 from granular.plot.canvas import Picture
 from granular.state import State
-
-__all__ = [
-    "ConstitutivePath",
-    "InclineFlow",
-    "figure_3",
-    "figure_5",
-    "figure_9",
-    "figure_10",
-    "figure_13",
-]
 
 Array = NDArray[np.float64]
 

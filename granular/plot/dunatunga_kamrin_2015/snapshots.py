@@ -3,8 +3,6 @@
 The functions take states and simulate nothing; the runs are in `benchmarks/figures`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, cast
@@ -20,8 +18,6 @@ from granular.plot.fields import Brush
 from granular.plot.frame import draw
 from granular.plot.mosaic import Panel, mosaic
 from granular.state import State
-
-__all__ = ["figure_2", "figure_4", "figure_6", "figure_7", "figure_11"]
 
 States = Sequence[State]
 
@@ -201,31 +197,28 @@ def figure_7(
     one_of("by", by, ("nodal_density", "stress"))
     if by == "stress":
         return _hourglasses(flat, sloped, Brush.fitted([], "dense"))
-    phase = [
-        [measure.phase(state, tolerance=tolerance).astype(float) for state in states]
-        for states in (flat, sloped)
-    ]
+    phase = [measure.phase(state, tolerance=tolerance).astype(float) for state in (*flat, *sloped)]
     return _hourglasses(flat, sloped, Brush.fitted([], "phase"), phase)
 
 
 def _hourglasses(
-    flat: States, sloped: States, brush: Brush, values: Sequence[Sequence[Any]] | None = None
+    flat: States, sloped: States, brush: Brush, values: Sequence[Any] | None = None
 ) -> Picture:
-    """Draw the flat hourglass in two rows, and the sloped one in the row below."""
+    """Draw the flat hourglass in two rows, and the sloped one in the row below.
+
+    `values` replace the field of the brush, state by state.
+    """
     count = _rectangular("(flat, sloped)", (flat, sloped))
     half = (count + 1) // 2
     groups = [flat[:half], flat[half:], sloped] if count > 1 else [flat, sloped]
     wide, narrow = View(2).extent(flat), View(2).extent(sloped)
     shapes = [[Panel(narrow if group is sloped else wide)] * len(group) for group in groups]
     fig, axes, (bar,) = mosaic(shapes, (len(groups),))
-    flat_axes = [ax for row in axes[:-1] for ax in row]
-    painted = [None] * count if values is None else values[0]
-    for ax, state, found in zip(flat_axes, flat, painted, strict=True):
-        _panel(ax, state, brush if found is None else brush.with_values(found), wide, _time(state))
-    painted = [None] * count if values is None else values[1]
-    for ax, state, found in zip(axes[-1], sloped, painted, strict=True):
-        painter = brush if found is None else brush.with_values(found)
-        shown = _panel(ax, state, painter, narrow, _time(state))
+    extents = [wide] * count + [narrow] * count
+    brushes = [brush] * 2 * count if values is None else map(brush.with_values, values)
+    panels = (ax for row in axes for ax in row)
+    for ax, state, painter, extent in zip(panels, (*flat, *sloped), brushes, extents, strict=True):
+        shown = _panel(ax, state, painter, extent, _time(state))
     _label(axes)
     color_bar(fig, shown, brush, cax=bar)
     return fig
