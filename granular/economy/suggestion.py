@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, overload
 
-from granular.economy.cost import cost
 from granular.economy.symmetry import mirror_half
 from granular.mpm.scene import Scene
 from granular.notebook import table
@@ -199,8 +198,3 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     if rest:
         scene = rebuilt(scene, **rest)
     return scene.replace(material=material, scheme=scheme)
-
-
-def saving(scene: Scene, changes: Mapping[str, Any]) -> float:
-    """Factor by which changes lower the cost of a scene."""
-    return cost(scene).seconds / cost(changed(scene, changes)).seconds
