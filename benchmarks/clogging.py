@@ -14,8 +14,6 @@ run to the end of its record.
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
@@ -24,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shared import machine, parser_of, write
 
 import granular as gr
 from granular.measure import GridField
@@ -447,11 +446,10 @@ def show(tables: dict[str, Any]) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="coarse and short, to see it runs")
+    parser = parser_of(__doc__, "coarse and short, to see it runs")
+    parser.set_defaults(out=OUT)
     parser.add_argument("--workers", type=int, help="processes, by default all processors")
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"of the records ({FOLDER})")
-    parser.add_argument("--out", type=Path, default=OUT, help=f"the tables as JSON ({OUT})")
     chosen = parser.parse_args(argv)
     plan = QUICK if chosen.quick else Plan()
     parts: dict[str, Callable[[], Any]] = {
@@ -463,12 +461,10 @@ def main(argv: list[str] | None = None) -> None:
         "substeps": lambda: rows_of(plan.subdivided(), plan, chosen),
         "seconds": lambda: seconds(tables),
     }
-    tables: dict[str, Any] = {"machine": platform.machine(), "build": gr.show_config()}
-    tables["paper"] = PAPER
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    tables: dict[str, Any] = machine() | {"paper": PAPER}
     for name, part in parts.items():
         tables[name] = part()
-        chosen.out.write_text(json.dumps(plain(tables), indent=1, default=str) + "\n")
+        write(chosen.out, plain(tables))
     show(tables)
 
 

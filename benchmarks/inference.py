@@ -11,8 +11,6 @@ in the arrays is 0.3, so that with noise the friction limits are active.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 import time
@@ -25,6 +23,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
 import numpy as np
 from matplotlib.axes import Axes
+from shared import parser_of, write
 
 from granular.grain_scale import inference
 from granular.grain_scale.inference import InferenceWarning
@@ -126,9 +125,8 @@ def _points(
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small packings, to see it runs")
-    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser = parser_of(__doc__, "small packings, to see it runs")
+    parser.set_defaults(out=RESULTS)
     parser.add_argument("--figure", type=Path, default=FIGURE)
     chosen = parser.parse_args(argv)
     warnings.simplefilter("ignore", InferenceWarning)
@@ -136,7 +134,7 @@ def main(argv: list[str] | None = None) -> None:
     table = [] if chosen.quick else rows("58 discs", grains.pressed_discs()[0], 0.5, repeat)
     for shape in QUICK if chosen.quick else LATTICES:
         table += rows("x".join(map(str, shape)), grains.jittered_grid(shape), 0.3, repeat)
-    chosen.out.write_text(json.dumps(table, indent=1) + "\n")
+    write(chosen.out, table)
     chart(table).savefig(chosen.figure, dpi=110)
 
 

@@ -9,7 +9,6 @@ docs/sph_examples.md has them.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import time
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
+from shared import parser_of, rounded
 
 import granular as gr
 from granular import sph
@@ -35,6 +35,8 @@ ANGLES = (12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 33.0)
 STUDY = {"aspect": 0.65, "length": 0.2, "reach": 0.8}
 FRICTIONS = ((0.74, 0.335), (0.87, 0.364), (0.625, 0.305))
 QUANTILE = 0.99
+DIGITS = 5
+"""Number of digits of the results in the table."""
 
 Case = tuple[str, dict[str, Any]]
 
@@ -347,29 +349,19 @@ def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def rounded(value: Any) -> Any:
-    """Value with its numbers rounded to five digits."""
-    if isinstance(value, dict):
-        return {name: rounded(v) for name, v in value.items()}
-    if isinstance(value, list):
-        return [rounded(v) for v in value]
-    return float(f"{value:.5g}") if isinstance(value, float) else value
-
-
 def write(rows: list[dict[str, Any]], out: Path) -> None:
     """The table with its evaluation, as JSON with one row per line."""
     lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
     rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
-    text = json.dumps(rounded(rest), indent=1, allow_nan=False)[2:]
+    text = json.dumps(rounded(rest, DIGITS), indent=1, allow_nan=False)[2:]
     out.write_text(f'{{"rows": [\n{lines}\n],\n{text}\n')
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a few small cases, to see it runs")
+    parser = parser_of(__doc__, "a few small cases, to see it runs")
+    parser.set_defaults(out=RESULTS / "sph_examples.json")
     parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=RESULTS / "sph_examples.json")
     chosen = parser.parse_args(argv)
     table = json.loads(chosen.out.read_text()) if chosen.out.exists() else {"rows": []}
     rows = table["rows"]
@@ -378,9 +370,9 @@ def main(argv: list[str] | None = None) -> None:
         case = json.dumps([kind, keywords], sort_keys=True)
         if case in held or chosen.only not in (None, kind):
             continue
-        found = RUNS[kind](chosen.threads, **keywords)
-        rows.append({"case": [kind, keywords], "kind": kind} | keywords | rounded(found))
-        print(kind, keywords, rounded(found), flush=True)
+        found = rounded(RUNS[kind](chosen.threads, **keywords), DIGITS)
+        rows.append({"case": [kind, keywords], "kind": kind} | keywords | found)
+        print(kind, keywords, found, flush=True)
         write(rows, chosen.out)
     write(rows, chosen.out)
 
