@@ -27,6 +27,7 @@ from shared import machine, parser_of, write
 import granular as gr
 from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
+from granular.sweeping import Sweep
 
 OUT = Path("benchmarks/results/clogging.json")
 FOLDER = Path("build/clogging")
@@ -326,20 +327,21 @@ def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
     return found.x, found.velocity
 
 
+def swept(
+    scenes: dict[Key, gr.Scene], measure: Callable, every: float, chosen: argparse.Namespace
+) -> Sweep:
+    """Measurements of the records of all scenes; cases without a finished record are run."""
+    runs = {"folder": chosen.folder, "every": every, "workers": chosen.workers}
+    return gr.sweep(scenes, measure=measure, strict=True, **runs)
+
+
 def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
     """Velocity slices of coarse and refined silos with equal free parts, averaged over packings.
 
     For each height: the largest difference of the two means, divided by the peak of the coarse one,
     its standard error there, and the smallest and largest such difference of single packings.
     """
-    results = gr.sweep(
-        plan.packed(),
-        measure=slices,
-        folder=chosen.folder,
-        every=1 / 240,
-        workers=chosen.workers,
-        strict=True,
-    )
+    results = swept(plan.packed(), slices, 1 / 240, chosen)
     of = {key[2:]: found for key, found in zip(results.keys, results, strict=True)}
     x, _ = of["coarse", 0]
 
@@ -372,15 +374,8 @@ def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
 def rows_of(
     scenes: dict[Key, gr.Scene], plan: Plan, chosen: argparse.Namespace
 ) -> list[dict[str, Any]]:
-    """Numbers of each case; cases without a finished record are run."""
-    results = gr.sweep(
-        scenes,
-        measure=numbers,
-        folder=chosen.folder,
-        every=plan.every,
-        workers=chosen.workers,
-        strict=True,
-    )
+    """Numbers of each case."""
+    results = swept(scenes, numbers, plan.every, chosen)
     return [
         {"scheme": key[0], "case": list(key[1:])} | row
         for key, row in zip(results.keys, results, strict=True)

@@ -99,17 +99,23 @@ def watched(scene: sph.Scene, threads: int, every: float, look: Callable[[gr.Sta
     begin = time.process_time()
     simulation = gr.Simulation(scene, threads=threads)
     simulation.run(every=every, hooks=(hook,))
-    row = {
-        "points": scene.n_points,
+    row = cost(simulation, begin) | {
         "wall_points": len(scene.wall_points()["wall"]),
+        "mach": simulation.health()["mach"].value,
+    }
+    return simulation, np.array(times), looks, row
+
+
+def cost(simulation: gr.Simulation, begin: float) -> dict[str, float]:
+    """Size of a run, its processor time since `begin`, and the particles that it has lost."""
+    return {
+        "points": simulation.scene.n_points,
         "steps": simulation.steps,
         "dt": simulation.dt,
         "core_seconds": time.process_time() - begin,
         "dropped": simulation.counts["dropped"],
         "stopped": simulation.counts["stopped"],
-        "mach": simulation.health()["mach"].value,
     }
-    return simulation, np.array(times), looks, row
 
 
 def choices(creeping: bool, cfl: float) -> tuple[sph.Numerics, dict[str, float]]:
@@ -164,15 +170,8 @@ def at_rest(scene: sph.Scene, threads: int) -> dict[str, Any]:
     begin = time.process_time()
     simulation = gr.Simulation(scene, threads=threads)
     found = sph.run_to_rest(simulation, after=scene.parameters["settle"], interval=0.05)
-    return far(simulation.state) | {
-        "rest_at": found and found - scene.parameters["settle"],
-        "points": scene.n_points,
-        "steps": simulation.steps,
-        "dt": simulation.dt,
-        "core_seconds": time.process_time() - begin,
-        "dropped": simulation.counts["dropped"],
-        "stopped": simulation.counts["stopped"],
-    }
+    rest_at = found and found - scene.parameters["settle"]
+    return far(simulation.state) | {"rest_at": rest_at} | cost(simulation, begin)
 
 
 def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
@@ -182,14 +181,8 @@ def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
     settle = scene.parameters["settle"]
     late = [looks[int(np.searchsorted(times, settle + t - 1e-6))] for t in (0.2, 0.4, 0.8)]
     state = simulation.state
-    return (
-        row
-        | looks[-1]
-        | {
-            "L99_at": [look["L99"] for look in late],
-            "H_upper_wall": float(state.x[state.x[:, 0] < 0.05, -1].max()),
-        }
-    )
+    top = float(state.x[state.x[:, 0] < 0.05, -1].max())
+    return row | looks[-1] | {"L99_at": [look["L99"] for look in late], "H_upper_wall": top}
 
 
 def layer(threads: int, angle_deg: float, dilation: float, duration: float) -> dict[str, Any]:
@@ -256,17 +249,8 @@ def cases() -> Iterator[Case]:
     for side_walls, width in ((False, 0.04), (True, 0.1)):
         for angle, reach in SLOPES.items():
             for dilation in BETAS:
-                yield (
-                    "inclined",
-                    {
-                        "angle_deg": angle,
-                        "side_walls": side_walls,
-                        "width": width,
-                        "dilation": dilation,
-                        "reach": reach,
-                        "duration": 0.9,
-                    },
-                )
+                of = {"angle_deg": angle, "side_walls": side_walls, "width": width}
+                yield "inclined", of | {"dilation": dilation, "reach": reach, "duration": 0.9}
 
 
 CREEPING = {"creeping": True, "cfl": 0.25}
