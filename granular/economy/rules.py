@@ -24,8 +24,6 @@ from granular.mpm.schemes import ParticleDensity, Scheme, default
 from granular.theory.stopping import stopping_height
 from granular.theory.well_posed import scaled_inertial_number_of_slope
 
-__all__ = ["suggest"]
-
 NONLOCAL_AMPLITUDE = (0.48, 0.9)
 """A of the nonlocal law for glass beads; the grain size has an effect over lengths of A d."""
 

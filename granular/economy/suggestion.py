@@ -14,8 +14,6 @@ from granular.mpm.scene import Scene
 from granular.notebook import table
 from granular.scenes import names, registry
 
-__all__ = ["Suggestion", "Suggestions", "apply", "rebuilt", "scene_function"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Suggestion:

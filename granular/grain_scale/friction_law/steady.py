@@ -16,8 +16,6 @@ from granular.grain_scale.dem import Grains
 from granular.grain_scale.friction_law.contacts import Sample, sample
 from granular.measure.stress import friction_of, pressure
 
-__all__ = ["SteadyShear", "average", "steady_shear"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyShear:

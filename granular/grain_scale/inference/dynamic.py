@@ -15,8 +15,6 @@ from granular.grain_scale.inference.problem import Problem, dynamic_problem
 from granular.grain_scale.inference.result import Inference, report
 from granular.grain_scale.inference.solvers import solve
 
-__all__ = ["WEIGHTS", "ParetoFront", "infer_dynamic", "knee_of", "pareto_front"]
-
 Array = NDArray[np.float64]
 
 WEIGHTS = tuple(np.logspace(-3, 3, 13).tolist())

@@ -9,8 +9,6 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from granular.grain_scale.inference.problem import Problem
 
-__all__ = ["determined", "least_squares"]
-
 Array = NDArray[np.float64]
 
 SMALL = 1e-6

@@ -14,16 +14,6 @@ from scipy.sparse import coo_array, csr_array
 
 from granular.grain_scale.inference.packing import OUTSIDE, Packing
 
-__all__ = [
-    "admissibility_matrix",
-    "contact_frames",
-    "equilibrium_matrix",
-    "friction_of_contacts",
-    "momentum_vector",
-    "stress_matrix",
-    "stress_vector",
-]
-
 Array = NDArray[np.float64]
 
 MOMENTS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}

@@ -31,8 +31,6 @@ from granular.grain_scale.inference.matrices import (
 )
 from granular.grain_scale.inference.packing import Packing
 
-__all__ = ["Problem", "dynamic_problem", "listed", "static_problem"]
-
 Array = NDArray[np.float64]
 
 

@@ -12,8 +12,6 @@ from granular.grain_scale.inference.linear import determined
 from granular.grain_scale.inference.packing import Packing
 from granular.grain_scale.inference.problem import Problem, listed
 
-__all__ = ["Flag", "Inference", "InferenceWarning", "report"]
-
 Array = NDArray[np.float64]
 
 CARRIED = 0.5

@@ -15,8 +15,6 @@ from granular.grain_scale.inference.linear import least_squares
 from granular.grain_scale.inference.matrices import rows_of
 from granular.grain_scale.inference.problem import Problem, listed
 
-__all__ = ["SOLVERS", "InferenceError", "solve"]
-
 Array = NDArray[np.float64]
 
 ADMISSIBLE = 1e-9
