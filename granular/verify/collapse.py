@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from granular import materials, measure, scenes
-from granular.mpm import schemes
 from granular.simulation import Simulation
 from granular.state import State
 from granular.theory import RUNOUT_LAWS
+from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds, within
+from granular.verify.silo import mass_is_exact
 
 ASPECTS = (0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 """Height over half-width. The values cover both regimes of the paper, which meet at 2.83."""
@@ -24,20 +25,12 @@ REPOSE = math.degrees(math.atan(materials.glass_beads.mu_s))
 KINK = 2.83
 """Aspect ratio at which the two regimes of the paper meet."""
 
-PUBLISHED = schemes.dunatunga_kamrin_2015.replace(dt=None)
-
 
 def collapse(aspect: float, E: float, *, until: float = 2.0, **parameters: Any) -> Simulation:
     """Run a column; keywords as in `granular.scenes.column_collapse`."""
     material = materials.glass_beads.replace(E=E)
     scene = scenes.column_collapse(aspect=aspect, material=material, duration=until, **parameters)
     return Simulation(scene, threads=1).run()
-
-
-def mass_is_exact(state: State) -> bool:
-    """True if all points of a closed scene are present with exactly their initial mass."""
-    start = Simulation(state.scene, threads=1).state
-    return np.array_equal(state.id, start.id) and np.array_equal(state.mass, start.mass)
 
 
 def slopes(state: State, name: str) -> Iterator[Row]:
@@ -97,7 +90,6 @@ def collapse_runout() -> Iterator[Row]:
 @check(slow=True)
 def collapse_causes() -> Iterator[Row]:
     """Sensitivity of the run-out of `published`, a = 1: stiffness, seeding, cells, transfer."""
-    apic = PUBLISHED.replace(transfer="apic")
     cases: dict[str, tuple[float, dict[str, Any]]] = {
         "E = 1e6": (1e6, {}),
         "E = 1e7": (1e7, {}),
@@ -110,7 +102,7 @@ def collapse_causes() -> Iterator[Row]:
         "cells of 0.00625 m": (1e7, {"cell": 0.00625}),
         "uGIMP": (1e7, {"scheme": PUBLISHED.replace(basis="ugimp")}),
         "quadratic": (1e7, {"scheme": PUBLISHED.replace(basis="quadratic")}),
-        "APIC": (1e7, {"scheme": apic}),
+        "APIC": (1e7, {"scheme": PUBLISHED.replace(transfer="apic")}),
         "FLIP decaying at 20/s": (1e7, {"scheme": PUBLISHED.replace(flip_decay=20.0)}),
     }
     for name, (E, changes) in cases.items():
