@@ -10,7 +10,6 @@ import numpy as np
 
 from granular import materials, measure, scenes
 from granular.simulation import Simulation
-from granular.state import State
 from granular.theory import RUNOUT_LAWS
 from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds, within
@@ -33,20 +32,9 @@ def collapse(aspect: float, E: float, *, until: float = 2.0, **parameters: Any) 
     return Simulation(scene, threads=1).run()
 
 
-def slopes(state: State, name: str) -> Iterator[Row]:
-    """Rows of the mean and the largest slope of a heap at rest."""
-    repose = measure.repose_angle(state)
-    yield at_most(f"mean slope [deg], {name}", repose.mean_deg, 20.9)
-    yield at_most(f"largest slope over 5 columns [deg], {name}", repose.largest_deg, 21.9)
-
-
 def three(runout: measure.Runout) -> str:
     """Run-outs by mass quantile, by toe and by contiguous columns, as text."""
     return f"{runout.quantile:.2f} {runout.toe:.2f} {runout.contiguous:.2f}"
-
-
-def _exponent(aspects: list[float], values: list[float]) -> float:
-    return float(np.polyfit(np.log(aspects), np.log(values), 1)[0])
 
 
 @check()
@@ -81,8 +69,9 @@ def collapse_runout() -> Iterator[Row]:
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
         off = runout.quantile / paper - 1
         yield beside(f"run-outs, a = {aspect:g}", three(runout), f"{paper:.2f}, {off:+.0%}")
-    low = _exponent([a for a in ASPECTS if a < KINK], found[: sum(a < KINK for a in ASPECTS)])
-    high = _exponent([a for a in ASPECTS if a > KINK], found[sum(a < KINK for a in ASPECTS) :])
+    a, runouts = np.log([ASPECTS, found])
+    flat = np.array(ASPECTS) < KINK
+    low, high = (float(np.polyfit(a[part], runouts[part], 1)[0]) for part in (flat, ~flat))
     yield within("exponent above a = 2.83", high, 0.7, 0.1)
     yield at_least("exponent below, over that above: two regimes", low / high, 1.2)
 
@@ -115,7 +104,10 @@ def collapse_slopes() -> Iterator[Row]:
     """Slopes of the default scheme at rest, cells of 0.00625 m, E = 1e6 Pa, 2 s."""
     for aspect in (0.5, 1.0, 2.0):
         state = collapse(aspect, 1e6, cell=0.00625).state
-        yield from slopes(state, f"a = {aspect:g}")
+        repose = measure.repose_angle(state)
+        yield at_most(f"mean slope [deg], a = {aspect:g}", repose.mean_deg, 20.9)
+        text = f"largest slope over 5 columns [deg], a = {aspect:g}"
+        yield at_most(text, repose.largest_deg, 21.9)
         share, runout = measure.disconnected_fraction(state), measure.runout(state)
         yield beside(f"stress-free in the bulk, a = {aspect:g}", f"{share:.4f}", "reported")
         yield beside(f"run-outs, a = {aspect:g}, default", three(runout), f"{2.28 * aspect:.2f}")

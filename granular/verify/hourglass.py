@@ -131,16 +131,11 @@ def creep_slope(state: State) -> tuple[float, float]:
     field = np.stack([np.ones(layer.sum()), along - along.mean(), -depth[layer]], axis=1)
     _, D_xx, v_x_y = np.linalg.lstsq(field, state.v[layer] @ down, rcond=None)[0]
     _, v_y_x, D_yy = np.linalg.lstsq(field, state.v[layer] @ out, rcond=None)[0]
-    mu = _friction(state.shear_rate[layer].mean(), state.p[layer].mean(), material)
+    over = state.shear_rate[layer].mean() / (material.xi * np.sqrt(state.p[layer].mean()))  # I/I0
+    mu = float(material.mu_s + (material.mu_2 - material.mu_s) * over / (1 + over))
     r = -(D_xx - D_yy) / abs(v_x_y + v_y_x)
     asked = np.arctan(mu / (np.sqrt(1 + r**2) - mu * r))
     return float(np.degrees(theta)), float(np.degrees(asked))
-
-
-def _friction(rate: float, pressure: float, material: materials.MuI) -> float:
-    """mu(I) at a shear rate [1/s] and a pressure [Pa]."""
-    over = rate / (material.xi * np.sqrt(pressure))  # I/I0
-    return float(material.mu_s + (material.mu_2 - material.mu_s) * over / (1 + over))
 
 
 def heaps(state: State, name: str, *, bound: bool) -> Iterator[Row]:
