@@ -22,7 +22,6 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
 import numpy as np
-from matplotlib.axes import Axes
 from shared import parser_of, write
 
 from granular.grain_scale import inference
@@ -99,29 +98,21 @@ def chart(table: list[dict[str, Any]]) -> Picture:
     for solver, marker in MARKERS.items():
         for dim, shade in ((2, "#1b4f8a"), (3, "#c8502d")):
             mine = [row for row in table if (row["solver"], row["dim"]) == (solver, dim)]
-            _points(left, mine, "seconds", "error", marker, shade, "")
             rough = [row for row in mine if row["stresses"] == "noisy"]
-            _points(right, rough, "grains", "seconds", marker, shade, f"{solver}, {dim}D")
+            label = f"{solver}, {dim}D"
+            for ax, points, x, y in (
+                (left, mine, "seconds", "error"),
+                (right, rough, "grains", "seconds"),
+            ):
+                if points:
+                    values = [[row[name] for row in points] for name in (x, y)]
+                    ax.plot(*values, marker, color=shade, fillstyle="none", label=label)
     left.set(xlabel="processor time [s]", ylabel="error of the forces", xscale="log", yscale="log")
     left.set_title("exact stresses below, noisy ones (10 %) above", fontsize="small")
     right.set(xlabel="grains", ylabel="processor time [s]", xscale="log", yscale="log")
     right.set_title("noisy stresses", fontsize="small")
     right.legend(fontsize="small")
     return fig
-
-
-def _points(
-    ax: Axes,
-    table: list[dict[str, Any]],
-    x: str,
-    y: str,
-    marker: str,
-    shade: str,
-    label: str,
-) -> None:
-    if table:
-        values = [[row[name] for row in table] for name in (x, y)]
-        ax.plot(*values, marker, color=shade, fillstyle="none", label=label)
 
 
 def main(argv: list[str] | None = None) -> None:

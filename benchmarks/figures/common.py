@@ -82,12 +82,13 @@ def options(
         softer = quick_E if chosen.quick else E
         chosen.E = softer if tolerance is None else PUBLISHED_E
     chosen.material = grains.replace(E=chosen.E)
+    chosen.settings = {"material": chosen.material}  # keywords of the scenes
     chosen.note = f"E = {chosen.E:g} Pa"
     if tolerance is not None:
         chosen.note = f"as suggested at {tolerance:g} for {chosen.note}"
     if "scheme" not in without:
         chosen.note = f"{chosen.scheme} scheme, {chosen.note}"
-        chosen.scheme = schemes[chosen.scheme]
+        chosen.scheme = chosen.settings["scheme"] = schemes[chosen.scheme]
     return chosen
 
 
