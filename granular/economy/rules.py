@@ -195,12 +195,8 @@ def _rounded(E: float) -> float:
     return math.ceil(round(E / unit, 6)) * unit
 
 
-def softest(scene: Scene, name: str, tolerance: float) -> float:
+def softest(error: Callable[[float], float], tolerance: float) -> float:
     """Smallest E [Pa] whose expected error is within a tolerance; nan if there is none."""
-
-    def error(E: float) -> float:
-        return bias.stiffness_error(scene, name, scene.material.replace(E=E))
-
     low, high = 1e3, 1e13
     if not error(high) <= tolerance:
         return math.nan
@@ -212,11 +208,15 @@ def softest(scene: Scene, name: str, tolerance: float) -> float:
 
 def _stiffness(asked: _Asked) -> _Advice:
     scene = asked.scene
-    own = bias.stiffness_error(scene, asked.name, scene.material)
+
+    def error(E: float) -> float:
+        return bias.stiffness_error(scene, asked.name, scene.material.replace(E=E))
+
+    own = error(scene.material.E)
     if math.isnan(own):
         reason = "What softer grains would change here has not been measured: E is kept."
         return _Advice(reason, math.nan)
-    E = softest(scene, asked.name, asked.tolerance)
+    E = softest(error, asked.tolerance)
     if math.isnan(E):
         reason = (
             f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."
@@ -228,8 +228,7 @@ def _stiffness(asked: _Asked) -> _Advice:
             f" and the tolerance asks for {E:.2g} Pa or more."
         )
         return _Advice(reason, own)
-    error = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E))
-    softer = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E / 10))
+    softer = error(E / 10)
     beyond = "not known" if not math.isfinite(softer) else f"about {softer:.2g}"
     strain = bias.pressure_strain(scene, scene.material.replace(E=E))
     reason = (
@@ -239,7 +238,7 @@ def _stiffness(asked: _Asked) -> _Advice:
     changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
         reason += " The damping of the scheme, which goes with the stiffness, is held."
-    return _Advice(reason, error, changes)
+    return _Advice(reason, error(E), changes)
 
 
 def _time_step(asked: _Asked) -> _Advice:
