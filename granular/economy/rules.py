@@ -71,7 +71,7 @@ class _Asked:
 
 
 class _Advice(NamedTuple):
-    """What a rule says: see the attributes of `Suggestion`."""
+    """Result of a rule: see the attributes of `Suggestion`."""
 
     reason: str
     error: float = 0.0
