@@ -29,18 +29,19 @@ Digests = dict[str, dict[str, str]]
 
 def unpack(commit: str | None, folder: Path) -> None:
     """The files of a commit, or of the working tree, in an empty folder."""
+
+    def output(*command: str, cwd: Path = ROOT, given: bytes = b"") -> bytes:
+        return subprocess.run(
+            command, cwd=cwd, check=True, input=given, stdout=subprocess.PIPE
+        ).stdout
+
     if commit is None:
-        listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
-        names = subprocess.run(listed, cwd=ROOT, check=True, capture_output=True).stdout
+        names = output("git", "ls-files", "-z", "--cached", "--others", "--exclude-standard")
         there = [name for name in names.split(b"\0") if (ROOT / os.fsdecode(name)).is_file()]
-        pack = ["tar", "--null", "-T", "-", "-c"]
-        packed = subprocess.run(
-            pack, cwd=ROOT, check=True, input=b"\0".join(there), capture_output=True
-        )
+        packed = output("tar", "--null", "-T", "-", "-c", given=b"\0".join(there))
     else:
-        pack = ["git", "archive", commit]
-        packed = subprocess.run(pack, cwd=ROOT, check=True, capture_output=True)
-    subprocess.run(["tar", "-x"], cwd=folder, check=True, input=packed.stdout)
+        packed = output("git", "archive", commit)
+    output("tar", "-x", cwd=folder, given=packed)
 
 
 def digests_of(source: str | None, only: str) -> Digests:

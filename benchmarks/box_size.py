@@ -9,14 +9,12 @@ thread, best of several batches. The memory is the growth of the process, all ar
 
 from __future__ import annotations
 
-import argparse
-import json
 import multiprocessing
-import platform
 import resource
 import warnings
 from pathlib import Path
 
+from shared import machine, parser_of, write
 from speed import best_time
 
 import granular as gr
@@ -78,10 +76,7 @@ def measure(law: str, cells: int, times: int, batches: int) -> dict:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    parser.add_argument("--out", type=Path, help="write the table as JSON")
-    arguments = parser.parse_args(argv)
+    arguments = parser_of(__doc__).parse_args(argv)
     cells, batches = (6, 1) if arguments.quick else (20, 15)
     rows = []
     print("law       box  points  ns/step  bytes/point  at most")
@@ -94,10 +89,7 @@ def main(argv: list[str] | None = None) -> None:
                 f"{row['bytes_per_point']:13.0f}{row['peak_bytes_per_point']:9.0f}"
             )
             rows.append(row)
-    if arguments.out:
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
-        body = {"machine": platform.machine(), "build": gr.show_config(), "rows": rows}
-        arguments.out.write_text(json.dumps(body, indent=1, default=str) + "\n")
+    write(arguments.out, machine() | {"rows": rows})
 
 
 if __name__ == "__main__":

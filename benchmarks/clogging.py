@@ -14,8 +14,6 @@ run to the end of its record.
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
@@ -24,10 +22,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shared import machine, parser_of, write
 
 import granular as gr
 from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
+from granular.sweeping import Sweep
 
 OUT = Path("benchmarks/results/clogging.json")
 FOLDER = Path("build/clogging")
@@ -327,20 +327,21 @@ def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
     return found.x, found.velocity
 
 
+def swept(
+    scenes: dict[Key, gr.Scene], measure: Callable, every: float, chosen: argparse.Namespace
+) -> Sweep:
+    """Measurements of the records of all scenes; cases without a finished record are run."""
+    runs = {"folder": chosen.folder, "every": every, "workers": chosen.workers}
+    return gr.sweep(scenes, measure=measure, strict=True, **runs)
+
+
 def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
     """Velocity slices of coarse and refined silos with equal free parts, averaged over packings.
 
     For each height: the largest difference of the two means, divided by the peak of the coarse one,
     its standard error there, and the smallest and largest such difference of single packings.
     """
-    results = gr.sweep(
-        plan.packed(),
-        measure=slices,
-        folder=chosen.folder,
-        every=1 / 240,
-        workers=chosen.workers,
-        strict=True,
-    )
+    results = swept(plan.packed(), slices, 1 / 240, chosen)
     of = {key[2:]: found for key, found in zip(results.keys, results, strict=True)}
     x, _ = of["coarse", 0]
 
@@ -373,15 +374,8 @@ def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
 def rows_of(
     scenes: dict[Key, gr.Scene], plan: Plan, chosen: argparse.Namespace
 ) -> list[dict[str, Any]]:
-    """Numbers of each case; cases without a finished record are run."""
-    results = gr.sweep(
-        scenes,
-        measure=numbers,
-        folder=chosen.folder,
-        every=plan.every,
-        workers=chosen.workers,
-        strict=True,
-    )
+    """Numbers of each case."""
+    results = swept(scenes, numbers, plan.every, chosen)
     return [
         {"scheme": key[0], "case": list(key[1:])} | row
         for key, row in zip(results.keys, results, strict=True)
@@ -447,11 +441,10 @@ def show(tables: dict[str, Any]) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="coarse and short, to see it runs")
+    parser = parser_of(__doc__, "coarse and short, to see it runs")
+    parser.set_defaults(out=OUT)
     parser.add_argument("--workers", type=int, help="processes, by default all processors")
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"of the records ({FOLDER})")
-    parser.add_argument("--out", type=Path, default=OUT, help=f"the tables as JSON ({OUT})")
     chosen = parser.parse_args(argv)
     plan = QUICK if chosen.quick else Plan()
     parts: dict[str, Callable[[], Any]] = {
@@ -463,12 +456,10 @@ def main(argv: list[str] | None = None) -> None:
         "substeps": lambda: rows_of(plan.subdivided(), plan, chosen),
         "seconds": lambda: seconds(tables),
     }
-    tables: dict[str, Any] = {"machine": platform.machine(), "build": gr.show_config()}
-    tables["paper"] = PAPER
-    chosen.out.parent.mkdir(parents=True, exist_ok=True)
+    tables: dict[str, Any] = machine() | {"paper": PAPER}
     for name, part in parts.items():
         tables[name] = part()
-        chosen.out.write_text(json.dumps(plain(tables), indent=1, default=str) + "\n")
+        write(chosen.out, plain(tables))
     show(tables)
 
 

@@ -19,6 +19,8 @@ import subprocess
 import time
 from pathlib import Path
 
+from shared import write
+
 import granular as gr
 from granular import verify
 
@@ -105,8 +107,7 @@ def main(arguments: list[str] | None = None) -> None:
         for scheme in given.schemes:
             new = run(check, scheme)
             results = [r for r in results if (r["check"], r["scheme"]) != (check, scheme)] + [new]
-            given.out.parent.mkdir(parents=True, exist_ok=True)
-            given.out.write_text(json.dumps(results, indent=1) + "\n")
+            write(given.out, results)
     if given.page:
         write_page(given.page, results)
 

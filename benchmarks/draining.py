@@ -12,13 +12,8 @@ material at rest costs as much as flowing material.
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import time
-from pathlib import Path
-
 import numpy as np
+from shared import least_time, machine, parser_of, write
 
 import granular as gr
 
@@ -32,12 +27,7 @@ def step_time(sim: gr.Simulation, batches: int) -> float:
     """Processor time of a step [s], least of several batches, on a copy of the simulation."""
     copy = gr.Simulation.from_checkpoint(sim.scene, sim.checkpoint(), threads=1)
     steps = max(int(0.1 / (60e-9 * copy.n_points)), 1)
-    best = np.inf
-    for _ in range(batches):
-        begin = time.process_time()
-        copy.step(steps)
-        best = min(best, (time.process_time() - begin) / steps)
-    return best
+    return least_time(lambda: copy.step(steps), batches) / steps
 
 
 def work(sim: gr.Simulation, batches: int) -> dict[str, float]:
@@ -88,10 +78,7 @@ def resting(cell: float, batches: int) -> list[dict]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="coarse, to see that it runs")
-    parser.add_argument("--out", type=Path, help="write the tables as JSON")
-    chosen = parser.parse_args(argv)
+    chosen = parser_of(__doc__, "coarse, to see that it runs").parse_args(argv)
     factor, batches = (2, 2) if chosen.quick else (1, 10)
     tables = {
         "silo": draining(0.01 * factor, batches),
@@ -101,10 +88,7 @@ def main(argv: list[str] | None = None) -> None:
         print(name)
         for row in rows:
             print("  " + "  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
-    if chosen.out:
-        head = {"machine": platform.machine(), "build": gr.show_config()}
-        chosen.out.parent.mkdir(parents=True, exist_ok=True)
-        chosen.out.write_text(json.dumps(head | tables, indent=1, default=str) + "\n")
+    write(chosen.out, machine() | tables)
 
 
 if __name__ == "__main__":

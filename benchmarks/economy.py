@@ -12,13 +12,13 @@ measure the effect of E, and a run at 1 GPa then takes an eighth of the time.
 
 from __future__ import annotations
 
-import argparse
 import json
-import platform
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from shared import machine, parser_of
 
 import granular as gr
 from granular.verify.quantities import quantities
@@ -180,12 +180,11 @@ def measured(case: Case) -> dict[str, Any]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--out", type=Path, default=OUT)
+    parser = parser_of(__doc__, "one soft case of each group")
+    parser.set_defaults(out=OUT)
     parser.add_argument("--only", nargs="+", choices=tuple(GROUPS), default=tuple(GROUPS))
-    parser.add_argument("--quick", action="store_true", help="one soft case of each group")
     chosen = parser.parse_args(argv)
-    table: dict[str, Any] = {"machine": platform.machine(), "build": gr.show_config(), "rows": []}
+    table: dict[str, Any] = machine() | {"rows": []}
     if chosen.out.exists():
         table = json.loads(chosen.out.read_text())
     known = {Case(**row["case"]).key for row in table["rows"]}

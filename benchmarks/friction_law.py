@@ -11,7 +11,6 @@ file.
 
 from __future__ import annotations
 
-import argparse
 import json
 import time
 from collections.abc import Iterable
@@ -19,6 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+from shared import parser_of, write
 
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
@@ -133,10 +133,8 @@ def line(row: dict) -> str:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="few grains, to see that it runs")
+    parser = parser_of(__doc__, "few grains, to see that it runs")
     parser.add_argument("--only", choices=tuple(SERIES), help="one set of grains")
-    parser.add_argument("--out", type=Path, help=f"the table ({RESULTS.name} beside the script)")
     parser.add_argument("--timeout", type=float, default=7200.0, help="seconds a flow")
     chosen = parser.parse_args(argv)
     out = chosen.out or (RESULTS if not chosen.quick else None)
@@ -165,8 +163,7 @@ def _write(out: Path | None, rows: list[dict]) -> None:
         for name in RESTITUTION
         if len(found := points(rows, name)) >= 4
     }
-    out.parent.mkdir(parents=True, exist_ok=True)
-    out.write_text(json.dumps(table | {"rows": rows}, indent=1) + "\n")
+    write(out, table | {"rows": rows})
 
 
 if __name__ == "__main__":

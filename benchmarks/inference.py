@@ -11,8 +11,6 @@ in the arrays is 0.3, so that with noise the friction limits are active.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import sys
 import time
@@ -24,7 +22,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
 import numpy as np
-from matplotlib.axes import Axes
+from shared import parser_of, write
 
 from granular.grain_scale import inference
 from granular.grain_scale.inference import InferenceWarning
@@ -100,9 +98,15 @@ def chart(table: list[dict[str, Any]]) -> Picture:
     for solver, marker in MARKERS.items():
         for dim, shade in ((2, "#1b4f8a"), (3, "#c8502d")):
             mine = [row for row in table if (row["solver"], row["dim"]) == (solver, dim)]
-            _points(left, mine, "seconds", "error", marker, shade, "")
             rough = [row for row in mine if row["stresses"] == "noisy"]
-            _points(right, rough, "grains", "seconds", marker, shade, f"{solver}, {dim}D")
+            label = f"{solver}, {dim}D"
+            for ax, points, x, y in (
+                (left, mine, "seconds", "error"),
+                (right, rough, "grains", "seconds"),
+            ):
+                if points:
+                    values = [[row[name] for row in points] for name in (x, y)]
+                    ax.plot(*values, marker, color=shade, fillstyle="none", label=label)
     left.set(xlabel="processor time [s]", ylabel="error of the forces", xscale="log", yscale="log")
     left.set_title("exact stresses below, noisy ones (10 %) above", fontsize="small")
     right.set(xlabel="grains", ylabel="processor time [s]", xscale="log", yscale="log")
@@ -111,24 +115,9 @@ def chart(table: list[dict[str, Any]]) -> Picture:
     return fig
 
 
-def _points(
-    ax: Axes,
-    table: list[dict[str, Any]],
-    x: str,
-    y: str,
-    marker: str,
-    shade: str,
-    label: str,
-) -> None:
-    if table:
-        values = [[row[name] for row in table] for name in (x, y)]
-        ax.plot(*values, marker, color=shade, fillstyle="none", label=label)
-
-
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small packings, to see it runs")
-    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser = parser_of(__doc__, "small packings, to see it runs")
+    parser.set_defaults(out=RESULTS)
     parser.add_argument("--figure", type=Path, default=FIGURE)
     chosen = parser.parse_args(argv)
     warnings.simplefilter("ignore", InferenceWarning)
@@ -136,7 +125,7 @@ def main(argv: list[str] | None = None) -> None:
     table = [] if chosen.quick else rows("58 discs", grains.pressed_discs()[0], 0.5, repeat)
     for shape in QUICK if chosen.quick else LATTICES:
         table += rows("x".join(map(str, shape)), grains.jittered_grid(shape), 0.3, repeat)
-    chosen.out.write_text(json.dumps(table, indent=1) + "\n")
+    write(chosen.out, table)
     chart(table).savefig(chosen.figure, dpi=110)
 
 

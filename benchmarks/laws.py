@@ -11,16 +11,12 @@ the other times contain, too.
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
-import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
+from bits_cases import available
+from shared import least_time, machine, parser_of, write
 
-import granular as gr
 from granular import _core
 
 PARAMETERS = {
@@ -29,7 +25,6 @@ PARAMETERS = {
     "xi": 0.28 / (4e-3 * 50.0),
 }  # fmt: skip
 FLOWS = ("drucker_prager", "mu_I", "linear_ngf", "ngf")
-ISAS = ("baseline", "avx2", "avx512")
 POINTS, DT = 4096, 1e-4
 
 
@@ -65,34 +60,18 @@ def hypoelastic(dim: int, strain: float, isa: str) -> Callable[[], None]:
 
 def best_time(call: Callable[[], None], batches: int) -> float:
     """Nanoseconds per point."""
-    best = np.inf
-    for _ in range(batches):
-        begin = time.process_time()
+
+    def several() -> None:
         for _ in range(20):
             call()
-        best = min(best, time.process_time() - begin)
-    return best / (20 * POINTS) * 1e9
 
-
-def available() -> list[str]:
-    """Instruction sets of this machine."""
-    found = []
-    for isa in ISAS:
-        try:
-            _core.build_info(isa)
-        except ValueError:
-            continue
-        found.append(isa)
-    return found
+    return least_time(several, batches) / (20 * POINTS) * 1e9
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="few batches, to see that it runs")
-    parser.add_argument("--out", type=Path, help="write the table as JSON")
-    arguments = parser.parse_args(argv)
-    batches, build, rows = 2 if arguments.quick else 40, gr.show_config(), []
-    print(f"{platform.machine()}, compiler {build['compiler']}; ns/point")
+    arguments = parser_of(__doc__, "few batches, to see that it runs").parse_args(argv)
+    batches, head, rows = 2 if arguments.quick else 40, machine(), []
+    print(f"{head['machine']}, compiler {head['build']['compiler']}; ns/point")
     print(f"{'law':24s}{'strain':>8s}{'isa':>10s}{'plane':>8s}{'space':>8s}")
     for law, strain in [*((name, 1e-4) for name in ("mu_I", "loose", *FLOWS)), (FLOWS[-1], 0.1)]:
         for isa in available():
@@ -106,9 +85,7 @@ def main(argv: list[str] | None = None) -> None:
                 times.append(best_time(call, batches))
             print(f"{law:24s}{strain:8.0e}{isa:>10s}{times[0]:8.2f}{times[1]:8.2f}", flush=True)
             rows.append({"law": law, "strain": strain, "isa": isa, "ns": times})
-    if arguments.out:
-        head = {"machine": platform.machine(), "build": build, "rows": rows}
-        arguments.out.write_text(json.dumps(head, indent=1) + "\n")
+    write(arguments.out, head | {"rows": rows})
 
 
 if __name__ == "__main__":

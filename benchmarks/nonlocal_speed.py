@@ -10,13 +10,10 @@ batches of all cases take turns, and the best of each case counts.
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 import warnings
-from pathlib import Path
 
 import numpy as np
+from shared import machine, parser_of, write
 from speed import best_time
 
 import granular as gr
@@ -44,13 +41,10 @@ def simulation(A: float, fluidity: Fluidity, cell: float, until: float) -> gr.Si
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    parser.add_argument("--out", type=Path, help="write the table as JSON")
-    arguments = parser.parse_args(argv)
+    arguments = parser_of(__doc__).parse_args(argv)
     rounds, until = (1, 0.002) if arguments.quick else (15, 0.1)
-    build, table = gr.show_config(), []
-    print(f"{platform.machine()}, {build['isa']}; ns/particle-step, over the local law")
+    head, table = machine(), []
+    print(f"{head['machine']}, {head['build']['isa']}; ns/particle-step, over the local law")
     for cell in (0.0175,) if arguments.quick else (0.0175, 0.00875):
         sims = {name: simulation(*case, cell, until) for name, case in CASES.items()}
         ns = dict.fromkeys(sims, np.inf)
@@ -61,10 +55,7 @@ def main(argv: list[str] | None = None) -> None:
             row = {"case": name, "points": sim.n_points, "ns": ns[name]}
             print(f"{name:12s}{sim.n_points:8d}{ns[name]:8.1f}{ns[name] - ns['local']:+8.1f}")
             table.append(row | {"over_local": ns[name] - ns["local"]})
-    if arguments.out:
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
-        body = {"machine": platform.machine(), "build": build, "rows": table}
-        arguments.out.write_text(json.dumps(body, indent=1, default=str) + "\n")
+    write(arguments.out, head | {"rows": table})
 
 
 if __name__ == "__main__":

@@ -11,15 +11,13 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import json
-import platform
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
-import granular as gr
+from shared import machine, write
 
 FIGURES = Path(__file__).parent / "figures"
 
@@ -87,18 +85,10 @@ def main(argv: list[str] | None = None) -> None:
     total = sum(row["seconds"] for row in rows)
     wall = time.perf_counter() - begin
     print(f"{'together':14s}{total:8.1f} s of a core, {wall:.0f} s with {chosen.workers} workers")
-    if chosen.table:
-        head = {
-            "tolerance": chosen.tolerance,
-            "workers": chosen.workers,
-            "machine": platform.machine(),
-            "build": gr.show_config(),
-            "core_seconds": round(total, 1),
-            "wall": round(wall, 1),
-        }
-        chosen.table.parent.mkdir(parents=True, exist_ok=True)
-        rows.sort(key=lambda row: SCRIPTS.index(row["script"]))
-        chosen.table.write_text(json.dumps(head | {"rows": rows}, indent=1, default=str) + "\n")
+    head = {"tolerance": chosen.tolerance, "workers": chosen.workers, **machine()}
+    head |= {"core_seconds": round(total, 1), "wall": round(wall, 1)}
+    rows.sort(key=lambda row: SCRIPTS.index(row["script"]))
+    write(chosen.table, head | {"rows": rows})
 
 
 if __name__ == "__main__":

@@ -9,16 +9,13 @@ particle-step of the plain linear scheme if it were bound by either alone, and i
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
-import time
 from collections.abc import Callable
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
 import numpy as np
+from shared import least_time, parser_of, write
 from speed import MATERIAL, best_time
 
 import granular as gr
@@ -33,12 +30,7 @@ POINTS_PER_CELL, NODE_SUMS = 16, 4 * 5
 
 def rate(work: Callable[[], object], amount: float, repeats: int = 20) -> float:
     """Amount of work per second of processor time, best of several repeats."""
-    best = np.inf
-    for _ in range(repeats):
-        begin = time.process_time()
-        work()
-        best = min(best, time.process_time() - begin)
-    return amount / best
+    return amount / least_time(work, repeats)
 
 
 def bandwidth(megabytes: float) -> float:
@@ -70,10 +62,7 @@ def measured(cell: float) -> tuple[int, float]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    parser.add_argument("--out", type=Path, help="write the numbers as JSON")
-    arguments = parser.parse_args(argv)
+    arguments = parser_of(__doc__).parse_args(argv)
     megabytes, order, cells = 300.0, 512, (0.0125, 0.0025)
     if arguments.quick:
         megabytes, order, cells = 3.0, 64, (0.025,)
@@ -95,8 +84,7 @@ def main(argv: list[str] | None = None) -> None:
         found[f"measured, {points} points [ns]"] = seconds * 1e9
     for name, value in found.items():
         print(f"{name:34s}{value:8.1f}")
-    if arguments.out:
-        arguments.out.write_text(json.dumps(found, indent=1) + "\n")
+    write(arguments.out, found)
 
 
 if __name__ == "__main__":

@@ -16,13 +16,10 @@ quarter of a cylinder in 3D, 8 points per cell, one thread.
 
 from __future__ import annotations
 
-import argparse
-import json
-import platform
 import time
-from pathlib import Path
 
-import numpy as np
+from shared import least_time, machine, parser_of, write
+from stability.flows import error_of_profile
 
 import granular as gr
 
@@ -41,12 +38,7 @@ def best_time(sim: gr.Simulation, threads: int, batches: int) -> float:
     """Seconds per particle-step, the best of several batches of about 50 ms each."""
     clock = time.process_time if threads == 1 else time.perf_counter
     steps = max(int(0.05 / (40e-9 * sim.n_points)), 1)
-    best = np.inf
-    for _ in range(batches):
-        begin = clock()
-        sim.step(steps)
-        best = min(best, (clock() - begin) / (steps * sim.n_points))
-    return best
+    return least_time(lambda: sim.step(steps), batches, clock) / (steps * sim.n_points)
 
 
 def speed(scheme: gr.Scheme, cell: float, fall: float, batches: int) -> list[dict]:
@@ -79,21 +71,16 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
     scene = gr.scenes.incline(
         cell=0.01, columns=columns, points_per_cell=9, jitter=0.6, material=MATERIAL, scheme=scheme
     )
-    state = gr.Simulation(scene, threads=1).run(until=until).state
-    exact = gr.theory.transient(25.0, 0.2, MATERIAL, [state.time])
-    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
-    return float(np.sqrt((state.mass * (state.v[:, 0] - v) ** 2).sum() / (state.mass * v**2).sum()))
+    return error_of_profile(gr.Simulation(scene, threads=1).run(until=until).state)
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    parser.add_argument("--out", type=Path, help="write the table as JSON")
-    arguments = parser.parse_args(argv)
+    arguments = parser_of(__doc__).parse_args(argv)
     sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]
     batches, until = (2, 0.05) if arguments.quick else (12, 4.0)
-    build = gr.show_config()
-    print(f"{platform.machine()}, {build['isa']}, compiler {build['compiler']}; ns/particle-step")
+    head = machine() | {"incline_seconds": until}
+    build = head["build"]
+    print(f"{head['machine']}, {build['isa']}, compiler {build['compiler']}; ns/particle-step")
     print(
         f"{'scheme':16s}{'points':>8s}  {'state':14s}{'1 thread':>9s}{'2':>7s}{'ratio':>7s}  error"
     )
@@ -115,11 +102,7 @@ def main(argv: list[str] | None = None) -> None:
         row = speed_3d(scheme, 0.025 if arguments.quick else 0.0125, batches // 2)
         print(f"{name:16s}{row['points']:8d}  {'3D':14s}{row['ns']:9.1f}", flush=True)
         space.append(row | {"scheme": name})
-    if arguments.out:
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
-        head = {"machine": platform.machine(), "build": build, "incline_seconds": until}
-        body = head | {"rows": table, "space": space}
-        arguments.out.write_text(json.dumps(body, indent=1, default=str) + "\n")
+    write(arguments.out, head | {"rows": table, "space": space})
 
 
 if __name__ == "__main__":

@@ -11,14 +11,11 @@ turns, and the best of each counts. The memory is that of the arrays of the poin
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import platform
 import warnings
-from pathlib import Path
 
 import numpy as np
+from shared import machine, parser_of, write
 from speed import best_time
 
 import granular as gr
@@ -67,10 +64,7 @@ CASES = {
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="small sizes, to see that it runs")
-    parser.add_argument("--out", type=Path, help="write the table as JSON")
-    arguments = parser.parse_args(argv)
+    arguments = parser_of(__doc__).parse_args(argv)
     edge, steps, rounds = (6, 5, 1) if arguments.quick else (30, 300, 12)
     table = []
     print(f"{'case':16s}{'points':>8s}{'1 thread':>10s}{'2':>8s}{'ratio':>7s}{'bytes':>7s}")
@@ -95,10 +89,7 @@ def main(argv: list[str] | None = None) -> None:
         print(f"{name:16s}{sim.n_points:8d}{one:10.1f}{two:8.1f}{one / two:7.2f}{held:7.0f}")
         row = {"case": name, "points": sim.n_points, "ns": [one, two], "bytes_per_point": held}
         table.append(row)
-    if arguments.out:
-        arguments.out.parent.mkdir(parents=True, exist_ok=True)
-        body = {"machine": platform.machine(), "build": gr.show_config(), "rows": table}
-        arguments.out.write_text(json.dumps(body, indent=1, default=str) + "\n")
+    write(arguments.out, machine() | {"rows": table})
 
 
 if __name__ == "__main__":

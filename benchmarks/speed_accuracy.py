@@ -11,14 +11,14 @@ slopes of the bias are computed and the pictures drawn. docs/accuracy.md explain
 
 from __future__ import annotations
 
-import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from accuracy import cases, chart, errors, peers, runs, slopes
 from accuracy.results import Table
+from shared import parser_of, rounded
 
 import granular as gr
 
@@ -92,20 +92,10 @@ def write(rows: Sequence[errors.Row], out: Path, figures: Path) -> None:
             picture.savefig(figures / f"{name}.png", dpi=DPI)
 
 
-def rounded(value: Any) -> Any:
-    """Value with its numbers rounded to six digits, as computed results have no more."""
-    if isinstance(value, Mapping):
-        return {name: rounded(v) for name, v in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [rounded(v) for v in value]
-    return float(f"{value:.6g}") if isinstance(value, float) else value
-
-
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a few coarse cases, to see it runs")
+    parser = parser_of(__doc__, "a few coarse cases, to see it runs")
+    parser.set_defaults(out=RESULTS / "speed_accuracy.json")
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
-    parser.add_argument("--out", type=Path, default=RESULTS / "speed_accuracy.json")
     parser.add_argument("--figures", type=Path, default=DOCS, help="folder of the pictures")
     parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
     chosen = parser.parse_args(argv)

@@ -9,7 +9,6 @@ docs/sph_examples.md has them.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import time
@@ -20,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
+from shared import parser_of, rounded
 
 import granular as gr
 from granular import sph
@@ -35,6 +35,8 @@ ANGLES = (12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 33.0)
 STUDY = {"aspect": 0.65, "length": 0.2, "reach": 0.8}
 FRICTIONS = ((0.74, 0.335), (0.87, 0.364), (0.625, 0.305))
 QUANTILE = 0.99
+DIGITS = 5
+"""Number of digits of the results in the table."""
 
 Case = tuple[str, dict[str, Any]]
 
@@ -97,17 +99,23 @@ def watched(scene: sph.Scene, threads: int, every: float, look: Callable[[gr.Sta
     begin = time.process_time()
     simulation = gr.Simulation(scene, threads=threads)
     simulation.run(every=every, hooks=(hook,))
-    row = {
-        "points": scene.n_points,
+    row = cost(simulation, begin) | {
         "wall_points": len(scene.wall_points()["wall"]),
+        "mach": simulation.health()["mach"].value,
+    }
+    return simulation, np.array(times), looks, row
+
+
+def cost(simulation: gr.Simulation, begin: float) -> dict[str, float]:
+    """Size of a run, its processor time since `begin`, and the particles that it has lost."""
+    return {
+        "points": simulation.scene.n_points,
         "steps": simulation.steps,
         "dt": simulation.dt,
         "core_seconds": time.process_time() - begin,
         "dropped": simulation.counts["dropped"],
         "stopped": simulation.counts["stopped"],
-        "mach": simulation.health()["mach"].value,
     }
-    return simulation, np.array(times), looks, row
 
 
 def choices(creeping: bool, cfl: float) -> tuple[sph.Numerics, dict[str, float]]:
@@ -162,15 +170,8 @@ def at_rest(scene: sph.Scene, threads: int) -> dict[str, Any]:
     begin = time.process_time()
     simulation = gr.Simulation(scene, threads=threads)
     found = sph.run_to_rest(simulation, after=scene.parameters["settle"], interval=0.05)
-    return far(simulation.state) | {
-        "rest_at": found and found - scene.parameters["settle"],
-        "points": scene.n_points,
-        "steps": simulation.steps,
-        "dt": simulation.dt,
-        "core_seconds": time.process_time() - begin,
-        "dropped": simulation.counts["dropped"],
-        "stopped": simulation.counts["stopped"],
-    }
+    rest_at = found and found - scene.parameters["settle"]
+    return far(simulation.state) | {"rest_at": rest_at} | cost(simulation, begin)
 
 
 def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
@@ -180,14 +181,8 @@ def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
     settle = scene.parameters["settle"]
     late = [looks[int(np.searchsorted(times, settle + t - 1e-6))] for t in (0.2, 0.4, 0.8)]
     state = simulation.state
-    return (
-        row
-        | looks[-1]
-        | {
-            "L99_at": [look["L99"] for look in late],
-            "H_upper_wall": float(state.x[state.x[:, 0] < 0.05, -1].max()),
-        }
-    )
+    top = float(state.x[state.x[:, 0] < 0.05, -1].max())
+    return row | looks[-1] | {"L99_at": [look["L99"] for look in late], "H_upper_wall": top}
 
 
 def layer(threads: int, angle_deg: float, dilation: float, duration: float) -> dict[str, Any]:
@@ -254,17 +249,8 @@ def cases() -> Iterator[Case]:
     for side_walls, width in ((False, 0.04), (True, 0.1)):
         for angle, reach in SLOPES.items():
             for dilation in BETAS:
-                yield (
-                    "inclined",
-                    {
-                        "angle_deg": angle,
-                        "side_walls": side_walls,
-                        "width": width,
-                        "dilation": dilation,
-                        "reach": reach,
-                        "duration": 0.9,
-                    },
-                )
+                of = {"angle_deg": angle, "side_walls": side_walls, "width": width}
+                yield "inclined", of | {"dilation": dilation, "reach": reach, "duration": 0.9}
 
 
 CREEPING = {"creeping": True, "cfl": 0.25}
@@ -347,29 +333,19 @@ def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def rounded(value: Any) -> Any:
-    """Value with its numbers rounded to five digits."""
-    if isinstance(value, dict):
-        return {name: rounded(v) for name, v in value.items()}
-    if isinstance(value, list):
-        return [rounded(v) for v in value]
-    return float(f"{value:.5g}") if isinstance(value, float) else value
-
-
 def write(rows: list[dict[str, Any]], out: Path) -> None:
     """The table with its evaluation, as JSON with one row per line."""
     lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
     rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
-    text = json.dumps(rounded(rest), indent=1, allow_nan=False)[2:]
+    text = json.dumps(rounded(rest, DIGITS), indent=1, allow_nan=False)[2:]
     out.write_text(f'{{"rows": [\n{lines}\n],\n{text}\n')
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a few small cases, to see it runs")
+    parser = parser_of(__doc__, "a few small cases, to see it runs")
+    parser.set_defaults(out=RESULTS / "sph_examples.json")
     parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
     parser.add_argument("--threads", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=RESULTS / "sph_examples.json")
     chosen = parser.parse_args(argv)
     table = json.loads(chosen.out.read_text()) if chosen.out.exists() else {"rows": []}
     rows = table["rows"]
@@ -378,9 +354,9 @@ def main(argv: list[str] | None = None) -> None:
         case = json.dumps([kind, keywords], sort_keys=True)
         if case in held or chosen.only not in (None, kind):
             continue
-        found = RUNS[kind](chosen.threads, **keywords)
-        rows.append({"case": [kind, keywords], "kind": kind} | keywords | rounded(found))
-        print(kind, keywords, rounded(found), flush=True)
+        found = rounded(RUNS[kind](chosen.threads, **keywords), DIGITS)
+        rows.append({"case": [kind, keywords], "kind": kind} | keywords | found)
+        print(kind, keywords, found, flush=True)
         write(rows, chosen.out)
     write(rows, chosen.out)
 

@@ -9,7 +9,8 @@ repeats counts. Particles of the material, of walls and of the gas are counted a
 from __future__ import annotations
 
 import argparse
-import time
+
+from shared import least_time
 
 from granular import scenes, sph
 
@@ -30,12 +31,7 @@ def nanoseconds(arguments: dict, seconds: float, steps: int, isa: str, repeats: 
     simulation.run(seconds)
     points = simulation.n_points + simulation.walls.n
     points += simulation.gas.n if simulation.scene.gas else 0
-    best = float("inf")
-    for _ in range(repeats):
-        begin = time.process_time()
-        simulation.step(steps)
-        best = min(best, time.process_time() - begin)
-    return 1e9 * best / steps / points
+    return 1e9 * least_time(lambda: simulation.step(steps), repeats) / steps / points
 
 
 def main() -> None:

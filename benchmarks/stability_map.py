@@ -11,15 +11,14 @@ name, so that one of them can be measured anew.
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
-import platform
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from shared import machine, parser_of
 from stability import arrangements, draw, elastic, flows, motions
 from stability.cells import Cell, Map
 
@@ -68,9 +67,8 @@ def write(path: Path, maps: dict[str, Map]) -> None:
     """Write maps into a file, with the machine and build on which they were measured."""
     path.parent.mkdir(parents=True, exist_ok=True)
     head = {
-        "machine": platform.machine(),
+        **machine(),
         "granular": gr.__version__,
-        "build": gr.show_config(),
         "seconds": round(sum(c.seconds for m in maps.values() for c in m.cells), 1),
     }
     body = head | {"maps": [asdict(m) for m in maps.values()]}
@@ -99,10 +97,9 @@ def show(found: Map) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="a few short cases, to see it run")
+    parser = parser_of(__doc__, "a few short cases, to see it run")
+    parser.set_defaults(out=RESULTS)
     parser.add_argument("--only", nargs="+", choices=MAKERS, default=list(MAKERS), metavar="NAME")
-    parser.add_argument("--out", type=Path, default=RESULTS, help="the table as JSON")
     parser.add_argument("--figures", type=Path, help="folder for the figures")
     parser.add_argument("--draw", type=Path, help="draw a table, measure nothing")
     arguments = parser.parse_args(argv)

@@ -38,6 +38,9 @@ SIDED = {"blade": (0.006, 0.305, 0.457), "scheme": gr.scenes.excavation().scheme
 """Blade of the paper, with a scheme that separates the material on its two sides."""
 THIN = SIDED | {"width": 0.05, "blade": (0.006, 0.05, 0.457)}
 """The same blade between walls."""
+LOCAL = {"material": SOFT.replace(A=0.0)}
+STIFF = {"material": SOFT.replace(E=1.5e6)}
+FINE = {"cell": BED["cell"] / 1.5}
 ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
 WINDOW = 0.1
 """Time window over which the flow between cylinders is averaged [s]."""
@@ -66,29 +69,27 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     ),
     "thin_2": lambda: excavation(0.02, **THIN),
     "thin_5": lambda: excavation(0.05, **THIN),
-    "thin_5_local": lambda: excavation(0.05, material=SOFT.replace(A=0.0), **THIN),
-    "thin_5_stiff": lambda: excavation(0.05, material=SOFT.replace(E=1.5e6), **THIN),
-    "thin_5_fine": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] / 1.5})),
+    "thin_5_local": lambda: excavation(0.05, **THIN, **LOCAL),
+    "thin_5_stiff": lambda: excavation(0.05, **THIN, **STIFF),
+    "thin_5_fine": lambda: excavation(0.05, **THIN, **FINE),
     "narrow_2": lambda: excavation(0.02, **NARROW),
     "narrow_5": lambda: excavation(0.05, **NARROW),
-    "narrow_5_local": lambda: excavation(0.05, material=SOFT.replace(A=0.0), **NARROW),
+    "narrow_5_local": lambda: excavation(0.05, **NARROW, **LOCAL),
     "narrow_5_coarse_grains": lambda: excavation(0.05, material=SOFT.replace(d=0.01), **NARROW),
     "narrow_5_drucker_prager": lambda: excavation(0.05, material=PLASTIC, **NARROW),
-    "narrow_5_stiff": lambda: excavation(0.05, material=SOFT.replace(E=1.5e6), **NARROW),
+    "narrow_5_stiff": lambda: excavation(0.05, **NARROW, **STIFF),
     "narrow_5_thick": lambda: excavation(0.05, width=0.05, blade=(0.05, 0.05, 0.457)),
     "narrow_5_slow": lambda: excavation(0.05, speed=0.02, dive_speed=0.0125, **NARROW),
-    "narrow_5_fine": lambda: excavation(0.05, cell=BED["cell"] / 1.5, **NARROW),
-    "narrow_5_local_fine": lambda: excavation(
-        0.05, cell=BED["cell"] / 1.5, material=SOFT.replace(A=0.0), **NARROW
-    ),
+    "narrow_5_fine": lambda: excavation(0.05, **NARROW, **FINE),
+    "narrow_5_local_fine": lambda: excavation(0.05, **NARROW, **LOCAL, **FINE),
     "narrow_5_substeps": lambda: excavation(0.05, scheme=SUBSTEPS, **NARROW),
     "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
     "thin_5_one": lambda: excavation(0.05, points_per_cell=1, **THIN),
-    "thin_5_coarse": lambda: excavation(0.05, **(THIN | {"cell": BED["cell"] * 2})),
+    "thin_5_coarse": lambda: excavation(0.05, cell=BED["cell"] * 2, **THIN),
     "excavation_2": lambda: excavation(0.02, **SIDED),
     "excavation_5": lambda: excavation(0.05, **SIDED),
     "excavation_5_fine": lambda: excavation(
-        0.05, **(SIDED | {"cell": BED["cell"] / 1.5, "length": 0.6, "width": 0.5, "travel": 0.02})
+        0.05, length=0.6, width=0.5, travel=0.02, **SIDED, **FINE
     ),
     "excavation_5_whole": lambda: excavation(
         0.05, half=False, cell=BED["cell"] * 2, jitter=0.5, **SIDED
@@ -104,22 +105,21 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
 }
 
 
+def series(*rows: np.ndarray, digits: int) -> list[list[float]]:
+    """Rows of a table of time series or profiles."""
+    return np.stack(rows).round(digits).tolist()
+
+
 def tool(record: gr.Trajectory) -> dict:
     """Mean forces at depth, and their time series."""
     force = gr.measure.soil_tools.tool_force(record, window=2)
     height, deepest = force.position[:, 2], force.position[:, 2].min()
     level = height - deepest < 0.01 * abs(deepest)
-    return {
-        "forward": float(force.forward[level].mean()),
-        "vertical": float(force.vertical[level].mean()),
-        "lateral": float(force.lateral[level].mean()),
+    parts = {name: getattr(force, name) for name in ("forward", "vertical", "lateral")}
+    return {name: float(part[level].mean()) for name, part in parts.items()} | {
         "deviation": float(force.forward[level].std()),
         "lateral_deviation": float(force.lateral[level].std()),
-        "course": np.stack(
-            [force.times, force.position[:, 2], force.forward, force.vertical, force.lateral]
-        )
-        .round(4)
-        .tolist(),
+        "course": series(force.times, height, *parts.values(), digits=4),
     }
 
 
@@ -134,9 +134,9 @@ def wheel(record: gr.Trajectory) -> dict:
         "pull_over_load": float(history.drawbar_pull[late].mean() / load),
         "torque": float(history.torque[late].mean()),
         "sinkage": float(history.sinkage[-1]),
-        "course": np.stack([history.times, history.drawbar_pull, history.load, history.sinkage])
-        .round(5)
-        .tolist(),
+        "course": series(
+            history.times, history.drawbar_pull, history.load, history.sinkage, digits=5
+        ),
     }
 
 
@@ -160,6 +160,7 @@ def couette(sim: gr.Simulation) -> dict:
     # Pressure in the middle of the evaluated layer.
     state = {"rate": size["omega"], "pressure": material.rho_c * size["gravity"] * scene.grid.cell}
     driven = gr.theory.couette_flow(*gap, **state, walls="smooth")
+    course = [[one["time"], *one["moments"], *one["omega"][: 2 * RINGS : 2]] for one in windows]
     late = windows[-(len(windows) // 3) :]
     r = late[0]["r"]
     omega = np.mean([one["omega"] for one in late], axis=0) / size["omega"]
@@ -170,12 +171,8 @@ def couette(sim: gr.Simulation) -> dict:
         "mean_error": float(difference.mean()),
         "error_at_rate": float((np.abs(omega - at_rate) * r).max() / size["inner"]),
         "mu_wall": flow.mu_wall,
-        "profile": np.stack([r, omega, expected]).round(6).tolist(),
-        "course": np.array(
-            [[one["time"], *one["moments"], *one["omega"][: 2 * RINGS : 2]] for one in windows]
-        )
-        .T.round(6)
-        .tolist(),
+        "profile": series(r, omega, expected, digits=6),
+        "course": series(*np.transpose(course), digits=6),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from typing import Any
 
 import granular as gr
@@ -88,12 +89,8 @@ SILO = Case(scene="silo")
 
 def _vary(base: Case, **values: Any) -> Iterator[Case]:
     """The case with all combinations of the given values, the last one varying fastest."""
-    if not values:
-        yield base
-        return
-    name, *rest = values
-    for value in values[name]:
-        yield from _vary(replace(base, **{name: value}), **{k: values[k] for k in rest})
+    for chosen in product(*values.values()):
+        yield replace(base, **dict(zip(values, chosen, strict=True)))
 
 
 CURED = ("default", "cell_averaged")

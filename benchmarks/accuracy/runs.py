@@ -44,8 +44,8 @@ PROBE = 100
 
 def scene_of(case: Case) -> gr.Scene | sph.Scene:
     """The scene of a case."""
-    if case.scheme == HYDRODYNAMICS:
-        return hydrodynamics_of(case)
+    if case.scheme == HYDRODYNAMICS and case.scene == "incline_2d":
+        return sph_incline(case)
     common: dict[str, Any] = {
         "cell": case.cell,
         "points_per_cell": case.points,
@@ -61,25 +61,15 @@ def scene_of(case: Case) -> gr.Scene | sph.Scene:
         return gr.scenes.incline(**layer, jitter=JITTER, **common)
     if case.scene == "collapse":
         # Seeds differ by a jitter of a tenth of a point spacing, to measure the random scatter.
-        return gr.scenes.column_collapse(aspect=1.0, jitter=0.1 if case.seed else 0.0, **common)
+        common["jitter"] = 0.1 if case.seed else 0.0
+        common["method"] = "sph" if case.scheme == HYDRODYNAMICS else "mpm"
+        return gr.scenes.column_collapse(aspect=1.0, **common)
     return gr.scenes.silo(**SILO, **common)
 
 
-def hydrodynamics_of(case: Case) -> sph.Scene:
-    """SPH scene of the collapse or the incline, with matching friction at half the weight."""
-    beads, duration = gr.materials.glass_beads.replace(E=case.E), case.until or UNTIL[case.scene]
-    if case.scene == "collapse":
-        return gr.scenes.column_collapse(
-            aspect=1.0,
-            cell=case.cell,
-            points_per_cell=case.points,
-            jitter=0.1 if case.seed else 0.0,
-            material=beads,
-            seed=case.seed,
-            duration=duration,
-            method="sph",
-        )
-    per = math.isqrt(case.points)
+def sph_incline(case: Case) -> sph.Scene:
+    """SPH scene of the incline, with matching friction at half the weight."""
+    beads, per = gr.materials.glass_beads.replace(E=case.E), math.isqrt(case.points)
     across = math.cos(math.radians(case.angle_deg))
     pressure = 0.5 * beads.rho_c * GRAVITY * across * HEIGHT
     return gr.scenes.incline_sph(
@@ -88,7 +78,7 @@ def hydrodynamics_of(case: Case) -> sph.Scene:
         spacing=case.cell / per,
         columns=COLUMNS * per,
         gravity=GRAVITY,
-        duration=duration,
+        duration=case.until or UNTIL[case.scene],
         material=sph.Viscoplastic.matching(beads, pressure),
     )
 

@@ -25,6 +25,18 @@ SCHEMES = {
 }
 
 
+RUN = ("scheme", "threads", "tolerance")
+"""Options of `options` that concern runs."""
+
+
+def parser_of(doc: str | None) -> argparse.ArgumentParser:
+    """Parser of a script with --quick and --out."""
+    parser = argparse.ArgumentParser(description=doc)
+    parser.add_argument("--quick", action="store_true", help="coarse and short, to look at")
+    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of the PNG ({OUT})")
+    return parser
+
+
 def options(
     doc: str,
     argv: Sequence[str] | None,
@@ -46,15 +58,13 @@ def options(
     E, quick_E : float
         Default of --E, Young's modulus [Pa], without and with --quick.
     without : collection of str
-        Options that the script does not have: "scheme", "threads", "tolerance".
+        Options that the script does not have, such as those of `RUN`.
     schemes : mapping of str to Scheme
         Schemes by the names of --scheme; the first is the default.
     grains : Material
         Material whose E is replaced.
     """
-    parser = argparse.ArgumentParser(description=doc)
-    parser.add_argument("--quick", action="store_true", help="coarse and short, to look at")
-    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of the PNG ({OUT})")
+    parser = parser_of(doc)
     parser.add_argument("--E", type=float, help=f"Young's modulus [Pa] ({E:g}, quick {quick_E:g})")
     if "scheme" not in without:
         parser.add_argument("--scheme", choices=tuple(schemes), default=next(iter(schemes)))
@@ -72,12 +82,13 @@ def options(
         softer = quick_E if chosen.quick else E
         chosen.E = softer if tolerance is None else PUBLISHED_E
     chosen.material = grains.replace(E=chosen.E)
+    chosen.settings = {"material": chosen.material}  # keywords of the scenes
     chosen.note = f"E = {chosen.E:g} Pa"
     if tolerance is not None:
         chosen.note = f"as suggested at {tolerance:g} for {chosen.note}"
     if "scheme" not in without:
         chosen.note = f"{chosen.scheme} scheme, {chosen.note}"
-        chosen.scheme = schemes[chosen.scheme]
+        chosen.scheme = chosen.settings["scheme"] = schemes[chosen.scheme]
     return chosen
 
 
@@ -125,8 +136,9 @@ def frames(
 
 
 def save(picture: Picture, chosen: argparse.Namespace, name: str) -> None:
-    """Write the PNG, with its settings noted in the corner, and print its path."""
-    picture.text(0.995, 0.005, chosen.note, ha="right", va="bottom", fontsize=6, color="0.4")
+    """Write the PNG, with its settings (if any) noted in the corner, and print its path."""
+    note = getattr(chosen, "note", "")
+    picture.text(0.995, 0.005, note, ha="right", va="bottom", fontsize=6, color="0.4")
     chosen.out.mkdir(parents=True, exist_ok=True)
     path = chosen.out / f"{name}.png"
     picture.savefig(path, dpi=DPI)

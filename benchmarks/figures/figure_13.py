@@ -3,7 +3,7 @@
 import sys
 
 import numpy as np
-from common import options, save
+from common import RUN, options, save
 
 import granular as gr
 from granular import plot
@@ -26,9 +26,7 @@ def _path(material: gr.materials.MuI, dt: float) -> plot.dunatunga_kamrin_2015.C
 
 
 def main(argv: list[str] | None = None) -> None:
-    chosen = options(
-        __doc__, argv, E=APPENDIX_E, quick_E=APPENDIX_E, without=("scheme", "threads", "tolerance")
-    )
+    chosen = options(__doc__, argv, E=APPENDIX_E, quick_E=APPENDIX_E, without=RUN)
     paths = [_path(chosen.material, dt) for dt in (STEPS[:3] if chosen.quick else STEPS)]
     finest = min(paths, key=lambda path: path.dt)
     times = np.linspace(0.0, DURATION, len(finest.times))

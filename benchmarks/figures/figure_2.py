@@ -10,14 +10,9 @@ from granular import plot
 
 def main(argv: list[str] | None = None) -> None:
     chosen = options(__doc__, argv)
-    columns = []
+    cell, columns = 0.02 if chosen.quick else None, []
     for aspect in (2.0, 1.0, 0.5):
-        scene = gr.scenes.column_collapse(
-            aspect=aspect,
-            cell=0.02 if chosen.quick else None,
-            material=chosen.material,
-            scheme=chosen.scheme,
-        )
+        scene = gr.scenes.column_collapse(aspect=aspect, cell=cell, **chosen.settings)
         name = f"a = {aspect:g}"
         columns.append(states_at(scene, (0.0, 0.5, 2.0), chosen, name=name))
     save(plot.dunatunga_kamrin_2015.figure_2(columns), chosen, "figure_2")

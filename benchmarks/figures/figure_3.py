@@ -13,16 +13,13 @@ def main(argv: list[str] | None = None) -> None:
     aspects = (
         (0.5, 1.0, 2.0, 4.0) if chosen.quick else (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
     )
-    runouts = {}
+    cell, runouts = 0.02 if chosen.quick else None, {}
     for key in ("published", "default"):
         name = f"{key} scheme"
         runouts[name] = []
         for aspect in aspects:
             scene = gr.scenes.column_collapse(
-                aspect=aspect,
-                cell=0.02 if chosen.quick else None,
-                material=chosen.material,
-                scheme=SCHEMES[key],
+                aspect=aspect, cell=cell, scheme=SCHEMES[key], **chosen.settings
             )
             label = f"{name}, a = {aspect:g}"
             (last,) = states_at(scene, (scene.duration,), chosen, name=label)

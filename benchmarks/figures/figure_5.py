@@ -18,14 +18,9 @@ def main(argv: list[str] | None = None) -> None:
     # Five minutes; 1e7 takes three times as long.
     chosen = options(__doc__, argv, E=1e6)
     orifices = (0.12, 0.16, 0.20) if chosen.quick else np.arange(6, 21, 2) / 100
-    histories = {}
+    cell, histories = 0.02 if chosen.quick else 0.01, {}
     for orifice in orifices:
-        scene = gr.scenes.silo(
-            orifice=float(orifice),
-            cell=0.02 if chosen.quick else 0.01,
-            material=chosen.material,
-            scheme=chosen.scheme,
-        )
+        scene = gr.scenes.silo(orifice=float(orifice), cell=cell, **chosen.settings)
         # Long enough for 600 kg to leave at two thirds of the rate of the paper.
         rate = gr.theory.beverloo_rate(orifice, chosen.material.rho_c)
         until = min(scene.duration, 0.5 + 600 / (0.67 * float(rate)))

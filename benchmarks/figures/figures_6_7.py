@@ -15,12 +15,7 @@ def main(argv: list[str] | None = None) -> None:
     runs = []
     for kind, width in widths.items():
         scene = gr.scenes.hourglass(
-            kind=kind,
-            width=width,
-            cell=cell,
-            fill_height=fill,
-            material=chosen.material,
-            scheme=chosen.scheme,
+            kind=kind, width=width, cell=cell, fill_height=fill, **chosen.settings
         )
         runs.append(states_at(scene, (0.0, 1.0, 2.0, 5.0), chosen))
     flat, sloped = runs

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from common import options, save
+from common import RUN, options, save
 
 import granular as gr
 from granular import plot
@@ -36,7 +36,7 @@ def heap(material: gr.materials.MuI, quick: bool) -> gr.State:
 
 
 def main(argv: list[str] | None = None) -> None:
-    chosen = options(__doc__, argv, without=("scheme", "threads", "tolerance"))
+    chosen = options(__doc__, argv, without=RUN)
     fit, grains = rheology()
     # The diameter is that of a sphere of the mean volume, as in the table's inertial numbers.
     d = gr.grain_scale.dem.Grains(**grains).d_volume

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import OUT
+from common import parser_of
 from numpy.typing import NDArray
 
 from granular.grain_scale.inference import InferenceWarning, Packing
@@ -26,13 +26,8 @@ Array = NDArray[np.float64]
 
 
 def chosen_options(doc: str | None, argv: Sequence[str] | None) -> argparse.Namespace:
-    """Parse the options --quick and --out, which are those of the other figures."""
-    parser = argparse.ArgumentParser(description=doc)
-    parser.add_argument("--quick", action="store_true", help="fewer frames, to look at")
-    parser.add_argument("--out", type=Path, default=OUT, help=f"folder of the PNG ({OUT})")
-    chosen = parser.parse_args(argv)
-    chosen.note = "synthetic data"
-    return chosen
+    """Parse the options --quick and --out."""
+    return parser_of(doc).parse_args(argv, argparse.Namespace(note="synthetic data"))
 
 
 def with_noise(

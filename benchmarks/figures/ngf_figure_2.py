@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from common import options, save
+from common import RUN, options, save
 from matplotlib.axes import Axes
 
 import granular as gr
@@ -114,8 +114,7 @@ def draw_glass(ax: Axes) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    without = ("scheme", "threads", "tolerance")
-    chosen = options(__doc__, argv, E=GRAINS.E, quick_E=GRAINS.E, without=without)
+    chosen = options(__doc__, argv, E=GRAINS.E, quick_E=GRAINS.E, without=RUN)
     if chosen.E != GRAINS.E:
         raise ValueError(f"E = {chosen.E} must be {GRAINS.E}: the scene has it so")
     begin = time.perf_counter()

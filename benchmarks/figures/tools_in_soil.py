@@ -18,7 +18,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from common import DPI, OUT
+from common import OUT, save
 
 import granular as gr
 from granular import plot
@@ -238,13 +238,8 @@ def wheels(table: dict) -> plot.Picture:
     picture = plot.Picture(figsize=(8, 3.5), layout="compressed")
     axes = picture.subplots(1, 2)
     rows = {slip: table[f"wheel_{slip}"] for slip in WHEELS if f"wheel_{slip}" in table}
-    for ax, quantity, text, unit in zip(
-        axes,
-        ("pull_over_load", "sinkage"),
-        ("drawbar pull/load", "sinkage [mm]"),
-        (1, 1e3),
-        strict=True,
-    ):
+    quantities = ("pull_over_load", "drawbar pull/load", 1), ("sinkage", "sinkage [mm]", 1e3)
+    for ax, (quantity, text, unit) in zip(axes, quantities, strict=True):
         ax.plot(list(rows), [unit * row[quantity] for row in rows.values()], "o-")
         ax.set(xlabel="slip [%]", ylabel=text)
     return picture
@@ -288,10 +283,8 @@ def main(argv: list[str] | None = None) -> None:
     chosen = parser.parse_args(argv)
     table = json.loads(chosen.results.read_text())
     pictures = of_table(table) | of_records(chosen.records)
-    chosen.out.mkdir(parents=True, exist_ok=True)
     for name, picture in pictures.items():
-        picture.savefig(chosen.out / f"{name}.png", dpi=DPI)
-        print(chosen.out / f"{name}.png")
+        save(picture, chosen, name)
 
 
 if __name__ == "__main__":

@@ -137,11 +137,6 @@ def arrangements(quick: bool) -> Map:
         for dim in (1, 2, 3):
             for per_axis in (1, 2) if quick or dim == 3 else (1, 2, 3):
                 tries = (60, 60, 6)[dim - 1] if quick else (3000, 600, 150)[dim - 1]
-                found.add(
-                    row,
-                    f"{dim}-D, {per_axis**dim}",
-                    lambda b=basis, d=dim, n=per_axis, t=tries, q=limit: smallest_step(
-                        b, d, n, t, q
-                    ),
-                )
+                column = f"{dim}-D, {per_axis**dim}"
+                found.add(row, column, smallest_step, basis, dim, per_axis, tries, limit)
     return found

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from unittest import mock
@@ -56,13 +55,14 @@ class Map:
         self,
         row: str,
         column: str,
-        case: Callable[[], float | tuple[float, dict[str, Any]]],
+        case: Callable[..., float | tuple[float, dict[str, Any]]],
+        *arguments: Any,
         refused: bool = False,
     ) -> None:
         """Measure a case; a run that stops with an error has the value nan and a note."""
         begin, notes = time.process_time(), {}
         try:
-            value = case()
+            value = case(*arguments)
             if isinstance(value, tuple):
                 value, notes = value
         except gr.SimulationError as error:
@@ -72,27 +72,29 @@ class Map:
         self.cells.append(Cell(row, column, float(value), verdict, round(seconds, 2), notes))
 
 
-@contextmanager
-def lifted() -> Iterator[None]:
-    """Lift the limits of the time step, to see what they prevent."""
-    with mock.patch.object(limits, "courant_limit", lambda scene: math.inf):
-        yield
+def off(reference: float, case: Callable[..., float], *arguments: Any) -> float:
+    """Relative difference of the result of a case from a reference."""
+    return abs(case(*arguments) / reference - 1)
 
 
 def refuses(scene: gr.Scene) -> bool:
     """True if the package refuses a scene."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", gr.StabilityWarning)
-            gr.Simulation(scene, threads=1)
+        quiet(scene)
     except ValueError:
         return True
     return False
 
 
 def simulate(scene: gr.Scene) -> gr.Simulation:
-    """Simulation with one thread, without the limits."""
-    with lifted(), warnings.catch_warnings():
+    """Simulation with one thread, without the limits of the time step, to see what they prevent."""
+    with mock.patch.object(limits, "courant_limit", lambda scene: math.inf):
+        return quiet(scene)
+
+
+def quiet(scene: gr.Scene) -> gr.Simulation:
+    """Simulation with one thread, without warnings."""
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", gr.StabilityWarning)
         return gr.Simulation(scene, threads=1)
 

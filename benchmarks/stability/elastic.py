@@ -16,6 +16,8 @@ from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 CELL = 0.1
 WEIGHTLESS = Gravity((0.0,), ((0.0, 0.0),))
 BASES = ("linear", "ugimp", "quadratic")
+ELASTIC = Elastic(E=1e6)
+DISC = Disc((0.8, 0.8), 0.43)
 
 
 def places(sim: gr.Simulation) -> np.ndarray:
@@ -27,7 +29,7 @@ def places(sim: gr.Simulation) -> np.ndarray:
 
 def body(region: Any, points: int, scheme: gr.Scheme, **options: Any) -> gr.Scene:
     """A jittered elastic body in a periodic box of 16 x 16 cells, without gravity."""
-    material = options.pop("material", Elastic(E=1e6))
+    material = options.pop("material", ELASTIC)
     seed, shape = options.pop("seed", 0), options.pop("shape", (16, 16))
     still, periodic = (0.0,) * len(shape), options.pop("periodic", (True,) * len(shape))
     return gr.Scene(
@@ -74,6 +76,11 @@ def patch_error(basis: str, points: int, jitter: float, seed: int) -> float:
     return float(abs(nodes["force"][inside]).max() / (100.0 * CELL))
 
 
+def median_error(basis: str, points: int, jitter: float, seeds: int) -> float:
+    """Median of the error of a patch over the seedings."""
+    return float(np.median([patch_error(basis, points, jitter, seed) for seed in range(seeds)]))
+
+
 def patches(quick: bool) -> Map:
     """Cell crossing."""
     found = Map(
@@ -89,11 +96,7 @@ def patches(quick: bool) -> Map:
         for jitter in (0.2, 1.0):
             for points in chosen((1, 4, 9, 16), quick):
                 found.add(
-                    basis,
-                    f"{points}, {jitter:g}",
-                    lambda b=basis, n=points, j=jitter: float(
-                        np.median([patch_error(b, n, j, seed) for seed in range(seeds)])
-                    ),
+                    basis, f"{points}, {jitter:g}", median_error, basis, points, jitter, seeds
                 )
     return found
 
@@ -131,23 +134,37 @@ def own_energy(state: gr.State) -> float:
     return float(kinetic + gr.measure.energy(state).elastic)
 
 
-def worst_growth(scheme: gr.Scheme, points: int, courant: float, quick: bool, **options: Any):
-    """Largest growth over the seedings, and a flag if the package refuses the time step."""
-    material = options.pop("material", Elastic(E=1e6))
-    region = Disc((0.8, 0.8), 0.43)
+def flights(name: str, title: str, rows: str, columns: str = "c dt/dx", seedings: int = 3) -> Map:
+    """Map of the growth of the energy of bodies in flight."""
+    quantity = f"growth of its energy, worst of {seedings} seedings"
+    return Map(name, title, quantity, rows, columns, 1.5)
+
+
+def add_flight(
+    found: Map,
+    row: str,
+    courant: float,
+    scheme: gr.Scheme,
+    quick: bool,
+    *,
+    region: Any = DISC,
+    points: int = 4,
+    seedings: int = 3,
+    flight: tuple[float, ...] = FLIGHT,
+    **options: Any,
+) -> None:
+    """Add the largest growth over the seedings, or note that the package refuses the time step."""
     scenes = [
-        body(
-            region,
-            points,
-            at_courant(scheme, courant, CELL, material),
-            material=material,
-            seed=seed,
-            **options,
-        )
-        for seed in range(1 if quick else 3)
+        body(region, points, scheme, seed=seed, **options)
+        for seed in range(1 if quick else seedings)
     ]
     steps = 200 if quick else 2000
-    return (lambda: max(growth(s, steps, i) for i, s in enumerate(scenes))), refuses(scenes[0])
+    found.add(
+        row,
+        f"{courant:g}",
+        lambda: max(growth(scene, steps, scene.seed, flight) for scene in scenes),
+        refused=refuses(scenes[0]),
+    )
 
 
 COURANTS = (0.1, 0.25, 0.5, 0.6, 0.7, 0.75, 0.8, 0.9, 1.0, 1.2)
@@ -157,38 +174,29 @@ def courant_points(quick: bool) -> list[Map]:
     """CFL x points per cell, one map per scheme: a disc with a ragged edge in flight."""
     maps = []
     for name, scheme in SCHEMES.items():
-        found = Map(
+        found = flights(
             f"courant_{name.split()[0].strip(',').lower()}_{scheme.transfer}",
             f"Time step, {name}: a disc in flight",
-            "growth of its energy, worst of 3 seedings",
             "points per cell",
-            "c dt/dx",
-            1.5,
         )
         for points in chosen((1, 4, 9, 16), quick):
             for courant in chosen(COURANTS, quick):
-                case, refused = worst_growth(scheme, points, courant, quick)
-                found.add(f"{points}", f"{courant:g}", case, refused)
+                fixed = at_courant(scheme, courant, CELL, ELASTIC)
+                add_flight(found, f"{points}", courant, fixed, quick, points=points)
         maps.append(found)
     return maps
 
 
 def courant_nu(quick: bool) -> Map:
     """CFL x nu with the default scheme: the wave speed is that of compression waves."""
-    found = Map(
-        "courant_nu",
-        "Time step and Poisson's ratio, default scheme: a disc in flight",
-        "growth of its energy, worst of 3 seedings",
-        "nu",
-        "c dt/dx",
-        1.5,
-    )
+    title = "Time step and Poisson's ratio, default scheme: a disc in flight"
+    found = flights("courant_nu", title, "nu")
     for nu in chosen((0.0, 0.3, 0.45, 0.49, 0.499), quick):
         material = Elastic(E=1e6, nu=nu)
         bar = math.sqrt(material.E / material.rho_c)
         for courant in chosen((0.25, 0.5, 0.75, 1.0, 1.2), quick):
-            case, refused = worst_growth(gr.schemes.default, 4, courant, quick, material=material)
-            found.add(f"{nu:g}", f"{courant:g}", case, refused)
+            fixed = at_courant(gr.schemes.default, courant, CELL, material)
+            add_flight(found, f"{nu:g}", courant, fixed, quick, material=material)
         found.cells[-1].notes["c / sqrt(E/rho)"] = material.wave_speed / bar
     return found
 
@@ -198,59 +206,27 @@ SPACE_SCHEMES = {name: scheme for name, scheme in SCHEMES.items() if scheme.basi
 
 def courant_space(quick: bool) -> Map:
     """CFL x scheme in 3D: a short cylinder in flight."""
-    found = Map(
-        "courant_space",
-        "Time step in 3D: a cylinder in flight",
-        "growth of its energy, worst of 2 seedings",
-        "scheme, points per cell",
-        "c dt/dx",
-        1.5,
-    )
-    material, region = Elastic(E=1e6), Cylinder((0.4, 0.4, 0.15), 0.23, 0.5)
+    title = "Time step in 3D: a cylinder in flight"
+    found = flights("courant_space", title, "scheme, points per cell", seedings=2)
+    cylinder = {"region": Cylinder((0.4, 0.4, 0.15), 0.23, 0.5), "shape": (8, 8, 8), "seedings": 2}
     for name, scheme in SPACE_SCHEMES.items():
         for points in chosen((1, 8), quick, few=1):
             for courant in chosen((0.5, 0.6, 0.7, 0.8, 1.0), quick):
-                fixed = at_courant(scheme, courant, CELL, material)
-                scenes = [
-                    body(region, points, fixed, material=material, shape=(8, 8, 8), seed=seed)
-                    for seed in range(1 if quick else 2)
-                ]
-                found.add(
-                    f"{name}, {points}",
-                    f"{courant:g}",
-                    lambda s=scenes: max(growth(x, 200 if quick else 2000, x.seed) for x in s),
-                    refuses(scenes[0]),
-                )
+                fixed = at_courant(scheme, courant, CELL, ELASTIC)
+                row = f"{name}, {points}"
+                add_flight(found, row, courant, fixed, quick, points=points, **cylinder)
     return found
 
 
 def courant_speed(quick: bool) -> Map:
     """CFL x speed: the wave speed of a body in flight is c + |v|."""
-    found = Map(
-        "courant_speed",
-        "Time step of a fast body, default scheme: a disc in flight",
-        "growth of its energy, worst of 3 seedings",
-        "v/c",
-        "(c + v) dt/dx",
-        1.5,
-    )
-    material, region = Elastic(E=1e6), Disc((0.8, 0.8), 0.43)
-    c = material.wave_speed
+    title = "Time step of a fast body, default scheme: a disc in flight"
+    found = flights("courant_speed", title, "v/c", "(c + v) dt/dx")
+    c = ELASTIC.wave_speed
     for speed in chosen((0.1, 0.5, 1.0, 2.0), quick):
         flight = (0.8 * speed, 0.6 * speed)
+        velocity = tuple(c * v for v in flight)
         for courant in chosen((0.25, 0.5, 0.64, 0.8, 1.0, 1.5), quick):
-            scheme = gr.schemes.default.replace(dt=courant * CELL / (c * (1 + speed)))
-            velocity = tuple(c * v for v in flight)
-            scenes = [
-                body(region, 4, scheme, material=material, velocity=velocity, seed=seed)
-                for seed in range(1 if quick else 3)
-            ]
-            found.add(
-                f"{speed:g}",
-                f"{courant:g}",
-                lambda s=scenes, f=flight: max(
-                    growth(x, 200 if quick else 2000, x.seed, f) for x in s
-                ),
-                refuses(scenes[0]),
-            )
+            fixed = gr.schemes.default.replace(dt=courant * CELL / (c * (1 + speed)))
+            add_flight(found, f"{speed:g}", courant, fixed, quick, flight=flight, velocity=velocity)
     return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ import granular as gr
 from granular.diagnostics import Monitor, health
 from granular.materials import MuI, glass_beads
 from granular.mpm.walls import Wall
-from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
+from stability.cells import SCHEMES, Map, at_courant, chosen, off, refuses, simulate
 
 HEIGHT = 0.2
 FEW = ("published (linear, flip)", "quadratic, apic", "default", "cell_averaged")
@@ -20,17 +21,19 @@ FEW = ("published (linear, flip)", "quadratic, apic", "default", "cell_averaged"
 
 
 def mean_speed(state: gr.State) -> float:
-    """Down the slope [m/s]."""
+    """Along x, on an incline down the slope [m/s]."""
     return float(np.average(state.v[:, 0], weights=state.mass))
 
 
-def error_of_profile(state: gr.State, height: float = HEIGHT) -> float:
-    """Relative L2 error of v(y) at the points against the one-dimensional equation."""
-    angle = state.scene.parameters["angle_deg"]
-    exact = gr.theory.transient(angle, height, state.scene.material, [state.time])
+def error_of_profile(state: gr.State, least: float = 0.0) -> float:
+    """L2 error of v(y) at the points against the one-dimensional equation, relative to its size,
+    or to the speed `least` [m/s] if that is larger."""
+    given = state.scene.parameters
+    layer = given["angle_deg"], given["height"], state.scene.material
+    exact = gr.theory.transient(*layer, [state.time], ramp=given["ramp"])
     v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
-    miss = state.mass * (state.v[:, 0] - v) ** 2
-    return float(np.sqrt(miss.sum() / (state.mass * v**2).sum()))
+    miss, size = (math.sqrt(np.average(u**2, weights=state.mass)) for u in (state.v[:, 0] - v, v))
+    return miss / max(size, least)
 
 
 def watched(sim: gr.Simulation, until: float, frames: int = 60) -> dict[str, float]:
@@ -42,72 +45,57 @@ def watched(sim: gr.Simulation, until: float, frames: int = 60) -> dict[str, flo
     return {sign.name: round(sign.value, 4) for sign in signs}
 
 
-def flow(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
+def flow(scene: gr.Scene, until: float, least: float = 0.0) -> tuple[float, dict[str, float]]:
     """Error of v(y) after a while, and the indicators of the monitor."""
     sim = simulate(scene)
     signs = watched(sim, until)
-    state = sim.state
-    height = gr.measure.layer_height(state) / scene.parameters["height"]
-    return error_of_profile(state, scene.parameters["height"]), signs | {"height": round(height, 4)}
+    height = gr.measure.layer_height(sim.state) / scene.parameters["height"]
+    return error_of_profile(sim.state, least), signs | {"height": round(height, 4)}
+
+
+incline_map = partial(Map, quantity="relative L2 error of v(y)", rows="scheme", sound=0.05)
 
 
 def incline_courant(quick: bool) -> Map:
     """Time steps that are too large but cause no NaN: one column at 25 deg."""
-    found = Map(
+    found = incline_map(
         "incline_courant",
         "Too large a step without a NaN: one column of an incline of 25 deg, 10 s",
-        "relative L2 error of v(y)",
-        "scheme",
-        "c dt/dx",
-        0.02,
+        columns="c dt/dx",
+        sound=0.02,
     )
     material, cell = glass_beads.replace(E=1e6), 0.01
     for name in (FEW[0], "quadratic, flip", *FEW[2:]):
         for courant in chosen((0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2, 1.4), quick):
-            scene = gr.scenes.incline(
-                cell=cell,
-                material=material,
-                scheme=at_courant(SCHEMES[name], courant, cell, material),
-            )
-            found.add(
-                name,
-                f"{courant:g}",
-                lambda s=scene: flow(s, 0.3 if quick else 10.0),
-                refuses(scene),
-            )
+            scheme = at_courant(SCHEMES[name], courant, cell, material)
+            scene = gr.scenes.incline(cell=cell, material=material, scheme=scheme)
+            until, refused = 0.3 if quick else 10.0, refuses(scene)
+            found.add(name, f"{courant:g}", flow, scene, until, refused=refused)
     return found
 
 
 ANGLES = (22.0, 23.5, 25.0, 27.0, 29.0, 30.0, 31.5)
 
 
+def angle_label(angle: float, material: MuI) -> str:
+    """Slope [deg] and its inertial number."""
+    return f"{angle:g}: {gr.theory.scaled_inertial_number_of_slope(angle, material):.2g}"
+
+
 def incline_angles(quick: bool) -> Map:
     """Inertial number x scheme: eight columns, slopes on both sides of the well-posed range."""
-    found = Map(
+    found = incline_map(
         "incline_angles",
         "Two-dimensional shear flow: an incline of 8 columns, jittered, 6 s",
-        "relative L2 error of v(y)",
-        "scheme",
-        "slope [deg] and its inertial number I/I0",
-        0.05,
+        columns="slope [deg] and its inertial number I/I0",
     )
-    material = glass_beads.replace(E=1e6)
+    layer = {"cell": 0.01, "columns": 8, "jitter": 0.6, "seed": 4}
+    layer["material"] = glass_beads.replace(E=1e6)
     for name in (FEW[0], "quadratic, flip", *FEW[1:]):
-        scheme = SCHEMES[name]
         for angle in chosen(ANGLES, quick):
-            ratio = gr.theory.scaled_inertial_number_of_slope(angle, material)
-            scene = gr.scenes.incline(
-                angle_deg=angle,
-                cell=0.01,
-                columns=8,
-                jitter=0.6,
-                material=material,
-                scheme=scheme,
-                seed=4,
-            )
-            found.add(
-                name, f"{angle:g}: {ratio:.2g}", lambda s=scene: flow(s, 0.05 if quick else 6.0)
-            )
+            scene = gr.scenes.incline(angle_deg=angle, scheme=SCHEMES[name], **layer)
+            label = angle_label(angle, scene.material)
+            found.add(name, label, flow, scene, 0.05 if quick else 6.0)
     return found
 
 
@@ -137,98 +125,58 @@ def incline_seeding(quick: bool) -> Map:
                 seed=5,
             )
             until = (1 if quick else 20) * math.sqrt(height / 9.8)
-            found.add(f"{points}", f"{cells}", lambda s=scene, t=until: layer(s, t))
+            found.add(f"{points}", f"{cells}", flow, scene, until)
     return found
-
-
-def layer(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
-    """Like `flow`, but the reference includes the ramp of the scene."""
-    sim = simulate(scene)
-    signs = watched(sim, until)
-    state, given = sim.state, scene.parameters
-    exact = gr.theory.transient(
-        given["angle_deg"], given["height"], scene.material, [state.time], ramp=given["ramp"]
-    )
-    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
-    miss = state.mass * (state.v[:, 0] - v) ** 2
-    return float(np.sqrt(miss.sum() / (state.mass * v**2).sum())), signs
 
 
 def incline_refinement(quick: bool) -> Map:
     """Slope x refinement, along the slope as well or in one column, where no wave can grow."""
-    found = Map(
+    found = incline_map(
         "incline_refinement",
         "Refinement of an incline, one column or 0.08 m long, jittered, default scheme, 1 s",
-        "relative L2 error of v(y)",
-        "columns, cells over the height",
-        "slope [deg] and its inertial number I/I0",
-        0.05,
+        rows="columns, cells over the height",
+        columns="slope [deg] and its inertial number I/I0",
     )
-    material, until = glass_beads.replace(E=3e6), 0.05 if quick else 1.0
+    layer = {"jitter": 0.6, "material": glass_beads.replace(E=3e6), "seed": 6}
     for cells in chosen((10, 20, 40), quick):
         for columns in (1, round(0.4 * cells)):
             for angle in chosen((22.0, 25.0, 28.0, 31.5), quick):
-                ratio = gr.theory.scaled_inertial_number_of_slope(angle, material)
                 scene = gr.scenes.incline(
-                    angle_deg=angle,
-                    cell=HEIGHT / cells,
-                    columns=columns,
-                    jitter=0.6,
-                    material=material,
-                    seed=6,
+                    angle_deg=angle, cell=HEIGHT / cells, columns=columns, **layer
                 )
-                found.add(
-                    f"{columns}, {cells}", f"{angle:g}: {ratio:.2g}", lambda s=scene: flow(s, until)
-                )
+                label = angle_label(angle, scene.material)
+                found.add(f"{columns}, {cells}", label, flow, scene, 0.05 if quick else 1.0)
     # One column first, as the result that the others should have.
     found.cells.sort(key=lambda cell: not cell.row.startswith("1,"))
     return found
 
 
-def error_at_the_ends(scene: gr.Scene, until: float) -> tuple[float, dict[str, float]]:
-    """Error of v(y) relative to its size, or to a hundredth of sqrt(g h) if that is larger."""
-    sim = simulate(scene)
-    signs = watched(sim, until)
-    state, angle = sim.state, scene.parameters["angle_deg"]
-    exact = gr.theory.transient(angle, HEIGHT, scene.material, [state.time])
-    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
-    miss, size = (math.sqrt(np.average(u**2, weights=state.mass)) for u in (state.v[:, 0] - v, v))
-    return miss / max(size, 0.01 * math.sqrt(9.8 * HEIGHT)), signs
-
-
 def law_ends(quick: bool) -> Map:
     """Slopes near both ends of the law, mu_s = tan 20.90 deg and mu_2 = tan 32.76 deg."""
-    found = Map(
+    found = incline_map(
         "law_ends",
         "The ends of the mu(I) law: one column of an incline, 4 s",
-        "L2 error of v(y) over max(|v|, 0.01 sqrt(g h))",
-        "scheme",
-        "slope [deg]",
-        0.05,
+        quantity="L2 error of v(y) over max(|v|, 0.01 sqrt(g h))",
+        columns="slope [deg]",
     )
     material = glass_beads.replace(E=1e7)
     low, high = (math.degrees(math.atan(mu)) for mu in (material.mu_s, material.mu_2))
     angles = {f"{angle:g}": angle for angle in (0.0, 19.0, 21.5, 32.0, 34.0, 40.0)}
     angles |= {"mu_s": low, "mu_2": high}
+    until, least = 0.2 if quick else 4.0, 0.01 * math.sqrt(9.8 * HEIGHT)
     for name in FEW:
         for label, angle in sorted(angles.items(), key=lambda item: item[1]):
             scene = gr.scenes.incline(
                 angle_deg=angle, cell=0.02, material=material, scheme=SCHEMES[name]
             )
-            found.add(name, label, lambda s=scene: error_at_the_ends(s, 0.2 if quick else 4.0))
+            found.add(name, label, flow, scene, until, least)
     return found
 
 
 def incline_columns(quick: bool) -> Map:
     """Columns x scheme, to find where the flow of the published scheme becomes two-dimensional."""
-    found = Map(
-        "incline_columns",
-        "Columns of an incline of 25 deg, jittered, 6 s",
-        "relative L2 error of v(y)",
-        "scheme",
-        "columns",
-        0.05,
-    )
+    title = "Columns of an incline of 25 deg, jittered, 6 s"
+    found = incline_map("incline_columns", title, columns="columns")
     for name in FEW:
         for columns in chosen((1, 2, 3, 4, 8), quick):
             scene = gr.scenes.incline(
@@ -238,7 +186,7 @@ def incline_columns(quick: bool) -> Map:
                 material=glass_beads.replace(E=1e6),
                 scheme=SCHEMES[name],
             )
-            found.add(name, f"{columns}", lambda s=scene: flow(s, 0.05 if quick else 6.0))
+            found.add(name, f"{columns}", flow, scene, 0.05 if quick else 6.0)
     return found
 
 
@@ -278,30 +226,17 @@ def at_rest(scene: gr.Scene, waves: float) -> tuple[float, dict[str, float]]:
 
 def rest(quick: bool) -> list[Map]:
     """Layers that should be at rest: level, on a slope below mu_s = tan 20.9 deg, between walls."""
-    speeds = Map(
-        "rest_speed",
-        "Rest: a layer after 10^4 wave times",
-        "99th percentile of speed / sqrt(g h)",
-        "scheme",
-        "slope [deg]",
-        1e-4,
-    )
-    pressures = Map(
-        "rest_pressure",
-        "Rest: cell pressure off the surface",
-        "relative error against the weight",
-        "scheme",
-        "slope [deg]",
-        0.03,
-    )
+    title, quantity = "Rest: a layer after 10^4 wave times", "99th percentile of speed / sqrt(g h)"
+    speeds = Map("rest_speed", title, quantity, "scheme", "slope [deg]", 1e-4)
+    title, quantity = "Rest: cell pressure off the surface", "relative error against the weight"
+    pressures = Map("rest_pressure", title, quantity, "scheme", "slope [deg]", 0.03)
     for name in FEW:
         scheme, material = SCHEMES[name], glass_beads.replace(E=1e6)
         scenes = {f"{angle:g}": layer_at_rest(scheme, angle, material) for angle in (0.0, 15.0)}
         scenes["0, between walls"] = column_at_rest(scheme, material)
         for column, scene in scenes.items():
-            speeds.add(name, column, lambda s=scene: at_rest(s, 20 if quick else 1e4))
-            last = speeds.cells[-1]
-            pressures.add(name, column, lambda n=last.notes: n.get("pressure", math.nan))
+            speeds.add(name, column, at_rest, scene, 20 if quick else 1e4)
+            pressures.add(name, column, speeds.cells[-1].notes.get, "pressure", math.nan)
     return [speeds, pressures]
 
 
@@ -315,11 +250,10 @@ def slug(scheme: gr.Scheme, quick: bool) -> tuple[float, dict[str, Any]]:
     mass = sim.state.mass.sum()
     sim.run(until=0.3)
     stress = float(abs(sim.state.stress).max())
-    speed = float(np.average(sim.state.v[:, 0], weights=sim.state.mass))
-    least = speed
+    speed = least = mean_speed(sim.state)
     for time in np.arange(0.32, 0.4 if quick else 0.6, 0.02):
         sim.run(until=time)
-        least = min(least, float(np.average(sim.state.v[:, 0], weights=sim.state.mass)))
+        least = min(least, mean_speed(sim.state))
     lost = float(abs(sim.state.mass.sum() / mass - 1))
     return max(-least / speed, 0.0), {"stress in flight": stress, "mass lost": lost}
 
@@ -335,7 +269,7 @@ def reconsolidation(quick: bool) -> Map:
         0.2,
     )
     for name, scheme in SCHEMES.items():
-        found.add(name, "rebound", lambda s=scheme: slug(s, quick))
+        found.add(name, "rebound", slug, scheme, quick)
     return found
 
 
@@ -368,19 +302,12 @@ def softness(quick: bool) -> Map:
     moduli = (1e6, 1e5) if quick else (1e7, 1e6, 1e5)
     stiff = discharge(moduli[0], quick)
     for E in moduli[1:]:
-        found.add(
-            "silo, discharge at D = 0.2 m",
-            f"{E:.0e}",
-            lambda e=E: abs(discharge(e, quick) / stiff - 1),
-        )
+        found.add("silo, discharge at D = 0.2 m", f"{E:.0e}", off, stiff, discharge, E, quick)
     for angle in (25.0, 32.0):
         for E in moduli[1:]:
             scene = gr.scenes.incline(angle_deg=angle, cell=0.01, material=glass_beads.replace(E=E))
-            found.add(
-                f"incline, depth average, {angle:g} deg",
-                f"{E:.0e}",
-                lambda s=scene: depth_average_error(s, 0.3 if quick else 10.0),
-            )
+            row = f"incline, depth average, {angle:g} deg"
+            found.add(row, f"{E:.0e}", depth_average_error, scene, 0.3 if quick else 10.0)
     return found
 
 

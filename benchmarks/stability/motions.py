@@ -12,8 +12,8 @@ from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic
 from granular.mpm.walls import Wall
-from stability.cells import SCHEMES, Map, chosen, simulate
-from stability.elastic import WEIGHTLESS, body, own_energy, places
+from stability.cells import SCHEMES, Map, chosen, off, simulate
+from stability.elastic import BASES, WEIGHTLESS, body, places
 
 LENGTH = 3.2
 """Length of the bar [m]."""
@@ -96,8 +96,8 @@ def transfers(quick: bool) -> list[Map]:
     waves = Map("wave", "Dissipation", "energy kept in a period", "transfer", "", 0.9, least=True)
     spin = Map("rotation", "Rotation, ten turns", "relative error", "transfer", "of", 1e-2)
     for name, scheme in TRANSFERS.items():
-        null.add(name, "alternating velocity", lambda s=scheme: null_space(s))
-        waves.add(name, "32 cells", lambda s=scheme: wave_energy(s))
+        null.add(name, "alternating velocity", null_space, scheme)
+        waves.add(name, "32 cells", wave_energy, scheme)
         for i, kept in enumerate(("angular momentum", "kinetic energy")):
             spin.add(name, kept, lambda s=scheme, i=i: turning(s, 0.2 if quick else 10)[i])
     return [null, waves, spin]
@@ -150,11 +150,7 @@ def locking(quick: bool) -> Map:
     for nu in chosen((0.3, 0.45, 0.49, 0.499), quick):
         exact = settlement(gr.Scheme(transfer="apic"), nu, fine)
         for name in names:
-            found.add(
-                name,
-                f"{nu:g}",
-                lambda s=SCHEMES[name], n=nu, e=exact: abs(settlement(s, n, 0.1) / e - 1),
-            )
+            found.add(name, f"{nu:g}", off, exact, settlement, SCHEMES[name], nu, 0.1)
     return found
 
 
@@ -219,11 +215,8 @@ def tearing(quick: bool) -> Map:
         4.0,
         least=True,
     )
-    for basis in ("linear", "ugimp", "quadratic"):
+    for basis in BASES:
         scheme = gr.Scheme(basis=basis, transfer="flip")
         for points in chosen((1, 4, 9, 16), quick):
-            found.add(basis, f"{points}", lambda s=scheme, n=points: tear(s, n, 4.0))
+            found.add(basis, f"{points}", tear, scheme, points, 4.0)
     return found
-
-
-__all__ = ["locking", "own_energy", "tearing", "transfers"]

@@ -20,21 +20,6 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme, default, dunatunga_kamrin_2015
 from granular.theory import transient
 
-__all__ = [
-    "LAWS",
-    "StiffnessLaw",
-    "friction_shift",
-    "grid_damping",
-    "held_decay",
-    "incline_error",
-    "incline_resolution_error",
-    "pressure_strain",
-    "ramp_slip",
-    "softening",
-    "stiffness_error",
-    "with_numbers_of_default",
-]
-
 RAMP_SLIP = 0.16
 """Velocity that a layer on an incline gains while gravity is switched on, divided by g h/c_w."""
 

@@ -9,8 +9,6 @@ from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 
-__all__ = ["Cost", "cost", "nanoseconds", "time_step"]
-
 _NANOSECONDS = {
     2: {
         ("linear", "flip"): 7.3,

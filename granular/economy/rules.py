@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, NamedTuple, cast
 
 from granular.checks import in_range
 from granular.economy import bias
-from granular.economy.cost import nanoseconds
-from granular.economy.suggestion import Suggestion, Suggestions, changed, saving, scene_function
+from granular.economy.cost import cost, nanoseconds
+from granular.economy.suggestion import Suggestion, Suggestions, changed, scene_function
 from granular.economy.symmetry import obstacle
 from granular.materials import MuI
 from granular.mpm import engine
@@ -22,8 +23,6 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme, default
 from granular.theory.stopping import stopping_height
 from granular.theory.well_posed import scaled_inertial_number_of_slope
-
-__all__ = ["suggest"]
 
 NONLOCAL_AMPLITUDE = (0.48, 0.9)
 """A of the nonlocal law for glass beads; the grain size has an effect over lengths of A d."""
@@ -59,37 +58,24 @@ class _Asked:
 
     Attributes
     ----------
-    given, scene : Scene
-        The given scene, and the scene with the changes.
+    scene : Scene
     name : str
         Name of the scene function; "" if none made it.
     tolerance : float
         Remaining tolerance, after the suggestions so far.
     """
 
-    given: Scene
     scene: Scene
     name: str
     tolerance: float
 
-    def take(self, item: Suggestion) -> _Asked:
-        if not item.changes:
-            return self
-        scene = changed(self.scene, item.changes)
-        return _Asked(self.given, scene, self.name, self.tolerance - item.error)
 
-    def suggestion(
-        self, topic: str, reason: str, error: float = 0.0, changes: Mapping[str, Any] | None = None
-    ) -> Suggestion:
-        gain = saving(self.scene, changes) if changes else 1.0
-        return Suggestion(
-            topic=topic,
-            reason=reason,
-            error=error,
-            saving=gain,
-            changes=changes or {},
-            scene=self.given,
-        )
+class _Advice(NamedTuple):
+    """Result of a rule: see the attributes of `Suggestion`."""
+
+    reason: str
+    error: float = 0.0
+    changes: Mapping[str, Any] = MappingProxyType({})
 
 
 def _flat(asked: _Asked) -> bool:
@@ -97,20 +83,19 @@ def _flat(asked: _Asked) -> bool:
     return asked.name == "incline" and bias.one_column(asked.scene)
 
 
-def _columns(asked: _Asked) -> Suggestion:
+def _columns(asked: _Asked) -> _Advice:
     """Suggest one column for an incline."""
     scene = asked.scene
     if _flat(asked):
-        return asked.suggestion("dimension", "One column of cells is the least there is.")
+        return _Advice("One column of cells is the least there is.")
     if scene.dim == 3:
-        reason = (
+        return _Advice(
             "The flow is the same all across as well: a 2D scene shows it (columns_across = 0)."
-            " What that changes has not been measured."
+            " What that changes has not been measured.",
+            math.nan,
         )
-        return asked.suggestion("dimension", reason, math.nan)
     if SHARE * asked.tolerance < ONE_COLUMN:
-        reason = f"One column would change the flow by about {ONE_COLUMN:.2g}."
-        return asked.suggestion("dimension", reason)
+        return _Advice(f"One column would change the flow by about {ONE_COLUMN:.2g}.")
     reason = (
         "The flow is the same all along the slope: one periodic column shows it. It cannot"
         " show waves on the surface, nor a scheme that fails in two dimensions."
@@ -120,38 +105,40 @@ def _columns(asked: _Asked) -> Suggestion:
             " This one does: what it makes of many columns is not within this error"
             " (off by 0.16 on 8, linear functions), of one it is."
         )
-    return asked.suggestion("dimension", reason, ONE_COLUMN, {"columns": 1})
+    return _Advice(reason, ONE_COLUMN, {"columns": 1})
 
 
-def _dimension(asked: _Asked) -> Suggestion:
+def _dimension(asked: _Asked) -> _Advice:
     scene, called = asked.scene, asked.scene.parameters
     if asked.name == "incline":
         return _columns(asked)
     if called.get("half", False):
         where = "2D, and half" if scene.dim == 2 else "Half"
-        return asked.suggestion("dimension", f"{where} by symmetry: all there is.")
+        return _Advice(f"{where} by symmetry: all there is.")
     if called.get("quarter", False):
-        reason = "A quarter by symmetry. It spreads in two directions: in 2D it is another flow."
-        return asked.suggestion("dimension", reason)
+        return _Advice(
+            "A quarter by symmetry. It spreads in two directions: in 2D it is another flow."
+        )
     reason = obstacle(scene)
     if reason:
-        return asked.suggestion("dimension", f"It cannot be halved: {reason}.")
+        return _Advice(f"It cannot be halved: {reason}.")
     error = 0.0 if scene.scheme.basis == "linear" else HALVED
     if SHARE * asked.tolerance < error:
-        reason = f"It is its own mirror image, but half of it would change the flow by {error:.2g}."
-        return asked.suggestion("dimension", reason)
+        return _Advice(
+            f"It is its own mirror image, but half of it would change the flow by {error:.2g}."
+        )
     reason = "The scene is its own mirror image: half of it, before a free_slip wall, is enough."
-    return asked.suggestion("dimension", reason, error, {"half": True})
+    return _Advice(reason, error, {"half": True})
 
 
 _LINEAR = Scheme(basis="linear")
 
 
-def _basis(asked: _Asked) -> Suggestion:
+def _basis(asked: _Asked) -> _Advice:
     scheme, dim = asked.scene.scheme, asked.scene.dim
     flat = _flat(asked)
     if scheme.density.name == "cell_averaged":
-        return asked.suggestion("basis", "Linear functions that keep shear flows: none is cheaper.")
+        return _Advice("Linear functions that keep shear flows: none is cheaper.")
     if scheme.basis == "linear":
         dearer = nanoseconds(default, dim) / nanoseconds(scheme, dim)
         reason = "Linear functions are the cheapest." + (
@@ -160,49 +147,46 @@ def _basis(asked: _Asked) -> Suggestion:
             else " They lose two-dimensional shear flows; a scheme that keeps them costs"
             f" {dearer:.2g} times as much for a point and step."
         )
-        return asked.suggestion("basis", reason)
-    share = nanoseconds(_LINEAR, dim) / nanoseconds(scheme, dim)
+        return _Advice(reason)
     if not flat:
-        reason = (
+        share = nanoseconds(_LINEAR, dim) / nanoseconds(scheme, dim)
+        return _Advice(
             f"Kept: linear functions cost {share:.2g} of it, but the layers they shear in two"
             " dimensions collapse; on the incline of 8 columns the profile is off by 0.16 in 4 s."
         )
-        return asked.suggestion("basis", reason)
     if not bias.with_numbers_of_default(scheme):
         reason = "Kept: what linear functions change was measured against the default scheme alone."
-        return asked.suggestion("basis", reason, math.nan)
+        return _Advice(reason, math.nan)
     if SHARE * asked.tolerance < LINEAR_COLUMN:
-        reason = f"Kept: linear functions change the flow by about {LINEAR_COLUMN:.2g}."
-        return asked.suggestion("basis", reason)
+        return _Advice(f"Kept: linear functions change the flow by about {LINEAR_COLUMN:.2g}.")
     reason = "One column cannot fail in two dimensions: linear functions serve as well."
     changes = {"basis": "linear", "transfer": "flip", "density": ParticleDensity()}
-    return asked.suggestion("basis", reason, LINEAR_COLUMN, changes)
+    return _Advice(reason, LINEAR_COLUMN, changes)
 
 
-def _resolution(asked: _Asked) -> Suggestion:
+def _resolution(asked: _Asked) -> _Advice:
     scene, called = asked.scene, asked.scene.parameters
     if asked.name != "incline":
-        reason = (
+        return _Advice(
             "Cells and points are kept. Openings act wider by a part of a cell, and a front"
             " is told to a cell: other cells are another answer. Fewer points a cell: see"
             " docs/economy.md."
         )
-        return asked.suggestion("resolution", reason)
     scheme, grains = scene.scheme, scene.material
     if not _flat(asked) or damps_by_step(scheme) or not isinstance(grains, MuI):
-        reason = (
+        return _Advice(
             "Cells are kept: what larger ones change was measured in one column, with the mu(I)"
-            " law and a damping that does not depend on the step."
+            " law and a damping that does not depend on the step.",
+            math.nan,
         )
-        return asked.suggestion("resolution", reason, math.nan)
     rows = round(called["height"] / called["cell"])
     for coarse in (n for n in range(LEAST_ROWS, rows) if rows % n == 0):
         cell = called["cell"] * (rows // coarse)
         error = bias.incline_resolution_error(scene, cell)
         if error <= SHARE * asked.tolerance:
             reason = f"{coarse} cells over the height are enough: the error falls as their square."
-            return asked.suggestion("resolution", reason, error, {"cell": cell})
-    return asked.suggestion("resolution", f"{rows} cells over the height are none too many.")
+            return _Advice(reason, error, {"cell": cell})
+    return _Advice(f"{rows} cells over the height are none too many.")
 
 
 def _rounded(E: float) -> float:
@@ -211,12 +195,8 @@ def _rounded(E: float) -> float:
     return math.ceil(round(E / unit, 6)) * unit
 
 
-def softest(scene: Scene, name: str, tolerance: float) -> float:
+def softest(error: Callable[[float], float], tolerance: float) -> float:
     """Smallest E [Pa] whose expected error is within a tolerance; nan if there is none."""
-
-    def error(E: float) -> float:
-        return bias.stiffness_error(scene, name, scene.material.replace(E=E))
-
     low, high = 1e3, 1e13
     if not error(high) <= tolerance:
         return math.nan
@@ -226,26 +206,29 @@ def softest(scene: Scene, name: str, tolerance: float) -> float:
     return _rounded(high)
 
 
-def _stiffness(asked: _Asked) -> Suggestion:
+def _stiffness(asked: _Asked) -> _Advice:
     scene = asked.scene
-    own = bias.stiffness_error(scene, asked.name, scene.material)
+
+    def error(E: float) -> float:
+        return bias.stiffness_error(scene, asked.name, scene.material.replace(E=E))
+
+    own = error(scene.material.E)
     if math.isnan(own):
         reason = "What softer grains would change here has not been measured: E is kept."
-        return asked.suggestion("stiffness", reason, math.nan)
-    E = softest(scene, asked.name, asked.tolerance)
+        return _Advice(reason, math.nan)
+    E = softest(error, asked.tolerance)
     if math.isnan(E):
         reason = (
             f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."
         )
-        return asked.suggestion("stiffness", reason, own)
+        return _Advice(reason, own)
     if E >= scene.material.E:
         reason = (
             f"E = {scene.material.E:.2g} Pa is soft enough: its own error is about {own:.2g},"
             f" and the tolerance asks for {E:.2g} Pa or more."
         )
-        return asked.suggestion("stiffness", reason, own)
-    error = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E))
-    softer = bias.stiffness_error(scene, asked.name, scene.material.replace(E=E / 10))
+        return _Advice(reason, own)
+    softer = error(E / 10)
     beyond = "not known" if not math.isfinite(softer) else f"about {softer:.2g}"
     strain = bias.pressure_strain(scene, scene.material.replace(E=E))
     reason = (
@@ -255,30 +238,30 @@ def _stiffness(asked: _Asked) -> Suggestion:
     changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
         reason += " The damping of the scheme, which goes with the stiffness, is held."
-    return asked.suggestion("stiffness", reason, error, changes)
+    return _Advice(reason, error(E), changes)
 
 
-def _time_step(asked: _Asked) -> Suggestion:
+def _time_step(asked: _Asked) -> _Advice:
     scene, scheme = asked.scene, asked.scene.scheme
     if scheme.dt is None:
         reason = f"Adaptive at {scheme.cfl:g} of dx/c already; beyond it runs can fail silently."
-        return asked.suggestion("time step", reason)
+        return _Advice(reason)
     if damps_by_step(scheme):
         reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
-        return asked.suggestion("time step", reason, math.nan)
+        return _Advice(reason, math.nan)
     if scheme.density.name != "particle":
         reason = "Kept: the density is averaged each so many steps, less often if they are longer."
-        return asked.suggestion("time step", reason, math.nan)
+        return _Advice(reason, math.nan)
     limit = courant_limit(scene)
     if scheme.cfl > limit:
         reason = f"Kept: the adaptive step would be beyond its limit, cfl = {scheme.cfl} > {limit}."
-        return asked.suggestion("time step", reason)
+        return _Advice(reason)
     adaptive = scheme.cfl * scene.grid.cell / scene.material.wave_speed
     if adaptive <= scheme.dt:
         reason = f"{scheme.dt:.2g} s is no less than the adaptive step of {adaptive:.2g} s."
-        return asked.suggestion("time step", reason)
+        return _Advice(reason)
     reason = f"Adaptive at {scheme.cfl:g} of dx/c: {adaptive:.2g} s in place of {scheme.dt:.2g} s."
-    return asked.suggestion("time step", reason, 0.0, {"dt": None})
+    return _Advice(reason, 0.0, {"dt": None})
 
 
 def inertia(scene: Scene, name: str) -> float:
@@ -295,29 +278,29 @@ def inertia(scene: Scene, name: str) -> float:
     return 1.0 / (grains.xi * math.sqrt(grains.rho_c) * (opening or height(scene)))
 
 
-def _rate(asked: _Asked) -> Suggestion:
+def _rate(asked: _Asked) -> _Advice:
     grains = asked.scene.material
     if not isinstance(grains, MuI):
-        return asked.suggestion("rate", "The material does not depend on the rate.")
+        return _Advice("The material does not depend on the rate.")
     ratio = inertia(asked.scene, asked.name)
     share = 1.0 if math.isinf(ratio) else ratio / (1 + ratio)
     gain = (grains.mu_2 - grains.mu_s) / grains.mu_s * share
     about = f"I/I0 is about {ratio:.2g}, friction {gain:.1%} above mu_s"
     if asked.name == "incline" and ratio > 0.0:
-        return asked.suggestion("rate", f"It decides how fast the layer flows: {about}.", math.inf)
+        return _Advice(f"It decides how fast the layer flows: {about}.", math.inf)
     error = FRICTION_SHARE * gain
     if error > asked.tolerance:
-        return asked.suggestion("rate", f"It matters: {about}.", error)
+        return _Advice(f"It matters: {about}.", error)
     reason = f"It does not matter: {about}. Coulomb friction mu_s would do, and costs as much."
-    return asked.suggestion("rate", reason, error)
+    return _Advice(reason, error)
 
 
-def _grains(asked: _Asked) -> Suggestion:
+def _grains(asked: _Asked) -> _Advice:
     scene, called = asked.scene, asked.scene.parameters
     d = getattr(scene.material, "d", None)
     if d is None:
         reason = "The material has no grain size; with I0 and d in place of xi it can be judged."
-        return asked.suggestion("grains", reason, math.nan)
+        return _Advice(reason, math.nan)
     low, high = (d * amplitude for amplitude in NONLOCAL_AMPLITUDE)
     opening = called.get("orifice", 2 * called.get("orifice_radius", 0.0))
     size, what = (opening, "opening") if opening else (height(scene), "layer")
@@ -328,7 +311,7 @@ def _grains(asked: _Asked) -> Suggestion:
     if asked.name == "incline":
         text += _stopping_height(scene, d)
     verdict = "The local law leaves it out" if high / size > asked.tolerance else "Negligible"
-    return asked.suggestion("grains", f"{text}. {verdict}.", high / size)
+    return _Advice(f"{text}. {verdict}.", high / size)
 
 
 def _stopping_height(scene: Scene, d: float) -> str:
@@ -353,7 +336,7 @@ _WANTED = {
 }
 
 
-def _fields(asked: _Asked) -> Suggestion:
+def _fields(asked: _Asked) -> _Advice:
     scene = asked.scene
     carried = engine.build(scene, 1.0).fields()
     numbers = sum(components for _, components, _, _ in carried)
@@ -362,19 +345,19 @@ def _fields(asked: _Asked) -> Suggestion:
     if asked.name in _WANTED:
         quantity, needed = _WANTED[asked.name]
         text += f"; for {quantity} it is enough to look at {needed}"
-    return asked.suggestion("fields", f"{text}.")
+    return _Advice(f"{text}.")
 
 
-_RULES: tuple[Callable[[_Asked], Suggestion], ...] = (
-    _dimension,
-    _basis,
-    _resolution,
-    _stiffness,
-    _time_step,
-    _rate,
-    _grains,
-    _fields,
-)
+_RULES: Mapping[str, Callable[[_Asked], _Advice]] = {
+    "dimension": _dimension,
+    "basis": _basis,
+    "resolution": _resolution,
+    "stiffness": _stiffness,
+    "time step": _time_step,
+    "rate": _rate,
+    "grains": _grains,
+    "fields": _fields,
+}
 
 
 def suggest(scene: Scene, tolerance: float = 0.02) -> Suggestions:
@@ -406,9 +389,18 @@ def suggest(scene: Scene, tolerance: float = 0.02) -> Suggestions:
     check_time_step(scene)
     tolerance = in_range("tolerance", tolerance, 0.0, 0.5, open_low=True)
     function = scene_function(scene)
-    asked = _Asked(scene, scene, function.__name__ if function else "", tolerance)
+    asked = _Asked(scene, function.__name__ if function else "", tolerance)
     items = []
-    for rule in _RULES:
-        items.append(rule(asked))
-        asked = asked.take(items[-1])
+    for topic, rule in _RULES.items():
+        reason, error, changes = rule(asked)
+        gain = 1.0
+        if changes:
+            cheaper = changed(asked.scene, changes)
+            gain = cost(asked.scene).seconds / cost(cheaper).seconds
+            asked = replace(asked, scene=cheaper, tolerance=asked.tolerance - error)
+        items.append(
+            Suggestion(
+                topic=topic, reason=reason, error=error, saving=gain, changes=changes, scene=scene
+            )
+        )
     return Suggestions(items)

@@ -9,13 +9,10 @@ from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, overload
 
-from granular.economy.cost import cost
 from granular.economy.symmetry import mirror_half
 from granular.mpm.scene import Scene
 from granular.notebook import table
 from granular.scenes import names, registry
-
-__all__ = ["Suggestion", "Suggestions", "apply", "rebuilt", "scene_function"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,8 +196,3 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
     if rest:
         scene = rebuilt(scene, **rest)
     return scene.replace(material=material, scheme=scheme)
-
-
-def saving(scene: Scene, changes: Mapping[str, Any]) -> float:
-    """Factor by which changes lower the cost of a scene."""
-    return cost(scene).seconds / cost(changed(scene, changes)).seconds

@@ -20,8 +20,6 @@ from granular.geometry import (
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
 
-__all__ = ["mirror_half", "obstacle"]
-
 _DIGITS = 9
 """Decimal digits of a length in cells up to which two positions are equal."""
 

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from granular import materials, measure, scenes
-from granular.mpm import schemes
 from granular.simulation import Simulation
-from granular.state import State
 from granular.theory import RUNOUT_LAWS
+from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds, within
+from granular.verify.silo import mass_is_exact
 
 ASPECTS = (0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 """Height over half-width. The values cover both regimes of the paper, which meet at 2.83."""
@@ -24,8 +24,6 @@ REPOSE = math.degrees(math.atan(materials.glass_beads.mu_s))
 KINK = 2.83
 """Aspect ratio at which the two regimes of the paper meet."""
 
-PUBLISHED = schemes.dunatunga_kamrin_2015.replace(dt=None)
-
 
 def collapse(aspect: float, E: float, *, until: float = 2.0, **parameters: Any) -> Simulation:
     """Run a column; keywords as in `granular.scenes.column_collapse`."""
@@ -34,26 +32,9 @@ def collapse(aspect: float, E: float, *, until: float = 2.0, **parameters: Any) 
     return Simulation(scene, threads=1).run()
 
 
-def mass_is_exact(state: State) -> bool:
-    """True if all points of a closed scene are present with exactly their initial mass."""
-    start = Simulation(state.scene, threads=1).state
-    return np.array_equal(state.id, start.id) and np.array_equal(state.mass, start.mass)
-
-
-def slopes(state: State, name: str) -> Iterator[Row]:
-    """Rows of the mean and the largest slope of a heap at rest."""
-    repose = measure.repose_angle(state)
-    yield at_most(f"mean slope [deg], {name}", repose.mean_deg, 20.9)
-    yield at_most(f"largest slope over 5 columns [deg], {name}", repose.largest_deg, 21.9)
-
-
 def three(runout: measure.Runout) -> str:
     """Run-outs by mass quantile, by toe and by contiguous columns, as text."""
     return f"{runout.quantile:.2f} {runout.toe:.2f} {runout.contiguous:.2f}"
-
-
-def _exponent(aspects: list[float], values: list[float]) -> float:
-    return float(np.polyfit(np.log(aspects), np.log(values), 1)[0])
 
 
 @check()
@@ -88,8 +69,9 @@ def collapse_runout() -> Iterator[Row]:
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
         off = runout.quantile / paper - 1
         yield beside(f"run-outs, a = {aspect:g}", three(runout), f"{paper:.2f}, {off:+.0%}")
-    low = _exponent([a for a in ASPECTS if a < KINK], found[: sum(a < KINK for a in ASPECTS)])
-    high = _exponent([a for a in ASPECTS if a > KINK], found[sum(a < KINK for a in ASPECTS) :])
+    a, runouts = np.log([ASPECTS, found])
+    flat = np.array(ASPECTS) < KINK
+    low, high = (float(np.polyfit(a[part], runouts[part], 1)[0]) for part in (flat, ~flat))
     yield within("exponent above a = 2.83", high, 0.7, 0.1)
     yield at_least("exponent below, over that above: two regimes", low / high, 1.2)
 
@@ -97,7 +79,6 @@ def collapse_runout() -> Iterator[Row]:
 @check(slow=True)
 def collapse_causes() -> Iterator[Row]:
     """Sensitivity of the run-out of `published`, a = 1: stiffness, seeding, cells, transfer."""
-    apic = PUBLISHED.replace(transfer="apic")
     cases: dict[str, tuple[float, dict[str, Any]]] = {
         "E = 1e6": (1e6, {}),
         "E = 1e7": (1e7, {}),
@@ -110,7 +91,7 @@ def collapse_causes() -> Iterator[Row]:
         "cells of 0.00625 m": (1e7, {"cell": 0.00625}),
         "uGIMP": (1e7, {"scheme": PUBLISHED.replace(basis="ugimp")}),
         "quadratic": (1e7, {"scheme": PUBLISHED.replace(basis="quadratic")}),
-        "APIC": (1e7, {"scheme": apic}),
+        "APIC": (1e7, {"scheme": PUBLISHED.replace(transfer="apic")}),
         "FLIP decaying at 20/s": (1e7, {"scheme": PUBLISHED.replace(flip_decay=20.0)}),
     }
     for name, (E, changes) in cases.items():
@@ -123,7 +104,10 @@ def collapse_slopes() -> Iterator[Row]:
     """Slopes of the default scheme at rest, cells of 0.00625 m, E = 1e6 Pa, 2 s."""
     for aspect in (0.5, 1.0, 2.0):
         state = collapse(aspect, 1e6, cell=0.00625).state
-        yield from slopes(state, f"a = {aspect:g}")
+        repose = measure.repose_angle(state)
+        yield at_most(f"mean slope [deg], a = {aspect:g}", repose.mean_deg, 20.9)
+        text = f"largest slope over 5 columns [deg], a = {aspect:g}"
+        yield at_most(text, repose.largest_deg, 21.9)
         share, runout = measure.disconnected_fraction(state), measure.runout(state)
         yield beside(f"stress-free in the bulk, a = {aspect:g}", f"{share:.4f}", "reported")
         yield beside(f"run-outs, a = {aspect:g}, default", three(runout), f"{2.28 * aspect:.2f}")

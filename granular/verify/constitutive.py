@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal, localcontext
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,14 +115,8 @@ def constitutive_path(
     stress = np.zeros((steps + 1, 4))
     stress[0, :3] = -p0
     for k in range(steps):
-        stress[k + 1] = update(
-            material,
-            dt,
-            gradient[k : k + 1],
-            log_density[k : k + 1],
-            stress[k : k + 1],
-            pressure_from_density=pressure_from_density,
-        )[0]
+        rows = (array[k : k + 1] for array in (gradient, log_density, stress))
+        stress[k + 1] = update(material, dt, *rows, pressure_from_density=pressure_from_density)[0]
     return dt * np.arange(steps + 1, dtype=float), stress
 
 
@@ -132,25 +126,20 @@ def path_errors(
     steps: Sequence[float] = STEPS,
     *,
     log_density0: float | None = None,
-    at: float = 1.0,
-    pressure_from_density: bool = False,
+    **path: Any,
 ) -> Array:
-    """Largest error of a stress component at any step, divided by the largest stress, per dt."""
+    """Largest error of a stress component at any step, divided by the largest stress, per dt.
+
+    Further keywords are those of `constitutive_path`.
+    """
     finest = round(DURATION / min(steps))
     times = np.arange(finest + 1) * (DURATION / finest)
     exact = reference(cast(MuI, material), p0, times, log_density0).stress
     errors = []
     for dt in steps:
-        path = constitutive_path(
-            material,
-            p0,
-            dt,
-            log_density0=log_density0,
-            at=at,
-            pressure_from_density=pressure_from_density,
-        )[1]
-        stride = finest // (len(path) - 1)
-        errors.append(np.abs(path - exact[::stride]).max() / np.abs(exact).max())
+        _, found = constitutive_path(material, p0, dt, log_density0=log_density0, **path)
+        stride = finest // (len(found) - 1)
+        errors.append(np.abs(found - exact[::stride]).max() / np.abs(exact).max())
     return np.array(errors)
 
 

@@ -15,21 +15,19 @@ from granular.measure.energy import plastic_power
 from granular.mpm import schemes
 from granular.mpm.engine import averaging_interval
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Density, Scheme
+from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
 from granular.verify.layers import JITTER, MODULUS, layer
 from granular.verify.rows import Row, at_most, beside, check, holds
 
-IDLE = {
-    "diffusion": 0.0,
-    "strain_diffusion": 0.0,
-    "relaxation": 0.0,
-    "compression_rate": 0.0,
-    "shifting": 0.0,
-    "weight_correction": 0.0,
-    "weight_correction_decay": 0.0,
-}
+IDLE = dict.fromkeys(
+    (
+        *("diffusion", "strain_diffusion", "relaxation", "compression_rate", "shifting"),
+        *("weight_correction", "weight_correction_decay"),
+    ),
+    0.0,
+)
 """Changes that switch the density correction of a scheme off and leave the rest as it is."""
 
 ENOUGH = 100
@@ -61,12 +59,6 @@ class Given:
     plastic: float
 
 
-def _switched_off(density: Density) -> Density:
-    """A density whose correction does nothing."""
-    own = {name: value for name, value in IDLE.items() if name in density.units}
-    return density.replace(**own)
-
-
 def _two_steps(sim: Simulation, first: Scheme, second: Scheme) -> State:
     """State after two steps, the first with the scheme `first`, the second with `second`."""
     stop = sim.checkpoint()
@@ -90,7 +82,8 @@ def given(sim: Simulation) -> Given:
     if sim.steps % interval:
         sim.step(interval - sim.steps % interval)
     corrected = scheme.replace(dt=sim.dt)  # the same time step for all four steps
-    idle = corrected.replace(density=_switched_off(corrected.density))
+    off = {name: value for name, value in IDLE.items() if name in scheme.density.units}
+    idle = corrected.replace(density=scheme.density.replace(**off))
     a, b = _two_steps(sim, corrected, idle), _two_steps(sim, idle, idle)
     grid, m = a.scene.grid, a.mass
     length = np.array(grid.shape) * grid.cell

@@ -22,7 +22,7 @@ HEIGHT = 0.2
 ANGLES = tuple(range(19, 35))
 """Inclinations [deg]."""
 
-ADAPTIVE = schemes.dunatunga_kamrin_2015.replace(dt=None)
+PUBLISHED = schemes.dunatunga_kamrin_2015.replace(dt=None)
 """The published scheme with a time step of half its limit, close to the paper's 3e-6 s."""
 
 MOVING = 1e-3
@@ -33,7 +33,7 @@ def states(angle_deg: float, E: float, times: Sequence[float]) -> Iterator[State
     """States of one column at the given times, with the published scheme and resolution."""
     material = materials.glass_beads.replace(E=E)
     scene = scenes.incline(
-        angle_deg=angle_deg, height=HEIGHT, material=material, scheme=ADAPTIVE, duration=times[-1]
+        angle_deg=angle_deg, height=HEIGHT, material=material, scheme=PUBLISHED, duration=times[-1]
     )
     sim = Simulation(scene, threads=1)
     for time in times:

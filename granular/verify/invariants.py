@@ -17,12 +17,13 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
-from granular.verify.collapse import mass_is_exact
+from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_most, beside, check, holds
+from granular.verify.silo import mass_is_exact
 
 SOFT = materials.glass_beads.replace(E=1e6)
 
-SCHEMES = {"published": schemes.dunatunga_kamrin_2015.replace(dt=None), "default": schemes.default}
+SCHEMES = {"published": PUBLISHED, "default": schemes.default}
 
 STEPS = 240
 """Number of steps of the runs compared bitwise, with a restart at each quarter."""

@@ -131,27 +131,18 @@ def measured(sim: Simulation, start: State, steady: bool = False, readings: int 
     """
     state = sim.state
     v = reference(sim, steady, state.x[:, -1])
-    miss = np.sum(state.mass * np.sum((state.v - _along(v, state.dim)) ** 2, axis=1))
+    along = v[:, None] * np.eye(state.dim)[0]
+    miss = np.sum(state.mass * np.sum((state.v - along) ** 2, axis=1))
+    pressures = [measure.mean_pressure_error(state, of="pressure")]
+    while len(pressures) < readings:
+        later = sim.run(until=sim.time + APART).state
+        pressures.append(measure.mean_pressure_error(later, of="pressure"))
     return Flow(
         error=float(np.sqrt(miss / np.sum(state.mass * v**2))),
         height=measure.layer_height(state) / measure.layer_height(start),
         disconnected=measure.disconnected_fraction(state),
-        pressure=float(np.sqrt(np.mean(np.square(_pressures(sim, readings))))),
+        pressure=float(np.sqrt(np.mean(np.square(pressures)))),
     )
-
-
-def _pressures(sim: Simulation, readings: int) -> list[float]:
-    """Relative errors of the cell-averaged pressure at successive times."""
-    found = [measure.mean_pressure_error(sim.state, of="pressure")]
-    while len(found) < readings:
-        state = sim.run(until=sim.time + APART).state
-        found.append(measure.mean_pressure_error(state, of="pressure"))
-    return found
-
-
-def _along(v: Array, dim: int) -> Array:
-    """Velocity vectors of the speeds `v` down the slope."""
-    return v[:, None] * np.eye(dim)[0]
 
 
 def several(

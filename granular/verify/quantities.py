@@ -14,6 +14,7 @@ from granular.measure.discharge import WINDOW
 from granular.mpm.scene import Scene
 from granular.simulation import Simulation
 from granular.state import State
+from granular.verify.hourglass import heap
 
 Array = NDArray[np.float64]
 
@@ -141,10 +142,8 @@ def _hourglass(watch: _Watch, scene: Scene) -> dict[str, Array | float]:
     t, mass = np.array(rows).T
     numbers: dict[str, Array | float] = {"rate": -np.polyfit(t, mass, 1)[0]}
     if scene.duration > end:
-        beside = (2.5 * scene.parameters["orifice_radius"], float("inf"))
         state = watch.to(scene.duration)
-        heap = measure.repose_angle(state, below=0.9 * drop, region=beside, side="right", window=15)
-        numbers |= {"slope": heap.mean_deg, "outline": _outline(state)}
+        numbers |= {"slope": heap(state).mean_deg, "outline": _outline(state)}
     return numbers
 
 

@@ -12,9 +12,9 @@ from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.simulation import Simulation
 from granular.state import State
-from granular.verify.collapse import mass_is_exact
 from granular.verify.hourglass import PHASE_TOLERANCE
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds
+from granular.verify.silo import mass_is_exact
 
 Array = NDArray[np.float64]
 
@@ -33,10 +33,8 @@ def parabola(start: State, now: State) -> tuple[Array, Array]:
     """
     n, dt = now.step, now.dt
     g = np.array(start.scene.gravity.at(0.0))
-    return (
-        start.x + n * dt * start.v + 0.5 * n * (n + 1) * dt**2 * g,
-        start.v + n * dt * g,
-    )
+    x = start.x + n * dt * start.v + 0.5 * n * (n + 1) * dt**2 * g
+    return x, start.v + n * dt * g
 
 
 def fly(scheme: Scheme, E: float, until: float) -> tuple[State, State]:

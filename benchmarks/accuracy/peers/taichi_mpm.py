@@ -8,6 +8,7 @@ wall are prescribed.
 """
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -24,21 +25,18 @@ CFL = 0.4
 CHUNK = 2000
 """Number of steps per call."""
 
-_ready = False
 
-
+@cache
 def _init() -> None:
-    global _ready
-    if not _ready:
-        ti.init(
-            arch=ti.cpu,
-            cpu_max_num_threads=1,
-            default_fp=ti.f64,
-            fast_math=False,
-            offline_cache=False,
-            log_level=ti.ERROR,
-        )
-        _ready = True
+    """Start Taichi, once in a process."""
+    ti.init(
+        arch=ti.cpu,
+        cpu_max_num_threads=1,
+        default_fp=ti.f64,
+        fast_math=False,
+        offline_cache=False,
+        log_level=ti.ERROR,
+    )
 
 
 class Simulation:

@@ -18,8 +18,6 @@ from granular.grain_scale.dem.process import DemError, execute
 from granular.grain_scale.dem.scripts import packing_script, shear_script, start
 from granular.grain_scale.dem.settings import Packing, Shear
 
-__all__ = ["Pack", "pack", "shear"]
-
 T = TypeVar("T")
 Array = NDArray[np.float64]
 

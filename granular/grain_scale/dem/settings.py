@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from granular.checks import in_range, integer, non_negative, one_of, positive
 from granular.grain_scale.dem.grains import Grains
 
-__all__ = ["Packing", "Shear", "Units"]
-
 SPACING = 1.1
 """Least spacing of the initial cubic array, divided by the diameter of the large grains."""
 

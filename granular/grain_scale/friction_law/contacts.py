@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from granular.checks import in_range
 from granular.grain_scale.dem import Contacts, Frame, Grains
 
-__all__ = ["Sample", "dissipation", "sample"]
-
 Array = NDArray[np.float64]
 
 _AT_LIMIT = 1.0 - 1e-3

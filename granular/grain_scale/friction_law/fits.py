@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,19 +16,6 @@ from scipy.special import stdtrit
 from granular.checks import in_range, non_negative, one_of, positive
 from granular.grain_scale.friction_law.steady import SteadyShear
 from granular.materials import MuI
-
-__all__ = [
-    "CoordinationFit",
-    "MuIFit",
-    "PackingFit",
-    "PowerFit",
-    "fit_coordination",
-    "fit_dissipation",
-    "fit_mu_I",
-    "fit_packing",
-    "fit_power",
-    "fit_rheology",
-]
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]
@@ -181,12 +169,17 @@ def fit_coordination(
         With too few or bad points, or if they do not determine the constants.
     """
     x, y = _points(inertial_number, coordination, 4, "coordination")
-    guess = (y.min(), (np.ptp(y) + 1e-3) * 0.1, math.log(0.1))
-    values, covariance, factor = _least_squares(
-        lambda i, one, two, log_b: one + two / (np.exp(log_b) + i), x, y, guess, None, confidence
+    guess = {"Z1": y.min(), "Z2": (np.ptp(y) + 1e-3) * 0.1, "b": math.log(0.1)}
+    return CoordinationFit(
+        **_least_squares(
+            lambda i, one, two, log_b: one + two / (np.exp(log_b) + i),
+            x,
+            y,
+            guess,
+            confidence,
+            logarithmic="b",
+        )
     )
-    intervals = _intervals(("Z1", "Z2", "b"), values, covariance, factor, logarithmic="b")
-    return CoordinationFit(float(values[0]), float(values[1]), float(np.exp(values[2])), intervals)
 
 
 def fit_packing(
@@ -197,11 +190,10 @@ def fit_packing(
     Parameters and errors as in `fit_coordination`, with at least 3 points.
     """
     x, y = _points(inertial_number, packing_fraction, 3, "packing_fraction")
-    values, covariance, factor = _least_squares(
-        lambda i, top, slope: top - slope * i, x, y, (y.max(), 0.1), None, confidence
+    guess = {"phi_max": y.max(), "m": 0.1}
+    return PackingFit(
+        **_least_squares(lambda i, top, slope: top - slope * i, x, y, guess, confidence)
     )
-    intervals = _intervals(("phi_max", "m"), values, covariance, factor)
-    return PackingFit(float(values[0]), float(values[1]), intervals)
 
 
 def fit_power(
@@ -212,18 +204,16 @@ def fit_power(
     Parameters and errors as in `fit_coordination`, with at least 3 points.
     """
     x, y = _points(inertial_number, values, 3, "values")
-    found, covariance, factor = _least_squares(
-        lambda i, level, power: level + power * i,
-        np.log(x),
-        np.log(y),
-        (0.0, 1.0),
-        None,
-        confidence,
+    return PowerFit(
+        **_least_squares(
+            lambda i, level, power: level + power * i,
+            np.log(x),
+            np.log(y),
+            {"coefficient": 0.0, "exponent": 1.0},
+            confidence,
+            logarithmic="coefficient",
+        )
     )
-    intervals = _intervals(
-        ("coefficient", "exponent"), found, covariance, factor, logarithmic="coefficient"
-    )
-    return PowerFit(float(np.exp(found[0])), float(found[1]), intervals)
 
 
 def fit_dissipation(
@@ -286,30 +276,24 @@ def fit_mu_I(
     x, y = _points(inertial_number, friction, 4, "friction")
     if error is not None:
         error = _points(x, error, 4, "error")[1]
-    guess = (y.min(), np.ptp(y) + 1e-3, math.log(0.3))
-    values, covariance, factor = _least_squares(
+    # mu_2 is a sum of two parameters that are correlated.
+    found = _least_squares(
         lambda i, low, rise, log: low + rise / (1.0 + np.exp(log) / i),
         x,
         y,
-        guess,
-        error,
+        {"mu_s": y.min(), "mu_2": np.ptp(y) + 1e-3, "I0": math.log(0.3)},
         confidence,
+        logarithmic="I0",
+        error=error,
+        combined=np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     )
-    static, rise, log = values
-    if not (rise > 0 and static > 0):
+    fit = MuIFit(**found, residuals=np.zeros(len(x)))
+    if not 0 < fit.mu_s < fit.mu_2:
         raise ValueError(
-            f"friction = {y}: the fit has mu_s = {static:.4g} and mu_2 = {static + rise:.4g}, "
+            f"friction = {y}: the fit has mu_s = {fit.mu_s:.4g} and mu_2 = {fit.mu_2:.4g}, "
             "0 < mu_s < mu_2 is needed"
         )
-    # mu_2 is a sum of two parameters that are correlated.
-    jacobian = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    covariance = jacobian @ covariance @ jacobian.T
-    constants = np.array([static, static + rise, log])
-    intervals = _intervals(("mu_s", "mu_2", "I0"), constants, covariance, factor, logarithmic="I0")
-    fit = MuIFit(
-        float(static), float(static + rise), float(np.exp(log)), intervals, np.zeros(len(x))
-    )
-    return MuIFit(fit.mu_s, fit.mu_2, fit.I0, intervals, y - fit(x))
+    return replace(fit, residuals=y - fit(x))
 
 
 def fit_rheology(points: Sequence[SteadyShear], *, confidence: float = 0.95) -> MuIFit:
@@ -334,8 +318,7 @@ def fit_rheology(points: Sequence[SteadyShear], *, confidence: float = 0.95) -> 
         raise ValueError(f"points holds {len(points)} flows, at least 4 are needed")
     friction, inertial = np.array([point.invariants for point in points]).T
     packing = fit_packing(inertial, [p.packing_fraction for p in points], confidence=confidence)
-    fit = fit_mu_I(inertial, friction, confidence=confidence)
-    return MuIFit(fit.mu_s, fit.mu_2, fit.I0, fit.intervals, fit.residuals, packing)
+    return replace(fit_mu_I(inertial, friction, confidence=confidence), packing=packing)
 
 
 def _points(x: ArrayLike, y: ArrayLike, least: int, name: str) -> tuple[Array, Array]:
@@ -357,45 +340,39 @@ def _least_squares(
     model: Callable[..., Array],
     x: Array,
     y: Array,
-    guess: Sequence[float],
-    error: ArrayLike | None,
+    guess: Mapping[str, float],
     confidence: float,
-) -> tuple[Array, Array, float]:
-    """Parameters, their covariance, and the ratio of half an interval to the standard error."""
+    *,
+    logarithmic: str = "",
+    error: ArrayLike | None = None,
+    combined: Array | None = None,
+) -> dict[str, Any]:
+    """Constants of a fit by name, and their confidence intervals.
+
+    The constant named `logarithmic` is fitted by its logarithm. `combined` is the matrix from the
+    parameters of the model to the constants.
+    """
     confidence = in_range("confidence", confidence, 0.0, 1.0, open_low=True, open_high=True)
     factor = float(stdtrit(max(len(x) - len(guess), 1), 0.5 + 0.5 * confidence))
+    start = list(guess.values())
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", OptimizeWarning)
             warnings.simplefilter("ignore", RuntimeWarning)  # raised by steps that are rejected
-            found, covariance = curve_fit(model, x, y, guess, sigma=error, maxfev=20000)
+            values, covariance = curve_fit(model, x, y, start, sigma=error, maxfev=20000)
+        if not np.isfinite(covariance).all():
+            raise RuntimeError("the covariance is not finite")
     except (RuntimeError, OptimizeWarning) as problem:
         raise ValueError(
             f"inertial_number = {x}: these points do not determine the constants of the fit"
         ) from problem
-    if not np.isfinite(covariance).all():
-        raise ValueError(
-            f"inertial_number = {x}: these points do not determine the constants of the fit"
-        )
-    return found, covariance, factor
-
-
-def _intervals(
-    names: Sequence[str],
-    values: Array,
-    covariance: Array,
-    factor: float,
-    *,
-    logarithmic: str | None = None,
-) -> dict[str, Interval]:
-    """Confidence intervals; that of the parameter fitted by its logarithm is transformed back."""
+    if combined is not None:
+        values, covariance = combined @ values, combined @ covariance @ combined.T
     half = factor * np.sqrt(np.diag(covariance))
-    ends = {
-        name: (float(value - h), float(value + h))
-        for name, value, h in zip(names, values, half, strict=True)
-    }
-    if logarithmic is not None:
+    found = {name: (v, v - h, v + h) for name, v, h in zip(guess, values, half, strict=True)}
+    if logarithmic:
         with np.errstate(over="ignore"):  # an interval without an upper end
-            low, high = np.exp(ends[logarithmic])
-        ends[logarithmic] = (float(low), float(high))
-    return ends
+            found[logarithmic] = tuple(np.exp(found[logarithmic]))
+    constants = {name: float(value) for name, (value, _, _) in found.items()}
+    intervals = {name: (float(low), float(high)) for name, (_, low, high) in found.items()}
+    return constants | {"intervals": intervals}

@@ -16,8 +16,6 @@ from granular.grain_scale.dem import Grains
 from granular.grain_scale.friction_law.contacts import Sample, sample
 from granular.measure.stress import friction_of, pressure
 
-__all__ = ["SteadyShear", "average", "steady_shear"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyShear:
@@ -146,16 +144,16 @@ def average(samples: Sequence[Sample], grains: Grains, *, blocks: int = 10) -> S
     ends = np.linspace(0, len(samples), blocks + 1).round().astype(int)
     pieces = [SteadyShear(**_averaged(samples[a:b], grains)) for a, b in pairwise(ends)]
 
-    def error(values: list[float]) -> float:
-        return float(np.std(values, ddof=1) / math.sqrt(blocks))
+    def error(name: str) -> float:
+        return float(np.std([getattr(p, name) for p in pieces], ddof=1) / math.sqrt(blocks))
 
     stress = np.array([s.stress for s in samples])
     return SteadyShear(
         **whole,
-        friction_error=error([p.friction for p in pieces]),
-        coordination_error=error([p.coordination for p in pieces]),
-        packing_error=error([p.packing_fraction for p in pieces]),
-        law_error=error([p.balance for p in pieces]),
+        friction_error=error("friction"),
+        coordination_error=error("coordination"),
+        packing_error=error("packing_fraction"),
+        law_error=error("balance"),
         friction_spread=float(np.std(stress[:, 1, 0] / whole["normal_stress"])),
         packing_spread=float(np.std([s.solid / s.volume for s in samples])),
         frames=len(samples),

@@ -11,11 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from granular.checks import positive
 from granular.grain_scale.inference.matrices import friction_of_contacts
 from granular.grain_scale.inference.packing import Packing
-from granular.grain_scale.inference.problem import Problem, dynamic_problem
+from granular.grain_scale.inference.problem import dynamic_problem
 from granular.grain_scale.inference.result import Inference, report
 from granular.grain_scale.inference.solvers import solve
-
-__all__ = ["WEIGHTS", "ParetoFront", "infer_dynamic", "knee_of", "pareto_front"]
 
 Array = NDArray[np.float64]
 
@@ -151,7 +149,8 @@ def pareto_front(
         for p in frames
     ]
     solved = [[solve(p.replace(weight=w), solver) for p in problems] for w in chosen.tolist()]
-    residuals = np.array([_lengths(problems, [x for x, _ in row]) for row in solved])
+    misfits = [[p.misfits(x) for p, (x, _) in zip(problems, row, strict=True)] for row in solved]
+    residuals = np.sqrt(np.mean(np.square(misfits), axis=1))
     knee = knee_of(*residuals.T, weights=chosen)
     return ParetoFront(
         weights=chosen,
@@ -170,12 +169,6 @@ def pareto_front(
             for packing, problem, found in zip(frames, problems, solved[knee], strict=True)
         ),
     )
-
-
-def _lengths(problems: Sequence[Problem], solutions: Sequence[Array]) -> Array:
-    """Root mean squares of both residuals over the frames."""
-    found = [problem.misfits(x) for problem, x in zip(problems, solutions, strict=True)]
-    return np.sqrt(np.mean(np.square(found), axis=0))
 
 
 def knee_of(first: Array, second: Array, *, weights: Array) -> int:

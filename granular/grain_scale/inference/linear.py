@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, diags_array
+from scipy.sparse import csc_array, diags_array, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
 from granular.grain_scale.inference.problem import Problem
-
-__all__ = ["determined", "least_squares"]
 
 Array = NDArray[np.float64]
 
@@ -57,7 +55,7 @@ def determined(problem: Problem) -> tuple[int, NDArray[np.bool_]]:
     negative as there are singular values below the root of s. The contacts follow from the null
     space: ``s (K'K + s)^-1`` maps two random vectors into it, except for parts of the order of s.
     """
-    stacked = problem.stacked()
+    stacked = vstack([problem.balance, problem.stress], format="csr")
     square = csc_array(stacked.T @ stacked)
     top = _largest(square)
     contacts = len(problem.mu)

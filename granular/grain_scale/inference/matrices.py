@@ -14,16 +14,6 @@ from scipy.sparse import coo_array, csr_array
 
 from granular.grain_scale.inference.packing import OUTSIDE, Packing
 
-__all__ = [
-    "admissibility_matrix",
-    "contact_frames",
-    "equilibrium_matrix",
-    "friction_of_contacts",
-    "momentum_vector",
-    "stress_matrix",
-    "stress_vector",
-]
-
 Array = NDArray[np.float64]
 
 MOMENTS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}
@@ -139,7 +129,7 @@ def admissibility_matrix(packing: Packing, mu: ArrayLike) -> csr_array:
         blocks = np.stack([-e, -(mu * e + t), -(mu * e - t)], axis=1)
     else:
         blocks = np.stack([-mu * e, t, frames[:, 2]], axis=1)
-    return _sparse(blocks, np.arange(len(e)), np.arange(len(e)), (len(e), len(e)))
+    return sparse_blocks(blocks, np.arange(len(e)), np.arange(len(e)), (len(e), len(e)))
 
 
 def friction_of_contacts(
@@ -201,11 +191,13 @@ def _assembled(packing: Packing, arms_in: Array, fixed: Array) -> csr_array:
     shape = (packing.n, len(packing.bodies))
     for contacts, grains, sign, arms in packing.sides():
         blocks = sign * (fixed + np.einsum("rab,kb->kra", arms_in, arms))
-        parts.append(_sparse(blocks, grains, contacts, shape))
+        parts.append(sparse_blocks(blocks, grains, contacts, shape))
     return parts[0] + parts[1]
 
 
-def _sparse(blocks: Array, down: NDArray, across: NDArray, shape: tuple[int, int]) -> csr_array:
+def sparse_blocks(
+    blocks: Array, down: NDArray, across: NDArray, shape: tuple[int, int]
+) -> csr_array:
     """Blocks (k, r, s) at the block rows `down` and block columns `across` of a sparse matrix."""
     _, r, s = blocks.shape
     rows = np.broadcast_to(r * down[:, None, None] + np.arange(r)[:, None], blocks.shape)

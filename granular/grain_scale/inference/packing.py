@@ -11,8 +11,6 @@ from scipy.sparse.csgraph import connected_components
 
 from granular.checks import in_range, one_of, positive
 
-__all__ = ["OUTSIDE", "Packing", "isotropic_stiffness"]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 

@@ -19,19 +19,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, diags_array, vstack
+from scipy.sparse import csr_array, diags_array, vstack
 
 from granular.grain_scale.inference.matrices import (
     contact_frames,
     equilibrium_matrix,
     momentum_vector,
     rows_of,
+    sparse_blocks,
     stress_matrix,
     stress_vector,
 )
 from granular.grain_scale.inference.packing import Packing
-
-__all__ = ["Problem", "dynamic_problem", "listed", "static_problem"]
 
 Array = NDArray[np.float64]
 
@@ -108,10 +107,6 @@ class Problem:
         if np.isinf(self.weight):
             return self.balance, self.balance_target
         return csr_array((0, self.frame.shape[1])), np.zeros(0)
-
-    def stacked(self) -> csr_array:
-        """All rows without their weights, for their rank."""
-        return vstack([self.balance, self.stress], format="csr")
 
     def residuals(self, x: Array) -> tuple[float, float]:
         """Norms of the dimensionless residuals of stresses and balance."""
@@ -229,10 +224,7 @@ def _frame(packing: Packing, mu: Array) -> csr_array:
     slipping = np.flatnonzero(mu > 0)
     axes = np.concatenate([-frames[:, 0], frames[slipping, 1:].reshape(-1, d)])
     contact = np.concatenate([np.arange(c), np.repeat(slipping, d - 1)])
-    rows = d * contact[:, None] + np.arange(d)
-    columns = np.broadcast_to(np.arange(len(axes))[:, None], rows.shape)
-    entries = (axes.ravel(), (rows.ravel(), columns.ravel()))
-    return coo_array(entries, (d * c, len(axes))).tocsr()
+    return sparse_blocks(axes[:, :, None], contact, np.arange(len(axes)), (c, len(axes)))
 
 
 def listed(which: NDArray[np.intp]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,8 +12,6 @@ from numpy.typing import NDArray
 from granular.grain_scale.inference.linear import determined
 from granular.grain_scale.inference.packing import Packing
 from granular.grain_scale.inference.problem import Problem, listed
-
-__all__ = ["Flag", "Inference", "InferenceWarning", "report"]
 
 Array = NDArray[np.float64]
 
@@ -159,7 +158,7 @@ def report(
         solver=solver,
         flags=flags,
     )
-    raised = flags + _flags(found)
+    raised = (*flags, *_flags(found))
     for flag in raised:
         warnings.warn(f"{flag.name}: {flag.message}", InferenceWarning, stacklevel=3)
     return replace(found, flags=raised)
@@ -199,44 +198,36 @@ def _weight_of_norms(packing: Packing, problem: Problem, x: Array) -> float:
     return float(factor * other / stress * R) if stress and other else float("nan")
 
 
-def _flags(found: Inference) -> tuple[Flag, ...]:
-    flags = []
+def _flags(found: Inference) -> Iterator[Flag]:
     packing, frictional = found.packing, np.isfinite(found.mu) & (found.mu > 0)
     if found.carried < CARRIED:
-        flags.append(_zero_forces(found))
+        message = f"the forces carry {found.carried:.2g} of the stresses"
+        if np.isinf(found.weight):
+            message += (
+                ": with these contacts hardly any forces but f = 0 are in balance "
+                "(positions too rough, mu too small); weigh the balance with infer_dynamic"
+            )
+        yield Flag("zero_forces", message)
     elif found.stress_residual > MISFIT:
         message = f"the forces leave {found.stress_residual:.2g} of the stresses unexplained"
-        flags.append(Flag("misfit", f"{message}: contacts, mu or stresses are wrong"))
+        yield Flag("misfit", f"{message}: contacts, mu or stresses are wrong")
     if found.rank < found.unknowns:
-        which = np.flatnonzero(found.undetermined)
-        message = (
-            f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {listed(which)}"
-        )
-        flags.append(Flag("rank", message))
+        which = listed(np.flatnonzero(found.undetermined))
+        message = f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {which}"
+        yield Flag("rank", message)
     # In moving packings many contacts really slip.
     if frictional.any() and packing.accelerations is None and found.carried >= CARRIED:
         share = np.count_nonzero(found.at_limit) / np.count_nonzero(frictional)
         if share > AT_LIMIT:
             message = f"{share:.0%} of the frictional contacts are at their limit: is mu too small?"
-            flags.append(Flag("friction", message))
+            yield Flag("friction", message)
     exact = np.isinf(found.weight) and found.carried >= CARRIED
     if exact and found.balance_residual > BALANCE:
         message = f"balance holds only to {found.balance_residual:.1g} of the forces"
-        flags.append(Flag("unbalanced", message))
+        yield Flag("unbalanced", message)
     rattlers = packing.rattlers()
     size = np.linalg.norm(packing.stresses, axis=(1, 2))
     rattlers = rattlers[size[rattlers] > 1e-3 * size.mean()]
     if len(rattlers):
         message = f"grains {listed(rattlers)} have stress but no contact: a contact is missing"
-        flags.append(Flag("stressed_rattlers", message))
-    return tuple(flags)
-
-
-def _zero_forces(found: Inference) -> Flag:
-    message = f"the forces carry {found.carried:.2g} of the stresses"
-    if np.isinf(found.weight):
-        message += (
-            ": with these contacts hardly any forces but f = 0 are in balance "
-            "(positions too rough, mu too small); weigh the balance with infer_dynamic"
-        )
-    return Flag("zero_forces", message)
+        yield Flag("stressed_rattlers", message)

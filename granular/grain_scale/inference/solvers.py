@@ -15,8 +15,6 @@ from granular.grain_scale.inference.linear import least_squares
 from granular.grain_scale.inference.matrices import rows_of
 from granular.grain_scale.inference.problem import Problem, listed
 
-__all__ = ["SOLVERS", "InferenceError", "solve"]
-
 Array = NDArray[np.float64]
 
 ADMISSIBLE = 1e-9
@@ -204,13 +202,12 @@ def _edges(problem: Problem) -> csr_array:
     tangent = c + np.arange(len(slipping))
     inner = np.isfinite(mu[slipping])
     plain = np.setdiff1d(np.arange(c), slipping[inner])
-    parts = [_rows([(plain, 1.0)], problem.frame.shape[1])]
+    columns = problem.frame.shape[1]
+    parts = [_rows([(plain, 1.0)], columns)]
+    contact = slipping[inner]
     for sign in (1.0, -1.0):
-        contact = slipping[inner]
-        parts.append(
-            _rows([(contact, 1.0), (tangent[inner], sign * mu[contact])], problem.frame.shape[1])
-        )
-        parts.append(_rows([(tangent[~inner], sign)], problem.frame.shape[1]))
+        parts.append(_rows([(contact, 1.0), (tangent[inner], sign * mu[contact])], columns))
+        parts.append(_rows([(tangent[~inner], sign)], columns))
     return csr_array(vstack(parts, format="csr").T)
 
 

@@ -15,8 +15,6 @@ from granular.grain_scale.inference.problem import Problem, static_problem
 from granular.grain_scale.inference.result import Flag, Inference, report
 from granular.grain_scale.inference.solvers import InferenceError, solve
 
-__all__ = ["BoundaryForce", "boundary_force", "infer_static", "infer_with_boundary"]
-
 Array = NDArray[np.float64]
 
 LARGEST = 1e3

@@ -14,16 +14,6 @@ from granular.checks import in_range, integer, positive
 from granular.grain_scale.inference.matrices import equilibrium_matrix, rows_of
 from granular.grain_scale.inference.packing import Packing
 
-__all__ = [
-    "ForceStatistics",
-    "force_chains",
-    "force_statistics",
-    "impulses",
-    "largest_by_distance",
-    "macroscopic_stress",
-    "net_forces",
-]
-
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 

@@ -1,0 +1,56 @@
+"""Options, timing and tables, shared by the scripts of this folder."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import granular as gr
+
+
+def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argparse.ArgumentParser:
+    """Parser of a script with --quick and --out."""
+    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help=quick)
+    parser.add_argument("--out", type=Path, help="write the table as JSON")
+    return parser
+
+
+def machine() -> dict[str, Any]:
+    """Machine and build, on which the times in a table depend."""
+    return {"machine": platform.machine(), "build": gr.show_config()}
+
+
+def write(out: Path | None, table: Any) -> None:
+    """Write a table as JSON, if a file is given."""
+    if out:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(json.dumps(table, indent=1, default=str) + "\n")
+
+
+def least_time(
+    work: Callable[[], object], repeats: int, clock: Callable[[], float] = time.process_time
+) -> float:
+    """Seconds of the fastest of several calls, by default processor time."""
+    best = np.inf
+    for _ in range(repeats):
+        begin = clock()
+        work()
+        best = min(best, clock() - begin)
+    return best
+
+
+def rounded(value: Any, digits: int = 6) -> Any:
+    """Value with its numbers rounded, as computed results have no more digits."""
+    if isinstance(value, Mapping):
+        return {name: rounded(v, digits) for name, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [rounded(v, digits) for v in value]
+    return float(f"{value:.{digits}g}") if isinstance(value, float) else value
