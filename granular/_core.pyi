@@ -119,6 +119,9 @@ Array = NDArray[np.float64]
 BodyRow = tuple[Array, tuple[Array, ...], Array, Array, int, int, int, float, float]
 """parts (k, 17), pose (7,), motion (n, 7), contact, free, friction, mass"""
 
+AxisRow = tuple[int, float, bool, bool, bool, NDArray[np.int32], float, float]
+"""cells, lower (m), periodic, open_low, open_high, C0 lines, sponge: above (m), damping (1/s)"""
+
 @final
 class Engine:
     def __init__(
@@ -132,13 +135,7 @@ class Engine:
         pressure_from_density: int,
         law: str,
         isa: str,
-        shape: tuple[int, ...],
-        lower: tuple[float, ...],
-        periodic: tuple[bool, ...],
-        open_low: tuple[bool, ...],
-        open_high: tuple[bool, ...],
-        c0_lines: tuple[NDArray[np.int32], ...],
-        sponge_layers: tuple[tuple[float, float], ...],
+        axes: tuple[AxisRow, ...],
         walls: list[tuple[int, float, int, int, float, int]],
         node_codes: NDArray[np.uint8],
         cell_flags: NDArray[np.uint8] | None,

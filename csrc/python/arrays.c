@@ -4,6 +4,19 @@
 
 PyObject *gr_SimulationError;
 
+static int refuse_layout(PyArrayObject *array, const char *name, int ndim, const npy_intp *shape, int writeable)
+{
+    if (!PyArray_IS_C_CONTIGUOUS(array) || !PyArray_ISALIGNED(array))
+        return gr_refuse("%s must be C-contiguous and aligned", name);
+    if (writeable && !PyArray_ISWRITEABLE(array)) return gr_refuse("%s is read-only, but the core writes to it", name);
+    if (PyArray_NDIM(array) != ndim)
+        return gr_refuse("%s has %d dimensions, but %d are needed", name, PyArray_NDIM(array), ndim);
+    for (int d = 0; d < ndim; d++)
+        if (shape[d] >= 0 && PyArray_DIM(array, d) != shape[d])
+            return gr_refuse("axis %d of %s has length %zd, but %zd is needed", d, name, PyArray_DIM(array, d), shape[d]);
+    return 0;
+}
+
 PyArrayObject *gr_array(PyObject *object, const char *name, int type, int ndim, const npy_intp *shape, int writeable)
 {
     if (!PyArray_CheckExact(object)) {
@@ -18,48 +31,42 @@ PyArrayObject *gr_array(PyObject *object, const char *name, int type, int ndim, 
         Py_XDECREF(wanted);
         return NULL;
     }
-    if (!PyArray_IS_C_CONTIGUOUS(array) || !PyArray_ISALIGNED(array)) {
-        PyErr_Format(PyExc_ValueError, "%s must be C-contiguous and aligned", name);
-        return NULL;
-    }
-    if (writeable && !PyArray_ISWRITEABLE(array)) {
-        PyErr_Format(PyExc_ValueError, "%s is read-only, but the core writes to it", name);
-        return NULL;
-    }
-    if (PyArray_NDIM(array) != ndim) {
-        PyErr_Format(PyExc_ValueError, "%s has %d dimensions, but %d are needed", name, PyArray_NDIM(array), ndim);
-        return NULL;
-    }
-    for (int d = 0; d < ndim; d++)
-        if (shape[d] >= 0 && PyArray_DIM(array, d) != shape[d]) {
-            PyErr_Format(PyExc_ValueError, "axis %d of %s has length %zd, but %zd is needed", d, name,
-                         (Py_ssize_t)PyArray_DIM(array, d), (Py_ssize_t)shape[d]);
-            return NULL;
-        }
-    return array;
+    return refuse_layout(array, name, ndim, shape, writeable) ? NULL : array;
 }
 
 int gr_refuse_overlap(PyArrayObject *const *arrays, const char *const *names, int n)
 {
     for (int i = 0; i < n; i++)
         for (int j = 0; j < i; j++) {
+            if (!arrays[i] || !arrays[j]) continue;
             const char *a = PyArray_BYTES(arrays[i]), *b = PyArray_BYTES(arrays[j]);
-            if (a < b + PyArray_NBYTES(arrays[j]) && b < a + PyArray_NBYTES(arrays[i])) {
-                PyErr_Format(PyExc_ValueError, "%s and %s share memory", names[j], names[i]);
-                return -1;
-            }
+            if (a < b + PyArray_NBYTES(arrays[j]) && b < a + PyArray_NBYTES(arrays[i]))
+                return gr_refuse("%s and %s share memory", names[j], names[i]);
         }
     return 0;
 }
 
+int gr_refuse(const char *format, ...)
+{
+    char text[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    PyErr_Format(PyExc_ValueError, "%s", text);
+    return -1;
+}
+
+int gr_refuse_row(const char *table, PyObject *row)
+{
+    if (!PyTuple_Check(row)) PyErr_Format(PyExc_TypeError, "each row of %s must be a tuple", table);
+    return PyTuple_Check(row) ? 0 : -1;
+}
+
 int gr_refuse_number(const char *name, double value, int may_be_zero)
 {
-    char text[160];
     if (isfinite(value) && (value > 0 || (may_be_zero && value == 0))) return 0;
-    snprintf(text, sizeof text, "%s = %.9g must be %s and finite", name, value,
-             may_be_zero ? "zero or positive" : "positive");
-    PyErr_SetString(PyExc_ValueError, text);
-    return -1;
+    return gr_refuse("%s = %.9g must be %s and finite", name, value, may_be_zero ? "zero or positive" : "positive");
 }
 
 int gr_refuse_values(const char *name, PyArrayObject *array, double low)
@@ -71,33 +78,48 @@ int gr_refuse_values(const char *name, PyArrayObject *array, double low)
     if (right == n) return 0;
     npy_intp k = 0;
     while (value[k] >= low && value[k] <= high) k++;
-    char text[160];
-    snprintf(text, sizeof text, "%s[%lld] = %.9g is outside the range %g to %g", name, (long long)k, value[k], low, high);
-    PyErr_SetString(PyExc_ValueError, text);
-    return -1;
+    return gr_refuse("%s[%lld] = %.9g is outside the range %g to %g", name, (long long)k, value[k], low, high);
+}
+
+int gr_take_float(PyObject *dict, const char *kind, const char *name, double *out)
+{
+    PyObject *value = PyDict_GetItemString(dict, name);
+    if (!value) return gr_refuse("the %s %s is missing", kind, name);
+    *out = PyFloat_AsDouble(value);
+    return PyErr_Occurred() ? -1 : 0;
 }
 
 int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, int n, unsigned may_be_zero, double *parameter)
 {
-    for (int k = 0; k < n; k++) {
-        PyObject *value = PyDict_GetItemString(dict, table[k].name);
-        if (!value) {
-            PyErr_Format(PyExc_ValueError, "the parameter %s is missing", table[k].name);
+    for (int k = 0; k < n; k++)
+        if (gr_take_float(dict, "parameter", table[k].name, &parameter[k]) ||
+            gr_refuse_number(table[k].name, parameter[k], may_be_zero >> k & 1u))
             return -1;
-        }
-        parameter[k] = PyFloat_AsDouble(value);
-        if (PyErr_Occurred() || gr_refuse_number(table[k].name, parameter[k], may_be_zero >> k & 1u)) return -1;
-    }
     return 0;
 }
 
-int gr_refuse_frictions(double mu_s, double mu_2)
+int gr_take_index(const char *kind, const char *name, const char *const *names, int n)
 {
-    if (mu_2 > mu_s) return 0;
-    char text[160];
-    snprintf(text, sizeof text, "mu_2 = %.9g must exceed mu_s = %.9g", mu_2, mu_s);
-    PyErr_SetString(PyExc_ValueError, text);
-    return -1;
+    char list[256] = "";
+    for (int k = 0; k < n; k++) {
+        if (!strcmp(names[k], name)) return k;
+        snprintf(list + strlen(list), sizeof list - strlen(list), " %s", names[k]);
+    }
+    return gr_refuse("there is no %s \"%s\": it must be one of%s", kind, name, list);
+}
+
+PyObject *gr_append(PyObject *list, PyObject *row)
+{
+    if (list && (!row || PyList_Append(list, row))) Py_CLEAR(list);
+    Py_XDECREF(row);
+    return list;
+}
+
+PyObject *gr_put(PyObject *dict, const char *name, PyObject *value)
+{
+    if (dict && (!value || PyDict_SetItemString(dict, name, value))) Py_CLEAR(dict);
+    Py_XDECREF(value);
+    return dict;
 }
 
 PyObject *gr_raise_at(int error, const struct gr_failure *at)
@@ -133,17 +155,12 @@ PyObject *gr_raise(int error, const struct gr_engine *engine)
 #undef GR_X
     };
     const int kind = error > 0 && error < GR_ERROR_COUNT ? kinds[error] : INTERNAL;
-    const char *message = gr_error_message(error);
     if (kind == MEMORY) return PyErr_NoMemory();
-    if (!engine || kind == INTERNAL) {
-        PyErr_SetString(kind == VALUE ? PyExc_ValueError : PyExc_RuntimeError, message);
-        return NULL;
+    if (engine && (kind == SIMULATION || error == GR_ERR_OUTSIDE)) {
+        const struct gr_failure failure = {engine->error_id,   engine->error_step, engine->config.dim, engine->error_x[0],
+                                           engine->error_x[1], engine->error_x[2], engine->time};
+        return gr_raise_at(error, &failure);
     }
-    if (kind == VALUE && error != GR_ERR_OUTSIDE) {
-        PyErr_SetString(PyExc_ValueError, message);
-        return NULL;
-    }
-    const struct gr_failure failure = {engine->error_id,   engine->error_step, engine->config.dim, engine->error_x[0],
-                                       engine->error_x[1], engine->error_x[2], engine->time};
-    return gr_raise_at(error, &failure);
+    PyErr_SetString(kind == VALUE ? PyExc_ValueError : PyExc_RuntimeError, gr_error_message(error));
+    return NULL;
 }

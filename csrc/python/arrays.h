@@ -19,12 +19,18 @@
  * where asked. Never converts. Returned: borrowed pointer, or NULL with TypeError or ValueError set. */
 PyArrayObject *gr_array(PyObject *object, const char *name, int type, int ndim, const npy_intp *shape, int writeable);
 
-/* Refuse arrays that share memory. Returned: 0, or -1 with ValueError set. */
+/* Refuse arrays that share memory; NULL is none. Returned: 0, or -1 with ValueError set. */
 int gr_refuse_overlap(PyArrayObject *const *arrays, const char *const *names, int n);
 
 #define GR_LARGEST 1e60 /* of numbers in arrays: the products of what is below it stay finite */
 
 /* What follows returns 0, or -1 with an exception set. */
+
+/* ValueError with a message. Always -1. */
+int gr_refuse(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+/* A row of a table that is no tuple. */
+int gr_refuse_row(const char *table, PyObject *row);
 
 /* A number that is not finite, or not positive (nor zero where that may be). */
 int gr_refuse_number(const char *name, double value, int may_be_zero);
@@ -32,12 +38,20 @@ int gr_refuse_number(const char *name, double value, int may_be_zero);
 /* Any number of an array of doubles outside of low to GR_LARGEST. */
 int gr_refuse_values(const char *name, PyArrayObject *array, double low);
 
+/* A number from a dict; `kind` says in a message what it is. */
+int gr_take_float(PyObject *dict, const char *kind, const char *name, double *out);
+
 /* The n parameters of a table from a dict of numbers, those checked by gr_refuse_number; may_be_zero: one bit each. */
 int gr_take_parameters(PyObject *dict, const struct gr_parameter_info *table, int n, unsigned may_be_zero,
                        double *parameter);
 
-/* mu_2 that does not exceed mu_s. */
-int gr_refuse_frictions(double mu_s, double mu_2);
+/* Index of a name in a list of n, or -1 with ValueError set; `kind` as above. */
+int gr_take_index(const char *kind, const char *name, const char *const *names, int n);
+
+/* Append a row to a list, or put a value into a dict; the row or value is taken over, and NULL where making it failed.
+ * Returned: the list or dict; where that failed, NULL, and it is lost. */
+PyObject *gr_append(PyObject *list, PyObject *row);
+PyObject *gr_put(PyObject *dict, const char *name, PyObject *value);
 
 /* Where and when a run failed. */
 struct gr_failure {
@@ -47,9 +61,6 @@ struct gr_failure {
 };
 
 /* Raise the exception of a core error. Always returns NULL. */
-/* Number of a stencil of the fluidity by its name, or -1 with ValueError set. */
-int gr_stencil_of(const char *name);
-
 PyObject *gr_raise(int error, const struct gr_engine *engine);
 PyObject *gr_raise_at(int error, const struct gr_failure *at);
 
@@ -75,15 +86,12 @@ PyObject *gr_python_laws(PyObject *module, PyObject *unused);
 /* fluidity.c: function of the module. */
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
 
-/* bodies.c: those of a configuration, from rows (parts, pose, motion, contact, free, friction, mass); their state as an
- * array (bodies, 19), and from one; function of the module. */
+/* bodies.c: those of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass) */
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
-PyObject *gr_python_bodies(const struct gr_engine *e);
-int gr_restore_bodies(struct gr_engine *e, PyObject *object);
 
-/* Poses of the bodies at which the cells about thin ones are double, (n, 7); the same from an array. */
-PyObject *gr_python_split(const struct gr_engine *e);
-int gr_restore_split(struct gr_engine *e, PyObject *object);
+/* A row for each body that begins with its position and orientation: as an array (bodies, numbers), and from one. */
+PyObject *gr_python_poses(const struct gr_engine *e, const void *rows, int numbers);
+int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name, void *rows, int numbers);
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
 /* testing.c: functions of the module. */
@@ -94,10 +102,5 @@ PyObject *gr_python_hencky_update(PyObject *module, PyObject *args);
 extern PyObject *gr_SimulationError;
 extern PyTypeObject *gr_engine_type(PyObject *module);
 extern PyTypeObject *gr_sph_type(PyObject *module); /* sph_type.c */
-
-/* sph_gas.c: the gas that a tuple (parameters, jets) describes, None for none; rows for its points that do not fit. */
-struct gr_sph;
-int gr_take_gas(struct gr_sph *s, PyObject *object);
-int gr_refuse_gas_rows(const struct gr_sph *s, Py_ssize_t walls_end, Py_ssize_t first, Py_ssize_t n, Py_ssize_t capacity);
 
 #endif

@@ -6,12 +6,6 @@
 
 enum { KIND, INSIDE, CENTER, ROTATION = CENTER + 3, SIZE = ROTATION + 9, PART_NUMBERS = SIZE + 3 };
 
-static int refuse(const char *what)
-{
-    PyErr_SetString(PyExc_ValueError, what);
-    return -1;
-}
-
 /* Signed distances (z, y, x) of a sampled part. */
 static int take_samples(PyObject *object, struct gr_part *part)
 {
@@ -20,8 +14,8 @@ static int take_samples(PyObject *object, struct gr_part *part)
     if (!array || gr_refuse_values("samples", array, -GR_LARGEST)) return -1;
     for (int d = 0; d < 3; d++) {
         const npy_intp n = PyArray_DIM(array, 2 - d);
-        if (n < 2 || n > 4096) return refuse("samples must be from 2 to 4096 along each axis");
-        if (!(part->size[d] > 0 && part->size[d] < GR_LARGEST)) return refuse("the box of samples must have a size");
+        if (n < 2 || n > 4096) return gr_refuse("samples must be from 2 to 4096 along each axis");
+        if (!(part->size[d] > 0 && part->size[d] < GR_LARGEST)) return gr_refuse("the box of samples must have a size");
         part->shape[d] = (int)n;
     }
     part->sample = PyArray_DATA(array);
@@ -33,30 +27,30 @@ static int take_samples(PyObject *object, struct gr_part *part)
 static int take_parts(PyObject *object, PyObject *samples, int capacity, struct gr_part *out)
 {
     Py_ssize_t sampled = 0;
-    if (!PyTuple_Check(samples)) return refuse("samples must be a tuple of arrays");
+    if (!PyTuple_Check(samples)) return gr_refuse("samples must be a tuple of arrays");
     const npy_intp shape[2] = {-1, PART_NUMBERS};
     PyArrayObject *array = gr_array(object, "parts", NPY_DOUBLE, 2, shape, 0);
     if (!array) return -1;
     const npy_intp n = PyArray_DIM(array, 0);
-    if (n < 1 || n > capacity) return refuse("the bodies must have 1 to 256 parts in all, and each at least one");
+    if (n < 1 || n > capacity) return gr_refuse("the bodies must have 1 to 256 parts in all, and each at least one");
     const double *row = PyArray_DATA(array);
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
-        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return refuse("the kind of a part must be 0 to 3");
+        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return gr_refuse("the kind of a part must be 0 to 3");
         out[k].kind = (int)row[KIND];
         out[k].inside = row[INSIDE] != 0;
         for (int q = CENTER; q < SIZE; q++)
-            if (!(fabs(row[q]) < GR_LARGEST)) return refuse("center and rotation of a part must be finite");
+            if (!(fabs(row[q]) < GR_LARGEST)) return gr_refuse("center and rotation of a part must be finite");
         for (int q = SIZE; q < PART_NUMBERS; q++)
-            if (!(row[q] >= 0)) return refuse("the size of a part must not be negative");
+            if (!(row[q] >= 0)) return gr_refuse("the size of a part must not be negative");
         memcpy(out[k].center, row + CENTER, sizeof out[k].center);
         memcpy(out[k].rotation, row + ROTATION, sizeof out[k].rotation);
         memcpy(out[k].size, row + SIZE, sizeof out[k].size);
         out[k].sample = NULL;
         if (out[k].kind != GR_PART_SAMPLED) continue;
-        if (sampled == PyTuple_GET_SIZE(samples)) return refuse("samples must be as many as sampled parts");
+        if (sampled == PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as sampled parts");
         if (take_samples(PyTuple_GET_ITEM(samples, sampled++), &out[k])) return -1;
     }
-    if (sampled != PyTuple_GET_SIZE(samples)) return refuse("samples must be as many as sampled parts");
+    if (sampled != PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as sampled parts");
     return (int)n;
 }
 
@@ -68,9 +62,9 @@ static int take_motion(PyObject *object, struct gr_body *body)
     const npy_intp n = PyArray_DIM(array, 0);
     body->motion = PyArray_DATA(array);
     body->n_motion = (int)n;
-    if (n < 1 || n > 1000000) return refuse("motion must have 1 to 1000000 rows");
+    if (n < 1 || n > 1000000) return gr_refuse("motion must have 1 to 1000000 rows");
     for (npy_intp k = 1; k < n; k++)
-        if (!(body->motion[7 * k] > body->motion[7 * k - 7])) return refuse("the times of motion must ascend");
+        if (!(body->motion[7 * k] > body->motion[7 * k - 7])) return gr_refuse("the times of motion must ascend");
     return 0;
 }
 
@@ -85,11 +79,8 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
 {
     PyObject *list, *samples, *pose, *motion;
     const npy_intp seven[1] = {7};
-    if (!PyTuple_Check(row)) {
-        PyErr_SetString(PyExc_TypeError, "each row of bodies must be a tuple");
-        return -1;
-    }
-    if (!PyArg_ParseTuple(
+    if (gr_refuse_row("bodies", row) ||
+        !PyArg_ParseTuple(
             row, "OOOOiiidd;a row of bodies is (parts, samples, pose, motion, contact, free, rough, friction, mass)", &list,
             &samples, &pose, &motion, &body->contact, &body->free, &body->rough, &body->friction, &body->mass))
         return -1;
@@ -100,10 +91,10 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
     if (!array || gr_refuse_values("pose", array, -GR_LARGEST)) return -1;
     memcpy(body->position, PyArray_DATA(array), sizeof body->position);
     memcpy(body->orientation, (const double *)PyArray_DATA(array) + 3, sizeof body->orientation);
-    if (!is_unit(body->orientation)) return refuse("the orientation of a body must be a unit quaternion");
-    if (body->contact < 0 || body->contact >= GR_CONTACT_COUNT) return refuse("contact must be 0 to 2");
-    if (body->rough != 0 && body->rough != 1) return refuse("rough must be 0 or 1");
-    if (body->free < 0 || body->free >> c->dim) return refuse("free must have a bit for each axis at most");
+    if (!is_unit(body->orientation)) return gr_refuse("the orientation of a body must be a unit quaternion");
+    if (body->contact < 0 || body->contact >= GR_CONTACT_COUNT) return gr_refuse("contact must be 0 to 2");
+    if (body->rough != 0 && body->rough != 1) return gr_refuse("rough must be 0 or 1");
+    if (body->free < 0 || body->free >> c->dim) return gr_refuse("free must have a bit for each axis at most");
     if (gr_refuse_number("friction", body->friction, 1) || gr_refuse_number("mass", body->mass, !body->free)) return -1;
     body->bound = 0;
     for (int k = 0; k < body->n_parts; k++)
@@ -114,7 +105,7 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables)
 {
     if (!PyList_Check(rows) || PyList_GET_SIZE(rows) > GR_MAX_BODIES)
-        return refuse("bodies must be a list of 64 rows at most");
+        return gr_refuse("bodies must be a list of 64 rows at most");
     for (Py_ssize_t b = 0; b < PyList_GET_SIZE(rows); b++) {
         struct gr_body *body = &tables->body[b];
         if (take_body(c, PyList_GET_ITEM(rows, b), body, tables->part)) return -1;
@@ -126,53 +117,28 @@ int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables
     return 0;
 }
 
-PyObject *gr_python_bodies(const struct gr_engine *e)
+PyObject *gr_python_poses(const struct gr_engine *e, const void *rows, int numbers)
 {
-    const npy_intp shape[2] = {e->config.n_bodies, GR_BODY_NUMBERS};
+    const npy_intp shape[2] = {e->config.n_bodies, numbers};
     PyObject *out = PyArray_SimpleNew(2, shape, NPY_DOUBLE);
-    if (out && shape[0]) memcpy(PyArray_DATA((PyArrayObject *)out), e->body, sizeof *e->body * (size_t)shape[0]);
+    if (out && shape[0]) memcpy(PyArray_DATA((PyArrayObject *)out), rows, (size_t)PyArray_NBYTES((PyArrayObject *)out));
     return out;
 }
 
-int gr_restore_bodies(struct gr_engine *e, PyObject *object)
+int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name, void *rows, int numbers)
 {
-    const npy_intp shape[2] = {e->config.n_bodies, GR_BODY_NUMBERS};
-    PyArrayObject *array = gr_array(object, "bodies", NPY_DOUBLE, 2, shape, 0);
-    if (!array || gr_refuse_values("bodies", array, -GR_LARGEST)) return -1;
-    const struct gr_body_state *state = PyArray_DATA(array);
+    const npy_intp shape[2] = {e->config.n_bodies, numbers};
+    PyArrayObject *array = gr_array(object, name, NPY_DOUBLE, 2, shape, 0);
+    if (!array || gr_refuse_values(name, array, -GR_LARGEST)) return -1;
+    const double *from = PyArray_DATA(array);
     for (npy_intp b = 0; b < shape[0]; b++)
-        if (!is_unit(state[b].orientation)) return refuse("the orientation of a body must be a unit quaternion");
-    if (!shape[0]) return 0;
-    memcpy(e->body, state, sizeof *e->body * (size_t)shape[0]);
-    memcpy(e->body_next, state, sizeof *e->body * (size_t)shape[0]);
+        if (!is_unit(from + numbers * b + 3)) return gr_refuse("%s: an orientation must be a unit quaternion", name);
+    if (shape[0]) memcpy(rows, from, (size_t)PyArray_NBYTES(array));
     return 0;
 }
 
-PyObject *gr_python_split(const struct gr_engine *e)
+PyObject *gr_python_body_distance(PyObject *Py_UNUSED(module), PyObject *args)
 {
-    const npy_intp shape[2] = {e->config.n_bodies, 7};
-    PyObject *out = PyArray_SimpleNew(2, shape, NPY_DOUBLE);
-    if (out && shape[0]) memcpy(PyArray_DATA((PyArrayObject *)out), e->split, sizeof *e->split * (size_t)shape[0]);
-    return out;
-}
-
-int gr_restore_split(struct gr_engine *e, PyObject *object)
-{
-    const npy_intp shape[2] = {e->config.n_bodies, 7};
-    PyArrayObject *array = gr_array(object, "split", NPY_DOUBLE, 2, shape, 0);
-    if (!array || gr_refuse_values("split", array, -GR_LARGEST)) return -1;
-    const struct gr_split_pose *pose = PyArray_DATA(array);
-    for (npy_intp b = 0; b < shape[0]; b++)
-        if (!is_unit(pose[b].orientation)) return refuse("the orientation of a split must be a unit quaternion");
-    if (!shape[0]) return 0;
-    memcpy(e->split, pose, sizeof *e->split * (size_t)shape[0]);
-    e->disconnected = 1; /* the cells are to be made anew */
-    return 0;
-}
-
-PyObject *gr_python_body_distance(PyObject *module, PyObject *args)
-{
-    (void)module;
     PyObject *list, *samples, *places;
     struct gr_part parts[GR_MAX_PARTS];
     const npy_intp three[2] = {-1, 3};

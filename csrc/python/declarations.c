@@ -7,17 +7,17 @@
 static PyObject *add_number(PyObject *list, const char *name, double value, const char *range, const char *unit,
                             const char *doc)
 {
-    if (!list) return NULL;
     PyObject *first = isnan(value) ? Py_NewRef(Py_None) : PyFloat_FromDouble(value);
-    PyObject *row = first ? Py_BuildValue("sNsss", name, first, range, unit, doc) : NULL;
-    if (!row || PyList_Append(list, row)) Py_CLEAR(list);
-    Py_XDECREF(row);
-    return list;
+    return gr_append(list, first ? Py_BuildValue("sNsss", name, first, range, unit, doc) : NULL);
 }
 
-PyObject *gr_python_scheme_numbers(PyObject *module, PyObject *unused)
+PyObject *gr_python_scheme_numbers(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unused))
 {
-    (void)module, (void)unused;
+    static const char *const densities[GR_DENSITY_COUNT] = {
+#define GR_X(name) #name,
+        GR_DENSITIES(GR_X)
+#undef GR_X
+    };
     PyObject *scheme = PyList_New(0), *fluidity = PyList_New(0), *density[GR_DENSITY_COUNT];
 #define GR_X(name, value, range, unit, doc) scheme = add_number(scheme, #name, value, range, unit, doc);
     GR_SCHEME(GR_X)
@@ -33,79 +33,57 @@ PyObject *gr_python_scheme_numbers(PyObject *module, PyObject *unused)
         if (!isnan(name[k])) density[k] = add_number(density[k], #name, name[k], range, unit, doc);
     GR_DENSITY_SCHEME(GR_X)
 #undef GR_X
-    PyObject *out = Py_BuildValue("{s:O,s:O,s:O,s:O,s:O}", "scheme", scheme, "fluidity", fluidity, "particle",
-                                  density[GR_DENSITY_particle], "smoothed", density[GR_DENSITY_smoothed], "cell_averaged",
-                                  density[GR_DENSITY_cell_averaged]);
-    Py_XDECREF(scheme), Py_XDECREF(fluidity);
-    for (int k = 0; k < GR_DENSITY_COUNT; k++) Py_XDECREF(density[k]);
+    PyObject *out = gr_put(gr_put(PyDict_New(), "scheme", scheme), "fluidity", fluidity);
+    for (int k = 0; k < GR_DENSITY_COUNT; k++) out = gr_put(out, densities[k], density[k]);
     return out;
 }
 
 /* One enumeration into the dict: {name: value}. Returned: the dict, or NULL. */
 static PyObject *add_enumeration(PyObject *dict, const char *name, const char *const *names, const int *values, int n)
 {
-    PyObject *inner = dict ? PyDict_New() : NULL;
-    for (int k = 0; inner && k < n; k++) {
-        PyObject *value = PyLong_FromLong(values[k]);
-        if (!value || PyDict_SetItemString(inner, names[k], value)) Py_CLEAR(inner);
-        Py_XDECREF(value);
-    }
-    if (dict && (!inner || PyDict_SetItemString(dict, name, inner))) Py_CLEAR(dict);
-    Py_XDECREF(inner);
-    return dict;
+    PyObject *inner = PyDict_New();
+    for (int k = 0; inner && k < n; k++) inner = gr_put(inner, names[k], PyLong_FromLong(values[k]));
+    return gr_put(dict, name, inner);
 }
 
-PyObject *gr_python_enumerations(PyObject *module, PyObject *unused)
+PyObject *gr_python_enumerations(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unused))
 {
-    (void)module, (void)unused;
     PyObject *out = PyDict_New();
     const char *names[16];
-    int values[16], n = 0;
-#define GR_ADD(name) out = add_enumeration(out, name, names, values, n), n = 0
+    int values[16], n;
+#define GR_ADD(name, list) \
+    n = 0;                 \
+    list(GR_X) out = add_enumeration(out, name, names, values, n);
 #define GR_X(constant, text) names[n] = #text, values[n++] = constant;
-    GR_BASES(GR_X);
-    GR_ADD("basis");
-    GR_FACES(GR_X);
-    GR_ADD("face");
-    GR_PARTS(GR_X);
-    GR_ADD("part");
-    GR_CONTACTS(GR_X);
-    GR_ADD("contact");
+    GR_ADD("basis", GR_BASES)
+    GR_ADD("face", GR_FACES)
+    GR_ADD("part", GR_PARTS)
+    GR_ADD("contact", GR_CONTACTS)
 #undef GR_X
 #define GR_X(text) names[n] = #text, values[n] = n, n++;
-    GR_TRANSFERS(GR_X);
-    GR_ADD("transfer");
-    GR_DENSITIES(GR_X);
-    GR_ADD("density");
-    GR_DIFFUSIONS(GR_X);
-    GR_ADD("diffusion");
-    GR_STENCILS(GR_X);
-    GR_ADD("stencil");
+    GR_ADD("transfer", GR_TRANSFERS)
+    GR_ADD("density", GR_DENSITIES)
+    GR_ADD("diffusion", GR_DIFFUSIONS)
+    GR_ADD("stencil", GR_STENCILS)
 #undef GR_X
 #define GR_X(constant, text, value) names[n] = #text, values[n++] = constant;
-    GR_CELL_FLAGS(GR_X);
-    GR_ADD("cell_flag");
+    GR_ADD("cell_flag", GR_CELL_FLAGS)
 #undef GR_X
 #undef GR_ADD
     return out;
 }
 
-PyObject *gr_python_laws(PyObject *module, PyObject *unused)
+PyObject *gr_python_laws(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unused))
 {
-    (void)module, (void)unused;
     PyObject *out = PyDict_New();
     for (int k = 0; out && gr_law_at(k); k++) {
         const struct gr_law *law = gr_law_at(k);
         PyObject *rows = PyList_New(0);
         for (int q = 0; rows && q < gr_law_parameters(law); q++) {
             const struct gr_parameter_info *info = &law->parameter[q];
-            PyObject *row = Py_BuildValue("sss", info->name, info->unit, info->doc);
-            if (!row || PyList_Append(rows, row)) Py_CLEAR(rows);
-            Py_XDECREF(row);
+            rows = gr_append(rows, Py_BuildValue("sss", info->name, info->unit, info->doc));
         }
-        PyObject *entry = rows ? Py_BuildValue("sN", law->doc, rows) : NULL;
-        if (!entry || PyDict_SetItemString(out, law->name, entry)) Py_CLEAR(out);
-        Py_XDECREF(entry);
+        out = gr_put(out, law->name, rows ? Py_BuildValue("sN", law->doc, rows) : NULL);
     }
     return out;
 }

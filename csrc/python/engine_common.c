@@ -3,12 +3,70 @@
 #include <math.h>
 #include <unistd.h>
 
-int gr_refuse_state(int exists, int is_bound, int busy)
+void gr_free_object(struct gr_object *self)
 {
-    if (exists && is_bound && !busy) return 0;
-    PyErr_SetString(PyExc_RuntimeError, exists && is_bound ? "the engine is running in another thread"
-                                                           : "the engine has no points: call bind first");
-    return -1;
+    PyTypeObject *type = Py_TYPE(self);
+    for (int k = 0; k <= self->n_fields; k++) Py_XDECREF(self->buffers[k]);
+    type->tp_free((PyObject *)self);
+    Py_DECREF(type);
+}
+
+int gr_begin_object(struct gr_object *self, const char *isa)
+{
+    if (self->engine)
+        PyErr_SetString(PyExc_RuntimeError, "the engine is already built");
+    else
+        self->kernels = gr_take_kernels(isa);
+    return PyErr_Occurred() ? -1 : 0;
+}
+
+void *gr_ready(const struct gr_object *self, int must_be_bound)
+{
+    const int has_points = self->engine && (!must_be_bound || self->is_bound);
+    if (has_points && !self->busy) return self->engine;
+    PyErr_SetString(PyExc_RuntimeError,
+                    has_points ? "the engine is running in another thread" : "the engine has no points: call bind first");
+    return NULL;
+}
+
+PyObject *gr_python_fields(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    PyObject *list = gr_ready(self, 0) ? PyList_New(0) : NULL;
+    for (int f = 0; list && f < self->n_fields; f++) {
+        const struct gr_field_info *info = &self->fields[f];
+        if (!self->components[f]) continue;
+        list = gr_append(list, Py_BuildValue("siss", info->name, self->components[f], info->unit, info->doc));
+    }
+    return list;
+}
+
+Py_ssize_t gr_take_buffers(const struct gr_object *self, PyObject *dict, PyArrayObject **arrays)
+{
+    const char *names[GR_MAX_FIELDS + 1];
+    const int n = self->n_fields;
+    npy_intp shape[2] = {0, -1};
+    for (int k = n; k >= 0; k--) { /* the ids first, which have the number of places */
+        const int components = k < n ? self->components[k] : 1;
+        arrays[k] = NULL;
+        if (!components) continue;
+        shape[0] = components;
+        names[k] = k == n ? "id" : self->fields[k].name;
+        PyObject *object = PyDict_GetItemString(dict, names[k]);
+        if (!object) return gr_refuse("the buffer %s is missing", names[k]);
+        arrays[k] = k == n ? gr_array(object, names[k], NPY_INT64, 1, shape + 1, 1)
+                           : gr_array(object, names[k], NPY_DOUBLE, 2, shape, 1);
+        if (!arrays[k]) return -1;
+        if (k == n) shape[1] = PyArray_DIM(arrays[k], 0);
+    }
+    return gr_refuse_overlap(arrays, names, n + 1) ? -1 : shape[1];
+}
+
+void gr_keep_buffers(struct gr_object *self, PyArrayObject *const *arrays)
+{
+    for (int k = 0; k <= self->n_fields; k++) {
+        Py_XINCREF(arrays[k]);
+        Py_XSETREF(self->buffers[k], arrays[k]);
+    }
 }
 
 int gr_take_run(PyObject *args, long long *max_steps, double *until, int *threads)
@@ -16,8 +74,7 @@ int gr_take_run(PyObject *args, long long *max_steps, double *until, int *thread
     if (!PyArg_ParseTuple(args, "Ldi", max_steps, until, threads)) return -1;
     if (*max_steps >= 0 && !isnan(*until) && *threads >= 1 && *threads <= GR_MAX_THREADS)
         return gr_team_is_lost(*threads) ? -1 : 0;
-    PyErr_Format(PyExc_ValueError, "max_steps must not be negative, until not NaN, threads 1 to %d", GR_MAX_THREADS);
-    return -1;
+    return gr_refuse("max_steps must not be negative, until not NaN, threads 1 to %d", GR_MAX_THREADS);
 }
 
 /* A team of gcc's OpenMP does not live on in a forked child, which would wait for it for ever. The process in
@@ -47,42 +104,61 @@ const struct gr_kernels *gr_take_kernels(const char *isa)
     return kernels;
 }
 
-PyObject *gr_add_field(PyObject *list, const struct gr_field_info *info, int components)
+PyObject *gr_python_scalars(const struct gr_object *self, const struct gr_scalar *table, int n)
 {
-    PyObject *row = list ? Py_BuildValue("siss", info->name, components, info->unit, info->doc) : NULL;
-    if (!row || PyList_Append(list, row)) Py_CLEAR(list);
-    Py_XDECREF(row);
-    return list;
+    const char *engine = gr_ready(self, 0);
+    PyObject *out = engine ? PyDict_New() : NULL;
+    for (int k = 0; out && k < n; k++) {
+        const void *at = engine + table[k].place;
+        PyObject *value =
+            table[k].is_float ? PyFloat_FromDouble(*(const double *)at) : PyLong_FromLongLong(*(const int64_t *)at);
+        out = gr_put(out, table[k].name, value);
+    }
+    return out;
 }
 
-static PyObject *scalar_named(PyObject *dict, const char *name)
+int gr_take_scalars(PyObject *dict, const struct gr_scalar *table, int n, void *out)
 {
-    PyObject *value = PyDict_GetItemString(dict, name);
-    if (!value) PyErr_Format(PyExc_ValueError, "the scalar %s is missing", name);
-    return value;
+    if (!PyDict_Check(dict)) {
+        PyErr_SetString(PyExc_TypeError, "restore needs a dict of scalars");
+        return -1;
+    }
+    for (int k = 0; k < n; k++) {
+        void *at = (char *)out + table[k].place;
+        PyObject *value = PyDict_GetItemString(dict, table[k].name);
+        if (!value) return gr_refuse("the scalar %s is missing", table[k].name);
+        if (table[k].is_float)
+            *(double *)at = PyFloat_AsDouble(value);
+        else
+            *(int64_t *)at = PyLong_AsLongLong(value);
+        if (PyErr_Occurred()) return -1;
+    }
+    return 0;
 }
 
-int gr_take_float(PyObject *dict, const char *name, double *out)
+void gr_set_scalars(void *engine, const struct gr_scalar *table, int n, const void *from)
 {
-    PyObject *value = scalar_named(dict, name);
-    if (value) *out = PyFloat_AsDouble(value);
-    return value && !PyErr_Occurred() ? 0 : -1;
+    for (int k = 0; k < n; k++) memcpy((char *)engine + table[k].place, (const char *)from + table[k].place, 8);
 }
 
-int gr_take_integer(PyObject *dict, const char *name, int64_t *out)
+static PyObject *isa_of(struct gr_object *self, void *Py_UNUSED(unused))
 {
-    PyObject *value = scalar_named(dict, name);
-    if (value) *out = PyLong_AsLongLong(value);
-    return value && !PyErr_Occurred() ? 0 : -1;
+    return PyUnicode_FromString(self->kernels ? self->kernels->isa : "");
 }
 
-static int put(PyObject *dict, const char *name, PyObject *value)
+static PyGetSetDef getters[] = {{"isa", (getter)isa_of, NULL, "instruction set of the kernels", NULL},
+                                {NULL, NULL, NULL, NULL, NULL}};
+
+PyTypeObject *gr_make_type(PyObject *module, const char *name, const char *doc, initproc init, destructor dealloc,
+                           PyMethodDef *methods)
 {
-    const int error = !value || PyDict_SetItemString(dict, name, value);
-    Py_XDECREF(value);
-    return error ? -1 : 0;
+    PyType_Slot slots[] = {{Py_tp_init, init},
+                           {Py_tp_new, PyType_GenericNew},
+                           {Py_tp_dealloc, dealloc},
+                           {Py_tp_methods, methods},
+                           {Py_tp_getset, getters},
+                           {Py_tp_doc, (void *)doc},
+                           {0, NULL}};
+    PyType_Spec spec = {name, sizeof(struct gr_object), 0, Py_TPFLAGS_DEFAULT, slots};
+    return (PyTypeObject *)PyType_FromModuleAndSpec(module, &spec, NULL);
 }
-
-int gr_put_float(PyObject *dict, const char *name, double value) { return put(dict, name, PyFloat_FromDouble(value)); }
-
-int gr_put_integer(PyObject *dict, const char *name, int64_t value) { return put(dict, name, PyLong_FromLongLong(value)); }

@@ -1,12 +1,49 @@
-/* What the two engine types, `Engine` and `Sph`, have in common. */
+/* What the two engine types, `Engine` and `Sph`, have in common: they borrow the buffers of the points, and step them
+ * with the GIL released. */
 #ifndef GR_PYTHON_ENGINE_COMMON_H
 #define GR_PYTHON_ENGINE_COMMON_H
 
+#include <stddef.h>
+
 #include "python/arrays.h"
 
-/* Refuse an engine that is not built, has no points where it must be bound, or runs in another thread.
- * Returned: 0, or -1 with RuntimeError set. */
-int gr_refuse_state(int exists, int is_bound, int busy);
+#define GR_MAX_FIELDS 16
+
+/* An instance of one of the two types. */
+struct gr_object {
+    PyObject_HEAD
+    void *engine; /* struct gr_engine or struct gr_sph; NULL until it is built */
+    const struct gr_kernels *kernels;
+    const struct gr_field_info *fields;
+    int n_fields, components[GR_MAX_FIELDS];   /* 0 components: the engine does not carry the field */
+    PyArrayObject *buffers[GR_MAX_FIELDS + 1]; /* the borrowed arrays, the ids last */
+    int is_bound, busy;
+};
+
+/* The type, with what is common to both: deallocation, isa. Returned: NULL with an exception set. */
+PyTypeObject *gr_make_type(PyObject *module, const char *name, const char *doc, initproc init, destructor dealloc,
+                           PyMethodDef *methods);
+
+/* What dealloc does after the engine has been freed. */
+void gr_free_object(struct gr_object *self);
+
+/* Take the kernels of an instruction set for an engine that is to be built; one that exists is refused. Returned: 0, or
+ * -1 with an exception set. */
+int gr_begin_object(struct gr_object *self, const char *isa);
+
+/* The engine. Returned: NULL with RuntimeError set if it is not built, has no points where it must be bound, or runs in
+ * another thread. What comes from the caller is to be read before, as that may run code. */
+void *gr_ready(const struct gr_object *self, int must_be_bound);
+
+/* fields() -> [(name, components, unit, doc)] that this engine carries. */
+PyObject *gr_python_fields(struct gr_object *self, PyObject *unused);
+
+/* The arrays of a dict that the engine needs: those of its fields, NULL for one it does not carry, and the ids last.
+ * All are checked. Returned: their number of places, or -1 with an exception set. */
+Py_ssize_t gr_take_buffers(const struct gr_object *self, PyObject *dict, PyArrayObject **arrays);
+
+/* Keep arrays alive as long as the engine borrows them. */
+void gr_keep_buffers(struct gr_object *self, PyArrayObject *const *arrays);
 
 /* The arguments of advance(max_steps, until, threads). Returned: 0, or -1 with an exception set. */
 int gr_take_run(PyObject *args, long long *max_steps, double *until, int *threads);
@@ -18,15 +55,24 @@ int gr_team_is_lost(int threads);
 /* The kernels of an instruction set. Returned: NULL with ValueError set if this machine has not got it. */
 const struct gr_kernels *gr_take_kernels(const char *isa);
 
-/* Append (name, components, unit, doc) of a field to a list, which is lost where that fails. */
-PyObject *gr_add_field(PyObject *list, const struct gr_field_info *info, int components);
+/* A number of an engine that a restart needs, and where its struct has it. */
+struct gr_scalar {
+    const char *name;
+    size_t place;
+    int is_float; /* double, else int64_t */
+};
 
-/* A scalar of a restart, from a dict. Returned: 0, or -1 with an exception set. */
-int gr_take_float(PyObject *dict, const char *name, double *out);
-int gr_take_integer(PyObject *dict, const char *name, int64_t *out);
+#define GR_SCALAR_OF(type, member)                                                              \
+    {                                                                                           \
+#member, offsetof(type, member), _Generic(((type *)0)->member, double : 1, int64_t : 0) \
+    }
 
-/* Put a scalar into a dict. Returned: 0, or -1 with an exception set. */
-int gr_put_float(PyObject *dict, const char *name, double value);
-int gr_put_integer(PyObject *dict, const char *name, int64_t value);
+/* The n numbers of a table as a dict, or NULL with an exception set. */
+PyObject *gr_python_scalars(const struct gr_object *self, const struct gr_scalar *table, int n);
+
+/* Read them from a dict into another struct of the same type, and copy them from that to the engine. Returned: 0, or -1
+ * with an exception set. */
+int gr_take_scalars(PyObject *dict, const struct gr_scalar *table, int n, void *out);
+void gr_set_scalars(void *engine, const struct gr_scalar *table, int n, const void *from);
 
 #endif

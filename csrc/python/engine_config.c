@@ -3,76 +3,47 @@
 
 #include "python/arrays.h"
 
-static int take_axes(struct gr_config *c, PyObject *shape, PyObject *lower, PyObject *periodic, PyObject *open_low,
-                     PyObject *open_high, PyObject *c0_lines, PyObject *above)
+/* What the configuration has of each axis, from its row. */
+static int take_axes(struct gr_config *c, PyObject *rows)
 {
-    PyObject *const lists[] = {shape, lower, periodic, open_low, open_high, c0_lines, above};
-    for (int k = 0; k < 7; k++)
-        if (!PyTuple_Check(lists[k]) || PyTuple_GET_SIZE(lists[k]) != c->dim) {
-            PyErr_SetString(
-                PyExc_ValueError,
-                "shape, lower, periodic, open_low, open_high, c0_lines and sponge_layers must be tuples of length dim");
-            return -1;
-        }
+    const npy_intp any[1] = {-1};
     int64_t nodes = 1;
+    if (!PyTuple_Check(rows) || PyTuple_GET_SIZE(rows) != c->dim) return gr_refuse("axes must be a tuple of length dim");
     for (int d = 0; d < c->dim; d++) {
-        const long n = PyLong_AsLong(PyTuple_GET_ITEM(shape, d));
-        if (n == -1 && PyErr_Occurred()) return -1;
-        if (n < 1 || n > 1000000000 || (nodes *= 2 * n + 2) > ((int64_t)1 << 32)) {
-            PyErr_Format(PyExc_ValueError, "shape[%d] = %ld is outside the range of the grid", d, n);
+        PyObject *row = PyTuple_GET_ITEM(rows, d), *lines;
+        if (gr_refuse_row("axes", row) ||
+            !PyArg_ParseTuple(
+                row, "idpppOdd;a row of axes is (cells, lower, periodic, open_low, open_high, c0_lines, above, damping)",
+                &c->shape[d], &c->lower[d], &c->periodic[d], &c->open_low[d], &c->open_high[d], &lines, &c->above[d],
+                &c->sponge_damping[d]))
             return -1;
-        }
-        c->shape[d] = (int)n;
-        c->lower[d] = PyFloat_AsDouble(PyTuple_GET_ITEM(lower, d));
-        c->periodic[d] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, d));
-        c->open_low[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_low, d));
-        c->open_high[d] = PyObject_IsTrue(PyTuple_GET_ITEM(open_high, d));
-        if (!PyTuple_Check(PyTuple_GET_ITEM(above, d))) {
-            PyErr_Format(PyExc_TypeError, "sponge_layers[%d] must be a tuple", d);
-            return -1;
-        }
-        if (!PyArg_ParseTuple(PyTuple_GET_ITEM(above, d), "dd;an sponge is (above, rate)", &c->above[d],
-                              &c->sponge_damping[d]))
-            return -1;
-        if (!(c->sponge_damping[d] >= 0)) {
-            PyErr_Format(PyExc_ValueError, "sponge_layers[%d]: rate must not be negative", d);
-            return -1;
-        }
-        c->has_sponge |= (c->above[d] < INFINITY) << d; /* NaN has_sponge nothing */
-        const npy_intp any[1] = {-1};
-        PyArrayObject *lines = gr_array(PyTuple_GET_ITEM(c0_lines, d), "c0_lines", NPY_INT32, 1, any, 0);
-        if (!lines || PyErr_Occurred()) return -1;
-        if (!isfinite(c->lower[d])) {
-            PyErr_Format(PyExc_ValueError, "lower[%d] is not finite", d);
-            return -1;
-        }
-        c->n_c0_lines[d] = (int)PyArray_DIM(lines, 0);
-        c->c0_lines[d] = PyArray_DATA(lines);
+        const int64_t n = c->shape[d];
+        if (n < 1 || n > 1000000000 || (nodes *= 2 * n + 2) > ((int64_t)1 << 32))
+            return gr_refuse("axes[%d]: %d cells are outside the range of the grid", d, c->shape[d]);
+        if (!isfinite(c->lower[d])) return gr_refuse("axes[%d]: lower is not finite", d);
+        if (!(c->sponge_damping[d] >= 0)) return gr_refuse("axes[%d]: damping must not be negative", d);
+        c->has_sponge |= (c->above[d] < INFINITY) << d; /* not where it is NaN */
+        PyArrayObject *array = gr_array(lines, "c0_lines", NPY_INT32, 1, any, 0);
+        if (!array) return -1;
+        c->n_c0_lines[d] = (int)PyArray_DIM(array, 0);
+        c->c0_lines[d] = PyArray_DATA(array);
     }
     return 0;
 }
 
 static int take_walls(struct gr_config *c, PyObject *walls, struct gr_wall *table)
 {
-    if (!PyList_Check(walls) || PyList_GET_SIZE(walls) < 1 || PyList_GET_SIZE(walls) > 256) {
-        PyErr_SetString(PyExc_ValueError, "walls must be a list of 1 to 256 rows, row 0 the free node");
-        return -1;
-    }
+    if (!PyList_Check(walls) || PyList_GET_SIZE(walls) < 1 || PyList_GET_SIZE(walls) > 256)
+        return gr_refuse("walls must be a list of 1 to 256 rows, row 0 the free node");
     c->n_walls = (int)PyList_GET_SIZE(walls);
     for (int k = 0; k < c->n_walls; k++) {
         struct gr_wall *w = &table[k];
         PyObject *row = PyList_GET_ITEM(walls, k);
-        if (!PyTuple_Check(row)) {
-            PyErr_SetString(PyExc_TypeError, "each row of walls must be a tuple");
-            return -1;
-        }
-        if (!PyArg_ParseTuple(row, "idiidi;a row of walls is (fixed, friction, normal, side, opens_at, after)", &w->fixed,
+        if (gr_refuse_row("walls", row) ||
+            !PyArg_ParseTuple(row, "idiidi;a row of walls is (fixed, friction, normal, side, opens_at, after)", &w->fixed,
                               &w->friction, &w->normal, &w->side, &w->opens_at, &w->after))
             return -1;
-        if (!(w->friction >= 0)) {
-            PyErr_Format(PyExc_ValueError, "walls[%d]: friction must not be negative", k);
-            return -1;
-        }
+        if (!(w->friction >= 0)) return gr_refuse("walls[%d]: friction must not be negative", k);
     }
     c->walls = table;
     return 0;
@@ -96,10 +67,8 @@ static int take_map(const struct gr_config *c, PyObject *object, const char *nam
     if (!array) return -1;
     const uint8_t *data = PyArray_DATA(array);
     for (npy_intp k = 0; nodes && k < PyArray_SIZE(array); k++)
-        if (data[k] >= c->n_walls) {
-            PyErr_Format(PyExc_ValueError, "%s names wall row %d, but there are %d", name, (int)data[k], c->n_walls);
-            return -1;
-        }
+        if (data[k] >= c->n_walls)
+            return gr_refuse("%s names wall row %d, but there are %d", name, (int)data[k], c->n_walls);
     *out = data;
     return 0;
 }
@@ -109,27 +78,20 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
 {
     npy_intp shape[4] = {2 * c->dim};
     for (int d = 0; d < c->dim; d++) shape[c->dim - d] = c->shape[d];
-    c->nonlocal.method = GR_DIFFUSION_COUNT; /* automatic */
-    for (int k = 0; k < GR_DIFFUSION_COUNT; k++)
-        if (!strcmp(gr_diffusion_names[k], method)) c->nonlocal.method = k;
-    if (c->nonlocal.method == GR_DIFFUSION_COUNT && strcmp(method, "auto")) {
-        PyErr_Format(PyExc_ValueError, "fluidity_method = \"%s\" must be auto, explicit, implicit or rkl2", method);
-        return -1;
-    }
-    if ((c->nonlocal.stencil = gr_stencil_of(stencil)) < 0) return -1;
+    const char *methods[GR_DIFFUSION_COUNT + 1];
+    memcpy(methods, gr_diffusion_names, sizeof gr_diffusion_names);
+    methods[GR_DIFFUSION_COUNT] = "auto";
+    c->nonlocal.method = gr_take_index("fluidity_method", method, methods, GR_DIFFUSION_COUNT + 1);
+    c->nonlocal.stencil = gr_take_index("fluidity_stencil", stencil, gr_stencil_names, GR_STENCIL_COUNT);
+    if (c->nonlocal.method < 0 || c->nonlocal.stencil < 0) return -1;
     if (!gr_law_at(c->law)->reaction) return 0;
-    if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000) {
-        PyErr_SetString(PyExc_ValueError, "a nonlocal law needs basis 0 or 2 and 1 to 100000 substeps");
-        return -1;
-    }
+    if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000)
+        return gr_refuse("a nonlocal law needs basis 0 or 2 and 1 to 100000 substeps");
     PyArrayObject *array = gr_array(faces, "fluidity_faces", NPY_UINT8, c->dim + 1, shape, 0);
     if (!array) return -1;
     const uint8_t *face = c->nonlocal.face = PyArray_DATA(array);
     for (npy_intp k = 0; k < PyArray_SIZE(array); k++)
-        if (face[k] >= GR_FACE_COUNT) {
-            PyErr_Format(PyExc_ValueError, "fluidity_faces[%zd] = %d must be 0, 1 or 2", k, (int)face[k]);
-            return -1;
-        }
+        if (face[k] >= GR_FACE_COUNT) return gr_refuse("fluidity_faces[%zd] = %d must be 0, 1 or 2", k, (int)face[k]);
     return 0;
 }
 
@@ -145,27 +107,15 @@ int gr_take_gravity(int dim, PyObject *times, PyObject *vectors, int *n, const d
     *time = PyArray_DATA(t);
     *vector = PyArray_DATA(g);
     for (int k = 0; k < *n; k++)
-        if (!isfinite((*time)[k]) || (k && !((*time)[k] > (*time)[k - 1]))) {
-            PyErr_SetString(PyExc_ValueError, "gravity_times must be finite and increase");
-            return -1;
-        }
+        if (!isfinite((*time)[k]) || (k && !((*time)[k] > (*time)[k - 1])))
+            return gr_refuse("gravity_times must be finite and increase");
     return 0;
 }
 
 static int take_number(PyObject *dict, const char *name, double *out)
 {
-    PyObject *value = PyDict_GetItemString(dict, name);
-    if (!value) {
-        PyErr_Format(PyExc_ValueError, "the number %s is missing", name);
-        return -1;
-    }
-    *out = PyFloat_AsDouble(value);
-    if (PyErr_Occurred()) return -1;
-    if (!isfinite(*out)) {
-        PyErr_Format(PyExc_ValueError, "%s = %R must be finite", name, value);
-        return -1;
-    }
-    return 0;
+    if (gr_take_float(dict, "number", name, out)) return -1;
+    return isfinite(*out) ? 0 : gr_refuse("%s = %.9g must be finite", name, *out);
 }
 
 /* The numbers of the densities: those that the chosen one has not are 0. */
@@ -229,13 +179,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "pressure_from_density",
                             "law",
                             "isa",
-                            "shape",
-                            "lower",
-                            "periodic",
-                            "open_low",
-                            "open_high",
-                            "c0_lines",
-                            "sponge_layers",
+                            "axes",
                             "walls",
                             "node_codes",
                             "cell_flags",
@@ -255,28 +199,22 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     int transfer, density;
     double mean_mass;
     const char *law, *method, *stencil;
-    PyObject *shape, *lower, *periodic, *open_low, *open_high, *c0_lines, *above, *walls, *codes, *flags, *times, *vectors;
+    PyObject *axes, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *parameters, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiissOOOOOOOOOOOOO!O!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
-                                     &density, &c.averaging_interval, &c.pressure_from_density, &law, isa, &shape, &lower,
-                                     &periodic, &open_low, &open_high, &c0_lines, &above, &walls, &codes, &flags, &times,
-                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme, &PyDict_Type, &of_density,
-                                     &PyDict_Type, &of_fluidity, &PyDict_Type, &parameters, &method, &stencil, &faces,
-                                     &bodies))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiissOOOOOOO!O!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
+                                     &density, &c.averaging_interval, &c.pressure_from_density, &law, isa, &axes, &walls,
+                                     &codes, &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme,
+                                     &PyDict_Type, &of_density, &PyDict_Type, &of_fluidity, &PyDict_Type, &parameters,
+                                     &method, &stencil, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || transfer < 0 ||
-        transfer >= GR_TRANSFER_COUNT || density < 0 || density >= GR_DENSITY_COUNT) {
-        PyErr_SetString(PyExc_ValueError, "dim must be 2 or 3, basis and density 0 to 2, transfer 0 to 3");
-        return -1;
-    }
+        transfer >= GR_TRANSFER_COUNT || density < 0 || density >= GR_DENSITY_COUNT)
+        return gr_refuse("dim must be 2 or 3, basis and density 0 to 2, transfer 0 to 3");
     c.smoothed = density == GR_DENSITY_smoothed, c.cell_averaged = density == GR_DENSITY_cell_averaged;
     c.law = gr_law_index(law);
-    if (c.law < 0) {
-        PyErr_Format(PyExc_ValueError, "there is no law \"%s\"", law);
-        return -1;
-    }
-    if (take_axes(&c, shape, lower, periodic, open_low, open_high, c0_lines, above) || take_walls(&c, walls, tables->wall) ||
-        take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
+    if (c.law < 0) return gr_refuse("there is no law \"%s\"", law);
+    if (take_axes(&c, axes) || take_walls(&c, walls, tables->wall) || take_map(&c, codes, "node_codes", 1, &c.node_codes) ||
+        take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
         gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) ||
         take_all_numbers(&c, numbers, parameters, of_fluidity) || take_number(numbers, "mean_mass", &mean_mass) ||
         take_scheme(&c, of_scheme, transfer, mean_mass) || take_density(of_density, density, &c.density) ||

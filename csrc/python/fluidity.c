@@ -1,37 +1,17 @@
 /* The diffusion of the fluidity as a function of the module. */
 #include "python/engine_common.h"
 
-static int method_of(const char *name)
-{
-    for (int k = 0; k < GR_DIFFUSION_COUNT; k++)
-        if (!strcmp(gr_diffusion_names[k], name)) return k;
-    PyErr_Format(PyExc_ValueError, "there is no method \"%s\": it must be explicit, implicit or rkl2", name);
-    return -1;
-}
-
-int gr_stencil_of(const char *name)
-{
-    for (int k = 0; k < GR_STENCIL_COUNT; k++)
-        if (!strcmp(gr_stencil_names[k], name)) return k;
-    PyErr_Format(PyExc_ValueError, "there is no stencil \"%s\": it must be faces or isotropic", name);
-    return -1;
-}
-
 static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_diffusion_call *call, int threads)
 {
     if (gr_refuse_number("dx", c->dx, 0) || gr_refuse_number("A", c->A, 1) || gr_refuse_number("d", c->d, 0) ||
         gr_refuse_number("t0", c->t0, 0) || gr_refuse_number("dt", call->dt, 0) ||
         gr_refuse_number("tolerance", c->tolerance, 0))
         return -1;
-    if (c->tolerance >= 1)
-        PyErr_SetString(PyExc_ValueError, "tolerance must be below 1");
-    else if (c->max_iterations < 1)
-        PyErr_Format(PyExc_ValueError, "max_iterations = %lld must be at least 1", (long long)c->max_iterations);
-    else if (call->steps < 0)
-        PyErr_Format(PyExc_ValueError, "steps = %lld must not be negative", (long long)call->steps);
-    else if (threads < 1 || threads > GR_MAX_THREADS)
-        PyErr_Format(PyExc_ValueError, "threads = %d must be 1 to %d", threads, GR_MAX_THREADS);
-    return PyErr_Occurred() ? -1 : 0;
+    if (c->tolerance >= 1) return gr_refuse("tolerance must be below 1");
+    if (c->max_iterations < 1) return gr_refuse("max_iterations = %lld must be at least 1", (long long)c->max_iterations);
+    if (call->steps < 0) return gr_refuse("steps = %lld must not be negative", (long long)call->steps);
+    if (threads < 1 || threads > GR_MAX_THREADS) return gr_refuse("threads = %d must be 1 to %d", threads, GR_MAX_THREADS);
+    return 0;
 }
 
 /* Shape and maps of the grid; dim is that of `g`. */
@@ -46,21 +26,13 @@ static int take_grid(struct gr_fluidity_config *c, PyObject *periodic, PyObject 
         !(arrays[2] = gr_array(objects[2], names[2], NPY_UINT8, c->dim + 1, shape, 0)) ||
         gr_refuse_overlap(arrays, names, 3) || gr_refuse_values("g", arrays[0], 0))
         return -1;
-    if (!PyArray_SIZE(arrays[0])) {
-        PyErr_SetString(PyExc_ValueError, "g has no cells");
-        return -1;
-    }
+    if (!PyArray_SIZE(arrays[0])) return gr_refuse("g has no cells");
     c->face = PyArray_DATA(arrays[2]);
     for (npy_intp k = 0; k < PyArray_SIZE(arrays[2]); k++)
-        if (c->face[k] >= GR_FACE_COUNT) {
-            PyErr_Format(PyExc_ValueError, "faces has the value %d, but 0 (linked), 1 (open) or 2 (rough) is needed",
-                         (int)c->face[k]);
-            return -1;
-        }
-    if (!PyTuple_Check(periodic) || PyTuple_GET_SIZE(periodic) != c->dim) {
-        PyErr_Format(PyExc_ValueError, "periodic must be a tuple of %d, one for each axis of g, x first", c->dim);
-        return -1;
-    }
+        if (c->face[k] >= GR_FACE_COUNT)
+            return gr_refuse("faces has the value %d, but 0 (linked), 1 (open) or 2 (rough) is needed", (int)c->face[k]);
+    if (!PyTuple_Check(periodic) || PyTuple_GET_SIZE(periodic) != c->dim)
+        return gr_refuse("periodic must be a tuple of %d, one for each axis of g, x first", c->dim);
     for (int a = 0; a < c->dim; a++) {
         c->shape[a] = PyArray_DIM(arrays[0], c->dim - 1 - a);
         c->periodic[a] = PyObject_IsTrue(PyTuple_GET_ITEM(periodic, a));
@@ -107,9 +79,8 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
                          gr_fluidity_limit(f, call->method));
 }
 
-PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs)
+PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args, PyObject *kwargs)
 {
-    (void)module;
     static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",      "dt",  "steps", "tolerance",
                             "max_iterations", "periodic", "faces", "dense", "g", "threads", "isa", NULL};
     struct gr_fluidity_config config = {0};
@@ -126,8 +97,10 @@ PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject 
     call.steps = steps, config.max_iterations = max_iterations;
     const struct gr_kernels *kernels = gr_take_kernels(isa);
     if (!kernels) return NULL;
-    if ((call.method = method_of(method)) < 0 || (config.stencil = gr_stencil_of(stencil)) < 0 ||
-        refuse_numbers(&config, &call, threads) || take_grid(&config, periodic, objects, arrays) || gr_team_is_lost(threads))
+    call.method = gr_take_index("method", method, gr_diffusion_names, GR_DIFFUSION_COUNT);
+    config.stencil = gr_take_index("stencil", stencil, gr_stencil_names, GR_STENCIL_COUNT);
+    if (call.method < 0 || config.stencil < 0 || refuse_numbers(&config, &call, threads) ||
+        take_grid(&config, periodic, objects, arrays) || gr_team_is_lost(threads))
         return NULL;
     struct gr_fluidity *f;
     const int error = gr_fluidity_new(&f, &config);

@@ -1,4 +1,4 @@
-/* The extension module granular._core. */
+/* The extension module granular._core; what its functions do is said in their table. */
 #define GR_IMPORTS_NUMPY
 #include <math.h>
 
@@ -13,10 +13,8 @@
 #define GR_FLAGS ""
 #endif
 
-/* build_info(isa="") -> what the build is, and the kernels that this name selects. */
-static PyObject *build_info(PyObject *module, PyObject *args)
+static PyObject *build_info(PyObject *Py_UNUSED(module), PyObject *args)
 {
-    (void)module;
     const char *isa = "";
     if (!PyArg_ParseTuple(args, "|s:build_info", &isa)) return NULL;
     const struct gr_kernels *kernels = gr_take_kernels(isa);
@@ -25,10 +23,8 @@ static PyObject *build_info(PyObject *module, PyObject *args)
                          GR_OPENMP ? Py_True : Py_False, "compiler", __VERSION__, "flags", GR_FLAGS);
 }
 
-/* node_positions(basis, n_cells, periodic, c0_lines) -> positions of the nodes along one axis, in cells. */
-static PyObject *node_positions(PyObject *module, PyObject *args)
+static PyObject *node_positions(PyObject *Py_UNUSED(module), PyObject *args)
 {
-    (void)module;
     int basis, n, periodic;
     PyObject *object;
     if (!PyArg_ParseTuple(args, "iipO", &basis, &n, &periodic, &object)) return NULL;
@@ -122,5 +118,4 @@ static struct PyModuleDef definition = {.m_base = PyModuleDef_HEAD_INIT,
                                         .m_methods = functions,
                                         .m_slots = module_slots};
 
-PyMODINIT_FUNC PyInit__core(void);
 PyMODINIT_FUNC PyInit__core(void) { return PyModuleDef_Init(&definition); }

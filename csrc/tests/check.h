@@ -1,49 +1,30 @@
-/* Checks for the C tests. A test is a function; a program runs several and reports how many passed. */
+/* Checks for the C tests. A program is linked with check.c, which runs its tests in the order of their lines. */
 #ifndef GR_TESTS_CHECK_H
 #define GR_TESTS_CHECK_H
 
 #include <math.h>
-#include <stdio.h>
 
-enum { CHECK_LINES = 20 }; /* failures that are printed; all are counted */
+/* TEST(what_holds) { ... }: a test is listed where it is defined. */
+#define TEST(name)                                                                             \
+    static void name(void);                                                                    \
+    __attribute__((constructor)) static void list_##name(void) { check_list(name, __LINE__); } \
+    static void name(void)
 
-static int check_failures, check_passed, check_failed;
-
-#define CHECK(condition)                                                                              \
-    do {                                                                                              \
-        if (!(condition)) {                                                                           \
-            if (check_failures++ < CHECK_LINES)                                                       \
-                fprintf(stderr, "%s:%d: %s: not so: %s\n", __FILE__, __LINE__, __func__, #condition); \
-        }                                                                                             \
+#define CHECK(condition)                                                                       \
+    do {                                                                                       \
+        if (!(condition)) check_fails(__FILE__, __LINE__, __func__, "not so: %s", #condition); \
     } while (0)
 
 /* |a - b| <= tolerance; fails for NaN. */
-#define CHECK_NEAR(a, b, tolerance)                                                                                 \
-    do {                                                                                                            \
-        const double check_a = (a), check_b = (b), check_t = (tolerance);                                           \
-        if (!(fabs(check_a - check_b) <= check_t)) {                                                                \
-            if (check_failures++ < CHECK_LINES)                                                                     \
-                fprintf(stderr, "%s:%d: %s: %s = %.17g, not %.17g within %.3g\n", __FILE__, __LINE__, __func__, #a, \
-                        check_a, check_b, check_t);                                                                 \
-        }                                                                                                           \
+#define CHECK_NEAR(a, b, tolerance)                                                                                        \
+    do {                                                                                                                   \
+        const double check_a = (a), check_b = (b), check_t = (tolerance);                                                  \
+        if (!(fabs(check_a - check_b) <= check_t))                                                                         \
+            check_fails(__FILE__, __LINE__, __func__, "%s = %.17g, not %.17g within %.3g", #a, check_a, check_b, check_t); \
     } while (0)
 
-#define RUN(test)                                \
-    do {                                         \
-        const int check_before = check_failures; \
-        test();                                  \
-        if (check_failures == check_before)      \
-            check_passed++;                      \
-        else                                     \
-            check_failed++;                      \
-    } while (0)
-
-/* Print the last line of a program, which run.sh reads.
- * Returned: its exit status. */
-static inline int check_report(const char *name)
-{
-    printf("%s: %d passed, %d failed\n", name, check_passed, check_failed);
-    return check_failed > 0;
-}
+void check_list(void (*test)(void), int line);
+void check_fails(const char *file, int line, const char *test, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
 
 #endif

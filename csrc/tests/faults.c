@@ -20,7 +20,12 @@ void faults_at(long n)
     hit = 0;
 }
 
-int faults_hit(void) { return hit; }
+int faults_end(void)
+{
+    countdown = 0;
+    return hit;
+}
+
 long faults_calls(void) { return calls; }
 
 static int fails(void)

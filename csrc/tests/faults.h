@@ -4,8 +4,8 @@
 
 /* Let the n-th allocation from now on fail (n = 1 is the next one), and only that one; with n = 0 none fails. */
 void faults_at(long n);
-/* True if this allocation was reached. */
-int faults_hit(void);
+/* No more failures. Returned: whether that allocation was reached. */
+int faults_end(void);
 /* Number of allocations since then. */
 long faults_calls(void);
 

@@ -28,8 +28,8 @@ x86_64 | amd64 | i686)
     ;;
 esac
 
-# The core is all that does not know Python; kernels.c includes the *.inl.
-core=(csrc/{core,law,fluidity,body,mpm,sph}/*.c csrc/dispatch.c)
+# The core is all that does not know Python; kernels.c includes the *.inl. With it, what all tests share.
+core=(csrc/{core,law,fluidity,body,mpm,sph}/*.c csrc/dispatch.c csrc/tests/{check,scene,faults}.c)
 
 tests=("$@")
 if [ $# = 0 ]; then
@@ -43,7 +43,7 @@ fi
     for kernel in "${kernels[@]}"; do
         echo "$CC $warnings $flags ${kernel#*:} -DGR_ISA=${kernel%%:*} -c csrc/kernels.c -o $BUILD/kernels_${kernel%%:*}.o"
     done
-    for source in "${core[@]}" csrc/tests/scene.c csrc/tests/faults.c; do
+    for source in "${core[@]}"; do
         name=${source#csrc/}
         echo "$CC $warnings $flags -c $source -o $BUILD/${name//\//_}.o"
     done
@@ -53,7 +53,7 @@ fi
 } | xargs -P "$JOBS" -d '\n' -I{} sh -c '{}'
 
 library=("$BUILD"/kernels_*.o)
-for source in "${core[@]}" csrc/tests/scene.c csrc/tests/faults.c; do
+for source in "${core[@]}"; do
     name=${source#csrc/}
     library+=("$BUILD/${name//\//_}.o")
 done

@@ -47,6 +47,16 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed
     c->n_gravity = 1;
 }
 
+void scene_nonlocal(struct scene *s)
+{
+    static const uint8_t face[4 * 36]; /* all linked */
+    const double G = 1e6 / 2.6, parameter[] = {1e6 / 1.2, 0.5, G, 0.38, 0.64, 0.279, 2450, 0.01, 1e-2, 10};
+    memcpy(s->config.parameter, parameter, sizeof parameter);
+    s->config.law = gr_law_index("ngf");
+    s->config.nonlocal =
+        (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .floor = 1e-6, .face = face};
+}
+
 static int64_t axis_nodes(const struct gr_config *c, int d)
 {
     const int n = c->shape[d];
@@ -166,6 +176,14 @@ double scene_node_x(const struct scene *s, int64_t node, int d)
     int64_t id = e->mesh.node_id[node];
     for (int j = 0; j < d; j++) id /= e->axis[j].n_nodes;
     return e->axis[d].origin + e->axis[d].node_position[id % e->axis[d].n_nodes] * e->config.dx;
+}
+
+double scene_total(const struct scene *s, int q, int moment)
+{
+    double sum = 0;
+    for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++)
+        sum += scene_sum(s, n, q) * (moment < 0 ? 1 : scene_node_x(s, n, moment));
+    return sum;
 }
 
 int64_t scene_find(const struct scene *s, int64_t id)

@@ -21,6 +21,8 @@ struct scene {
 
 /* A valid configuration: 6 cells of 0.1 m along each axis from (-1, 2, 0.5), mu(I) material, no walls, no gravity. */
 void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed);
+/* The nonlocal law, with three substeps, in the 6 x 6 cells of 2D. */
+void scene_nonlocal(struct scene *s);
 /* Number of nodes of the whole grid for the present configuration. */
 int64_t scene_grid_nodes(const struct scene *s);
 /* Put wall row `row` on all nodes of the lower (upper: high = 1) face of an axis. Call scene_codes first. */
@@ -41,6 +43,8 @@ double *scene_at(const struct scene *s, int field, int c, int64_t slot);
 /* Sums of a node in row q (see mpm/p2g.inl), and its position in m. */
 double scene_sum(const struct scene *s, int64_t node, int q);
 double scene_node_x(const struct scene *s, int64_t node, int d);
+/* Sum over the nodes of row q, or of its moment about 0 along the axis `moment` if that is not negative. */
+double scene_total(const struct scene *s, int q, int moment);
 /* Place of the point with this id, -1 if there is none. */
 int64_t scene_find(const struct scene *s, int64_t id);
 /* Compare the points of two scenes by id, whatever their order: 0 if and only if they agree to the last bit. */

@@ -22,7 +22,7 @@ static void check_distance(const struct gr_part *p, const double x[3], double di
     for (int d = 0; d < 3; d++) CHECK_NEAR(normal[d], n[d], 1e-15);
 }
 
-static void distances_by_hand(void)
+TEST(distances_by_hand)
 {
     const struct gr_part box = part(GR_PART_BOX, 1, 2, INFINITY), roller = part(GR_PART_CYLINDER, 2, 1, 0);
     struct gr_part drum = part(GR_PART_CYLINDER, 2, INFINITY, 0), half = part(GR_PART_HALF_SPACE, 0, 0, 0);
@@ -39,7 +39,7 @@ static void distances_by_hand(void)
     CHECK(isinf(gr_part_bound(&box, 3)) && isinf(gr_part_bound(&drum, 2)) && isinf(gr_part_bound(&half, 2)));
 }
 
-static void union_is_the_nearest(void)
+TEST(union_is_the_nearest)
 {
     struct gr_part two[2] = {part(GR_PART_BOX, 1, 1, 1), part(GR_PART_BOX, 1, 1, 1)};
     two[1].center[0] = 5;
@@ -61,7 +61,7 @@ static void check_contact(int rule, double friction, double un, double ut, doubl
     CHECK_NEAR(v[2], 30, 1e-14);
 }
 
-static void rules_of_contact(void)
+TEST(rules_of_contact)
 {
     check_contact(GR_CONTACT_STICKY, 0, 1, 3, 0, 0, 2);
     check_contact(GR_CONTACT_SEPARATING, 0.5, 1, 3, 1, 3, 0);    /* leaves */
@@ -73,7 +73,7 @@ static void rules_of_contact(void)
     check_contact(GR_CONTACT_BILATERAL, 0.5, -1, 3, 0, 2.5, 1);
 }
 
-static void motion_is_integrated_exactly(void)
+TEST(motion_is_integrated_exactly)
 {
     const double rows[] = {1, 0, 5, 0, 0, 0, 0, 3, 4, 5, 0, 0, 0, 8, 4, -2, 5, 0, 0, 0, 8};
     const struct gr_body body = {.n_motion = 3, .motion = rows};
@@ -91,7 +91,7 @@ static void motion_is_integrated_exactly(void)
     CHECK_NEAR(out[0], 2.001, 1e-12);
 }
 
-static void turning_adds_up(void)
+TEST(turning_adds_up)
 {
     const double omega[3] = {1, 2, -2}, start[4] = {1, 0, 0, 0};
     double once[4], parts[4] = {1, 0, 0, 0}, m[9];
@@ -102,14 +102,4 @@ static void turning_adds_up(void)
     gr_rotation_matrix(once, m);
     const double quarter[9] = {0, -1, 0, 1, 0, 0, 0, 0, 1};
     for (int k = 0; k < 9; k++) CHECK_NEAR(m[k], quarter[k], 1e-15);
-}
-
-int main(void)
-{
-    RUN(distances_by_hand);
-    RUN(union_is_the_nearest);
-    RUN(rules_of_contact);
-    RUN(motion_is_integrated_exactly);
-    RUN(turning_adds_up);
-    return check_report("body");
 }

@@ -21,16 +21,8 @@ static const struct gr_cell_average *own_of(const struct scene *s, int64_t cell)
     return (const struct gr_cell_average *)(const void *)sums;
 }
 
-static double total(const struct scene *s, int q, int moment)
-{
-    double sum = 0;
-    for (int64_t n = 0; n < s->engine->mesh.n_nodes; n++)
-        sum += scene_sum(s, n, q) * (moment < 0 ? 1 : scene_node_x(s, n, moment));
-    return sum;
-}
-
 /* The mass is complete. The forces have no sum and no moment, as the stress is symmetric. */
-static void forces_balance(void)
+TEST(forces_balance)
 {
     for (int dim = 2; dim <= 3; dim++) {
         struct scene s;
@@ -41,17 +33,18 @@ static void forces_balance(void)
         for (int64_t k = 0; k < s.capacity; k++) mass += s.id[k] < 0 ? 0 : *scene_at(&s, GR_FIELD_mass, 0, k);
         for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) scale += fabs(scene_sum(&s, n, 1 + dim));
         CHECK(scale > 0);
-        CHECK_NEAR(total(&s, 0, -1), mass, 1e-12 * mass);
+        CHECK_NEAR(scene_total(&s, 0, -1), mass, 1e-12 * mass);
         for (int d = 0; d < dim; d++) {
-            CHECK_NEAR(total(&s, 1 + dim + d, -1), 0, 1e-12 * scale);
-            for (int j = 0; j < d; j++) CHECK_NEAR(total(&s, 1 + dim + d, j) - total(&s, 1 + dim + j, d), 0, 1e-12 * scale);
+            CHECK_NEAR(scene_total(&s, 1 + dim + d, -1), 0, 1e-12 * scale);
+            for (int j = 0; j < d; j++)
+                CHECK_NEAR(scene_total(&s, 1 + dim + d, j) - scene_total(&s, 1 + dim + j, d), 0, 1e-12 * scale);
         }
         scene_free(&s);
     }
 }
 
 /* Points of uniform stress, wherever they lie, make no force at a node whose cells are all inside the material. */
-static void a_uniform_stress_makes_no_force(void)
+TEST(a_uniform_stress_makes_no_force)
 {
     for (int dim = 2; dim <= 3; dim++) {
         struct scene s;
@@ -79,7 +72,7 @@ static void a_uniform_stress_makes_no_force(void)
 }
 
 /* A cell has the mean log-density of its points, and after a step all of them have that of the cell. */
-static void points_share(void)
+TEST(points_share)
 {
     struct scene s;
     averaged_scene(&s, 2);
@@ -106,7 +99,7 @@ static void points_share(void)
 }
 
 /* Cells without points do not count as neighbours. G2P without sums is refused. */
-static void asks_for_sums(void)
+TEST(asks_for_sums)
 {
     struct scene s;
     averaged_scene(&s, 2);
@@ -124,7 +117,7 @@ static void asks_for_sums(void)
 }
 
 /* Variants that are not compiled are refused. */
-static void refuses_others(void)
+TEST(refuses_others)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int affine = 0; affine < GR_AFFINE_COUNT; affine++) {
@@ -135,14 +128,4 @@ static void refuses_others(void)
             CHECK(scene_build(&s, 10, 0.2, 0.8) == (built ? GR_OK : GR_ERR_CONFIG));
             scene_free(&s);
         }
-}
-
-int main(void)
-{
-    RUN(forces_balance);
-    RUN(a_uniform_stress_makes_no_force);
-    RUN(points_share);
-    RUN(asks_for_sums);
-    RUN(refuses_others);
-    return check_report("cell_averaged");
 }

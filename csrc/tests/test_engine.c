@@ -4,7 +4,7 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-static void lives_and_dies(void)
+TEST(lives_and_dies)
 {
     for (int dim = 2; dim <= 3; dim++)
         for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
@@ -19,7 +19,7 @@ static void lives_and_dies(void)
 }
 
 /* The engine owns copies: the caller may change or free what the configuration pointed to. */
-static void owns_its_config(void)
+TEST(owns_its_config)
 {
     struct scene s;
     scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
@@ -30,7 +30,7 @@ static void owns_its_config(void)
     scene_free(&s);
 }
 
-static void fields_by_need(void)
+TEST(fields_by_need)
 {
     struct scene s;
     scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_NONE, 0);
@@ -54,7 +54,7 @@ static void fields_by_need(void)
         scene_free(&s);                                       \
     } while (0)
 
-static void refuses_kinds(void)
+TEST(refuses_kinds)
 {
     REFUSED(s.config.dim = 1);
     REFUSED(s.config.dim = 4);
@@ -71,7 +71,7 @@ static void refuses_kinds(void)
     REFUSED((s.config.xpic_order = 2, s.config.affine = GR_AFFINE_MOMENT));
 }
 
-static void refuses_numbers(void)
+TEST(refuses_numbers)
 {
     REFUSED(s.config.dx = 0);
     REFUSED(s.config.dx = NAN);
@@ -88,7 +88,7 @@ static void refuses_numbers(void)
     REFUSED((s.config.basis = GR_UGIMP, s.config.lambda = 0.75));
 }
 
-static void refuses_walls(void)
+TEST(refuses_walls)
 {
     REFUSED(s.config.n_walls = 0);
     REFUSED((s.config.n_walls = 2, s.walls[1].normal = 2, s.walls[1].opens_at = INFINITY));
@@ -104,7 +104,7 @@ static void refuses_walls(void)
 }
 
 /* The volume of a solid block: the nodes lose it, in all the volume of the block. */
-static void solids_take_volume(void)
+TEST(solids_take_volume)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis += 2) {
         struct scene s;
@@ -119,16 +119,4 @@ static void solids_take_volume(void)
         CHECK_NEAR(volume, 6, 1e-14);
         scene_free(&s);
     }
-}
-
-int main(void)
-{
-    RUN(lives_and_dies);
-    RUN(owns_its_config);
-    RUN(fields_by_need);
-    RUN(refuses_kinds);
-    RUN(refuses_numbers);
-    RUN(refuses_walls);
-    RUN(solids_take_volume);
-    return check_report("engine");
 }

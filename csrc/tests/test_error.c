@@ -5,7 +5,7 @@
 
 #include "tests/check.h"
 
-static void errors_have_messages(void)
+TEST(errors_have_messages)
 {
     CHECK(GR_OK == 0);
     for (int code = 0; code < GR_ERROR_COUNT; code++) {
@@ -14,10 +14,4 @@ static void errors_have_messages(void)
     }
     CHECK(!strcmp(gr_error_message(-1), "unknown error code"));
     CHECK(!strcmp(gr_error_message(GR_ERROR_COUNT), "unknown error code"));
-}
-
-int main(void)
-{
-    RUN(errors_have_messages);
-    return check_report("error");
 }

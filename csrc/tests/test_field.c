@@ -6,7 +6,7 @@
 
 #include "tests/check.h"
 
-static void fields_are_named_once(void)
+TEST(fields_are_named_once)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++) {
         CHECK(*gr_field_table[f].unit && *gr_field_table[f].doc);
@@ -15,7 +15,7 @@ static void fields_are_named_once(void)
     CHECK(!strcmp(gr_field_table[GR_FIELD_log_density].name, "log_density"));
 }
 
-static void fields_have_components(void)
+TEST(fields_have_components)
 {
     const int expected[][3] = {{GR_FIELD_x, 2, 3},
                                {GR_FIELD_stress, 4, 6},
@@ -26,11 +26,4 @@ static void fields_have_components(void)
                                {GR_FIELD_density_gradient, 2, 3}};
     for (size_t k = 0; k < sizeof expected / sizeof *expected; k++)
         for (int dim = 2; dim <= 3; dim++) CHECK(gr_field_components(expected[k][0], dim) == expected[k][dim - 1]);
-}
-
-int main(void)
-{
-    RUN(fields_are_named_once);
-    RUN(fields_have_components);
-    return check_report("field");
 }

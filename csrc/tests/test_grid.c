@@ -9,7 +9,7 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-static void gravity_is_piecewise_linear(void)
+TEST(gravity_is_piecewise_linear)
 {
     const double times[] = {1, 2, 4}, vectors[] = {0, 1, 10, 1, 20, -3};
     struct gr_config c = {.dim = 2, .n_gravity = 3, .gravity_times = times, .gravity_vectors = vectors};
@@ -43,7 +43,7 @@ static double out(const struct scene *s, int64_t n, int q) { return s->engine->n
 
 static int is_floor(const struct scene *s, int64_t n) { return s->engine->mesh.node_code[n] == 1; }
 
-static void free_nodes_follow_newton(void)
+TEST(free_nodes_follow_newton)
 {
     for (int dim = 2; dim <= 3; dim++) {
         struct scene s;
@@ -63,7 +63,7 @@ static void free_nodes_follow_newton(void)
 }
 
 /* No-slip and free-slip walls fix components: these have no velocity and no increment. */
-static void fixed_components_rest(void)
+TEST(fixed_components_rest)
 {
     for (int fixed = 1; fixed < 4; fixed++) {
         struct scene s, open;
@@ -84,7 +84,7 @@ static void fixed_components_rest(void)
 
 /* Coulomb friction: the tangential velocity decreases by mu times the normal velocity that the wall removes, and is
  * never reversed. */
-static void coulomb_friction(void)
+TEST(coulomb_friction)
 {
     for (int side = -1; side <= 1; side++)
         for (int dim = 2; dim <= 3; dim++) {
@@ -119,7 +119,7 @@ static void coulomb_friction(void)
         }
 }
 
-static void walls_open_in_turn(void)
+TEST(walls_open_in_turn)
 {
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
@@ -137,7 +137,7 @@ static void walls_open_in_turn(void)
 }
 
 /* FLIP with decay, given as a rate: w = f dv + (1 - f) v'. */
-static void velocity_decays_as_a_rate(void)
+TEST(velocity_decays_as_a_rate)
 {
     struct scene s;
     scene_seed(4);
@@ -157,7 +157,7 @@ static void velocity_decays_as_a_rate(void)
 }
 
 /* The mass cutoff does not hide a nodal NaN; nodes with little mass are left out. */
-static void cutoff_spares_nan(void)
+TEST(cutoff_spares_nan)
 {
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
@@ -177,7 +177,7 @@ static void cutoff_spares_nan(void)
 }
 
 /* XPIC(m) = v' - v + the sum of the passes, compared with passes computed by dense matrices. */
-static void xpic_sums_its_passes(void)
+TEST(xpic_sums_its_passes)
 {
     enum { N = 36, MOST = 64 };
     for (int order = 1; order <= 3; order++) {
@@ -226,17 +226,4 @@ static void xpic_sums_its_passes(void)
         for (int64_t n = 0; n < nodes; n++) CHECK_NEAR(out(&s, n, 2), w[n], 1e-10);
         scene_free(&s);
     }
-}
-
-int main(void)
-{
-    RUN(gravity_is_piecewise_linear);
-    RUN(free_nodes_follow_newton);
-    RUN(fixed_components_rest);
-    RUN(coulomb_friction);
-    RUN(walls_open_in_turn);
-    RUN(velocity_decays_as_a_rate);
-    RUN(cutoff_spares_nan);
-    RUN(xpic_sums_its_passes);
-    return check_report("grid");
 }

@@ -68,7 +68,7 @@ static void check_halo(const struct scene *s)
     }
 }
 
-static void groups_points(void)
+TEST(groups_points)
 {
     for (int dim = 2; dim <= 3; dim++)
         for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
@@ -88,7 +88,7 @@ static void groups_points(void)
 }
 
 /* A regrouping keeps all components of every point, and the order within a cell. */
-static void moves_whole_points(void)
+TEST(moves_whole_points)
 {
     struct scene s, before;
     for (int copy = 0; copy < 2; copy++) {
@@ -107,7 +107,7 @@ static void moves_whole_points(void)
 }
 
 /* If the whole domain is active, the volumes of the nodes add up to it. */
-static void nodes_fill_the_domain(void)
+TEST(nodes_fill_the_domain)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
         struct scene s;
@@ -122,7 +122,7 @@ static void nodes_fill_the_domain(void)
     }
 }
 
-static void asks_for_capacity(void)
+TEST(asks_for_capacity)
 {
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
@@ -140,7 +140,7 @@ static void asks_for_capacity(void)
     scene_free(&s);
 }
 
-static void refuses_points_outside(void)
+TEST(refuses_points_outside)
 {
     const double bad[] = {-1.2, -0.3, NAN, INFINITY, -INFINITY, 1e300};
     for (size_t k = 0; k < sizeof bad / sizeof *bad; k++) {
@@ -158,7 +158,7 @@ static void refuses_points_outside(void)
     }
 }
 
-static void groups_nothing(void)
+TEST(groups_nothing)
 {
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
@@ -166,15 +166,4 @@ static void groups_nothing(void)
     CHECK(gr_regroup(s.engine) == GR_OK);
     CHECK(s.engine->mesh.n_cells == 0);
     scene_free(&s);
-}
-
-int main(void)
-{
-    RUN(groups_points);
-    RUN(moves_whole_points);
-    RUN(nodes_fill_the_domain);
-    RUN(asks_for_capacity);
-    RUN(refuses_points_outside);
-    RUN(groups_nothing);
-    return check_report("grouping");
 }

@@ -38,7 +38,7 @@ static void update(const char *isa, int flow, int dim, struct points *p, int n)
 }
 
 /* Stretches along the axes: h is the sum of the strains. */
-static void a_stretch_adds_up(void)
+TEST(a_stretch_adds_up)
 {
     struct points p = {0};
     const double first[3] = {0.02, -0.01, -0.01}, then[3] = {0.1, 0.3, -0.4}; /* the short series, and the eigenvalues */
@@ -49,7 +49,7 @@ static void a_stretch_adds_up(void)
 }
 
 /* The instruction sets agree for any number of points, and nothing is written beyond them. */
-static void sets_and_numbers_agree(void)
+TEST(sets_and_numbers_agree)
 {
     scene_seed(3);
     for (int flow = 0; flow < GR_HENCKY_FLOW_COUNT; flow++)
@@ -76,7 +76,7 @@ static void sets_and_numbers_agree(void)
 }
 
 /* A NaN stays visible, and in its lane. */
-static void nan_is_kept(void)
+TEST(nan_is_kept)
 {
     scene_seed(4);
     for (int what = 0; what < 3; what++)
@@ -91,12 +91,4 @@ static void nan_is_kept(void)
             for (int k = 0; k < MOST; k++)
                 if (k != 2) CHECK(p.stress[0][k] == good.stress[0][k] && p.g[k] == good.g[k]);
         }
-}
-
-int main(void)
-{
-    RUN(a_stretch_adds_up);
-    RUN(sets_and_numbers_agree);
-    RUN(nan_is_kept);
-    return check_report("hencky");
 }

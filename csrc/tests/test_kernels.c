@@ -8,7 +8,7 @@
 
 static const char *const sets[] = {"baseline", "avx2", "avx512"};
 
-static void selects_by_name(void)
+TEST(selects_by_name)
 {
     CHECK(!strcmp(gr_kernels_select("baseline")->isa, "baseline"));
     CHECK(gr_kernels_select(NULL) == gr_kernels_select(""));
@@ -38,7 +38,7 @@ static double difference(const struct scene *a, const struct scene *b, int field
 }
 
 /* Three steps of every variant: all instruction sets give the points of the baseline to round-off. */
-static void sets_agree(void)
+TEST(sets_agree)
 {
     for (int dim = 2; dim <= 3; dim++)
         for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
@@ -63,7 +63,7 @@ static void sets_agree(void)
 }
 
 /* A step of gr_advance equals the stages one by one, to the last bit. */
-static void fused_is_separate(void)
+TEST(fused_is_separate)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int variant = 0; variant < 5; variant++) {
@@ -92,13 +92,13 @@ static void fused_is_separate(void)
         }
 }
 
-static void exponential(void)
+TEST(exponential)
 {
     for (double x = -690; x < 690; x += 0.37) CHECK_NEAR(v_exp(v_set(x))[0] / exp(x), 1, 4e-16);
     CHECK_NEAR(v_exp(v_zero())[0], 1, 0);
 }
 
-static void lane_sums(void)
+TEST(lane_sums)
 {
     double a[GR_SUMS][GR_W], sum[GR_SUMS], expected[GR_SUMS] = {0};
     vd lanes[GR_SUMS];
@@ -110,7 +110,7 @@ static void lane_sums(void)
     for (int k = 0; k < GR_SUMS; k++) CHECK(sum[k] == expected[k]);
 }
 
-static void comparisons(void)
+TEST(comparisons)
 {
     const vd one = v_set(1), two = v_set(2), nan = v_set(NAN);
     CHECK(m_bits(v_gt(two, one)) == GR_ALL_LANES && m_bits(v_gt(one, one)) == 0 && m_bits(v_ge(one, one)) == GR_ALL_LANES);
@@ -119,15 +119,4 @@ static void comparisons(void)
     CHECK(v_min(nan, two)[0] == 2 && v_max(nan, two)[0] == 2); /* the second operand, as on x86 */
     CHECK(v_select(v_gt(two, one), one, two)[GR_W - 1] == 1 && v_keep(v_gt(one, two), one)[0] == 0);
     CHECK(v_fma(two, two, one)[0] == 5 && v_fnma(two, two, one)[0] == -3);
-}
-
-int main(void)
-{
-    RUN(selects_by_name);
-    RUN(sets_agree);
-    RUN(fused_is_separate);
-    RUN(exponential);
-    RUN(lane_sums);
-    RUN(comparisons);
-    return check_report("kernels");
 }

@@ -115,7 +115,12 @@ static void each_isa(void (*check)(const struct gr_kernels *kernels, int dim))
     }
 }
 
-static void check_elastic(const struct gr_kernels *kernels, int dim)
+#define TEST_OF_EACH_ISA(name)                                           \
+    static void check_##name(const struct gr_kernels *kernels, int dim); \
+    TEST(name) { each_isa(check_##name); }                               \
+    static void check_##name(const struct gr_kernels *kernels, int dim)
+
+TEST_OF_EACH_ISA(elastic_is_the_jaumann_rate)
 {
     struct points p, old;
     random_points(&p, dim, MOST, 1e-3);
@@ -129,10 +134,8 @@ static void check_elastic(const struct gr_kernels *kernels, int dim)
     }
 }
 
-static void elastic_is_the_jaumann_rate(void) { each_isa(check_elastic); }
-
 /* mu(I): the stress is on the yield surface or inside, and obeys gdot = xi sqrt(p) (mu - mu_s)/(mu_2 - mu) (eq. 2.13). */
-static void check_mu_I(const struct gr_kernels *kernels, int dim)
+TEST_OF_EACH_ISA(mu_I_flows)
 {
     for (int from_density = 0; from_density < 2; from_density++) {
         struct points q, old;
@@ -166,9 +169,7 @@ static void check_mu_I(const struct gr_kernels *kernels, int dim)
     }
 }
 
-static void mu_I_flows(void) { each_isa(check_mu_I); }
-
-static void check_drucker_prager(const struct gr_kernels *kernels, int dim)
+TEST_OF_EACH_ISA(drucker_prager_returns)
 {
     struct points q, old;
     random_points(&q, dim, MOST, 5e-4);
@@ -186,10 +187,8 @@ static void check_drucker_prager(const struct gr_kernels *kernels, int dim)
     }
 }
 
-static void drucker_prager_returns(void) { each_isa(check_drucker_prager); }
-
 /* Below rho_c or in tension the stress is zero, in each lane separately. */
-static void check_disconnected(const struct gr_kernels *kernels, int dim)
+TEST_OF_EACH_ISA(disconnected_is_stress_free)
 {
     for (int law = gr_law_index("drucker_prager"); law <= gr_law_index("ngf"); law++) {
         struct points q;
@@ -203,10 +202,8 @@ static void check_disconnected(const struct gr_kernels *kernels, int dim)
     }
 }
 
-static void disconnected_is_stress_free(void) { each_isa(check_disconnected); }
-
 /* Without strain an admissible stress does not change. (The finite-strain laws set the pressure by the density.) */
-static void check_rest(const struct gr_kernels *kernels, int dim)
+TEST_OF_EACH_ISA(rest_is_rest)
 {
     for (int law = 0; law <= gr_law_index("ngf"); law++) {
         struct points q, old;
@@ -220,10 +217,8 @@ static void check_rest(const struct gr_kernels *kernels, int dim)
     }
 }
 
-static void rest_is_rest(void) { each_isa(check_rest); }
-
 /* A NaN stays in its lane, and does not vanish. */
-static void check_nan(const struct gr_kernels *kernels, int dim)
+TEST_OF_EACH_ISA(nan_stays_in_its_lane)
 {
     for (int law = 0; gr_law_at(law); law++) {
         struct points q, clean;
@@ -238,9 +233,7 @@ static void check_nan(const struct gr_kernels *kernels, int dim)
     }
 }
 
-static void nan_stays_in_its_lane(void) { each_isa(check_nan); }
-
-static void laws_are_described(void)
+TEST(laws_are_described)
 {
     const char *const names[] = {"elastic", "drucker_prager", "mu_I", "ngf", "hencky_elastic"};
     for (int law = 0; gr_law_at(law); law++) {
@@ -251,16 +244,4 @@ static void laws_are_described(void)
             CHECK(*info->parameter[q].name && *info->parameter[q].unit && *info->parameter[q].doc);
         if (!info->reaction) CHECK(!strcmp(info->parameter[0].name, "K") && !strcmp(info->parameter[1].name, "G"));
     }
-}
-
-int main(void)
-{
-    RUN(elastic_is_the_jaumann_rate);
-    RUN(mu_I_flows);
-    RUN(drucker_prager_returns);
-    RUN(disconnected_is_stress_free);
-    RUN(rest_is_rest);
-    RUN(nan_stays_in_its_lane);
-    RUN(laws_are_described);
-    return check_report("law");
 }

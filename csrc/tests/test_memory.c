@@ -12,17 +12,6 @@ enum { MOST = 300 };
 /* Kinds of scenes that allocate differently. */
 enum { PLAIN, NONLOCAL, BODIES, NONLOCAL_BODIES, KINDS };
 
-/* A nonlocal law with substeps. */
-static void make_nonlocal(struct gr_config *c)
-{
-    static const uint8_t face[4 * 36]; /* of the 6 x 6 cells: all linked */
-    const double G = 1e6 / 2.6, parameter[] = {1e6 / 1.2, 0.5, G, 0.38, 0.64, 0.279, 2450, 0.01, 1e-2, 10};
-    memcpy(c->parameter, parameter, sizeof parameter);
-    c->law = gr_law_index("ngf");
-    c->nonlocal =
-        (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .floor = 1e-6, .face = face};
-}
-
 /* A thick box and a thin one with two sides, both moving. */
 static void give_bodies(struct gr_config *c)
 {
@@ -47,11 +36,11 @@ static void config(struct scene *s, int basis, int kind)
 {
     scene_seed(83);
     scene_default(s, 2, basis, GR_AFFINE_NONE, 0);
-    if (kind == NONLOCAL || kind == NONLOCAL_BODIES) make_nonlocal(&s->config);
+    if (kind == NONLOCAL || kind == NONLOCAL_BODIES) scene_nonlocal(s);
     if (kind == BODIES || kind == NONLOCAL_BODIES) give_bodies(&s->config);
 }
 
-static void axis_build_fails(void)
+TEST(axis_build_fails)
 {
     const int32_t c0_lines[] = {2, 3};
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
@@ -61,8 +50,7 @@ static void axis_build_fails(void)
             struct gr_axis axis;
             faults_at(++n);
             error = gr_axis_build(&axis, basis, 6, 0, c0_lines, 2, 0.25, 0, 1);
-            const int hit = faults_hit();
-            faults_at(0);
+            const int hit = faults_end();
             CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
             if (error) CHECK(!axis.cell && !axis.node_position && !axis.node_integral);
             gr_axis_free(&axis);
@@ -71,59 +59,62 @@ static void axis_build_fails(void)
     }
 }
 
-static void engine_new_fails(int kind)
+TEST(engine_new_fails)
 {
-    long n = 0;
-    int error;
-    do {
-        struct scene s;
-        struct gr_engine *e = NULL;
-        uint8_t flags[36] = {[8] = GR_CELL_SOLID};
-        config(&s, GR_QUADRATIC, kind);
-        scene_codes(&s);
-        s.config.walls = s.walls, s.config.node_codes = s.codes, s.config.cell_flags = flags;
-        s.config.gravity_times = s.gravity_times, s.config.gravity_vectors = s.gravity_vectors;
-        faults_at(++n);
-        error = gr_engine_new(&e, &s.config);
-        const int hit = faults_hit();
-        faults_at(0);
-        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK) && !e == !!error);
-        gr_engine_free(e);
-        scene_free(&s);
-    } while (error && n < MOST);
-    CHECK(n > 10 && n < MOST);
+    for (int kind = 0; kind < KINDS; kind++) {
+        long n = 0;
+        int error;
+        do {
+            struct scene s;
+            struct gr_engine *e = NULL;
+            uint8_t flags[36] = {[8] = GR_CELL_SOLID};
+            config(&s, GR_QUADRATIC, kind);
+            scene_codes(&s);
+            s.config.walls = s.walls, s.config.node_codes = s.codes, s.config.cell_flags = flags;
+            s.config.gravity_times = s.gravity_times, s.config.gravity_vectors = s.gravity_vectors;
+            faults_at(++n);
+            error = gr_engine_new(&e, &s.config);
+            const int hit = faults_end();
+            CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK) && !e == !!error);
+            gr_engine_free(e);
+            scene_free(&s);
+        } while (error && n < MOST);
+        CHECK(n > 10 && n < MOST);
+    }
 }
 
 /* Regroup with a fault, then without: the points are those of an engine that never failed. */
-static void regroup_fails(int moved, int kind)
+TEST(regroup_fails)
 {
-    long n = 0;
-    int error;
-    struct scene good;
-    const struct gr_kernels *kernels = gr_kernels_select("baseline");
-    config(&good, GR_QUADRATIC, kind);
-    CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
-    if (moved) CHECK(gr_advance(good.engine, kernels, 20, INFINITY, 1) == GR_OK);
-    CHECK(gr_regroup(good.engine) == GR_OK);
-    CHECK(gr_advance(good.engine, kernels, 30, INFINITY, 1) == GR_OK);
-    do {
-        struct scene s;
-        config(&s, GR_QUADRATIC, kind);
-        CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
-        if (moved) CHECK(gr_advance(s.engine, kernels, 20, INFINITY, 1) == GR_OK);
-        faults_at(++n);
-        error = gr_regroup(s.engine);
-        const int hit = faults_hit();
-        faults_at(0);
-        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
-        CHECK(s.engine->n_points == 300);
-        CHECK(gr_regroup(s.engine) == GR_OK);
-        CHECK(gr_advance(s.engine, kernels, 30, INFINITY, 1) == GR_OK);
-        CHECK(!scene_differs(&good, &s));
-        scene_free(&s);
-    } while (error && n < MOST);
-    CHECK(n > 6 && n < MOST);
-    scene_free(&good);
+    for (int moved = 0; moved < 2; moved++)
+        for (int kind = 0; kind < KINDS; kind++) {
+            long n = 0;
+            int error;
+            struct scene good;
+            const struct gr_kernels *kernels = gr_kernels_select("baseline");
+            config(&good, GR_QUADRATIC, kind);
+            CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
+            if (moved) CHECK(gr_advance(good.engine, kernels, 20, INFINITY, 1) == GR_OK);
+            CHECK(gr_regroup(good.engine) == GR_OK);
+            CHECK(gr_advance(good.engine, kernels, 30, INFINITY, 1) == GR_OK);
+            do {
+                struct scene s;
+                config(&s, GR_QUADRATIC, kind);
+                CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
+                if (moved) CHECK(gr_advance(s.engine, kernels, 20, INFINITY, 1) == GR_OK);
+                faults_at(++n);
+                error = gr_regroup(s.engine);
+                const int hit = faults_end();
+                CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
+                CHECK(s.engine->n_points == 300);
+                CHECK(gr_regroup(s.engine) == GR_OK);
+                CHECK(gr_advance(s.engine, kernels, 30, INFINITY, 1) == GR_OK);
+                CHECK(!scene_differs(&good, &s));
+                scene_free(&s);
+            } while (error && n < MOST);
+            CHECK(n > 6 && n < MOST);
+            scene_free(&good);
+        }
 }
 
 /* Throw all points into cells that are not active yet. */
@@ -134,37 +125,38 @@ static void throw_all(struct scene *s)
 }
 
 /* Advance with a fault, then again: the points are the same as without a fault, wherever it occurred. */
-static void advance_fails(int kind)
+TEST(advance_fails)
 {
-    enum { STEPS = 200 };
-    long n = 0;
-    int error, hit, within = 0;
-    struct scene good;
-    const struct gr_kernels *kernels = gr_kernels_select("baseline");
-    config(&good, GR_LINEAR, kind);
-    CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
-    throw_all(&good);
-    CHECK(gr_advance(good.engine, kernels, STEPS, INFINITY, 1) == GR_OK);
-    do {
-        struct scene s;
-        config(&s, GR_LINEAR, kind);
-        CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
-        throw_all(&s);
-        faults_at(++n);
-        error = gr_advance(s.engine, kernels, STEPS, INFINITY, 1);
-        hit = faults_hit();
-        faults_at(0);
-        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
-        CHECK(s.engine->n_points == 300);
-        within += hit && s.engine->step > 0;
-        CHECK(gr_advance(s.engine, kernels, STEPS - s.engine->step, INFINITY, 1) == GR_OK);
-        CHECK(s.engine->step == STEPS && s.engine->time == good.engine->time);
-        CHECK(!scene_differs(&good, &s));
-        scene_free(&s);
-    } while (hit && n < MOST);
-    CHECK(n > 6 && n < MOST);
-    CHECK(within > 0); /* there was a regrouping on the way */
-    scene_free(&good);
+    for (int kind = 0; kind < KINDS; kind++) {
+        enum { STEPS = 200 };
+        long n = 0;
+        int error, hit, within = 0;
+        struct scene good;
+        const struct gr_kernels *kernels = gr_kernels_select("baseline");
+        config(&good, GR_LINEAR, kind);
+        CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
+        throw_all(&good);
+        CHECK(gr_advance(good.engine, kernels, STEPS, INFINITY, 1) == GR_OK);
+        do {
+            struct scene s;
+            config(&s, GR_LINEAR, kind);
+            CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
+            throw_all(&s);
+            faults_at(++n);
+            error = gr_advance(s.engine, kernels, STEPS, INFINITY, 1);
+            hit = faults_end();
+            CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
+            CHECK(s.engine->n_points == 300);
+            within += hit && s.engine->step > 0;
+            CHECK(gr_advance(s.engine, kernels, STEPS - s.engine->step, INFINITY, 1) == GR_OK);
+            CHECK(s.engine->step == STEPS && s.engine->time == good.engine->time);
+            CHECK(!scene_differs(&good, &s));
+            scene_free(&s);
+        } while (hit && n < MOST);
+        CHECK(n > 6 && n < MOST);
+        CHECK(within > 0); /* there was a regrouping on the way */
+        scene_free(&good);
+    }
 }
 
 /* Count the points per cell, to check that some have moved. */
@@ -174,7 +166,7 @@ static void count_cells(const struct scene *s, int32_t *count)
 }
 
 /* A step allocates nothing, even if points change cells; only a regrouping does. */
-static void no_step_allocates(void)
+TEST(no_step_allocates)
 {
     enum { CELLS = 7 * 7 }; /* for ugimp; 6 x 6 for the others */
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
@@ -201,35 +193,4 @@ static void no_step_allocates(void)
                 CHECK(faults_calls() > 0); /* allocations are counted */
                 scene_free(&s);
             }
-}
-
-static void each_new_fails(void)
-{
-    for (int kind = 0; kind < KINDS; kind++) engine_new_fails(kind);
-}
-
-static void each_first_regroup_fails(void)
-{
-    for (int kind = 0; kind < KINDS; kind++) regroup_fails(0, kind);
-}
-
-static void each_later_regroup_fails(void)
-{
-    for (int kind = 0; kind < KINDS; kind++) regroup_fails(1, kind);
-}
-
-static void each_advance_fails(void)
-{
-    for (int kind = 0; kind < KINDS; kind++) advance_fails(kind);
-}
-
-int main(void)
-{
-    RUN(axis_build_fails);
-    RUN(each_new_fails);
-    RUN(each_first_regroup_fails);
-    RUN(each_later_regroup_fails);
-    RUN(each_advance_fails);
-    RUN(no_step_allocates);
-    return check_report("memory");
 }

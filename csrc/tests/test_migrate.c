@@ -21,7 +21,7 @@ static int confine(struct scene *s, double x[3], const int32_t from[3])
     return inside;
 }
 
-static void periodic_ends(void)
+TEST(periodic_ends)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
         struct scene s;
@@ -43,7 +43,7 @@ static void periodic_ends(void)
     }
 }
 
-static void closed_sides(void)
+TEST(closed_sides)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int scale = 0; scale < 2; scale++) {
@@ -68,7 +68,7 @@ static void closed_sides(void)
 }
 
 /* Points leave through an open side, but not where all nodes of its face are walls. */
-static void open_sides(void)
+TEST(open_sides)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int axis = 0; axis < 2; axis++)
@@ -118,7 +118,7 @@ static void list_free(struct gr_migrants *list)
 }
 
 /* Put the listed points into other cells by hand, and migrate. */
-static void moves_between_cells(void)
+TEST(moves_between_cells)
 {
     struct scene s, before;
     for (int copy = 0; copy < 2; copy++) {
@@ -164,7 +164,7 @@ static void moves_between_cells(void)
 }
 
 /* An invalid point is refused with its id. All points are back in their cells, and their number is unchanged. */
-static void refuses_bad_points(void)
+TEST(refuses_bad_points)
 {
     const double bad[] = {NAN, INFINITY, 1e30, 0.35}; /* the last: two cells in one step */
     for (int k = 0; k < 4; k++) {
@@ -190,14 +190,4 @@ static void refuses_bad_points(void)
         list_free(&list);
         scene_free(&s);
     }
-}
-
-int main(void)
-{
-    RUN(periodic_ends);
-    RUN(closed_sides);
-    RUN(open_sides);
-    RUN(moves_between_cells);
-    RUN(refuses_bad_points);
-    return check_report("migrate");
 }

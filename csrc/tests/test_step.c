@@ -33,7 +33,7 @@ static void falling(struct scene *s, int dim, int basis, int affine, int smoothe
     CHECK(scene_build(s, 500, 0.02, 0.95) == GR_OK);
 }
 
-static void threads_give_the_same_bits(void)
+TEST(threads_give_the_same_bits)
 {
     for (int dim = 2; dim <= 3; dim++)
         for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
@@ -54,7 +54,7 @@ static void threads_give_the_same_bits(void)
 }
 
 /* Calls of any length, with sums computed again in between, do not change the result. */
-static void calls_give_the_same_bits(void)
+TEST(calls_give_the_same_bits)
 {
     struct scene a, b;
     falling(&a, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
@@ -71,7 +71,7 @@ static void calls_give_the_same_bits(void)
     scene_free(&b);
 }
 
-static void stops_at_the_first_step_past(void)
+TEST(stops_at_the_first_step_past)
 {
     struct scene s;
     falling(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
@@ -85,7 +85,7 @@ static void stops_at_the_first_step_past(void)
 }
 
 /* With a fixed step the time is a product, not an accumulated sum. */
-static void time_does_not_drift(void)
+TEST(time_does_not_drift)
 {
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
@@ -100,7 +100,7 @@ static void time_does_not_drift(void)
     scene_free(&s);
 }
 
-static void stable_dt_follows_the_fastest(void)
+TEST(stable_dt_follows_the_fastest)
 {
     struct scene s;
     falling(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
@@ -113,7 +113,7 @@ static void stable_dt_follows_the_fastest(void)
 }
 
 /* The mass is exact, and the momentum of free flight is that of gravity. */
-static void conserves(void)
+TEST(conserves)
 {
     struct scene s;
     scene_seed(67);
@@ -139,7 +139,7 @@ static void conserves(void)
 }
 
 /* A NaN in any field stops the run within ten steps and names a point; a further call does so again. */
-static void nan_stops_the_run(void)
+TEST(nan_stops_the_run)
 {
     const int fields[] = {GR_FIELD_x, GR_FIELD_v, GR_FIELD_stress, GR_FIELD_mass, GR_FIELD_log_density};
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
@@ -163,7 +163,7 @@ static void nan_stops_the_run(void)
         }
 }
 
-static void runaway_stops_the_run(void)
+TEST(runaway_stops_the_run)
 {
     struct scene s;
     scene_seed(73);
@@ -180,7 +180,7 @@ static void runaway_stops_the_run(void)
 }
 
 /* Without points only the clock runs, with the time step of a medium at rest. */
-static void empty_run(void)
+TEST(empty_run)
 {
     struct scene s;
     const struct gr_kernels *kernels = gr_kernels_select("");
@@ -197,7 +197,7 @@ static void empty_run(void)
 }
 
 /* When all points have left, the cells vanish too, and the clock is not affected. */
-static void emptied_run(void)
+TEST(emptied_run)
 {
     struct scene whole, cut;
     for (int part = 0; part < 2; part++) {
@@ -218,7 +218,7 @@ static void emptied_run(void)
 }
 
 /* Advancing again without the larger buffers that are required must neither break anything nor lose a point. */
-static void capacity_may_be_refused(void)
+TEST(capacity_may_be_refused)
 {
     struct scene s;
     scene_seed(79);
@@ -249,20 +249,4 @@ static void capacity_may_be_refused(void)
     CHECK(gr_regroup(s.engine) == GR_OK);
     for (int64_t id = 0; id < 300; id++) CHECK(scene_find(&s, id) >= 0);
     scene_free(&s);
-}
-
-int main(void)
-{
-    RUN(threads_give_the_same_bits);
-    RUN(calls_give_the_same_bits);
-    RUN(stops_at_the_first_step_past);
-    RUN(time_does_not_drift);
-    RUN(stable_dt_follows_the_fastest);
-    RUN(conserves);
-    RUN(nan_stops_the_run);
-    RUN(runaway_stops_the_run);
-    RUN(empty_run);
-    RUN(emptied_run);
-    RUN(capacity_may_be_refused);
-    return check_report("step");
 }

@@ -47,7 +47,7 @@ static int is_thin(const struct thin *t, double half)
     return gr_has_thin(&config);
 }
 
-static void which_bodies_are_thin(void)
+TEST(which_bodies_are_thin)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++) {
         struct thin t;
@@ -67,7 +67,7 @@ static void which_bodies_are_thin(void)
 }
 
 /* A bucket made of a floor and two walls: the front of each is away from the centre. */
-static void fronts_point_outwards(void)
+TEST(fronts_point_outwards)
 {
     struct thin t;
     struct gr_thin_part part[PARTS];
@@ -84,7 +84,7 @@ static void fronts_point_outwards(void)
 }
 
 /* After a quarter turn the axis across the thickness is y. */
-static void places_by_hand(void)
+TEST(places_by_hand)
 {
     struct thin t;
     struct gr_facing side;
@@ -108,7 +108,7 @@ static void places_by_hand(void)
 }
 
 /* A point keeps its side while it faces the thin part; elsewhere its position decides. */
-static void sides_of_points(void)
+TEST(sides_of_points)
 {
     struct thin t;
     begin(&t, 2, GR_QUADRATIC, 1);
@@ -122,7 +122,7 @@ static void sides_of_points(void)
 
 /* Cells within 2.75 dx are double, the front first. Their points have sides, and their nodes duplicates, which are
  * separated where they face the thin part. */
-static void mesh_has_two_sides(void)
+TEST(mesh_has_two_sides)
 {
     for (int dim = 2; dim <= 3; dim++) {
         struct thin t;
@@ -161,7 +161,7 @@ static void mesh_has_two_sides(void)
 }
 
 /* The split poses stay until the body has moved by a cell, or turned so far at its greatest radius. */
-static void split_follows(void)
+TEST(split_follows)
 {
     struct thin t;
     begin(&t, 2, GR_QUADRATIC, 1);
@@ -182,18 +182,13 @@ static void split_follows(void)
 }
 
 /* The copies of the double cells whose centres face the thin part have a fluidity of their own. */
-static void fluidity_has_two_sides(void)
+TEST(fluidity_has_two_sides)
 {
-    static const uint8_t face[4 * 36];
     struct thin t;
     begin(&t, 2, GR_QUADRATIC, 1);
-    const double G = 1e6 / 2.6, parameter[] = {1e6 / 1.2, 0.5, G, 0.38, 0.64, 0.279, 2450, 0.01, 1e-2, 10};
-    memcpy(t.scene.config.parameter, parameter, sizeof parameter);
+    scene_nonlocal(&t.scene);
     t.part[0].size[1] = 0.1;
     t.body.position[0] = -0.71, t.body.rough = 1;
-    t.scene.config.law = gr_law_index("ngf");
-    t.scene.config.nonlocal =
-        (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 1, .tolerance = 1e-8, .face = face};
     CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine) == GR_OK);
     struct gr_engine *e = t.scene.engine;
     gr_bodies_mark(e, 0, e->mesh.n_cells);
@@ -210,16 +205,4 @@ static void fluidity_has_two_sides(void)
         CHECK(!!(e->fluidity->inside[second] & GR_BEYOND_ROUGH) == front);
     }
     scene_free(&t.scene);
-}
-
-int main(void)
-{
-    RUN(which_bodies_are_thin);
-    RUN(fronts_point_outwards);
-    RUN(places_by_hand);
-    RUN(sides_of_points);
-    RUN(mesh_has_two_sides);
-    RUN(split_follows);
-    RUN(fluidity_has_two_sides);
-    return check_report("thin_bodies");
 }

@@ -86,10 +86,22 @@ def _relaxation_limit(scene: Scene) -> float:
     return scene.scheme.density.relaxation_limit * g / scene.material.wave_speed if g else UNBOUNDED
 
 
-def _sponge_layers(scene: Scene) -> tuple[tuple[float, float], ...]:
-    """Start of the sponge layer [m] and its damping rate [1/s] along each axis."""
-    found = {a.axis: (a.above, a.damping) for a in scene.sponge_layers}
-    return tuple(found.get(axis, (math.inf, 0.0)) for axis in range(scene.grid.dim))
+def _axes(scene: Scene) -> tuple[_core.AxisRow, ...]:
+    """Row of each axis; without a sponge layer it begins at infinity."""
+    grid = scene.grid
+    sponges = {sponge.axis: (sponge.above, sponge.damping) for sponge in scene.sponge_layers}
+    return tuple(
+        (
+            grid.shape[axis],
+            grid.lower[axis],
+            grid.periodic[axis],
+            f"{name}-" in grid.open_sides,
+            f"{name}+" in grid.open_sides,
+            np.array(c0_lines(grid, scene.walls, axis), dtype=np.int32),
+            *sponges.get(axis, (math.inf, 0.0)),
+        )
+        for axis, name in enumerate("xyz"[: grid.dim])
+    )
 
 
 def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
@@ -105,10 +117,6 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     check_overlaps(scene)
     grid, scheme = scene.grid, scene.scheme
     codes, rows = node_codes(scene)
-    lines = tuple(
-        np.array(c0_lines(grid, scene.walls, axis), dtype=np.int32) for axis in range(grid.dim)
-    )
-    axes = "xyz"[: grid.dim]
     return _core.Engine(
         dim=grid.dim,
         basis=CORE["basis"][scheme.basis],
@@ -118,13 +126,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         pressure_from_density=int(scheme.density.name != "particle"),
         law=scene.material.law,
         isa=isa,
-        shape=tuple(grid.shape),
-        lower=tuple(grid.lower),
-        periodic=tuple(grid.periodic),
-        open_low=tuple(f"{a}-" in grid.open_sides for a in axes),
-        open_high=tuple(f"{a}+" in grid.open_sides for a in axes),
-        c0_lines=lines,
-        sponge_layers=_sponge_layers(scene),
+        axes=_axes(scene),
         walls=[WallRow(), *rows],
         node_codes=codes,
         cell_flags=cell_flags(scene)

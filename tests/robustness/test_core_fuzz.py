@@ -53,9 +53,10 @@ def test_engine_refuses_wrong_keywords(keywords, data):
             inner[data.draw(st.sampled_from(sorted(inner)))] = data.draw(numbers)
             wrong[name] = inner
         elif isinstance(value, tuple):
-            inner = list(value)
-            inner[data.draw(st.integers(0, len(inner) - 1))] = data.draw(numbers)
-            wrong[name] = tuple(inner[: data.draw(st.integers(0, 4))])
+            rows = [list(row) for row in value]
+            row = rows[data.draw(st.integers(0, len(rows) - 1))]
+            row[data.draw(st.integers(0, len(row) - 1))] = data.draw(numbers)
+            wrong[name] = tuple(map(tuple, rows[: data.draw(st.integers(0, 4))]))
         else:
             wrong[name] = data.draw(numbers)
     try:
