@@ -38,7 +38,6 @@ def step(dim, gradient, c, stress, q, isa="", dt=1e-3):
 
 
 @pytest.mark.parametrize("isa", available())
-@pytest.mark.parametrize("dim", [2, 3])
 def test_a_step_returns_to_the_cone_of_its_start(dim, isa):
     """Comparison with matrix functions of scipy; q grows by the norm of the plastic strain."""
     rng, n = np.random.default_rng(dim), 320

@@ -45,7 +45,6 @@ def trial(h, step, dim, isa):
 # ---- the strain ----
 
 
-@pytest.mark.parametrize("dim", [2, 3])
 def test_trial_strain_of_ten_thousand_states_against_scipy(dim):
     rng = np.random.default_rng(dim)
     count = 0
@@ -60,7 +59,6 @@ def test_trial_strain_of_ten_thousand_states_against_scipy(dim):
     assert count == 10_000
 
 
-@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(("strain", "step"), [(1.0, 1.0), (1.0, 2.0)])
 def test_large_strains_lose_no_more_than_the_condition(dim, strain, step):
     h, L = random_states(np.random.default_rng(5), 2000, dim, strain, step)
@@ -159,7 +157,6 @@ def test_flow_against_bisection(flow, isa):
 
 @pytest.mark.parametrize("flow", oracle.FLOWS)
 @pytest.mark.parametrize("isa", ISAS)
-@pytest.mark.parametrize("dim", [2, 3])
 def test_any_number_of_points_gives_the_same(flow, isa, dim):
     """Same bits whoever the neighbours are: small and large strains, dense and disconnected."""
     rng = np.random.default_rng(10)
@@ -206,7 +203,6 @@ def test_elastic_material_bears_tension():
 
 @pytest.mark.parametrize("flow", oracle.FLOWS)
 @pytest.mark.parametrize("isa", ISAS)
-@pytest.mark.parametrize("dim", [2, 3])
 def test_extreme_numbers_stay_finite(flow, isa, dim):
     rng = np.random.default_rng(11)
     n = 4000

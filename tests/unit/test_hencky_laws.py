@@ -27,7 +27,6 @@ def parameters(law):
 
 @pytest.mark.parametrize("local", [False, True])
 @pytest.mark.parametrize("isa", available())
-@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("law", FLOW_OF)
 def test_the_law_is_the_kernel_with_cauchy_stress(law, dim, isa, local):
     """Cauchy stress is rho/rho_c times Kirchhoff stress, before the step and after it."""

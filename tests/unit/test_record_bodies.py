@@ -60,7 +60,6 @@ def moved(body, numbers, dim):
     return Body(body.shape, tuple(numbers[:dim]), rotation_deg=rotation)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
 def test_paraviews_reader_sees_the_bodies_where_they_are(recorded, tmp_path, dim):
     vtk_io = pytest.importorskip(
         "vtkmodules.vtkIOHDF", reason="needs the extra 'paraview' (the vtk wheel)"

@@ -89,7 +89,6 @@ COUNTS = ([50, 50, 47, 1, 0, 60, 200], [0, 3], [40000, 33000, 12])
 
 
 @pytest.mark.parametrize("counts", COUNTS)
-@pytest.mark.parametrize("dim", [2, 3])
 def test_round_trip_is_bitwise(tmp_path, dim, counts):
     states = [make_state(i, n, dim) for i, n in enumerate(counts)]
     write(tmp_path / "a.h5", states)
@@ -435,7 +434,6 @@ def test_the_file_is_what_the_vtkhdf_specification_asks(tmp_path):
         assert "x" not in vtk["PointData"]  # frames are stored once
 
 
-@pytest.mark.parametrize("dim", [2, 3])
 def test_paraviews_reader_sees_every_frame(tmp_path, dim):
     vtk_io = pytest.importorskip(
         "vtkmodules.vtkIOHDF", reason="needs the extra 'paraview' (the vtk wheel)"

@@ -75,7 +75,6 @@ def test_the_scene_chooses_the_method():
         gr.Simulation("incline")
 
 
-@pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("stop", [0.015, 0.035, 0.06])
 def test_a_record_goes_on_bitwise(dim, stop, tmp_path):
     """The record is interrupted before the gate moves, while it moves, and after it is removed."""
@@ -121,7 +120,6 @@ def same_gas(a, b):
     return all(np.array_equal(a.fields[name], b.fields[name]) for name in GAS_FIELDS)
 
 
-@pytest.mark.parametrize("dim", [2, 3])
 def test_frames_hold_the_gas(dim, tmp_path):
     """Frames are equal while the record is open, after closing, and after a resumed run."""
     scene, path, seen = blown(dim), tmp_path / "a.h5", []

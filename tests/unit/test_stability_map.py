@@ -58,7 +58,6 @@ def test_a_single_point_is_stable_within_the_limits(script, dim, tries):
         assert COURANT_LIMIT[basis][dim] <= 2 / np.sqrt(worst) < 1.2 * COURANT_LIMIT[basis][dim]
 
 
-@pytest.mark.parametrize("dim", [2, 3])
 def test_points_that_weigh_unlike_are_stable_within_the_limits(script, dim):
     """Worst case of a search: two points in the corner of a cell; single points have weight 1."""
     part, most = script.arrangements, gr.schemes.default.density.weight_correction_limit
