@@ -162,13 +162,13 @@ def law_in_decimals(law, dim, stress, Ldt, dt):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_stress_update_against_fifty_digits(law, dim):
+def test_stress_update_against_fifty_digits(law):
     rng = np.random.default_rng(len(law))
     worst, count, dense = 0.0, 0, 0
     with decimal.localcontext() as context:
         context.prec = 50
-        for dt in (1e-7, 3e-6, 1e-4, 2e-3):
-            stress, Ldt, c = random_states(rng, 4000, dim, law)
+        for dt, dim in itertools.product((1e-7, 3e-6, 1e-4, 2e-3), (2, 3)):
+            stress, Ldt, c = random_states(rng, 2000, dim, law)
             found, _ = update(law, dim, stress, Ldt, c, dt)
             expected, size, clear = law_in_decimals(law, dim, stress, Ldt, dt)
             for k, (i, j) in enumerate(oracle.STRESS_PLACES[dim]):

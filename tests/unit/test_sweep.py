@@ -302,12 +302,12 @@ def test_beverloo_of_a_sweep():
     """The example of the design document: discharge rates straight from a sweep."""
     soft = gr.materials.glass_beads.replace(E=1e5)
     silos = [
-        gr.scenes.silo(orifice=D, cell=0.025, material=soft).replace(duration=1.5)
-        for D in (0.25, 0.3)
+        gr.scenes.silo(orifice=D, cell=0.05, material=soft).replace(duration=1.5)
+        for D in (0.2, 0.3)
     ]
     with ThreadPoolExecutor(2) as pool:
         fit = gr.measure.beverloo(gr.sweep(silos, pool, every=0.02, progress=False))
-    assert list(fit.orifices) == [0.25, 0.3]
+    assert list(fit.orifices) == [0.2, 0.3]
     assert np.all(fit.rates > 0)
 
 
