@@ -112,10 +112,9 @@ def test_forces_of_another_packing_are_refused():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCRIPTS)
 @pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
-def test_a_quick_figure_is_written(monkeypatch, name, tmp_path):
+def test_a_quick_figure_is_written(module, name, tmp_path):
     pytest.importorskip("clarabel")
-    monkeypatch.syspath_prepend(FOLDER / "figures")
-    importlib.import_module(name).main(["--quick", "--out", str(tmp_path)])
+    module(name).main(["--quick", "--out", str(tmp_path)])
     assert sorted(path.stem for path in tmp_path.iterdir()) == SCRIPTS[name]
     for stem in SCRIPTS[name]:
         with Image.open(tmp_path / f"{stem}.png") as picture:

@@ -1,8 +1,6 @@
 """The stability map: the script runs, and the committed map agrees with the package."""
 
-import importlib
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from PIL import Image
 import granular as gr
 from granular.mpm.limits import COURANT_LIMIT, LOCKING
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
 FAST = [
     *("patch", "arrangement", "courant", "courant_space", "courant_speed"),
     *("transfers", "tearing"),
@@ -20,10 +17,9 @@ FAST = [
 
 
 @pytest.fixture
-def script(monkeypatch):
+def script(module):
     """The script, as a module."""
-    monkeypatch.syspath_prepend(FOLDER)
-    yield importlib.import_module("stability_map")
+    yield module("stability_map")
     for name in [n for n in sys.modules if n.partition(".")[0] in ("stability", "stability_map")]:
         del sys.modules[name]
 
