@@ -10,7 +10,7 @@ import oracle_fluidity
 import oracle_law as oracle
 import oracle_nonlocal
 import pytest
-from test_hencky_laws import FLOW_OF
+from test_hencky import FLOW_OF
 
 from granular import _core
 from granular.materials import NGF, DruckerPrager, Elastic, MuI
