@@ -155,7 +155,7 @@ def test_a_slice_has_the_points_within(solid):
     assert sorted(map(tuple, points.get_offsets())) == sorted(map(tuple, inside[:, :2]))
 
 
-NO_NUMBER = ("hue", "v", "stress", "v_q", "scene", "time", np.zeros(3), "x")
+NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
 
 
 @pytest.mark.parametrize(
@@ -169,9 +169,9 @@ NO_NUMBER = ("hue", "v", "stress", "v_q", "scene", "time", np.zeros(3), "x")
         ({"slab": (1.0, 0.0)}, "low"),
     ],
 )
-def test_bad_options_are_refused(solid, options, message):
+def test_bad_options_are_refused(state, solid, options, message):
     with pytest.raises(ValueError, match=message):
-        plot.frame(solid, **options)
+        plot.frame(solid if {"view", "slab"} & options.keys() else state, **options)
 
 
 def falling(n=4):

@@ -201,18 +201,6 @@ def test_figure_9_draws_where_flows_end():
     assert late == pytest.approx(9.8 * (np.sin(angle) - 0.6435 * np.cos(angle)))
 
 
-def test_figure_10_draws_speeds_at_their_time_and_the_profile_at_its_own():
-    """Flows are shown up to 2 s, a profile at 6 s."""
-    left, right = paper.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)).axes
-    lines = {line.get_label(): line for line in left.lines}
-    expected = [
-        theory.transient(a, 0.2, SOFT, [2.0], 9.8).mean[0] / np.sqrt(9.8 * 0.2)
-        for a in (22.0, 25.0)
-    ]
-    assert lines["transient, 2 s"].get_ydata() == pytest.approx(expected)
-    assert "transient, 6 s" in {line.get_label() for line in right.lines}
-
-
 def incline(time):
     """State with the Bagnold velocity profile and stresses of friction 0.45."""
     scene = gr.scenes.incline(angle_deg=25.0, cell=0.02, material=SOFT)
@@ -232,14 +220,18 @@ def test_flow_down_an_incline_is_measured():
         paper.InclineFlow.measured([incline(1.0)])
 
 
-def test_figure_10_draws_the_profile_on_the_steady_one():
-    left, right = paper.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(2.0)).axes
-    lines = {line.get_label(): line for line in right.lines}
+def test_figure_10_draws_speeds_and_the_profile_on_the_steady_one():
+    """Flows are shown up to 2 s, a profile at 6 s."""
+    left, right = paper.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)).axes
+    speeds, lines = ({line.get_label(): line for line in ax.lines} for ax in (left, right))
+    expected = [theory.transient(a, 0.2, SOFT, [2.0], 9.8).mean[0] for a in (22.0, 25.0)]
+    unit = np.sqrt(9.8 * 0.2)
+    assert speeds["transient, 2 s"].get_ydata() == pytest.approx(np.array(expected) / unit)
+    assert speeds["measured"].get_ydata() == pytest.approx(np.array([0.2, 0.8]) / unit)
+    assert "transient, 6 s" in lines
     v, y = lines["measured"].get_data()
     steady = lines["steady, eq. 4.6"]
     assert v == pytest.approx(np.interp(y, steady.get_ydata(), steady.get_xdata()), rel=0.02)
-    found = {line.get_label(): line for line in left.lines}["measured"]
-    assert found.get_ydata() == pytest.approx(np.array([0.2, 0.8]) / np.sqrt(9.8 * 0.2))
 
 
 def test_figure_13_draws_the_error_of_each_step():
