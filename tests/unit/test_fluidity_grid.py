@@ -5,7 +5,7 @@ import math
 import numpy as np
 import oracle_fluidity as oracle
 import pytest
-from oracle_fluidity import LINKED, OPEN, ROUGH, diffuse, faces_of, number_k
+from oracle_fluidity import OPEN, ROUGH, diffuse, faces_of, number_k, random_parts
 
 from granular import _core
 
@@ -19,12 +19,7 @@ SHORT = 2e-3
 def random_grid(shape, seed):
     """Random faces inside and at the ends, a random mask, some axes periodic, any size."""
     rng = np.random.default_rng(seed)
-    faces = rng.choice([LINKED, OPEN, ROUGH], (2 * len(shape), *shape), p=[0.8, 0.1, 0.1]).astype(
-        np.uint8
-    )
-    dense = rng.random(shape) < 0.85
-    periodic = tuple(bool(a) for a in rng.random(len(shape)) < 0.5)
-    return {"faces": faces, "dense": dense, "periodic": periodic}, 10 ** rng.uniform(-6, 1, shape)
+    return random_parts(shape, rng), 10 ** rng.uniform(-6, 1, shape)
 
 
 @pytest.mark.parametrize("isa", ISAS)
@@ -33,7 +28,7 @@ def random_grid(shape, seed):
 def test_a_step_is_that_of_the_plain_matrix(method, shape, isa):
     for seed in range(8):
         parts, g = random_grid(shape, seed)
-        L = oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
+        L = oracle.outflow(**parts)
         start = np.where(parts["dense"], g, 0.0)
         limit = diffuse(g, method="explicit", dt=1e-9, steps=0, **parts)[1]["limit"]
         dt = (0.9 if method == "explicit" else 7.0) * min(limit, 4e-3)
@@ -64,7 +59,7 @@ def test_backward_euler_is_an_m_matrix(shape):
         parts, _ = random_grid(shape, seed)
         k = number_k(1.0)
         matrix = np.eye(parts["dense"].size)
-        matrix += k * oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
+        matrix += k * oracle.outflow(**parts)
         assert (matrix - np.diag(np.diag(matrix)) <= 0).all()
         inverse = np.linalg.inv(matrix)
         assert inverse.min() >= -1e-16
@@ -103,7 +98,7 @@ def test_a_fluidity_that_dies_out_is_no_error(method):
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8, 1e-12])
 def test_tolerance_bounds_the_error_of_backward_euler(tolerance):
     parts, g = random_grid((20, 20), 1)
-    L = oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
+    L = oracle.outflow(**parts)
     dense = np.where(parts["dense"], g, 0).ravel()
     for dt in (1e-4, 0.1):  # the tolerance is relative to the change, however short the step
         k = number_k(dt)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracle_fluidity import LINKED, OPEN, ROUGH, diffuse, faces_of, number_k
+from oracle_fluidity import LINKED, OPEN, ROUGH, diffuse, faces_of, number_k, random_parts
 
 SHARES = {2: {1: 4 / 6, 2: 1 / 6}, 3: {1: 14 / 30, 2: 3 / 30, 3: 1 / 30}}
 STIFFEST = {2: 16 / 3, 3: 92 / 15}
@@ -73,25 +73,22 @@ def test_a_box_is_a_part_of_its_mirror_images(shape):
 
 def random_grid(shape, seed):
     """Random walls and dense cells; for some seeds all cells dense, or no walls."""
-    rng = np.random.default_rng(seed)
-    share = [(0.8, 0.1, 0.1), (1.0, 0.0, 0.0), (0.3, 0.0, 0.7)][seed % 3]
-    faces = rng.choice([LINKED, OPEN, ROUGH], (2 * len(shape), *shape), p=share).astype(np.uint8)
-    dense = rng.random(shape) < (1.0, 0.8, 0.5)[seed // 3 % 3]
-    periodic = tuple(bool(p) for p in rng.random(len(shape)) < 0.5)
-    return dense, faces, periodic
+    shares = [(0.8, 0.1, 0.1), (1.0, 0.0, 0.0), (0.3, 0.0, 0.7)][seed % 3]
+    dense = (1.0, 0.8, 0.5)[seed // 3 % 3]
+    return random_parts(shape, np.random.default_rng(seed), shares, dense)
 
 
 @pytest.mark.parametrize("shape", [(6, 7), (1, 5), (2, 2, 3), (3, 4, 5)], ids=str)
 def test_matrix_of_any_grid(shape):
     """The matrix is symmetric, an M-matrix, and has no eigenvalue beyond the limit."""
     for seed in range(18):
-        dense, faces, periodic = random_grid(shape, seed)
-        L = outflow(dense, faces, periodic)
+        parts = random_grid(shape, seed)
+        L = outflow(**parts)
         np.testing.assert_allclose(L, L.T, rtol=0, atol=1e-9)
         off = L - np.diag(np.diag(L))
         assert off.max() <= 1e-9
         assert (L.sum(axis=1) >= -1e-9).all()
-        assert not L[~dense.ravel()].any()
+        assert not L[~parts["dense"].ravel()].any()
         assert np.linalg.eigvalsh(L).max() <= STIFFEST[len(shape)] + 1e-9
 
 
@@ -113,18 +110,17 @@ def test_limit_is_that_of_the_shortest_wave(shape, limit):
 def test_methods_and_threads(method, isa):
     """A long step of each method against the matrix; the same bits for any number of threads."""
     for shape, seed in (((5, 6), 3), ((3, 4, 5), 0), ((3, 4, 5), 1)):
-        dense, faces, periodic = random_grid(shape, seed)
+        parts = random_grid(shape, seed)
         g = np.random.default_rng(seed).random(shape)
-        L = outflow(dense, faces, periodic)
+        L = outflow(**parts)
         value, vectors = np.linalg.eigh((L + L.T) / 2)
         dt = 0.9 * 0.3 / number_k(1.0) if method == "explicit" else 2e-2 / number_k(1.0)
-        found, _ = diffuse(g, stencil="isotropic", method=method, dt=dt, isa=isa,
-                           dense=dense, faces=faces, periodic=periodic)  # fmt: skip
+        found, _ = diffuse(g, stencil="isotropic", method=method, dt=dt, isa=isa, **parts)
         k = number_k(dt)
         growth = {"explicit": 1 - k * value, "implicit": 1 / (1 + k * value)}.get(method)
         if growth is None:  # second-order methods
             growth = np.exp(-k * value)
-        wanted = vectors @ (growth * (vectors.T @ (dense * g).ravel()))
+        wanted = vectors @ (growth * (vectors.T @ (parts["dense"] * g).ravel()))
         error = 2e-3 if method == "rkl2" else 1e-11
         np.testing.assert_allclose(found.ravel(), np.maximum(wanted, 0), rtol=0, atol=error)
     rng = np.random.default_rng(4)
