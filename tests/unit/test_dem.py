@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contacts import frame
+from refusals import refused
 from scipy.spatial import cKDTree
 from scipy.special import beta
 
@@ -130,14 +131,13 @@ def test_settings_that_mean_nothing_are_refused(kind, given, said):
 
 
 def test_settings_of_the_wrong_kind_are_refused():
-    with pytest.raises(TypeError, match="grains must be Grains"):
-        dem.Shear(grains=0.3)
-    with pytest.raises(TypeError, match="tuple of 3"):
-        dem.Packing(stress=1e3)
-    with pytest.raises(TypeError, match="settings must be Shear"):
-        dem.shear(dem.Packing())
-    with pytest.raises(TypeError, match="settings must be Packing"):
-        dem.pack(dem.Shear())
+    refused(
+        ("grains must be Grains", lambda: dem.Shear(grains=0.3)),
+        ("tuple of 3", lambda: dem.Packing(stress=1e3)),
+        ("settings must be Shear", lambda: dem.shear(dem.Packing())),
+        ("settings must be Packing", lambda: dem.pack(dem.Shear())),
+        error=TypeError,
+    )
     with pytest.raises(ValueError, match="restitution = 0"):
         dem.Grains().with_restitution(0.0, 1.0)
 
