@@ -21,20 +21,27 @@ PICTURES = {
         "ngf_figure_10",
         *(f"ngf_figure_{name}" for name in ("4a", "4b", "5", "6", "7", "8", "9")),
     ],
+    "inference_static": ["inference_static", "inference_statistics"],
+    "inference_dynamic": ["inference_histories", "inference_impact", "inference_pareto"],
+    "inference_bed": ["inference_bed_1", "inference_distances", "inference_intruder"],
 }
 FAST = ("figure_11", "figure_13")
 """Figures that take about a second each."""
 
 
 def test_every_script_is_known():
-    assert sorted(PICTURES) == sorted(path.stem for path in FOLDER.glob("*figure*.py"))
+    found = {p.stem for name in ("figure", "inference_") for p in FOLDER.glob(f"*{name}*.py")}
+    assert found == {*PICTURES, "inference_common"}
 
 
 @pytest.mark.parametrize(
     "name",
     [pytest.param(n, marks=() if n in FAST else pytest.mark.slow) for n in PICTURES],
 )
+@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 def test_a_quick_figure_is_written(module, name, tmp_path):
+    if name.startswith("inference"):
+        pytest.importorskip("clarabel")
     module(name).main(["--quick", "--out", str(tmp_path / "new")])
     written = sorted(path.stem for path in (tmp_path / "new").iterdir())
     assert written == PICTURES[name]
