@@ -64,7 +64,6 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     """The table has a time for each scheme and state, with one thread and with two."""
     script, out = module("speed"), tmp_path / "speed.json"
@@ -87,7 +86,6 @@ def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_roofline_is_written(module, tmp_path, capsys):
     """The bounds follow from the rates that were measured in the same run."""
     out = tmp_path / "roofline.json"
@@ -286,7 +284,6 @@ def test_two_by_two_cells_keep_means(module):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_table_of_clogging_is_written_and_goes_on(module, tmp_path, capsys):
     """A second call runs nothing: its rows have the same times."""
     script = module("clogging")

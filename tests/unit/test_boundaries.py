@@ -102,12 +102,7 @@ def test_no_slip_floor_and_symmetry_plane():
     walls = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
     assert fixed(walls) == [[3, 3, 3, 3], [1, 0, 0, 0], [1, 0, 0, 0]]
     assert fixed(walls, basis="ugimp") == fixed(walls)
-    assert fixed(walls, basis="quadratic") == [
-        [3, 3, 3, 3, 3],
-        [1, 0, 0, 0, 0],
-        [1, 0, 0, 0, 0],
-        [1, 0, 0, 0, 0],
-    ]
+    assert fixed(walls, basis="quadratic") == [[3, 3, 3, 3, 3], *[[1, 0, 0, 0, 0]] * 3]
     codes, rows = coded(walls)
     assert codes.dtype == np.uint8 and codes.flags.c_contiguous
     assert sorted(row.fixed for row in rows) == [1, 3]
@@ -188,26 +183,14 @@ def test_periodic_axis():
         fixed(floor, periodic=(True, False), basis="quadratic")
 
 
-def test_no_slip_block():
+def test_blocks_by_faces():
     block = (Solid((1.0, 0.0), (2.0, 1.0), kind="no_slip"),)
     assert fixed(block) == [[0, 3, 3, 0], [0, 3, 3, 0], [0, 0, 0, 0]]
-
-
-def test_free_slip_block_by_faces():
     block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
-    assert fixed(block, shape=(5, 5)) == [
-        [0, 0, 0, 0, 0, 0],
-        [0, 3, 2, 2, 3, 0],
-        [0, 1, 3, 3, 1, 0],
-        [0, 1, 3, 3, 1, 0],
-        [0, 3, 2, 2, 3, 0],
-        [0, 0, 0, 0, 0, 0],
-    ]
-
-
-def test_free_slip_block_of_quadratic_splines_lets_material_slide_along_its_faces():
-    # nodes at 0, 0.5, ..., 4.5, 5; inside from 1.5; 0.5 deep at 1.5 and 3.5, 1.5 deep at 2.5
-    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
+    faces = np.pad([[3, 2, 2, 3], [1, 3, 3, 1], [1, 3, 3, 1], [3, 2, 2, 3]], 1)
+    assert fixed(block, shape=(5, 5)) == faces.tolist()
+    # quadratic splines, which let material slide along the faces: nodes at 0, 0.5, ..., 4.5, 5;
+    # inside from 1.5; 0.5 deep at 1.5 and 3.5, 1.5 deep at 2.5
     inner = np.array(fixed(block, shape=(5, 5), basis="quadratic"))
     assert inner[2:5, 2:5].tolist() == [[3, 2, 3], [1, 3, 1], [3, 2, 3]]
     assert inner.sum() == inner[2:5, 2:5].sum()
@@ -291,6 +274,9 @@ def test_gravity_is_linear_between_and_held_outside():
         (lambda: Solid((0, 0), (0, 1)), ValueError, r"upper\[0\] = 0.0 must exceed"),
         (lambda: Solid((0, 0), (1, 1), kind="coulomb"), ValueError, "kind = 'coulomb'"),
         (lambda: SpongeLayer(1, math.inf), ValueError, "above = inf"),
+        (lambda: SpongeLayer(1, 0.5, 0.0), ValueError, "damping = "),
+        (lambda: SpongeLayer(1, 0.5, -1.0), ValueError, "damping = "),
+        (lambda: SpongeLayer(1, 0.5, math.nan), ValueError, "damping = "),
         (lambda: Gravity((0.0, 0.0), ((0, 0), (0, 1))), ValueError, "must ascend"),
         (lambda: Gravity((0.0,), ((0, 0), (0, 1))), ValueError, "as many as vectors"),
         (lambda: Gravity((), ()), ValueError, "at least one"),
@@ -351,9 +337,3 @@ def test_at_once_by_default_and_only_above():
     assert above.any() and not above.all()
     np.testing.assert_array_equal(state.v[above, 1], 0.0)
     assert state.v[~above, 1] == pytest.approx(1.0, rel=1e-12)
-
-
-@pytest.mark.parametrize("rate", [0.0, -1.0, math.nan])
-def test_rate_must_be_positive(rate):
-    with pytest.raises(ValueError, match="damping = "):
-        SpongeLayer(1, 0.5, rate)

@@ -130,11 +130,6 @@ def test_refusals(kind, arguments, error, message):
         kind(**arguments)
 
 
-def test_html_shows_the_numbers():
-    html = materials.glass_beads_5mm._repr_html_()
-    assert "mu_2" in html and "0.6435" in html and "947.3" in html
-
-
 def test_finite_strain_and_friction_that_does_not_saturate():
     grains = materials.NGF(elasticity="hencky", rheology="linear_mu_I", A=0.3)
     assert grains.law == "hencky_linear_ngf"

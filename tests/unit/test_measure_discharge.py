@@ -73,24 +73,17 @@ def test_the_history_of_a_series_needs_no_frames():
     assert history.share == 0.5
 
 
-def test_beverloo_of_exact_data():
-    D = np.arange(0.06, 0.21, 0.02)
-    fit = beverloo(D, 1.42 * 1500 * np.sqrt(9.8) * D**1.5, rho=1500.0)
-    assert pytest.approx(1.42, rel=1e-12) == fit.C
-    assert fit.C_free == pytest.approx(1.42, rel=1e-10)
-    assert fit.exponent_free == pytest.approx(1.5, rel=1e-10)
-    assert np.abs(fit.residuals).max() < 1e-12
-
-
-def test_beverloo_with_another_exponent():
+@pytest.mark.parametrize(("C", "exponent"), [(1.42, 1.5), (1.31, 1.47)])
+def test_beverloo_of_exact_data(C, exponent):
     D = np.array([0.06, 0.1, 0.14, 0.2])
-    fit = beverloo(D, 1.31 * 1500 * np.sqrt(9.8) * D**1.47, rho=1500.0)
-    assert fit.exponent_free == pytest.approx(1.47, rel=1e-10)
-    assert fit.C_free == pytest.approx(1.31, rel=1e-10)
+    fit = beverloo(D, C * 1500 * np.sqrt(9.8) * D**exponent, rho=1500.0)
+    assert fit.exponent_free == pytest.approx(exponent, rel=1e-10)
+    assert fit.C_free == pytest.approx(C, rel=1e-10)
     assert np.abs(fit.residuals_free).max() < 1e-12
-    # the mean of ln(1.31 D**-0.03) over the orifices
-    assert pytest.approx(1.31 * np.exp(-0.03 * np.log(D).mean()), rel=1e-12) == fit.C
+    # with the exponent 3/2, the mean of ln(C D**(exponent - 3/2)) over the orifices
+    assert pytest.approx(C * np.exp((exponent - 1.5) * np.log(D).mean()), rel=1e-12) == fit.C
     assert fit.residuals.sum() == pytest.approx(0, abs=1e-12)
+    assert exponent != 1.5 or np.abs(fit.residuals).max() < 1e-12
 
 
 def test_beverloo_of_runs():

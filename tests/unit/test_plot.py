@@ -73,6 +73,7 @@ def test_frame_draws_every_point_where_it_is_in_its_true_size(state):
     assert points.get_widths()[0] == pytest.approx(np.sqrt(2) * 0.025)
     assert ax.get_title() == "t = 0.5 s"
     assert figure.axes[1].get_ylabel() == "pressure [Pa]"
+    assert figure._repr_png_().startswith(b"\x89PNG")
 
 
 def test_frame_into_given_axes_leaves_pyplot_alone(state):
@@ -82,10 +83,6 @@ def test_frame_into_given_axes_leaves_pyplot_alone(state):
     assert plot.frame(state, ax=ax, bar=False, title="here") is ax.figure
     assert ax.get_title() == "here"
     assert "matplotlib.pyplot" not in sys.modules
-
-
-def test_a_picture_shows_itself(state):
-    assert plot.frame(state)._repr_png_().startswith(b"\x89PNG")
 
 
 def test_the_middle_of_a_picture_has_the_colour_of_its_value(state):

@@ -22,6 +22,9 @@ def test_presets():
     assert Scheme() == d and d.replace(cfl=0.25).cfl == 0.25 and d.cfl == 0.5
 
 
+SMOOTHED, CELLS = SmoothedDensity(), CellAveragedDensity()
+
+
 @pytest.mark.parametrize(
     ("kind", "arguments", "error", "message"),
     [
@@ -37,24 +40,14 @@ def test_presets():
         (Scheme, {"xpic_order": 2.0}, TypeError, "xpic_order = 2.0"),
         (Scheme, {"flip_decay": -1.0}, ValueError, "flip_decay = -1.0"),
         (Scheme, {"mass_cutoff": 0.1}, ValueError, "mass_cutoff = 0.1"),
+        (Scheme, {"basis": "linear", "density": SMOOTHED}, ValueError, 'needs basis = "quadratic"'),
         (
             Scheme,
-            {"basis": "linear", "density": SmoothedDensity()},
+            {"density": CELLS, "basis": "quadratic"},
             ValueError,
-            'needs basis = "quadratic"',
+            'and transfer = "tpic"',
         ),
-        (
-            Scheme,
-            {"density": CellAveragedDensity(), "basis": "quadratic"},
-            ValueError,
-            'needs basis = "linear" and transfer = "tpic"',
-        ),
-        (
-            Scheme,
-            {"density": CellAveragedDensity(), "transfer": "flip"},
-            ValueError,
-            "not 'linear' and 'flip'",
-        ),
+        (Scheme, {"density": CELLS, "transfer": "flip"}, ValueError, "not 'linear' and 'flip'"),
         (Scheme, {"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
         (Scheme, {"tpic_decay": "fast"}, TypeError, "tpic_decay = 'fast'"),
         (Scheme, {"density": "smoothed"}, TypeError, "must be a SmoothedDensity"),
@@ -129,7 +122,3 @@ def test_a_scheme_holds_a_fluidity():
     assert Scheme().fluidity == Fluidity()
     with pytest.raises(TypeError, match="fluidity = 'implicit' must be a Fluidity"):
         Scheme(fluidity="implicit")
-
-
-def test_html_shows_the_choices():
-    assert "quadratic" in schemes.default._repr_html_()

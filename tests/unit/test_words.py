@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-ROOMS = (
+ROOMS = [
     "csrc",
     "granular",
     "tests",
@@ -17,7 +17,7 @@ ROOMS = (
     "notebooks",
     "README.md",
     "CHANGELOG.md",
-)
+]
 ENDINGS = (".c", ".h", ".inl", ".py", ".pyi", ".md", ".ipynb", ".sh")
 ANY, CORE = ("",), ("csrc/",)
 ENGINE = ("csrc/", "granular/mpm/", "granular/diagnostics.py")
