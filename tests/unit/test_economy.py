@@ -53,7 +53,7 @@ PUBLISHED = [scene.replace(scheme=gr.schemes.dunatunga_kamrin_2015) for scene in
 
 
 def item(topic, scene, *tolerance):
-    """What is suggested about a topic."""
+    """Suggestion about a topic."""
     return gr.economy.suggest(scene, *tolerance).about(topic)
 
 

@@ -219,10 +219,8 @@ def test_extreme_numbers_stay_finite(flow, isa, dim):
             flow, SAND, dt, step, c, stress, g, rate, dim=dim, isa=isa
         )
         assert np.isfinite(found).all()
-        assert np.isfinite(fluidity).all()
-        assert (fluidity >= 0).all()
-        assert (shear_rate >= 0).all()
-        assert np.isfinite(shear_rate).all()
+        for values in (fluidity, shear_rate):
+            assert (np.isfinite(values) & (values >= 0)).all()
 
 
 # ---- at the points of the engine ----
@@ -299,10 +297,7 @@ def arguments(n=5, dim=3):
         ({"K": 0.0}, "K = 0 must be positive"),
         ({"G": -1.0}, "G = -1 must be positive"),
         ({"reconnect_fluidity": -1e-6}, "reconnect_fluidity = -1e-06 must be zero or positive"),
-        (
-            {"reconnect_fluidity": math.nan},
-            "reconnect_fluidity = nan must be zero or positive and finite",
-        ),
+        ({"reconnect_fluidity": math.nan}, "fluidity = nan must be zero or positive and finite"),
         ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s = 0.3819"),
         ({"rho_s": math.inf}, "rho_s = inf must be positive and finite"),
     ],

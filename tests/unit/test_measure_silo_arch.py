@@ -192,16 +192,15 @@ def test_what_is_not_bounded_has_no_line():
 
 
 def test_bad_diagrams_are_refused():
-    with pytest.raises(ValueError, match="A has shape"):
-        flow_threshold([1.0], [1.0, 2.0], ["static", "static"])
-    with pytest.raises(ValueError, match="at least one"):
-        flow_threshold([], [], [])
-    with pytest.raises(ValueError, match=r"verdicts\[1\] = 'stuck'"):
-        flow_threshold([1.0, 2.0], [1.0, 2.0], ["static", "stuck"])
-    with pytest.raises(ValueError, match="A = "):
-        flow_threshold([0.0], [1.0], ["static"])
-    with pytest.raises(ValueError, match="ratio = "):
-        flow_threshold([1.0], [np.nan], ["static"])
+    for message, *diagram in (
+        ("A has shape", [1.0], [1.0, 2.0], ["static", "static"]),
+        ("at least one", [], [], []),
+        (r"verdicts\[1\] = 'stuck'", [1.0, 2.0], [1.0, 2.0], ["static", "stuck"]),
+        ("A = ", [0.0], [1.0], ["static"]),
+        ("ratio = ", [1.0], [np.nan], ["static"]),
+    ):
+        with pytest.raises(ValueError, match=message):
+            flow_threshold(*diagram)
 
 
 def test_the_picture_shows_every_case_and_both_lines():

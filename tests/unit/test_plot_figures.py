@@ -182,18 +182,13 @@ def flow(angle, speed):
     return paper.InclineFlow(angle, times, np.full(5, 0.45), speed * times)
 
 
-def test_figure_9_draws_friction_speed_and_acceleration():
-    figure = paper.figure_9([flow(25.0, 0.3), flow(30.0, 0.6)], mu_s=0.3819, mu_2=0.6435)
-    _, centre, right = figure.axes
-    assert centre.lines[1].get_ydata()[-1] == pytest.approx(1.2)
-    assert right.lines[0].get_ydata() == pytest.approx(np.full(4, 0.3))
-    assert right.lines[0].get_xdata() == pytest.approx([0.25, 0.75, 1.25, 1.75])
-
-
-def test_figure_9_draws_where_flows_end():
+def test_figure_9_draws_friction_speed_and_acceleration_and_where_flows_end():
     """Shows tan(angle) in the range of steady flow; beyond it mu_2 and the remaining gravity."""
     flows = [flow(19.0, 0.0), flow(25.0, 0.3), flow(34.0, 0.6)]
-    left, _, right = paper.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
+    left, centre, right = paper.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
+    assert centre.lines[2].get_ydata()[-1] == pytest.approx(1.2)
+    assert right.lines[1].get_ydata() == pytest.approx(np.full(4, 0.3))
+    assert right.lines[1].get_xdata() == pytest.approx([0.25, 0.75, 1.25, 1.75])
     dotted = [line.get_ydata()[0] for line in left.lines if line.get_linestyle() == ":"]
     assert dotted == pytest.approx([np.tan(np.radians(25.0)), 0.6435])
     (late,) = [line.get_ydata()[0] for line in right.lines if line.get_linestyle() == ":"]
