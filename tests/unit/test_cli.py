@@ -37,13 +37,9 @@ def test_run_writes_the_record_of_the_scene_asked_for(record):
 
 
 def test_run_equals_the_same_run_in_python(record):
-    scene = gr.scenes.column_collapse(
-        aspect=1.0,
-        cell=0.05,
-        points_per_cell=4,
-        material=gr.materials.glass_beads.replace(E=1e5),
-        scheme=gr.schemes.dunatunga_kamrin_2015,
-    )
+    scheme = gr.schemes.dunatunga_kamrin_2015
+    given = {"aspect": 1.0, "cell": 0.05, "points_per_cell": 4, "E": 1e5, "scheme": scheme}
+    scene = gr.scenes.column_collapse(**given)
     simulation = gr.Simulation(scene, threads=1).run(until=0.1)
     with gr.open(record) as states:
         assert (states[-1].x == simulation.state.x).all()
@@ -127,14 +123,8 @@ def test_what_is_not_said_is_that_of_the_scene(tmp_path):
     words += ["--height", "0.7", "--E", "2e6", "--quiet", "--until", "2e-4", "-o", str(out)]
     assert cli.main(words) == 0
     with gr.open(out) as states:
-        expected = gr.scenes.clogging_silo(
-            half=False,
-            cell=0.07,
-            width=0.7,
-            height=0.7,
-            material=gr.materials.silo_grains.replace(E=2e6),
-        )
-        assert states.scene == expected
+        given = {"half": False, "cell": 0.07, "width": 0.7, "height": 0.7, "E": 2e6}
+        assert states.scene == gr.scenes.clogging_silo(**given)
 
 
 def test_verify_passes_its_exit_code_on(monkeypatch):

@@ -34,14 +34,8 @@ def state_of(scene, time=0.0, **fields):
     """A state of the points of the scene, at rest by default."""
     points = scene.points()
     n = len(points.x)
-    known = {
-        "x": points.x,
-        "v": np.zeros((n, 3)),
-        "id": np.arange(n),
-        "mass": points.volume * points.density,
-        "stress": np.zeros((n, 6)),
-        "log_density": np.zeros(n),
-    }
+    known = {"x": points.x, "id": np.arange(n), "mass": points.volume * points.density}
+    known |= {"v": np.zeros((n, 3)), "stress": np.zeros((n, 6)), "log_density": np.zeros(n)}
     known = {name: np.array(value) for name, value in (known | fields).items()}
     return State(scene=scene, time=time, step=0, dt=1e-4, fields=known)
 

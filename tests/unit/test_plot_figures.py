@@ -89,15 +89,8 @@ def test_figure_4_has_a_column_for_each_orifice():
 
 
 def test_figures_6_and_7_show_both_hourglasses():
-    runs = [
-        states(
-            gr.scenes.hourglass(
-                kind=kind, cell=0.05, orifice_radius=0.05, width=0.5, material=SOFT
-            ),
-            4,
-        )
-        for kind in ("flat", "sloped")
-    ]
+    small = {"cell": 0.05, "orifice_radius": 0.05, "width": 0.5, "material": SOFT}
+    runs = [states(gr.scenes.hourglass(kind=kind, **small), 4) for kind in ("flat", "sloped")]
     assert len(titles(paper.figure_6(*runs))) == 8
     figure = paper.figure_7(*runs)
     assert len(titles(figure)) == 8

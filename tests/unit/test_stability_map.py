@@ -9,10 +9,7 @@ from PIL import Image
 import granular as gr
 from granular.mpm.limits import COURANT_LIMIT, LOCKING
 
-FAST = [
-    *("patch", "arrangement", "courant", "courant_space", "courant_speed"),
-    *("transfers", "tearing"),
-]
+FAST = ("patch", "arrangement", "courant", "courant_space", "courant_speed", "transfers", "tearing")
 """Maps that take a few seconds together."""
 
 
