@@ -172,7 +172,7 @@ def test_a_wider_window_sees_less_of_where_the_points_lie():
 # ---- the slope of a creeping flank ----
 
 
-CELL, FOOT, HEIGHT = 0.01, 0.75, 0.3
+FOOT, HEIGHT = 0.75, 0.3
 THETA = np.arctan(HEIGHT / FOOT)
 SHEAR, PRESSURE = 0.4, 400.0
 TURN = np.array([[np.cos(THETA), -np.sin(THETA)], [np.sin(THETA), np.cos(THETA)]])
