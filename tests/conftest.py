@@ -1,7 +1,9 @@
 """Fixtures shared by all test folders: small scenes in every scheme that can be built."""
 
+import importlib
 import os
 import signal
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of tests are small
 
@@ -38,6 +40,15 @@ def ctrl_c():
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def module(monkeypatch):
+    """Module of the benchmarks or of their figures, by its name."""
+    benchmarks = Path(__file__).parents[1] / "benchmarks"
+    for folder in (benchmarks / "figures", benchmarks):
+        monkeypatch.syspath_prepend(folder)
+    return importlib.import_module
 
 
 @pytest.fixture(params=COMBINATIONS, ids="-".join)

@@ -280,22 +280,21 @@ def case_of(grains, box=None):
     """Case at rest: relaxed forces, corrected to exact equilibrium, and the resulting stresses."""
     table, dim = grains.contacts(box), grains.dim
     mine = slice(None) if box is None else grains.box == box
-    return case_from(table, grains.x[mine, :dim], grains.R[mine])
+    return balanced_case(table, grains.x[mine, :dim], grains.R[mine])
 
 
-def case_from(table, centroids, R):
+def balanced_case(table, centroids, R):
     """Case of contacts whose forces are approximately balanced."""
-    volume = volumes(R, centroids.shape[1])
-    table = table | {"forces": balanced(table, centroids, R.mean())}
-    packing = Packing(
-        bodies=table["bodies"],
-        positions=table["positions"],
-        normals=table["normals"],
-        centroids=centroids,
-        volumes=volume,
-        stresses=average_stresses(table, centroids, volume),
-    )
-    return Case(packing, table["forces"])
+    return case_from(table | {"forces": balanced(table, centroids, R.mean())}, centroids, R)
+
+
+def case_from(table, centroids, R, **motion):
+    """Case of contacts with the stresses that their forces make."""
+    forces, volume = table["forces"], volumes(R, centroids.shape[1])
+    contacts = {name: table[name] for name in ("bodies", "positions", "normals")}
+    stresses = average_stresses(table, centroids, volume)
+    grains = {"centroids": centroids, "volumes": volume, "stresses": stresses}
+    return Case(Packing(**contacts, **grains, **motion), forces)
 
 
 def jittered_grid(shape, *, shake=0.05, seed=0):
@@ -329,7 +328,7 @@ def jittered_grid(shape, *, shake=0.05, seed=0):
         "forces": -push[:, None] * normals,
     }
     centroids = x[number >= 0]
-    return case_from(table, centroids, np.full(len(centroids), 0.5))
+    return balanced_case(table, centroids, np.full(len(centroids), 0.5))
 
 
 def settled(grains, boxes, mu=0.5, rounds=30):
@@ -433,22 +432,11 @@ def film(grains, seen, count, interval):
 def moving_case(grains, table, seen):
     """Case in 2D with the exact accelerations of the centroids and the angular accelerations."""
     force, torque, _ = grains.total(0.0)
-    x, volume = grains.x[:seen, :2], volumes(grains.R[:seen], 2)
-    gravity = {"gravity": grains.gravity[:2]} if grains.gravity.any() else {}
-    packing = Packing(
-        bodies=table["bodies"],
-        positions=table["positions"],
-        normals=table["normals"],
-        centroids=x,
-        volumes=volume,
-        stresses=average_stresses(table, x, volume),
-        masses=grains.m[:seen],
-        accelerations=(force / grains.m[:, None])[:seen, :2],
-        inertias=grains.inertia[:seen],
-        angular_accelerations=(torque[:, 2] / grains.inertia)[:seen],
-        **gravity,
-    )
-    return Case(packing, table["forces"])
+    motion = {"gravity": grains.gravity[:2]} if grains.gravity.any() else {}
+    motion["accelerations"] = (force / grains.m[:, None])[:seen, :2]
+    motion["angular_accelerations"] = (torque[:, 2] / grains.inertia)[:seen]
+    motion |= {"masses": grains.m[:seen], "inertias": grains.inertia[:seen]}
+    return case_from(table, grains.x[:seen, :2], grains.R[:seen], **motion)
 
 
 def noisy_record(record, seed):

@@ -36,6 +36,16 @@ def faces_of(shape, **sides):
     return faces
 
 
+def random_parts(shape, rng, shares=(0.8, 0.1, 0.1), dense=0.85):
+    """Random faces inside and at the ends, a random mask, some axes periodic."""
+    faces = rng.choice([LINKED, OPEN, ROUGH], (2 * len(shape), *shape), p=shares)
+    return {
+        "faces": faces.astype(np.uint8),
+        "dense": rng.random(shape) < dense,
+        "periodic": tuple(bool(a) for a in rng.random(len(shape)) < 0.5),
+    }
+
+
 def outflow(dense, faces, periodic):
     """The matrix L of the outflow: lap g = -L g/dx^2, cells in the order of `dense.ravel()`."""
     shape, dim = dense.shape, dense.ndim

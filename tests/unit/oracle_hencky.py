@@ -7,6 +7,7 @@ import math
 from itertools import pairwise
 
 import numpy as np
+import oracle_law
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
@@ -16,10 +17,7 @@ SAND = {
     "K": 1e6, "G": 5e5, "mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "rho_s": 2550.0, "d": 0.004,
     "t0": 1e-4, "p_averaging": 0.0, "reconnect_fluidity": 1.0,
 }  # fmt: skip
-FLOWS = (
-    "elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf", "ngf",
-)  # fmt: skip
-PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))}
+FLOWS = ("elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf", "ngf")
 
 
 # ---- between the arrays of the core and matrices ----
@@ -27,15 +25,12 @@ PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)), 3: ((0, 0), (1, 1), (2, 2), (0, 1
 
 def components(stress, dim):
     """(4|6, n) of matrices (n, 3, 3)."""
-    return np.ascontiguousarray([stress[:, i, j] for i, j in PLACES[dim]])
+    return np.ascontiguousarray(oracle_law.components(stress, dim).T)
 
 
 def matrices(stress):
     """(n, 3, 3) of components (4|6, n)."""
-    full = np.zeros((stress.shape[1], 3, 3))
-    for row, (i, j) in zip(stress, PLACES[2 if len(stress) == 4 else 3], strict=True):
-        full[:, i, j] = full[:, j, i] = row
-    return full
+    return oracle_law.tensor(stress.T, 2 if len(stress) == 4 else 3)
 
 
 def gradients(step, dim):
@@ -95,12 +90,8 @@ def friction(flow, q, dt, m, p, g_star, rate):
 
         def excess(mu):  # increases with mu
             inertial = slip(mu) * grain
-            steady = (
-                inertial / (inertial + q["I0"])
-                if not flow.startswith("linear")
-                else inertial / q["I0"]
-            )
-            return mu - q["mu_s"] - dmu * steady
+            most = 0.0 if flow.startswith("linear") else inertial
+            return mu - q["mu_s"] - dmu * inertial / (most + q["I0"])
 
         mu = bisected(excess, q["mu_s"], m)
         return mu, slip(mu) / mu
@@ -108,9 +99,7 @@ def friction(flow, q, dt, m, p, g_star, rate):
 
     def left(g):  # residual of the fluidity equation over g, which increases with g
         mu = m / (1 + q["G"] * dt * g / p)
-        drive = (q["mu_s"] - mu) * (
-            dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0
-        )
+        drive = (q["mu_s"] - mu) * (1.0 if flow.startswith("linear") else dmu / (q["mu_2"] - mu))
         return 1 + theta * (drive + dmu / q["I0"] * grain * rate) - g_star / g
 
     low, high = 1e-300, 1.0
@@ -184,9 +173,8 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
         grow = 0.0
         if flow.endswith("ngf"):
             mu = tau / p
-            drive = (mu - q["mu_s"]) * (
-                dmu / (q["mu_2"] - mu) if not flow.startswith("linear") else 1.0
-            )
+            share = 1.0 if flow.startswith("linear") else dmu / (q["mu_2"] - mu)
+            drive = (mu - q["mu_s"]) * share
             sink = dmu / q["I0"] * q["d"] * math.sqrt(q["rho_s"] / p) * mu * g
             grow = (drive - sink) / q["t0"]
         return np.concatenate([db.ravel(), [-np.trace(L), grow]])

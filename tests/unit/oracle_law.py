@@ -10,7 +10,7 @@ STRESS_PLACES = {2: ((0, 0), (1, 1), (2, 2), (0, 1)),
 
 def tensor(components, dim):
     """Components (n, 4 or 6) as symmetric matrices (n, 3, 3)."""
-    out = np.zeros((len(components), 3, 3))
+    out = np.zeros((len(components), 3, 3), dtype=components.dtype)
     for c, (i, j) in enumerate(STRESS_PLACES[dim]):
         out[:, i, j] = out[:, j, i] = components[:, c]
     return out
@@ -46,8 +46,8 @@ def law(name, q, stress, L, log_density, dt, equation_of_state=False):
 
 
 def split_trial(q, stress, L, dt):
-    """Pressure (n,) and deviator (n, 3, 3) of the elastic trial stress."""
-    identity = np.eye(3)
+    """Pressure (n,) and deviator (n, 3, 3) of the elastic trial stress, of floats or decimals."""
+    identity = np.eye(3, dtype=int)
     D, W = (L + L.transpose(0, 2, 1)) / 2, (L - L.transpose(0, 2, 1)) / 2
     volumetric = np.trace(D, axis1=1, axis2=2)[:, None, None] * identity
     elastic = (q["K"] - 2 * q["G"] / 3) * volumetric + 2 * q["G"] * D

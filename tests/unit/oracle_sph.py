@@ -10,15 +10,12 @@ def kernel(dim, h, d):
     """Weight W (n, n) and its gradient at a (n, n, dim), d = x_b - x_a: the cubic spline."""
     norm = 10 / (7 * np.pi * h**2) if dim == 2 else 1 / (np.pi * h**3)
     r = np.sqrt((d**2).sum(-1))
-    q = r / h
-    w = norm * np.where(
-        q < 1, 1 - 1.5 * q**2 + 0.75 * q**3, np.where(q < 2, 0.25 * (2 - q) ** 3, 0)
-    )
-    dw = (norm / h) * np.where(
-        q < 1, -3 * q + 2.25 * q**2, np.where(q < 2, -0.75 * (2 - q) ** 2, 0)
-    )
-    slope = np.divide(dw, r, out=np.zeros_like(r), where=r > 0)
-    return w, -slope[..., None] * d
+    near = r < 2 * h
+    q, w, slope = r[near] / h, np.zeros_like(r), np.zeros_like(d)
+    w[near] = norm * np.where(q < 1, 1 - 1.5 * q**2 + 0.75 * q**3, 0.25 * (2 - q) ** 3)
+    # dW/dr over r
+    slope[near] = np.where(q < 1, 2.25 * q - 3, -0.75 * (2 - q) ** 2 / np.maximum(q, 1))[:, None]
+    return w, -norm / h**2 * slope * d
 
 
 def seeding_gradient(dim, h, spacing):
@@ -61,10 +58,10 @@ def velocity_gradients(scene, pairs, x, v, volume, wall, walls, n_grains):
     for d, weight, grad in pairs:
         dv = v[None] - v[:, None]
         dv[wall[:, None] & wall[None]] = 0
-        for a, b in np.argwhere((wall[:, None] != wall[None]) & (weight > 0)):
-            w, sign = (a, 1) if wall[a] else (b, -1)
-            height = sign * normal[w] @ d[a, b] - depth[w]
-            dv[a, b] *= n.z_max if height <= 0 else min(n.z_max, 1 + depth[w] / height)
+        mixed = (wall[:, None] != wall[None]) & (weight > 0)
+        deep = (depth[:, None] + depth)[mixed]
+        height = ((normal[:, None] - normal) * d).sum(-1)[mixed] - deep
+        dv[mixed] *= np.minimum(n.z_max, 1 + deep / np.maximum(height, 1e-300))[:, None]
         L[:, :dim, :dim] += np.einsum("b,abi,abj->aij", volume, dv, grad)
     return L
 
@@ -96,8 +93,8 @@ def evaluate(scene, grains, walls, dt, gravity, elastic):
         beta = np.nan_to_num(np.clip(0.5 * np.trace(D, axis1=1, axis2=2) / rate, 0, m.dilation))
         mu = m.mu_l + (m.mu_h - m.mu_l) / (m.D_star / rate + 1)
 
-    turns = [expm(0.5 * dt * (a - a.T)) for a in L]
-    kept = np.array([Q @ E @ Q.T for Q, E in zip(turns, elastic, strict=True)])
+    turns = expm(0.5 * dt * (L - L.transpose(0, 2, 1)))
+    kept = turns @ elastic @ turns.transpose(0, 2, 1)
     K, nu = 1.5 * m.kappa, m.nu
     G = 3 * K * (1 - 2 * nu) / (2 * (1 + nu))
     eta = (n.regularisation * h**2 * rho / dt)[:, None, None]

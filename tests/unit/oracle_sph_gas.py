@@ -31,16 +31,18 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
     v_wall = scene.point_mass / scene.material.rho0
     n, A = np.zeros(len(x)), np.ones(len(x))
     solid, cover = np.zeros(len(x)), np.zeros(len(x))
-    shifts = images(scene, x)
 
-    def pairs(other, shift):
-        return kernel(scene.dim, h, other[None] + shift - x[:, None])
+    def pairs(other):
+        ways = [other[None] + shift - x[:, None] for shift in images(scene, x)]
+        return [(d, *kernel(scene.dim, h, d)) for d in ways]
 
+    gas_pairs, wall_pairs = pairs(x), pairs(walls["x"])
     w_grain = np.zeros((len(x), len(grains["x"])))
-    for shift in shifts:
-        n += pairs(x, shift)[0].sum(1)
-        A -= (pairs(walls["x"], shift)[0] * v_wall * (1 - walls["porosity"])).sum(1)
-        w = pairs(grains["x"], shift)[0]
+    for _, w, _ in gas_pairs:
+        n += w.sum(1)
+    for _, w, _ in wall_pairs:
+        A -= (w * v_wall * (1 - walls["porosity"])).sum(1)
+    for _, w, _ in pairs(grains["x"]):
         w_grain += w
         solid += (w * scene.point_mass / gas.grain_density).sum(1)
         cover += (w * scene.point_mass / grains["rho"]).sum(1)
@@ -53,9 +55,7 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
     p = gas.sound_speed**2 * rho - gas.pressure
 
     push, stop, about = np.zeros_like(x), np.zeros_like(x), np.zeros(len(x))
-    for shift in shifts:
-        d = x[None] + shift - x[:, None]
-        _, grad = pairs(x, shift)
+    for d, _, grad in gas_pairs:
         u = h * np.einsum("abi,abi->ab", v[None] - v[:, None], d) / ((d**2).sum(-1) + 0.01 * h**2)
         u = np.minimum(u, 0)
         R = 0.5 * ((mass / V)[:, None] + (mass / V)[None])
@@ -63,9 +63,8 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
         pull = p * V / n
         both = pull[:, None] + pull[None] + mass[:, None] * mass[None] * Q
         push -= np.einsum("ab,abi->ai", both, grad)
-        w, grad = pairs(walls["x"], shift)
+    for d, w, grad in wall_pairs:
         w = w * (1 - walls["porosity"])
-        d = walls["x"][None] + shift - x[:, None]
         height = -np.einsum("abi,bi->ab", d, walls["normal"]) - walls["depth"]
         about += w.sum(1)
         lack = w * np.maximum(1 - height / (NEAREST * h), 0)
@@ -77,9 +76,7 @@ def evaluate(scene, grains, walls, points, dry, dt, gravity):
 
     gain = np.zeros(len(x))
     slope = -push / V[:, None]
-    for shift in shifts:
-        d = x[None] + shift - x[:, None]
-        _, grad = pairs(x, shift)
+    for d, _, grad in gas_pairs:
         jump = p[None] - p[:, None]
         jump = jump - 0.5 * np.einsum("abi,abi->ab", slope[:, None] + slope[None], d)
         r2 = (d**2).sum(-1)

@@ -76,6 +76,13 @@ def regular_points(scene, per_axis=2, keep=None):
     return x if keep is None else x[keep(x)]
 
 
+def filled(scene, per_axis=2, keep=None, **fields):
+    """State of regular points with their mass; fields that are functions are those of x."""
+    x = regular_points(scene, per_axis, keep)
+    made = {name: f(x) if callable(f) else f for name, f in fields.items()}
+    return state(scene, x, **({"per_cell": per_axis ** x.shape[1]} | made))
+
+
 def isotropic(p, dim=2):
     """Stress rows of the pressures p."""
     p = np.asarray(p, dtype=float)

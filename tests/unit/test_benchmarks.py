@@ -1,6 +1,5 @@
 """The timing scripts run, and the chart of error against core-seconds computes correctly."""
 
-import importlib
 import json
 import sys
 from pathlib import Path
@@ -10,16 +9,10 @@ import pytest
 from PIL import Image
 
 import granular as gr
+from granular import verify
+from granular.verify.rows import Check, at_most
 
-FOLDER = Path(__file__).parents[2] / "benchmarks"
-RESULTS = FOLDER / "results"
-
-
-@pytest.fixture
-def module(monkeypatch):
-    """Module of the benchmarks, by its name."""
-    monkeypatch.syspath_prepend(FOLDER)
-    return importlib.import_module
+RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 
 
 def run(module, tmp_path, *options):
@@ -71,7 +64,6 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     """The table has a time for each scheme and state, with one thread and with two."""
     script, out = module("speed"), tmp_path / "speed.json"
@@ -94,7 +86,6 @@ def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_quick_roofline_is_written(module, tmp_path, capsys):
     """The bounds follow from the rates that were measured in the same run."""
     out = tmp_path / "roofline.json"
@@ -236,3 +227,174 @@ def test_digests_of_bits(module, tmp_path, monkeypatch, capsys):
     assert bits.compare(before, after, ["state v"]) == 1
     del after["slug, baseline, 1"]
     assert bits.compare(before, after, ["state v"]) == 2
+
+
+# ---- clogging silos ----
+
+
+@pytest.fixture
+def clogging():
+    """The committed table of clogging silos."""
+    return json.loads((RESULTS / "clogging.json").read_text())
+
+
+def keys(rows):
+    return {(row["scheme"], *row["case"]) for row in rows}
+
+
+def test_the_table_of_clogging_holds_every_case(module, clogging):
+    plan = module("clogging").Plan()
+    assert keys(clogging["diagram"]) == set(plan.diagram())
+    assert keys(clogging["substeps"]) == set(plan.subdivided())
+    assert keys(clogging["refined"]) == set(plan.refined())
+    assert len(clogging["refinement"]) == 4
+
+
+def test_the_lines_are_those_of_the_verdicts(module, clogging):
+    script = module("clogging")
+    assert script.plain(script.thresholds(clogging["diagram"])) == clogging["thresholds"]
+
+
+def test_the_gates_hold_in_the_table(clogging):
+    found = {(row["scheme"], *row["case"]): row["verdict"] for row in clogging["diagram"]}
+    schemes = {scheme for scheme, *_ in found}
+    assert len(schemes) == 2
+    for scheme in schemes:
+        assert found[scheme, 1.0, 1] == found[scheme, 2.0, 1] == "static"
+        assert found[scheme, 0.1, 1] == found[scheme, 1.0, 5] == "flowing"
+
+
+def test_velocities_of_refined_packings_agree(clogging):
+    for row in clogging["packings"]:
+        assert row["largest"] <= 0.10
+        assert row["standard_error"] < 0.03
+
+
+def test_two_by_two_cells_keep_means(module):
+    rng = np.random.default_rng(1)
+    axes = (np.arange(4) + 0.5, np.arange(6) + 0.5)
+    value, weight = rng.random((2, 4, 6))
+    value[:2, :2], weight[:2, :2] = np.nan, 0.0
+    value[2, 2], weight[2, 2] = np.nan, 0.0
+    coarse = module("clogging").coarsened(gr.measure.GridField(axes, value, weight, 1))
+    assert coarse.axes[1] == pytest.approx([1, 3, 5])
+    assert np.isnan(coarse.value[0, 0])
+    expected = np.nansum((value * weight)[2:, 2:4]) / weight[2:, 2:4].sum()
+    assert coarse.value[1, 1] == pytest.approx(expected, rel=1e-14)
+
+
+@pytest.mark.slow
+def test_a_quick_table_of_clogging_is_written_and_goes_on(module, tmp_path, capsys):
+    """A second call runs nothing: its rows have the same times."""
+    script = module("clogging")
+    chosen = ["--quick", "--folder", str(tmp_path / "runs"), "--out", str(tmp_path / "new.json")]
+    script.main(chosen)
+    first = json.loads((tmp_path / "new.json").read_text())
+    assert keys(first["diagram"]) == set(script.QUICK.diagram())
+    assert "W/d = 5" in capsys.readouterr().out
+    script.main(chosen)
+    assert json.loads((tmp_path / "new.json").read_text()) == first
+
+
+# ---- the density correction ----
+
+PAGE = "before\n<!-- table: begin -->\nold\n<!-- table: end -->\nafter\n"
+
+
+@pytest.fixture
+def correction(monkeypatch, module):
+    """The script, with a single fast check that knows the scheme it is given."""
+
+    def rows(scheme):
+        yield at_most("nodes | along an axis", 3.0 if scheme.basis == "quadratic" else 2.0, 2.5)
+        if scheme.transfer == "apic":
+            raise RuntimeError("went wrong")
+
+    fake = Check("density_correction_box", True, rows)
+    monkeypatch.setitem(verify.checks, "density_correction_box", fake)
+    return module("density_correction_table")
+
+
+def test_rows_are_kept_and_written_into_a_page(correction, tmp_path):
+    out, page = tmp_path / "new" / "table.json", tmp_path / "page.md"
+    page.write_text(PAGE)
+    common = ["--checks", "density_correction_box", "--out", str(out), "--schemes"]
+    correction.main([*common, "default", "quadratic APIC"])
+    correction.main([*common, "default", "published", "--page", str(page)])
+    results = json.loads(out.read_text())
+    assert [r["scheme"] for r in results] == ["quadratic APIC", "default", "published"]
+    assert results[0]["rows"][1][:2] == ["RuntimeError: went wrong", "stopped"]
+    assert results[1]["rows"] == [["nodes | along an axis", "3", "<= 2.5", False]]
+    assert {"commit", "compiler", "isa", "machine", "seconds"} <= results[1].keys()
+    text = page.read_text()
+    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert "| nodes \\| along an axis | <= 2.5 | 3 **!** | 2 | 3 **!** |" in text
+    assert "| quantity | asked | default | published | quadratic APIC |" in text
+    correction.write_page(page, results)
+    assert page.read_text() == text
+
+
+def test_every_check_is_offered(correction):
+    assert set(correction.CHECKS) == {
+        name for name in verify.checks if name.startswith("density_correction_")
+    }
+
+
+# ---- tools in soil ----
+
+
+@pytest.fixture
+def runs(monkeypatch, module, tmp_path):
+    """The script with tiny cases of two names, with its results in a separate folder."""
+    script = module("three_d")
+    size = {"cell": 0.05, "length": 0.6, "width": 0.2, "start": 0.2, "headroom": 0.15}
+    fast = {"speed": 0.2, "dive_speed": 0.1, "travel": 0.1, "blade": (0.05, 0.1, 0.4)}
+    roll = {"length": 0.6, "soil": 0.1, "width": 0.2, "tread": 0.1, "start": 0.2, "duration": 0.4}
+    ring = {"inner": 0.05, "outer": 0.1, "height": 0.03, "omega": 1.0, "duration": 0.3}
+    cases = {
+        "couette_shallow": lambda: gr.scenes.couette(cell=0.01, **ring),
+        "excavation_5": lambda: script.excavation(0.05, **size, **fast),
+        "excavation_5_whole": lambda: script.excavation(0.05, half=False, **size, **fast),
+        "narrow_5": lambda: script.excavation(0.05, **size, **fast),
+        "wheel_20": lambda: gr.scenes.wheel(cell=0.05, settle=0.1, ramp=0.05, **roll),
+        "excavator": lambda: gr.scenes.excavator(cell=0.05, speed=0.4, duration=0.6, ramp=0.02),
+    }
+    monkeypatch.setattr(script, "CASES", cases)
+    monkeypatch.setattr(script, "RESULTS", tmp_path / "results.json")
+    return script
+
+
+@pytest.mark.slow
+def test_runs_and_pictures(runs, module, tmp_path):
+    runs.main([*runs.CASES, "--records", str(tmp_path / "records")])
+    table = json.loads((tmp_path / "results.json").read_text())
+    assert list(table) == list(runs.CASES)
+    assert table["excavation_5"]["lateral"] == 0 != table["excavation_5_whole"]["lateral"]
+    assert 0 < table["couette_shallow"]["mean_error"] < table["couette_shallow"]["error"] < 0.5
+    assert table["narrow_5"]["forward"] > 0 and len(table["narrow_5"]["course"]) == 5
+    assert table["wheel_20"]["load"] > 0 and table["wheel_20"]["pull_over_load"] == pytest.approx(
+        table["wheel_20"]["drawbar_pull"] / table["wheel_20"]["load"]
+    )
+    places = {"records": "records", "results": "results.json", "out": "out"}
+    options = [text for name, at in places.items() for text in (f"--{name}", str(tmp_path / at))]
+    module("tools_in_soil").main(options)
+    written = sorted(path.stem for path in (tmp_path / "out").iterdir())
+    tools = ("below_wheels", "convergence", "excavation_5", "excavator", "failure", "forces")
+    assert written == ["couette_profile", *(f"tools_{name}" for name in (*tools, "wheel"))]
+    for path in (tmp_path / "out").iterdir():
+        with Image.open(path) as picture:
+            assert min(picture.size) > 300
+
+
+def test_unknown_cases_are_refused(runs, capsys):
+    with pytest.raises(SystemExit):
+        runs.main(["nonsense"])
+    assert "must be among" in capsys.readouterr().err
+    runs.main([])
+    assert capsys.readouterr().out.split() == list(runs.CASES)
+
+
+def test_all_cases_are_scenes(module):
+    """Each case can be built: its sizes fit together."""
+    scenes = [make() for make in module("three_d").CASES.values()]
+    assert all(scene.bodies for scene in scenes)

@@ -95,14 +95,10 @@ def test_contact_of_all_nodes(shape, contact):
     turning = (1.5,) if dim == 2 else ((0.4, -1.5, 0.3),)
     motion = Motion(velocity=((0.3, -0.4, 0.2)[:dim],), angular_velocity=turning)
     friction = 0.0 if contact == "sticky" else 0.4
-    body = Body(
-        shape,
-        (0.33, 0.21, 0.22)[:dim] if dim == 3 else (0.33, 0.24),
-        rotation_deg=15.0 if dim == 2 else (15.0, 5.0, -10.0),
-        motion=motion,
-        contact=contact,
-        friction=friction,
-    )
+    place = (0.33, 0.21, 0.22) if dim == 3 else (0.33, 0.24)
+    turned = 15.0 if dim == 2 else (15.0, 5.0, -10.0)
+    meets = {"motion": motion, "contact": contact, "friction": friction}
+    body = Body(shape, place, rotation_deg=turned, **meets)
     scene = scene_of(body, dim=dim)
     sim, nodes = grid_of(scene)
     _, free = grid_of(scene.replace(bodies=()))
@@ -130,13 +126,9 @@ def test_contact_of_all_nodes(shape, contact):
 @pytest.mark.parametrize("contact", ["sticky", "separating"])
 def test_free_body_takes_up_the_impulse(contact, mass):
     """Free bodies with a hundredth of the mass of the nodes they touch, and heavy ones."""
+    motion = Motion(velocity=((0.2, -0.5),))
     body = Body(
-        Box((0.31, 0.25)),
-        (0.31, 0.27),
-        motion=Motion(velocity=((0.2, -0.5),)),
-        contact=contact,
-        free="y",
-        mass=mass,
+        Box((0.31, 0.25)), (0.31, 0.27), motion=motion, contact=contact, free="y", mass=mass
     )
     scene = scene_of(body)
     sim, nodes = grid_of(scene)
@@ -303,26 +295,15 @@ def test_core_refuses_bad_rows():
     for bad in (good[:, :18], good.astype(np.float32), good * np.nan, np.zeros_like(good), None):
         with pytest.raises((TypeError, ValueError)):
             sim._engine.restore_bodies(bad)
+    without = gr.Simulation(scene.replace(bodies=()), threads=1).checkpoint()
+    with pytest.raises(ValueError, match="bodies"):
+        gr.Simulation.from_checkpoint(scene, without)
     rows = BOX.rows()
-    for column, value in (
-        (0, 3.0),
-        (0, 4.0),
-        (0, -1.0),
-        (2, np.inf),
-        (5, np.nan),
-        (14, -1.0),
-        (14, np.nan),
-    ):
+    columns, values = [0, 0, 0, 2, 5, 14, 14], [3.0, 4.0, -1.0, np.inf, np.nan, -1.0, np.nan]
+    for column, value in zip(columns, values, strict=True):
         bad = rows.copy()
         bad[0, column] = value
         with pytest.raises(ValueError):
             _core.body_distance(bad, (), np.zeros((1, 3)))
     with pytest.raises(ValueError):
         _core.body_distance(np.tile(rows, (257, 1)), (), np.zeros((1, 3)))
-
-
-def test_checkpoint_without_bodies_is_refused():
-    scene = scene_of()
-    point = gr.Simulation(scene, threads=1).checkpoint()
-    with pytest.raises(ValueError, match="bodies"):
-        gr.Simulation.from_checkpoint(scene.replace(bodies=(Body(BOX, (0.3, 5.0)),)), point)

@@ -1,13 +1,15 @@
-"""C0 lines, node positions and node codes, checked by hand on tiny grids."""
+"""C0 lines, node positions and codes by hand on tiny grids; sponge layers."""
 
 import math
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from schemes_by_name import scheme_of
 from scipy.interpolate import BSpline
 
-from granular.geometry import Grid
+import granular as gr
+from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes, node_positions
 from granular.mpm.schemes import Scheme
@@ -100,12 +102,7 @@ def test_no_slip_floor_and_symmetry_plane():
     walls = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
     assert fixed(walls) == [[3, 3, 3, 3], [1, 0, 0, 0], [1, 0, 0, 0]]
     assert fixed(walls, basis="ugimp") == fixed(walls)
-    assert fixed(walls, basis="quadratic") == [
-        [3, 3, 3, 3, 3],
-        [1, 0, 0, 0, 0],
-        [1, 0, 0, 0, 0],
-        [1, 0, 0, 0, 0],
-    ]
+    assert fixed(walls, basis="quadratic") == [[3, 3, 3, 3, 3], *[[1, 0, 0, 0, 0]] * 3]
     codes, rows = coded(walls)
     assert codes.dtype == np.uint8 and codes.flags.c_contiguous
     assert sorted(row.fixed for row in rows) == [1, 3]
@@ -186,26 +183,14 @@ def test_periodic_axis():
         fixed(floor, periodic=(True, False), basis="quadratic")
 
 
-def test_no_slip_block():
+def test_blocks_by_faces():
     block = (Solid((1.0, 0.0), (2.0, 1.0), kind="no_slip"),)
     assert fixed(block) == [[0, 3, 3, 0], [0, 3, 3, 0], [0, 0, 0, 0]]
-
-
-def test_free_slip_block_by_faces():
     block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
-    assert fixed(block, shape=(5, 5)) == [
-        [0, 0, 0, 0, 0, 0],
-        [0, 3, 2, 2, 3, 0],
-        [0, 1, 3, 3, 1, 0],
-        [0, 1, 3, 3, 1, 0],
-        [0, 3, 2, 2, 3, 0],
-        [0, 0, 0, 0, 0, 0],
-    ]
-
-
-def test_free_slip_block_of_quadratic_splines_lets_material_slide_along_its_faces():
-    # nodes at 0, 0.5, ..., 4.5, 5; inside from 1.5; 0.5 deep at 1.5 and 3.5, 1.5 deep at 2.5
-    block = (Solid((1.0, 1.0), (4.0, 4.0), kind="free_slip"),)
+    faces = np.pad([[3, 2, 2, 3], [1, 3, 3, 1], [1, 3, 3, 1], [3, 2, 2, 3]], 1)
+    assert fixed(block, shape=(5, 5)) == faces.tolist()
+    # quadratic splines, which let material slide along the faces: nodes at 0, 0.5, ..., 4.5, 5;
+    # inside from 1.5; 0.5 deep at 1.5 and 3.5, 1.5 deep at 2.5
     inner = np.array(fixed(block, shape=(5, 5), basis="quadratic"))
     assert inner[2:5, 2:5].tolist() == [[3, 2, 3], [1, 3, 1], [3, 2, 3]]
     assert inner.sum() == inner[2:5, 2:5].sum()
@@ -289,6 +274,9 @@ def test_gravity_is_linear_between_and_held_outside():
         (lambda: Solid((0, 0), (0, 1)), ValueError, r"upper\[0\] = 0.0 must exceed"),
         (lambda: Solid((0, 0), (1, 1), kind="coulomb"), ValueError, "kind = 'coulomb'"),
         (lambda: SpongeLayer(1, math.inf), ValueError, "above = inf"),
+        (lambda: SpongeLayer(1, 0.5, 0.0), ValueError, "damping = "),
+        (lambda: SpongeLayer(1, 0.5, -1.0), ValueError, "damping = "),
+        (lambda: SpongeLayer(1, 0.5, math.nan), ValueError, "damping = "),
         (lambda: Gravity((0.0, 0.0), ((0, 0), (0, 1))), ValueError, "must ascend"),
         (lambda: Gravity((0.0,), ((0, 0), (0, 1))), ValueError, "as many as vectors"),
         (lambda: Gravity((), ()), ValueError, "at least one"),
@@ -300,3 +288,52 @@ def test_gravity_is_linear_between_and_held_outside():
 def test_parts_refuse(make, error, message):
     with pytest.raises(error, match=message):
         make()
+
+
+# ---- sponge layers ----
+
+
+SCHEMES = [
+    ("linear", "flip", "particle"),
+    ("linear", "tpic", "cell_averaged"),
+    ("quadratic", "apic", "particle"),
+    ("quadratic", "tpic", "smoothed"),
+]
+
+
+def moved(velocity, sponge, combination, steps=10):
+    """A cloud without weight that moves as a whole, in the middle of 8 m by 8 m."""
+    basis, transfer, density = combination
+    scene = gr.Scene(
+        name="cloud",
+        grid=Grid((0.0, 0.0), 1.0, (8, 8)),
+        fills=(Fill(Box((2.0, 2.0), (6.0, 6.0)), 4, velocity=velocity),),
+        material=gr.materials.MuI(E=1e5),
+        scheme=scheme_of(basis, transfer, density, dt=1e-3),
+        sponge_layers=(sponge,),
+        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        duration=1.0,
+    )
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(steps)
+    return sim.state
+
+
+@pytest.mark.parametrize("combination", SCHEMES, ids="-".join)
+@pytest.mark.parametrize("axis", [0, 1])
+def test_what_rises_slows_down_at_the_rate(combination, axis):
+    """The whole cloud lies in the layer, so that each step removes the same fraction."""
+    for sign in (1.0, -1.0):
+        velocity = tuple(sign * (2.0 if d == axis else 0.5) for d in range(2))
+        state = moved(velocity, SpongeLayer(axis, 1.0, damping=30.0), combination)
+        left = math.exp(-30.0 * 0.01) if sign > 0 else 1.0
+        assert state.v[:, axis] == pytest.approx(2.0 * sign * left, rel=1e-12)
+        assert state.v[:, 1 - axis] == pytest.approx(0.5 * sign, rel=1e-12)
+
+
+def test_at_once_by_default_and_only_above():
+    state = moved((0.0, 1.0), SpongeLayer(1, 4.0), SCHEMES[0], steps=1)
+    above = state.x[:, 1] >= 4.0
+    assert above.any() and not above.all()
+    np.testing.assert_array_equal(state.v[above, 1], 0.0)
+    assert state.v[~above, 1] == pytest.approx(1.0, rel=1e-12)

@@ -73,9 +73,6 @@ def test_what_has_no_value_has_no_verdict(scene):
     assert seen["ill_posed"].value == 0.7
     with pytest.raises(KeyError):
         empty["luck"]
-
-
-def test_health_shows_itself(scene):
     seen = health(scene, samples(disconnected=[0.5]))
     assert "disconnected  0.5 (limit 0.1): suspect" in str(seen)
     assert "<table>" in seen._repr_html_()
@@ -86,12 +83,10 @@ def test_health_shows_itself(scene):
 
 
 def test_samples_are_far_apart(scene):
-    watch = Monitor(scene)
-    assert watch.due(0, 8000)  # to open the accounts
-    assert not watch.due(1000, 8000)
-    assert watch.due(2250, 8000)
-    assert not watch.due(2250, 100)
-    assert watch.due(22_000, 100)
+    """The first opens the accounts."""
+    due = Monitor(scene).due
+    assert due(0, 8000) and due(2250, 8000) and due(22_000, 100)
+    assert not due(1000, 8000) and not due(2250, 100)
 
 
 def test_a_run_samples_unless_told_not_to(scene, often):
@@ -159,11 +154,9 @@ def test_samples_are_recorded_and_read(scene, often, tmp_path, capsys):
     sim.run(until=0.1, every=0.02, save=tmp_path / "a.h5")
     with gr.open(tmp_path / "a.h5") as record:
         told = record.samples
-        assert set(told) == set(NAMES)
-        assert np.isnan(told["courant"][0])
-        np.testing.assert_array_equal(
-            np.array([told[name][1:] for name in NAMES]).T, np.array(sim._monitor.rows)
-        )
+        assert set(told) == set(NAMES) and np.isnan(told["courant"][0])
+        rows = np.array([told[name][1:] for name in NAMES]).T
+        np.testing.assert_array_equal(rows, np.array(sim._monitor.rows))
         seen = record.health()
         assert seen.samples == len(record) == 6
         assert record[2:4].health().samples == 2

@@ -1,7 +1,6 @@
 """The scripts about economy run, and the error laws bound the runs in the committed table."""
 
 import argparse
-import importlib
 import json
 from pathlib import Path
 
@@ -15,27 +14,20 @@ FOLDER = Path(__file__).parents[2] / "benchmarks"
 
 
 @pytest.fixture
-def script(monkeypatch):
-    """Script by its name, as a module."""
-    monkeypatch.syspath_prepend(FOLDER)
-    return importlib.import_module
-
-
-@pytest.fixture
-def table(script):
+def table(module):
     """The committed runs: {case: numbers}."""
     rows = json.loads((FOLDER / "results" / "economy.json").read_text())["rows"]
-    case = script("economy").Case
+    case = module("economy").Case
     return {case(**row["case"]).key: row["numbers"] for row in rows}
 
 
-def test_the_table_holds_every_case(script, table):
-    cases = [case.key for group in script("economy").GROUPS.values() for case in group()]
+def test_the_table_holds_every_case(module, table):
+    cases = [case.key for group in module("economy").GROUPS.values() for case in group()]
     assert len(cases) == len(set(cases)) and set(cases) == set(table)
 
 
-def test_cases_hold_the_damping(script):
-    case = script("economy").Case
+def test_cases_hold_the_damping(module):
+    case = module("economy").Case
     soft = case("silo", {"orifice": 0.2}, 1e6, held=1e8).build()
     assert soft.material.E == 1e6
     assert soft.scheme.tpic_decay == pytest.approx(0.3)
@@ -71,11 +63,11 @@ def uncertainty(found):
 
 
 @pytest.mark.parametrize("name", list(bias.LAWS), ids="-".join)
-def test_laws_bound_the_runs(script, table, name):
+def test_laws_bound_the_runs(module, table, name):
     """The mean error of softer runs over the seedings is within the law."""
     scene, scheme = name
     law, groups = bias.LAWS[name], {}
-    cases = [case for case in script("economy").GROUPS[scene]() if case.scheme == scheme]
+    cases = [case for case in module("economy").GROUPS[scene]() if case.scheme == scheme]
     for case in cases:
         stiff = reference(case, law, cases)
         if stiff is not None:
@@ -96,12 +88,12 @@ def test_laws_bound_the_runs(script, table, name):
     assert compared >= 2
 
 
-def test_what_runs_are_said_to_cost_was_measured(script):
+def test_what_runs_are_said_to_cost_was_measured(module):
     """Costs with one thread: mean of seeded and collapsed small columns; quarters of cylinders."""
     table = json.loads((FOLDER / "results" / "speed.json").read_text())
     single = [row for row in table["rows"] if row["threads"] == 1]
     fewest = min(row["points"] for row in single)
-    for name, scheme in script("speed").SCHEMES.items():
+    for name, scheme in module("speed").SCHEMES.items():
         plane = [r["ns"] for r in single if r["scheme"] == name and r["points"] == fewest]
         space = [r["ns"] for r in table["space"] if r["scheme"] == name]
         assert len(plane) == 2 and len(space) == 1
@@ -109,8 +101,8 @@ def test_what_runs_are_said_to_cost_was_measured(script):
         assert nanoseconds(scheme, 3) == pytest.approx(space[0], rel=0.3)
 
 
-def test_all_figures_are_drawn(script):
-    paper = script("paper_in_half_an_hour")
+def test_all_figures_are_drawn(module):
+    paper = module("paper_in_half_an_hour")
     assert sorted(paper.SCRIPTS) == sorted(p.stem for p in paper.FIGURES.glob("figure*.py"))
     chosen = argparse.Namespace(out=Path("there"), quick=False, tolerance=0.02)
     assert "--tolerance" not in paper.arguments_of("figure_13", chosen)
@@ -118,19 +110,18 @@ def test_all_figures_are_drawn(script):
     assert float(paper.arguments_of("figure_3", chosen)[-1]) == paper.LEAST["figure_3"]
 
 
-def test_a_tolerance_starts_from_the_papers_stiffness(script, monkeypatch):
-    monkeypatch.syspath_prepend(FOLDER / "figures")
-    common = script("common")
+def test_a_tolerance_starts_from_the_papers_stiffness(module):
+    common = module("common")
     chosen = common.options("", ["--tolerance", "0.05"])
     assert chosen.E == common.PUBLISHED_E == 1e9 and "at 0.05" in chosen.note
     assert common.options("", []).tolerance is None
 
 
 @pytest.mark.slow
-def test_draining_and_quick_tables_run(script, tmp_path):
-    script("draining").main(["--quick", "--out", str(tmp_path / "draining.json")])
+def test_draining_and_quick_tables_run(module, tmp_path):
+    module("draining").main(["--quick", "--out", str(tmp_path / "draining.json")])
     rows = json.loads((tmp_path / "draining.json").read_text())["silo"]
     assert rows[2]["cells"] < 0.6 * rows[0]["cells"]
     out = tmp_path / "economy.json"
-    script("economy").main(["--quick", "--only", "silo", "--out", str(out)])
+    module("economy").main(["--quick", "--only", "silo", "--out", str(out)])
     assert len(json.loads(out.read_text())["rows"]) == 1

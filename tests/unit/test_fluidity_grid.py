@@ -1,11 +1,11 @@
-"""Diffusion of the fluidity on a grid: plain matrix, same bits, sums, bounds, bad input."""
+"""Diffusion of the fluidity on a grid: plain matrices, same bits, sums, bounds, bad input."""
 
 import math
 
 import numpy as np
 import oracle_fluidity as oracle
 import pytest
-from oracle_fluidity import LINKED, OPEN, ROUGH, diffuse, faces_of, number_k
+from oracle_fluidity import LINKED, OPEN, ROUGH, diffuse, faces_of, number_k, random_parts
 
 from granular import _core
 
@@ -19,12 +19,7 @@ SHORT = 2e-3
 def random_grid(shape, seed):
     """Random faces inside and at the ends, a random mask, some axes periodic, any size."""
     rng = np.random.default_rng(seed)
-    faces = rng.choice([LINKED, OPEN, ROUGH], (2 * len(shape), *shape), p=[0.8, 0.1, 0.1]).astype(
-        np.uint8
-    )
-    dense = rng.random(shape) < 0.85
-    periodic = tuple(bool(a) for a in rng.random(len(shape)) < 0.5)
-    return {"faces": faces, "dense": dense, "periodic": periodic}, 10 ** rng.uniform(-6, 1, shape)
+    return random_parts(shape, rng), 10 ** rng.uniform(-6, 1, shape)
 
 
 @pytest.mark.parametrize("isa", ISAS)
@@ -33,7 +28,7 @@ def random_grid(shape, seed):
 def test_a_step_is_that_of_the_plain_matrix(method, shape, isa):
     for seed in range(8):
         parts, g = random_grid(shape, seed)
-        L = oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
+        L = oracle.outflow(**parts)
         start = np.where(parts["dense"], g, 0.0)
         limit = diffuse(g, method="explicit", dt=1e-9, steps=0, **parts)[1]["limit"]
         dt = (0.9 if method == "explicit" else 7.0) * min(limit, 4e-3)
@@ -64,7 +59,7 @@ def test_backward_euler_is_an_m_matrix(shape):
         parts, _ = random_grid(shape, seed)
         k = number_k(1.0)
         matrix = np.eye(parts["dense"].size)
-        matrix += k * oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
+        matrix += k * oracle.outflow(**parts)
         assert (matrix - np.diag(np.diag(matrix)) <= 0).all()
         inverse = np.linalg.inv(matrix)
         assert inverse.min() >= -1e-16
@@ -103,7 +98,7 @@ def test_a_fluidity_that_dies_out_is_no_error(method):
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8, 1e-12])
 def test_tolerance_bounds_the_error_of_backward_euler(tolerance):
     parts, g = random_grid((20, 20), 1)
-    L = oracle.outflow(parts["dense"], parts["faces"], parts["periodic"])
+    L = oracle.outflow(**parts)
     dense = np.where(parts["dense"], g, 0).ravel()
     for dt in (1e-4, 0.1):  # the tolerance is relative to the change, however short the step
         k = number_k(dt)
@@ -278,15 +273,12 @@ def test_arguments_are_checked(change, text):
         diffuse(np.ones((3, 4)), **change)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -1e-3, 1e61])
-def test_values_are_checked(bad):
-    g = np.ones((3, 4))
-    g[1, 2] = bad
-    with pytest.raises(ValueError, match=r"g\[6\] = .* is outside the range"):
-        diffuse(g)
-
-
-def test_kinds_of_arrays_are_checked():
+def test_values_and_kinds_of_arrays_are_checked():
+    for bad in (math.nan, math.inf, -1e-3, 1e61):
+        g = np.ones((3, 4))
+        g[1, 2] = bad
+        with pytest.raises(ValueError, match=r"g\[6\] = .* is outside the range"):
+            diffuse(g)
     with pytest.raises(TypeError, match="g has dtype"):
         diffuse(np.ones((3, 4), dtype=np.float32))
     with pytest.raises(TypeError, match="dense has dtype"):
@@ -302,3 +294,135 @@ def test_kinds_of_arrays_are_checked():
         diffuse(np.ones((3, 4)), faces=shared, dense=shared[0].view(bool))
     with pytest.raises(TypeError):
         _core.fluidity_diffuse()
+
+
+# ---- the isotropic stencil: weights, mirrors at surfaces and walls, eigenvalues ----
+
+
+SHARES = {2: {1: 4 / 6, 2: 1 / 6}, 3: {1: 14 / 30, 2: 3 / 30, 3: 1 / 30}}
+STIFFEST = {2: 16 / 3, 3: 92 / 15}
+TINY = 1e-5
+"""Time step [s] so short that the change is L g but for round-off."""
+
+
+def outflow(dense, faces, periodic):
+    """Matrix L of the stencil, column by column from explicit steps of single cells."""
+    columns = []
+    for i in range(dense.size):
+        g = np.zeros(dense.size)
+        g[i] = 1.0
+        after, _ = diffuse(
+            g.reshape(dense.shape), stencil="isotropic", method="explicit", dt=TINY,
+            faces=faces, dense=dense, periodic=periodic,
+        )  # fmt: skip
+        columns.append((dense.ravel() * g - after.ravel()) / number_k(TINY))
+    return np.array(columns).T
+
+
+def mirrored(g, ends, periodic):
+    """The grid with one more cell at each end: its mirror image, times -1 at no-slip ends."""
+    dim = g.ndim
+    for axis in range(dim):
+        place = dim - 1 - axis
+        if periodic[axis]:
+            width = [(1, 1) if k == place else (0, 0) for k in range(dim)]
+            g = np.pad(g, width, mode="wrap")
+            continue
+        low, high = np.take(g, [0], place), np.take(g, [-1], place)
+        signs = [-1 if ends[2 * axis + side] == ROUGH else 1 for side in (0, 1)]
+        g = np.concatenate([signs[0] * low, g, signs[1] * high], axis=place)
+    return g
+
+
+def plain_outflow(g, ends, periodic):
+    """L g of a box of dense cells, computed from its mirror images."""
+    wide = mirrored(g, ends, periodic)
+    inner = tuple(slice(1, -1) for _ in g.shape)
+    out = np.zeros_like(g)
+    for step in np.ndindex((3,) * g.ndim):
+        axes = sum(s != 1 for s in step)
+        if axes:
+            shifted = tuple(slice(s, s + n) for s, n in zip(step, g.shape, strict=True))
+            out += SHARES[g.ndim][axes] * (wide[inner] - wide[shifted])
+    return out
+
+
+@pytest.mark.parametrize(
+    "shape", [(9, 11), (1, 12), (2, 5), (4, 3, 6), (1, 3, 2), (3, 1, 1)], ids=str
+)
+def test_a_box_is_a_part_of_its_mirror_images(shape):
+    rng = np.random.default_rng(2)
+    names = [f"{axis}_{side}" for axis in "xyz"[: len(shape)] for side in ("low", "high")]
+    for _ in range(8):
+        ends = rng.choice([OPEN, ROUGH], 2 * len(shape))
+        periodic = tuple(bool(p) for p in rng.random(len(shape)) < 0.3)
+        kinds = [LINKED if periodic[k // 2] else end for k, end in enumerate(ends)]
+        g = rng.random(shape)
+        faces = faces_of(shape, **dict(zip(names, kinds, strict=True)))
+        after, _ = diffuse(
+            g, stencil="isotropic", method="explicit", dt=TINY, faces=faces, periodic=periodic
+        )
+        wanted = g - number_k(TINY) * plain_outflow(g, kinds, periodic)
+        np.testing.assert_allclose(after, wanted, rtol=0, atol=1e-15)
+
+
+def random_walls(shape, seed):
+    """Random walls and dense cells; for some seeds all cells dense, or no walls."""
+    shares = [(0.8, 0.1, 0.1), (1.0, 0.0, 0.0), (0.3, 0.0, 0.7)][seed % 3]
+    dense = (1.0, 0.8, 0.5)[seed // 3 % 3]
+    return random_parts(shape, np.random.default_rng(seed), shares, dense)
+
+
+@pytest.mark.parametrize("shape", [(6, 7), (1, 5), (2, 2, 3), (3, 4, 5)], ids=str)
+def test_matrix_of_any_grid(shape):
+    """The matrix is symmetric, an M-matrix, and has no eigenvalue beyond the limit."""
+    for seed in range(18):
+        parts = random_walls(shape, seed)
+        L = outflow(**parts)
+        np.testing.assert_allclose(L, L.T, rtol=0, atol=1e-9)
+        off = L - np.diag(np.diag(L))
+        assert off.max() <= 1e-9
+        assert (L.sum(axis=1) >= -1e-9).all()
+        assert not L[~parts["dense"].ravel()].any()
+        assert np.linalg.eigvalsh(L).max() <= STIFFEST[len(shape)] + 1e-9
+
+
+@pytest.mark.parametrize(("shape", "limit"), [((8, 8), 3 / 8), ((8, 8, 8), 15 / 46)], ids=str)
+def test_limit_is_that_of_the_shortest_wave(shape, limit):
+    """The stiffest wave decays just below the limit; at the limit the step is refused."""
+    step = limit / number_k(1.0)
+    wave = sum(np.indices(shape)) % 2 * 2.0 - 1.0
+    both = {"periodic": (True,) * len(shape), "stencil": "isotropic", "method": "explicit"}
+    after, report = diffuse(1.0 + 0.5 * wave, dt=0.999 * step, **both)
+    assert report["limit"] == pytest.approx(step, rel=1e-14)
+    np.testing.assert_allclose((after - 1.0) / wave, 0.5 * (1 - 2 * 0.999), rtol=1e-12)
+    with pytest.raises(ValueError, match=r'limit of the explicit .* "isotropic"'):
+        diffuse(wave + 1.0, dt=step, **both)
+
+
+@pytest.mark.parametrize("method", ["explicit", "implicit", "rkl2"])
+@pytest.mark.parametrize("isa", ["baseline", ""])
+def test_methods_and_threads(method, isa):
+    """A long step of each method against the matrix; the same bits for any number of threads."""
+    for shape, seed in (((5, 6), 3), ((3, 4, 5), 0), ((3, 4, 5), 1)):
+        parts = random_walls(shape, seed)
+        g = np.random.default_rng(seed).random(shape)
+        L = outflow(**parts)
+        value, vectors = np.linalg.eigh((L + L.T) / 2)
+        dt = 0.9 * 0.3 / number_k(1.0) if method == "explicit" else 2e-2 / number_k(1.0)
+        found, _ = diffuse(g, stencil="isotropic", method=method, dt=dt, isa=isa, **parts)
+        k = number_k(dt)
+        growth = {"explicit": 1 - k * value, "implicit": 1 / (1 + k * value)}.get(method)
+        if growth is None:  # second-order methods
+            growth = np.exp(-k * value)
+        wanted = vectors @ (growth * (vectors.T @ (parts["dense"] * g).ravel()))
+        error = 2e-3 if method == "rkl2" else 1e-11
+        np.testing.assert_allclose(found.ravel(), np.maximum(wanted, 0), rtol=0, atol=error)
+    rng = np.random.default_rng(4)
+    g, dense = rng.random((20, 20, 20)), rng.random((20, 20, 20)) < 0.7
+    many = [
+        diffuse(g, stencil="isotropic", method=method, dt=2e-3, dense=dense, threads=t, isa=isa)[0]
+        for t in (1, 2, 3)
+    ]
+    assert np.array_equal(many[0], many[1])
+    assert np.array_equal(many[0], many[2])

@@ -19,6 +19,7 @@ from granular.geometry import (
 )
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))
+UNIT_BOX = Box((0, 0), (1, 1))
 
 
 def test_grid_derives_dimension_upper_corner_and_lines():
@@ -85,11 +86,7 @@ def test_cylinder_stands_on_its_base():
         (lambda: Union(()), ValueError, "at least one"),
         (lambda: Union((1,)), TypeError, "must be a Region"),
         (lambda: Union((Box((0, 0), (1, 1)), Disc((0, 0, 0), 1))), ValueError, "dimension"),
-        (
-            lambda: Intersection((Box((0, 0), (1, 1)), Box((2, 2), (3, 3)))),
-            ValueError,
-            "must overlap",
-        ),
+        (lambda: Intersection((UNIT_BOX, Box((2, 2), (3, 3)))), ValueError, "must overlap"),
         (lambda: Box((0, 0), (1, 1)).contains([0.5, 0.5]), ValueError, r"\(n, 2\)"),
         (lambda: Fill(Box((0, 0), (1, 1)), 5), ValueError, "square of an integer"),
         (lambda: Fill(Disc((0, 0, 0), 1), 4), ValueError, "cube of an integer"),
@@ -105,12 +102,10 @@ def test_parts_refuse(make, error, message):
 
 
 def test_seeding_lattice_of_a_cell_by_hand():
-    points = seed_points(
-        Grid((1.0, 2.0), 0.5, (2, 2)), [Fill(Box((1, 2), (1.5, 2.5)), 4)], 0, 1000.0
-    )
-    assert np.allclose(
-        points.x, [(1.125, 2.125), (1.375, 2.125), (1.125, 2.375), (1.375, 2.375)], atol=1e-15
-    )
+    fill = Fill(Box((1, 2), (1.5, 2.5)), 4)
+    points = seed_points(Grid((1.0, 2.0), 0.5, (2, 2)), [fill], 0, 1000.0)
+    expected = [(1.125, 2.125), (1.375, 2.125), (1.125, 2.375), (1.375, 2.375)]
+    assert np.allclose(points.x, expected, atol=1e-15)
     assert np.allclose(points.volume, 0.25**2)
     assert points.density.tolist() == [1000.0] * 4
     assert not points.v.any()

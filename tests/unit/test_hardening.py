@@ -38,15 +38,13 @@ def step(dim, gradient, c, stress, q, isa="", dt=1e-3):
 
 
 @pytest.mark.parametrize("isa", available())
-@pytest.mark.parametrize("dim", [2, 3])
 def test_a_step_returns_to_the_cone_of_its_start(dim, isa):
     """Comparison with matrix functions of scipy; q grows by the norm of the plastic strain."""
     rng, n = np.random.default_rng(dim), 320
     gradient = np.zeros((n, 3, 3))
     gradient[:, :dim, :dim] = 1e-3 * rng.normal(size=(n, dim, dim))
-    gradient -= (
-        np.trace(gradient, axis1=1, axis2=2)[:, None, None] / dim * np.eye(3) * (np.arange(3) < dim)
-    )
+    trace = np.trace(gradient, axis1=1, axis2=2)[:, None, None]
+    gradient -= trace / dim * np.diag(np.arange(3) < dim)
     c = rng.choice([-1e-3, 1e-3], n, p=[0.1, 0.9]) * rng.uniform(0.1, 3.0, n)
     h = np.zeros((n, 3, 3))
     h[:, :dim, :dim] = 4e-4 * rng.normal(size=(n, dim, dim))
@@ -103,10 +101,8 @@ def test_shear_at_constant_volume_follows_the_curve():
     assert q[0] > 6.0  # past the peak
 
 
-def collapse(material, **changes):
-    return gr.scenes.column_collapse(
-        aspect=1.0, cell=0.02, material=material.replace(E=1e6), **changes
-    )
+def collapse(material):
+    return gr.scenes.column_collapse(aspect=1.0, cell=0.02, material=material.replace(E=1e6))
 
 
 def test_without_hardening_it_is_drucker_prager():

@@ -1,8 +1,8 @@
 """Pictures of forces show the data they are given; the scripts run and write their files."""
 
-import importlib
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,16 +10,12 @@ import pytest
 from grains import jittered_grid
 from matplotlib.collections import LineCollection
 from PIL import Image
+from refusals import refused
 
 from granular import plot
 from granular.grain_scale import inference
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
-SCRIPTS = {
-    "inference_static": ["inference_static", "inference_statistics"],
-    "inference_dynamic": ["inference_histories", "inference_impact", "inference_pareto"],
-    "inference_bed": ["inference_bed_1", "inference_distances", "inference_intruder"],
-}
 
 
 def lines(ax):
@@ -70,13 +66,8 @@ def test_lines_over_a_periodic_side_have_a_gap():
 def test_front_and_curves():
     case = jittered_grid((5, 5))
     noise = np.random.default_rng(0).normal(1, 0.1, case.packing.stresses.shape)
-    rough = inference.Packing(
-        **{
-            name: getattr(case.packing, name)
-            for name in ("bodies", "positions", "normals", "centroids", "volumes")
-        },
-        stresses=case.packing.stresses * (noise + noise.transpose(0, 2, 1)) / 2,
-    )
+    stresses = case.packing.stresses * (noise + noise.transpose(0, 2, 1)) / 2
+    rough = replace(case.packing, stresses=stresses)
     front = inference.pareto_front(rough, mu=0.5, weights=[0.1, 1.0, 10.0], solver="nnls")
     figure = plot.pareto_front(front, errors=[0.3, 0.1, 0.2])
     curve = figure.axes[0].lines[0].get_xydata()
@@ -90,41 +81,14 @@ def test_front_and_curves():
     assert plot.force_distribution({"discs": found}).axes[0].lines
 
 
-@pytest.mark.parametrize(
-    "call, words",
-    [
-        (lambda: plot.force_networks({}), "panels is empty"),
-        (lambda: plot.force_histories({}), "series is empty"),
-        (lambda: plot.force_distances({}, 0.0), "bin_width"),
-    ],
-)
-def test_nothing_is_refused(call, words):
-    with pytest.raises(ValueError, match=words):
-        call()
-
-
-def test_forces_of_another_packing_are_refused():
+def test_nothing_and_forces_of_another_packing_are_refused():
     packing = jittered_grid((5, 5)).packing
-    with pytest.raises(ValueError, match=r"panels\['a'\]"):
-        plot.force_networks({"a": (packing, np.zeros((3, 2)))})
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SCRIPTS)
-@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
-def test_a_quick_figure_is_written(monkeypatch, name, tmp_path):
-    pytest.importorskip("clarabel")
-    monkeypatch.syspath_prepend(FOLDER / "figures")
-    importlib.import_module(name).main(["--quick", "--out", str(tmp_path)])
-    assert sorted(path.stem for path in tmp_path.iterdir()) == SCRIPTS[name]
-    for stem in SCRIPTS[name]:
-        with Image.open(tmp_path / f"{stem}.png") as picture:
-            assert min(picture.size) >= 500
-
-
-def test_every_script_is_known():
-    found = {path.stem for path in (FOLDER / "figures").glob("inference_*.py")}
-    assert found == set(SCRIPTS) | {"inference_common"}
+    refused(
+        ("panels is empty", lambda: plot.force_networks({})),
+        ("series is empty", lambda: plot.force_histories({})),
+        ("bin_width", lambda: plot.force_distances({}, 0.0)),
+        (r"panels\['a'\]", lambda: plot.force_networks({"a": (packing, np.zeros((3, 2)))})),
+    )
 
 
 @pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")

@@ -3,6 +3,7 @@
 import numpy as np
 import oracle
 import pytest
+from oracle_fluidity import available
 from oracle_shapes import Shapes, axis_nodes
 
 import granular as gr
@@ -174,17 +175,6 @@ def stages(sim, count):
             while needed:
                 sim._grow(needed)
                 needed = 0
-
-
-def available():
-    found = []
-    for isa in ("baseline", "avx2", "avx512"):
-        try:
-            gr.Simulation(gr.scenes.incline(), threads=1, isa=isa)
-        except ValueError:
-            continue
-        found.append(isa)
-    return found
 
 
 AVAILABLE = available()

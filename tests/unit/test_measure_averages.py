@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 from synthetic import RHO_C, isotropic, regular_points, scene, silo, state
 
 from granular.measure import (
@@ -150,17 +151,14 @@ def test_bad_averages_are_refused():
         (name,) = wrong
         with pytest.raises(ValueError, match=name):
             frame_average(points, "v", **wrong)
-    with pytest.raises(ValueError, match="not a field"):
-        frame_average(points, "colour")
-    with pytest.raises(ValueError, match="one value or row"):
-        frame_average(points, lambda state: [1.0])
-    with pytest.raises(ValueError, match="0 frames"):
-        frame_average([], "v")
-    with pytest.raises(ValueError, match="different grids"):
-        frame_average([points, filled(silo(half=False), {})], "v")
+    refused(
+        ("not a field", lambda: frame_average(points, "colour")),
+        ("one value or row", lambda: frame_average(points, lambda state: [1.0])),
+        ("0 frames", lambda: frame_average([], "v")),
+        ("one value per cell or node", lambda: contours(frame_average(points, "v"), [0.1])),
+        ("different grids", lambda: frame_average([points, filled(silo(half=False), {})], "v")),
+    )
     field = frame_average(points, lambda state: state.x[:, 0])
     for levels in ([], [0.2, 0.1], [np.nan], [[0.1]]):
         with pytest.raises(ValueError, match="levels"):
             contours(field, levels)
-    with pytest.raises(ValueError, match="one value per cell or node"):
-        contours(frame_average(points, "v"), [0.1])

@@ -1,13 +1,19 @@
-"""Health and energy of states whose values follow from a line of algebra."""
+"""Health, volumes, contacts and energy of states whose values follow from a line of algebra."""
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, isotropic, material, regular_points, scene, state
+from refusals import refused
+from synthetic import RHO_C, XI, isotropic, material, regular_points, scene, state
 
+from granular import theory
+from granular.materials import glass_beads
 from granular.measure import (
+    density_drift,
     disconnected_fraction,
     energy,
     energy_budget,
+    gap_fraction,
+    ill_posed_fraction,
     layer_height,
     mean_pressure_error,
     occupied_area,
@@ -17,27 +23,28 @@ from granular.measure import (
 CELL = 0.01
 
 
-def pool(height=0.1, *, shape=(5, 20), **options):
-    s = scene(shape, CELL, **options)
-    x = regular_points(s, 2, lambda x: x[:, -1] < height - 1e-9)
-    p = RHO_C * 9.8 * (height - x[:, -1])
-    return state(s, x, per_cell=2 ** len(shape), stress=isotropic(p, len(shape)))
+def pool(*, shape=(5, 20), gravity=None, **fields):
+    """Points up to 0.1 m under hydrostatic pressure, or with the given fields."""
+    s = scene(shape, CELL, gravity=gravity)
+    s.walls = ()
+    x = regular_points(s, 2, lambda x: x[:, -1] < 0.1 - 1e-9)
+    stress = isotropic(RHO_C * 9.8 * (0.1 - x[:, -1]), len(shape))
+    return state(s, x, **({"per_cell": 2 ** len(shape), "stress": stress} | fields))
 
 
-def freed(points, free):
-    stress = np.where(free[:, None], 0.0, points.stress)
-    return state(points.scene, points.x, stress=stress, per_cell=2**points.dim)
+def freed(free):
+    points = pool()
+    return pool(stress=np.where(free(points.x[:, 1])[:, None], 0.0, points.stress))
 
 
 def test_only_the_bulk_counts_as_disconnected():
-    points = pool()
-    assert disconnected_fraction(points) == 0
+    assert disconnected_fraction(pool()) == 0
     # the bulk is the eight rows of cells below 0.08, which hold sixteen rows of points
-    assert disconnected_fraction(freed(points, points.x[:, 1] > 0.08)) == 0
-    row = np.isclose(points.x[:, 1], 0.0525)
-    assert disconnected_fraction(freed(points, row)) == pytest.approx(1 / 16)
-    assert disconnected_fraction(freed(points, row), depth_cells=0) == pytest.approx(1 / 20)
-    assert disconnected_fraction(freed(points, points.x[:, 1] < 1)) == 1
+    assert disconnected_fraction(freed(lambda y: y > 0.08)) == 0
+    row = freed(lambda y: np.isclose(y, 0.0525))
+    assert disconnected_fraction(row) == pytest.approx(1 / 16)
+    assert disconnected_fraction(row, depth_cells=0) == pytest.approx(1 / 20)
+    assert disconnected_fraction(freed(lambda y: y < 1)) == 1
 
 
 def test_sprays_and_falling_streams_are_not_bulk():
@@ -101,18 +108,72 @@ def test_columns_of_different_height_have_their_own_overburden():
     assert mean_pressure_error(heap) > 0.1
 
 
+def test_density_that_follows_the_volume_does_not_drift():
+    assert density_drift(pool()) == pytest.approx(0, abs=1e-12)
+    # twice the mass at twice the density takes the same volume
+    mass = RHO_C * CELL**2 / 2
+    assert density_drift(pool(mass=mass, rho=2 * RHO_C)) == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("factor", [1.5, 3.0])
+def test_drift_is_point_volume_over_available_volume(factor):
+    """A layer collapsed to 1/factor of its height, while its particle density has not changed."""
+    compressed = pool(mass=factor * RHO_C * CELL**2 / 4)
+    assert density_drift(compressed) == pytest.approx(factor - 1)
+
+
+def test_drift_sees_the_bulk_alone():
+    points = pool()
+    rho = np.where(points.x[:, 1] > 0.09, RHO_C / 2, RHO_C)  # the surface has become less dense
+    assert density_drift(pool(rho=rho)) == pytest.approx(0, abs=1e-12)
+    assert density_drift(pool(rho=rho), depth_cells=0) > 0.01
+
+
+def test_disconnected_flight_is_not_a_lost_contact():
+    """At 0.8 rho_c a body is rightly free of stress, whatever its size; at rho_c it is not."""
+    flying = pool(mass=0.8 * RHO_C * CELL**2 / 4, rho=0.8 * RHO_C, stress=np.zeros((800, 4))[:200])
+    assert disconnected_fraction(flying) == 1
+    with pytest.raises(ValueError, match=r"packed = 0\.9"):
+        disconnected_fraction(flying, packed=0.9)
+    dense = pool(stress=np.zeros((200, 4)))
+    assert disconnected_fraction(dense, packed=0.9) == 1
+
+
+def test_ill_posed_fraction_counts_flowing_mass():
+    low, high = theory.well_posed_range(glass_beads)
+    scaled = np.array([1e-4, low * 0.9, low * 1.1, high * 0.9, high * 1.1, 1.0])
+    s = scene((5, 20), CELL)
+    x = np.linspace(0.001, 0.04, 12).reshape(6, 2)
+    p = np.array([100.0, 100, 100, 100, 100, 0])  # the last point is free of stress
+    rate = scaled * XI * np.sqrt(100.0)
+    points = state(s, x, mass=[9.0, 1, 2, 3, 4, 9], shear_rate=rate, stress=isotropic(p))
+    # the first does not flow; of mass 1 + 2 + 3 + 4, that below and above the range is ill posed
+    assert ill_posed_fraction(points) == pytest.approx(5 / 10)
+    still = state(s, x, shear_rate=0.0, stress=isotropic(p))
+    assert np.isnan(ill_posed_fraction(still))
+
+
+def test_gaps_are_empty_cells_in_a_stressed_body():
+    points = pool()
+    assert gap_fraction(points) == 0
+    column = (points.x[:, 0] > 0.02) & (points.x[:, 0] < 0.03)
+    torn = state(points.scene, points.x[~column], stress=points.stress[~column])
+    assert gap_fraction(torn) == pytest.approx(10 / 40)
+    calm = state(points.scene, points.x[~column])
+    assert np.isnan(gap_fraction(calm))
+
+
 def test_bad_health_is_refused():
     points = pool()
-    with pytest.raises(ValueError, match="depth_cells = 30"):
-        disconnected_fraction(points, depth_cells=30)
-    with pytest.raises(ValueError, match="depth_cells = 30"):
-        mean_pressure_error(points, depth_cells=30)
-    with pytest.raises(ValueError, match="must be negative"):
-        mean_pressure_error(pool(gravity=(0.0, 0.0)))
-    with pytest.raises(ValueError, match="of = 'shear'"):
-        mean_pressure_error(points, of="shear")
-    with pytest.raises(ValueError, match="q = -1"):
-        speed_percentile(points, q=-1.0)
+    for measure in (disconnected_fraction, mean_pressure_error, density_drift):
+        with pytest.raises(ValueError, match="depth_cells = 30"):
+            measure(points, depth_cells=30)
+    refused(
+        ("packed = -1", lambda: density_drift(points, packed=-1.0)),
+        ("must be negative", lambda: mean_pressure_error(pool(gravity=(0.0, 0.0)))),
+        ("of = 'shear'", lambda: mean_pressure_error(points, of="shear")),
+        ("q = -1", lambda: speed_percentile(points, q=-1.0)),
+    )
     for measure in (disconnected_fraction, speed_percentile, layer_height, energy):
         with pytest.raises(ValueError, match="0 points"):
             measure(state(points.scene, np.empty((0, 2))))

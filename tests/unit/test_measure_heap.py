@@ -1,10 +1,12 @@
-"""Heaps whose slope, toe and mass are known by construction."""
+"""Heaps whose slope, toe, mass and strain rate are known by construction."""
 
 import numpy as np
 import pytest
-from synthetic import RHO_C, regular_points, scene, state
+from refusals import refused
+from synthetic import filled, isotropic, regular_points, scene, state
 
 from granular.measure import repose_angle, runout, surface
+from granular.verify.hourglass import STEEPEST, creep_slope
 
 CELL = 0.01
 HALF = 0.2
@@ -13,8 +15,7 @@ HALF = 0.2
 def triangle(*, height=0.2, foot=0.5, top_x=0.0, lower=(0.0, 0.0), shape=(80, 40), fine=4):
     """A heap whose height falls linearly from `height` at top_x to zero at distance `foot`."""
     s = scene(shape, CELL, lower=lower, parameters={"half_width": HALF})
-    x = regular_points(s, fine, lambda x: x[:, 1] < height * (1 - abs(x[:, 0] - top_x) / foot))
-    return state(s, x, per_cell=fine**2)
+    return filled(s, fine, lambda x: x[:, 1] < height * (1 - abs(x[:, 0] - top_x) / foot))
 
 
 def test_the_slope_of_a_triangle_is_its_own():
@@ -33,9 +34,7 @@ def test_the_steepest_piece_is_found():
         # 45 degrees over six columns, atan(0.25) elsewhere
         return np.interp(x, [0, 0.2, 0.26, 0.66], [0.21, 0.16, 0.10, 0.0])
 
-    slope = repose_angle(
-        state(s, regular_points(s, 8, lambda x: x[:, 1] < top(x[:, 0])), per_cell=64)
-    )
+    slope = repose_angle(filled(s, 8, lambda x: x[:, 1] < top(x[:, 0])))
     assert slope.largest_deg == pytest.approx(45, abs=2)
     assert slope.mean_deg < 30
 
@@ -60,10 +59,7 @@ def test_a_full_heap_runs_out_as_its_half_does():
 
 def test_an_undisturbed_column_has_not_run_out():
     s = scene((60, 30), CELL, parameters={"half_width": HALF})
-    column = state(
-        s, regular_points(s, 4, lambda x: (x[:, 0] < HALF) & (x[:, 1] < 0.1)), per_cell=16
-    )
-    result = runout(column)
+    result = runout(filled(s, 4, lambda x: (x[:, 0] < HALF) & (x[:, 1] < 0.1)))
     assert abs(result.quantile) < CELL / 4 / HALF
     assert result.contiguous == pytest.approx(0, abs=1e-12)
     assert np.isnan(result.toe)
@@ -82,10 +78,7 @@ def test_sprays_change_the_run_out_by_less_than_their_mass():
 def test_a_cone_in_a_quarter_and_whole_runs_out_alike():
     def cone(lower, shape):
         s = scene(shape, 0.05, lower=lower, parameters={"radius": 0.5})
-        inside = regular_points(
-            s, 2, lambda x: x[:, 2] < 0.5 * (1 - np.hypot(x[:, 0], x[:, 1]) / 1.0)
-        )
-        return state(s, inside, per_cell=8)
+        return filled(s, 2, lambda x: x[:, 2] < 0.5 * (1 - np.hypot(x[:, 0], x[:, 1]) / 1.0))
 
     quarter = runout(cone((0.0, 0.0, 0.0), (22, 22, 10)))
     whole = runout(cone((-1.1, -1.1, 0.0), (44, 44, 10)))
@@ -96,20 +89,21 @@ def test_a_cone_in_a_quarter_and_whole_runs_out_alike():
 
 def test_a_cone_has_the_height_of_its_mass():
     s = scene((22, 22, 10), 0.05, parameters={"radius": 0.5})
-    x = regular_points(s, 2, lambda x: (np.hypot(x[:, 0], x[:, 1]) < 1.0) & (x[:, 2] < 0.3))
-    top = surface(state(s, x, per_cell=8))
+    disc = filled(s, 2, lambda x: (np.hypot(x[:, 0], x[:, 1]) < 1.0) & (x[:, 2] < 0.3))
+    top = surface(disc)
     assert np.allclose(top.height[2:18], 0.3, rtol=0.15)
     assert np.allclose(top.top[1:18], 0.3)
 
 
 def test_the_surface_by_points_and_by_mass():
-    s = scene((4, 6), CELL)
-    x = regular_points(s, 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
-    top = surface(state(s, x))
+    layer = filled(scene((4, 6), CELL), 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
+    top = surface(layer)
     assert np.allclose(top.x, [0.005, 0.015, 0.025, 0.035])
     assert np.allclose(top.top[:3], 0.02)
     assert np.isnan(top.top[3])
     assert np.allclose(top.height, [0.02, 0.02, 0.02, 0.0])
+    twice = surface(state(layer.scene, layer.x, mass=2 * layer.mass))
+    assert np.allclose(twice.height, 2 * top.height)
 
 
 def test_both_sides_of_a_lopsided_heap():
@@ -120,7 +114,7 @@ def test_both_sides_of_a_lopsided_heap():
         right = 0.3 * (1 - (x[:, 0] - 0.5) / 0.4)
         return x[:, 1] < np.minimum(left, right)
 
-    heap = state(s, regular_points(s, 4, keep), per_cell=16)
+    heap = filled(s, 4, keep)
     left, right = np.degrees(np.arctan([0.6, 0.75]))
     assert repose_angle(heap, side="left").mean_deg == pytest.approx(left, abs=0.2)
     assert repose_angle(heap, side="right").mean_deg == pytest.approx(right, abs=0.2)
@@ -137,7 +131,7 @@ def test_the_two_heaps_of_an_hourglass():
         upper = (x[:, 1] >= 0.5) & (x[:, 1] < 0.5 + 0.3 * x[:, 0])
         return lower | upper
 
-    glass = state(s, regular_points(s, 4, keep), per_cell=16)
+    glass = filled(s, 4, keep)
     crater = repose_angle(glass, above=0.5)
     heap = repose_angle(glass, below=0.4)
     assert crater.mean_deg == pytest.approx(np.degrees(np.arctan(0.3)), abs=0.2)
@@ -149,29 +143,19 @@ def test_the_two_heaps_of_an_hourglass():
 
 def test_bad_heaps_are_refused():
     heap = triangle()
-    bare = scene((80, 40), CELL)
-    flat = state(bare, regular_points(bare, 2, lambda x: x[:, 1] < 0.1))
-    with pytest.raises(ValueError, match="0 points"):
-        runout(state(heap.scene, np.empty((0, 2))))
-    with pytest.raises(ValueError, match="half_width = None"):
-        runout(flat)
-    with pytest.raises(ValueError, match=r"half_width = -1\.0 must"):
-        runout(heap, half_width=-1.0)
-    with pytest.raises(ValueError, match="at least 3"):
-        repose_angle(flat)
-    with pytest.raises(ValueError, match="no point within region"):
-        surface(heap, region=(0.7, 0.8))
-    with pytest.raises(ValueError, match="empty range"):
-        surface(heap, region=(0.3, 0.1))
-    with pytest.raises(ValueError, match="side = 'up'"):
-        repose_angle(heap, side="up")
-
-
-def test_heights_by_mass_follow_the_mass():
-    s = scene((4, 8), CELL)
-    x = regular_points(s, 2, lambda x: x[:, 1] < 0.02)
-    once, twice = (surface(state(s, x, mass=RHO_C * CELL**2 / 4 * f)) for f in (1.0, 2.0))
-    assert np.allclose(twice.height, 2 * once.height)
+    flat = filled(scene((80, 40), CELL), 2, lambda x: x[:, 1] < 0.1)
+    refused(
+        ("0 points", lambda: runout(state(heap.scene, np.empty((0, 2))))),
+        ("half_width = None", lambda: runout(flat)),
+        (r"half_width = -1\.0 must", lambda: runout(heap, half_width=-1.0)),
+        ("at least 3", lambda: repose_angle(flat)),
+        ("no point within region", lambda: surface(heap, region=(0.7, 0.8))),
+        ("empty range", lambda: surface(heap, region=(0.3, 0.1))),
+        ("side = 'up'", lambda: repose_angle(heap, side="up")),
+        ("window", lambda: repose_angle(heap, window=2)),
+    )
+    with pytest.raises(TypeError, match="window"):
+        repose_angle(heap, window=5.0)
 
 
 def test_a_wider_window_sees_less_of_where_the_points_lie():
@@ -185,7 +169,42 @@ def test_a_wider_window_sees_less_of_where_the_points_lie():
     assert wide.largest_deg < wide.mean_deg + 3
 
 
-@pytest.mark.parametrize(("window", "error"), [(2, ValueError), (5.0, TypeError)])
-def test_a_window_is_an_integer_of_3_or_more(window, error):
-    with pytest.raises(error, match="window"):
-        repose_angle(triangle(), window=window)
+# ---- the slope of a creeping flank ----
+
+
+FOOT, HEIGHT = 0.75, 0.3
+THETA = np.arctan(HEIGHT / FOOT)
+SHEAR, PRESSURE = 0.4, 400.0
+TURN = np.array([[np.cos(THETA), -np.sin(THETA)], [np.sin(THETA), np.cos(THETA)]])
+"""Rotation to x down the slope and y normal to it."""
+
+
+def creeping(compression, *, rate=SHEAR):
+    """A triangle whose points move with D_xx = -D_yy = -compression, dv_x/dy = SHEAR."""
+    s = scene((100, 40), CELL, parameters={"drop": 0.5, "orifice_radius": 0.02})
+    x = regular_points(s, 2, lambda x: x[:, 1] < HEIGHT * (1 - x[:, 0] / FOOT))
+    L = np.array([[-compression, SHEAR], [0.0, compression]])
+    v = (x @ TURN.T) @ L.T @ TURN
+    return state(s, x, v=v, shear_rate=rate, stress=isotropic(np.full(len(x), PRESSURE)))
+
+
+def friction(material, rate):
+    over = rate / (material.xi * np.sqrt(PRESSURE))
+    return material.mu_s + (material.mu_2 - material.mu_s) * over / (1 + over)
+
+
+@pytest.mark.parametrize("compression", [-0.05, 0.0, 0.03, 0.08])
+def test_it_is_the_ratio_of_the_coaxial_stresses(compression):
+    heap = creeping(compression)
+    mu = friction(heap.scene.material, SHEAR)
+    D = np.array([[-compression, SHEAR / 2], [SHEAR / 2, compression]])
+    sigma = mu * PRESSURE * D / np.sqrt((D**2).sum() / 2) - PRESSURE * np.eye(2)
+    slope, asked = creep_slope(heap)
+    assert slope == pytest.approx(np.degrees(THETA), abs=0.1)
+    assert asked == pytest.approx(np.degrees(np.arctan(-sigma[0, 1] / sigma[1, 1])), abs=0.05)
+
+
+def test_no_compression_makes_it_steeper_than_the_steepest_at_rest():
+    asked = [creep_slope(creeping(c, rate=0.0))[1] for c in np.linspace(0.0, 0.2, 41)]
+    assert asked[0] == pytest.approx(20.9, abs=0.05)
+    assert max(asked) == pytest.approx(STEEPEST, abs=0.02)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_kernels import stages
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
@@ -137,11 +138,7 @@ def test_restarts_frames_and_threads_do_not_matter(method, tmp_path):
 def test_fused_and_separate_stages_have_the_same_bits(method, substeps):
     scene = silo(method, substeps, seed=1.0)
     fused, separate = run(scene, 40), gr.Simulation(scene, threads=1)
-    for _ in range(40):
-        for stage in (separate._engine.p2g, separate._engine.grid, separate._engine.g2p):
-            needed = stage()
-            if needed:
-                separate._grow(needed)
+    stages(separate, 40)
     assert bits(separate) == bits(fused)
 
 

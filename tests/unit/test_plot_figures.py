@@ -7,24 +7,19 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import granular as gr
-from granular import measure, plot, theory
+from granular import measure, theory
+from granular.plot import dunatunga_kamrin_2015 as paper
 from granular.plot.mosaic import Panel, mosaic
 
 SOFT = gr.materials.glass_beads.replace(E=1e5)
 
 
-def states(scene, count):
+def states(scene, count, first=0.0, **changes):
+    """Initial state of a scene at several times 0.5 s apart, with some fields replaced."""
     start = gr.Simulation(scene, threads=1).state
-    return [
-        gr.State(
-            scene=scene,
-            time=0.5 * k,
-            step=k,
-            dt=1e-4,
-            fields={name: array.copy() for name, array in start.fields.items()},
-        )
-        for k in range(count)
-    ]
+    fields = {name: array.copy() for name, array in start.fields.items()} | changes
+    times = [first + 0.5 * k for k in range(count)]
+    return [gr.State(scene=scene, time=t, step=1, dt=1e-4, fields=fields) for t in times]
 
 
 def titles(figure):
@@ -35,14 +30,14 @@ def test_figure_2_has_a_row_for_each_time_and_one_for_the_pressure():
     columns = [
         states(gr.scenes.column_collapse(aspect=a, cell=0.05, material=SOFT), 3) for a in (2.0, 1.0)
     ]
-    figure = plot.dunatunga_kamrin_2015.figure_2(columns)
+    figure = paper.figure_2(columns)
     assert len(titles(figure)) == 2 * 4
     assert titles(figure)[0] == "a = 2, t = 0.00 s"
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert "pressure [Pa]" in labels
     assert "equivalent plastic shear rate [1/s]" in labels
     with pytest.raises(ValueError, match=r"\[3, 2\]"):
-        plot.dunatunga_kamrin_2015.figure_2([columns[0], columns[1][:2]])
+        paper.figure_2([columns[0], columns[1][:2]])
 
 
 def test_panels_of_a_figure_have_the_shape_of_what_they_show_and_do_not_overlap():
@@ -75,7 +70,7 @@ def test_figure_2_gives_each_column_the_same_width_and_the_static_angle():
     columns = [
         states(gr.scenes.column_collapse(aspect=a, cell=0.05, material=SOFT), 2) for a in (2.0, 0.5)
     ]
-    figure = plot.dunatunga_kamrin_2015.figure_2(columns)
+    figure = paper.figure_2(columns)
     panels = [ax for ax in figure.axes if ax.get_title()]
     widths = [ax.get_position(original=True).width for ax in panels]
     assert widths == pytest.approx(np.full(len(panels), widths[0]))
@@ -90,23 +85,14 @@ def test_figure_4_has_a_column_for_each_orifice():
     silos = [
         states(gr.scenes.silo(orifice=d, cell=0.05, material=SOFT), 2) for d in (0.1, 0.2, 0.3)
     ]
-    assert titles(plot.dunatunga_kamrin_2015.figure_4(silos))[:3] == [
-        f"D = {d} m, t = 0.00 s" for d in (0.1, 0.2, 0.3)
-    ]
+    assert titles(paper.figure_4(silos))[:3] == [f"D = {d} m, t = 0.00 s" for d in (0.1, 0.2, 0.3)]
 
 
 def test_figures_6_and_7_show_both_hourglasses():
-    runs = [
-        states(
-            gr.scenes.hourglass(
-                kind=kind, cell=0.05, orifice_radius=0.05, width=0.5, material=SOFT
-            ),
-            4,
-        )
-        for kind in ("flat", "sloped")
-    ]
-    assert len(titles(plot.dunatunga_kamrin_2015.figure_6(*runs))) == 8
-    figure = plot.dunatunga_kamrin_2015.figure_7(*runs)
+    small = {"cell": 0.05, "orifice_radius": 0.05, "width": 0.5, "material": SOFT}
+    runs = [states(gr.scenes.hourglass(kind=kind, **small), 4) for kind in ("flat", "sloped")]
+    assert len(titles(paper.figure_6(*runs))) == 8
+    figure = paper.figure_7(*runs)
     assert len(titles(figure)) == 8
     for ax in figure.axes[:8]:
         # Seeded material is dense everywhere.
@@ -115,55 +101,55 @@ def test_figures_6_and_7_show_both_hourglasses():
 
 def test_figure_7_by_stress_shows_who_bears_it():
     scene = gr.scenes.hourglass(cell=0.05, orifice_radius=0.05, width=0.5, material=SOFT)
-    (start,) = states(scene, 1)
-    stress = np.zeros((start.n, 4))
+    stress = np.zeros((scene.n_points, 4))
     stress[::2, :3] = -100.0
-    fields = dict(start.fields) | {"stress": stress}
-    loaded = gr.State(scene=scene, time=0.5, step=1, dt=1e-4, fields=fields)
-    figure = plot.dunatunga_kamrin_2015.figure_7([loaded], [loaded], by="stress")
+    loaded = states(scene, 1, stress=stress)
+    figure = paper.figure_7(loaded, loaded, by="stress")
     for ax in figure.axes[:2]:
         assert np.array_equal(ax.collections[0].get_array(), stress[:, 0] < 0)
     assert "stress" in figure.axes[-1].get_ylabel()
-    assert (
-        "density" in plot.dunatunga_kamrin_2015.figure_7([loaded], [loaded]).axes[-1].get_ylabel()
-    )
+    assert "density" in paper.figure_7(loaded, loaded).axes[-1].get_ylabel()
     with pytest.raises(ValueError, match="by"):
-        plot.dunatunga_kamrin_2015.figure_7([loaded], [loaded], by="colour")
+        paper.figure_7(loaded, loaded, by="colour")
 
 
 def test_figure_11_draws_the_flight_on_its_parabola():
     scene = gr.scenes.slug(cell=0.05, material=SOFT)
     found = states(scene, 4)
-    figure = plot.dunatunga_kamrin_2015.figure_11(found[:2], found[2:3], found[3])
+    figure = paper.figure_11(found[:2], found[2:3], found[3])
     path = figure.axes[0].lines[-1].get_xydata()
     centre = found[0].x.mean(axis=0)
     assert path[0] == pytest.approx(centre)
     t = 0.5
     assert path[-1] == pytest.approx(centre + np.array([1.2 * t, 3.0 * t - 4.9 * t * t]))
     with pytest.raises(ValueError, match="at least 1"):
-        plot.dunatunga_kamrin_2015.figure_11([], found[2:3], found[3])
+        paper.figure_11([], found[2:3], found[3])
 
 
 def test_figure_3_draws_run_outs_and_the_paper():
     runouts = {"mine": [measure.Runout(1.0, 0.9, 1.2), measure.Runout(2.0, 1.9, 2.1)]}
-    figure = plot.dunatunga_kamrin_2015.figure_3([0.5, 1.0], runouts)
+    figure = paper.figure_3([0.5, 1.0], runouts)
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     x, y = lines["Dunatunga & Kamrin (2015)"].get_data()
     assert np.interp(1.0, x, y) == pytest.approx(2.28, rel=1e-3)
     points = [c for c in figure.axes[0].containers if c.get_label() == "mine"]
     assert points[0].lines[0].get_ydata().tolist() == [1.0, 2.0]
     with pytest.raises(ValueError, match="mine"):
-        plot.dunatunga_kamrin_2015.figure_3([0.5], runouts)
+        paper.figure_3([0.5], runouts)
+
+
+def figure_5(orifices):
+    """Figure of rates by the formula of Beverloo, and of one history."""
+    fit = measure.beverloo(orifices, theory.beverloo_rate(orifices, 1500.0, C=1.3), rho=1500.0)
+    times = np.linspace(0, 5, 50)
+    histories = {0.1: measure.MassHistory(times, 1500 - 100 * times, 1.0)}
+    return paper.figure_5(histories, fit, rho=1500.0)
 
 
 def test_figure_5_draws_the_fit_and_the_rates():
-    orifices = np.array([0.1, 0.2])
-    rates = theory.beverloo_rate(orifices, 1500.0, C=1.3)
-    fit = measure.beverloo(orifices, rates, rho=1500.0)
-    times = np.linspace(0, 5, 50)
-    histories = {0.1: measure.MassHistory(times, 1500 - 100 * times, 1.0)}
-    left, right = plot.dunatunga_kamrin_2015.figure_5(histories, fit, rho=1500.0).axes
+    left, right = figure_5(np.array([0.1, 0.2])).axes
     lines = {line.get_label(): line for line in right.lines}
+    rates = theory.beverloo_rate(np.array([0.1, 0.2]), 1500.0, C=1.3)
     assert lines["measured"].get_ydata() == pytest.approx(rates)
     x, y = lines["C = 1.300, 3/2"].get_data()
     assert y == pytest.approx(1.3 * 1500 * np.sqrt(9.8) * x**1.5)
@@ -172,16 +158,9 @@ def test_figure_5_draws_the_fit_and_the_rates():
 
 def test_the_ticks_of_all_orifices_and_aspects_can_be_read():
     """Tick labels of the scripts must not overlap."""
-    orifices = np.arange(6, 21, 2) / 100
-    fit = measure.beverloo(orifices, theory.beverloo_rate(orifices, 1500.0), rho=1500.0)
-    times = np.linspace(0, 5, 50)
-    histories = {0.1: measure.MassHistory(times, 1500 - 100 * times, 1.0)}
     aspects = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0]
     runouts = {"mine": [measure.Runout(a, a, a) for a in aspects]}
-    for figure in (
-        plot.dunatunga_kamrin_2015.figure_5(histories, fit, rho=1500.0),
-        plot.dunatunga_kamrin_2015.figure_3(aspects, runouts),
-    ):
+    for figure in (figure_5(np.arange(6, 21, 2) / 100), paper.figure_3(aspects, runouts)):
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         labels = figure.axes[-1].get_xticklabels()
@@ -193,23 +172,16 @@ def test_the_ticks_of_all_orifices_and_aspects_can_be_read():
 
 def flow(angle, speed):
     times = np.linspace(0.0, 2.0, 5)
-    return plot.dunatunga_kamrin_2015.InclineFlow(angle, times, np.full(5, 0.45), speed * times)
+    return paper.InclineFlow(angle, times, np.full(5, 0.45), speed * times)
 
 
-def test_figure_9_draws_friction_speed_and_acceleration():
-    figure = plot.dunatunga_kamrin_2015.figure_9(
-        [flow(25.0, 0.3), flow(30.0, 0.6)], mu_s=0.3819, mu_2=0.6435
-    )
-    _, centre, right = figure.axes
-    assert centre.lines[1].get_ydata()[-1] == pytest.approx(1.2)
-    assert right.lines[0].get_ydata() == pytest.approx(np.full(4, 0.3))
-    assert right.lines[0].get_xdata() == pytest.approx([0.25, 0.75, 1.25, 1.75])
-
-
-def test_figure_9_draws_where_flows_end():
+def test_figure_9_draws_friction_speed_and_acceleration_and_where_flows_end():
     """Shows tan(angle) in the range of steady flow; beyond it mu_2 and the remaining gravity."""
     flows = [flow(19.0, 0.0), flow(25.0, 0.3), flow(34.0, 0.6)]
-    left, _, right = plot.dunatunga_kamrin_2015.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
+    left, centre, right = paper.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
+    assert centre.lines[2].get_ydata()[-1] == pytest.approx(1.2)
+    assert right.lines[1].get_ydata() == pytest.approx(np.full(4, 0.3))
+    assert right.lines[1].get_xdata() == pytest.approx([0.25, 0.75, 1.25, 1.75])
     dotted = [line.get_ydata()[0] for line in left.lines if line.get_linestyle() == ":"]
     assert dotted == pytest.approx([np.tan(np.radians(25.0)), 0.6435])
     (late,) = [line.get_ydata()[0] for line in right.lines if line.get_linestyle() == ":"]
@@ -217,51 +189,37 @@ def test_figure_9_draws_where_flows_end():
     assert late == pytest.approx(9.8 * (np.sin(angle) - 0.6435 * np.cos(angle)))
 
 
-def test_figure_10_draws_speeds_at_their_time_and_the_profile_at_its_own():
-    """Flows are shown up to 2 s, a profile at 6 s."""
-    left, right = plot.dunatunga_kamrin_2015.figure_10(
-        [flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)
-    ).axes
-    lines = {line.get_label(): line for line in left.lines}
-    expected = [
-        theory.transient(a, 0.2, SOFT, [2.0], 9.8).mean[0] / np.sqrt(9.8 * 0.2)
-        for a in (22.0, 25.0)
-    ]
-    assert lines["transient, 2 s"].get_ydata() == pytest.approx(expected)
-    assert "transient, 6 s" in {line.get_label() for line in right.lines}
-
-
 def incline(time):
     """State with the Bagnold velocity profile and stresses of friction 0.45."""
     scene = gr.scenes.incline(angle_deg=25.0, cell=0.02, material=SOFT)
-    start = gr.Simulation(scene, threads=1).state
-    v = np.zeros_like(start.x)
-    v[:, 0] = theory.bagnold_profile(start.x[:, 1], 25.0, 0.2, SOFT)
-    stress = np.tile([-100.0, -100.0, -100.0, 45.0], (start.n, 1))
-    fields = {name: array.copy() for name, array in start.fields.items()}
-    fields |= {"v": v, "stress": stress}
-    return gr.State(scene=scene, time=time, step=1, dt=1e-4, fields=fields)
+    x = scene.points().x
+    v = np.zeros_like(x)
+    v[:, 0] = theory.bagnold_profile(x[:, 1], 25.0, 0.2, SOFT)
+    stress = np.tile([-100.0, -100.0, -100.0, 45.0], (len(x), 1))
+    return states(scene, 1, first=time, v=v, stress=stress)[0]
 
 
 def test_flow_down_an_incline_is_measured():
-    found = plot.dunatunga_kamrin_2015.InclineFlow.measured([incline(1.0), incline(2.0)])
+    found = paper.InclineFlow.measured([incline(1.0), incline(2.0)])
     assert found.angle_deg == 25.0
     assert found.friction == pytest.approx([0.45, 0.45])
     assert found.speed == pytest.approx(np.full(2, theory.bagnold_mean(25.0, 0.2, SOFT)), rel=5e-3)
     with pytest.raises(ValueError, match="at least 2"):
-        plot.dunatunga_kamrin_2015.InclineFlow.measured([incline(1.0)])
+        paper.InclineFlow.measured([incline(1.0)])
 
 
-def test_figure_10_draws_the_profile_on_the_steady_one():
-    left, right = plot.dunatunga_kamrin_2015.figure_10(
-        [flow(22.0, 0.1), flow(25.0, 0.4)], incline(2.0)
-    ).axes
-    lines = {line.get_label(): line for line in right.lines}
+def test_figure_10_draws_speeds_and_the_profile_on_the_steady_one():
+    """Flows are shown up to 2 s, a profile at 6 s."""
+    left, right = paper.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)).axes
+    speeds, lines = ({line.get_label(): line for line in ax.lines} for ax in (left, right))
+    expected = [theory.transient(a, 0.2, SOFT, [2.0], 9.8).mean[0] for a in (22.0, 25.0)]
+    unit = np.sqrt(9.8 * 0.2)
+    assert speeds["transient, 2 s"].get_ydata() == pytest.approx(np.array(expected) / unit)
+    assert speeds["measured"].get_ydata() == pytest.approx(np.array([0.2, 0.8]) / unit)
+    assert "transient, 6 s" in lines
     v, y = lines["measured"].get_data()
     steady = lines["steady, eq. 4.6"]
     assert v == pytest.approx(np.interp(y, steady.get_ydata(), steady.get_xdata()), rel=0.02)
-    found = {line.get_label(): line for line in left.lines}["measured"]
-    assert found.get_ydata() == pytest.approx(np.array([0.2, 0.8]) / np.sqrt(9.8 * 0.2))
 
 
 def test_figure_13_draws_the_error_of_each_step():
@@ -271,12 +229,12 @@ def test_figure_13_draws_the_error_of_each_step():
         times, exact, np.zeros(5), np.ones(5, bool), np.zeros(5), ()
     )
     paths = [
-        plot.dunatunga_kamrin_2015.ConstitutivePath(0.25, times, exact + 2.0, np.zeros(5)),
-        plot.dunatunga_kamrin_2015.ConstitutivePath(0.5, times[::2], exact[::2] + 4.0, np.zeros(3)),
+        paper.ConstitutivePath(0.25, times, exact + 2.0, np.zeros(5)),
+        paper.ConstitutivePath(0.5, times[::2], exact[::2] + 4.0, np.zeros(3)),
     ]
-    *_, order = plot.dunatunga_kamrin_2015.figure_13(paths, reference).axes
+    *_, order = paper.figure_13(paths, reference).axes
     assert order.lines[0].get_xdata().tolist() == [0.25, 0.5]
     assert order.lines[0].get_ydata() == pytest.approx([0.01, 0.02])
-    late = plot.dunatunga_kamrin_2015.ConstitutivePath(0.3, times + 0.1, exact, np.zeros(5))
+    late = paper.ConstitutivePath(0.3, times + 0.1, exact, np.zeros(5))
     with pytest.raises(ValueError, match="among the reference"):
-        plot.dunatunga_kamrin_2015.figure_13([late], reference)
+        paper.figure_13([late], reference)

@@ -1,7 +1,5 @@
 """Figures of the friction law show the data they are given."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -13,37 +11,23 @@ INERTIAL = (0.01, 0.1, 0.2, 0.5, 1.0)
 
 def flows(sliding=1.0):
     """Flows with isotropic normal stress, so that friction is that of the invariants."""
-    one = SteadyShear(
-        inertial_number=0.1,
-        shear_rate=1.0,
-        normal_stress=100.0,
-        stress=(0.0,) * 9,
-        coordination=2.0,
-        packing_fraction=0.5,
-        viscoelastic=1.0,
-        sliding=sliding,
-        dissipation_unit=10.0,
-        dilation=0.0,
-        slipping=0.1,
-        kinetic=0.0,
-        friction_spread=0.02,
-        packing_spread=0.01,
-        law_error=0.01,
-        coordination_error=0.01,
-        packing_error=0.001,
-    )
     found = []
     for i in INERTIAL:
         shear = 100.0 * (0.3 + 0.4 * i / (0.3 + i))
         found.append(
-            replace(
-                one,
+            SteadyShear(
                 inertial_number=i,
+                shear_rate=1.0,
+                normal_stress=100.0,
                 stress=(-100.0, shear, 0.0, shear, -100.0, 0.0, 0.0, 0.0, -100.0),
                 coordination=0.1 + 1.0 / (0.3 + i),
                 packing_fraction=0.6 - 0.1 * i,
                 viscoelastic=i**2.5,
                 sliding=sliding * i**1.5,
+                dissipation_unit=10.0,
+                **{"dilation": 0.0, "slipping": 0.1, "kinetic": 0.0, "friction_spread": 0.02},
+                **{"packing_spread": 0.01, "law_error": 0.01},
+                **{"coordination_error": 0.01, "packing_error": 0.001},
             )
         )
     return found

@@ -8,16 +8,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-ROOMS = (
-    "csrc",
-    "granular",
-    "tests",
-    "benchmarks",
-    "docs",
-    "notebooks",
-    "README.md",
-    "CHANGELOG.md",
-)
+ROOMS = ("csrc", "granular", "tests", "benchmarks", "docs", "notebooks")
+ROOMS += ("README.md", "CHANGELOG.md")
 ENDINGS = (".c", ".h", ".inl", ".py", ".pyi", ".md", ".ipynb", ".sh")
 ANY, CORE = ("",), ("csrc/",)
 ENGINE = ("csrc/", "granular/mpm/", "granular/diagnostics.py")
