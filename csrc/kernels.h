@@ -1,7 +1,6 @@
 /* The kernels of one instruction set: a table of functions that kernels.c fills once for each set. dispatch.c selects
  * one. */
-#ifndef GR_KERNELS_H
-#define GR_KERNELS_H
+#pragma once
 
 #include "fluidity/fluidity.h"
 #include "law/law.h"
@@ -30,5 +29,3 @@ struct gr_kernels {
 };
 
 const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the widest that this machine supports */
-
-#endif

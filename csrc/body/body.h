@@ -1,7 +1,6 @@
 /* Rigid bodies: signed distance, motion, and the effect of contact on a velocity. In 2D z is 0, boxes are infinite
  * along z, and the axis of a cylinder is z. */
-#ifndef GR_BODY_BODY_H
-#define GR_BODY_BODY_H
+#pragma once
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
@@ -96,5 +95,3 @@ void gr_turn(const double orientation[4], const double omega[3], double dt, doub
  *
  * Returned: 0 if v is unchanged, 1 if only the normal component is held (or friction slides), 2 if all components are. */
 int gr_contact(const struct gr_body *body, const double n[3], const double surface[3], double v[3]);
-
-#endif

@@ -11,8 +11,7 @@
  *              there. 3 nodes per cell.
  *   ugimp      points are boxes of the fixed half-width lambda (in cells). The cells of the grouping are centred on the
  *              nodes, so that a point touches 3 nodes. At walls and c0_lines the box of a point is clipped. */
-#ifndef GR_CORE_AXIS_H
-#define GR_CORE_AXIS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -64,5 +63,3 @@ static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 :
 int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
                   double lambda, double origin, double dx);
 void gr_axis_free(struct gr_axis *axis);
-
-#endif

@@ -1,6 +1,5 @@
 /* A barrier at which the threads of a team wait for each other, and the division of work among them. */
-#ifndef GR_CORE_BARRIER_H
-#define GR_CORE_BARRIER_H
+#pragma once
 
 #include <sched.h>
 #include <stdatomic.h>
@@ -34,5 +33,3 @@ static inline void gr_share(int64_t n, int t, int threads, int64_t *first, int64
     *first = n * t / threads;
     *last = n * (t + 1) / threads;
 }
-
-#endif

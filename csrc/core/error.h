@@ -1,6 +1,5 @@
 /* Error codes of the core: one list that defines the enumeration, the messages and the Python exceptions. */
-#ifndef GR_CORE_ERROR_H
-#define GR_CORE_ERROR_H
+#pragma once
 
 /* X(code, exception raised by the Python layer, message) */
 #define GR_ERRORS(X)                                                                       \
@@ -22,5 +21,3 @@ enum gr_error {
 };
 
 const char *gr_error_message(int code);
-
-#endif

@@ -3,8 +3,7 @@
  * Field f has gr_field_components(f, dim) rows in the buffer of shape (component, capacity). A scene carries a field
  * only if its law or its scheme needs it. The components of the stress are xx, yy, zz, xy in 2D and xx, yy, zz, xy, yz,
  * xz in 3D; the components of a gradient are in row-major order. */
-#ifndef GR_CORE_FIELD_H
-#define GR_CORE_FIELD_H
+#pragma once
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
 enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
@@ -57,5 +56,3 @@ static inline int gr_kind_components(enum gr_kind kind, int dim)
 }
 
 static inline int gr_field_components(int field, int dim) { return gr_kind_components(gr_field_table[field].kind, dim); }
-
-#endif

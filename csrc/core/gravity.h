@@ -1,6 +1,5 @@
 /* Gravity that changes with time. */
-#ifndef GR_CORE_GRAVITY_H
-#define GR_CORE_GRAVITY_H
+#pragma once
 
 /* Gravity at time t: piecewise linear between the given times, constant before the first and after the last.
  * Given: times[n], s, and vectors[n x dim], m/s^2.
@@ -18,5 +17,3 @@ static inline void gr_gravity(int dim, int n, const double *times, const double 
         }
     }
 }
-
-#endif

@@ -3,8 +3,7 @@
  * `vd` has the ordinary operators + - * /; the functions below add what C has no operator for. `vm` is a lane mask. The
  * width GR_W depends on how a kernel is compiled, never on the data: point arrays are always divided into runs of
  * GR_LANES places. */
-#ifndef GR_CORE_SIMD_H
-#define GR_CORE_SIMD_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -148,5 +147,3 @@ static inline vd v_sub(vd a, vd b) { return a - b; }
 static inline vd v_zero(void) { return v_set(0.0); }
 static inline vd v_abs(vd a) { return v_max(a, -a); }
 static inline vd v_clamp(vd a, double lo, double hi) { return v_min(v_max(a, v_set(lo)), v_set(hi)); }
-
-#endif

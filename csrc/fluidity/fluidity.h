@@ -16,8 +16,7 @@
  * Only requested cells have storage. It is divided into pages of GR_PAGE consecutive cells of the box, so that memory
  * and time grow with the material and the neighbours of a page can still be loaded as whole vectors. The index of a
  * cell in these arrays is called its place. */
-#ifndef GR_FLUIDITY_FLUIDITY_H
-#define GR_FLUIDITY_FLUIDITY_H
+#pragma once
 
 #include <stdint.h>
 
@@ -210,5 +209,3 @@ int gr_fluidity_stages(const struct gr_fluidity *f, double dt);
 /* Check a call, then run the kernel with at most `threads` threads.
  * Returned: 0, or the error of either. */
 int gr_fluidity_run(struct gr_fluidity *f, gr_diffuse *kernel, const struct gr_diffusion_call *call, int threads);
-
-#endif

@@ -31,8 +31,7 @@
  *
  * g-star = 0 remains zero up to m = (mu_2 + f mu_s)/(1 + f); beyond that mu becomes this value (k = 0). With the
  * unbounded friction the limit is m = mu_s + 1/theta. */
-#ifndef GR_LAW_FLUIDITY_UPDATE_H
-#define GR_LAW_FLUIDITY_UPDATE_H
+#pragma once
 
 #include "law/law.h"
 
@@ -182,5 +181,3 @@ static inline void fluidity_points(const struct gr_fluidity_call *call)
     v_store(g, point.g);
     for (int64_t i = k; i < call->n; i++) call->mu[i] = mu[i - k], call->g[i] = g[i - k];
 }
-
-#endif

@@ -5,8 +5,7 @@
  *
  * the cone through triaxial compression at the friction angle phi; tau = |s|/sqrt(2). The flow of a step uses the
  * friction at its beginning and adds |increment of plastic strain| = gdot dt/sqrt(2) to q. */
-#ifndef GR_LAW_HARDENING_H
-#define GR_LAW_HARDENING_H
+#pragma once
 
 #include "core/simd.h"
 
@@ -33,5 +32,3 @@ static inline vd gr_hardened_friction(const double h[4], vd q)
     const vd sine = gr_sine(v_clamp(v_set(GR_DEGREE) * phi, 0.0, 90 * GR_DEGREE));
     return v_set(3.4641016151377544) * sine / (v_set(3.0) - sine);
 }
-
-#endif

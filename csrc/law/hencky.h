@@ -23,8 +23,7 @@
  * Accuracy: a few units in the last place relative to the larger of h and L dt, while both are small. For large ones
  * the condition of exp(2 h_trial) matters: 1e-13 at norms of 1/2. Norms of 2h and of dev L dt above GR_STRAIN_REACH are
  * reduced to it. */
-#ifndef GR_LAW_HENCKY_H
-#define GR_LAW_HENCKY_H
+#pragma once
 
 #include "law/flow_rules.h"
 #include "law/fluidity_update.h"
@@ -224,5 +223,3 @@ GR_INLINE void hencky_points(const int dim, const int flow, const struct gr_henc
     for (int i = 0; i < results; i++)
         for (int lane = 0; lane < GR_W && lane < last; lane++) updated[i][k + lane] = buffer[10 + i][lane];
 }
-
-#endif

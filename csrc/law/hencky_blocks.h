@@ -3,8 +3,7 @@
  *
  * Whatever the scheme, the pressure is that of the density. While the fluidity is not yet diffused, a nonlocal flow
  * rule is in its local phase: it uses the flow rule that it equals where the fluidity is uniform, with g = gdot/mu. */
-#ifndef GR_LAW_HENCKY_BLOCKS_H
-#define GR_LAW_HENCKY_BLOCKS_H
+#pragma once
 
 #include "law/hardening.h"
 #include "law/hencky.h"
@@ -137,5 +136,3 @@ static inline void gr_hencky_nonlocal_blocks(const int dim, int nonlocal, int lo
     struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
     gr_hencky_blocks(dim, call->g_star ? nonlocal : local, &n, call);
 }
-
-#endif

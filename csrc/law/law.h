@@ -3,8 +3,7 @@
  * A law is an elasticity combined with a flow rule. It is one file, law/<name>.inl, which holds its equation, its
  * update and its descriptor. A line of law/registry.inl registers it; kernels.c compiles it once for each instruction
  * set. See docs/contributing.md, "Add a law". */
-#ifndef GR_LAW_LAW_H
-#define GR_LAW_LAW_H
+#pragma once
 
 #include <stdint.h>
 
@@ -182,5 +181,3 @@ struct gr_hencky_call {
     const double *gradient[9], *log_density;
     double *stress[6], *g, *shear_rate;
 };
-
-#endif

@@ -6,8 +6,7 @@
  * - 1, log(1 + .)), so that small strains keep the relative accuracy of the strain, not that of 1 + strain.
  *
  * In 2D (dim = 2) the components xz, yz, zx, zy are taken as zero and never accessed. */
-#ifndef GR_LAW_STRAIN_H
-#define GR_LAW_STRAIN_H
+#pragma once
 
 #include "law/trial.h"
 
@@ -279,5 +278,3 @@ GR_INLINE struct gr_matrix gr_trial_strain(const int dim, const struct gr_matrix
     }
     return gr_logarithmic_strain(dim, &c);
 }
-
-#endif

@@ -5,8 +5,7 @@
  * b <- b + 1/n before the flow and (a, b) <- z (a, b) after it. Its norm needs only three products of R and D, which
  * are computed once. The pressure is that at the end of the step in all substeps. A substep thus costs little more than
  * the update of the fluidity at a point. */
-#ifndef GR_LAW_SUBSTEP_H
-#define GR_LAW_SUBSTEP_H
+#pragma once
 
 #include "law/fluidity_update.h"
 #include "law/trial.h"
@@ -91,5 +90,3 @@ GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_
     v_store(rate, point.g * point.mu);
     return point.g;
 }
-
-#endif

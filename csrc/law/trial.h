@@ -1,6 +1,5 @@
 /* The elastic predictor (trial stress) of the hypoelastic laws, and its loads and stores. */
-#ifndef GR_LAW_TRIAL_H
-#define GR_LAW_TRIAL_H
+#pragma once
 
 #include "law/law.h"
 
@@ -86,5 +85,3 @@ static inline vd gr_tau_squared(const int dim, const struct gr_stress *t)
     if (dim == 3) shear = v_fma(t->s[4], t->s[4], v_fma(t->s[5], t->s[5], shear));
     return v_fma(v_set(0.5), normal, shear);
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* Contact of rigid bodies with the nodes of the grid. */
-#ifndef GR_MPM_CONTACT_H
-#define GR_MPM_CONTACT_H
+#pragma once
 
 #include "mpm/engine.h"
 
@@ -31,5 +30,3 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3]);
 
 /* Finish the step: body_next becomes the present state. */
 void gr_bodies_move(struct gr_engine *e);
-
-#endif

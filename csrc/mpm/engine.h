@@ -1,7 +1,6 @@
 /* The MPM engine: configuration and state of a simulation. The points are stored in buffers of the caller; everything
  * else is here. */
-#ifndef GR_MPM_ENGINE_H
-#define GR_MPM_ENGINE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -253,5 +252,3 @@ double gr_stable_dt(const struct gr_engine *e);
 
 /* The longest time step that the engine takes, s. */
 static inline double gr_longest_dt(const struct gr_config *c) { return c->dt > 0 ? c->dt : c->cfl * c->dx / c->wave_speed; }
-
-#endif

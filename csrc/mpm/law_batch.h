@@ -1,6 +1,5 @@
 /* Batch of blocks of points, collected from several cells, that a law updates in one call. */
-#ifndef GR_MPM_LAW_BATCH_H
-#define GR_MPM_LAW_BATCH_H
+#pragma once
 
 #include "mpm/shape.h"
 
@@ -41,5 +40,3 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
     update(&call);
     batch->n = 0;
 }
-
-#endif

@@ -3,8 +3,7 @@
  *
  * X(name, default, range, unit, description). Ranges: "[low, high]", where a round bracket excludes the end; "integer"
  * before the range for whole numbers. GR_NONE: None in Python. */
-#ifndef GR_MPM_SCHEME_H
-#define GR_MPM_SCHEME_H
+#pragma once
 
 #include <math.h>
 
@@ -124,5 +123,3 @@ enum gr_density {
 #undef GR_X
         GR_DENSITY_COUNT
 };
-
-#endif

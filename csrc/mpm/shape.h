@@ -1,6 +1,5 @@
 /* Shape functions of a block of points in a cell, and interpolation of nodal fields to the points. */
-#ifndef GR_MPM_SHAPE_H
-#define GR_MPM_SHAPE_H
+#pragma once
 
 #include "core/simd.h"
 #include "mpm/engine.h"
@@ -155,5 +154,3 @@ GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, con
     gr_along(basis, nodal, s, g, 2, slope_y, &gradient[1], &unused);
     return whole;
 }
-
-#endif

@@ -1,6 +1,5 @@
 /* The nodal part of the smoothed density: filling fraction, gap, mean quadrature weight and residual force. */
-#ifndef GR_MPM_SMOOTHED_DENSITY_H
-#define GR_MPM_SMOOTHED_DENSITY_H
+#pragma once
 
 #include <math.h>
 
@@ -32,5 +31,3 @@ static inline __attribute__((always_inline)) void gr_describe_density(const int 
  * kept only inside the material, where a uniform pressure should make no force; elsewhere it is the force on the
  * surface, or a wall balances it. */
 void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last);
-
-#endif

@@ -11,8 +11,7 @@
  * A point keeps its side while it faces the thin part, even if a step has carried it inside; elsewhere its position
  * decides. Which cells are double is decided at the poses `split`. They follow those of the bodies when these have
  * moved by a cell, so that the result depends neither on the times of regroupings nor on a restart. */
-#ifndef GR_MPM_THIN_BODIES_H
-#define GR_MPM_THIN_BODIES_H
+#pragma once
 
 #include <stdint.h>
 
@@ -65,5 +64,3 @@ void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last);
 /* Let the poses `split` follow bodies that have moved.
  * Returned: 1 if they did; the points must then be regrouped. */
 int gr_follow_bodies(struct gr_engine *e);
-
-#endif

@@ -1,6 +1,5 @@
 /* What this folder shares: checks of NumPy arrays, and the one place where core errors become exceptions. */
-#ifndef GR_PYTHON_ARRAYS_H
-#define GR_PYTHON_ARRAYS_H
+#pragma once
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
@@ -99,5 +98,3 @@ extern PyTypeObject *gr_sph_type(PyObject *module); /* sph_type.c */
 struct gr_sph;
 int gr_take_gas(struct gr_sph *s, PyObject *object);
 int gr_refuse_gas_rows(const struct gr_sph *s, Py_ssize_t walls_end, Py_ssize_t first, Py_ssize_t n, Py_ssize_t capacity);
-
-#endif

@@ -1,6 +1,5 @@
 /* What the two engine types, `Engine` and `Sph`, have in common. */
-#ifndef GR_PYTHON_ENGINE_COMMON_H
-#define GR_PYTHON_ENGINE_COMMON_H
+#pragma once
 
 #include "python/arrays.h"
 
@@ -28,5 +27,3 @@ int gr_take_integer(PyObject *dict, const char *name, int64_t *out);
 /* Put a scalar into a dict. Returned: 0, or -1 with an exception set. */
 int gr_put_float(PyObject *dict, const char *name, double value);
 int gr_put_integer(PyObject *dict, const char *name, int64_t value);
-
-#endif

@@ -3,8 +3,7 @@
  *
  * Its points are the rows [gas_first, gas_first + n_gas) of the borrowed arrays, sorted and listed like particles and
  * walls. A scene without gas has no such rows, no list of them and none of this memory. */
-#ifndef GR_SPH_GAS_H
-#define GR_SPH_GAS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -77,5 +76,3 @@ void gr_sph_free_gas_places(struct gr_sph *s);
  * gr_sph_drift_gas: v += a dt/2, x += v dt. gr_sph_kick_gas: exchange of mass, v += a dt/2, and the largest speed. */
 void gr_sph_drift_gas(struct gr_sph *s, int64_t first, int64_t last);
 void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found);
-
-#endif

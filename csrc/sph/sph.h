@@ -8,8 +8,7 @@
  * consists of blocks of as many rows as a vector has lanes. They are loaded as vectors, without indices; rows of a
  * block that are not neighbours have zero weight. Each point sums over its own neighbours in the order of its list, so
  * that the bits do not depend on the number of threads. */
-#ifndef GR_SPH_SPH_H
-#define GR_SPH_SPH_H
+#pragma once
 
 #include <stdint.h>
 
@@ -195,5 +194,3 @@ void gr_sph_sort(struct gr_sph *s, int fresh); /* fresh: set the anchors to x, a
  * Returned: the largest number that a row needs; those beyond s->stride are not stored. */
 int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last);
 int gr_sph_widen(struct gr_sph *s, int64_t needed); /* capacity for this many blocks per row */
-
-#endif

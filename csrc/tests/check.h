@@ -1,6 +1,5 @@
 /* Checks for the C tests. A test is a function; a program runs several and reports how many passed. */
-#ifndef GR_TESTS_CHECK_H
-#define GR_TESTS_CHECK_H
+#pragma once
 
 #include <math.h>
 #include <stdio.h>
@@ -45,5 +44,3 @@ static inline int check_report(const char *name)
     printf("%s: %d passed, %d failed\n", name, check_passed, check_failed);
     return check_failed > 0;
 }
-
-#endif
