@@ -7,12 +7,9 @@ enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 #define GR_PARTS(X) \
     X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled)
 
-enum gr_part_kind {
 #define GR_X(constant, name) constant,
-    GR_PARTS(GR_X)
+enum gr_part_kind { GR_PARTS(GR_X) GR_PART_COUNT };
 #undef GR_X
-        GR_PART_COUNT
-};
 
 /* A part of a body, in body coordinates. */
 struct gr_part {
@@ -29,12 +26,9 @@ struct gr_part {
 
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
 
-enum gr_contact {
 #define GR_X(constant, name) constant,
-    GR_CONTACTS(GR_X)
+enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 #undef GR_X
-        GR_CONTACT_COUNT
-};
 
 /* Constant properties of a body. */
 struct gr_body {

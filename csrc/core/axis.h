@@ -18,12 +18,9 @@
 /* X(constant, name) */
 #define GR_BASES(X) X(GR_LINEAR, linear) X(GR_UGIMP, ugimp) X(GR_QUADRATIC, quadratic)
 
-enum gr_basis {
 #define GR_X(constant, name) constant,
-    GR_BASES(GR_X)
+enum gr_basis { GR_BASES(GR_X) GR_BASIS_COUNT };
 #undef GR_X
-        GR_BASIS_COUNT
-};
 
 #define GR_MAX_NODES_1D 3
 

@@ -25,12 +25,9 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_S
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
     X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")
 
-enum gr_field {
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,
-    GR_FIELDS(GR_X)
+enum gr_field { GR_FIELDS(GR_X) GR_FIELD_COUNT };
 #undef GR_X
-        GR_FIELD_COUNT
-};
 
 struct gr_field_info {
     const char *name, *unit, *doc;

@@ -12,17 +12,13 @@
 
 _Static_assert(GR_PAGE == GR_LANES, "a page is a run of lanes");
 
-const char *const gr_stencil_names[GR_STENCIL_COUNT] = {
 #define GR_X(name) #name,
-    GR_STENCILS(GR_X)
+const char *const gr_stencil_names[GR_STENCIL_COUNT] = {GR_STENCILS(GR_X)};
 #undef GR_X
-};
 
-const char *const gr_diffusion_names[GR_DIFFUSION_COUNT] = {
 #define GR_X(name) #name,
-    GR_DIFFUSIONS(GR_X)
+const char *const gr_diffusion_names[GR_DIFFUSION_COUNT] = {GR_DIFFUSIONS(GR_X)};
 #undef GR_X
-};
 
 static int is_valid(const struct gr_fluidity_config *c)
 {

@@ -27,34 +27,25 @@
 /* Kind of a face, as seen from one of its cells. Two cells are linked if both sides are of kind `link`. */
 #define GR_FACES(X) X(GR_FACE_LINK, link) X(GR_FACE_OPEN, open) X(GR_FACE_ROUGH, rough)
 
-enum gr_face {
 #define GR_X(constant, name) constant,
-    GR_FACES(GR_X)
+enum gr_face { GR_FACES(GR_X) GR_FACE_COUNT };
 #undef GR_X
-        GR_FACE_COUNT
-};
 
 /* Time-stepping methods (diffuse.inl). */
 #define GR_DIFFUSIONS(X) X(explicit) X(implicit) X(rkl2)
 
-enum gr_diffusion {
 #define GR_X(name) GR_DIFFUSION_##name,
-    GR_DIFFUSIONS(GR_X)
+enum gr_diffusion { GR_DIFFUSIONS(GR_X) GR_DIFFUSION_COUNT };
 #undef GR_X
-        GR_DIFFUSION_COUNT
-};
 
 extern const char *const gr_diffusion_names[GR_DIFFUSION_COUNT];
 
 /* Stencils of the Laplacian: cells across faces only, or also across edges and corners. */
 #define GR_STENCILS(X) X(faces) X(isotropic)
 
-enum gr_stencil {
 #define GR_X(name) GR_STENCIL_##name,
-    GR_STENCILS(GR_X)
+enum gr_stencil { GR_STENCILS(GR_X) GR_STENCIL_COUNT };
 #undef GR_X
-        GR_STENCIL_COUNT
-};
 
 extern const char *const gr_stencil_names[GR_STENCIL_COUNT];
 

@@ -21,12 +21,9 @@
     X(diffusion, 1, "1", "factor psi of the exchange of mass that smooths the pressure")             \
     X(wall_volume, 0, "m^dim", "volume from which a point of an impermeable wall excludes gas")
 
-enum gr_sph_gas_parameter {
 #define GR_X(name, zero, unit, doc) GR_SPH_GAS_P_##name,
-    GR_SPH_GAS_PARAMETERS(GR_X)
+enum gr_sph_gas_parameter { GR_SPH_GAS_PARAMETERS(GR_X) GR_SPH_GAS_PARAMETER_COUNT };
 #undef GR_X
-        GR_SPH_GAS_PARAMETER_COUNT
-};
 
 enum { GR_SPH_MAX_JETS = 16 };
 

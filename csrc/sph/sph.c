@@ -12,17 +12,13 @@
 #include <omp.h>
 #endif
 
-const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {
 #define GR_X(name, kind, need, unit, doc) {#name, unit, doc, kind, need},
-    GR_SPH_FIELDS(GR_X)
+const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {GR_SPH_FIELDS(GR_X)};
 #undef GR_X
-};
 
-const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT] = {
 #define GR_X(name, zero, unit, doc) {#name, unit, doc},
-    GR_SPH_PARAMETERS(GR_X)
+const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT] = {GR_SPH_PARAMETERS(GR_X)};
 #undef GR_X
-};
 
 const unsigned gr_sph_may_be_zero = 0
 #define GR_X(name, zero, unit, doc) | (unsigned)zero << GR_SPH_P_##name

@@ -35,12 +35,9 @@
     X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "|D| = sqrt(D:D/2), D = L + L^T")                                \
     X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")
 
-enum gr_sph_field {
 #define GR_X(name, kind, need, unit, doc) GR_SPH_FIELD_##name,
-    GR_SPH_FIELDS(GR_X)
+enum gr_sph_field { GR_SPH_FIELDS(GR_X) GR_SPH_FIELD_COUNT };
 #undef GR_X
-        GR_SPH_FIELD_COUNT
-};
 enum { GR_SPH_MAX_ROWS = GR_SPH_FIELD_COUNT * 6, GR_SPH_SHIFTS = 27, GR_SPH_CELLS_IN_REACH = 2, GR_SPH_MAX_WALLS = 64 };
 
 extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
@@ -65,12 +62,9 @@ extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
     X(cfl, 0, "1", "time step over the stability limit")                                           \
     X(dt, 1, "s", "time step; 0: by the stability limit")
 
-enum gr_sph_parameter {
 #define GR_X(name, zero, unit, doc) GR_SPH_P_##name,
-    GR_SPH_PARAMETERS(GR_X)
+enum gr_sph_parameter { GR_SPH_PARAMETERS(GR_X) GR_SPH_PARAMETER_COUNT };
 #undef GR_X
-        GR_SPH_PARAMETER_COUNT
-};
 
 extern const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT];
 extern const unsigned gr_sph_may_be_zero; /* bit mask over the parameters */
