@@ -98,22 +98,13 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
 }
 
 /* `flow` is not a literal here: the trial is compiled once for all flow rules. */
-static __attribute__((noinline)) void hencky_blocks_2d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
-{
-    hencky_blocks_of(2, flow, n, call);
-}
-
-static __attribute__((noinline)) void hencky_blocks_3d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
-{
-    hencky_blocks_of(3, flow, n, call);
-}
-
-static inline void gr_hencky_blocks(const int dim, int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
+static __attribute__((noinline)) void gr_hencky_blocks(int dim, int flow, struct gr_hencky_numbers *n,
+                                                       const struct gr_law_call *call)
 {
     if (dim == 2)
-        hencky_blocks_2d(flow, n, call);
+        hencky_blocks_of(2, flow, n, call);
     else
-        hencky_blocks_3d(flow, n, call);
+        hencky_blocks_of(3, flow, n, call);
 }
 
 /* The numbers of a law without a grain diameter: only xi = I0/(d sqrt(rho_s)) counts. */

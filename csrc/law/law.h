@@ -15,6 +15,8 @@ struct gr_parameter_info {
     const char *name, *unit, *doc;
 };
 
+#define GR_INFO(name, unit, doc) {#name, unit, doc},
+
 /* Reaction of the fluidity to the flow at a point, of a nonlocal law (fluidity_update.h). */
 enum gr_reaction { GR_LOCAL, GR_NGF, GR_LINEAR_NGF };
 

@@ -244,7 +244,7 @@ static void run(struct team *team, int t)
         gr_wait(&team->barrier);
         if (e->error || !e->sums_valid) continue;
         gr_share(e->n_dirty, t, team->barrier.threads, &first, &last);
-        team->kernels->p2g_list(e, e->dirty, first, last);
+        for (int64_t k = first; k < last; k++) team->kernels->p2g(e, e->dirty[k], e->dirty[k] + 1);
     }
 }
 

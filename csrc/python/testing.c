@@ -65,7 +65,7 @@ PyObject *gr_python_law_update(PyObject *module, PyObject *args)
                                .g_star = fluidity > 1 ? PyArray_DATA(arrays[5]) : NULL,
                                .plastic_strain = objects[6] != Py_None ? PyArray_DATA(arrays[n_arrays - 1]) : NULL};
     for (int c = 0; c < (dim == 2 ? 4 : 6); c++) call.stress[c] = (double *)PyArray_DATA(arrays[2]) + c * places;
-    kernels->update_law(law, dim, &call);
+    kernels->laws[law]->update[dim - 2](&call);
     PyMem_Free(slot);
     Py_RETURN_NONE;
 }

@@ -47,17 +47,6 @@ struct gr_sph_gas {
     int64_t *end;            /* end of the blocks of gas, which follow those of walls */
 };
 
-/* Stages of a step, in their order. Each sums over the neighbours of points of gas, or of particles. */
-enum gr_sph_gas_stage {
-    GR_SPH_GAS_VOLUMES,  /* gas: volume, porosity, density, pressure */
-    GR_SPH_GAS_FORCES,   /* gas: push */
-    GR_SPH_GAS_LOADS,    /* particles: load */
-    GR_SPH_GAS_SHARES,   /* particles: add their share of the pressure forces to the accelerations */
-    GR_SPH_GAS_EXCHANGE, /* gas: gain, carry */
-    GR_SPH_GAS_DRAG,     /* gas: drag, acceleration */
-    GR_SPH_GAS_REACTIONS /* particles: subtract the drag forces from the accelerations */
-};
-
 struct gr_sph;
 struct gr_sph_found;
 

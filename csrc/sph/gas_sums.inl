@@ -275,8 +275,16 @@ GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t la
     }
 }
 
-GR_INLINE void sph_gas(int dim, struct gr_sph *s, int stage, int64_t first, int64_t last, struct gr_sph_found *found)
+/* One stage of a step. */
+GR_INLINE void sph_stage(int dim, struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last,
+                         struct gr_sph_found *found)
 {
+    const int elastic = s->config.parameter[GR_SPH_P_shear_modulus] > 0;
+    if (stage == GR_SPH_DENSITIES) sph_densities(dim, s, first, last);
+    if (stage == GR_SPH_FILTER) sph_filter(dim, s, first, last, found);
+    if (stage == GR_SPH_STRESSES && elastic) sph_stresses(dim, 1, s, first, last);
+    if (stage == GR_SPH_STRESSES && !elastic) sph_stresses(dim, 0, s, first, last);
+    if (stage == GR_SPH_FORCES) sph_forces(dim, s, first, last, found);
     if (stage == GR_SPH_GAS_VOLUMES) sph_gas_volumes(dim, s, first, last);
     if (stage == GR_SPH_GAS_FORCES) sph_gas_forces(dim, s, first, last);
     if (stage == GR_SPH_GAS_LOADS) sph_gas_loads(dim, s, first, last);

@@ -129,17 +129,42 @@ static int make_places(struct gr_sph *s, int64_t capacity)
     return GR_OK;
 }
 
-static int64_t largest(int64_t a, int64_t b, int64_t c) { return a > b ? (a > c ? a : c) : b > c ? b : c; }
+enum kind { PARTICLES, WALLS, GAS, KINDS };
+
+/* The rows of each kind, of a thread: [first, last). */
+struct share {
+    int64_t first[KINDS], last[KINDS];
+};
+
+static struct share share_of(const struct gr_sph *s, int t, int threads)
+{
+    const int64_t n[KINDS] = {s->n_particles, s->n_walls, s->n_gas}, begin[KINDS] = {0, s->wall_first, s->gas_first};
+    struct share own;
+    for (int k = 0; k < KINDS; k++) {
+        gr_share(n[k], t, threads, &own.first[k], &own.last[k]);
+        own.first[k] += begin[k], own.last[k] += begin[k];
+    }
+    return own;
+}
+
+/* List the blocks of a share.
+ * Returned: the largest number of them that a row needs. */
+static int64_t list_blocks(struct gr_sph *s, struct share own)
+{
+    int64_t most = 0;
+    for (int k = 0; k < KINDS; k++) {
+        const int64_t n = gr_sph_list_blocks(s, own.first[k], own.last[k]);
+        if (n > most) most = n;
+    }
+    return most;
+}
 
 /* Sort the points and make the neighbour list. One thread. */
 static int make_list(struct gr_sph *s, int fresh)
 {
     gr_sph_sort(s, fresh);
     for (;;) {
-        const int64_t particles = gr_sph_list_blocks(s, 0, s->n_particles);
-        const int64_t walls = gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
-        const int64_t gas = gr_sph_list_blocks(s, s->gas_first, s->gas_first + s->n_gas);
-        const int64_t most = largest(particles, walls, gas);
+        const int64_t most = list_blocks(s, share_of(s, 0, 1));
         if (most <= s->stride) return GR_OK;
         const int error = gr_sph_widen(s, most);
         if (error) return error;
@@ -186,7 +211,7 @@ double gr_sph_stable_dt(const struct gr_sph *s)
 
 struct team {
     struct gr_sph *s;
-    const struct gr_sph_kernels *kernels;
+    gr_sph_kernel *kernel;
     struct gr_barrier barrier;
     double until;
     int64_t steps_left;
@@ -302,30 +327,13 @@ static void look(struct team *team)
     s->rebuilds++;
 }
 
-struct share {
-    int64_t particles[2], walls[2], gas[2];
-};
-
-static struct share share_of(const struct gr_sph *s, int t, int threads)
-{
-    struct share own;
-    gr_share(s->n_particles, t, threads, &own.particles[0], &own.particles[1]);
-    gr_share(s->n_walls, t, threads, &own.walls[0], &own.walls[1]);
-    gr_share(s->n_gas, t, threads, &own.gas[0], &own.gas[1]);
-    own.walls[0] += s->wall_first, own.walls[1] += s->wall_first;
-    own.gas[0] += s->gas_first, own.gas[1] += s->gas_first;
-    return own;
-}
-
 /* Make a new neighbour list, by all threads. */
 static void rebuild(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
     const struct share own = share_of(s, t, team->barrier.threads);
     do {
-        const int64_t particles = gr_sph_list_blocks(s, own.particles[0], own.particles[1]);
-        const int64_t walls = gr_sph_list_blocks(s, own.walls[0], own.walls[1]);
-        s->found[t].blocks = largest(particles, walls, gr_sph_list_blocks(s, own.gas[0], own.gas[1]));
+        s->found[t].blocks = list_blocks(s, own);
         gr_wait(&team->barrier);
         if (t == 0) {
             const int64_t most = combined(s, team->barrier.threads).blocks;
@@ -339,31 +347,21 @@ static void rebuild(struct team *team, int t)
 /* Compute densities, stresses and accelerations at the present positions and velocities. */
 static void evaluate(struct team *team, int t)
 {
-    struct gr_sph *s = team->s;
-    const struct gr_sph_kernels *k = team->kernels;
-    struct gr_sph_found *found = &s->found[t];
-    const struct share own = share_of(s, t, team->barrier.threads);
-    k->densities(s, own.particles[0], own.particles[1]);
-    k->densities(s, own.walls[0], own.walls[1]);
-    gr_wait(&team->barrier);
-    k->filter(s, own.particles[0], own.particles[1], found);
-    k->filter(s, own.walls[0], own.walls[1], found);
-    gr_wait(&team->barrier);
-    k->stresses(s, own.particles[0], own.particles[1]);
-    k->stresses(s, own.walls[0], own.walls[1]);
-    if (s->gas) k->gas(s, GR_SPH_GAS_VOLUMES, own.gas[0], own.gas[1], found);
-    gr_wait(&team->barrier);
-    k->forces(s, own.particles[0], own.particles[1], found);
-    if (!s->gas) return;
-    k->gas(s, GR_SPH_GAS_FORCES, own.gas[0], own.gas[1], found);
-    k->gas(s, GR_SPH_GAS_LOADS, own.particles[0], own.particles[1], found);
-    gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_SHARES, own.particles[0], own.particles[1], found);
-    k->gas(s, GR_SPH_GAS_EXCHANGE, own.gas[0], own.gas[1], found);
-    gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_DRAG, own.gas[0], own.gas[1], found);
-    gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_REACTIONS, own.particles[0], own.particles[1], found);
+    static const struct {
+        enum gr_sph_stage stage;
+        enum kind kind;
+        int waits; /* for the results of the stages before */
+    } plan[] = {{GR_SPH_DENSITIES, PARTICLES, 0}, {GR_SPH_DENSITIES, WALLS, 0},        {GR_SPH_FILTER, PARTICLES, 1},
+                {GR_SPH_FILTER, WALLS, 0},        {GR_SPH_STRESSES, PARTICLES, 1},     {GR_SPH_STRESSES, WALLS, 0},
+                {GR_SPH_GAS_VOLUMES, GAS, 0},     {GR_SPH_FORCES, PARTICLES, 1},       {GR_SPH_GAS_FORCES, GAS, 0},
+                {GR_SPH_GAS_LOADS, PARTICLES, 0}, {GR_SPH_GAS_SHARES, PARTICLES, 1},   {GR_SPH_GAS_EXCHANGE, GAS, 0},
+                {GR_SPH_GAS_DRAG, GAS, 1},        {GR_SPH_GAS_REACTIONS, PARTICLES, 1}};
+    const struct share own = share_of(team->s, t, team->barrier.threads);
+    for (size_t k = 0; k < sizeof plan / sizeof *plan; k++) {
+        if (plan[k].stage >= GR_SPH_GAS_VOLUMES && !team->s->gas) continue;
+        if (plan[k].waits) gr_wait(&team->barrier);
+        team->kernel(team->s, plan[k].stage, own.first[plan[k].kind], own.last[plan[k].kind], &team->s->found[t]);
+    }
 }
 
 static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){.bad = -1}; }
@@ -384,12 +382,10 @@ static void one_step(struct team *team, int t)
     struct gr_sph *s = team->s;
     struct share own = share_of(s, t, team->barrier.threads);
     forget(&s->found[t]);
-    drift(s, own.particles[0], own.particles[1], &s->found[t]);
-    gr_sph_move_walls(s, own.walls[0], own.walls[1]);
-    if (s->gas) gr_sph_drift_gas(s, own.gas[0], own.gas[1]);
-    measure(s, own.particles[0], own.particles[1], &s->found[t]);
-    measure(s, own.walls[0], own.walls[1], &s->found[t]);
-    measure(s, own.gas[0], own.gas[1], &s->found[t]);
+    drift(s, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
+    gr_sph_move_walls(s, own.first[WALLS], own.last[WALLS]);
+    if (s->gas) gr_sph_drift_gas(s, own.first[GAS], own.last[GAS]);
+    for (int k = 0; k < KINDS; k++) measure(s, own.first[k], own.last[k], &s->found[t]);
     gr_wait(&team->barrier);
     if (t == 0) look(team);
     gr_wait(&team->barrier);
@@ -401,8 +397,8 @@ static void one_step(struct team *team, int t)
     forget(&s->found[t]);
     evaluate(team, t);
     own = share_of(s, t, team->barrier.threads); /* the numbers of points may have changed */
-    kick(s, s->dt, own.particles[0], own.particles[1], &s->found[t]);
-    if (s->gas) gr_sph_kick_gas(s, s->dt, own.gas[0], own.gas[1], &s->found[t]);
+    kick(s, s->dt, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
+    if (s->gas) gr_sph_kick_gas(s, s->dt, own.first[GAS], own.last[GAS], &s->found[t]);
 }
 
 static void run(struct team *team, int t)
@@ -412,8 +408,8 @@ static void run(struct team *team, int t)
         const struct share own = share_of(s, t, team->barrier.threads);
         forget(&s->found[t]);
         evaluate(team, t);
-        kick(s, 0.0, own.particles[0], own.particles[1], &s->found[t]);
-        if (s->gas) gr_sph_kick_gas(s, 0.0, own.gas[0], own.gas[1], &s->found[t]);
+        kick(s, 0.0, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
+        if (s->gas) gr_sph_kick_gas(s, 0.0, own.first[GAS], own.last[GAS], &s->found[t]);
         gr_wait(&team->barrier);
         if (t == 0) end_step(team);
     }
@@ -434,10 +430,10 @@ static void show_stresses(struct gr_sph *s)
 {
     double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
     const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
-    const int64_t n[2] = {s->n_particles, s->n_walls}, first[2] = {0, s->wall_first};
-    for (int kind = 0; kind < 2; kind++)
+    const struct share all = share_of(s, 0, 1);
+    for (int kind = PARTICLES; kind <= WALLS; kind++)
         for (int k = 0; k < gr_sph_components(s, GR_SPH_FIELD_stress); k++)
-            for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) stress[k][a] = rho[a] * rho[a] * s->pull[k][a];
+            for (int64_t a = all.first[kind]; a < all.last[kind]; a++) stress[k][a] = rho[a] * rho[a] * s->pull[k][a];
 }
 
 static void run_all(struct team *team, int threads)
@@ -458,9 +454,9 @@ static void run_all(struct team *team, int threads)
     run(team, 0);
 }
 
-int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads)
+int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, double until, int threads)
 {
-    struct team team = {.s = s, .kernels = kernels, .until = until, .steps_left = max_steps};
+    struct team team = {.s = s, .kernel = kernel, .until = until, .steps_left = max_steps};
     const int64_t step = s->step, started = s->started;
     if (s->error) return s->error;
     if (!started)

@@ -89,6 +89,21 @@ struct gr_sph_config {
     struct gr_sph_wall wall[GR_SPH_MAX_WALLS];
 };
 
+/* Stages of a step, in their order. Each sums over the neighbours of particles and wall points, or of points of gas. */
+enum gr_sph_stage {
+    GR_SPH_DENSITIES,
+    GR_SPH_FILTER,
+    GR_SPH_STRESSES,
+    GR_SPH_FORCES,       /* particles */
+    GR_SPH_GAS_VOLUMES,  /* gas: volume, porosity, density, pressure */
+    GR_SPH_GAS_FORCES,   /* gas: push */
+    GR_SPH_GAS_LOADS,    /* particles: load */
+    GR_SPH_GAS_SHARES,   /* particles: add their share of the pressure forces to the accelerations */
+    GR_SPH_GAS_EXCHANGE, /* gas: gain, carry */
+    GR_SPH_GAS_DRAG,     /* gas: drag, acceleration */
+    GR_SPH_GAS_REACTIONS /* particles: subtract the drag forces from the accelerations */
+};
+
 /* A block of neighbours: as many rows as a vector has lanes, from `row` on, as images moved by shift[]. */
 struct gr_block {
     int32_t row, shift;
@@ -148,14 +163,9 @@ static inline double *const *gr_sph_rows(const struct gr_sph *s, int field)
     return s->row + first;
 }
 
-/* SPH kernels of one instruction set, for the rows [first, last); see sums.inl, stress.inl and gas_sums.inl. */
-struct gr_sph_kernels {
-    void (*densities)(struct gr_sph *s, int64_t first, int64_t last);
-    void (*filter)(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found);
-    void (*stresses)(struct gr_sph *s, int64_t first, int64_t last);
-    void (*forces)(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found);
-    void (*gas)(struct gr_sph *s, int stage, int64_t first, int64_t last, struct gr_sph_found *found);
-};
+/* The kernel of SPH: make a stage for the rows [first, last), all of one kind; see sums.inl, stress.inl, gas_sums.inl. */
+typedef void gr_sph_kernel(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last,
+                           struct gr_sph_found *found);
 
 /* Make an engine with a copy of the configuration.
  * Returned: 0, GR_ERR_MEMORY, or GR_ERR_CONFIG if a period is shorter than the list reaches or there are too many
@@ -172,7 +182,7 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
                 int64_t n_walls, int fresh);
 
 /* Make steps until their number or the time is reached; the last one ends at or beyond `until`. */
-int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads);
+int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, double until, int threads);
 
 double gr_sph_stable_dt(const struct gr_sph *s); /* s, for the present state */
 
