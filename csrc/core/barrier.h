@@ -1,8 +1,9 @@
-/* A barrier at which the threads of a team wait for each other, and the division of work among them. */
+/* A team of threads: a barrier at which they wait for each other, and the division of work among them. */
 #pragma once
 
 #include <sched.h>
 #include <stdatomic.h>
+#include <stdint.h>
 
 #define GR_MAX_THREADS 64
 
@@ -33,3 +34,6 @@ static inline void gr_share(int64_t n, int t, int threads, int64_t *first, int64
     *first = n * t / threads;
     *last = n * (t + 1) / threads;
 }
+
+/* Let a team of at most `threads` threads, and GR_MAX_THREADS, do `work`, each with its number t in the team, from 0 on. */
+void gr_run_team(struct gr_barrier *barrier, int threads, void (*work)(void *data, int t), void *data);

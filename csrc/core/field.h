@@ -39,17 +39,7 @@ extern const struct gr_field_info gr_field_table[GR_FIELD_COUNT];
 
 static inline int gr_kind_components(enum gr_kind kind, int dim)
 {
-    switch (kind) {
-    case GR_VECTOR:
-        return dim;
-    case GR_TENSOR:
-        return dim * dim;
-    case GR_STRESS:
-        return dim == 2 ? 4 : 6;
-    case GR_SCALAR:
-    default:
-        return 1;
-    }
+    return kind == GR_VECTOR ? dim : kind == GR_TENSOR ? dim * dim : kind == GR_STRESS ? (dim == 2 ? 4 : 6) : 1;
 }
 
 static inline int gr_field_components(int field, int dim) { return gr_kind_components(gr_field_table[field].kind, dim); }

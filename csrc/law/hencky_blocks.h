@@ -107,15 +107,17 @@ static __attribute__((noinline)) void gr_hencky_blocks(int dim, int flow, struct
         hencky_blocks_of(3, flow, n, call);
 }
 
-/* The numbers of a law without a grain diameter: only xi = I0/(d sqrt(rho_s)) counts. */
-static inline struct gr_hencky_numbers gr_hencky_sizeless(const struct gr_law_call *call, double mu_s, double mu_2,
-                                                          double xi)
+/* A law without a grain diameter: only xi = I0/(d sqrt(rho_s)) counts. For `hardening` see gr_hencky_numbers. */
+static inline void gr_hencky_local_blocks(const int dim, int flow, const struct gr_law_call *call, double mu_s, double mu_2,
+                                          double xi, const double *hardening)
 {
     double q[GR_HENCKY_PARAMETER_COUNT] = {0};
     q[GR_HENCKY_P_K] = call->parameter[0], q[GR_HENCKY_P_G] = call->parameter[1];
     q[GR_HENCKY_P_mu_s] = mu_s, q[GR_HENCKY_P_mu_2] = mu_2, q[GR_HENCKY_P_I0] = xi;
     q[GR_HENCKY_P_rho_s] = q[GR_HENCKY_P_d] = q[GR_HENCKY_P_t0] = 1;
-    return gr_hencky_numbers_of(q, call->dt);
+    struct gr_hencky_numbers n = gr_hencky_numbers_of(q, call->dt);
+    n.hardening = hardening;
+    gr_hencky_blocks(dim, flow, &n, call);
 }
 
 /* Order of the parameters of the nonlocal finite-strain laws: the amplitude A, then GR_HENCKY_PARAMETERS. */

@@ -6,8 +6,7 @@ GR_LAW(hencky_drucker_prager)
 
 static inline void law_hencky_drucker_prager(const int dim, const struct gr_law_call *call)
 {
-    struct gr_hencky_numbers n = gr_hencky_sizeless(call, call->parameter[2], 2 * call->parameter[2], 1);
-    gr_hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
+    gr_hencky_local_blocks(dim, GR_HENCKY_drucker_prager, call, call->parameter[2], 2 * call->parameter[2], 1, 0);
 }
 
 GR_DESCRIBE_LAW(hencky_drucker_prager,

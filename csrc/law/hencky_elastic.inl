@@ -6,8 +6,7 @@ GR_LAW(hencky_elastic)
 
 static inline void law_hencky_elastic(const int dim, const struct gr_law_call *call)
 {
-    struct gr_hencky_numbers n = gr_hencky_sizeless(call, 1, 2, 1);
-    gr_hencky_blocks(dim, GR_HENCKY_elastic, &n, call);
+    gr_hencky_local_blocks(dim, GR_HENCKY_elastic, call, 1, 2, 1, 0);
 }
 
 GR_DESCRIBE_LAW(hencky_elastic, .doc = "Hencky's elasticity", .parameter = {GR_ELASTIC_PARAMETERS})

@@ -9,23 +9,15 @@
 
 int gr_engine_uses(const struct gr_config *config, int field)
 {
-    switch (gr_field_table[field].need) {
-    case GR_AFFINE:
-        return config->affine != GR_AFFINE_NONE;
-    case GR_SMOOTHED:
-        return config->smoothed;
-    case GR_NONLOCAL:
-        return gr_law_at(config->law)->reaction != GR_LOCAL;
-    case GR_BALANCED:
-        return gr_law_at(config->law)->reaction && config->nonlocal.method == GR_DIFFUSION_implicit;
-    case GR_SIDED:
-        return gr_has_thin(config);
-    case GR_HARDENING:
-        return gr_law_at(config->law)->hardens;
-    case GR_ALWAYS:
-    default:
-        return 1;
-    }
+    const struct gr_law *law = gr_law_at(config->law);
+    const int needed[] = {[GR_ALWAYS] = 1,
+                          [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
+                          [GR_SMOOTHED] = config->smoothed,
+                          [GR_NONLOCAL] = law->reaction != GR_LOCAL,
+                          [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
+                          [GR_SIDED] = gr_has_thin(config),
+                          [GR_HARDENING] = law->hardens};
+    return needed[gr_field_table[field].need];
 }
 
 /* Replace a pointer by one to a copy of its `bytes` bytes; by NULL if there are none. */
@@ -264,39 +256,39 @@ void gr_engine_free(struct gr_engine *e)
     gr_fluidity_free(e->fluidity);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
     for (int k = 0; e->config.parts && k < e->config.n_parts; k++) free((void *)e->config.parts[k].sample);
-    void *owned[] = {(void *)e->config.gravity_times,
-                     (void *)e->config.gravity_vectors,
-                     (void *)e->config.walls,
-                     (void *)e->config.bodies,
-                     (void *)e->config.parts,
-                     e->mesh.cell,
-                     e->mesh.cell_node,
-                     e->mesh.place,
-                     e->mesh.node_source,
-                     e->mesh.node_code,
-                     e->mesh.node_volume,
-                     e->mesh.node_id,
-                     e->sums,
-                     e->node_data,
-                     e->node_mass,
-                     e->node_v,
-                     e->solid,
-                     e->substeps,
-                     e->body,
-                     e->body_next,
-                     e->touched,
-                     e->thin,
-                     e->split,
-                     e->mesh.duplicate,
-                     e->mesh.separated,
-                     e->mesh.paired,
-                     e->migrant,
-                     e->pending,
-                     e->pending_id,
-                     e->dirty};
+    const void *owned[] = {e->config.gravity_times,
+                           e->config.gravity_vectors,
+                           e->config.walls,
+                           e->config.bodies,
+                           e->config.parts,
+                           e->mesh.cell,
+                           e->mesh.cell_node,
+                           e->mesh.place,
+                           e->mesh.node_source,
+                           e->mesh.node_code,
+                           e->mesh.node_volume,
+                           e->mesh.node_id,
+                           e->sums,
+                           e->node_data,
+                           e->node_mass,
+                           e->node_v,
+                           e->solid,
+                           e->substeps,
+                           e->body,
+                           e->body_next,
+                           e->touched,
+                           e->thin,
+                           e->split,
+                           e->mesh.duplicate,
+                           e->mesh.separated,
+                           e->mesh.paired,
+                           e->migrant,
+                           e->pending,
+                           e->pending_id,
+                           e->dirty};
     struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of, &e->node_codes, &e->cell_flags};
     for (int k = 0; k < 5; k++) gr_table_free(tables[k]);
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free((void *)owned[k]);
     free(e);
 }
 

@@ -57,15 +57,6 @@ GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
     store_gain(e, place, inverse * sum[1], inverse * sum[2]);
 }
 
-/* Mean fluidity of a cell that is not double. */
-GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
-{
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    if (!GR_IS_DOUBLE(cell))
-        mean_of_cell(e, cell); /* those follow when it is known whether their sides are separated
-                                                       (mean_pairs) */
-}
-
 /* The fluidity of a cell after the diffusion, from which the law starts (store_gain). */
 GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
@@ -86,13 +77,11 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int cell_averag
     look_at_cell(dim, basis, GR_AFFINE_NONE, 0, cell_averaged, 0, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
         struct gr_shape s;
-        const double *place[3];
         const int64_t at = cell->offset + n * GR_W;
         vd L[9];
         if (batch->n == BATCH) run_law(e, law, batch, 1);
         double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
-        for (int d = 0; d < dim; d++) place[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
-        gr_shapes(dim, basis, &view.frame, place, 0, &s);
+        gr_shapes(dim, basis, e, &view.frame, at, 0, &s);
         for (int d = 0; d < dim; d++)
             (void)gr_interpolate(dim, basis, 0, view.mode + d, stride, &s, (const vd(*)[3])s.g, L + d * dim);
         for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);

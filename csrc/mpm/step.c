@@ -5,13 +5,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 #include "mpm/contact.h"
 #include "core/barrier.h"
-#include "core/gravity.h"
+#include "core/piecewise.h"
 #include "kernels.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
@@ -108,7 +104,8 @@ static void prepare(struct team *team)
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
     for (int d = 0; d < config->dim; d++)
         e->sponge_factor[d] = config->has_sponge >> d & 1 ? exp(-config->sponge_damping[d] * dt) : 1;
-    gr_gravity(config->dim, config->n_gravity, config->gravity_times, config->gravity_vectors, e->time, team->gravity);
+    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
+                 team->gravity);
 }
 
 /* Finish the step: move the points that left their cells, and the bodies. One thread. */
@@ -223,9 +220,13 @@ static int stage_fluidity(struct team *team, int t)
     return GR_OK;
 }
 
-static void run(struct team *team, int t)
+static void run(void *data, int t)
 {
+    struct team *team = data;
     struct gr_engine *e = team->e;
+    if (t == 0) e->error = share_out(team);
+    gr_wait(&team->barrier);
+    if (e->error) return;
     for (;;) {
         int64_t first, last;
         if (!e->sums_valid && !e->error) { /* after an error there may be no fluidity grid */
@@ -261,23 +262,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
     e->error = ready(e);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
-#ifdef _OPENMP
-    if (threads > GR_MAX_THREADS) threads = GR_MAX_THREADS;
-    if (!e->mesh.n_cells) threads = 1;
-#pragma omp parallel num_threads(threads)
-    {
-#pragma omp single
-        {
-            team.barrier.threads = omp_get_num_threads();
-            e->error = share_out(&team);
-        }
-        if (!e->error) run(&team, omp_get_thread_num());
-    }
-#else
-    (void)threads;
-    e->error = share_out(&team);
-    if (!e->error) run(&team, 0);
-#endif
+    gr_run_team(&team.barrier, e->mesh.n_cells ? threads : 1, run, &team);
     return e->error;
 }
 

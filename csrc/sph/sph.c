@@ -5,12 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/gravity.h"
+#include "core/piecewise.h"
 #include "core/simd.h"
-
-#ifdef _OPENMP
-#include <omp.h>
-#endif
 
 #define GR_X(name, kind, need, unit, doc) {#name, unit, doc, kind, need},
 const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {GR_SPH_FIELDS(GR_X)};
@@ -285,6 +281,12 @@ static struct gr_sph_found combined(const struct gr_sph *s, int threads)
     return all;
 }
 
+static void find_gravity(struct gr_sph *s)
+{
+    const struct gr_sph_config *c = &s->config;
+    gr_piecewise(c->dim, c->n_gravity, c->gravity_times, 1, c->gravity_vectors, c->dim, s->time, s->gravity);
+}
+
 /* Decide whether there is another step, and its length. One thread. */
 static void begin_step(struct team *team)
 {
@@ -294,7 +296,7 @@ static void begin_step(struct team *team)
     s->dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
     s->time += s->dt, s->step++;
     team->wall_goes = gr_sph_begin_walls(s);
-    gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time, s->gravity);
+    find_gravity(s);
 }
 
 /* True if two points may have become neighbours without being in the list. That takes a displacement of half the skin,
@@ -401,8 +403,9 @@ static void one_step(struct team *team, int t)
     if (s->gas) gr_sph_kick_gas(s, s->dt, own.first[GAS], own.last[GAS], &s->found[t]);
 }
 
-static void run(struct team *team, int t)
+static void run(void *data, int t)
 {
+    struct team *team = data;
     struct gr_sph *s = team->s;
     if (!s->started) { /* accelerations and speeds of the initial state */
         const struct share own = share_of(s, t, team->barrier.threads);
@@ -436,33 +439,13 @@ static void show_stresses(struct gr_sph *s)
             for (int64_t a = all.first[kind]; a < all.last[kind]; a++) stress[k][a] = rho[a] * rho[a] * s->pull[k][a];
 }
 
-static void run_all(struct team *team, int threads)
-{
-#ifdef _OPENMP
-    if (threads > 1) {
-#pragma omp parallel num_threads(threads)
-        {
-#pragma omp single
-            team->barrier.threads = omp_get_num_threads();
-            run(team, omp_get_thread_num());
-        }
-        return;
-    }
-#endif
-    (void)threads;
-    team->barrier.threads = 1;
-    run(team, 0);
-}
-
 int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, double until, int threads)
 {
     struct team team = {.s = s, .kernel = kernel, .until = until, .steps_left = max_steps};
     const int64_t step = s->step, started = s->started;
     if (s->error) return s->error;
-    if (!started)
-        gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time,
-                   s->gravity);
-    run_all(&team, threads);
+    if (!started) find_gravity(s);
+    gr_run_team(&team.barrier, threads, run, &team);
     if (!s->error && (s->step > step || !started)) show_stresses(s);
     return s->error;
 }
