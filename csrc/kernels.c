@@ -39,6 +39,8 @@ static const struct gr_law *const laws[] = {
 #define GR_STRING2(a) #a
 #define GR_STRING(a) GR_STRING2(a)
 
+#define GR_2D_AND_3D(X, ...) X(2, __VA_ARGS__) X(3, __VA_ARGS__)
+
 /* X(dim, basis, affine, smoothed, cell_averaged): the variants of the MPM kernels. The smoothed density requires the
  * quadratic basis, the cell-averaged density the linear basis. */
 #define GR_PLAIN_VARIANTS(X, dim, basis) \
@@ -99,12 +101,9 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #define GR_SMOOTH(d, b)                             \
     if (e->config.dim == d && e->config.basis == b) \
         for (int64_t i = first; i < last; i++) smooth_cell(d, b, e, i);
-    GR_SMOOTH(2, GR_LINEAR)
-    GR_SMOOTH(2, GR_UGIMP)
-    GR_SMOOTH(2, GR_QUADRATIC)
-    GR_SMOOTH(3, GR_LINEAR)
-    GR_SMOOTH(3, GR_UGIMP)
-    GR_SMOOTH(3, GR_QUADRATIC)
+    GR_2D_AND_3D(GR_SMOOTH, GR_LINEAR)
+    GR_2D_AND_3D(GR_SMOOTH, GR_UGIMP)
+    GR_2D_AND_3D(GR_SMOOTH, GR_QUADRATIC)
 #undef GR_SMOOTH
 }
 
@@ -126,12 +125,9 @@ static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 #define GR_BEGIN_SUBSTEPS(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
         begin_substeps_of_cells(d, b, u, e, first, last, laws[e->config.law]->update[d - 2]);
-    GR_BEGIN_SUBSTEPS(2, GR_LINEAR, 0)
-    GR_BEGIN_SUBSTEPS(2, GR_LINEAR, 1)
-    GR_BEGIN_SUBSTEPS(2, GR_QUADRATIC, 0)
-    GR_BEGIN_SUBSTEPS(3, GR_LINEAR, 0)
-    GR_BEGIN_SUBSTEPS(3, GR_LINEAR, 1)
-    GR_BEGIN_SUBSTEPS(3, GR_QUADRATIC, 0)
+    GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 0)
+    GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 1)
+    GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_QUADRATIC, 0)
 #undef GR_BEGIN_SUBSTEPS
 }
 

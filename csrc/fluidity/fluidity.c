@@ -10,9 +10,6 @@ _Static_assert(GR_PAGE == GR_LANES, "a page is a run of lanes");
 
 #define GR_X(name) #name,
 const char *const gr_stencil_names[GR_STENCIL_COUNT] = {GR_STENCILS(GR_X)};
-#undef GR_X
-
-#define GR_X(name) #name,
 const char *const gr_diffusion_names[GR_DIFFUSION_COUNT] = {GR_DIFFUSIONS(GR_X)};
 #undef GR_X
 

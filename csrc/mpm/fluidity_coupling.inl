@@ -2,7 +2,6 @@
  * substeps of the nonlocal law between one diffusion and the next. */
 #include "law/substep.h"
 #include "mpm/contribution.h"
-#include "mpm/law_batch.h"
 #include "mpm/migrate.h"
 
 /* Store the fluidity of a cell from which the diffusion starts: the mean over its points with pressure, weighted by

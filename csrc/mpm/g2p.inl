@@ -4,10 +4,9 @@
  *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.h),
  *   c <- c - dt tr L      (eq. 3.9 for the logarithm of the density).
  *
- * The law then updates the stress from L dt (law_batch.h). Points that leave their cell are listed here; migrate.c
+ * The law then updates the stress from L dt (cell_view.inl). Points that leave their cell are listed here; migrate.c
  * moves them, and the sums of the cells that they enter are computed again. */
 #include "mpm/density_correction.h"
-#include "mpm/law_batch.h"
 
 /* List the points of a block that are outside the cell. Spare places outside it go back to its centre. */
 static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t index, int block, unsigned inside,

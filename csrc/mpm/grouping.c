@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/memory.h"
 #include "mpm/migrate.h"
 
 /* Capacity of a cell: whole vectors, with some spare places beyond its present and the usual number of points. Neither
@@ -189,12 +190,6 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     if (n_cells <= mesh->cell_capacity && e->sums) return GR_OK;
     const int64_t capacity = n_cells + n_cells / 2 + 8;
     mesh->cell_capacity = 0;
-#define GR_RESIZE(p, count)                                  \
-    do {                                                     \
-        void *q = realloc(p, sizeof *(p) * (size_t)(count)); \
-        if (!q) return GR_ERR_MEMORY;                        \
-        (p) = q;                                             \
-    } while (0)
     GR_RESIZE(mesh->cell, capacity);
     GR_RESIZE(mesh->cell_node, capacity * e->K);
     if (e->fluidity) GR_RESIZE(mesh->place, capacity);

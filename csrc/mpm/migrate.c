@@ -2,9 +2,8 @@
 #include "mpm/migrate.h"
 
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
+#include "core/memory.h"
 #include "mpm/walls.h"
 
 /* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
@@ -79,15 +78,9 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n)
 {
     if (n <= e->pending_capacity) return GR_OK;
     const int64_t capacity = n + n / 2 + 64;
-    double *pending = realloc(e->pending, sizeof(double) * (size_t)(capacity * e->n_components));
-    if (!pending) return GR_ERR_MEMORY;
-    e->pending = pending;
-    int64_t *ids = realloc(e->pending_id, sizeof(int64_t) * (size_t)capacity);
-    if (!ids) return GR_ERR_MEMORY;
-    e->pending_id = ids;
-    struct gr_migrant *migrant = realloc(e->migrant, sizeof *migrant * (size_t)capacity);
-    if (!migrant) return GR_ERR_MEMORY;
-    e->migrant = migrant;
+    GR_RESIZE(e->pending, capacity * e->n_components);
+    GR_RESIZE(e->pending_id, capacity);
+    GR_RESIZE(e->migrant, capacity);
     e->pending_capacity = capacity;
     return GR_OK;
 }

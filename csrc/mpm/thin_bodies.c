@@ -22,8 +22,6 @@ static int axis_across(const struct gr_config *config, const struct gr_part *par
     return 2 * part->size[axis] < thin_cells(config) * config->dx * (1 - 1e-9) ? axis : -1;
 }
 
-int gr_has_thin(const struct gr_config *config) { return gr_list_thin(config, 0) > 0; }
-
 int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin)
 {
     int n = 0;

@@ -38,10 +38,7 @@ struct gr_facing {
     double normal[3];     /* of the front, in axes of the scene */
 };
 
-/* True if a body is thin and the scheme separates the sides of thin bodies. */
-int gr_has_thin(const struct gr_config *config);
-
-/* List the thin parts of a config in `thin`, unless it is NULL.
+/* List the thin parts of a config in `thin`, unless it is NULL; none if the scheme does not separate their sides.
  * Returned: their number. */
 int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin);
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/memory.h"
 #include "core/piecewise.h"
 #include "core/simd.h"
 
@@ -48,15 +49,6 @@ static int divide(struct gr_sph *s)
     return GR_OK;
 }
 
-/* Replace the pointer to n numbers by one to a copy. */
-static int own(const double **array, int64_t n)
-{
-    double *copy = malloc(sizeof *copy * (size_t)n);
-    if (copy) memcpy(copy, *array, sizeof *copy * (size_t)n);
-    *array = copy;
-    return copy ? GR_OK : GR_ERR_MEMORY;
-}
-
 /* Square of the speed of sound at rho0, m^2/s^2: of compression waves, including the elastic shear modulus. */
 static double slow_sound2(const double *p)
 {
@@ -69,8 +61,8 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
     int error = GR_OK;
     if (!s) return GR_ERR_MEMORY;
     s->config = *config, s->lanes = lanes;
-    error |= own(&s->config.gravity_times, config->n_gravity);
-    error |= own(&s->config.gravity_vectors, (int64_t)config->n_gravity * config->dim);
+    error |= gr_own((const void **)&s->config.gravity_times, sizeof(double) * (size_t)config->n_gravity);
+    error |= gr_own((const void **)&s->config.gravity_vectors, sizeof(double) * (size_t)(config->n_gravity * config->dim));
     if (!error) error = divide(s);
     for (int k = 0; k < 3 && !error; k++) {
         s->start[k] = malloc(sizeof(int32_t) * (size_t)(s->n_cells + 1));

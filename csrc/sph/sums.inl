@@ -25,10 +25,11 @@ static double sph_gradient_norm(int dim, const struct gr_sph *s)
     return sph_slope_norm(dim, s->config.parameter[GR_SPH_P_h]) / s->config.parameter[GR_SPH_P_gradient];
 }
 
-/* Position of a point relative to the blocks of one shift. */
+/* A block of neighbours, and the position of a point relative to the blocks of its shift. */
 struct sph_place {
     vd at[3];
     int32_t shift; /* -1: not set yet */
+    int32_t row;   /* first row of the block */
 };
 
 /* Vectors d from a point to those of a block.
@@ -36,6 +37,7 @@ struct sph_place {
 GR_INLINE vd sph_ways(int dim, const struct gr_sph *s, int64_t a, struct gr_block block, struct sph_place *place, vd *d)
 {
     vd r2 = v_set(sph_least_square);
+    place->row = block.row;
     if (block.shift != place->shift) { /* rare: most points have no periodic images nearby */
         place->shift = block.shift;
         for (int k = 0; k < dim; k++) place->at[k] = v_set(s->row[k][a] - s->shift[block.shift][k]);
@@ -69,9 +71,8 @@ GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, in
     vd sum = v_set(0.0), d[3];
     struct sph_place place = {.shift = -1};
     for (int64_t k = first; k < last; k++) {
-        const struct gr_block block = s->block[k];
-        const vd r2 = sph_ways(dim, s, a, block, &place, d);
-        sum = v_fma(v_load(f + block.row), sph_weight(r2, h), sum);
+        const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+        sum = v_fma(v_load(f + place.row), sph_weight(r2, h), sum);
     }
     return v_sum(sum);
 }
@@ -147,12 +148,11 @@ GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph
     struct sph_place place = {.shift = -1};
     const int artificial = pair != SPH_SAME && s->config.parameter[GR_SPH_P_z_max] > 1.0;
     for (int64_t k = first; k < last; k++) {
-        const struct gr_block block = s->block[k];
         vd d[3], dv[3];
-        const vd r2 = sph_ways(dim, s, a, block, &place, d);
-        vd weight = v_load(s->volume + block.row) * sph_slope(r2, h);
-        if (artificial) weight = weight * sph_factor(pair, s, normal, depth, a, block.row, dim, d);
-        for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + block.row) - v_set(v[i][a]));
+        const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+        vd weight = v_load(s->volume + place.row) * sph_slope(r2, h);
+        if (artificial) weight = weight * sph_factor(pair, s, normal, depth, a, place.row, dim, d);
+        for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + place.row) - v_set(v[i][a]));
         for (int i = 0; i < dim; i++) D[i] = v_fma(dv[i], d[i], D[i]);
         D[3] = v_fma(dv[0], d[1], v_fma(dv[1], d[0], D[3]));
         if (dim == 3) {
@@ -194,12 +194,11 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pu
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], h = s->config.parameter[GR_SPH_P_h];
     struct sph_place place = {.shift = -1};
     for (int64_t k = first; k < last; k++) {
-        const struct gr_block block = s->block[k];
         vd d[3], T[6];
-        const vd r2 = sph_ways(dim, s, a, block, &place, d);
-        const vd weight = v_load(mass + block.row) * sph_slope(r2, h);
+        const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+        const vd weight = v_load(mass + place.row) * sph_slope(r2, h);
         for (int c = 0; c < (dim == 2 ? 4 : 6); c++)
-            if (dim == 3 || c != 2) T[c] = v_load(pull[c] + block.row) + v_set(pull[c][a]);
+            if (dim == 3 || c != 2) T[c] = v_load(pull[c] + place.row) + v_set(pull[c][a]);
         for (int i = 0; i < dim; i++) d[i] = weight * d[i];
         if (dim == 2) {
             sum[0] = v_fma(T[0], d[0], v_fma(T[3], d[1], sum[0]));

@@ -44,7 +44,7 @@ static int is_thin(const struct thin *t, double half)
     struct gr_config config = t->scene.config;
     part.size[0] = half;
     config.parts = &part;
-    return gr_has_thin(&config);
+    return gr_list_thin(&config, 0) > 0;
 }
 
 static void which_bodies_are_thin(void)
