@@ -126,12 +126,8 @@ double gr_part_bound(const struct gr_part *part, int dim)
 {
     if (part->inside || part->kind == GR_PART_HALF_SPACE) return INFINITY;
     double square = part->size[0] * part->size[0];
-    if (part->kind == GR_PART_BOX || part->kind == GR_PART_SAMPLED) {
-        square += part->size[1] * part->size[1];
-        if (dim == 3) square += part->size[2] * part->size[2];
-    } else if (dim == 3) {
-        square += part->size[1] * part->size[1];
-    }
+    const int sizes = part->kind == GR_PART_CYLINDER ? dim - 1 : dim;
+    for (int k = 1; k < sizes; k++) square += part->size[k] * part->size[k];
     return sqrt(dot(part->center, part->center)) + sqrt(square);
 }
 

@@ -34,7 +34,7 @@ struct gr_hencky_numbers {
     struct gr_flow_numbers flow;
     vd K, twoG, inv_twoG, mu_s, to_rate; /* to_rate = 1/(G dt) */
     vd reconnect_fluidity;               /* sqrt(2) reconnect_fluidity/(mu_2 dt) */
-    const double *hardening;             /* h of hardening.h, which gives mu_s for each block; or NULL */
+    const double *hardening;             /* h of hencky_blocks.h, which gives mu_s for each block; or NULL */
 };
 
 struct gr_hencky_point {
@@ -115,11 +115,8 @@ GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struc
 {
     const struct gr_inverse_pressure inverse = gr_invert_pressure(&n->fluidity, p);
     const vd one = v_set(1.0), m = trial * inverse.p, start = gr_fluidity_start(&n->fluidity, g_star);
-    struct gr_fluidity_point point;
-    if (flow == GR_HENCKY_linear_ngf)
-        point = gr_fluidity_update(1, &n->fluidity, m, inverse, start, rate);
-    else
-        point = gr_fluidity_update(0, &n->fluidity, m, inverse, start, rate);
+    const struct gr_fluidity_point point =
+        gr_fluidity_update(flow == GR_HENCKY_linear_ngf, &n->fluidity, m, inverse, start, rate);
     const vd scale = one / v_fma(n->fluidity.G_dt * reconnected, inverse.p, one);
     const vd share = v_select(before, point.scale, scale), g = v_select(before, point.g, reconnected);
     return (struct gr_hencky_return){.share = share, .g = g, .rate = v_select(before, point.mu, m * scale) * g};

@@ -28,7 +28,7 @@ GR_DESCRIBE_LAW(hencky_drucker_prager,
                 .doc = "Hencky's elasticity, rate-independent friction, stress-free when disconnected",
                 .parameter = {GR_ELASTIC_PARAMETERS, {"mu", "1", "friction coefficient"}})
 
-/* Friction that depends on the plastic strain (hardening.h). */
+/* Friction that depends on the plastic strain (hencky_blocks.h). */
 static inline void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_drucker_prager, call, 1, 2, 1, call->parameter + 2);

@@ -105,11 +105,6 @@ enum {
     GR_EXPONENTIAL_HALVINGS = 4 /* they take a norm from GR_STRAIN_REACH to 1/8 */
 };
 
-static const double gr_inverse_factorial[GR_EXPONENTIAL_TERMS + 1] = {
-    1.0,         1.0,          1.0 / 2.0,     1.0 / 6.0,      1.0 / 24.0,      1.0 / 120.0,
-    1.0 / 720.0, 1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0,
-};
-
 /* exp(M) - 1 of a matrix without trace. If its norm exceeds 1/8, M is halved until it does not and the exponential is
  * squared as often. Lanes that need no halving are left unchanged, to the last bit. */
 GR_INLINE struct gr_matrix gr_exponential(const int dim, const int symmetric, const struct gr_matrix *M)

@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "core/simd.h"
 #include "mpm/engine.h"
 
 /* Volumes of nodes, divided by dx^dim, below which they are round-off. */
@@ -12,8 +13,7 @@
 #define GR_EMPTY_GAP -2.0
 
 /* Compute the fields that an averaging needs, from the sums of a node with the mass m; stored in `out`. */
-static inline __attribute__((always_inline)) void gr_describe_density(const int dim, const double *sum, double m,
-                                                                      double cell_mass, double volume, double *out)
+GR_INLINE void gr_describe_density(const int dim, const double *sum, double m, double cell_mass, double volume, double *out)
 {
     const double phi = volume > GR_NO_VOLUME ? m / (cell_mass * volume) : 0; /* 0 in solid cells, which points may enter */
     double *field = out + GR_NODE_DENSITY(dim);

@@ -125,19 +125,15 @@ static void finish(struct team *team)
     if (!e->error) e->error = share_out(team);
 }
 
-/* Note dt, by which the shift of this step is divided. */
-static void note_dt(struct gr_engine *e)
-{
-    e->shift_dt = e->dt;
-    e->shift_scale = -1.0 / e->dt;
-    e->inv_dt = 1.0 / e->dt;
-}
-
 static void stage_grid(struct team *team, int t)
 {
     struct gr_engine *e = team->e;
     int64_t first, last;
-    if (t == 0) note_dt(e); /* not before: P2G of other threads may still have used the last dt */
+    if (t == 0) { /* not before: P2G of other threads may still have used the last dt */
+        e->shift_dt = e->dt;
+        e->shift_scale = -1.0 / e->dt;
+        e->inv_dt = 1.0 / e->dt;
+    }
     if (team->again) {
         gr_wait(&team->barrier);
         team->kernels->p2g(e, team->cut[t], team->cut[t + 1]);

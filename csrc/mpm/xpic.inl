@@ -1,7 +1,7 @@
-#include "mpm/contribution.h"
-
 /* One pass of XPIC for one cell: the nodal velocity field is interpolated to the points, and P2G sums its momentum for
  * gr_grid_smooth. */
+#include "mpm/contribution.h"
+
 GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];

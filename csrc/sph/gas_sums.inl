@@ -60,9 +60,9 @@ GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t
     for (int64_t a = first; a < last; a++) {
         const double number = norm * sph_gas_count(dim, s, porosity, a, 0);
         const double walls = norm * p[GR_SPH_GAS_P_wall_volume] * sph_gas_count(dim, s, porosity, a, 1);
-        const double solid = sph_sum_of(dim, s, grain, a, s->begin[a], s->middle[a]);
+        const double solid = sph_sum(dim, s, grain, a, s->begin[a], s->middle[a]);
         const double open = 1.0 - walls > sph_least_open ? 1.0 - walls : sph_least_open;
-        const double coverage = norm * sph_sum_of(dim, s, s->volume, a, s->begin[a], s->middle[a]) / open;
+        const double coverage = norm * sph_sum(dim, s, s->volume, a, s->begin[a], s->middle[a]) / open;
         const double e = 1.0 - sph_solid_share(norm * solid / (p[GR_SPH_GAS_P_grain_density] * open), coverage);
         porosity[a] = e > sph_least_porosity ? e : sph_least_porosity;
         gas->volume[a] = open / number;

@@ -25,8 +25,6 @@ const unsigned gr_sph_may_be_zero = 0
 
 enum { MAX_CELLS = 1 << 26, STEP_LIMIT_DIVISOR = 4 };
 
-/* ---- Construction ---- */
-
 /* Divide the domain into cells, of which GR_SPH_CELLS_IN_REACH span the reach of the neighbour list. */
 static int divide(struct gr_sph *s)
 {
@@ -180,8 +178,6 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
     return s->error = make_list(s, fresh);
 }
 
-/* ---- Time step ---- */
-
 /* Largest stable time step: the smaller of h/(4 c), with a gas also h/(4 (c + |v|)) of the gas, and sqrt(h/|a|)/4 (eq.
  * 5.28). Here c is the speed of sound or that of the fastest particle, so that no particle moves more than h/4 in a
  * step. The third limit, of the viscosity, cannot be exceeded: the regularisation bounds the viscosity by what the step
@@ -194,8 +190,6 @@ double gr_sph_stable_dt(const struct gr_sph *s)
     if (s->acceleration2 * limit * limit * limit * limit > h * h) limit = sqrt(h / sqrt(s->acceleration2));
     return p[GR_SPH_P_cfl] * limit / STEP_LIMIT_DIVISOR;
 }
-
-/* ---- The step ---- */
 
 struct team {
     struct gr_sph *s;

@@ -65,7 +65,7 @@ GR_INLINE vd sph_slope(vd r2, double h)
 }
 
 /* sum_b f_b w over blocks [first, last) of the neighbours of a point. */
-GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, int64_t a, int64_t first, int64_t last)
+GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a, int64_t first, int64_t last)
 {
     const double h = s->config.parameter[GR_SPH_P_h];
     vd sum = v_set(0.0), d[3];
@@ -77,12 +77,6 @@ GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, in
     return v_sum(sum);
 }
 
-/* The same over all particles and wall points, including the point itself. */
-GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a)
-{
-    return sph_sum_of(dim, s, f, a, s->begin[a], s->end[a]);
-}
-
 /* Number of points whose sums are computed before the operations that use them, so that neither waits for the other. */
 enum { SPH_TILE = 64 };
 
@@ -90,7 +84,7 @@ enum { SPH_TILE = 64 };
 GR_INLINE void sph_densities(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], norm = sph_weight_norm(dim, s->config.parameter[GR_SPH_P_h]);
-    for (int64_t a = first; a < last; a++) s->rho_plain[a] = norm * sph_sum(dim, s, mass, a);
+    for (int64_t a = first; a < last; a++) s->rho_plain[a] = norm * sph_sum(dim, s, mass, a, s->begin[a], s->end[a]);
     for (int64_t a = first; a < last; a++) s->lump[a] = mass[a] / s->rho_plain[a];
 }
 
@@ -105,7 +99,7 @@ GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last
     for (int64_t tile = first; tile < last; tile += SPH_TILE) {
         const int64_t end = tile + SPH_TILE < last ? tile + SPH_TILE : last;
         double c2[SPH_TILE], most = found->speed2;
-        for (int64_t a = tile; a < end; a++) c2[a - tile] = norm * sph_sum(dim, s, s->lump, a);
+        for (int64_t a = tile; a < end; a++) c2[a - tile] = norm * sph_sum(dim, s, s->lump, a, s->begin[a], s->end[a]);
         for (int64_t a = tile; a < end; a++) {
             rho[a] = s->rho_plain[a] / c2[a - tile];
             s->volume[a] = mass[a] / rho[a];

@@ -133,8 +133,7 @@ static void mesh_has_two_sides(void)
         struct gr_engine *e = t.scene.engine;
         for (int64_t c = 0; c < e->mesh.n_cells; c++) {
             const struct gr_cell *cell = &e->mesh.cell[c];
-            int is_double;
-            const int side = gr_cell_side(e, cell->at, &is_double);
+            const int side = gr_cell_side(e, cell->at), is_double = side == 1 || side == -1;
             CHECK(is_double == GR_IS_DOUBLE(cell));
             points += cell->count;
             doubles += is_double;
