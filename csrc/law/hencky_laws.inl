@@ -18,7 +18,6 @@ static inline void law_hencky_elastic(const int dim, const struct gr_law_call *c
 
 GR_DESCRIBE_LAW(hencky_elastic, .doc = "Hencky's elasticity", .parameter = {GR_ELASTIC_PARAMETERS})
 
-/* Rate-independent friction, tau <= mu p. */
 static inline void law_hencky_drucker_prager(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_drucker_prager, call, call->parameter[2], 2 * call->parameter[2], 1, 0);
@@ -28,7 +27,6 @@ GR_DESCRIBE_LAW(hencky_drucker_prager,
                 .doc = "Hencky's elasticity, rate-independent friction, stress-free when disconnected",
                 .parameter = {GR_ELASTIC_PARAMETERS, {"mu", "1", "friction coefficient"}})
 
-/* Friction that depends on the plastic strain (hencky_blocks.h). */
 static inline void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_drucker_prager, call, 1, 2, 1, call->parameter + 2);
@@ -42,7 +40,6 @@ GR_DESCRIBE_LAW(hencky_hardening_drucker_prager,
                               {"h2", "1", "rate at which h1 and h3 decay with the plastic strain"},
                               {"h3_deg", "deg", "initial deficit of the angle"}})
 
-/* mu(I) flow (flow_rules.h). */
 static inline void law_hencky_mu_I(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_mu_I, call, call->parameter[2], call->parameter[3], call->parameter[4], 0);
@@ -51,7 +48,6 @@ static inline void law_hencky_mu_I(const int dim, const struct gr_law_call *call
 GR_DESCRIBE_LAW(hencky_mu_I, .doc = "Hencky's elasticity, mu(I) rheology, stress-free when disconnected",
                 .parameter = {GR_MU_I_PARAMETERS})
 
-/* The linear mu(I), mu = mu_s + (mu_2 - mu_s) I/I0 (flow_rules.h). */
 static inline void law_hencky_linear_mu_I(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_linear_mu_I, call, call->parameter[2], call->parameter[3], call->parameter[4], 0);
@@ -61,7 +57,6 @@ GR_DESCRIBE_LAW(hencky_linear_mu_I,
                 .doc = "Hencky's elasticity, mu = mu_s + (mu_2 - mu_s) I/I0, stress-free when disconnected",
                 .parameter = {GR_MU_I_PARAMETERS})
 
-/* Nonlocal granular fluidity, which gives mu(I) where the fluidity is uniform. */
 static inline void law_hencky_ngf(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_nonlocal_blocks(dim, GR_HENCKY_ngf, GR_HENCKY_mu_I, call);
@@ -71,7 +66,6 @@ GR_DESCRIBE_LAW(hencky_ngf, .doc = "Hencky's elasticity, nonlocal granular fluid
                 .reaction = GR_NGF, .fluidity = GR_HENCKY_NGF_FLUIDITY,
                 .parameter = {{"A", "1", "nonlocal amplitude"}, GR_HENCKY_PARAMETERS(GR_INFO)})
 
-/* Nonlocal granular fluidity with unbounded friction (Haeri & Skonieczny 2021). */
 static inline void law_hencky_linear_ngf(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_nonlocal_blocks(dim, GR_HENCKY_linear_ngf, GR_HENCKY_linear_mu_I, call);

@@ -8,12 +8,11 @@
  * mass.
  *
  * If a step of diffusion is simply followed by a step of the law, the steady state of the two together is wrong.
- * Backward Euler adds g - k L g' with g' = g/(1 + k L), which is too little diffusion: a layer at 1.9 times its
- * stopping height would flow 1.9 % too fast with dt = 0.17 t0 and 9 % too fast with 0.83 t0 (docs/equations.md). The
- * implicit step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51). With r, the
- * increment by the law in the substep before, it solves (1 + k L) g' = g + r, and the law starts from g' - r. In a
- * steady state this is g - k L g, without error. r is limited to [-g, g/2], so that no g' is negative and a growing
- * mode of the law does not overshoot. */
+ * Backward Euler adds g - k L g' with g' = g/(1 + k L), which is too little diffusion (docs/equations.md). The implicit
+ * step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51). With r, the increment by
+ * the law in the substep before, it solves (1 + k L) g' = g + r, and the law starts from g' - r. In a steady state this
+ * is g - k L g, without error. r is limited to [-g, g/2], so that no g' is negative and a growing mode of the law does
+ * not overshoot. */
 GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double gain)
 {
     if (gr_is_balanced(e)) {

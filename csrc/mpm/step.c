@@ -115,7 +115,7 @@ static void finish(struct team *team)
     e->error = gr_migrate(e, team->migrants, team->barrier.threads);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
-    gr_bodies_move(e);
+    for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
     if (e->n_thin) gr_change_sides(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;

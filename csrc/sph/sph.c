@@ -67,8 +67,7 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
         if (!s->start[k]) error = GR_ERR_MEMORY;
     }
     if (!error) {
-        const double *p = s->config.parameter;
-        s->speed2 = slow_sound2(p);
+        s->speed2 = slow_sound2(s->config.parameter);
         s->dt = gr_sph_stable_dt(s);
         return GR_OK;
     }
@@ -358,9 +357,8 @@ static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){
 static void end_step(struct team *team)
 {
     struct gr_sph *s = team->s;
-    const double *p = s->config.parameter;
     const struct gr_sph_found all = combined(s, team->barrier.threads);
-    s->speed2 = fmax(all.speed2, slow_sound2(p));
+    s->speed2 = fmax(all.speed2, slow_sound2(s->config.parameter));
     s->acceleration2 = all.acceleration2, s->gas_speed2 = all.gas_speed2;
     s->started = 1;
 }
