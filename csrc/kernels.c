@@ -5,8 +5,6 @@
  * cells. */
 #include "kernels.h"
 
-#define GR_INFO(name, unit, doc) {#name, unit, doc},
-
 /* Define the updates of a law in 2D and 3D, and its descriptor. The arguments after the name are members of struct
  * gr_law. */
 #define GR_DESCRIBE_LAW(law, ...)                                                \
@@ -41,19 +39,17 @@ static const struct gr_law *const laws[] = {
 #define GR_STRING2(a) #a
 #define GR_STRING(a) GR_STRING2(a)
 
+#define GR_2D_AND_3D(X, ...) X(2, __VA_ARGS__) X(3, __VA_ARGS__)
+
 /* X(dim, basis, affine, smoothed, cell_averaged): the variants of the MPM kernels. The smoothed density requires the
  * quadratic basis, the cell-averaged density the linear basis. */
-#define GR_VARIANTS_OF(X, dim)                     \
-    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 1)    \
-    X(dim, GR_LINEAR, GR_AFFINE_NONE, 0, 0)        \
-    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 0)    \
-    X(dim, GR_LINEAR, GR_AFFINE_MOMENT, 0, 0)      \
-    X(dim, GR_UGIMP, GR_AFFINE_NONE, 0, 0)         \
-    X(dim, GR_UGIMP, GR_AFFINE_GRADIENT, 0, 0)     \
-    X(dim, GR_UGIMP, GR_AFFINE_MOMENT, 0, 0)       \
-    X(dim, GR_QUADRATIC, GR_AFFINE_NONE, 0, 0)     \
-    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 0, 0) \
-    X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0, 0)   \
+#define GR_PLAIN_VARIANTS(X, dim, basis) \
+    X(dim, basis, GR_AFFINE_NONE, 0, 0) X(dim, basis, GR_AFFINE_GRADIENT, 0, 0) X(dim, basis, GR_AFFINE_MOMENT, 0, 0)
+#define GR_VARIANTS_OF(X, dim)                  \
+    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 1) \
+    GR_PLAIN_VARIANTS(X, dim, GR_LINEAR)        \
+    GR_PLAIN_VARIANTS(X, dim, GR_UGIMP)         \
+    GR_PLAIN_VARIANTS(X, dim, GR_QUADRATIC)     \
     X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1, 0)
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
@@ -83,11 +79,6 @@ static void p2g(struct gr_engine *e, int64_t first, int64_t last)
 #undef GR_X
 }
 
-static void p2g_list(struct gr_engine *e, const int64_t *list, int64_t first, int64_t last)
-{
-    for (int64_t k = first; k < last; k++) p2g(e, list[k], list[k] + 1);
-}
-
 static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused)
 {
 #define GR_X(d, b, a, q, u) \
@@ -98,12 +89,11 @@ static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_mi
 
 static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
 {
-#define GR_CELL_FORCES(d)   \
-    if (e->config.dim == d) \
-        for (int64_t i = first; i < last; i++) apply_cell_forces(d, e, i);
-    GR_CELL_FORCES(2)
-    GR_CELL_FORCES(3)
-#undef GR_CELL_FORCES
+    for (int64_t i = first; i < last; i++)
+        if (e->config.dim == 2)
+            apply_cell_forces(2, e, i);
+        else
+            apply_cell_forces(3, e, i);
 }
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
@@ -111,12 +101,9 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 #define GR_SMOOTH(d, b)                             \
     if (e->config.dim == d && e->config.basis == b) \
         for (int64_t i = first; i < last; i++) smooth_cell(d, b, e, i);
-    GR_SMOOTH(2, GR_LINEAR)
-    GR_SMOOTH(2, GR_UGIMP)
-    GR_SMOOTH(2, GR_QUADRATIC)
-    GR_SMOOTH(3, GR_LINEAR)
-    GR_SMOOTH(3, GR_UGIMP)
-    GR_SMOOTH(3, GR_QUADRATIC)
+    GR_2D_AND_3D(GR_SMOOTH, GR_LINEAR)
+    GR_2D_AND_3D(GR_SMOOTH, GR_UGIMP)
+    GR_2D_AND_3D(GR_SMOOTH, GR_QUADRATIC)
 #undef GR_SMOOTH
 }
 
@@ -138,12 +125,9 @@ static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 #define GR_BEGIN_SUBSTEPS(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
         begin_substeps_of_cells(d, b, u, e, first, last, laws[e->config.law]->update[d - 2]);
-    GR_BEGIN_SUBSTEPS(2, GR_LINEAR, 0)
-    GR_BEGIN_SUBSTEPS(2, GR_LINEAR, 1)
-    GR_BEGIN_SUBSTEPS(2, GR_QUADRATIC, 0)
-    GR_BEGIN_SUBSTEPS(3, GR_LINEAR, 0)
-    GR_BEGIN_SUBSTEPS(3, GR_LINEAR, 1)
-    GR_BEGIN_SUBSTEPS(3, GR_QUADRATIC, 0)
+    GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 0)
+    GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 1)
+    GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_QUADRATIC, 0)
 #undef GR_BEGIN_SUBSTEPS
 }
 
@@ -156,10 +140,6 @@ static void substep(struct gr_engine *e, int64_t first, int64_t last)
         substep_cells(1, e, first, last, e->config.parameter + law->fluidity);
 }
 
-static void update_law(int law, int dim, const struct gr_law_call *call) { laws[law]->update[dim - 2](call); }
-
-static void update_fluidity(const struct gr_fluidity_call *call) { fluidity_points(call); }
-
 static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
 {
     if (dim == 2)
@@ -168,48 +148,19 @@ static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
         hencky_points(3, flow, call);
 }
 
-/* The kernels of SPH: one inline function for both dimensions. */
-#define GR_SPH_2D_OR_3D(call, ...) \
-    do {                           \
-        if (s->config.dim == 2)    \
-            call(2, __VA_ARGS__);  \
-        else                       \
-            call(3, __VA_ARGS__);  \
-    } while (0)
-
-static void densities(struct gr_sph *s, int64_t first, int64_t last) { GR_SPH_2D_OR_3D(sph_densities, s, first, last); }
-
-static void filter(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+static void sph(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last, struct gr_sph_found *found)
 {
-    GR_SPH_2D_OR_3D(sph_filter, s, first, last, found);
-}
-
-static void stresses(struct gr_sph *s, int64_t first, int64_t last)
-{
-    if (s->config.parameter[GR_SPH_P_shear_modulus] > 0)
-        GR_SPH_2D_OR_3D(sph_stresses, 1, s, first, last);
+    if (s->config.dim == 2)
+        sph_stage(2, s, stage, first, last, found);
     else
-        GR_SPH_2D_OR_3D(sph_stresses, 0, s, first, last);
+        sph_stage(3, s, stage, first, last, found);
 }
-
-static void forces(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
-{
-    GR_SPH_2D_OR_3D(sph_forces, s, first, last, found);
-}
-
-static void gas(struct gr_sph *s, int stage, int64_t first, int64_t last, struct gr_sph_found *found)
-{
-    GR_SPH_2D_OR_3D(sph_gas, s, stage, first, last, found);
-}
-
-static const struct gr_sph_kernels sph_kernels = {densities, filter, stresses, forces, gas};
 
 extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
 const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .isa = GR_STRING(GR_ISA),
     .lanes = GR_W,
     .p2g = p2g,
-    .p2g_list = p2g_list,
     .sweep = sweep,
     .apply_cell_forces = cell_forces,
     .smooth = smooth,
@@ -217,9 +168,8 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .begin_substeps = begin_substeps,
     .substep = substep,
     .laws = laws,
-    .update_law = update_law,
-    .update_fluidity = update_fluidity,
+    .update_fluidity = fluidity_points,
     .update_hencky = update_hencky,
     .diffuse = diffuse,
-    .sph = &sph_kernels,
+    .sph = sph,
 };

@@ -1,20 +1,18 @@
 /* The kernels of one instruction set: a table of functions that kernels.c fills once for each set. dispatch.c selects
  * one. */
-#ifndef GR_KERNELS_H
-#define GR_KERNELS_H
+#pragma once
 
 #include "fluidity/fluidity.h"
 #include "law/law.h"
+#include "sph/sph.h"
 
 struct gr_engine;
 struct gr_migrants;
-struct gr_sph_kernels; /* sph/sph.h */
 
 struct gr_kernels {
     const char *isa;
     int lanes;
     void (*p2g)(struct gr_engine *, int64_t first, int64_t last);
-    void (*p2g_list)(struct gr_engine *, const int64_t *list, int64_t first, int64_t last);
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
     void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
@@ -22,13 +20,10 @@ struct gr_kernels {
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     const struct gr_law *const *laws; /* those of law/registry.inl, then NULL */
-    void (*update_law)(int law, int dim, const struct gr_law_call *call);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
     gr_diffuse *diffuse;
-    const struct gr_sph_kernels *sph; /* sph/sph.h */
+    gr_sph_kernel *sph;
 };
 
 const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the widest that this machine supports */
-
-#endif

@@ -5,6 +5,8 @@
 #include <stdint.h>
 #include <string.h>
 
+#include "core/piecewise.h"
+
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 void gr_rotation_matrix(const double o[4], double matrix[9])
@@ -124,12 +126,8 @@ double gr_part_bound(const struct gr_part *part, int dim)
 {
     if (part->inside || part->kind == GR_PART_HALF_SPACE) return INFINITY;
     double square = part->size[0] * part->size[0];
-    if (part->kind == GR_PART_BOX || part->kind == GR_PART_SAMPLED) {
-        square += part->size[1] * part->size[1];
-        if (dim == 3) square += part->size[2] * part->size[2];
-    } else if (dim == 3) {
-        square += part->size[1] * part->size[1];
-    }
+    const int sizes = part->kind == GR_PART_CYLINDER ? dim - 1 : dim;
+    for (int k = 1; k < sizes; k++) square += part->size[k] * part->size[k];
     return sqrt(dot(part->center, part->center)) + sqrt(square);
 }
 
@@ -166,23 +164,9 @@ double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts,
     return fastest;
 }
 
-/* Velocities at time t, between rows k and k + 1 of the table. */
-static void between(const struct gr_body *body, int k, double t, double out[6])
-{
-    const double *low = body->motion + 7 * k, *high = low + 7;
-    const double s = (t - low[0]) / (high[0] - low[0]);
-    for (int c = 0; c < 6; c++) out[c] = low[1 + c] * (1 - s) + high[1 + c] * s;
-}
-
 void gr_motion_at(const struct gr_body *body, double t, double out[6])
 {
-    const int n = body->n_motion;
-    int k = 0;
-    while (k < n && body->motion[7 * k] <= t) k++;
-    if (k == 0 || k == n)
-        memcpy(out, body->motion + 7 * (k ? n - 1 : 0) + 1, 6 * sizeof(double));
-    else
-        between(body, k - 1, t, out);
+    gr_piecewise(6, body->n_motion, body->motion, 7, body->motion + 1, 7, t, out);
 }
 
 void gr_motion_mean(const struct gr_body *body, double begin, double length, double out[6])

@@ -1,19 +1,15 @@
 /* Rigid bodies: signed distance, motion, and the effect of contact on a velocity. In 2D z is 0, boxes are infinite
  * along z, and the axis of a cylinder is z. */
-#ifndef GR_BODY_BODY_H
-#define GR_BODY_BODY_H
+#pragma once
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
 #define GR_PARTS(X) \
     X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled)
 
-enum gr_part_kind {
 #define GR_X(constant, name) constant,
-    GR_PARTS(GR_X)
+enum gr_part_kind { GR_PARTS(GR_X) GR_PART_COUNT };
 #undef GR_X
-        GR_PART_COUNT
-};
 
 /* A part of a body, in body coordinates. */
 struct gr_part {
@@ -30,12 +26,9 @@ struct gr_part {
 
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
 
-enum gr_contact {
 #define GR_X(constant, name) constant,
-    GR_CONTACTS(GR_X)
+enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 #undef GR_X
-        GR_CONTACT_COUNT
-};
 
 /* Constant properties of a body. */
 struct gr_body {
@@ -96,5 +89,3 @@ void gr_turn(const double orientation[4], const double omega[3], double dt, doub
  *
  * Returned: 0 if v is unchanged, 1 if only the normal component is held (or friction slides), 2 if all components are. */
 int gr_contact(const struct gr_body *body, const double n[3], const double surface[3], double v[3]);
-
-#endif

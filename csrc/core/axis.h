@@ -11,20 +11,16 @@
  *              there. 3 nodes per cell.
  *   ugimp      points are boxes of the fixed half-width lambda (in cells). The cells of the grouping are centred on the
  *              nodes, so that a point touches 3 nodes. At walls and c0_lines the box of a point is clipped. */
-#ifndef GR_CORE_AXIS_H
-#define GR_CORE_AXIS_H
+#pragma once
 
 #include <stdint.h>
 
 /* X(constant, name) */
 #define GR_BASES(X) X(GR_LINEAR, linear) X(GR_UGIMP, ugimp) X(GR_QUADRATIC, quadratic)
 
-enum gr_basis {
 #define GR_X(constant, name) constant,
-    GR_BASES(GR_X)
+enum gr_basis { GR_BASES(GR_X) GR_BASIS_COUNT };
 #undef GR_X
-        GR_BASIS_COUNT
-};
 
 #define GR_MAX_NODES_1D 3
 
@@ -64,5 +60,3 @@ static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 :
 int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
                   double lambda, double origin, double dx);
 void gr_axis_free(struct gr_axis *axis);
-
-#endif

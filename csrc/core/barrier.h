@@ -1,9 +1,9 @@
-/* A barrier at which the threads of a team wait for each other, and the division of work among them. */
-#ifndef GR_CORE_BARRIER_H
-#define GR_CORE_BARRIER_H
+/* A team of threads: a barrier at which they wait for each other, and the division of work among them. */
+#pragma once
 
 #include <sched.h>
 #include <stdatomic.h>
+#include <stdint.h>
 
 #define GR_MAX_THREADS 64
 
@@ -35,4 +35,5 @@ static inline void gr_share(int64_t n, int t, int threads, int64_t *first, int64
     *last = n * (t + 1) / threads;
 }
 
-#endif
+/* Let a team of at most `threads` threads, and GR_MAX_THREADS, do `work`, each with its number t in the team, from 0 on. */
+void gr_run_team(struct gr_barrier *barrier, int threads, void (*work)(void *data, int t), void *data);

@@ -1,6 +1,5 @@
 /* Error codes of the core: one list that defines the enumeration, the messages and the Python exceptions. */
-#ifndef GR_CORE_ERROR_H
-#define GR_CORE_ERROR_H
+#pragma once
 
 /* X(code, exception raised by the Python layer, message) */
 #define GR_ERRORS(X)                                                                       \
@@ -14,13 +13,8 @@
     X(GR_ERR_LIMIT, VALUE, "the time step is too long for the diffusion of the fluidity")  \
     X(GR_ERR_DIVERGED, SIMULATION, "the conjugate gradients of the fluidity did not converge")
 
-enum gr_error {
 #define GR_X(code, exception, message) code,
-    GR_ERRORS(GR_X)
+enum gr_error { GR_ERRORS(GR_X) GR_ERROR_COUNT };
 #undef GR_X
-        GR_ERROR_COUNT
-};
 
 const char *gr_error_message(int code);
-
-#endif

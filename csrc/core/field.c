@@ -1,8 +1,6 @@
 /* Table of the fields of a material point. */
 #include "core/field.h"
 
-const struct gr_field_info gr_field_table[GR_FIELD_COUNT] = {
 #define GR_X(name, kind, need, unit, doc) {#name, unit, doc, kind, need},
-    GR_FIELDS(GR_X)
+const struct gr_field_info gr_field_table[GR_FIELD_COUNT] = {GR_FIELDS(GR_X)};
 #undef GR_X
-};

@@ -3,8 +3,7 @@
  * Field f has gr_field_components(f, dim) rows in the buffer of shape (component, capacity). A scene carries a field
  * only if its law or its scheme needs it. The components of the stress are xx, yy, zz, xy in 2D and xx, yy, zz, xy, yz,
  * xz in 3D; the components of a gradient are in row-major order. */
-#ifndef GR_CORE_FIELD_H
-#define GR_CORE_FIELD_H
+#pragma once
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
 enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
@@ -26,12 +25,9 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_S
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
     X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")
 
-enum gr_field {
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,
-    GR_FIELDS(GR_X)
+enum gr_field { GR_FIELDS(GR_X) GR_FIELD_COUNT };
 #undef GR_X
-        GR_FIELD_COUNT
-};
 
 struct gr_field_info {
     const char *name, *unit, *doc;
@@ -43,19 +39,7 @@ extern const struct gr_field_info gr_field_table[GR_FIELD_COUNT];
 
 static inline int gr_kind_components(enum gr_kind kind, int dim)
 {
-    switch (kind) {
-    case GR_VECTOR:
-        return dim;
-    case GR_TENSOR:
-        return dim * dim;
-    case GR_STRESS:
-        return dim == 2 ? 4 : 6;
-    case GR_SCALAR:
-    default:
-        return 1;
-    }
+    return kind == GR_VECTOR ? dim : kind == GR_TENSOR ? dim * dim : kind == GR_STRESS ? (dim == 2 ? 4 : 6) : 1;
 }
 
 static inline int gr_field_components(int field, int dim) { return gr_kind_components(gr_field_table[field].kind, dim); }
-
-#endif

@@ -3,8 +3,7 @@
  * `vd` has the ordinary operators + - * /; the functions below add what C has no operator for. `vm` is a lane mask. The
  * width GR_W depends on how a kernel is compiled, never on the data: point arrays are always divided into runs of
  * GR_LANES places. */
-#ifndef GR_CORE_SIMD_H
-#define GR_CORE_SIMD_H
+#pragma once
 
 #include <math.h>
 #include <stdint.h>
@@ -127,17 +126,19 @@ static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory
 
 typedef int64_t vi __attribute__((vector_size(8 * GR_W)));
 
+static const double gr_inverse_factorial[14] = {
+    1.0,          1.0,           1.0 / 2.0,      1.0 / 6.0,       1.0 / 24.0,       1.0 / 120.0,       1.0 / 720.0,
+    1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0, 1.0 / 39916800.0, 1.0 / 479001600.0, 1.0 / 6227020800.0,
+};
+
 /* exp(x) for |x| < 700 to 2e-16: x = n ln 2 + r, a power series in r, and 2^n by setting the exponent bits. */
 static inline vd v_exp(vd x)
 {
-    static const double inverse_factorial[] = {1.0 / 6227020800.0, 1.0 / 479001600.0, 1.0 / 39916800.0, 1.0 / 3628800.0,
-                                               1.0 / 362880.0,     1.0 / 40320.0,     1.0 / 5040.0,     1.0 / 720.0,
-                                               1.0 / 120.0,        1.0 / 24.0,        1.0 / 6.0,        0.5};
     const vd shift = v_set(0x1.8p52); /* adding it leaves the nearest integer in the low bits */
     const vd t = v_fma(x, v_set(1.4426950408889634), shift), n = t - shift;
     const vd r = v_fnma(n, v_set(1.9082149292705877e-10), v_fnma(n, v_set(6.93147180369123816490e-01), x));
-    vd e = v_set(inverse_factorial[0]);
-    for (int k = 1; k < 12; k++) e = v_fma(e, r, v_set(inverse_factorial[k]));
+    vd e = v_set(gr_inverse_factorial[13]);
+    for (int k = 12; k > 1; k--) e = v_fma(e, r, v_set(gr_inverse_factorial[k]));
     e = v_fma(e * r, r, r) + v_set(1.0);
     return e * (vd)(((vi)t << 52) + (vi)v_set(1.0));
 }
@@ -148,5 +149,3 @@ static inline vd v_sub(vd a, vd b) { return a - b; }
 static inline vd v_zero(void) { return v_set(0.0); }
 static inline vd v_abs(vd a) { return v_max(a, -a); }
 static inline vd v_clamp(vd a, double lo, double hi) { return v_min(v_max(a, v_set(lo)), v_set(hi)); }
-
-#endif

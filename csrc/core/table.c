@@ -1,22 +1,15 @@
 /* Sparse table of integers (table.h). */
 #include "core/table.h"
 
-#include <stdlib.h>
-#include <string.h>
-
-#include "core/error.h"
+#include "core/memory.h"
 
 /* Reserve memory for one more block. */
 static int reserve(struct gr_table *t)
 {
     if (t->n_blocks < t->capacity) return GR_OK;
     const int64_t capacity = 2 * t->capacity + 4;
-    int32_t *value = realloc(t->value, (size_t)(capacity * GR_BLOCK) * sizeof *value);
-    if (!value) return GR_ERR_MEMORY;
-    t->value = value;
-    int64_t *used = realloc(t->used, (size_t)capacity * sizeof *used);
-    if (!used) return GR_ERR_MEMORY;
-    t->used = used;
+    GR_RESIZE(t->value, capacity * GR_BLOCK);
+    GR_RESIZE(t->used, capacity);
     t->capacity = capacity;
     return GR_OK;
 }

@@ -1,7 +1,6 @@
 /* Sparse table of integers for the cells or nodes of a box, of which almost all are 0. The table is divided into blocks
  * of GR_BLOCK entries; only blocks with a nonzero entry have memory, so that an empty box costs 1/8 byte per entry. */
-#ifndef GR_CORE_TABLE_H
-#define GR_CORE_TABLE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -31,5 +30,3 @@ static inline int32_t gr_table_get(const struct gr_table *t, int64_t i)
 {
     return t->value[(int64_t)t->block_of[i / GR_BLOCK] * GR_BLOCK + i % GR_BLOCK];
 }
-
-#endif

@@ -4,25 +4,14 @@
 #include <math.h>
 #include <stdlib.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 #include "core/simd.h"
 
 _Static_assert(GR_PAGE == GR_LANES, "a page is a run of lanes");
 
-const char *const gr_stencil_names[GR_STENCIL_COUNT] = {
 #define GR_X(name) #name,
-    GR_STENCILS(GR_X)
+const char *const gr_stencil_names[GR_STENCIL_COUNT] = {GR_STENCILS(GR_X)};
+const char *const gr_diffusion_names[GR_DIFFUSION_COUNT] = {GR_DIFFUSIONS(GR_X)};
 #undef GR_X
-};
-
-const char *const gr_diffusion_names[GR_DIFFUSION_COUNT] = {
-#define GR_X(name) #name,
-    GR_DIFFUSIONS(GR_X)
-#undef GR_X
-};
 
 static int is_valid(const struct gr_fluidity_config *c)
 {
@@ -99,21 +88,24 @@ int gr_fluidity_check(const struct gr_fluidity *f, const struct gr_diffusion_cal
     return call->dt < gr_fluidity_limit(f, call->method) ? GR_OK : GR_ERR_LIMIT;
 }
 
+struct run {
+    struct gr_fluidity *f;
+    gr_diffuse *kernel;
+    const struct gr_diffusion_call *call;
+    struct gr_barrier barrier;
+};
+
+static void run(void *data, int t)
+{
+    struct run *r = data;
+    r->kernel(r->f, r->call, &r->barrier, t);
+}
+
 int gr_fluidity_run(struct gr_fluidity *f, gr_diffuse *kernel, const struct gr_diffusion_call *call, int threads)
 {
-    struct gr_barrier barrier = {.threads = 1};
+    struct run r = {.f = f, .kernel = kernel, .call = call};
     const int error = gr_fluidity_check(f, call);
     if (error) return error;
-#ifdef _OPENMP
-#pragma omp parallel num_threads(threads > GR_MAX_THREADS ? GR_MAX_THREADS : threads)
-    {
-#pragma omp single
-        barrier.threads = omp_get_num_threads();
-        kernel(f, call, &barrier, omp_get_thread_num());
-    }
-#else
-    (void)threads;
-    kernel(f, call, &barrier, 0);
-#endif
+    gr_run_team(&r.barrier, threads, run, &r);
     return f->error;
 }

@@ -16,8 +16,7 @@
  * Only requested cells have storage. It is divided into pages of GR_PAGE consecutive cells of the box, so that memory
  * and time grow with the material and the neighbours of a page can still be loaded as whole vectors. The index of a
  * cell in these arrays is called its place. */
-#ifndef GR_FLUIDITY_FLUIDITY_H
-#define GR_FLUIDITY_FLUIDITY_H
+#pragma once
 
 #include <stdint.h>
 
@@ -28,34 +27,25 @@
 /* Kind of a face, as seen from one of its cells. Two cells are linked if both sides are of kind `link`. */
 #define GR_FACES(X) X(GR_FACE_LINK, link) X(GR_FACE_OPEN, open) X(GR_FACE_ROUGH, rough)
 
-enum gr_face {
 #define GR_X(constant, name) constant,
-    GR_FACES(GR_X)
+enum gr_face { GR_FACES(GR_X) GR_FACE_COUNT };
 #undef GR_X
-        GR_FACE_COUNT
-};
 
 /* Time-stepping methods (diffuse.inl). */
 #define GR_DIFFUSIONS(X) X(explicit) X(implicit) X(rkl2)
 
-enum gr_diffusion {
 #define GR_X(name) GR_DIFFUSION_##name,
-    GR_DIFFUSIONS(GR_X)
+enum gr_diffusion { GR_DIFFUSIONS(GR_X) GR_DIFFUSION_COUNT };
 #undef GR_X
-        GR_DIFFUSION_COUNT
-};
 
 extern const char *const gr_diffusion_names[GR_DIFFUSION_COUNT];
 
 /* Stencils of the Laplacian: cells across faces only, or also across edges and corners. */
 #define GR_STENCILS(X) X(faces) X(isotropic)
 
-enum gr_stencil {
 #define GR_X(name) GR_STENCIL_##name,
-    GR_STENCILS(GR_X)
+enum gr_stencil { GR_STENCILS(GR_X) GR_STENCIL_COUNT };
 #undef GR_X
-        GR_STENCIL_COUNT
-};
 
 extern const char *const gr_stencil_names[GR_STENCIL_COUNT];
 
@@ -210,5 +200,3 @@ int gr_fluidity_stages(const struct gr_fluidity *f, double dt);
 /* Check a call, then run the kernel with at most `threads` threads.
  * Returned: 0, or the error of either. */
 int gr_fluidity_run(struct gr_fluidity *f, gr_diffuse *kernel, const struct gr_diffusion_call *call, int threads);
-
-#endif

@@ -1,7 +1,5 @@
 /* Storage of the fluidity grid: which cells have places, and the links between them. */
-#include <stdlib.h>
-#include <string.h>
-
+#include "core/memory.h"
 #include "fluidity/fluidity.h"
 
 /* Number of possible pages: those of the box, and those of copies for the back. */
@@ -176,9 +174,8 @@ static int add_wrap(struct gr_fluidity *f, int64_t to, int64_t from, int link)
 {
     if (f->n_wraps == f->wrap_capacity) {
         const int64_t capacity = 2 * f->wrap_capacity + 64;
-        struct gr_wrap *wrap = realloc(f->wrap, (size_t)capacity * sizeof *wrap);
-        if (!wrap) return GR_ERR_MEMORY;
-        f->wrap = wrap, f->wrap_capacity = capacity;
+        GR_RESIZE(f->wrap, capacity);
+        f->wrap_capacity = capacity;
     }
     f->wrap[f->n_wraps++] = (struct gr_wrap){(int32_t)to, (int32_t)from, link, 0};
     return GR_OK;

@@ -13,8 +13,7 @@
  * For mu = mu_s + (mu_2 - mu_s) I/I0, gdot = xi sqrt(p) (tau - S0)/(S2 - S0) (Haeri & Skonieczny 2021, eq. 5):
  *
  *   tau = (tau_trial + beta S0)/(1 + beta),  beta = alpha/(S2 - S0). */
-#ifndef GR_LAW_FLOW_RULES_H
-#define GR_LAW_FLOW_RULES_H
+#pragma once
 
 #include "core/simd.h"
 
@@ -45,5 +44,3 @@ static inline vd gr_flow_linear_mu_I(const struct gr_flow_numbers *n, vd trial, 
     const vd root = v_sqrt_fast(p);
     return v_fma(n->beta_1, S0, trial * root) / ((root + n->beta_1) * trial);
 }
-
-#endif

@@ -31,8 +31,7 @@
  *
  * g-star = 0 remains zero up to m = (mu_2 + f mu_s)/(1 + f); beyond that mu becomes this value (k = 0). With the
  * unbounded friction the limit is m = mu_s + 1/theta. */
-#ifndef GR_LAW_FLUIDITY_UPDATE_H
-#define GR_LAW_FLUIDITY_UPDATE_H
+#pragma once
 
 #include "law/law.h"
 
@@ -119,18 +118,22 @@ static inline struct gr_fluidity_point gr_fluidity_of_root(vd a, vd b, vd c, vd 
     return (struct gr_fluidity_point){scale, m * scale, X * unit_g};
 }
 
-/* Update of the saturating law.
+/* Update of the saturating law or, if `linear`, of the one with unbounded friction.
  * Given: the trial friction m in [0, 1e60], the inverse of the pressure p, gr_fluidity_start, and the plastic shear
  * rate of the step before, 1/s.
- * Returned: mu in [0, mu_2), g >= 0. NaN is never lost: it appears in g. */
-static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidity_numbers *n, vd m,
-                                                          struct gr_inverse_pressure inverse, vd start, vd rate)
+ * Returned: mu in [0, mu_2), of the linear law mu >= 0; g >= 0. NaN is never lost: it appears in g. */
+GR_INLINE struct gr_fluidity_point gr_fluidity_update(const int linear, const struct gr_fluidity_numbers *n, vd m,
+                                                      struct gr_inverse_pressure inverse, vd start, vd rate)
 {
     const vd q = v_fma(inverse.sink, rate, n->one), a = q + n->a_phi;
     const vm beyond = v_ge(m, n->mu_2);
     struct gr_fluidity_point point;
     start = start * inverse.p; /* X* */
-    if (!m_bits(beyond)) {     /* the usual case, with fewer operations */
+    if (linear) {
+        const vd b = v_fma(n->theta, n->mu_s - m, q) - start;
+        return gr_fluidity_of_root(q + n->theta_mu_s, b, start, v_zero(), m, inverse.unit_g);
+    }
+    if (!m_bits(beyond)) { /* the usual case, with fewer operations */
         const vd e = (n->mu_2 - m) * n->inv_mu_2, b = v_fma(e, q, n->phi * (n->mu_s - m)) - start;
         point = gr_fluidity_of_root(a, b, e * start, v_zero(), m, inverse.unit_g);
     } else {
@@ -143,44 +146,22 @@ static inline struct gr_fluidity_point gr_fluidity_update(const struct gr_fluidi
     return point;
 }
 
-/* The same for the linear law, with unbounded friction: mu >= 0. */
-static inline struct gr_fluidity_point gr_fluidity_update_linear(const struct gr_fluidity_numbers *n, vd m,
-                                                                 struct gr_inverse_pressure inverse, vd start, vd rate)
-{
-    const vd q = v_fma(inverse.sink, rate, n->one);
-    start = start * inverse.p;
-    const vd b = v_fma(n->theta, n->mu_s - m, q) - start;
-    return gr_fluidity_of_root(q + n->theta_mu_s, b, start, v_zero(), m, inverse.unit_g);
-}
-
-/* The same for a block of values from arrays. */
-static inline struct gr_fluidity_point gr_fluidity_at(const struct gr_fluidity_numbers *n, vd m, vd p, vd g_star, vd rate)
-{
-    return gr_fluidity_update(n, m, gr_invert_pressure(n, p), gr_fluidity_start(n, g_star), rate);
-}
-
-/* The same for arrays of points. If n is not a multiple of GR_W, the last points go through a buffer. */
+/* The same for arrays of points. They go through a buffer, since their number may be any. */
 static inline void fluidity_points(const struct gr_fluidity_call *call)
 {
     const struct gr_fluidity_numbers n = gr_fluidity_numbers_of(call->parameter, call->dt);
-    double in[4][GR_W], mu[GR_W], g[GR_W];
-    int64_t k = 0;
-    for (; k + GR_W <= call->n; k += GR_W) {
-        const struct gr_fluidity_point point = gr_fluidity_at(&n, v_load(call->mu_trial + k), v_load(call->p + k),
-                                                              v_load(call->g_star + k), v_load(call->shear_rate + k));
-        v_store(call->mu + k, point.mu);
-        v_store(call->g + k, point.g);
+    for (int64_t k = 0; k < call->n; k += GR_W) {
+        double in[4][GR_W], mu[GR_W], g[GR_W];
+        for (int lane = 0; lane < GR_W; lane++) {
+            const int64_t i = k + lane < call->n ? k + lane : k;
+            in[0][lane] = call->mu_trial[i], in[1][lane] = call->p[i];
+            in[2][lane] = call->g_star[i], in[3][lane] = call->shear_rate[i];
+        }
+        const struct gr_fluidity_point point =
+            gr_fluidity_update(0, &n, v_load(in[0]), gr_invert_pressure(&n, v_load(in[1])),
+                               gr_fluidity_start(&n, v_load(in[2])), v_load(in[3]));
+        v_store(mu, point.mu);
+        v_store(g, point.g);
+        for (int64_t i = k; i < call->n && i < k + GR_W; i++) call->mu[i] = mu[i - k], call->g[i] = g[i - k];
     }
-    if (k == call->n) return;
-    for (int lane = 0; lane < GR_W; lane++) {
-        const int64_t i = k + lane < call->n ? k + lane : k;
-        in[0][lane] = call->mu_trial[i], in[1][lane] = call->p[i];
-        in[2][lane] = call->g_star[i], in[3][lane] = call->shear_rate[i];
-    }
-    const struct gr_fluidity_point point = gr_fluidity_at(&n, v_load(in[0]), v_load(in[1]), v_load(in[2]), v_load(in[3]));
-    v_store(mu, point.mu);
-    v_store(g, point.g);
-    for (int64_t i = k; i < call->n; i++) call->mu[i] = mu[i - k], call->g[i] = g[i - k];
 }
-
-#endif

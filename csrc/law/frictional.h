@@ -1,7 +1,6 @@
 /* The hypoelastic frictional laws: elastic below yield. Above it mu(I) flows (flow_rules.h), while Drucker-Prager
  * returns to tau = min(tau_trial, mu p). Disconnected material is stress-free. */
-#ifndef GR_LAW_FRICTIONAL_H
-#define GR_LAW_FRICTIONAL_H
+#pragma once
 
 #include "law/flow_rules.h"
 #include "law/trial.h"
@@ -44,5 +43,3 @@ static inline void gr_frictional(const int dim, const int rate, const struct gr_
         if (call->g) v_store(call->g + at, fluidity);
     }
 }
-
-#endif

@@ -23,8 +23,7 @@
  * Accuracy: a few units in the last place relative to the larger of h and L dt, while both are small. For large ones
  * the condition of exp(2 h_trial) matters: 1e-13 at norms of 1/2. Norms of 2h and of dev L dt above GR_STRAIN_REACH are
  * reduced to it. */
-#ifndef GR_LAW_HENCKY_H
-#define GR_LAW_HENCKY_H
+#pragma once
 
 #include "law/flow_rules.h"
 #include "law/fluidity_update.h"
@@ -35,7 +34,7 @@ struct gr_hencky_numbers {
     struct gr_flow_numbers flow;
     vd K, twoG, inv_twoG, mu_s, to_rate; /* to_rate = 1/(G dt) */
     vd reconnect_fluidity;               /* sqrt(2) reconnect_fluidity/(mu_2 dt) */
-    const double *hardening;             /* h of hardening.h, which gives mu_s for each block; or NULL */
+    const double *hardening;             /* h of hencky_blocks.h, which gives mu_s for each block; or NULL */
 };
 
 struct gr_hencky_point {
@@ -116,11 +115,8 @@ GR_INLINE struct gr_hencky_return gr_hencky_nonlocal(const int flow, const struc
 {
     const struct gr_inverse_pressure inverse = gr_invert_pressure(&n->fluidity, p);
     const vd one = v_set(1.0), m = trial * inverse.p, start = gr_fluidity_start(&n->fluidity, g_star);
-    struct gr_fluidity_point point;
-    if (flow == GR_HENCKY_linear_ngf)
-        point = gr_fluidity_update_linear(&n->fluidity, m, inverse, start, rate);
-    else
-        point = gr_fluidity_update(&n->fluidity, m, inverse, start, rate);
+    const struct gr_fluidity_point point =
+        gr_fluidity_update(flow == GR_HENCKY_linear_ngf, &n->fluidity, m, inverse, start, rate);
     const vd scale = one / v_fma(n->fluidity.G_dt * reconnected, inverse.p, one);
     const vd share = v_select(before, point.scale, scale), g = v_select(before, point.g, reconnected);
     return (struct gr_hencky_return){.share = share, .g = g, .rate = v_select(before, point.mu, m * scale) * g};
@@ -171,58 +167,33 @@ GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow,
     return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_is_connected(stress), reconnected, g_star, rate);
 }
 
-/* ---- Arrays of points. `flow` is not a literal here, so that the trial is compiled once and not for each flow rule.
- * ---- */
-
-/* List the arrays of a call: gradient and log-density are given, the others updated. */
-GR_INLINE void hencky_rows(const int dim, const struct gr_hencky_call *call, const double *given[10], double *updated[8])
-{
-    for (int i = 0; i < dim * dim; i++) given[i] = call->gradient[i];
-    given[dim * dim] = call->log_density;
-    for (int i = 0; i < GR_STRESSES(dim); i++) updated[i] = call->stress[i];
-    updated[GR_STRESSES(dim)] = call->g;
-    updated[GR_STRESSES(dim) + 1] = call->shear_rate;
-}
-
-GR_INLINE void hencky_block(const int dim, const int flow, const struct gr_hencky_numbers *n, const double *const given[10],
-                            double *const updated[8], int64_t at)
-{
-    const int stresses = GR_STRESSES(dim);
-    struct gr_stress stress;
-    vd L[9];
-    for (int i = 0; i < dim * dim; i++) L[i] = v_load(given[i] + at);
-    for (int i = 0; i < stresses; i++) stress.s[i] = v_load(updated[i] + at);
-    const struct gr_hencky_point point =
-        gr_hencky_update(dim, flow, n, L, v_load(given[dim * dim] + at), &stress, v_load(updated[stresses] + at),
-                         v_load(updated[stresses + 1] + at));
-    for (int i = 0; i < stresses; i++) v_store(updated[i] + at, point.stress.s[i]);
-    v_store(updated[stresses] + at, point.g);
-    v_store(updated[stresses + 1] + at, point.rate);
-}
-
-/* If n is not a multiple of GR_W, the last points go through a buffer. */
+/* A step at arrays of points, which go through a buffer, since their number may be any. `flow` is not a literal here, so
+ * that the trial is compiled once and not for each flow rule. */
 GR_INLINE void hencky_points(const int dim, const int flow, const struct gr_hencky_call *call)
 {
     const struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter, call->dt);
-    const int rows = dim * dim + 1, results = GR_STRESSES(dim) + 2;
-    const double *given[10], *last_given[10];
-    double *updated[8], *last_updated[8], buffer[18][GR_W];
-    hencky_rows(dim, call, given, updated);
-    int64_t k = 0;
-    for (; k + GR_W <= call->n; k += GR_W) hencky_block(dim, flow, &n, given, updated, k);
-    if (k == call->n) return;
-    const int last = (int)(call->n - k);
-    for (int i = 0; i < rows; i++) {
-        for (int lane = 0; lane < GR_W; lane++) buffer[i][lane] = lane < last ? given[i][k + lane] : 0.0;
-        last_given[i] = buffer[i];
+    const int stresses = GR_STRESSES(dim);
+    double *updated[8] = {0};
+    for (int i = 0; i < stresses; i++) updated[i] = call->stress[i];
+    updated[stresses] = call->g, updated[stresses + 1] = call->shear_rate;
+    for (int64_t k = 0; k < call->n; k += GR_W) {
+        double gradient[9][GR_W] = {{0}}, log_density[GR_W] = {0}, state[8][GR_W] = {{0}};
+        const int lanes = call->n - k < GR_W ? (int)(call->n - k) : GR_W;
+        struct gr_stress stress;
+        vd L[9];
+        for (int lane = 0; lane < lanes; lane++) {
+            for (int i = 0; i < dim * dim; i++) gradient[i][lane] = call->gradient[i][k + lane];
+            for (int i = 0; i < stresses + 2; i++) state[i][lane] = updated[i][k + lane];
+            log_density[lane] = call->log_density[k + lane];
+        }
+        for (int i = 0; i < dim * dim; i++) L[i] = v_load(gradient[i]);
+        for (int i = 0; i < stresses; i++) stress.s[i] = v_load(state[i]);
+        const struct gr_hencky_point point = gr_hencky_update(dim, flow, &n, L, v_load(log_density), &stress,
+                                                              v_load(state[stresses]), v_load(state[stresses + 1]));
+        for (int i = 0; i < stresses; i++) v_store(state[i], point.stress.s[i]);
+        v_store(state[stresses], point.g);
+        v_store(state[stresses + 1], point.rate);
+        for (int lane = 0; lane < lanes; lane++)
+            for (int i = 0; i < stresses + 2; i++) updated[i][k + lane] = state[i][lane];
     }
-    for (int i = 0; i < results; i++) {
-        for (int lane = 0; lane < GR_W; lane++) buffer[10 + i][lane] = lane < last ? updated[i][k + lane] : 0.0;
-        last_updated[i] = buffer[10 + i];
-    }
-    hencky_block(dim, flow, &n, last_given, last_updated, 0);
-    for (int i = 0; i < results; i++)
-        for (int lane = 0; lane < GR_W && lane < last; lane++) updated[i][k + lane] = buffer[10 + i][lane];
 }
-
-#endif

@@ -3,12 +3,41 @@
  *
  * Whatever the scheme, the pressure is that of the density. While the fluidity is not yet diffused, a nonlocal flow
  * rule is in its local phase: it uses the flow rule that it equals where the fluidity is uniform, with g = gdot/mu. */
-#ifndef GR_LAW_HENCKY_BLOCKS_H
-#define GR_LAW_HENCKY_BLOCKS_H
+#pragma once
 
-#include "law/hardening.h"
 #include "law/hencky.h"
 #include "law/substep.h"
+
+/* Friction that depends on the plastic strain (Klar et al. 2016, ACM Trans. Graph. 35, Drucker-Prager elastoplasticity
+ * for sand animation, section 7.3). With q, the norm of the plastic strain summed over the steps,
+ *
+ *   phi = h0 + (h1 q - h3) exp(-h2 q),   tau <= mu p,  mu = 2 sqrt(3) sin(phi)/(3 - sin(phi)),
+ *
+ * the cone through triaxial compression at the friction angle phi; tau = |s|/sqrt(2). The flow of a step uses the
+ * friction at its beginning and adds |increment of plastic strain| = gdot dt/sqrt(2) to q. */
+#define GR_DEGREE 0.017453292519943295 /* pi/180 */
+
+/* sin(x) for 0 <= x <= pi/2 to 3e-16, by its power series up to x^19. */
+static inline vd gr_sine(vd x)
+{
+    static const double factor[] = {-1.0 / (18 * 19), -1.0 / (16 * 17), -1.0 / (14 * 15), -1.0 / (12 * 13), -1.0 / (10 * 11),
+                                    -1.0 / (8 * 9),   -1.0 / (6 * 7),   -1.0 / (4 * 5),   -1.0 / (2 * 3)};
+    const vd square = x * x;
+    vd sum = v_set(1.0);
+    for (int k = 0; k < 9; k++) sum = v_fma(v_set(factor[k]) * square, sum, v_set(1.0));
+    return x * sum;
+}
+
+/* Friction coefficient at the plastic strain q.
+ * Given: h = (h0, h1, h2, h3) with h0, h1, h3 in degrees; q >= 0.
+ * Returned: mu. */
+static inline vd gr_hardened_friction(const double h[4], vd q)
+{
+    const vd decay = v_exp(v_max(v_set(-700.0), v_set(-h[2]) * q));
+    const vd phi = v_fma(v_fma(v_set(h[1]), q, v_set(-h[3])), decay, v_set(h[0]));
+    const vd sine = gr_sine(v_clamp(v_set(GR_DEGREE) * phi, 0.0, 90 * GR_DEGREE));
+    return v_set(3.4641016151377544) * sine / (v_set(3.0) - sine);
+}
 
 #define GR_FURTHEST 600.0 /* bound of |log-density|, so that the values of points about to leave stay finite */
 
@@ -59,10 +88,8 @@ GR_INLINE struct gr_hencky_point hencky_substep(const int dim, const int flow, c
         const vd start = gr_fluidity_start(&n->fluidity, g_star), fraction = v_set(call->fraction);
         double *const of_rate = call->shear_rate + at;
         gr_substeps_begin(dim, &n->fluidity, &turned, &strained, p, call->substeps, at);
-        return (struct gr_hencky_point){
-            .g = flow == GR_HENCKY_linear_ngf
-                     ? gr_substep(1, 1, &n->fluidity, fraction, call->substeps, at, start, in_this_step, of_rate)
-                     : gr_substep(0, 1, &n->fluidity, fraction, call->substeps, at, start, in_this_step, of_rate)};
+        return (struct gr_hencky_point){.g = gr_substep(flow == GR_HENCKY_linear_ngf, 1, &n->fluidity, fraction,
+                                                        call->substeps, at, start, in_this_step, of_rate)};
     }
     const vm since = v_gt(v_load(gr_substep_at(call->substeps, at, GR_SUBSTEP_p)), v_zero());
     gr_substeps_end(dim, call->fraction, call->substeps, at, &turned, &strained);
@@ -99,33 +126,26 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
 }
 
 /* `flow` is not a literal here: the trial is compiled once for all flow rules. */
-static __attribute__((noinline)) void hencky_blocks_2d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
-{
-    hencky_blocks_of(2, flow, n, call);
-}
-
-static __attribute__((noinline)) void hencky_blocks_3d(int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
-{
-    hencky_blocks_of(3, flow, n, call);
-}
-
-static inline void gr_hencky_blocks(const int dim, int flow, struct gr_hencky_numbers *n, const struct gr_law_call *call)
+static __attribute__((noinline)) void gr_hencky_blocks(int dim, int flow, struct gr_hencky_numbers *n,
+                                                       const struct gr_law_call *call)
 {
     if (dim == 2)
-        hencky_blocks_2d(flow, n, call);
+        hencky_blocks_of(2, flow, n, call);
     else
-        hencky_blocks_3d(flow, n, call);
+        hencky_blocks_of(3, flow, n, call);
 }
 
-/* The numbers of a law without a grain diameter: only xi = I0/(d sqrt(rho_s)) counts. */
-static inline struct gr_hencky_numbers gr_hencky_sizeless(const struct gr_law_call *call, double mu_s, double mu_2,
-                                                          double xi)
+/* A law without a grain diameter: only xi = I0/(d sqrt(rho_s)) counts. For `hardening` see gr_hencky_numbers. */
+static inline void gr_hencky_local_blocks(const int dim, int flow, const struct gr_law_call *call, double mu_s, double mu_2,
+                                          double xi, const double *hardening)
 {
     double q[GR_HENCKY_PARAMETER_COUNT] = {0};
     q[GR_HENCKY_P_K] = call->parameter[0], q[GR_HENCKY_P_G] = call->parameter[1];
     q[GR_HENCKY_P_mu_s] = mu_s, q[GR_HENCKY_P_mu_2] = mu_2, q[GR_HENCKY_P_I0] = xi;
     q[GR_HENCKY_P_rho_s] = q[GR_HENCKY_P_d] = q[GR_HENCKY_P_t0] = 1;
-    return gr_hencky_numbers_of(q, call->dt);
+    struct gr_hencky_numbers n = gr_hencky_numbers_of(q, call->dt);
+    n.hardening = hardening;
+    gr_hencky_blocks(dim, flow, &n, call);
 }
 
 /* Order of the parameters of the nonlocal finite-strain laws: the amplitude A, then GR_HENCKY_PARAMETERS. */
@@ -137,5 +157,3 @@ static inline void gr_hencky_nonlocal_blocks(const int dim, int nonlocal, int lo
     struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter + GR_HENCKY_NGF_POINT, call->dt);
     gr_hencky_blocks(dim, call->g_star ? nonlocal : local, &n, call);
 }
-
-#endif

@@ -1,10 +1,9 @@
 /* Interface of the constitutive laws: the descriptor of a law, and the call that updates blocks of material points.
  *
- * A law is an elasticity combined with a flow rule. It is one file, law/<name>.inl, which holds its equation, its
- * update and its descriptor. A line of law/registry.inl registers it; kernels.c compiles it once for each instruction
+ * A law is an elasticity combined with a flow rule. It is one file, law/<name>.inl (the finite-strain laws share one),
+ * which holds its equation, its update and its descriptor. A line of law/registry.inl registers it; kernels.c compiles it once for each instruction
  * set. See docs/contributing.md, "Add a law". */
-#ifndef GR_LAW_LAW_H
-#define GR_LAW_LAW_H
+#pragma once
 
 #include <stdint.h>
 
@@ -15,6 +14,8 @@ enum { GR_LAW_MAX_PARAMETERS = 12 };
 struct gr_parameter_info {
     const char *name, *unit, *doc;
 };
+
+#define GR_INFO(name, unit, doc) {#name, unit, doc},
 
 /* Reaction of the fluidity to the flow at a point, of a nonlocal law (fluidity_update.h). */
 enum gr_reaction { GR_LOCAL, GR_NGF, GR_LINEAR_NGF };
@@ -97,12 +98,9 @@ struct gr_law_call {
     X(unit_g, "see gr_inverse_pressure")                              \
     X(weight, "weight of the point in the fluidity of its cell; 0 where disconnected")
 
-enum gr_substep_number {
 #define GR_X(name, doc) GR_SUBSTEP_##name,
-    GR_SUBSTEP_STATE(GR_X)
+enum gr_substep_number { GR_SUBSTEP_STATE(GR_X) GR_SUBSTEP_COUNT };
 #undef GR_X
-        GR_SUBSTEP_COUNT
-};
 
 /* Parameters of the update of the fluidity at a point (fluidity_update.h). X(name, unit, description) */
 #define GR_FLUIDITY_PARAMETERS(X)                                               \
@@ -115,12 +113,9 @@ enum gr_substep_number {
     X(t0, "s", "time scale of the fluidity")                                    \
     X(p_averaging, "Pa", "the law uses the mean of 1/sqrt(p) from p - this to p + this; 0: the value at p")
 
-enum gr_fluidity_parameter {
 #define GR_X(name, unit, doc) GR_FLUIDITY_##name,
-    GR_FLUIDITY_PARAMETERS(GR_X)
+enum gr_fluidity_parameter { GR_FLUIDITY_PARAMETERS(GR_X) GR_FLUIDITY_PARAMETER_COUNT };
 #undef GR_X
-        GR_FLUIDITY_PARAMETER_COUNT
-};
 
 extern const struct gr_parameter_info gr_fluidity_parameter_table[GR_FLUIDITY_PARAMETER_COUNT];
 
@@ -145,12 +140,9 @@ struct gr_fluidity_call {
     X(linear_ngf, "plastic rate from the fluidity; mu = mu_s + (mu_2 - mu_s) I/I0 where it is uniform") \
     X(ngf, "plastic rate from the fluidity; mu(I) where it is uniform")
 
-enum gr_hencky_flow {
 #define GR_X(name, doc) GR_HENCKY_##name,
-    GR_HENCKY_FLOWS(GR_X)
+enum gr_hencky_flow { GR_HENCKY_FLOWS(GR_X) GR_HENCKY_FLOW_COUNT };
 #undef GR_X
-        GR_HENCKY_FLOW_COUNT
-};
 
 extern const char *const gr_hencky_flow_names[GR_HENCKY_FLOW_COUNT];
 
@@ -161,12 +153,9 @@ extern const char *const gr_hencky_flow_names[GR_HENCKY_FLOW_COUNT];
       "fluidity of reconnecting material: this times the shear rate |2 D:D|^1/2 over mu_2; 0 or 1") \
     GR_FLUIDITY_PARAMETERS(X)
 
-enum gr_hencky_parameter {
 #define GR_X(name, unit, doc) GR_HENCKY_P_##name,
-    GR_HENCKY_PARAMETERS(GR_X)
+enum gr_hencky_parameter { GR_HENCKY_PARAMETERS(GR_X) GR_HENCKY_PARAMETER_COUNT };
 #undef GR_X
-        GR_HENCKY_PARAMETER_COUNT
-};
 
 extern const struct gr_parameter_info gr_hencky_parameter_table[GR_HENCKY_PARAMETER_COUNT];
 
@@ -182,5 +171,3 @@ struct gr_hencky_call {
     const double *gradient[9], *log_density;
     double *stress[6], *g, *shear_rate;
 };
-
-#endif

@@ -103,7 +103,7 @@ GR_INLINE void update_block(const struct gr_law_call *call, int64_t k, const str
     const vm disconnected = v_ge(zero, block->p);
     const vd g_star = v_set(call->g_star[k]), rate = v_load(call->shear_rate + at);
     const struct gr_fluidity_point point =
-        gr_fluidity_update(n, block->m, block->inverse, gr_fluidity_start(n, g_star), rate);
+        gr_fluidity_update(0, n, block->m, block->inverse, gr_fluidity_start(n, g_star), rate);
     block->scale = point.scale;
     v_store(call->shear_rate + at, v_select(disconnected, zero, point.g * point.mu));
     v_store(call->g + at, v_select(disconnected, zero, point.g));

@@ -6,8 +6,7 @@
  * - 1, log(1 + .)), so that small strains keep the relative accuracy of the strain, not that of 1 + strain.
  *
  * In 2D (dim = 2) the components xz, yz, zx, zy are taken as zero and never accessed. */
-#ifndef GR_LAW_STRAIN_H
-#define GR_LAW_STRAIN_H
+#pragma once
 
 #include "law/trial.h"
 
@@ -104,11 +103,6 @@ static inline void gr_square_exponential(vd a[3], vd e2, vd e3)
 enum {
     GR_EXPONENTIAL_TERMS = 10,  /* relative truncation error (1/8)^10/11! = 2e-17 */
     GR_EXPONENTIAL_HALVINGS = 4 /* they take a norm from GR_STRAIN_REACH to 1/8 */
-};
-
-static const double gr_inverse_factorial[GR_EXPONENTIAL_TERMS + 1] = {
-    1.0,         1.0,          1.0 / 2.0,     1.0 / 6.0,      1.0 / 24.0,      1.0 / 120.0,
-    1.0 / 720.0, 1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0,
 };
 
 /* exp(M) - 1 of a matrix without trace. If its norm exceeds 1/8, M is halved until it does not and the exponential is
@@ -279,5 +273,3 @@ GR_INLINE struct gr_matrix gr_trial_strain(const int dim, const struct gr_matrix
     }
     return gr_logarithmic_strain(dim, &c);
 }
-
-#endif

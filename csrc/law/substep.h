@@ -5,8 +5,7 @@
  * b <- b + 1/n before the flow and (a, b) <- z (a, b) after it. Its norm needs only three products of R and D, which
  * are computed once. The pressure is that at the end of the step in all substeps. A substep thus costs little more than
  * the update of the fluidity at a point. */
-#ifndef GR_LAW_SUBSTEP_H
-#define GR_LAW_SUBSTEP_H
+#pragma once
 
 #include "law/fluidity_update.h"
 #include "law/trial.h"
@@ -18,14 +17,6 @@ GR_INLINE double *gr_substep_at(double *substeps, int64_t at, enum gr_substep_nu
     return substeps + at * GR_SUBSTEP_COUNT + number * GR_W;
 }
 
-/* The contraction s:t of two deviators. */
-GR_INLINE vd gr_contract(const int dim, const struct gr_stress *s, const struct gr_stress *t)
-{
-    vd normal = v_fma(s->s[0], t->s[0], v_fma(s->s[1], t->s[1], s->s[2] * t->s[2])), shear = s->s[3] * t->s[3];
-    if (dim == 3) shear = v_fma(s->s[4], t->s[4], v_fma(s->s[5], t->s[5], shear));
-    return v_fma(v_set(2.0), shear, normal);
-}
-
 /* Set the state of the points before the first substep, from R (`turned`), D (`strained`) and the pressure p.
  * Disconnected points have p = 0: all their products are zero, so that they have neither friction nor plastic rate. NaN
  * is kept. */
@@ -35,8 +26,9 @@ GR_INLINE void gr_substeps_begin(const int dim, const struct gr_fluidity_numbers
     const struct gr_inverse_pressure inverse = gr_invert_pressure(n, p);
     const vd zero = v_zero(), most = v_set(GR_LARGEST_FRICTION * GR_LARGEST_FRICTION);
     const vd square = v_select(v_ge(zero, p), zero, inverse.p * inverse.p);
+    const vd across = v_set(2.0) * gr_half_product(dim, turned, strained);
     v_store(gr_substep_at(substeps, at, GR_SUBSTEP_turned), v_min(most, square * gr_tau_squared(dim, turned)));
-    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_across), v_min(most, square * gr_contract(dim, turned, strained)));
+    v_store(gr_substep_at(substeps, at, GR_SUBSTEP_across), v_min(most, square * across));
     v_store(gr_substep_at(substeps, at, GR_SUBSTEP_strained), v_min(most, square * gr_tau_squared(dim, strained)));
     v_store(gr_substep_at(substeps, at, GR_SUBSTEP_of_turned), v_set(1.0));
     v_store(gr_substep_at(substeps, at, GR_SUBSTEP_of_strained), zero);
@@ -73,11 +65,7 @@ GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_
              strained = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_strained));
     const vd square = v_fma(a, v_fma(a, turned, b * across), b * b * strained);
     const vd m = v_sqrt(v_max(v_zero(), square)); /* NaN is kept */
-    struct gr_fluidity_point point;
-    if (linear)
-        point = gr_fluidity_update_linear(n, m, inverse, start, v_load(rate));
-    else
-        point = gr_fluidity_update(n, m, inverse, start, v_load(rate));
+    struct gr_fluidity_point point = gr_fluidity_update(linear, n, m, inverse, start, v_load(rate));
     if (reconnects) {
         const vd one = v_set(1.0);
         const vm now = v_ge(reconnected, v_zero());
@@ -91,5 +79,3 @@ GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_
     v_store(rate, point.g * point.mu);
     return point.g;
 }
-
-#endif

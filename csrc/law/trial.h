@@ -1,6 +1,5 @@
 /* The elastic predictor (trial stress) of the hypoelastic laws, and its loads and stores. */
-#ifndef GR_LAW_TRIAL_H
-#define GR_LAW_TRIAL_H
+#pragma once
 
 #include "law/law.h"
 
@@ -78,13 +77,14 @@ static inline vd gr_split(struct gr_stress *t)
     return p;
 }
 
-/* s:s/2 of a deviator, the square of the equivalent shear stress tau (eq. 2.10). */
-static inline vd gr_tau_squared(const int dim, const struct gr_stress *t)
+/* s:t/2 of two deviators. */
+static inline vd gr_half_product(const int dim, const struct gr_stress *s, const struct gr_stress *t)
 {
-    vd normal = v_fma(t->s[0], t->s[0], v_fma(t->s[1], t->s[1], t->s[2] * t->s[2]));
-    vd shear = t->s[3] * t->s[3];
-    if (dim == 3) shear = v_fma(t->s[4], t->s[4], v_fma(t->s[5], t->s[5], shear));
+    const vd normal = v_fma(s->s[0], t->s[0], v_fma(s->s[1], t->s[1], s->s[2] * t->s[2]));
+    vd shear = s->s[3] * t->s[3];
+    if (dim == 3) shear = v_fma(s->s[4], t->s[4], v_fma(s->s[5], t->s[5], shear));
     return v_fma(v_set(0.5), normal, shear);
 }
 
-#endif
+/* s:s/2 of a deviator, the square of the equivalent shear stress tau (eq. 2.10). */
+static inline vd gr_tau_squared(const int dim, const struct gr_stress *t) { return gr_half_product(dim, t, t); }

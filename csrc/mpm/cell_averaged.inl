@@ -25,13 +25,10 @@ GR_INLINE struct gr_cell_average *cell_average_of(const int dim, const struct gr
     return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_NODE_SUMS(dim, 0) * (1 << dim));
 }
 
-/* Side, 1 or -1, of the centre of a cell on which node i lies along axis d. */
-GR_INLINE double side_of(int i, int d) { return i >> d & 1 ? 1.0 : -1.0; }
-
 /* B_i dx along axis d for the quadrature point xi, in local coordinates. */
 GR_INLINE double slope_at(const int dim, const double xi[3], int i, int d)
 {
-    double slope = side_of(i, d);
+    double slope = i >> d & 1 ? 1.0 : -1.0;
     for (int j = 0; j < dim; j++)
         if (j != d) slope *= i >> j & 1 ? xi[j] : 1 - xi[j];
     return slope;

@@ -53,20 +53,17 @@ static void arm(const struct gr_engine *e, const struct moving *m, const double 
     for (int d = 0; d < 3; d++) r[d] = d < e->config.dim ? gr_pose_arm(&m->pose, x[d], d) : 0;
 }
 
-/* Signed distance of a point from the surface of a body, and the normal in axes of the scene. */
-static double distance(const struct moving *m, const double r[3], double normal[3])
-{
-    double local[3], at[3];
-    gr_pose_in_body(&m->pose, r, at);
-    const double phi = gr_union_distance(m->pose.parts, m->pose.body->n_parts, at, local);
-    gr_pose_in_space(&m->pose, local, normal);
-    return phi;
-}
-
-static int is_far(const struct moving *m, const double r[3])
+/* True if a point lies in a body.
+ * Returned: then also the normal, in axes of the scene. */
+static int contains(const struct moving *m, const double r[3], double normal[3])
 {
     const double bound = m->pose.body->bound;
-    return r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > bound * bound;
+    double local[3], at[3];
+    if (r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > bound * bound) return 0;
+    gr_pose_in_body(&m->pose, r, at);
+    if (!(gr_union_distance(m->pose.parts, m->pose.body->n_parts, at, local) < 0)) return 0;
+    gr_pose_in_space(&m->pose, local, normal);
+    return 1;
 }
 
 /* True if a node lies in the body. For a separated node of a thin part this includes all nodes behind the face of its
@@ -86,7 +83,7 @@ static int is_within(const struct gr_engine *e, int64_t node, const struct movin
             return 1;
         } /* else the node may still lie in another part */
     }
-    return !is_far(m, r) && distance(m, r, normal) < 0;
+    return contains(m, r, normal);
 }
 
 double gr_bodies_speed(const struct gr_engine *e)
@@ -137,7 +134,7 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
             if (!e->config.bodies[b].rough) continue;
             place(e, b, &m);
             arm(e, &m, x, r);
-            if (!is_far(&m, r) && distance(&m, r, normal) < 0) *inside |= GR_INSIDE_BODY;
+            if (contains(&m, r, normal)) *inside |= GR_INSIDE_BODY;
         }
         if (cell->side != 1) continue;
         gr_nearest_thin(e, x, 1, &side);
@@ -283,9 +280,4 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3])
     double gravity[3] = {0};
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     for (int b = 0; b < e->config.n_bodies; b++) touch_body(e, b, gravity);
-}
-
-void gr_bodies_move(struct gr_engine *e)
-{
-    if (e->config.n_bodies) memcpy(e->body, e->body_next, sizeof *e->body * (size_t)e->config.n_bodies);
 }

@@ -1,6 +1,5 @@
 /* Contact of rigid bodies with the nodes of the grid. */
-#ifndef GR_MPM_CONTACT_H
-#define GR_MPM_CONTACT_H
+#pragma once
 
 #include "mpm/engine.h"
 
@@ -28,8 +27,3 @@ void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last);
  * about a body as light as the nodes that it touches; it is solved by Newton's method. Whatever error the iteration
  * leaves, V' receives exactly the impulse P. The state after the step goes to body_next. */
 void gr_bodies_touch(struct gr_engine *e, const double g[3]);
-
-/* Finish the step: body_next becomes the present state. */
-void gr_bodies_move(struct gr_engine *e);
-
-#endif

@@ -1,7 +1,6 @@
 /* Contributions of a block of points to the sums of the nodes of their cell. A row of nodes along the first axis is
  * served at a time. */
-#ifndef GR_MPM_CONTRIBUTION_H
-#define GR_MPM_CONTRIBUTION_H
+#pragma once
 
 #include "mpm/shape.h"
 
@@ -52,5 +51,3 @@ GR_INLINE vd linear_yz(const int dim, const struct contribution *p, const struct
     value = v_fma(slope[1], p->r[1][row.b], value);
     return dim == 3 ? v_fma(slope[2], p->r[2][row.c], value) : value;
 }
-
-#endif

@@ -1,7 +1,6 @@
 /* The density correction, as far as the smoothed and the cell-averaged density share it: averaging, relaxation to the
  * nodal density, particle shifting. */
-#ifndef GR_MPM_DENSITY_CORRECTION_H
-#define GR_MPM_DENSITY_CORRECTION_H
+#pragma once
 
 #include "mpm/shape.h"
 
@@ -63,5 +62,3 @@ GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd
         if (walls & 2) delta[d] = v_min(delta[d], delta[d] * (v_set(1.0) - xi[d]));
     }
 }
-
-#endif

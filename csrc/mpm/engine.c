@@ -5,53 +5,29 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/memory.h"
 #include "mpm/contact.h"
 
 int gr_engine_uses(const struct gr_config *config, int field)
 {
-    switch (gr_field_table[field].need) {
-    case GR_AFFINE:
-        return config->affine != GR_AFFINE_NONE;
-    case GR_SMOOTHED:
-        return config->smoothed;
-    case GR_NONLOCAL:
-        return gr_law_at(config->law)->reaction != GR_LOCAL;
-    case GR_BALANCED:
-        return gr_law_at(config->law)->reaction && config->nonlocal.method == GR_DIFFUSION_implicit;
-    case GR_SIDED:
-        return gr_has_thin(config);
-    case GR_HARDENING:
-        return gr_law_at(config->law)->hardens;
-    case GR_ALWAYS:
-    default:
-        return 1;
-    }
-}
-
-/* Replace a pointer by one to a copy of its `bytes` bytes; by NULL if there are none. */
-static int own(const void **pointer, size_t bytes)
-{
-    if (!*pointer || !bytes) {
-        *pointer = 0;
-        return GR_OK;
-    }
-    void *copy = malloc(bytes);
-    if (!copy) {
-        *pointer = 0;
-        return GR_ERR_MEMORY;
-    }
-    memcpy(copy, *pointer, bytes);
-    *pointer = copy;
-    return GR_OK;
+    const struct gr_law *law = gr_law_at(config->law);
+    const int needed[] = {[GR_ALWAYS] = 1,
+                          [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
+                          [GR_SMOOTHED] = config->smoothed,
+                          [GR_NONLOCAL] = law->reaction != GR_LOCAL,
+                          [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
+                          [GR_SIDED] = gr_list_thin(config, 0) > 0,
+                          [GR_HARDENING] = law->hardens};
+    return needed[gr_field_table[field].need];
 }
 
 static int copy_bodies(struct gr_config *c)
 {
     struct gr_body *bodies = 0;
-    int error = own((const void **)&c->bodies, sizeof *bodies * (size_t)c->n_bodies);
+    int error = gr_own((const void **)&c->bodies, sizeof *bodies * (size_t)c->n_bodies);
     bodies = (struct gr_body *)c->bodies;
     for (int b = 0; bodies && b < c->n_bodies; b++)
-        error |= own((const void **)&bodies[b].motion, 7 * sizeof(double) * (size_t)bodies[b].n_motion);
+        error |= gr_own((const void **)&bodies[b].motion, 7 * sizeof(double) * (size_t)bodies[b].n_motion);
     return error;
 }
 
@@ -63,7 +39,7 @@ static int copy_samples(struct gr_config *c)
     for (int k = 0; parts && k < c->n_parts; k++) {
         const int *n = parts[k].shape;
         const int64_t count = parts[k].sample ? (int64_t)n[0] * n[1] * n[2] : 0;
-        error |= own((const void **)&parts[k].sample, sizeof(double) * (size_t)count);
+        error |= gr_own((const void **)&parts[k].sample, sizeof(double) * (size_t)count);
     }
     return error;
 }
@@ -71,10 +47,10 @@ static int copy_samples(struct gr_config *c)
 static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
 {
     struct gr_config *c = &e->config;
-    int error = own((const void **)&c->gravity_times, sizeof(double) * (size_t)c->n_gravity);
-    error |= own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
-    error |= own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
-    error |= own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
+    int error = gr_own((const void **)&c->gravity_times, sizeof(double) * (size_t)c->n_gravity);
+    error |= gr_own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
+    error |= gr_own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
+    error |= gr_own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
     error |= copy_samples(c);
     error |= copy_bodies(c);
     error |= gr_table_of_bytes(&e->node_codes, c->node_codes, n_nodes);
@@ -174,7 +150,7 @@ static int build_fluidity(struct gr_engine *e)
                                         .t0 = parameter_of(&e->config, "t0"),
                                         .tolerance = nonlocal->tolerance,
                                         .max_iterations = MAX_ITERATIONS,
-                                        .two_sided = gr_has_thin(&e->config),
+                                        .two_sided = gr_list_thin(&e->config, 0) > 0,
                                         .face = nonlocal->face};
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
@@ -264,39 +240,39 @@ void gr_engine_free(struct gr_engine *e)
     gr_fluidity_free(e->fluidity);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
     for (int k = 0; e->config.parts && k < e->config.n_parts; k++) free((void *)e->config.parts[k].sample);
-    void *owned[] = {(void *)e->config.gravity_times,
-                     (void *)e->config.gravity_vectors,
-                     (void *)e->config.walls,
-                     (void *)e->config.bodies,
-                     (void *)e->config.parts,
-                     e->mesh.cell,
-                     e->mesh.cell_node,
-                     e->mesh.place,
-                     e->mesh.node_source,
-                     e->mesh.node_code,
-                     e->mesh.node_volume,
-                     e->mesh.node_id,
-                     e->sums,
-                     e->node_data,
-                     e->node_mass,
-                     e->node_v,
-                     e->solid,
-                     e->substeps,
-                     e->body,
-                     e->body_next,
-                     e->touched,
-                     e->thin,
-                     e->split,
-                     e->mesh.duplicate,
-                     e->mesh.separated,
-                     e->mesh.paired,
-                     e->migrant,
-                     e->pending,
-                     e->pending_id,
-                     e->dirty};
+    const void *owned[] = {e->config.gravity_times,
+                           e->config.gravity_vectors,
+                           e->config.walls,
+                           e->config.bodies,
+                           e->config.parts,
+                           e->mesh.cell,
+                           e->mesh.cell_node,
+                           e->mesh.place,
+                           e->mesh.node_source,
+                           e->mesh.node_code,
+                           e->mesh.node_volume,
+                           e->mesh.node_id,
+                           e->sums,
+                           e->node_data,
+                           e->node_mass,
+                           e->node_v,
+                           e->solid,
+                           e->substeps,
+                           e->body,
+                           e->body_next,
+                           e->touched,
+                           e->thin,
+                           e->split,
+                           e->mesh.duplicate,
+                           e->mesh.separated,
+                           e->mesh.paired,
+                           e->migrant,
+                           e->pending,
+                           e->pending_id,
+                           e->dirty};
     struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of, &e->node_codes, &e->cell_flags};
     for (int k = 0; k < 5; k++) gr_table_free(tables[k]);
-    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free((void *)owned[k]);
     free(e);
 }
 

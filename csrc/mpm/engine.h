@@ -1,7 +1,6 @@
 /* The MPM engine: configuration and state of a simulation. The points are stored in buffers of the caller; everything
  * else is here. */
-#ifndef GR_MPM_ENGINE_H
-#define GR_MPM_ENGINE_H
+#pragma once
 
 #include <stdint.h>
 
@@ -74,11 +73,9 @@ struct gr_config {
 /* Flags of a cell. GR_CELL_WALL << (2 d + side): a wall stands at the low (side 0) or high (1) face along axis d. */
 #define GR_CELL_FLAGS(X) X(GR_CELL_SOLID, solid, 1) X(GR_CELL_NO_SHIFTING, no_shifting, 2) X(GR_CELL_WALL, wall, 4)
 
-enum gr_cell_flag {
 #define GR_X(constant, name, value) constant = (value),
-    GR_CELL_FLAGS(GR_X)
+enum gr_cell_flag { GR_CELL_FLAGS(GR_X) };
 #undef GR_X
-};
 
 struct gr_cell {
     int64_t offset; /* first place in the point arrays */
@@ -253,5 +250,3 @@ double gr_stable_dt(const struct gr_engine *e);
 
 /* The longest time step that the engine takes, s. */
 static inline double gr_longest_dt(const struct gr_config *c) { return c->dt > 0 ? c->dt : c->cfl * c->dx / c->wave_speed; }
-
-#endif

@@ -2,19 +2,17 @@
  * substeps of the nonlocal law between one diffusion and the next. */
 #include "law/substep.h"
 #include "mpm/contribution.h"
-#include "mpm/law_batch.h"
 #include "mpm/migrate.h"
 
 /* Store the fluidity of a cell from which the diffusion starts: the mean over its points with pressure, weighted by
  * mass.
  *
  * If a step of diffusion is simply followed by a step of the law, the steady state of the two together is wrong.
- * Backward Euler adds g - k L g' with g' = g/(1 + k L), which is too little diffusion: a layer at 1.9 times its
- * stopping height would flow 1.9 % too fast with dt = 0.17 t0 and 9 % too fast with 0.83 t0 (docs/equations.md). The
- * implicit step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51). With r, the
- * increment by the law in the substep before, it solves (1 + k L) g' = g + r, and the law starts from g' - r. In a
- * steady state this is g - k L g, without error. r is limited to [-g, g/2], so that no g' is negative and a growing
- * mode of the law does not overshoot. */
+ * Backward Euler adds g - k L g' with g' = g/(1 + k L), which is too little diffusion (docs/equations.md). The implicit
+ * step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51). With r, the increment by
+ * the law in the substep before, it solves (1 + k L) g' = g + r, and the law starts from g' - r. In a steady state this
+ * is g - k L g, without error. r is limited to [-g, g/2], so that no g' is negative and a growing mode of the law does
+ * not overshoot. */
 GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double gain)
 {
     if (gr_is_balanced(e)) {
@@ -57,15 +55,6 @@ GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
     store_gain(e, place, inverse * sum[1], inverse * sum[2]);
 }
 
-/* Mean fluidity of a cell that is not double. */
-GR_INLINE void mean_fluidity(struct gr_engine *e, int64_t index)
-{
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    if (!GR_IS_DOUBLE(cell))
-        mean_of_cell(e, cell); /* those follow when it is known whether their sides are separated
-                                                       (mean_pairs) */
-}
-
 /* The fluidity of a cell after the diffusion, from which the law starts (store_gain). */
 GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
@@ -86,13 +75,11 @@ GR_INLINE void strain_cell(const int dim, const int basis, const int cell_averag
     look_at_cell(dim, basis, GR_AFFINE_NONE, 0, cell_averaged, 0, e, index, batch->scale, &view);
     for (int n = 0; n < blocks; n++) {
         struct gr_shape s;
-        const double *place[3];
         const int64_t at = cell->offset + n * GR_W;
         vd L[9];
         if (batch->n == BATCH) run_law(e, law, batch, 1);
         double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
-        for (int d = 0; d < dim; d++) place[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
-        gr_shapes(dim, basis, &view.frame, place, 0, &s);
+        gr_shapes(dim, basis, e, &view.frame, at, 0, &s);
         for (int d = 0; d < dim; d++)
             (void)gr_interpolate(dim, basis, 0, view.mode + d, stride, &s, (const vd(*)[3])s.g, L + d * dim);
         for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);

@@ -4,10 +4,9 @@
  *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.h),
  *   c <- c - dt tr L      (eq. 3.9 for the logarithm of the density).
  *
- * The law then updates the stress from L dt (law_batch.h). Points that leave their cell are listed here; migrate.c
+ * The law then updates the stress from L dt (cell_view.inl). Points that leave their cell are listed here; migrate.c
  * moves them, and the sums of the cells that they enter are computed again. */
 #include "mpm/density_correction.h"
-#include "mpm/law_batch.h"
 
 /* List the points of a block that are outside the cell. Spare places outside it go back to its centre. */
 static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t index, int block, unsigned inside,
@@ -71,9 +70,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
                   *const log_density = e->field[GR_FIELD_log_density] + at;
     struct gr_shape s;
     vd L[9], move[3], v_new[3], slope[3], delta[3], shift_velocity[3], trace = v_zero();
-    const double *place[3];
-    for (int d = 0; d < dim; d++) place[d] = x + d * stride;
-    gr_shapes(dim, basis, &view->frame, place, affine == GR_AFFINE_MOMENT, &s);
+    gr_shapes(dim, basis, e, &view->frame, at, affine == GR_AFFINE_MOMENT, &s);
     for (int d = 0; d < dim; d++) {
         move[d] =
             gr_interpolate(dim, basis, nodal, mode + GR_NODE_VELOCITY + d, fields, &s, (const vd(*)[3])s.g, L + d * dim);
@@ -98,14 +95,14 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     }
     for (int d = 0; __builtin_expect(view->has_sponge != 0, 0) && d < dim; d++) {
         if (!(view->has_sponge >> d & 1)) continue;
-        const vm slowed = m_and(v_ge(v_load(place[d]), v_set(e->config.above[d])), v_gt(v_new[d], v_zero()));
+        const vm slowed = m_and(v_ge(v_load(x + d * stride), v_set(e->config.above[d])), v_gt(v_new[d], v_zero()));
         v_new[d] = v_select(slowed, v_set(e->sponge_factor[d]) * v_new[d], v_new[d]);
     }
     v_store(log_density, c);
     if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, view->disconnected), L);
     vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* a NaN counts as outside */
     for (int d = 0; d < dim; d++) {
-        vd y = v_fma(dx, move[d], v_load(place[d]));
+        vd y = v_fma(dx, move[d], v_load(x + d * stride));
         if (cell_averaged || (smoothed && averages)) y = y + delta[d];
         v_store(v + d * stride, v_new[d]);
         v_store(x + d * stride, y);

@@ -3,14 +3,14 @@
 
 #include <math.h>
 
+#include "core/simd.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/walls.h"
 
 /* Sum over the cells of node n, in the order of cells. The sums of the cells lie far apart in memory. Those of a later
  * node are therefore prefetched: in 3D, where they do not fit a cache, the processor waited for them a fifth of the
  * step. */
-static inline __attribute__((always_inline)) void sum_over_cells(const int K, const int rows, const struct gr_engine *e,
-                                                                 int64_t n, double *sum)
+GR_INLINE void sum_over_cells(const int K, const int rows, const struct gr_engine *e, int64_t n, double *sum)
 {
     enum { AHEAD = 4 };
     const int64_t *source = e->mesh.node_source + n * K, ahead = n + AHEAD < e->mesh.n_nodes ? AHEAD * K : 0;
@@ -23,8 +23,7 @@ static inline __attribute__((always_inline)) void sum_over_cells(const int K, co
 }
 
 /* A node and its duplicate for the other side of a thin body that are not separated move as one: add the sums of both. */
-static inline __attribute__((always_inline)) void join_duplicate(const int K, const int rows, const struct gr_engine *e,
-                                                                 int64_t n, double *sum)
+GR_INLINE void join_duplicate(const int K, const int rows, const struct gr_engine *e, int64_t n, double *sum)
 {
     double other[GR_NODE_SUMS(3, 1)];
     if (e->mesh.duplicate[n] < 0 || e->mesh.separated[n]) return;
@@ -41,9 +40,8 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
-static inline __attribute__((always_inline)) void grid_nodes(const int dim, const int K, const int smoothed,
-                                                             struct gr_engine *e, int64_t first, int64_t last,
-                                                             const double g[3])
+GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
+                          const double g[3])
 {
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
@@ -88,4 +86,25 @@ void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const doubl
     GR_GRID(3, 27, 0)
     GR_GRID(3, 27, 1)
 #undef GR_GRID
+}
+
+void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
+{
+    const int dim = e->config.dim, K = e->K, order = e->config.xpic_order;
+    double share = pass % 2 ? 1 : -1;
+    for (int r = 1; r <= pass; r++) share = share * (order - r + 1) / r;
+    for (int64_t n = first; n < last; n++) {
+        double sum[3] = {0};
+        for (int i = 0; i < K; i++) {
+            const double *part = e->sums + e->mesh.node_source[n * K + i];
+            for (int d = 0; d < dim; d++) sum[d] += part[GR_SUM_MOMENTUM + d];
+        }
+        const double m = e->node_mass[n];
+        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[n]);
+        for (int d = 0; d < dim; d++) {
+            const double v = m > e->config.mass_cutoff && !(wall->fixed >> d & 1) ? sum[d] / m : 0;
+            e->node_v[n * dim + d] = v;
+            if (m > e->config.mass_cutoff) e->node_data[n * e->node_stride + GR_NODE_UPDATE(dim) + d] += share * v;
+        }
+    }
 }

@@ -1,6 +1,5 @@
 /* The grid stage: sum over the cells of each node, then update the nodal velocities. */
-#ifndef GR_MPM_GRID_H
-#define GR_MPM_GRID_H
+#pragma once
 
 #include "mpm/engine.h"
 
@@ -19,5 +18,3 @@ void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const doubl
  *
  *   w = v' - v + sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v   (Hammerquist & Nairn 2017). */
 void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass);
-
-#endif

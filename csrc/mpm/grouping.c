@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/memory.h"
 #include "mpm/migrate.h"
 
 /* Capacity of a cell: whole vectors, with some spare places beyond its present and the usual number of points. Neither
@@ -114,15 +115,13 @@ static int split_cells(struct gr_engine *e, struct regroup *r)
     if (!r->sides) return GR_ERR_MEMORY;
     for (int64_t c = 0; c < n; c++) {
         int32_t at[3];
-        int is_double;
         decode(e, cells[c], at);
-        r->sides[c] = (int8_t)gr_cell_side(e, at, &is_double);
-        last += is_double;
+        r->sides[c] = (int8_t)gr_cell_side(e, at);
+        last += abs(r->sides[c]) == 1;
     }
     r->n_cells = last;
     for (int64_t c = n; c-- > 0;) { /* backwards, so that no entry is overwritten that is still needed */
-        const int is_double = r->sides[c] == 1 || r->sides[c] == -1;
-        const int8_t side = r->sides[c];
+        const int8_t side = r->sides[c], is_double = abs(side) == 1;
         if (is_double) cells[--last] = cells[c], r->sides[last] = -1;
         cells[--last] = cells[c], r->sides[last] = is_double ? 1 : side;
         (void)gr_table_set(&e->mesh.next_of, cells[last], (int32_t)(last + 1)); /* cannot fail */
@@ -189,12 +188,6 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     if (n_cells <= mesh->cell_capacity && e->sums) return GR_OK;
     const int64_t capacity = n_cells + n_cells / 2 + 8;
     mesh->cell_capacity = 0;
-#define GR_RESIZE(p, count)                                  \
-    do {                                                     \
-        void *q = realloc(p, sizeof *(p) * (size_t)(count)); \
-        if (!q) return GR_ERR_MEMORY;                        \
-        (p) = q;                                             \
-    } while (0)
     GR_RESIZE(mesh->cell, capacity);
     GR_RESIZE(mesh->cell_node, capacity * e->K);
     if (e->fluidity) GR_RESIZE(mesh->place, capacity);

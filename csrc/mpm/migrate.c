@@ -2,10 +2,29 @@
 #include "mpm/migrate.h"
 
 #include <math.h>
-#include <stdlib.h>
-#include <string.h>
 
+#include "core/memory.h"
 #include "mpm/walls.h"
+
+/* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
+static int is_closed(const struct gr_engine *e, const int32_t from[3], int d, int high)
+{
+    const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);
+    const double end = high ? e->axis[d].length / e->config.dx : 0;
+    int64_t stride[3] = {1, e->axis[0].n_nodes, (int64_t)e->axis[0].n_nodes * e->axis[1].n_nodes};
+    for (int n = 0; n < e->K; n++) {
+        const int local[3] = {n % k, n / k % k, n / (k * k)};
+        int64_t id = 0;
+        int on_face = 0;
+        for (int j = 0; j < dim; j++) {
+            const int32_t node = e->axis[j].cell[from[j]].node[local[j]];
+            id += stride[j] * node;
+            if (j == d) on_face = fabs(e->axis[j].node_position[node] - end) < 1e-9;
+        }
+        if (on_face && !(gr_wall_now(e, (uint8_t)gr_table_get(&e->node_codes, id))->fixed >> d & 1)) return 0;
+    }
+    return 1;
+}
 
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3])
 {
@@ -21,7 +40,7 @@ int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t fr
             at[d] = gr_locate(axis, e->inv_dx, x[d]);
             continue;
         }
-        if ((high ? e->config.open_high : e->config.open_low)[d] && !gr_face_is_closed(e, from, d, high)) return 0;
+        if ((high ? e->config.open_high : e->config.open_low)[d] && !is_closed(e, from, d, high)) return 0;
         x[d] = high ? nextafter(end, begin) : begin; /* the nearest number inside */
         at[d] = high ? last : 0;
         e->clamped++;
@@ -59,15 +78,9 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n)
 {
     if (n <= e->pending_capacity) return GR_OK;
     const int64_t capacity = n + n / 2 + 64;
-    double *pending = realloc(e->pending, sizeof(double) * (size_t)(capacity * e->n_components));
-    if (!pending) return GR_ERR_MEMORY;
-    e->pending = pending;
-    int64_t *ids = realloc(e->pending_id, sizeof(int64_t) * (size_t)capacity);
-    if (!ids) return GR_ERR_MEMORY;
-    e->pending_id = ids;
-    struct gr_migrant *migrant = realloc(e->migrant, sizeof *migrant * (size_t)capacity);
-    if (!migrant) return GR_ERR_MEMORY;
-    e->migrant = migrant;
+    GR_RESIZE(e->pending, capacity * e->n_components);
+    GR_RESIZE(e->pending_id, capacity);
+    GR_RESIZE(e->migrant, capacity);
     e->pending_capacity = capacity;
     return GR_OK;
 }

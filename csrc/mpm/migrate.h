@@ -1,6 +1,5 @@
 /* Migration of points between cells, and the places of cells. */
-#ifndef GR_MPM_MIGRATE_H
-#define GR_MPM_MIGRATE_H
+#pragma once
 
 #include "mpm/engine.h"
 
@@ -64,5 +63,3 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n);
  * Given: x, and the cell `at` found for it; `from`, its old cell.
  * Returned: 1 if the point is inside now, 0 if it has left. */
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3]);
-
-#endif

@@ -36,10 +36,8 @@ GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine
                                 const struct gr_frame *frame, int64_t at, struct contribution *contribution)
 {
     const int k = gr_nodes_1d(basis);
-    const double *x[3];
     struct gr_shape s;
-    for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
-    gr_shapes(dim, basis, frame, x, affine, &s);
+    gr_shapes(dim, basis, e, frame, at, affine, &s);
     for (int d = 0; d < dim; d++) {
         for (int a = 0; a < k; a++) {
             contribution->w[d][a] = s.w[d][a];

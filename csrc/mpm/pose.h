@@ -1,6 +1,5 @@
 /* Pose of a body: the transformation between coordinates of the scene and of the body. */
-#ifndef GR_MPM_POSE_H
-#define GR_MPM_POSE_H
+#pragma once
 
 #include <math.h>
 #include <string.h>
@@ -67,5 +66,3 @@ static inline void gr_cell_position(const struct gr_engine *e, const int32_t at[
         if (d < e->config.dim) x[d] = 0.5 * (e->axis[d].cell[at[d]].begin + e->axis[d].cell[at[d]].end);
     }
 }
-
-#endif

@@ -3,8 +3,7 @@
  *
  * X(name, default, range, unit, description). Ranges: "[low, high]", where a round bracket excludes the end; "integer"
  * before the range for whole numbers. GR_NONE: None in Python. */
-#ifndef GR_MPM_SCHEME_H
-#define GR_MPM_SCHEME_H
+#pragma once
 
 #include <math.h>
 
@@ -99,30 +98,22 @@
     X(weight_correction_decay, 0.005, GR_NONE, GR_NONE, "[0, 1]", "1",                                                   \
       "Part of q_p - 1 that a point loses in an averaging: it forgets where it has been.")
 
-struct gr_scheme_numbers {
 #define GR_X(name, value, range, unit, doc) double name;
+struct gr_scheme_numbers {
     GR_SCHEME(GR_X)
-#undef GR_X
 };
+#undef GR_X
 
-struct gr_density_numbers {
 #define GR_X(name, smoothed, averaged, particle, range, unit, doc) double name;
+struct gr_density_numbers {
     GR_DENSITY_SCHEME(GR_X)
-#undef GR_X
 };
+#undef GR_X
 
-enum gr_transfer {
 #define GR_X(name) GR_TRANSFER_##name,
-    GR_TRANSFERS(GR_X)
+enum gr_transfer { GR_TRANSFERS(GR_X) GR_TRANSFER_COUNT };
 #undef GR_X
-        GR_TRANSFER_COUNT
-};
 
-enum gr_density {
 #define GR_X(name) GR_DENSITY_##name,
-    GR_DENSITIES(GR_X)
+enum gr_density { GR_DENSITIES(GR_X) GR_DENSITY_COUNT };
 #undef GR_X
-        GR_DENSITY_COUNT
-};
-
-#endif

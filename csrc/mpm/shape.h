@@ -1,6 +1,5 @@
 /* Shape functions of a block of points in a cell, and interpolation of nodal fields to the points. */
-#ifndef GR_MPM_SHAPE_H
-#define GR_MPM_SHAPE_H
+#pragma once
 
 #include "core/simd.h"
 #include "mpm/engine.h"
@@ -71,12 +70,12 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, dou
     }
 }
 
-/* All shape functions of the block of points whose coordinates along axis d begin at x[d]. */
-GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_frame *frame, const double *const x[3],
+/* All shape functions of the block of points at place `at`. */
+GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame, int64_t at,
                          const int positions, struct gr_shape *s)
 {
     for (int d = 0; d < dim; d++) {
-        s->xi[d] = (v_load(x[d]) - frame->edge[d]) * frame->inv_dx;
+        s->xi[d] = (v_load(e->field[GR_FIELD_x] + d * e->capacity + at) - frame->edge[d]) * frame->inv_dx;
         gr_shape_1d(basis, frame->axis[d], frame->lambda, s->xi[d], s->w[d], s->g[d]);
         for (int a = 0; positions && a < gr_nodes_1d(basis); a++) s->r[d][a] = v_set(frame->axis[d]->position[a]) - s->xi[d];
     }
@@ -155,5 +154,3 @@ GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, con
     gr_along(basis, nodal, s, g, 2, slope_y, &gradient[1], &unused);
     return whole;
 }
-
-#endif

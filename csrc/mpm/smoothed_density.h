@@ -1,9 +1,9 @@
 /* The nodal part of the smoothed density: filling fraction, gap, mean quadrature weight and residual force. */
-#ifndef GR_MPM_SMOOTHED_DENSITY_H
-#define GR_MPM_SMOOTHED_DENSITY_H
+#pragma once
 
 #include <math.h>
 
+#include "core/simd.h"
 #include "mpm/engine.h"
 
 /* Volumes of nodes, divided by dx^dim, below which they are round-off. */
@@ -13,8 +13,7 @@
 #define GR_EMPTY_GAP -2.0
 
 /* Compute the fields that an averaging needs, from the sums of a node with the mass m; stored in `out`. */
-static inline __attribute__((always_inline)) void gr_describe_density(const int dim, const double *sum, double m,
-                                                                      double cell_mass, double volume, double *out)
+GR_INLINE void gr_describe_density(const int dim, const double *sum, double m, double cell_mass, double volume, double *out)
 {
     const double phi = volume > GR_NO_VOLUME ? m / (cell_mass * volume) : 0; /* 0 in solid cells, which points may enter */
     double *field = out + GR_NODE_DENSITY(dim);
@@ -32,5 +31,3 @@ static inline __attribute__((always_inline)) void gr_describe_density(const int 
  * kept only inside the material, where a uniform pressure should make no force; elsewhere it is the force on the
  * surface, or a wall balances it. */
 void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last);
-
-#endif

@@ -5,13 +5,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
 #include "mpm/contact.h"
 #include "core/barrier.h"
-#include "core/gravity.h"
+#include "core/piecewise.h"
 #include "kernels.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
@@ -108,7 +104,8 @@ static void prepare(struct team *team)
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
     for (int d = 0; d < config->dim; d++)
         e->sponge_factor[d] = config->has_sponge >> d & 1 ? exp(-config->sponge_damping[d] * dt) : 1;
-    gr_gravity(config->dim, config->n_gravity, config->gravity_times, config->gravity_vectors, e->time, team->gravity);
+    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
+                 team->gravity);
 }
 
 /* Finish the step: move the points that left their cells, and the bodies. One thread. */
@@ -118,7 +115,7 @@ static void finish(struct team *team)
     e->error = gr_migrate(e, team->migrants, team->barrier.threads);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
-    gr_bodies_move(e);
+    for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
     if (e->n_thin) gr_change_sides(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
@@ -128,19 +125,15 @@ static void finish(struct team *team)
     if (!e->error) e->error = share_out(team);
 }
 
-/* Note dt, by which the shift of this step is divided. */
-static void note_dt(struct gr_engine *e)
-{
-    e->shift_dt = e->dt;
-    e->shift_scale = -1.0 / e->dt;
-    e->inv_dt = 1.0 / e->dt;
-}
-
 static void stage_grid(struct team *team, int t)
 {
     struct gr_engine *e = team->e;
     int64_t first, last;
-    if (t == 0) note_dt(e); /* not before: P2G of other threads may still have used the last dt */
+    if (t == 0) { /* not before: P2G of other threads may still have used the last dt */
+        e->shift_dt = e->dt;
+        e->shift_scale = -1.0 / e->dt;
+        e->inv_dt = 1.0 / e->dt;
+    }
     if (team->again) {
         gr_wait(&team->barrier);
         team->kernels->p2g(e, team->cut[t], team->cut[t + 1]);
@@ -223,9 +216,13 @@ static int stage_fluidity(struct team *team, int t)
     return GR_OK;
 }
 
-static void run(struct team *team, int t)
+static void run(void *data, int t)
 {
+    struct team *team = data;
     struct gr_engine *e = team->e;
+    if (t == 0) e->error = share_out(team);
+    gr_wait(&team->barrier);
+    if (e->error) return;
     for (;;) {
         int64_t first, last;
         if (!e->sums_valid && !e->error) { /* after an error there may be no fluidity grid */
@@ -244,7 +241,7 @@ static void run(struct team *team, int t)
         gr_wait(&team->barrier);
         if (e->error || !e->sums_valid) continue;
         gr_share(e->n_dirty, t, team->barrier.threads, &first, &last);
-        team->kernels->p2g_list(e, e->dirty, first, last);
+        for (int64_t k = first; k < last; k++) team->kernels->p2g(e, e->dirty[k], e->dirty[k] + 1);
     }
 }
 
@@ -261,23 +258,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
     e->error = ready(e);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
-#ifdef _OPENMP
-    if (threads > GR_MAX_THREADS) threads = GR_MAX_THREADS;
-    if (!e->mesh.n_cells) threads = 1;
-#pragma omp parallel num_threads(threads)
-    {
-#pragma omp single
-        {
-            team.barrier.threads = omp_get_num_threads();
-            e->error = share_out(&team);
-        }
-        if (!e->error) run(&team, omp_get_thread_num());
-    }
-#else
-    (void)threads;
-    e->error = share_out(&team);
-    if (!e->error) run(&team, 0);
-#endif
+    gr_run_team(&team.barrier, e->mesh.n_cells ? threads : 1, run, &team);
     return e->error;
 }
 

@@ -1,7 +1,8 @@
 /* Sweep over a run of cells: G2P, the law, and P2G of the next step in one pass, so that the points of a cell are read
  * and written once per step. */
 
-/* P2G of one cell with the density of the scheme, and its mean fluidity. */
+/* P2G of one cell with the density of the scheme, and its mean fluidity. That of a double cell follows when it is known
+ * whether its sides are separated (mean_pairs). */
 GR_INLINE void p2g_points(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                           struct gr_engine *e, int64_t index)
 {
@@ -9,7 +10,7 @@ GR_INLINE void p2g_points(const int dim, const int basis, const int affine, cons
         p2g_averaged_cell(dim, affine, e, index);
     else
         p2g_cell(dim, basis, affine, smoothed, e, index);
-    if (e->fluidity) mean_fluidity(e, index);
+    if (e->fluidity && !GR_IS_DOUBLE(&e->mesh.cell[index])) mean_of_cell(e, &e->mesh.cell[index]);
 }
 
 /* Sweep the cells [first, last). Points that left their cell are packed into `out`. P2G follows if `fused`. */

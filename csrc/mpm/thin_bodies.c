@@ -3,8 +3,7 @@
 
 #include "mpm/pose.h"
 
-/* A part is thin if an edge of it is shorter than this, in cells: points at its two faces then share a node. Linear
- * shape functions extend one cell from their node, the others one and a half. */
+/* A part is thin if an edge of it is shorter than this, in cells: points at its two faces then share a node. */
 static double thin_cells(const struct gr_config *config) { return config->basis == GR_LINEAR ? 2 : 3; }
 
 /* Cells nearer than this to a thin part are double, in cells. Points of one side reach nodes of the other from a
@@ -21,8 +20,6 @@ static int axis_across(const struct gr_config *config, const struct gr_part *par
         if (part->size[d] < part->size[axis]) axis = d;
     return 2 * part->size[axis] < thin_cells(config) * config->dx * (1 - 1e-9) ? axis : -1;
 }
-
-int gr_has_thin(const struct gr_config *config) { return gr_list_thin(config, 0) > 0; }
 
 int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin)
 {
@@ -97,14 +94,13 @@ void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, stru
     side->next = next;
 }
 
-int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double)
+int gr_cell_side(const struct gr_engine *e, const int32_t at[3])
 {
     struct gr_facing side;
     double x[3];
     gr_cell_position(e, at, x);
     gr_nearest_thin(e, x, 0, &side);
-    *is_double = side.distance < REACH * e->config.dx;
-    return (*is_double ? 1 : 2) * (side.mid < 0 ? -1 : 1);
+    return (side.distance < REACH * e->config.dx ? 1 : 2) * (side.mid < 0 ? -1 : 1);
 }
 
 int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3])

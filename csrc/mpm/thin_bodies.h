@@ -11,8 +11,7 @@
  * A point keeps its side while it faces the thin part, even if a step has carried it inside; elsewhere its position
  * decides. Which cells are double is decided at the poses `split`. They follow those of the bodies when these have
  * moved by a cell, so that the result depends neither on the times of regroupings nor on a restart. */
-#ifndef GR_MPM_THIN_BODIES_H
-#define GR_MPM_THIN_BODIES_H
+#pragma once
 
 #include <stdint.h>
 
@@ -39,10 +38,7 @@ struct gr_facing {
     double normal[3];     /* of the front, in axes of the scene */
 };
 
-/* True if a body is thin and the scheme separates the sides of thin bodies. */
-int gr_has_thin(const struct gr_config *config);
-
-/* List the thin parts of a config in `thin`, unless it is NULL.
+/* List the thin parts of a config in `thin`, unless it is NULL; none if the scheme does not separate their sides.
  * Returned: their number. */
 int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin);
 
@@ -51,7 +47,7 @@ void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, stru
 
 /* Find whether a cell is double, and the side of its centre.
  * Returned: 1 or -1 if it is double, else 2 or -2. */
-int gr_cell_side(const struct gr_engine *e, const int32_t at[3], int *is_double);
+int gr_cell_side(const struct gr_engine *e, const int32_t at[3]);
 
 /* True if all points of a cell face the thin part nearest to its centre: then none changes sides there. */
 int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3]);
@@ -65,5 +61,3 @@ void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last);
 /* Let the poses `split` follow bodies that have moved.
  * Returned: 1 if they did; the points must then be regrouped. */
 int gr_follow_bodies(struct gr_engine *e);
-
-#endif

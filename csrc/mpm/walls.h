@@ -1,6 +1,5 @@
 /* Walls on grid lines: boundary conditions of the nodes. */
-#ifndef GR_MPM_WALLS_H
-#define GR_MPM_WALLS_H
+#pragma once
 
 #include <math.h>
 
@@ -36,8 +35,3 @@ static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double *v,
             next[d] -= friction * next[d];
     }
 }
-
-/* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
-int gr_face_is_closed(const struct gr_engine *e, const int32_t from[3], int d, int high);
-
-#endif

@@ -1,7 +1,7 @@
-/* XPIC: P2G of the nodal velocities as the points see them, for the next pass (xpic.c). */
+/* One pass of XPIC for one cell: the nodal velocity field is interpolated to the points, and P2G sums its momentum for
+ * gr_grid_smooth. */
 #include "mpm/contribution.h"
 
-/* One pass of XPIC for one cell: the nodal velocity field is interpolated to the points, and P2G sums its momentum. */
 GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
@@ -18,10 +18,8 @@ GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, 
     for (int n = 0; n < blocks; n++) {
         struct gr_shape s;
         struct contribution contribution;
-        const double *x[3];
         const int64_t at = cell->offset + n * GR_W;
-        for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x] + d * e->capacity + at;
-        gr_shapes(dim, basis, &frame, x, 0, &s);
+        gr_shapes(dim, basis, e, &frame, at, 0, &s);
         prepare_momentum(dim, basis, 0, e, &frame, at, &contribution);
         for (int d = 0; d < dim; d++)
             contribution.v[d] = gr_interpolate(dim, basis, nodal, mode + d, GR_LANES, &s, (const vd(*)[3])s.g, unused);

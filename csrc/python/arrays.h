@@ -1,6 +1,5 @@
 /* What this folder shares: checks of NumPy arrays, and the one place where core errors become exceptions. */
-#ifndef GR_PYTHON_ARRAYS_H
-#define GR_PYTHON_ARRAYS_H
+#pragma once
 
 #define PY_SSIZE_T_CLEAN
 #include <Python.h>
@@ -102,5 +101,3 @@ PyObject *gr_python_hencky_update(PyObject *module, PyObject *args);
 extern PyObject *gr_SimulationError;
 extern PyTypeObject *gr_engine_type(PyObject *module);
 extern PyTypeObject *gr_sph_type(PyObject *module); /* sph_type.c */
-
-#endif

@@ -1,7 +1,6 @@
 /* What the two engine types, `Engine` and `Sph`, have in common: they borrow the buffers of the points, and step them
  * with the GIL released. */
-#ifndef GR_PYTHON_ENGINE_COMMON_H
-#define GR_PYTHON_ENGINE_COMMON_H
+#pragma once
 
 #include <stddef.h>
 
@@ -74,5 +73,3 @@ PyObject *gr_python_scalars(const struct gr_object *self, const struct gr_scalar
  * with an exception set. */
 int gr_take_scalars(PyObject *dict, const struct gr_scalar *table, int n, void *out);
 void gr_set_scalars(void *engine, const struct gr_scalar *table, int n, const void *from);
-
-#endif

@@ -54,7 +54,7 @@ PyObject *gr_python_law_update(PyObject *Py_UNUSED(module), PyObject *args)
                                .g_star = arrays[G_STAR] ? PyArray_DATA(arrays[G_STAR]) : NULL,
                                .plastic_strain = arrays[PLASTIC_STRAIN] ? PyArray_DATA(arrays[PLASTIC_STRAIN]) : NULL};
     for (int c = 0; c < of_stress[0]; c++) call.stress[c] = (double *)PyArray_DATA(arrays[STRESS]) + c * places;
-    kernels->update_law(law, dim, &call);
+    kernels->laws[law]->update[dim - 2](&call);
     PyMem_Free(slot);
     Py_RETURN_NONE;
 }

@@ -3,8 +3,7 @@
  *
  * Its points are the rows [gas_first, gas_first + n_gas) of the borrowed arrays, sorted and listed like particles and
  * walls. A scene without gas has no such rows, no list of them and none of this memory. */
-#ifndef GR_SPH_GAS_H
-#define GR_SPH_GAS_H
+#pragma once
 
 #include <stdint.h>
 
@@ -22,12 +21,9 @@
     X(diffusion, 1, "1", "factor psi of the exchange of mass that smooths the pressure")             \
     X(wall_volume, 0, "m^dim", "volume from which a point of an impermeable wall excludes gas")
 
-enum gr_sph_gas_parameter {
 #define GR_X(name, zero, unit, doc) GR_SPH_GAS_P_##name,
-    GR_SPH_GAS_PARAMETERS(GR_X)
+enum gr_sph_gas_parameter { GR_SPH_GAS_PARAMETERS(GR_X) GR_SPH_GAS_PARAMETER_COUNT };
 #undef GR_X
-        GR_SPH_GAS_PARAMETER_COUNT
-};
 
 enum { GR_SPH_MAX_JETS = 16 };
 
@@ -51,17 +47,6 @@ struct gr_sph_gas {
     int64_t *end;            /* end of the blocks of gas, which follow those of walls */
 };
 
-/* Stages of a step, in their order. Each sums over the neighbours of points of gas, or of particles. */
-enum gr_sph_gas_stage {
-    GR_SPH_GAS_VOLUMES,  /* gas: volume, porosity, density, pressure */
-    GR_SPH_GAS_FORCES,   /* gas: push */
-    GR_SPH_GAS_LOADS,    /* particles: load */
-    GR_SPH_GAS_SHARES,   /* particles: add their share of the pressure forces to the accelerations */
-    GR_SPH_GAS_EXCHANGE, /* gas: gain, carry */
-    GR_SPH_GAS_DRAG,     /* gas: drag, acceleration */
-    GR_SPH_GAS_REACTIONS /* particles: subtract the drag forces from the accelerations */
-};
-
 struct gr_sph;
 struct gr_sph_found;
 
@@ -77,5 +62,3 @@ void gr_sph_free_gas_places(struct gr_sph *s);
  * gr_sph_drift_gas: v += a dt/2, x += v dt. gr_sph_kick_gas: exchange of mass, v += a dt/2, and the largest speed. */
 void gr_sph_drift_gas(struct gr_sph *s, int64_t first, int64_t last);
 void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found);
-
-#endif

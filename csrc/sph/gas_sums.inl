@@ -28,10 +28,9 @@ GR_INLINE double sph_gas_count(int dim, const struct gr_sph *s, const double *po
     struct sph_place place = {.shift = -1};
     vd sum = v_set(0.0), d[3];
     for (int64_t k = first; k < last; k++) {
-        const struct gr_block block = s->block[k];
-        const vd r2 = sph_ways(dim, s, a, block, &place, d);
+        const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
         const vd w = sph_weight(r2, h);
-        sum = walls ? v_fma(v_set(1.0) - v_load(porosity + block.row), w, sum) : v_add(sum, w);
+        sum = walls ? v_fma(v_set(1.0) - v_load(porosity + place.row), w, sum) : v_add(sum, w);
     }
     return v_sum(sum);
 }
@@ -61,9 +60,9 @@ GR_INLINE void sph_gas_volumes(int dim, struct gr_sph *s, int64_t first, int64_t
     for (int64_t a = first; a < last; a++) {
         const double number = norm * sph_gas_count(dim, s, porosity, a, 0);
         const double walls = norm * p[GR_SPH_GAS_P_wall_volume] * sph_gas_count(dim, s, porosity, a, 1);
-        const double solid = sph_sum_of(dim, s, grain, a, s->begin[a], s->middle[a]);
+        const double solid = sph_sum(dim, s, grain, a, s->begin[a], s->middle[a]);
         const double open = 1.0 - walls > sph_least_open ? 1.0 - walls : sph_least_open;
-        const double coverage = norm * sph_sum_of(dim, s, s->volume, a, s->begin[a], s->middle[a]) / open;
+        const double coverage = norm * sph_sum(dim, s, s->volume, a, s->begin[a], s->middle[a]) / open;
         const double e = 1.0 - sph_solid_share(norm * solid / (p[GR_SPH_GAS_P_grain_density] * open), coverage);
         porosity[a] = e > sph_least_porosity ? e : sph_least_porosity;
         gas->volume[a] = open / number;
@@ -102,30 +101,28 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
         struct sph_place place = {.shift = -1};
         vd sum[3] = {zero, zero, zero}, walls[3] = {zero, zero, zero}, stop[3] = {zero, zero, zero}, wall_sum = zero, d[3];
         for (int64_t k = s->middle[a]; k < s->end[a]; k++) {
-            const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s, a, block, &place, d);
-            const vd sealed = one - v_load(porosity + block.row), w = sealed * sph_weight(r2, h);
+            const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+            const vd sealed = one - v_load(porosity + place.row), w = sealed * sph_weight(r2, h);
             const vd weight = wall * sealed * sph_slope(r2, h);
-            vd height = zero - v_load(depth + block.row);
-            for (int i = 0; i < dim; i++) height = v_fnma(v_load(normal[i] + block.row), d[i], height);
+            vd height = zero - v_load(depth + place.row);
+            for (int i = 0; i < dim; i++) height = v_fnma(v_load(normal[i] + place.row), d[i], height);
             const vd lack = w * v_max(one - height * v_set(per_h / sph_nearest), zero);
             wall_sum = v_add(wall_sum, w);
             for (int i = 0; i < dim; i++) {
                 walls[i] = v_fma(weight, d[i], walls[i]);
-                stop[i] = v_fma(lack, v_load(normal[i] + block.row), stop[i]);
+                stop[i] = v_fma(lack, v_load(normal[i] + place.row), stop[i]);
             }
         }
         for (int64_t k = s->end[a]; k < gas->end[a]; k++) {
-            const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s, a, block, &place, d);
-            const vd mb = v_load(mass + block.row), vb = v_load(gas->volume + block.row);
+            const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+            const vd mb = v_load(mass + place.row), vb = v_load(gas->volume + place.row);
             vd way = zero;
-            for (int i = 0; i < dim; i++) way = v_fma(v_load(v[i] + block.row) - v_set(v[i][a]), d[i], way);
+            for (int i = 0; i < dim; i++) way = v_fma(v_load(v[i] + place.row) - v_set(v[i][a]), d[i], way);
             const vd u = v_min(v_set(h) * way / (r2 + v_set(0.01 * h * h)), zero);
             /* m_a m_b/R = 2 m_a m_b V_a V_b/(m_a V_b + m_b V_a), zero for spare rows */
             const vd both = v_set(2.0) * m * mb * volume * vb / v_max(m * vb + mb * volume, v_set(1e-290));
             const vd q = v_set(alpha) * both * u * v_fma(v_set(2.0), u, v_set(-c));
-            const vd weight = (own + v_load(gas->own_pull + block.row) + q) * sph_slope(r2, h);
+            const vd weight = (own + v_load(gas->own_pull + place.row) + q) * sph_slope(r2, h);
             for (int i = 0; i < dim; i++) sum[i] = v_fma(weight, d[i], sum[i]);
         }
         const double about = v_sum(wall_sum), stiff = about > 0.0 ? mass[a] * c * c * per_h / about : 0.0;
@@ -143,9 +140,8 @@ GR_INLINE void sph_gas_loads(int dim, struct gr_sph *s, int64_t first, int64_t l
         struct sph_place place = {.shift = -1};
         vd sum = v_set(0.0), d[3];
         for (int64_t k = s->end[j]; k < gas->end[j]; k++) {
-            const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s, j, block, &place, d);
-            sum = v_fma(v_load(mass + block.row) * v_load(gas->per_mass + block.row), sph_weight(r2, h), sum);
+            const vd r2 = sph_ways(dim, s, j, s->block[k], &place, d);
+            sum = v_fma(v_load(mass + place.row) * v_load(gas->per_mass + place.row), sph_weight(r2, h), sum);
         }
         gas->load[j] = v_sum(sum);
     }
@@ -164,11 +160,10 @@ GR_INLINE void sph_gas_hand_over(int dim, struct gr_sph *s, int64_t first, int64
         vd sum[3] = {v_set(0.0), v_set(0.0), v_set(0.0)}, d[3];
         double square = 0.0;
         for (int64_t k = s->end[j]; k < gas->end[j]; k++) {
-            const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s, j, block, &place, d);
-            vd w = v_load(gas->per_mass + block.row) * sph_weight(r2, h);
-            w = is_push ? w * (v_set(1.0) - v_load(porosity + block.row)) : v_set(0.0) - w;
-            for (int i = 0; i < dim; i++) sum[i] = v_fma(w, v_load(f[i] + block.row), sum[i]);
+            const vd r2 = sph_ways(dim, s, j, s->block[k], &place, d);
+            vd w = v_load(gas->per_mass + place.row) * sph_weight(r2, h);
+            w = is_push ? w * (v_set(1.0) - v_load(porosity + place.row)) : v_set(0.0) - w;
+            for (int i = 0; i < dim; i++) sum[i] = v_fma(w, v_load(f[i] + place.row), sum[i]);
         }
         for (int i = 0; i < dim; i++) {
             acceleration[i][j] += v_sum(sum[i]);
@@ -196,15 +191,14 @@ GR_INLINE void sph_gas_exchange(int dim, struct gr_sph *s, int64_t first, int64_
         vd sum = v_set(0.0), carry[3] = {sum, sum, sum}, d[3], slope[3];
         for (int i = 0; i < dim; i++) slope[i] = v_set(gas->push[i][a] / gas->volume[a]);
         for (int64_t k = s->end[a]; k < gas->end[a]; k++) {
-            const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s, a, block, &place, d);
-            const vd volume = v_max(v_load(gas->volume + block.row), v_set(1e-290));
-            vd jump = v_set(c * c) * (v_load(rho + block.row) - v_set(rho[a]));
+            const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+            const vd volume = v_max(v_load(gas->volume + place.row), v_set(1e-290));
+            vd jump = v_set(c * c) * (v_load(rho + place.row) - v_set(rho[a]));
             for (int i = 0; i < dim; i++)
-                jump = v_fma(v_set(0.5) * (slope[i] + v_load(gas->push[i] + block.row) / volume), d[i], jump);
-            const vd gain = (v_set(porosity[a]) + v_load(porosity + block.row)) * volume * jump * sph_slope(r2, h);
+                jump = v_fma(v_set(0.5) * (slope[i] + v_load(gas->push[i] + place.row) / volume), d[i], jump);
+            const vd gain = (v_set(porosity[a]) + v_load(porosity + place.row)) * volume * jump * sph_slope(r2, h);
             sum = sum + gain;
-            for (int i = 0; i < dim; i++) carry[i] = v_fma(gain, v_set(v[i][a]) + v_load(v[i] + block.row), carry[i]);
+            for (int i = 0; i < dim; i++) carry[i] = v_fma(gain, v_set(v[i][a]) + v_load(v[i] + place.row), carry[i]);
         }
         gas->gain[a] = scale * gas->volume[a] * v_sum(sum);
         for (int i = 0; i < dim; i++) gas->carry[i][a] = 0.5 * scale * gas->volume[a] * v_sum(carry[i]);
@@ -244,14 +238,13 @@ GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t la
         double r[3], f[3], speed2 = 0.0;
         for (int i = 0; i < dim; i++) sum[i] = rate[i] = v_set(0.0);
         for (int64_t k = s->begin[a]; gas->per_mass[a] > 0.0 && k < s->middle[a]; k++) {
-            const struct gr_block block = s->block[k];
-            const vd r2 = sph_ways(dim, s, a, block, &place, d);
-            const vd w = v_load(mass + block.row) * sph_weight(r2, h);
+            const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+            const vd w = v_load(mass + place.row) * sph_weight(r2, h);
             for (int i = 0; i < dim; i++) {
-                sum[i] = v_fma(w, v_load(v[i] + block.row), sum[i]);
-                rate[i] = v_fma(w, v_load(acceleration[i] + block.row), rate[i]);
+                sum[i] = v_fma(w, v_load(v[i] + place.row), sum[i]);
+                rate[i] = v_fma(w, v_load(acceleration[i] + place.row), rate[i]);
             }
-            most = v_select(v_gt(w, v_set(0.0)), v_max(v_load(gas->load + block.row), most), most);
+            most = v_select(v_gt(w, v_set(0.0)), v_max(v_load(gas->load + place.row), most), most);
         }
         double lanes[GR_W], load = 0.0;
         v_store(lanes, most);
@@ -275,8 +268,16 @@ GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t la
     }
 }
 
-GR_INLINE void sph_gas(int dim, struct gr_sph *s, int stage, int64_t first, int64_t last, struct gr_sph_found *found)
+/* One stage of a step. */
+GR_INLINE void sph_stage(int dim, struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last,
+                         struct gr_sph_found *found)
 {
+    const int elastic = s->config.parameter[GR_SPH_P_shear_modulus] > 0;
+    if (stage == GR_SPH_DENSITIES) sph_densities(dim, s, first, last);
+    if (stage == GR_SPH_FILTER) sph_filter(dim, s, first, last, found);
+    if (stage == GR_SPH_STRESSES && elastic) sph_stresses(dim, 1, s, first, last);
+    if (stage == GR_SPH_STRESSES && !elastic) sph_stresses(dim, 0, s, first, last);
+    if (stage == GR_SPH_FORCES) sph_forces(dim, s, first, last, found);
     if (stage == GR_SPH_GAS_VOLUMES) sph_gas_volumes(dim, s, first, last);
     if (stage == GR_SPH_GAS_FORCES) sph_gas_forces(dim, s, first, last);
     if (stage == GR_SPH_GAS_LOADS) sph_gas_loads(dim, s, first, last);

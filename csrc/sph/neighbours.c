@@ -120,8 +120,6 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
     make_spare(s, s->gas_first + s->n_gas, s->capacity);
 }
 
-/* ---- The blocks of a point ---- */
-
 struct search {
     double at[3];
     int cell[3];

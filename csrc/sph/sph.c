@@ -5,24 +5,17 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "core/gravity.h"
+#include "core/memory.h"
+#include "core/piecewise.h"
 #include "core/simd.h"
 
-#ifdef _OPENMP
-#include <omp.h>
-#endif
-
-const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {
 #define GR_X(name, kind, need, unit, doc) {#name, unit, doc, kind, need},
-    GR_SPH_FIELDS(GR_X)
+const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {GR_SPH_FIELDS(GR_X)};
 #undef GR_X
-};
 
-const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT] = {
 #define GR_X(name, zero, unit, doc) {#name, unit, doc},
-    GR_SPH_PARAMETERS(GR_X)
+const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT] = {GR_SPH_PARAMETERS(GR_X)};
 #undef GR_X
-};
 
 const unsigned gr_sph_may_be_zero = 0
 #define GR_X(name, zero, unit, doc) | (unsigned)zero << GR_SPH_P_##name
@@ -31,8 +24,6 @@ const unsigned gr_sph_may_be_zero = 0
     ;
 
 enum { MAX_CELLS = 1 << 26, STEP_LIMIT_DIVISOR = 4 };
-
-/* ---- Construction ---- */
 
 /* Divide the domain into cells, of which GR_SPH_CELLS_IN_REACH span the reach of the neighbour list. */
 static int divide(struct gr_sph *s)
@@ -56,15 +47,6 @@ static int divide(struct gr_sph *s)
     return GR_OK;
 }
 
-/* Replace the pointer to n numbers by one to a copy. */
-static int own(const double **array, int64_t n)
-{
-    double *copy = malloc(sizeof *copy * (size_t)n);
-    if (copy) memcpy(copy, *array, sizeof *copy * (size_t)n);
-    *array = copy;
-    return copy ? GR_OK : GR_ERR_MEMORY;
-}
-
 /* Square of the speed of sound at rho0, m^2/s^2: of compression waves, including the elastic shear modulus. */
 static double slow_sound2(const double *p)
 {
@@ -77,16 +59,15 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
     int error = GR_OK;
     if (!s) return GR_ERR_MEMORY;
     s->config = *config, s->lanes = lanes;
-    error |= own(&s->config.gravity_times, config->n_gravity);
-    error |= own(&s->config.gravity_vectors, (int64_t)config->n_gravity * config->dim);
+    error |= gr_own((const void **)&s->config.gravity_times, sizeof(double) * (size_t)config->n_gravity);
+    error |= gr_own((const void **)&s->config.gravity_vectors, sizeof(double) * (size_t)(config->n_gravity * config->dim));
     if (!error) error = divide(s);
     for (int k = 0; k < 3 && !error; k++) {
         s->start[k] = malloc(sizeof(int32_t) * (size_t)(s->n_cells + 1));
         if (!s->start[k]) error = GR_ERR_MEMORY;
     }
     if (!error) {
-        const double *p = s->config.parameter;
-        s->speed2 = slow_sound2(p);
+        s->speed2 = slow_sound2(s->config.parameter);
         s->dt = gr_sph_stable_dt(s);
         return GR_OK;
     }
@@ -133,17 +114,42 @@ static int make_places(struct gr_sph *s, int64_t capacity)
     return GR_OK;
 }
 
-static int64_t largest(int64_t a, int64_t b, int64_t c) { return a > b ? (a > c ? a : c) : b > c ? b : c; }
+enum kind { PARTICLES, WALLS, GAS, KINDS };
+
+/* The rows of each kind, of a thread: [first, last). */
+struct share {
+    int64_t first[KINDS], last[KINDS];
+};
+
+static struct share share_of(const struct gr_sph *s, int t, int threads)
+{
+    const int64_t n[KINDS] = {s->n_particles, s->n_walls, s->n_gas}, begin[KINDS] = {0, s->wall_first, s->gas_first};
+    struct share own;
+    for (int k = 0; k < KINDS; k++) {
+        gr_share(n[k], t, threads, &own.first[k], &own.last[k]);
+        own.first[k] += begin[k], own.last[k] += begin[k];
+    }
+    return own;
+}
+
+/* List the blocks of a share.
+ * Returned: the largest number of them that a row needs. */
+static int64_t list_blocks(struct gr_sph *s, struct share own)
+{
+    int64_t most = 0;
+    for (int k = 0; k < KINDS; k++) {
+        const int64_t n = gr_sph_list_blocks(s, own.first[k], own.last[k]);
+        if (n > most) most = n;
+    }
+    return most;
+}
 
 /* Sort the points and make the neighbour list. One thread. */
 static int make_list(struct gr_sph *s, int fresh)
 {
     gr_sph_sort(s, fresh);
     for (;;) {
-        const int64_t particles = gr_sph_list_blocks(s, 0, s->n_particles);
-        const int64_t walls = gr_sph_list_blocks(s, s->wall_first, s->wall_first + s->n_walls);
-        const int64_t gas = gr_sph_list_blocks(s, s->gas_first, s->gas_first + s->n_gas);
-        const int64_t most = largest(particles, walls, gas);
+        const int64_t most = list_blocks(s, share_of(s, 0, 1));
         if (most <= s->stride) return GR_OK;
         const int error = gr_sph_widen(s, most);
         if (error) return error;
@@ -171,8 +177,6 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
     return s->error = make_list(s, fresh);
 }
 
-/* ---- Time step ---- */
-
 /* Largest stable time step: the smaller of h/(4 c), with a gas also h/(4 (c + |v|)) of the gas, and sqrt(h/|a|)/4 (eq.
  * 5.28). Here c is the speed of sound or that of the fastest particle, so that no particle moves more than h/4 in a
  * step. The third limit, of the viscosity, cannot be exceeded: the regularisation bounds the viscosity by what the step
@@ -186,11 +190,9 @@ double gr_sph_stable_dt(const struct gr_sph *s)
     return p[GR_SPH_P_cfl] * limit / STEP_LIMIT_DIVISOR;
 }
 
-/* ---- The step ---- */
-
 struct team {
     struct gr_sph *s;
-    const struct gr_sph_kernels *kernels;
+    gr_sph_kernel *kernel;
     struct gr_barrier barrier;
     double until;
     int64_t steps_left;
@@ -264,6 +266,12 @@ static struct gr_sph_found combined(const struct gr_sph *s, int threads)
     return all;
 }
 
+static void find_gravity(struct gr_sph *s)
+{
+    const struct gr_sph_config *c = &s->config;
+    gr_piecewise(c->dim, c->n_gravity, c->gravity_times, 1, c->gravity_vectors, c->dim, s->time, s->gravity);
+}
+
 /* Decide whether there is another step, and its length. One thread. */
 static void begin_step(struct team *team)
 {
@@ -273,7 +281,7 @@ static void begin_step(struct team *team)
     s->dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
     s->time += s->dt, s->step++;
     team->wall_goes = gr_sph_begin_walls(s);
-    gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time, s->gravity);
+    find_gravity(s);
 }
 
 /* True if two points may have become neighbours without being in the list. That takes a displacement of half the skin,
@@ -306,30 +314,13 @@ static void look(struct team *team)
     s->rebuilds++;
 }
 
-struct share {
-    int64_t particles[2], walls[2], gas[2];
-};
-
-static struct share share_of(const struct gr_sph *s, int t, int threads)
-{
-    struct share own;
-    gr_share(s->n_particles, t, threads, &own.particles[0], &own.particles[1]);
-    gr_share(s->n_walls, t, threads, &own.walls[0], &own.walls[1]);
-    gr_share(s->n_gas, t, threads, &own.gas[0], &own.gas[1]);
-    own.walls[0] += s->wall_first, own.walls[1] += s->wall_first;
-    own.gas[0] += s->gas_first, own.gas[1] += s->gas_first;
-    return own;
-}
-
 /* Make a new neighbour list, by all threads. */
 static void rebuild(struct team *team, int t)
 {
     struct gr_sph *s = team->s;
     const struct share own = share_of(s, t, team->barrier.threads);
     do {
-        const int64_t particles = gr_sph_list_blocks(s, own.particles[0], own.particles[1]);
-        const int64_t walls = gr_sph_list_blocks(s, own.walls[0], own.walls[1]);
-        s->found[t].blocks = largest(particles, walls, gr_sph_list_blocks(s, own.gas[0], own.gas[1]));
+        s->found[t].blocks = list_blocks(s, own);
         gr_wait(&team->barrier);
         if (t == 0) {
             const int64_t most = combined(s, team->barrier.threads).blocks;
@@ -343,31 +334,21 @@ static void rebuild(struct team *team, int t)
 /* Compute densities, stresses and accelerations at the present positions and velocities. */
 static void evaluate(struct team *team, int t)
 {
-    struct gr_sph *s = team->s;
-    const struct gr_sph_kernels *k = team->kernels;
-    struct gr_sph_found *found = &s->found[t];
-    const struct share own = share_of(s, t, team->barrier.threads);
-    k->densities(s, own.particles[0], own.particles[1]);
-    k->densities(s, own.walls[0], own.walls[1]);
-    gr_wait(&team->barrier);
-    k->filter(s, own.particles[0], own.particles[1], found);
-    k->filter(s, own.walls[0], own.walls[1], found);
-    gr_wait(&team->barrier);
-    k->stresses(s, own.particles[0], own.particles[1]);
-    k->stresses(s, own.walls[0], own.walls[1]);
-    if (s->gas) k->gas(s, GR_SPH_GAS_VOLUMES, own.gas[0], own.gas[1], found);
-    gr_wait(&team->barrier);
-    k->forces(s, own.particles[0], own.particles[1], found);
-    if (!s->gas) return;
-    k->gas(s, GR_SPH_GAS_FORCES, own.gas[0], own.gas[1], found);
-    k->gas(s, GR_SPH_GAS_LOADS, own.particles[0], own.particles[1], found);
-    gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_SHARES, own.particles[0], own.particles[1], found);
-    k->gas(s, GR_SPH_GAS_EXCHANGE, own.gas[0], own.gas[1], found);
-    gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_DRAG, own.gas[0], own.gas[1], found);
-    gr_wait(&team->barrier);
-    k->gas(s, GR_SPH_GAS_REACTIONS, own.particles[0], own.particles[1], found);
+    static const struct {
+        enum gr_sph_stage stage;
+        enum kind kind;
+        int waits; /* for the results of the stages before */
+    } plan[] = {{GR_SPH_DENSITIES, PARTICLES, 0}, {GR_SPH_DENSITIES, WALLS, 0},        {GR_SPH_FILTER, PARTICLES, 1},
+                {GR_SPH_FILTER, WALLS, 0},        {GR_SPH_STRESSES, PARTICLES, 1},     {GR_SPH_STRESSES, WALLS, 0},
+                {GR_SPH_GAS_VOLUMES, GAS, 0},     {GR_SPH_FORCES, PARTICLES, 1},       {GR_SPH_GAS_FORCES, GAS, 0},
+                {GR_SPH_GAS_LOADS, PARTICLES, 0}, {GR_SPH_GAS_SHARES, PARTICLES, 1},   {GR_SPH_GAS_EXCHANGE, GAS, 0},
+                {GR_SPH_GAS_DRAG, GAS, 1},        {GR_SPH_GAS_REACTIONS, PARTICLES, 1}};
+    const struct share own = share_of(team->s, t, team->barrier.threads);
+    for (size_t k = 0; k < sizeof plan / sizeof *plan; k++) {
+        if (plan[k].stage >= GR_SPH_GAS_VOLUMES && !team->s->gas) continue;
+        if (plan[k].waits) gr_wait(&team->barrier);
+        team->kernel(team->s, plan[k].stage, own.first[plan[k].kind], own.last[plan[k].kind], &team->s->found[t]);
+    }
 }
 
 static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){.bad = -1}; }
@@ -376,9 +357,8 @@ static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){
 static void end_step(struct team *team)
 {
     struct gr_sph *s = team->s;
-    const double *p = s->config.parameter;
     const struct gr_sph_found all = combined(s, team->barrier.threads);
-    s->speed2 = fmax(all.speed2, slow_sound2(p));
+    s->speed2 = fmax(all.speed2, slow_sound2(s->config.parameter));
     s->acceleration2 = all.acceleration2, s->gas_speed2 = all.gas_speed2;
     s->started = 1;
 }
@@ -388,12 +368,10 @@ static void one_step(struct team *team, int t)
     struct gr_sph *s = team->s;
     struct share own = share_of(s, t, team->barrier.threads);
     forget(&s->found[t]);
-    drift(s, own.particles[0], own.particles[1], &s->found[t]);
-    gr_sph_move_walls(s, own.walls[0], own.walls[1]);
-    if (s->gas) gr_sph_drift_gas(s, own.gas[0], own.gas[1]);
-    measure(s, own.particles[0], own.particles[1], &s->found[t]);
-    measure(s, own.walls[0], own.walls[1], &s->found[t]);
-    measure(s, own.gas[0], own.gas[1], &s->found[t]);
+    drift(s, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
+    gr_sph_move_walls(s, own.first[WALLS], own.last[WALLS]);
+    if (s->gas) gr_sph_drift_gas(s, own.first[GAS], own.last[GAS]);
+    for (int k = 0; k < KINDS; k++) measure(s, own.first[k], own.last[k], &s->found[t]);
     gr_wait(&team->barrier);
     if (t == 0) look(team);
     gr_wait(&team->barrier);
@@ -405,19 +383,20 @@ static void one_step(struct team *team, int t)
     forget(&s->found[t]);
     evaluate(team, t);
     own = share_of(s, t, team->barrier.threads); /* the numbers of points may have changed */
-    kick(s, s->dt, own.particles[0], own.particles[1], &s->found[t]);
-    if (s->gas) gr_sph_kick_gas(s, s->dt, own.gas[0], own.gas[1], &s->found[t]);
+    kick(s, s->dt, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
+    if (s->gas) gr_sph_kick_gas(s, s->dt, own.first[GAS], own.last[GAS], &s->found[t]);
 }
 
-static void run(struct team *team, int t)
+static void run(void *data, int t)
 {
+    struct team *team = data;
     struct gr_sph *s = team->s;
     if (!s->started) { /* accelerations and speeds of the initial state */
         const struct share own = share_of(s, t, team->barrier.threads);
         forget(&s->found[t]);
         evaluate(team, t);
-        kick(s, 0.0, own.particles[0], own.particles[1], &s->found[t]);
-        if (s->gas) gr_sph_kick_gas(s, 0.0, own.gas[0], own.gas[1], &s->found[t]);
+        kick(s, 0.0, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
+        if (s->gas) gr_sph_kick_gas(s, 0.0, own.first[GAS], own.last[GAS], &s->found[t]);
         gr_wait(&team->barrier);
         if (t == 0) end_step(team);
     }
@@ -438,39 +417,19 @@ static void show_stresses(struct gr_sph *s)
 {
     double *const *stress = gr_sph_rows(s, GR_SPH_FIELD_stress);
     const double *rho = gr_sph_rows(s, GR_SPH_FIELD_rho)[0];
-    const int64_t n[2] = {s->n_particles, s->n_walls}, first[2] = {0, s->wall_first};
-    for (int kind = 0; kind < 2; kind++)
+    const struct share all = share_of(s, 0, 1);
+    for (int kind = PARTICLES; kind <= WALLS; kind++)
         for (int k = 0; k < gr_sph_components(s, GR_SPH_FIELD_stress); k++)
-            for (int64_t a = first[kind]; a < first[kind] + n[kind]; a++) stress[k][a] = rho[a] * rho[a] * s->pull[k][a];
+            for (int64_t a = all.first[kind]; a < all.last[kind]; a++) stress[k][a] = rho[a] * rho[a] * s->pull[k][a];
 }
 
-static void run_all(struct team *team, int threads)
+int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, double until, int threads)
 {
-#ifdef _OPENMP
-    if (threads > 1) {
-#pragma omp parallel num_threads(threads)
-        {
-#pragma omp single
-            team->barrier.threads = omp_get_num_threads();
-            run(team, omp_get_thread_num());
-        }
-        return;
-    }
-#endif
-    (void)threads;
-    team->barrier.threads = 1;
-    run(team, 0);
-}
-
-int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads)
-{
-    struct team team = {.s = s, .kernels = kernels, .until = until, .steps_left = max_steps};
+    struct team team = {.s = s, .kernel = kernel, .until = until, .steps_left = max_steps};
     const int64_t step = s->step, started = s->started;
     if (s->error) return s->error;
-    if (!started)
-        gr_gravity(s->config.dim, s->config.n_gravity, s->config.gravity_times, s->config.gravity_vectors, s->time,
-                   s->gravity);
-    run_all(&team, threads);
+    if (!started) find_gravity(s);
+    gr_run_team(&team.barrier, threads, run, &team);
     if (!s->error && (s->step > step || !started)) show_stresses(s);
     return s->error;
 }

@@ -8,8 +8,7 @@
  * consists of blocks of as many rows as a vector has lanes. They are loaded as vectors, without indices; rows of a
  * block that are not neighbours have zero weight. Each point sums over its own neighbours in the order of its list, so
  * that the bits do not depend on the number of threads. */
-#ifndef GR_SPH_SPH_H
-#define GR_SPH_SPH_H
+#pragma once
 
 #include <stdint.h>
 
@@ -36,12 +35,9 @@
     X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "|D| = sqrt(D:D/2), D = L + L^T")                                \
     X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")
 
-enum gr_sph_field {
 #define GR_X(name, kind, need, unit, doc) GR_SPH_FIELD_##name,
-    GR_SPH_FIELDS(GR_X)
+enum gr_sph_field { GR_SPH_FIELDS(GR_X) GR_SPH_FIELD_COUNT };
 #undef GR_X
-        GR_SPH_FIELD_COUNT
-};
 enum { GR_SPH_MAX_ROWS = GR_SPH_FIELD_COUNT * 6, GR_SPH_SHIFTS = 27, GR_SPH_CELLS_IN_REACH = 2, GR_SPH_MAX_WALLS = 64 };
 
 extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
@@ -66,12 +62,9 @@ extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
     X(cfl, 0, "1", "time step over the stability limit")                                           \
     X(dt, 1, "s", "time step; 0: by the stability limit")
 
-enum gr_sph_parameter {
 #define GR_X(name, zero, unit, doc) GR_SPH_P_##name,
-    GR_SPH_PARAMETERS(GR_X)
+enum gr_sph_parameter { GR_SPH_PARAMETERS(GR_X) GR_SPH_PARAMETER_COUNT };
 #undef GR_X
-        GR_SPH_PARAMETER_COUNT
-};
 
 extern const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT];
 extern const unsigned gr_sph_may_be_zero; /* bit mask over the parameters */
@@ -94,6 +87,21 @@ struct gr_sph_config {
     const double *gravity_times, *gravity_vectors; /* s; m/s^2, n_gravity x dim: copied */
     int n_walls;                                   /* without any, wall points keep the velocity they are given */
     struct gr_sph_wall wall[GR_SPH_MAX_WALLS];
+};
+
+/* Stages of a step, in their order. Each sums over the neighbours of particles and wall points, or of points of gas. */
+enum gr_sph_stage {
+    GR_SPH_DENSITIES,
+    GR_SPH_FILTER,
+    GR_SPH_STRESSES,
+    GR_SPH_FORCES,       /* particles */
+    GR_SPH_GAS_VOLUMES,  /* gas: volume, porosity, density, pressure */
+    GR_SPH_GAS_FORCES,   /* gas: push */
+    GR_SPH_GAS_LOADS,    /* particles: load */
+    GR_SPH_GAS_SHARES,   /* particles: add their share of the pressure forces to the accelerations */
+    GR_SPH_GAS_EXCHANGE, /* gas: gain, carry */
+    GR_SPH_GAS_DRAG,     /* gas: drag, acceleration */
+    GR_SPH_GAS_REACTIONS /* particles: subtract the drag forces from the accelerations */
 };
 
 /* A block of neighbours: as many rows as a vector has lanes, from `row` on, as images moved by shift[]. */
@@ -155,14 +163,9 @@ static inline double *const *gr_sph_rows(const struct gr_sph *s, int field)
     return s->row + first;
 }
 
-/* SPH kernels of one instruction set, for the rows [first, last); see sums.inl, stress.inl and gas_sums.inl. */
-struct gr_sph_kernels {
-    void (*densities)(struct gr_sph *s, int64_t first, int64_t last);
-    void (*filter)(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found);
-    void (*stresses)(struct gr_sph *s, int64_t first, int64_t last);
-    void (*forces)(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found);
-    void (*gas)(struct gr_sph *s, int stage, int64_t first, int64_t last, struct gr_sph_found *found);
-};
+/* The kernel of SPH: make a stage for the rows [first, last), all of one kind; see sums.inl, stress.inl, gas_sums.inl. */
+typedef void gr_sph_kernel(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last,
+                           struct gr_sph_found *found);
 
 /* Make an engine with a copy of the configuration.
  * Returned: 0, GR_ERR_MEMORY, or GR_ERR_CONFIG if a period is shorter than the list reaches or there are too many
@@ -179,7 +182,7 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
                 int64_t n_walls, int fresh);
 
 /* Make steps until their number or the time is reached; the last one ends at or beyond `until`. */
-int gr_sph_advance(struct gr_sph *s, const struct gr_sph_kernels *kernels, int64_t max_steps, double until, int threads);
+int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, double until, int threads);
 
 double gr_sph_stable_dt(const struct gr_sph *s); /* s, for the present state */
 
@@ -195,5 +198,3 @@ void gr_sph_sort(struct gr_sph *s, int fresh); /* fresh: set the anchors to x, a
  * Returned: the largest number that a row needs; those beyond s->stride are not stored. */
 int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last);
 int gr_sph_widen(struct gr_sph *s, int64_t needed); /* capacity for this many blocks per row */
-
-#endif

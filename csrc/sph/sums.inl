@@ -25,10 +25,11 @@ static double sph_gradient_norm(int dim, const struct gr_sph *s)
     return sph_slope_norm(dim, s->config.parameter[GR_SPH_P_h]) / s->config.parameter[GR_SPH_P_gradient];
 }
 
-/* Position of a point relative to the blocks of one shift. */
+/* A block of neighbours, and the position of a point relative to the blocks of its shift. */
 struct sph_place {
     vd at[3];
     int32_t shift; /* -1: not set yet */
+    int32_t row;   /* first row of the block */
 };
 
 /* Vectors d from a point to those of a block.
@@ -36,6 +37,7 @@ struct sph_place {
 GR_INLINE vd sph_ways(int dim, const struct gr_sph *s, int64_t a, struct gr_block block, struct sph_place *place, vd *d)
 {
     vd r2 = v_set(sph_least_square);
+    place->row = block.row;
     if (block.shift != place->shift) { /* rare: most points have no periodic images nearby */
         place->shift = block.shift;
         for (int k = 0; k < dim; k++) place->at[k] = v_set(s->row[k][a] - s->shift[block.shift][k]);
@@ -63,23 +65,16 @@ GR_INLINE vd sph_slope(vd r2, double h)
 }
 
 /* sum_b f_b w over blocks [first, last) of the neighbours of a point. */
-GR_INLINE double sph_sum_of(int dim, const struct gr_sph *s, const double *f, int64_t a, int64_t first, int64_t last)
+GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a, int64_t first, int64_t last)
 {
     const double h = s->config.parameter[GR_SPH_P_h];
     vd sum = v_set(0.0), d[3];
     struct sph_place place = {.shift = -1};
     for (int64_t k = first; k < last; k++) {
-        const struct gr_block block = s->block[k];
-        const vd r2 = sph_ways(dim, s, a, block, &place, d);
-        sum = v_fma(v_load(f + block.row), sph_weight(r2, h), sum);
+        const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+        sum = v_fma(v_load(f + place.row), sph_weight(r2, h), sum);
     }
     return v_sum(sum);
-}
-
-/* The same over all particles and wall points, including the point itself. */
-GR_INLINE double sph_sum(int dim, const struct gr_sph *s, const double *f, int64_t a)
-{
-    return sph_sum_of(dim, s, f, a, s->begin[a], s->end[a]);
 }
 
 /* Number of points whose sums are computed before the operations that use them, so that neither waits for the other. */
@@ -89,7 +84,7 @@ enum { SPH_TILE = 64 };
 GR_INLINE void sph_densities(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], norm = sph_weight_norm(dim, s->config.parameter[GR_SPH_P_h]);
-    for (int64_t a = first; a < last; a++) s->rho_plain[a] = norm * sph_sum(dim, s, mass, a);
+    for (int64_t a = first; a < last; a++) s->rho_plain[a] = norm * sph_sum(dim, s, mass, a, s->begin[a], s->end[a]);
     for (int64_t a = first; a < last; a++) s->lump[a] = mass[a] / s->rho_plain[a];
 }
 
@@ -104,7 +99,7 @@ GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last
     for (int64_t tile = first; tile < last; tile += SPH_TILE) {
         const int64_t end = tile + SPH_TILE < last ? tile + SPH_TILE : last;
         double c2[SPH_TILE], most = found->speed2;
-        for (int64_t a = tile; a < end; a++) c2[a - tile] = norm * sph_sum(dim, s, s->lump, a);
+        for (int64_t a = tile; a < end; a++) c2[a - tile] = norm * sph_sum(dim, s, s->lump, a, s->begin[a], s->end[a]);
         for (int64_t a = tile; a < end; a++) {
             rho[a] = s->rho_plain[a] / c2[a - tile];
             s->volume[a] = mass[a] / rho[a];
@@ -147,12 +142,11 @@ GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph
     struct sph_place place = {.shift = -1};
     const int artificial = pair != SPH_SAME && s->config.parameter[GR_SPH_P_z_max] > 1.0;
     for (int64_t k = first; k < last; k++) {
-        const struct gr_block block = s->block[k];
         vd d[3], dv[3];
-        const vd r2 = sph_ways(dim, s, a, block, &place, d);
-        vd weight = v_load(s->volume + block.row) * sph_slope(r2, h);
-        if (artificial) weight = weight * sph_factor(pair, s, normal, depth, a, block.row, dim, d);
-        for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + block.row) - v_set(v[i][a]));
+        const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+        vd weight = v_load(s->volume + place.row) * sph_slope(r2, h);
+        if (artificial) weight = weight * sph_factor(pair, s, normal, depth, a, place.row, dim, d);
+        for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + place.row) - v_set(v[i][a]));
         for (int i = 0; i < dim; i++) D[i] = v_fma(dv[i], d[i], D[i]);
         D[3] = v_fma(dv[0], d[1], v_fma(dv[1], d[0], D[3]));
         if (dim == 3) {
@@ -194,12 +188,11 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pu
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], h = s->config.parameter[GR_SPH_P_h];
     struct sph_place place = {.shift = -1};
     for (int64_t k = first; k < last; k++) {
-        const struct gr_block block = s->block[k];
         vd d[3], T[6];
-        const vd r2 = sph_ways(dim, s, a, block, &place, d);
-        const vd weight = v_load(mass + block.row) * sph_slope(r2, h);
+        const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
+        const vd weight = v_load(mass + place.row) * sph_slope(r2, h);
         for (int c = 0; c < (dim == 2 ? 4 : 6); c++)
-            if (dim == 3 || c != 2) T[c] = v_load(pull[c] + block.row) + v_set(pull[c][a]);
+            if (dim == 3 || c != 2) T[c] = v_load(pull[c] + place.row) + v_set(pull[c][a]);
         for (int i = 0; i < dim; i++) d[i] = weight * d[i];
         if (dim == 2) {
             sum[0] = v_fma(T[0], d[0], v_fma(T[3], d[1], sum[0]));

@@ -1,6 +1,5 @@
 /* Checks for the C tests. A program is linked with check.c, which runs its tests in the order of their lines. */
-#ifndef GR_TESTS_CHECK_H
-#define GR_TESTS_CHECK_H
+#pragma once
 
 #include <math.h>
 
@@ -26,5 +25,3 @@
 void check_list(void (*test)(void), int line);
 void check_fails(const char *file, int line, const char *test, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
-
-#endif

@@ -1,6 +1,5 @@
 /* Allocations that fail on demand; linked with --wrap=malloc,calloc,realloc. */
-#ifndef GR_TESTS_FAULTS_H
-#define GR_TESTS_FAULTS_H
+#pragma once
 
 /* Let the n-th allocation from now on fail (n = 1 is the next one), and only that one; with n = 0 none fails. */
 void faults_at(long n);
@@ -8,5 +7,3 @@ void faults_at(long n);
 int faults_end(void);
 /* Number of allocations since then. */
 long faults_calls(void);
-
-#endif

@@ -1,6 +1,5 @@
 /* Small scenes for the tests: a box of cells with a random heap of points in it. */
-#ifndef GR_TESTS_SCENE_H
-#define GR_TESTS_SCENE_H
+#pragma once
 
 #include "kernels.h"
 #include "mpm/engine.h"
@@ -52,5 +51,3 @@ int scene_differs(const struct scene *a, const struct scene *b);
 /* Move the points to larger buffers, as GR_ERR_CAPACITY requires.
  * Returned: 0, or 1 without memory. */
 int scene_grow(struct scene *s);
-
-#endif

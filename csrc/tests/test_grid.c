@@ -1,9 +1,9 @@
-/* Tests of core/gravity.h and mpm/grid.c: the momentum balance of the nodes, and walls. */
+/* Tests of core/piecewise.h and mpm/grid.c: the momentum balance of the nodes, and walls. */
 #include "mpm/grid.h"
 
 #include <string.h>
 
-#include "core/gravity.h"
+#include "core/piecewise.h"
 #include "mpm/migrate.h"
 #include "mpm/walls.h"
 #include "tests/check.h"
@@ -17,7 +17,7 @@ TEST(gravity_is_piecewise_linear)
                                   {2, 10, 1}, {3, 15, -1}, {4, 20, -3}, {1e9, 20, -3}};
     for (size_t k = 0; k < sizeof expected / sizeof *expected; k++) {
         double g[3];
-        gr_gravity(c.dim, c.n_gravity, c.gravity_times, c.gravity_vectors, expected[k][0], g);
+        gr_piecewise(c.dim, c.n_gravity, c.gravity_times, 1, c.gravity_vectors, c.dim, expected[k][0], g);
         CHECK_NEAR(g[0], expected[k][1], 1e-15);
         CHECK_NEAR(g[1], expected[k][2], 1e-15);
     }

@@ -70,7 +70,7 @@ static void update(const struct gr_kernels *kernels, int law, struct points *p, 
         log_density[k] = p->log_density[k];
         shear_rate[k] = gr_law_at(law)->reaction ? 0 : p->shear_rate[k];
     }
-    kernels->update_law(law, p->dim, &call);
+    kernels->laws[law]->update[p->dim - 2](&call);
     for (int k = 0; k < p->n; k++) {
         for (int c = 0; c < rows; c++) p->stress[k][c] = stress[c][k];
         p->shear_rate[k] = shear_rate[k];

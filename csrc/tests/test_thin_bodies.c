@@ -44,7 +44,7 @@ static int is_thin(const struct thin *t, double half)
     struct gr_config config = t->scene.config;
     part.size[0] = half;
     config.parts = &part;
-    return gr_has_thin(&config);
+    return gr_list_thin(&config, 0) > 0;
 }
 
 TEST(which_bodies_are_thin)
@@ -133,8 +133,7 @@ TEST(mesh_has_two_sides)
         struct gr_engine *e = t.scene.engine;
         for (int64_t c = 0; c < e->mesh.n_cells; c++) {
             const struct gr_cell *cell = &e->mesh.cell[c];
-            int is_double;
-            const int side = gr_cell_side(e, cell->at, &is_double);
+            const int side = gr_cell_side(e, cell->at), is_double = side == 1 || side == -1;
             CHECK(is_double == GR_IS_DOUBLE(cell));
             points += cell->count;
             doubles += is_double;
