@@ -1,8 +1,7 @@
 /* Interface of the constitutive laws: the descriptor of a law, and the call that updates blocks of material points.
  *
- * A law is an elasticity combined with a flow rule. It is one file, law/<name>.inl (the finite-strain laws share one),
- * which holds its equation, its update and its descriptor. A line of law/registry.inl registers it; kernels.c compiles it once for each instruction
- * set. See docs/contributing.md, "Add a law". */
+ * A law is an elasticity combined with a flow rule. One file, law/<name>.inl, holds its equation, its update and its
+ * descriptor; a line of law/registry.inl registers it. See docs/contributing.md, "Add a law". */
 #pragma once
 
 #include <stdint.h>

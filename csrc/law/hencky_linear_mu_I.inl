@@ -1,0 +1,15 @@
+/* Hencky elasticity (hencky.h) with the linear mu(I), mu = mu_s + (mu_2 - mu_s) I/I0 (flow_rules.h). */
+#ifdef GR_LIST_LAWS
+GR_LAW(hencky_linear_mu_I)
+#else
+#include "law/hencky_blocks.h"
+
+static inline void law_hencky_linear_mu_I(const int dim, const struct gr_law_call *call)
+{
+    gr_hencky_local_blocks(dim, GR_HENCKY_linear_mu_I, call, call->parameter[2], call->parameter[3], call->parameter[4], 0);
+}
+
+GR_DESCRIBE_LAW(hencky_linear_mu_I,
+                .doc = "Hencky's elasticity, mu = mu_s + (mu_2 - mu_s) I/I0, stress-free when disconnected",
+                .parameter = {GR_MU_I_PARAMETERS})
+#endif
