@@ -6,9 +6,11 @@ enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
 #define GR_PARTS(X) \
     X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled)
+#define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
 
 #define GR_X(constant, name) constant,
 enum gr_part_kind { GR_PARTS(GR_X) GR_PART_COUNT };
+enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 #undef GR_X
 
 /* A part of a body, in body coordinates. */
@@ -23,12 +25,6 @@ struct gr_part {
     int shape[3];         /* number of samples along each axis, equally spaced */
     const double *sample; /* signed distances, m, x fastest; interpolated linearly */
 };
-
-#define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
-
-#define GR_X(constant, name) constant,
-enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
-#undef GR_X
 
 /* Constant properties of a body. */
 struct gr_body {

@@ -146,22 +146,23 @@ GR_INLINE struct gr_fluidity_point gr_fluidity_update(const int linear, const st
     return point;
 }
 
-/* The same for arrays of points. They go through a buffer, since their number may be any. */
+/* The same for arrays of points; an incomplete block goes through a buffer. */
 static inline void fluidity_points(const struct gr_fluidity_call *call)
 {
     const struct gr_fluidity_numbers n = gr_fluidity_numbers_of(call->parameter, call->dt);
+    const double *const row[4] = {call->mu_trial, call->p, call->g_star, call->shear_rate};
+    double buffer[6][GR_W] = {{0}};
     for (int64_t k = 0; k < call->n; k += GR_W) {
-        double in[4][GR_W], mu[GR_W], g[GR_W];
-        for (int lane = 0; lane < GR_W; lane++) {
-            const int64_t i = k + lane < call->n ? k + lane : k;
-            in[0][lane] = call->mu_trial[i], in[1][lane] = call->p[i];
-            in[2][lane] = call->g_star[i], in[3][lane] = call->shear_rate[i];
+        const int whole = k + GR_W <= call->n, rest = whole ? 0 : (int)(call->n - k);
+        vd in[4];
+        for (int i = 0; i < 4; i++) {
+            for (int lane = 0; lane < rest; lane++) buffer[i][lane] = row[i][k + lane];
+            in[i] = v_load(whole ? row[i] + k : buffer[i]);
         }
         const struct gr_fluidity_point point =
-            gr_fluidity_update(0, &n, v_load(in[0]), gr_invert_pressure(&n, v_load(in[1])),
-                               gr_fluidity_start(&n, v_load(in[2])), v_load(in[3]));
-        v_store(mu, point.mu);
-        v_store(g, point.g);
-        for (int64_t i = k; i < call->n && i < k + GR_W; i++) call->mu[i] = mu[i - k], call->g[i] = g[i - k];
+            gr_fluidity_update(0, &n, in[0], gr_invert_pressure(&n, in[1]), gr_fluidity_start(&n, in[2]), in[3]);
+        v_store(whole ? call->mu + k : buffer[4], point.mu);
+        v_store(whole ? call->g + k : buffer[5], point.g);
+        for (int lane = 0; lane < rest; lane++) call->mu[k + lane] = buffer[4][lane], call->g[k + lane] = buffer[5][lane];
     }
 }

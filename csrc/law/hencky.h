@@ -25,6 +25,8 @@
  * reduced to it. */
 #pragma once
 
+#include <string.h>
+
 #include "law/flow_rules.h"
 #include "law/fluidity_update.h"
 #include "law/strain.h"
@@ -167,33 +169,38 @@ GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow,
     return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_is_connected(stress), reconnected, g_star, rate);
 }
 
-/* A step at arrays of points, which go through a buffer, since their number may be any. `flow` is not a literal here, so
- * that the trial is compiled once and not for each flow rule. */
+/* A step at the block of points from k on. The rows are those of hencky_points. */
+GR_INLINE void hencky_block(const int dim, const int flow, const struct gr_hencky_numbers *n, double *const row[18],
+                            int64_t k)
+{
+    const int stresses = GR_STRESSES(dim), first = dim * dim + 1, g = first + stresses;
+    struct gr_stress stress;
+    vd L[9];
+    for (int i = 0; i < dim * dim; i++) L[i] = v_load(row[i] + k);
+    for (int i = 0; i < stresses; i++) stress.s[i] = v_load(row[first + i] + k);
+    const struct gr_hencky_point point =
+        gr_hencky_update(dim, flow, n, L, v_load(row[dim * dim] + k), &stress, v_load(row[g] + k), v_load(row[g + 1] + k));
+    for (int i = 0; i < stresses; i++) v_store(row[first + i] + k, point.stress.s[i]);
+    v_store(row[g] + k, point.g);
+    v_store(row[g + 1] + k, point.rate);
+}
+
+/* A step at arrays of points; an incomplete block goes through a buffer. `flow` is not a literal here, so that the trial
+ * is compiled once and not for each flow rule. */
 GR_INLINE void hencky_points(const int dim, const int flow, const struct gr_hencky_call *call)
 {
     const struct gr_hencky_numbers n = gr_hencky_numbers_of(call->parameter, call->dt);
-    const int stresses = GR_STRESSES(dim);
-    double *updated[8] = {0};
-    for (int i = 0; i < stresses; i++) updated[i] = call->stress[i];
-    updated[stresses] = call->g, updated[stresses + 1] = call->shear_rate;
-    for (int64_t k = 0; k < call->n; k += GR_W) {
-        double gradient[9][GR_W] = {{0}}, log_density[GR_W] = {0}, state[8][GR_W] = {{0}};
-        const int lanes = call->n - k < GR_W ? (int)(call->n - k) : GR_W;
-        struct gr_stress stress;
-        vd L[9];
-        for (int lane = 0; lane < lanes; lane++) {
-            for (int i = 0; i < dim * dim; i++) gradient[i][lane] = call->gradient[i][k + lane];
-            for (int i = 0; i < stresses + 2; i++) state[i][lane] = updated[i][k + lane];
-            log_density[lane] = call->log_density[k + lane];
-        }
-        for (int i = 0; i < dim * dim; i++) L[i] = v_load(gradient[i]);
-        for (int i = 0; i < stresses; i++) stress.s[i] = v_load(state[i]);
-        const struct gr_hencky_point point = gr_hencky_update(dim, flow, &n, L, v_load(log_density), &stress,
-                                                              v_load(state[stresses]), v_load(state[stresses + 1]));
-        for (int i = 0; i < stresses; i++) v_store(state[i], point.stress.s[i]);
-        v_store(state[stresses], point.g);
-        v_store(state[stresses + 1], point.rate);
-        for (int lane = 0; lane < lanes; lane++)
-            for (int i = 0; i < stresses + 2; i++) updated[i][k + lane] = state[i][lane];
-    }
+    const int first = dim * dim + 1, rows = first + GR_STRESSES(dim) + 2;
+    double *row[18] = {0}, *last[18] = {0}, buffer[18][GR_W] = {{0}}; /* given: gradient, log-density; then those updated */
+    for (int i = 0; i < dim * dim; i++) row[i] = (double *)call->gradient[i];
+    row[dim * dim] = (double *)call->log_density;
+    for (int i = 0; i < GR_STRESSES(dim); i++) row[first + i] = call->stress[i];
+    row[rows - 2] = call->g, row[rows - 1] = call->shear_rate;
+    int64_t k = 0;
+    for (; k + GR_W <= call->n; k += GR_W) hencky_block(dim, flow, &n, row, k);
+    const size_t bytes = sizeof(double) * (size_t)(call->n - k);
+    if (!bytes) return;
+    for (int i = 0; i < rows; i++) last[i] = memcpy(buffer[i], row[i] + k, bytes);
+    hencky_block(dim, flow, &n, last, 0);
+    for (int i = first; i < rows; i++) memcpy(row[i] + k, last[i], bytes);
 }

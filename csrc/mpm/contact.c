@@ -7,8 +7,7 @@
 
 enum { MAX_SWEEPS = 50 };
 
-/* Relative change of a velocity that is round-off. */
-#define NO_CHANGE 1e-14
+#define NO_CHANGE 1e-14 /* relative change of a velocity that is round-off */
 
 /* A body during a step, with the velocities of the step. */
 struct moving {

@@ -263,7 +263,6 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 }
 
 /* The stages one by one, in one thread: the same as a step of gr_advance, to the last bit. */
-
 int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     e->error = ready(e);

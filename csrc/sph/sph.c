@@ -17,11 +17,9 @@ const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {GR_SPH_FIEL
 const struct gr_parameter_info gr_sph_parameter_table[GR_SPH_PARAMETER_COUNT] = {GR_SPH_PARAMETERS(GR_X)};
 #undef GR_X
 
-const unsigned gr_sph_may_be_zero = 0
 #define GR_X(name, zero, unit, doc) | (unsigned)zero << GR_SPH_P_##name
-    GR_SPH_PARAMETERS(GR_X)
+const unsigned gr_sph_may_be_zero = 0 GR_SPH_PARAMETERS(GR_X);
 #undef GR_X
-    ;
 
 enum { MAX_CELLS = 1 << 26, STEP_LIMIT_DIVISOR = 4 };
 

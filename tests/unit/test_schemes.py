@@ -113,7 +113,7 @@ def test_declared_numbers_are_documented():
     """The core declares name, default, range, unit and text of each, once."""
     for kind in (Scheme, Fluidity, *schemes.DENSITIES.values()):
         for name in kind.units:
-            assert f"    {name} : " in kind.__doc__
+            assert f"\n{name} : " in kind.__doc__
     assert "[1/s]" in Scheme.__doc__ or "1/s." in Scheme.__doc__
     assert "[0, 0.5]" in SmoothedDensity.__doc__
 
