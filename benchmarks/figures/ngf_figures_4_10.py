@@ -18,7 +18,7 @@ import granular as gr
 from granular import plot
 from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
-from granular.scenes.clogging_silo import linear_flip
+from granular.scenes.silo import linear_flip
 
 SCHEMES = {
     "linear": linear_flip,
