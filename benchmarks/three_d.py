@@ -153,8 +153,7 @@ def couette(sim: gr.Simulation) -> dict:
             del kept[0]
 
     sim.run(every=WINDOW, hooks=(look,))
-    # The linear law has mu_2 only in b.
-    material = scene.material.replace(mu_2=np.inf, b=scene.material.b)
+    material = scene.material
     gap = (size["inner"], size["outer"], material.replace(A=material.A or BEADS.A))
     flow = gr.theory.couette_quasi_static(*gap, walls="smooth")
     # Pressure in the middle of the evaluated layer.

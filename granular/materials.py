@@ -290,6 +290,11 @@ class NGF(Material):
         return "ngf" if self.A else "mu_I"
 
     @property
+    def limiting_friction(self) -> float:
+        """Friction that the law never exceeds: `mu_2`, or infinite with "linear_mu_I"."""
+        return math.inf if self.rheology == "linear_mu_I" else self.mu_2
+
+    @property
     def xi(self) -> float:
         """I0/(d sqrt(rho_s)) [sqrt(m/kg)] of the local law, see `MuI`."""
         return self.I0 / (self.d * math.sqrt(self.rho_s))

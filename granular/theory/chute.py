@@ -24,7 +24,7 @@ from scipy.sparse import csc_array, diags_array
 from granular.checks import in_range, integer, non_negative, positive
 from granular.materials import NGF
 from granular.theory.incline import Array, output_times
-from granular.theory.stopping import fluidity_growth, stopping_height
+from granular.theory.stopping import fluidity_growth, limiting_friction, stopping_height
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,8 @@ def chute_profile(
     height : float
         Thickness of the layer, normal to the base [m].
     material : NGF
-        ``mu_2`` may be infinite; ``A = 0`` is the local law. ``t0`` has no effect.
+        Of either `rheology`: ``mu_2`` counts as infinite with "linear_mu_I". ``A = 0`` is the
+        local law. ``t0`` has no effect.
     gravity : float
         Magnitude of gravity [m/s2].
     cells : int
@@ -99,7 +100,7 @@ def chute_profile(
     """
     fine, half = _layers(angle_deg, height, material, gravity, cells)
     m = material
-    if height <= stopping_height(angle_deg, m.A, m.d, m.mu_s, m.mu_2):
+    if height <= stopping_height(angle_deg, m.A, m.d, m.mu_s, limiting_friction(m)):
         return fine.flow(np.zeros(cells), 0.0)
     u = fine.steady()
     return fine.flow(u, _change(fine.velocity(u), half.velocity(half.steady())))
@@ -202,7 +203,7 @@ class Layer:
         self.height, self.cells = positive("height", height), cells
         angle = math.radians(angle_deg)
         self.slope, m = math.tan(angle), material
-        self.growth = float(fluidity_growth(self.slope, m.mu_s, m.mu_2))
+        self.growth = float(fluidity_growth(self.slope, m.mu_s, limiting_friction(m)))
         if math.isinf(self.growth):
             limit = math.degrees(math.atan(m.mu_2))
             raise ValueError(

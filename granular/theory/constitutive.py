@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 
 from granular.checks import finite, non_negative, one_of, positive
 from granular.materials import MuI
+from granular.theory.incline import check_saturates
 
 Array = NDArray[np.float64]
 VelocityGradient = Callable[[float], ArrayLike]
@@ -207,6 +208,7 @@ def reference(
     RuntimeError
         If the integrator fails.
     """
+    check_saturates(material)
     times, ends = _time_arrays(times, breakpoints)
     one_of("solver", solver, ("auto", "RK45", "Radau"))
     positive("rtol", rtol)

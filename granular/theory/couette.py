@@ -25,7 +25,7 @@ from scipy.optimize import brentq
 from granular.checks import integer, one_of, positive
 from granular.materials import NGF
 from granular.theory.incline import Array
-from granular.theory.stopping import fluidity_growth
+from granular.theory.stopping import fluidity_growth, limiting_friction
 
 WALLS = ("rough", "smooth")
 """Boundary conditions of the fluidity at the cylinders: g = 0 (rough) or dg/dr = 0 (smooth)."""
@@ -74,7 +74,8 @@ def couette_decay_length(mu: ArrayLike, material: NGF) -> Array:
     mu : array_like
         Friction coefficient, any shape, >= 0.
     material : NGF
-        Or any object with ``mu_s``, ``mu_2`` (may be infinite), ``A``, ``d``.
+        Of either `rheology`: ``mu_2`` counts as infinite with "linear_mu_I". Or any object with
+        ``mu_s``, ``mu_2`` (may be infinite), ``A``, ``d``.
 
     Returns
     -------
@@ -90,7 +91,7 @@ def couette_decay_length(mu: ArrayLike, material: NGF) -> Array:
     if not np.all(mu >= 0):
         raise ValueError(f"mu = {mu} must be >= 0")
     reach = positive("A", material.A) * positive("d", material.d)
-    decay = -fluidity_growth(mu, material.mu_s, material.mu_2)
+    decay = -fluidity_growth(mu, material.mu_s, limiting_friction(material))
     return np.where(decay > 0, reach / np.sqrt(np.where(decay > 0, decay, 1.0)), np.inf)[()]
 
 
@@ -116,7 +117,8 @@ def couette_quasi_static(
     inner, outer : float
         Radii R_i < R_o [m].
     material : NGF
-        Or any object with ``mu_s``, ``mu_2`` (may be infinite), ``A`` > 0, ``d``.
+        Of either `rheology`: ``mu_2`` counts as infinite with "linear_mu_I". Or any object with
+        ``mu_s``, ``mu_2`` (may be infinite), ``A`` > 0, ``d``.
     rate : float
         Angular velocity of the inner cylinder [rad/s], which sets the scale of `g`.
     walls : {"rough", "smooth"}
@@ -202,11 +204,12 @@ class _Gap:
         self.r = inner * np.exp(self.x)
         self.share = np.exp(-2 * self.x)  # mu/mu_wall
         self.reach = positive("A", m.A) * positive("d", m.d)
-        fluidity_growth(0.0, m.mu_s, m.mu_2)  # checks both
+        self.limit = limiting_friction(m)
+        fluidity_growth(0.0, m.mu_s, self.limit)  # checks both
 
     def growth(self, mu: Array) -> Array:
         """``lambda(mu) (r/(A d))^2`` on the grid."""
-        lam = fluidity_growth(mu, self.material.mu_s, self.material.mu_2)
+        lam = fluidity_growth(mu, self.material.mu_s, self.limit)
         return lam * (self.r / self.reach) ** 2
 
     # ---- slow ----
@@ -219,7 +222,7 @@ class _Gap:
         They are given at the two cylinders or, with `everywhere`, on the grid.
         """
         m, end, scale = self.material, self.x[-1], (self.r[-1] / self.reach) ** 2
-        span = m.mu_2 - m.mu_s
+        span = self.limit - m.mu_s
 
         def rates(z: float, y: Array) -> Array:
             a, _, turn = y
@@ -243,9 +246,9 @@ class _Gap:
         return tuple(found.y[:, ::-1])
 
     def friction(self, u: float) -> float:
-        """Friction coefficient as a function of u: from mu_s at u = 0 to mu_2 at infinity."""
+        """Friction coefficient as a function of u: from mu_s at u = 0 to its limit at infinity."""
         m = self.material
-        span = m.mu_2 - m.mu_s
+        span = self.limit - m.mu_s
         return m.mu_s + (u * m.mu_s if math.isinf(span) else span * u / (1 + u))
 
     def least_excess(self, excess: Callable[[float], float]) -> float:

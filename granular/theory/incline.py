@@ -7,6 +7,7 @@ rough base, y = height at the free surface.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -111,6 +112,7 @@ def bagnold_mean(angle_deg: float, height: float, material: MuI, gravity: float 
 
 def _steady_scale(angle_deg: float, material: MuI, gravity: float) -> float:
     """xi A sqrt(rho g cos t): the shear rate at unit depth [1/(s sqrt(m))]."""
+    check_saturates(material)
     angle = _angle(angle_deg)
     positive("gravity", gravity)
     slope = math.tan(angle)
@@ -124,6 +126,12 @@ def _steady_scale(angle_deg: float, material: MuI, gravity: float) -> float:
         return 0.0
     ratio = (slope - material.mu_s) / (material.mu_2 - slope)
     return material.xi * ratio * math.sqrt(material.rho_c * gravity * math.cos(angle))
+
+
+def check_saturates(material: Any) -> None:
+    """Refuse a material whose friction has no limit: these solutions are of the mu(I) law."""
+    if getattr(material, "rheology", "mu_I") == "linear_mu_I":
+        raise ValueError('rheology = "linear_mu_I" must be "mu_I": this is a solution of mu(I)')
 
 
 def _angle(angle_deg: float) -> float:
@@ -261,6 +269,7 @@ class _Layer:
         ramp: float,
         cells: int,
     ) -> None:
+        check_saturates(material)
         self.cells, self.ramp = cells, ramp
         self.dy = height / cells
         self.depth = height - self.dy * (np.arange(cells, dtype=float) + 0.5)

@@ -11,6 +11,7 @@ H > H_stop.
 """
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -37,7 +38,8 @@ def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2:
     mu_s : float
         Static friction coefficient.
     mu_2 : float
-        Limiting friction coefficient, > mu_s; may be ``math.inf``.
+        Limiting friction coefficient, > mu_s; may be ``math.inf``, and is for a material with
+        ``rheology="linear_mu_I"``: see `granular.materials.NGF.limiting_friction`.
 
     Returns
     -------
@@ -115,6 +117,11 @@ def stopping_shape(y: ArrayLike, height: float) -> Array:
         If `height` is not positive, or `y` is outside the layer.
     """
     return 1 - np.sin(np.pi / 2 * relative_depth(y, height))
+
+
+def limiting_friction(material: Any) -> float:
+    """Friction that a law never exceeds: `NGF.limiting_friction` if it says so, else `mu_2`."""
+    return getattr(material, "limiting_friction", material.mu_2)
 
 
 def fluidity_growth(slope: ArrayLike, mu_s: float, mu_2: float) -> Array:

@@ -48,7 +48,9 @@ def column(ratio: float | None = None, **parameters: Any) -> Simulation:
 def threshold(scene: AnyScene) -> float:
     """Stopping height H_stop of a scene [m], eq. 3.1."""
     m = cast(NGF, scene.material)
-    return float(stopping_height(scene.parameters["angle_deg"], m.A, m.d, m.mu_s, m.mu_2))
+    return float(
+        stopping_height(scene.parameters["angle_deg"], m.A, m.d, m.mu_s, m.limiting_friction)
+    )
 
 
 def exact_flow(state: State) -> ChuteFlow:

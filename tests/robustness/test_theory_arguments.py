@@ -42,6 +42,7 @@ PROFILE = [
     (spoilt(rho_c=nan), "rho_c = nan"),
     (spoilt(mu_2=0.3819), "mu_2 = 0.3819 must exceed"),
 ]
+LINEAR = (spoilt(rheology="linear_mu_I"), 'rheology = "linear_mu_I" must be "mu_I"')
 LAYER = {"angle_deg": 27.0, "height": 0.02, "material": GRAINS, "cells": 20}
 COUETTE = {"inner": 0.0999, "outer": 0.2001, "material": GRAINS}
 WAVE = {"x": 0.0, "t": 0.0, "length": 1.0, "amplitude": 1e-3, "material": GRAINS}
@@ -73,6 +74,7 @@ CASES = [
         ({"g0": lambda y: 1.0}, "g0"),
     ]),
     ("reference", {"material": GRAINS, "p0": 500.0, "times": [0.0, 1.0]}, [
+        LINEAR,
         ({"p0": -1.0}, "p0"),
         ({"p0": 0.0}, "log_density0"),
         ({"p0": 0.0, "log_density0": 0.0}, "log_density0"),
@@ -108,6 +110,7 @@ CASES = [
         ({"mode": 0}, "mode = 0 must be an integer >= 1"),
     ]),
     ("transient", {"angle_deg": 25.0, "height": 0.2, "material": GRAINS, "times": [1.0]}, [
+        LINEAR,
         ({"height": -0.2}, "height"),
         ({"gravity": 0.0}, "gravity"),
         ({"ramp": -0.1}, "ramp"),
@@ -119,6 +122,7 @@ CASES = [
         ({"angle_deg": nan}, "angle_deg"),
         ({"angle_deg": -1.0}, "angle_deg"),
     ]),
+    ("bagnold_mean", {"angle_deg": 25.0, "height": 0.2, "material": GRAINS}, [LINEAR]),
     ("packing_fraction_of_inertial_number", {"inertial_number": 0.1, "restitution": 0.7}, [
         ({"inertial_number": -0.1}, "inertial_number"),
         ({"restitution": 1.1}, "restitution"),
@@ -144,6 +148,7 @@ CASES = [
     ]),
     ("layer_waves", {"angle_deg": 25.0, "height": 0.2, "wavelength": 0.1, "cells": 10,
                      "material": SimpleNamespace(**(vars(GRAINS) | {"mu_2": 0.6435}))}, [
+        LINEAR,
         ({"angle_deg": 20.0}, "angle_deg = 20.0"),
         ({"angle_deg": 33.0}, "angle_deg = 33.0"),
         ({"wavelength": 0.0}, "wavelength = 0.0"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid, solve_bvp
 
-from granular import theory
+from granular import materials, theory
 
 INNER, OUTER = 0.0999, 0.2001
 BEADS = SimpleNamespace(
@@ -20,15 +20,17 @@ def material(**changes):
     return SimpleNamespace(**(vars(BEADS) | changes))
 
 
-@pytest.mark.parametrize("walls", ["rough", "smooth"])
-def test_slow_flow_is_a_bessel_function_of_imaginary_order(walls):
-    """Solution for an infinite mu_2, over 8 decades: g = K_{i nu}(k r) + a Re I_{i nu}(k r).
+@pytest.mark.parametrize(
+    ("beads", "walls"), [(BEADS, "rough"), (BEADS, "smooth"), (materials.couette_beads, "rough")]
+)
+def test_slow_flow_is_a_bessel_function_of_imaginary_order(beads, walls):
+    """Solution if friction has no limit, over 8 decades: g = K_{i nu}(k r) + a Re I_{i nu}(k r).
 
     k = sqrt(mu_s)/(A d), nu = R_i sqrt(mu_w)/(A d); the outer cylinder determines a.
     """
-    flow = theory.couette_quasi_static(INNER, OUTER, BEADS, walls=walls, points=401)
-    reach = BEADS.A * BEADS.d
-    k, order = math.sqrt(BEADS.mu_s) / reach, 1j * INNER * math.sqrt(flow.mu_wall) / reach
+    flow = theory.couette_quasi_static(INNER, OUTER, beads, walls=walls, points=401)
+    reach = beads.A * beads.d
+    k, order = math.sqrt(beads.mu_s) / reach, 1j * INNER * math.sqrt(flow.mu_wall) / reach
 
     def ending(f, r):  # value or slope that vanishes at a cylinder
         return f(r) if walls == "rough" else mpmath.diff(f, r, h=1e-9) * INNER / 30
@@ -69,11 +71,16 @@ def test_the_tail_falls_by_the_decay_length():
 
 
 @pytest.mark.parametrize(
-    ("walls", "mu_2", "rate"), [("rough", math.inf, 1.0), ("smooth", 0.6435, 5.0)]
+    ("beads", "walls", "mu_2", "rate"),
+    [
+        (BEADS, "rough", math.inf, 1.0),
+        (material(mu_2=0.6435), "smooth", 0.6435, 5.0),
+        (materials.couette_beads, "rough", math.inf, 1.0),
+    ],
 )
-def test_flow_at_a_rate_against_solve_bvp(walls, mu_2, rate):
+def test_flow_at_a_rate_against_solve_bvp(beads, walls, mu_2, rate):
     """scipy's collocation in r with mu_w as its parameter; compares g, g' and omega."""
-    beads, p = material(mu_2=mu_2), 500.0
+    p = 500.0
     flow = theory.couette_flow(INNER, OUTER, beads, rate=rate, pressure=p, walls=walls)
     grain = beads.d * math.sqrt(beads.rho_s / p)
     size = flow.g.max()

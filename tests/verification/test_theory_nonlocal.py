@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import quad, solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
+from granular.materials import NGF
 from granular.theory import (
     bagnold_profile,
     bagnold_shape,
@@ -41,10 +42,12 @@ def make(**changes):
 
 
 MATERIAL = make()
+LINEAR = NGF(E=1e6, rheology="linear_mu_I", elasticity="hencky", b=MATERIAL.b, **CHUTE)
 
 
 def threshold(angle_deg, m=MATERIAL):
-    return float(stopping_height(angle_deg, m.A, m.d, m.mu_s, m.mu_2))
+    limit = math.inf if m is LINEAR else m.mu_2
+    return float(stopping_height(angle_deg, m.A, m.d, m.mu_s, limit))
 
 
 def coefficients(angle_deg, height, m=MATERIAL):
@@ -52,6 +55,7 @@ def coefficients(angle_deg, height, m=MATERIAL):
     angle = math.radians(angle_deg)
     slope, weight = math.tan(angle), m.rho_c * GRAVITY * math.cos(angle)
     growth = -(m.mu_2 - m.mu_s) * (m.mu_s - slope) / (m.mu_2 - slope)
+    growth = slope - m.mu_s if m is LINEAR else growth
     return (
         (m.A * m.d / height) ** 2,
         growth,
@@ -271,12 +275,19 @@ def test_starts_that_stay():
 
 
 @pytest.mark.parametrize(
-    ("angle_deg", "ratio"),
-    [(24.0, 1.03), (27.0, 1.93), (30.0, 4.83), (27.0, 19.3), (30.0, 1.03), (24.0, 19.3)],
+    ("angle_deg", "ratio", "grains"),
+    [
+        (24.0, 1.03, MATERIAL),
+        (27.0, 1.93, MATERIAL),
+        (30.0, 4.83, MATERIAL),
+        (27.0, 19.3, MATERIAL),
+        (30.0, 1.03, LINEAR),
+        (24.0, 19.3, LINEAR),
+    ],
 )
-def test_profile_against_a_boundary_value_problem(angle_deg, ratio):
-    height = ratio * threshold(angle_deg)
-    diffusion, growth, damping = coefficients(angle_deg, height)
+def test_profile_against_a_boundary_value_problem(angle_deg, ratio, grains):
+    height = ratio * threshold(angle_deg, grains)
+    diffusion, growth, damping = coefficients(angle_deg, height, grains)
 
     # As functions of r = sqrt(z/H), g, dg/d(z/H) and the integral of g are smooth: d(z/H) = 2 r dr.
     def rate(r, y):
@@ -294,7 +305,7 @@ def test_profile_against_a_boundary_value_problem(angle_deg, ratio):
     found = solve_bvp(rate, ends, r, start, tol=1e-8, max_nodes=20000)
     assert found.success
     slope = math.tan(math.radians(angle_deg))
-    flow = chute_profile(angle_deg, height, MATERIAL)
+    flow = chute_profile(angle_deg, height, grains)
 
     def exact(y):
         """Fluidity and velocity, the integral of the shear rate from the base up."""
