@@ -1,4 +1,4 @@
-/* Hencky elasticity (hencky.h) with friction that depends on the plastic strain (hardening.h). */
+/* Hencky elasticity (hencky.h) with friction that depends on the plastic strain (hencky_blocks.h). */
 #ifdef GR_LIST_LAWS
 GR_LAW(hencky_hardening_drucker_prager)
 #else

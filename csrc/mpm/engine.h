@@ -17,7 +17,7 @@
 
 #define GR_MAX_NODES 27
 
-/* Effect of a wall on the velocity of a node (see granular/boundaries.py). */
+/* Effect of a wall on the velocity of a node (see granular/mpm/walls.py). */
 struct gr_wall {
     int32_t fixed;   /* bit d: component d is zero */
     int32_t normal;  /* axis of the normal for Coulomb friction, -1 without friction */
