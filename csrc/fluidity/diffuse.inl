@@ -11,21 +11,27 @@
  *   rkl2       Runge-Kutta-Legendre of second order (Meyer, Balsara & Aslam 2012, MNRAS 422; 2014, J. Comput. Phys. 257).
  *
  * Rounding, a coarse tolerance, or a long explicit or rkl2 step can make values negative. These are set to zero and
- * counted. Every thread adds up all partial sums in the order of the chunks, so that all take the same decisions. */
+ * counted. Partial sums are added up in the order of the chunks. */
 #include "core/simd.h"
 #include "fluidity/fluidity.h"
 
-/* Work of a thread: the chunks [first, last), together with its team. */
 struct diffusion {
     struct gr_fluidity *f;
-    struct gr_barrier *barrier;
-    int64_t first, last;
+    struct gr_team *team;
+    const struct passes *passes;
     double k, dt;
-    double *g, *work[3]; /* as in f, but each thread swaps its own copies of the pointers */
+    double *g, *work[3]; /* those of f, swapped */
     int64_t iterations;
+    /* arguments of a pass */
+    double *in, *out, *other, scale;
+    int stage;
 };
 
-#define GR_EACH_CHUNK(w, c) for (int64_t c = (w)->first; c < (w)->last; c++)
+/* Passes over the chunks that depend on the number of links of a cell. */
+struct passes {
+    gr_chunk_work *connect, *explicit_step, *first_residual, *multiply, *first_stage, *later_stage;
+};
+
 #define GR_EACH_BLOCK(f, c, i) \
     for (int64_t i = (f)->chunk_first[c] * GR_PAGE, end_##i = (f)->chunk_first[(c) + 1] * GR_PAGE; i < end_##i; i += GR_W)
 
@@ -135,210 +141,217 @@ static void swap(double **a, double **b)
     *a = *b, *b = c;
 }
 
-static inline int explicit_step(const int links, struct diffusion *w)
+static void over_chunks(struct diffusion *w, gr_chunk_work *pass) { gr_team_run(w->team, pass, w, w->f->n_chunks); }
+
+static inline void connect_chunk(const int links, const struct diffusion *w, int64_t c)
+{
+    connect(links, w->f, c);
+    w->f->partial_clamped[c] = 0;
+}
+
+/* out = g - k L g */
+static inline void explicit_chunk(const int links, const struct diffusion *w, int64_t c)
 {
     const vd k = v_set(w->k);
-    double *g = w->g, *next = w->work[0];
-    GR_EACH_CHUNK(w, c)
-    {
-        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(k, outflow(links, w->f, i, g), v_load(g + i)));
-        add_wraps(w->f, c, -w->k, g, next);
-        clamp(w->f, c, next);
-    }
-    swap(&w->g, &w->work[0]);
-    gr_wait(w->barrier);
-    return GR_OK;
+    GR_EACH_BLOCK(w->f, c, i) v_store(w->out + i, v_fnma(k, outflow(links, w->f, i, w->g), v_load(w->g + i)));
+    add_wraps(w->f, c, -w->k, w->g, w->out);
+    clamp(w->f, c, w->out);
 }
 
 /* r = p = -k L g, the residual of g itself. Its squared norm goes to partial[1], that of g to partial[2]. */
-static inline void first_residual(const int links, struct diffusion *w, double *r, double *p)
+static inline void first_residual_chunk(const int links, const struct diffusion *w, int64_t c)
 {
     const struct gr_fluidity *f = w->f;
     const vd k = v_set(-w->k);
-    GR_EACH_CHUNK(w, c)
+    double *r = w->work[0], *p = w->work[1];
+    vd rr = v_zero(), gg = v_zero();
+    GR_EACH_BLOCK(f, c, i) v_store(r + i, k * outflow(links, f, i, w->g));
+    add_wraps(f, c, -w->k, w->g, r);
+    GR_EACH_BLOCK(f, c, i)
     {
-        vd rr = v_zero(), gg = v_zero();
-        GR_EACH_BLOCK(f, c, i) v_store(r + i, k * outflow(links, f, i, w->g));
-        add_wraps(f, c, -w->k, w->g, r);
-        GR_EACH_BLOCK(f, c, i)
-        {
-            const vd rest = v_load(r + i), g = v_load(w->g + i);
-            v_store(p + i, rest);
-            rr = v_fma(rest, rest, rr), gg = v_fma(g, g, gg);
-        }
-        f->partial[1][c] = lane_sum(rr), f->partial[2][c] = lane_sum(gg);
+        const vd rest = v_load(r + i), g = v_load(w->g + i);
+        v_store(p + i, rest);
+        rr = v_fma(rest, rest, rr), gg = v_fma(g, g, gg);
     }
+    f->partial[1][c] = lane_sum(rr), f->partial[2][c] = lane_sum(gg);
 }
 
 /* q = (1 + k L) p; p.q goes to partial[0]. */
-static inline void multiply(const int links, struct diffusion *w, const double *p, double *q)
+static inline void multiply_chunk(const int links, const struct diffusion *w, int64_t c)
 {
     const vd k = v_set(w->k);
-    GR_EACH_CHUNK(w, c)
+    const double *p = w->work[1];
+    double *q = w->work[2];
+    vd sum = v_zero();
+    GR_EACH_BLOCK(w->f, c, i)
     {
-        vd sum = v_zero();
-        GR_EACH_BLOCK(w->f, c, i)
-        {
-            const vd here = v_load(p + i), value = v_fma(k, outflow(links, w->f, i, p), here);
-            v_store(q + i, value);
-            sum = v_fma(here, value, sum);
-        }
-        w->f->partial[0][c] = lane_sum(sum) + add_wraps(w->f, c, w->k, p, q);
+        const vd here = v_load(p + i), value = v_fma(k, outflow(links, w->f, i, p), here);
+        v_store(q + i, value);
+        sum = v_fma(here, value, sum);
     }
+    w->f->partial[0][c] = lane_sum(sum) + add_wraps(w->f, c, w->k, p, q);
 }
 
-/* g += alpha p, r -= alpha q; r.r goes to partial[1]. */
-static void descend(struct diffusion *w, double alpha, const double *p, const double *q, double *r)
+/* g += alpha p, r -= alpha q with alpha = scale; r.r goes to partial[1]. */
+static void descend(void *context, int64_t c, int t)
 {
-    const vd step = v_set(alpha);
-    GR_EACH_CHUNK(w, c)
-    {
-        vd sum = v_zero();
-        GR_EACH_BLOCK(w->f, c, i)
-        {
-            const vd rest = v_fnma(step, v_load(q + i), v_load(r + i));
-            v_store(w->g + i, v_fma(step, v_load(p + i), v_load(w->g + i)));
-            v_store(r + i, rest);
-            sum = v_fma(rest, rest, sum);
-        }
-        w->f->partial[1][c] = lane_sum(sum);
-    }
-}
-
-static inline int implicit_step(const int links, struct diffusion *w)
-{
-    static const double ROUND_OFF = 2e-16, NOTHING = 1e-150; /* 1/s; its square is still a normal number */
-    const struct gr_fluidity *f = w->f;
+    const struct diffusion *w = context;
+    const vd alpha = v_set(w->scale);
     double *r = w->work[0], *p = w->work[1], *q = w->work[2];
-    first_residual(links, w, r, p);
-    gr_wait(w->barrier);
-    double rr = total(f, f->partial[1]);
-    const double relative = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->partial[2]));
-    const double enough = fmax(relative, NOTHING * NOTHING);
-    for (int64_t n = 0; !(rr <= enough); n++) {
-        if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
-        multiply(links, w, p, q);
-        gr_wait(w->barrier);
-        descend(w, rr / total(f, f->partial[0]), p, q, r);
-        gr_wait(w->barrier);
-        const double before = rr;
-        rr = total(f, f->partial[1]);
-        w->iterations++;
-        if (rr <= enough) break;
-        const vd beta = v_set(rr / before);
-        GR_EACH_CHUNK(w, c)
-        GR_EACH_BLOCK(f, c, i) v_store(p + i, v_fma(beta, v_load(p + i), v_load(r + i)));
-        gr_wait(w->barrier);
+    vd sum = v_zero();
+    (void)t;
+    GR_EACH_BLOCK(w->f, c, i)
+    {
+        const vd rest = v_fnma(alpha, v_load(q + i), v_load(r + i));
+        v_store(w->g + i, v_fma(alpha, v_load(p + i), v_load(w->g + i)));
+        v_store(r + i, rest);
+        sum = v_fma(rest, rest, sum);
     }
-    GR_EACH_CHUNK(w, c) clamp(f, c, w->g);
-    gr_wait(w->barrier);
-    return GR_OK;
+    w->f->partial[1][c] = lane_sum(sum);
+}
+
+/* p = r + beta p with beta = scale */
+static void turn(void *context, int64_t c, int t)
+{
+    const struct diffusion *w = context;
+    const vd beta = v_set(w->scale);
+    double *r = w->work[0], *p = w->work[1];
+    (void)t;
+    GR_EACH_BLOCK(w->f, c, i) v_store(p + i, v_fma(beta, v_load(p + i), v_load(r + i)));
+}
+
+static void clamp_out(void *context, int64_t c, int t)
+{
+    const struct diffusion *w = context;
+    (void)t;
+    clamp(w->f, c, w->out);
 }
 
 /* The coefficients b_j of RKL2: b_j = (j^2 + j - 2)/(2 j (j + 1)), and 1/3 for j < 2. */
 static double legendre(int j) { return j < 2 ? 1.0 / 3.0 : (j * j + j - 2.0) / (2.0 * j * (j + 1.0)); }
 
-/* First stage, Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L. L Y_0 is kept in `lost_0`. */
-static inline void first_stage(const int links, struct diffusion *w, double mu, double *next, double *lost_0)
+/* First stage, Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L and mu~_1 = legendre(1) scale, to `in`. L Y_0 is kept in
+ * work[2], and Y_0 takes the place of Y_j-2 for j = 2. */
+static inline void first_stage_chunk(const int links, const struct diffusion *w, int64_t c)
 {
-    const vd step = v_set(mu * w->k);
-    GR_EACH_CHUNK(w, c)
+    const vd step = v_set(legendre(1) * w->scale * w->k);
+    double *lost_0 = w->work[2];
+    GR_EACH_BLOCK(w->f, c, i) v_store(lost_0 + i, outflow(links, w->f, i, w->g));
+    add_wraps(w->f, c, 1, w->g, lost_0);
+    GR_EACH_BLOCK(w->f, c, i)
     {
-        GR_EACH_BLOCK(w->f, c, i) v_store(lost_0 + i, outflow(links, w->f, i, w->g));
-        add_wraps(w->f, c, 1, w->g, lost_0);
-        GR_EACH_BLOCK(w->f, c, i) v_store(next + i, v_fnma(step, v_load(lost_0 + i), v_load(w->g + i)));
+        v_store(w->in + i, v_fnma(step, v_load(lost_0 + i), v_load(w->g + i)));
+        v_store(w->out + i, v_load(w->g + i));
     }
 }
 
-/* Stage j, written over Y_j-2:
+/* Stage j, from `in` = Y_j-1, written over `out` = Y_j-2:
  *
  *   Y_j = mu_j Y_j-1 + nu_j Y_j-2 + (1 - mu_j - nu_j) Y_0 + mu~_j dt M Y_j-1 + gamma~_j dt M Y_0. */
-static inline void later_stage(const int links, struct diffusion *w, int j, double w1, const double *last, double *before,
-                               const double *lost_0)
+static inline void later_stage_chunk(const int links, const struct diffusion *w, int64_t c)
 {
+    const int j = w->stage;
     const double mu = (2.0 * j - 1) / j * legendre(j) / legendre(j - 1);
     const double nu = -(j - 1.0) / j * legendre(j) / legendre(j - 2);
-    const double step = mu * w1 * w->k, back = (1 - legendre(j - 1)) * step;
-    GR_EACH_CHUNK(w, c)
+    const double step = mu * w->scale * w->k, back = (1 - legendre(j - 1)) * step;
+    const double *last = w->in, *lost_0 = w->work[2];
+    GR_EACH_BLOCK(w->f, c, i)
     {
-        GR_EACH_BLOCK(w->f, c, i)
-        {
-            vd sum = v_fma(v_set(1 - mu - nu), v_load(w->g + i), v_set(nu) * v_load(before + i));
-            sum = v_fma(v_set(mu), v_load(last + i), sum);
-            sum = v_fnma(v_set(step), outflow(links, w->f, i, last), sum);
-            v_store(before + i, v_fma(v_set(back), v_load(lost_0 + i), sum));
-        }
-        add_wraps(w->f, c, -step, last, before);
+        vd sum = v_fma(v_set(1 - mu - nu), v_load(w->g + i), v_set(nu) * v_load(w->out + i));
+        sum = v_fma(v_set(mu), v_load(last + i), sum);
+        sum = v_fnma(v_set(step), outflow(links, w->f, i, last), sum);
+        v_store(w->out + i, v_fma(v_set(back), v_load(lost_0 + i), sum));
     }
+    add_wraps(w->f, c, -step, last, w->out);
 }
 
-static inline int rkl2_step(const int links, struct diffusion *w)
+#define GR_PASS(pass, n) \
+    static void pass##_##n(void *context, int64_t c, int t) { (void)t, pass##_chunk(n, context, c); }
+#define GR_PASSES(n)                                                                                                        \
+    GR_PASS(connect, n)                                                                                                     \
+    GR_PASS(explicit, n)                                                                                                    \
+    GR_PASS(first_residual, n) GR_PASS(multiply, n) GR_PASS(first_stage, n)                                                 \
+        GR_PASS(later_stage, n) static const struct passes passes_##n = {connect_##n,  explicit_##n,    first_residual_##n, \
+                                                                         multiply_##n, first_stage_##n, later_stage_##n};
+GR_PASSES(2)
+GR_PASSES(3)
+GR_PASSES(4)
+GR_PASSES(13)
+
+static int explicit_step(struct diffusion *w)
 {
-    const int stages = gr_fluidity_stages(w->f, w->dt);
-    const double w1 = 4.0 / ((double)stages * stages + stages - 2.0);
-    double *last = w->work[0], *before = w->work[1], *lost_0 = w->work[2];
-    first_stage(links, w, legendre(1) * w1, last, lost_0);
-    GR_EACH_CHUNK(w, c) /* Y_0 takes the place of Y_j-2 for j = 2 */
-    GR_EACH_BLOCK(w->f, c, i) v_store(before + i, v_load(w->g + i));
-    gr_wait(w->barrier);
-    for (int j = 2; j <= stages; j++) {
-        later_stage(links, w, j, w1, last, before, lost_0);
-        swap(&last, &before);
-        gr_wait(w->barrier);
-    }
-    GR_EACH_CHUNK(w, c) clamp(w->f, c, last);
-    w->work[0] = w->g, w->work[1] = before, w->g = last;
-    w->iterations += stages;
-    gr_wait(w->barrier);
+    w->out = w->work[0];
+    over_chunks(w, w->passes->explicit_step);
+    swap(&w->g, &w->work[0]);
     return GR_OK;
 }
 
-static inline int run_diffusion(const int links, struct diffusion *w, const struct gr_diffusion_call *call)
+static int implicit_step(struct diffusion *w)
 {
-    int error = GR_OK;
-    GR_EACH_CHUNK(w, c)
-    {
-        connect(links, w->f, c);
-        w->f->partial_clamped[c] = 0;
+    static const double ROUND_OFF = 2e-16, NOTHING = 1e-150; /* 1/s; its square is still a normal number */
+    const struct gr_fluidity *f = w->f;
+    over_chunks(w, w->passes->first_residual);
+    double rr = total(f, f->partial[1]);
+    const double relative = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->partial[2]));
+    const double enough = fmax(relative, NOTHING * NOTHING);
+    for (int64_t n = 0; !(rr <= enough); n++) {
+        if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
+        over_chunks(w, w->passes->multiply);
+        w->scale = rr / total(f, f->partial[0]);
+        over_chunks(w, descend);
+        const double before = rr;
+        rr = total(f, f->partial[1]);
+        w->iterations++;
+        if (rr <= enough) break;
+        w->scale = rr / before;
+        over_chunks(w, turn);
     }
-    gr_wait(w->barrier);
-    for (int64_t n = 0; n < call->steps && !error; n++)
-        error = call->method == GR_DIFFUSION_explicit   ? explicit_step(links, w)
-                : call->method == GR_DIFFUSION_implicit ? implicit_step(links, w)
-                                                        : rkl2_step(links, w);
-    return error;
+    w->out = w->g;
+    over_chunks(w, clamp_out);
+    return GR_OK;
+}
+
+static int rkl2_step(struct diffusion *w)
+{
+    const int stages = gr_fluidity_stages(w->f, w->dt);
+    w->scale = 4.0 / ((double)stages * stages + stages - 2.0);
+    w->in = w->work[0], w->out = w->work[1];
+    over_chunks(w, w->passes->first_stage);
+    for (w->stage = 2; w->stage <= stages; w->stage++) {
+        over_chunks(w, w->passes->later_stage);
+        swap(&w->in, &w->out);
+    }
+    w->work[0] = w->g, w->work[1] = w->out, w->g = w->out = w->in;
+    over_chunks(w, clamp_out);
+    w->iterations += stages;
+    return GR_OK;
 }
 
 /* The kernel (gr_diffuse). For a grid of few chunks waiting for other threads does not pay: one thread does all the
  * work. */
-static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_barrier *barrier, int t)
+static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_team *team)
 {
     enum { CHUNKS_WORTH_SHARING = 8 };
-    struct gr_barrier nobody = {.threads = 1};
-    const int alone = f->n_chunks < CHUNKS_WORTH_SHARING;
-    struct diffusion w = {
-        .f = f, .barrier = alone ? &nobody : barrier, .k = call->dt * f->diffusivity / (f->dx * f->dx), .dt = call->dt};
-    gr_wait(barrier);
-    w.g = f->g;
-    for (int k = 0; k < 3; k++) w.work[k] = f->work[k];
-    gr_share(f->n_chunks, alone ? 0 : t, w.barrier->threads, &w.first, &w.last);
-    int error = GR_OK;
-#define GR_RUN(n) \
-    if (f->n_links == n && (!alone || t == 0)) error = run_diffusion(n, &w, call);
-    GR_RUN(2)
-    GR_RUN(3)
-    GR_RUN(4)
-    GR_RUN(13)
-#undef GR_RUN
-    gr_wait(barrier);
-    if (t == 0) {
-        f->error = error;
-        f->iterations = w.iterations;
-        f->clamped = 0;
-        for (int64_t c = 0; c < f->n_chunks; c++) f->clamped += f->partial_clamped[c];
-        f->g = w.g;
-        for (int k = 0; k < 3; k++) f->work[k] = w.work[k];
-    }
-    gr_wait(barrier);
+    struct diffusion w = {.f = f,
+                          .team = f->n_chunks < CHUNKS_WORTH_SHARING ? NULL : team,
+                          .passes = f->n_links == 2   ? &passes_2
+                                    : f->n_links == 3 ? &passes_3
+                                    : f->n_links == 4 ? &passes_4
+                                                      : &passes_13,
+                          .k = call->dt * f->diffusivity / (f->dx * f->dx),
+                          .dt = call->dt,
+                          .g = f->g,
+                          .work = {f->work[0], f->work[1], f->work[2]}};
+    over_chunks(&w, w.passes->connect);
+    f->error = GR_OK;
+    for (int64_t n = 0; n < call->steps && !f->error; n++)
+        f->error = call->method == GR_DIFFUSION_explicit   ? explicit_step(&w)
+                   : call->method == GR_DIFFUSION_implicit ? implicit_step(&w)
+                                                           : rkl2_step(&w);
+    f->iterations = w.iterations;
+    f->clamped = 0;
+    for (int64_t c = 0; c < f->n_chunks; c++) f->clamped += f->partial_clamped[c];
+    f->g = w.g;
+    for (int k = 0; k < 3; k++) f->work[k] = w.work[k];
     return f->error;
 }

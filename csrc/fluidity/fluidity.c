@@ -88,24 +88,22 @@ int gr_fluidity_check(const struct gr_fluidity *f, const struct gr_diffusion_cal
     return call->dt < gr_fluidity_limit(f, call->method) ? GR_OK : GR_ERR_LIMIT;
 }
 
-struct run {
+struct call {
     struct gr_fluidity *f;
     gr_diffuse *kernel;
-    const struct gr_diffusion_call *call;
-    struct gr_barrier barrier;
+    const struct gr_diffusion_call *steps;
 };
 
-static void run(void *data, int t)
+static void run(void *context, struct gr_team *team)
 {
-    struct run *r = data;
-    r->kernel(r->f, r->call, &r->barrier, t);
+    const struct call *call = context;
+    call->kernel(call->f, call->steps, team);
 }
 
 int gr_fluidity_run(struct gr_fluidity *f, gr_diffuse *kernel, const struct gr_diffusion_call *call, int threads)
 {
-    struct run r = {.f = f, .kernel = kernel, .call = call};
     const int error = gr_fluidity_check(f, call);
     if (error) return error;
-    gr_run_team(&r.barrier, threads, run, &r);
+    gr_team_lead(threads, run, &(struct call){f, kernel, call});
     return f->error;
 }

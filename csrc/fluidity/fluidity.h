@@ -20,7 +20,7 @@
 
 #include <stdint.h>
 
-#include "core/barrier.h"
+#include "core/team.h"
 #include "core/error.h"
 #include "core/table.h"
 
@@ -145,10 +145,9 @@ struct gr_diffusion_call {
     int64_t steps;
 };
 
-/* The kernel of the diffusion (kernels.c), called by each thread t of a team. No thread enters before all have arrived,
- * and none leaves before all is done. Call gr_fluidity_check first.
- * Returned: the same to all threads: GR_OK, or GR_ERR_DIVERGED, after which g is unusable. */
-typedef int gr_diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_barrier *barrier, int t);
+/* The kernel of the diffusion (kernels.c), called by the leader of a team. Call gr_fluidity_check first.
+ * Returned: GR_OK, or GR_ERR_DIVERGED, after which g is unusable. */
+typedef int gr_diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, struct gr_team *team);
 
 /* Make a fluidity grid without places.
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */

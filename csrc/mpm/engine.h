@@ -7,7 +7,7 @@
 #include "body/body.h"
 #include "mpm/thin_bodies.h"
 #include "core/axis.h"
-#include "core/barrier.h"
+#include "core/team.h"
 #include "core/error.h"
 #include "core/field.h"
 #include "core/table.h"

@@ -1,13 +1,13 @@
 /* The time step: P2G, grid stage, diffusion of the fluidity, G2P. A call makes many steps, by a team of threads.
  *
- * The work of each stage is divided by cells or nodes. Each result is written by one thread, and every sum has a fixed
- * order, so that the bits do not depend on the number of threads. */
+ * The work of each stage is divided into chunks of cells or nodes. Each result is written by one chunk, and every sum
+ * has a fixed order, so that the bits do not depend on the number of threads. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "mpm/contact.h"
-#include "core/barrier.h"
 #include "core/piecewise.h"
+#include "core/team.h"
 #include "kernels.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
@@ -15,15 +15,17 @@
 
 enum { DT_INTERVAL = 16 }; /* steps between two updates of the largest speed */
 
-struct team {
+/* A call for steps. */
+struct run {
     struct gr_engine *e;
     const struct gr_kernels *kernels;
-    struct gr_barrier barrier;
-    int go, again;
+    struct gr_team *team;
+    int again, pass;
     int64_t left; /* steps left */
     double until, gravity[3];
-    int64_t cut[GR_MAX_THREADS + 1];
-    struct gr_migrants migrants[GR_MAX_THREADS];
+    int n_chunks; /* of cells */
+    int64_t cut[GR_MAX_CHUNKS + 1];
+    struct gr_migrants migrants[GR_MAX_CHUNKS];
 };
 
 double gr_stable_dt(const struct gr_engine *e)
@@ -53,43 +55,46 @@ static int reserve_substeps(struct gr_engine *e)
     return e->substeps ? GR_OK : GR_ERR_MEMORY;
 }
 
-/* Divide the cells so that each thread has about the same number of points. Give each thread capacity for migrants: all
+/* Divide the cells so that each chunk has about the same number of points. Give each chunk capacity for migrants: all
  * its points may leave their cells at once. */
-static int share_out(struct team *team)
+static int share_out(struct run *run)
 {
-    struct gr_engine *e = team->e;
-    int64_t points = 0, first[GR_MAX_THREADS + 1] = {0};
-    int t = 1;
-    team->cut[0] = 0;
-    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+    struct gr_engine *e = run->e;
+    const int64_t n_cells = e->mesh.n_cells, all = n_cells ? e->mesh.cell[n_cells - 1].offset : 0;
+    const int chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
+    int64_t points = 0, first[GR_MAX_CHUNKS + 1] = {0};
+    int k = 1;
+    run->n_chunks = chunks;
+    run->cut[0] = 0;
+    for (int64_t c = 0; c < n_cells; c++) {
         points += e->mesh.cell[c].capacity;
-        if (e->mesh.cell[c].side == 1) continue; /* its back must be in the same part */
-        while (t < team->barrier.threads && points * team->barrier.threads >= e->mesh.cell[e->mesh.n_cells - 1].offset * t) {
-            first[t] = points;
-            team->cut[t++] = c + 1;
+        if (e->mesh.cell[c].side == 1) continue; /* its back must be in the same chunk */
+        while (k < chunks && points * chunks >= all * k) {
+            first[k] = points;
+            run->cut[k++] = c + 1;
         }
     }
-    for (; t <= team->barrier.threads; t++) team->cut[t] = e->mesh.n_cells, first[t] = points;
-    if (reserve_substeps(e) || gr_reserve_pending(e, points + team->barrier.threads)) return GR_ERR_MEMORY;
-    for (t = 0; t < team->barrier.threads; t++) {
-        const int64_t begin = first[t] + t; /* one record more than points for each thread */
-        team->migrants[t] =
+    for (; k <= chunks; k++) run->cut[k] = n_cells, first[k] = points;
+    if (reserve_substeps(e) || gr_reserve_pending(e, points + chunks)) return GR_ERR_MEMORY;
+    for (k = 0; k < chunks; k++) {
+        const int64_t begin = first[k] + k; /* one record more than points for each chunk */
+        run->migrants[k] =
             (struct gr_migrants){e->migrant + begin, e->pending + begin * e->n_components, e->pending_id + begin, 0};
     }
     return GR_OK;
 }
 
-/* Decide whether there is another step, and set its dt and gravity. One thread. */
-static void prepare(struct team *team)
+/* Decide whether there is another step, and set its dt and gravity.
+ * Returned: whether there is one. */
+static int prepare(struct run *run)
 {
-    struct gr_engine *e = team->e;
+    struct gr_engine *e = run->e;
     const struct gr_config *config = &e->config;
-    team->go = !e->error && team->left > 0 && e->time < team->until;
-    if (!team->go) return;
-    team->left--;
+    if (!(run->left > 0 && e->time < run->until)) return 0;
+    run->left--;
     const double dt = config->dt > 0 ? config->dt : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e) : e->dt;
     /* The sums contain the momentum of the shift as a force for dt; with another dt they are computed again. */
-    team->again = e->sums_correct_shift && e->step > 0 && dt != e->shift_dt;
+    run->again = e->sums_correct_shift && e->step > 0 && dt != e->shift_dt;
     if (dt != e->dt) {
         e->dt = dt;
         e->time_anchor = e->time;
@@ -98,21 +103,22 @@ static void prepare(struct team *team)
     const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
     /* Shear rates are recorded in the last step, where they are seen, and in the step before an averaging, which uses
      * them. */
-    e->record_rates = team->left == 0 || next >= team->until || gr_averages(e, e->step + 1) || e->fluidity;
+    e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->step + 1) || e->fluidity;
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
     for (int d = 0; d < config->dim; d++)
         e->sponge_factor[d] = config->has_sponge >> d & 1 ? exp(-config->sponge_damping[d] * dt) : 1;
     gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
-                 team->gravity);
+                 run->gravity);
+    return 1;
 }
 
-/* Finish the step: move the points that left their cells, and the bodies. One thread. */
-static void finish(struct team *team)
+/* Finish the step: move the points that left their cells, and the bodies. */
+static void finish(struct run *run)
 {
-    struct gr_engine *e = team->e;
-    e->error = gr_migrate(e, team->migrants, team->barrier.threads);
+    struct gr_engine *e = run->e;
+    e->error = gr_migrate(e, run->migrants, run->n_chunks);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
     for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
@@ -122,48 +128,85 @@ static void finish(struct team *team)
     if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
     if (!e->n_pending && !e->disconnected) return;
     e->error = gr_regroup(e);
-    if (!e->error) e->error = share_out(team);
+    if (!e->error) e->error = share_out(run);
 }
 
-static void stage_grid(struct team *team, int t)
+static void grid_nodes(struct run *run, int64_t first, int64_t last)
 {
-    struct gr_engine *e = team->e;
-    int64_t first, last;
-    if (t == 0) { /* not before: P2G of other threads may still have used the last dt */
-        e->shift_dt = e->dt;
-        e->shift_scale = -1.0 / e->dt;
-        e->inv_dt = 1.0 / e->dt;
+    if (run->e->n_thin) gr_split_nodes(run->e, first, last);
+    gr_grid_nodes(run->e, first, last, run->gravity);
+    if (run->e->config.n_bodies) gr_bodies_find(run->e, first, last);
+}
+
+static void p2g_listed(struct run *run, int64_t first, int64_t last)
+{
+    for (int64_t k = first; k < last; k++) run->kernels->p2g(run->e, run->e->dirty[k], run->e->dirty[k] + 1);
+}
+
+/* ---- Chunks of the stages ---- */
+
+/* Define chunk(): call a kernel for the cells of a chunk. */
+#define GR_CHUNK_OF_CELLS(chunk, ...)                              \
+    static void chunk(void *context, int64_t c, int t)             \
+    {                                                              \
+        struct run *run = context;                                 \
+        const int64_t first = run->cut[c], last = run->cut[c + 1]; \
+        (void)t, __VA_ARGS__;                                      \
     }
-    if (team->again) {
-        gr_wait(&team->barrier);
-        team->kernels->p2g(e, team->cut[t], team->cut[t + 1]);
-        gr_wait(&team->barrier);
+
+GR_CHUNK_OF_CELLS(p2g, run->kernels->p2g(run->e, first, last))
+GR_CHUNK_OF_CELLS(cell_forces, run->kernels->apply_cell_forces(run->e, first, last))
+GR_CHUNK_OF_CELLS(smooth, run->kernels->smooth(run->e, first, last))
+GR_CHUNK_OF_CELLS(mark, gr_bodies_mark(run->e, first, last))
+GR_CHUNK_OF_CELLS(begin_substeps, run->kernels->begin_substeps(run->e, first, last))
+GR_CHUNK_OF_CELLS(substep, run->kernels->substep(run->e, first, last))
+GR_CHUNK_OF_CELLS(sweep, run->kernels->sweep(run->e, first, last, &run->migrants[c], 1))
+
+/* Define chunk(): the same for chunks of n nodes or other items. */
+#define GR_CHUNK_OF(n, chunk, ...)                              \
+    static void chunk(void *context, int64_t c, int t)          \
+    {                                                           \
+        struct run *run = context;                              \
+        int64_t first, last;                                    \
+        gr_share(n, c, gr_chunks(run->team, n), &first, &last); \
+        (void)t, __VA_ARGS__;                                   \
     }
-    if (t == 0) gr_plan_sums(e, e->step + 1);
-    gr_share(e->mesh.n_nodes, t, team->barrier.threads, &first, &last);
+
+GR_CHUNK_OF(run->e->n_dirty, p2g_dirty, p2g_listed(run, first, last))
+GR_CHUNK_OF(run->e->mesh.n_paired, mean_pairs, run->kernels->mean_pairs(run->e, first, last))
+GR_CHUNK_OF(run->e->mesh.n_nodes, masses, gr_grid_masses(run->e, first, last))
+GR_CHUNK_OF(run->e->mesh.n_nodes, surroundings, gr_grid_surroundings(run->e, first, last))
+GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, first, last, run->pass))
+GR_CHUNK_OF(run->e->mesh.n_nodes, nodes, grid_nodes(run, first, last))
+
+static void all_cells(struct run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
+
+static void all_of(struct run *run, gr_chunk_work *chunk, int64_t n)
+{
+    gr_team_run(run->team, chunk, run, gr_chunks(run->team, n));
+}
+
+/* ---- Stages ---- */
+
+static void stage_grid(struct run *run)
+{
+    struct gr_engine *e = run->e;
+    const int64_t n_nodes = e->mesh.n_nodes;
+    e->shift_dt = e->dt;
+    e->shift_scale = -1.0 / e->dt;
+    e->inv_dt = 1.0 / e->dt;
+    if (run->again) all_cells(run, p2g);
+    gr_plan_sums(e, e->step + 1);
     if (e->config.cell_averaged) {
-        gr_grid_masses(e, first, last);
-        gr_wait(&team->barrier);
-        team->kernels->apply_cell_forces(e, team->cut[t], team->cut[t + 1]);
-        gr_wait(&team->barrier);
+        all_of(run, masses, n_nodes);
+        all_cells(run, cell_forces);
     }
-    if (e->n_thin) gr_split_nodes(e, first, last);
-    gr_grid_nodes(e, first, last, team->gravity);
-    if (e->config.n_bodies) gr_bodies_find(e, first, last);
-    gr_wait(&team->barrier);
-    if (e->config.n_bodies) {
-        if (t == 0) gr_bodies_touch(e, team->gravity);
-        gr_wait(&team->barrier);
-    }
-    if (gr_averages(e, e->step)) {
-        gr_grid_surroundings(e, first, last);
-        gr_wait(&team->barrier);
-    }
-    for (int pass = 2; pass <= e->config.xpic_order; pass++) {
-        team->kernels->smooth(e, team->cut[t], team->cut[t + 1]);
-        gr_wait(&team->barrier);
-        gr_grid_smooth(e, first, last, pass);
-        gr_wait(&team->barrier);
+    all_of(run, nodes, n_nodes);
+    if (e->config.n_bodies) gr_bodies_touch(e, run->gravity);
+    if (gr_averages(e, e->step)) all_of(run, surroundings, n_nodes);
+    for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
+        all_cells(run, smooth);
+        all_of(run, smooth_nodes, n_nodes);
     }
 }
 
@@ -182,66 +225,45 @@ static void blame(struct gr_engine *e)
     }
 }
 
-/* Mean fluidity of the double cells, after P2G of all points and the marking of the cells. */
-static void mean_pairs(struct team *team, int t)
-{
-    int64_t first, last;
-    gr_wait(&team->barrier);
-    gr_share(team->e->mesh.n_paired, t, team->barrier.threads, &first, &last);
-    team->kernels->mean_pairs(team->e, first, last);
-}
-
 /* Diffuse the fluidity, and make all substeps of the nonlocal law but the last, which is part of the sweep.
- * Returned: 0, or the error of the step; the same to all threads. */
-static int stage_fluidity(struct team *team, int t)
+ * Returned: 0, or the error of the step. */
+static int stage_fluidity(struct run *run)
 {
-    struct gr_engine *e = team->e;
+    struct gr_engine *e = run->e;
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     if (!e->diffuses) return GR_OK;
-    if (e->fluidity->has_inside) gr_bodies_mark(e, team->cut[t], team->cut[t + 1]);
+    if (e->fluidity->has_inside) all_cells(run, mark);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
-        if (made) (made == 1 ? team->kernels->begin_substeps : team->kernels->substep)(e, team->cut[t], team->cut[t + 1]);
-        if (!made && e->mesh.n_paired) mean_pairs(team, t);
-        const int error = team->kernels->diffuse(e->fluidity, &call, &team->barrier, t);
-        if (error) {
-            if (t == 0) e->error = error, e->sums_valid = 0, blame(e);
-            gr_wait(&team->barrier);
-            return error;
+        if (made) all_cells(run, made == 1 ? begin_substeps : substep);
+        if (!made && e->mesh.n_paired) all_of(run, mean_pairs, e->mesh.n_paired);
+        e->error = run->kernels->diffuse(e->fluidity, &call, run->team);
+        if (e->error) {
+            e->sums_valid = 0;
+            blame(e);
+            break;
         }
-        if (t) continue;
         e->cg_iterations += e->fluidity->iterations;
         e->clamped_cells += e->fluidity->clamped;
     }
-    return GR_OK;
+    return e->error;
 }
 
-static void run(void *data, int t)
+static void make_steps(void *context, struct gr_team *team)
 {
-    struct team *team = data;
-    struct gr_engine *e = team->e;
-    if (t == 0) e->error = share_out(team);
-    gr_wait(&team->barrier);
-    if (e->error) return;
-    for (;;) {
-        int64_t first, last;
-        if (!e->sums_valid && !e->error) { /* after an error there may be no fluidity grid */
-            team->kernels->p2g(e, team->cut[t], team->cut[t + 1]);
-            gr_wait(&team->barrier);
-            if (t == 0) e->sums_valid = 1;
-        }
-        if (t == 0) prepare(team);
-        gr_wait(&team->barrier);
-        if (!team->go) return;
-        stage_grid(team, t);
-        if (stage_fluidity(team, t)) return;
-        team->kernels->sweep(e, team->cut[t], team->cut[t + 1], &team->migrants[t], 1);
-        gr_wait(&team->barrier);
-        if (t == 0) finish(team);
-        gr_wait(&team->barrier);
-        if (e->error || !e->sums_valid) continue;
-        gr_share(e->n_dirty, t, team->barrier.threads, &first, &last);
-        for (int64_t k = first; k < last; k++) team->kernels->p2g(e, e->dirty[k], e->dirty[k] + 1);
+    struct run *run = context;
+    struct gr_engine *e = run->e;
+    run->team = team;
+    e->error = share_out(run);
+    while (!e->error) {
+        if (!e->sums_valid) all_cells(run, p2g);
+        e->sums_valid = 1;
+        if (!prepare(run)) return;
+        stage_grid(run);
+        if (stage_fluidity(run)) return;
+        all_cells(run, sweep);
+        finish(run);
+        if (!e->error && e->sums_valid) all_of(run, p2g_dirty, e->n_dirty);
     }
 }
 
@@ -254,11 +276,11 @@ static int ready(struct gr_engine *e)
 
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
 {
-    struct team team = {.e = e, .kernels = kernels, .left = max_steps, .until = until, .barrier = {.threads = 1}};
+    struct run run = {.e = e, .kernels = kernels, .left = max_steps, .until = until};
     e->error = ready(e);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
-    gr_run_team(&team.barrier, e->mesh.n_cells ? threads : 1, run, &team);
+    gr_team_lead(e->mesh.n_cells ? threads : 1, make_steps, &run);
     return e->error;
 }
 
@@ -279,26 +301,26 @@ int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    struct team team = {.e = e, .kernels = kernels, .left = 1, .until = INFINITY, .barrier = {.threads = 1}};
+    struct run run = {.e = e, .kernels = kernels, .left = 1, .until = INFINITY};
     e->error = GR_OK;
     if (!e->sums_valid) gr_p2g(e, kernels);
-    if (!e->error) e->error = share_out(&team);
+    if (!e->error) e->error = share_out(&run);
     if (e->error) return e->error;
-    prepare(&team);
-    stage_grid(&team, 0);
+    prepare(&run);
+    stage_grid(&run);
     if (e->config.xpic_order > 1) e->sums_valid = 0; /* the XPIC passes overwrote the sums */
-    return stage_fluidity(&team, 0);
+    return stage_fluidity(&run);
 }
 
 int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    struct team team = {.e = e, .kernels = kernels, .barrier = {.threads = 1}};
+    struct run run = {.e = e, .kernels = kernels};
     const int known = !e->config.cell_averaged || e->sums_valid; /* the density of a cell is stored with its sums */
-    e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&team) : GR_ERR_CONFIG;
+    e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&run) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;
-    kernels->sweep(e, 0, e->mesh.n_cells, &team.migrants[0], 0);
-    finish(&team);
+    kernels->sweep(e, 0, e->mesh.n_cells, &run.migrants[0], 0);
+    finish(&run);
     e->sums_valid = 0;
     return e->error;
 }

@@ -114,17 +114,17 @@ static int make_places(struct gr_sph *s, int64_t capacity)
 
 enum kind { PARTICLES, WALLS, GAS, KINDS };
 
-/* The rows of each kind, of a thread: [first, last). */
+/* The rows of each kind in a chunk: [first, last). */
 struct share {
     int64_t first[KINDS], last[KINDS];
 };
 
-static struct share share_of(const struct gr_sph *s, int t, int threads)
+static struct share share_of(const struct gr_sph *s, int64_t chunk, int64_t chunks)
 {
     const int64_t n[KINDS] = {s->n_particles, s->n_walls, s->n_gas}, begin[KINDS] = {0, s->wall_first, s->gas_first};
     struct share own;
     for (int k = 0; k < KINDS; k++) {
-        gr_share(n[k], t, threads, &own.first[k], &own.last[k]);
+        gr_share(n[k], chunk, chunks, &own.first[k], &own.last[k]);
         own.first[k] += begin[k], own.last[k] += begin[k];
     }
     return own;
@@ -188,14 +188,22 @@ double gr_sph_stable_dt(const struct gr_sph *s)
     return p[GR_SPH_P_cfl] * limit / STEP_LIMIT_DIVISOR;
 }
 
-struct team {
+/* A call for steps. */
+struct run {
     struct gr_sph *s;
     gr_sph_kernel *kernel;
-    struct gr_barrier barrier;
-    double until;
+    struct gr_team *team;
+    double until, kick_dt;
     int64_t steps_left;
-    int goes_on, rebuilds, wall_goes;
+    int rebuilds, wall_goes;
+    const struct stage *stage;
 };
+
+/* Of the points that are bad the first one is kept, whatever the order of chunks. */
+static void note_bad(struct gr_sph_found *found, int64_t i)
+{
+    if (found->bad < 0 || i < found->bad) found->bad = i;
+}
 
 /* First half of a step: v^{n+1/2} = v^n + a^n dt/2, x^{n+1} = x^n + v^{n+1/2} dt (eqs. 5.25, 5.27). A particle that
  * moves by h in it has run away. */
@@ -211,7 +219,7 @@ static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_f
             x[d][i] += s->dt * v[d][i];
             speed2 += v[d][i] * v[d][i];
         }
-        if (!(speed2 < farthest * farthest) && found->bad < 0) found->bad = i;
+        if (!(speed2 < farthest * farthest)) note_bad(found, i);
     }
     found->stopped += gr_sph_stop(s, first, last);
 }
@@ -229,7 +237,7 @@ static void measure(const struct gr_sph *s, int64_t first, int64_t last, struct 
             if (way > found->high[d]) found->high[d] = way;
         }
         if (moved2 > found->moved2) found->moved2 = moved2;
-        if (!isfinite(moved2) && found->bad < 0) found->bad = i;
+        if (!isfinite(moved2)) note_bad(found, i);
     }
 }
 
@@ -248,10 +256,11 @@ static void kick(struct gr_sph *s, double dt, int64_t first, int64_t last, struc
 }
 
 /* Combine the results of the threads. Maxima and counts do not depend on the order of threads. */
-static struct gr_sph_found combined(const struct gr_sph *s, int threads)
+static struct gr_sph_found combined(const struct run *run)
 {
+    const struct gr_sph *s = run->s;
     struct gr_sph_found all = s->found[0];
-    for (int t = 1; t < threads; t++) {
+    for (int t = 1; t < gr_team_threads(run->team); t++) {
         const struct gr_sph_found *f = &s->found[t];
         all.speed2 = fmax(all.speed2, f->speed2), all.acceleration2 = fmax(all.acceleration2, f->acceleration2);
         all.gas_speed2 = fmax(all.gas_speed2, f->gas_speed2);
@@ -259,7 +268,7 @@ static struct gr_sph_found combined(const struct gr_sph *s, int threads)
         all.blocks = all.blocks > f->blocks ? all.blocks : f->blocks;
         for (int d = 0; d < s->config.dim; d++)
             all.low[d] = fmin(all.low[d], f->low[d]), all.high[d] = fmax(all.high[d], f->high[d]);
-        if (f->bad >= 0 && (all.bad < 0 || f->bad < all.bad)) all.bad = f->bad;
+        if (f->bad >= 0) note_bad(&all, f->bad);
     }
     return all;
 }
@@ -270,16 +279,17 @@ static void find_gravity(struct gr_sph *s)
     gr_piecewise(c->dim, c->n_gravity, c->gravity_times, 1, c->gravity_vectors, c->dim, s->time, s->gravity);
 }
 
-/* Decide whether there is another step, and its length. One thread. */
-static void begin_step(struct team *team)
+/* Decide whether there is another step, and its length.
+ * Returned: whether there is one. */
+static int begin_step(struct run *run)
 {
-    struct gr_sph *s = team->s;
-    team->goes_on = !s->error && team->steps_left-- > 0 && s->time < team->until;
-    if (!team->goes_on) return;
+    struct gr_sph *s = run->s;
+    if (!(run->steps_left-- > 0 && s->time < run->until)) return 0;
     s->dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
     s->time += s->dt, s->step++;
-    team->wall_goes = gr_sph_begin_walls(s);
+    run->wall_goes = gr_sph_begin_walls(s);
     find_gravity(s);
+    return 1;
 }
 
 /* True if two points may have become neighbours without being in the list. That takes a displacement of half the skin,
@@ -292,12 +302,11 @@ static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
     return 4.0 * all->moved2 >= skin * skin && spread2 >= skin * skin;
 }
 
-/* After the points have moved: find out whether a new list is needed, and whether a point ran away or is not finite.
- * One thread. */
-static void look(struct team *team)
+/* After the points have moved: find out whether a new list is needed, and whether a point ran away or is not finite. */
+static void look(struct run *run)
 {
-    struct gr_sph *s = team->s;
-    const struct gr_sph_found all = combined(s, team->barrier.threads);
+    struct gr_sph *s = run->s;
+    const struct gr_sph_found all = combined(run);
     if (all.bad >= 0) {
         s->error = GR_ERR_RUNAWAY, s->error_id = s->id[all.bad];
         for (int d = 0; d < s->config.dim; d++) {
@@ -306,107 +315,118 @@ static void look(struct team *team)
         }
     }
     s->stopped += all.stopped;
-    team->rebuilds = !s->error && (team->wall_goes || is_old(s, &all));
-    if (!team->rebuilds) return;
+    run->rebuilds = !s->error && (run->wall_goes || is_old(s, &all));
+    if (!run->rebuilds) return;
     gr_sph_sort(s, 1);
     s->rebuilds++;
 }
 
-/* Make a new neighbour list, by all threads. */
-static void rebuild(struct team *team, int t)
+static void over_chunks(struct run *run, gr_chunk_work *work)
 {
-    struct gr_sph *s = team->s;
-    const struct share own = share_of(s, t, team->barrier.threads);
-    do {
-        s->found[t].blocks = list_blocks(s, own);
-        gr_wait(&team->barrier);
-        if (t == 0) {
-            const int64_t most = combined(s, team->barrier.threads).blocks;
-            team->rebuilds = most > s->stride;
-            if (team->rebuilds) s->error = gr_sph_widen(s, most);
-        }
-        gr_wait(&team->barrier);
-    } while (team->rebuilds && !s->error);
+    gr_team_run(run->team, work, run, gr_chunks(run->team, GR_MAX_CHUNKS));
 }
 
-/* Compute densities, stresses and accelerations at the present positions and velocities. */
-static void evaluate(struct team *team, int t)
+static struct share share_of_chunk(const struct run *run, int64_t c)
 {
-    static const struct {
-        enum gr_sph_stage stage;
-        enum kind kind;
-        int waits; /* for the results of the stages before */
-    } plan[] = {{GR_SPH_DENSITIES, PARTICLES, 0}, {GR_SPH_DENSITIES, WALLS, 0},        {GR_SPH_FILTER, PARTICLES, 1},
-                {GR_SPH_FILTER, WALLS, 0},        {GR_SPH_STRESSES, PARTICLES, 1},     {GR_SPH_STRESSES, WALLS, 0},
-                {GR_SPH_GAS_VOLUMES, GAS, 0},     {GR_SPH_FORCES, PARTICLES, 1},       {GR_SPH_GAS_FORCES, GAS, 0},
-                {GR_SPH_GAS_LOADS, PARTICLES, 0}, {GR_SPH_GAS_SHARES, PARTICLES, 1},   {GR_SPH_GAS_EXCHANGE, GAS, 0},
-                {GR_SPH_GAS_DRAG, GAS, 1},        {GR_SPH_GAS_REACTIONS, PARTICLES, 1}};
-    const struct share own = share_of(team->s, t, team->barrier.threads);
-    for (size_t k = 0; k < sizeof plan / sizeof *plan; k++) {
-        if (plan[k].stage >= GR_SPH_GAS_VOLUMES && !team->s->gas) continue;
-        if (plan[k].waits) gr_wait(&team->barrier);
-        team->kernel(team->s, plan[k].stage, own.first[plan[k].kind], own.last[plan[k].kind], &team->s->found[t]);
+    return share_of(run->s, c, gr_chunks(run->team, GR_MAX_CHUNKS));
+}
+
+static void list_chunk(void *context, int64_t c, int t)
+{
+    const struct run *run = context;
+    struct gr_sph_found *found = &run->s->found[t];
+    const int64_t blocks = list_blocks(run->s, share_of_chunk(run, c));
+    if (blocks > found->blocks) found->blocks = blocks;
+}
+
+/* Make a new neighbour list. */
+static void rebuild(struct run *run)
+{
+    struct gr_sph *s = run->s;
+    for (;;) {
+        over_chunks(run, list_chunk);
+        const int64_t most = combined(run).blocks;
+        if (most > s->stride) s->error = gr_sph_widen(s, most);
+        if (most <= s->stride || s->error) return;
     }
 }
 
-static void forget(struct gr_sph_found *found) { *found = (struct gr_sph_found){.bad = -1}; }
+/* Stages of a step. Those in a row up to one that waits for the results of all before are made together. */
+static const struct stage {
+    enum gr_sph_stage stage;
+    enum kind kind;
+    int waits;
+} plan[] = {{GR_SPH_DENSITIES, PARTICLES, 1}, {GR_SPH_DENSITIES, WALLS, 0},        {GR_SPH_FILTER, PARTICLES, 1},
+            {GR_SPH_FILTER, WALLS, 0},        {GR_SPH_STRESSES, PARTICLES, 1},     {GR_SPH_STRESSES, WALLS, 0},
+            {GR_SPH_GAS_VOLUMES, GAS, 0},     {GR_SPH_FORCES, PARTICLES, 1},       {GR_SPH_GAS_FORCES, GAS, 0},
+            {GR_SPH_GAS_LOADS, PARTICLES, 0}, {GR_SPH_GAS_SHARES, PARTICLES, 1},   {GR_SPH_GAS_EXCHANGE, GAS, 0},
+            {GR_SPH_GAS_DRAG, GAS, 1},        {GR_SPH_GAS_REACTIONS, PARTICLES, 1}};
+static const struct stage *const plan_end = plan + sizeof plan / sizeof *plan;
 
-/* Keep the maxima for the time step limits of the next step. One thread. */
-static void end_step(struct team *team)
+static void stage_chunk(void *context, int64_t c, int t)
 {
-    struct gr_sph *s = team->s;
-    const struct gr_sph_found all = combined(s, team->barrier.threads);
+    const struct run *run = context;
+    const struct share own = share_of_chunk(run, c);
+    const struct stage *k = run->stage;
+    do {
+        if (k->stage < GR_SPH_GAS_VOLUMES || run->s->gas)
+            run->kernel(run->s, k->stage, own.first[k->kind], own.last[k->kind], &run->s->found[t]);
+    } while (++k < plan_end && !k->waits);
+}
+
+static void kick_chunk(void *context, int64_t c, int t)
+{
+    const struct run *run = context;
+    const struct share own = share_of_chunk(run, c);
+    kick(run->s, run->kick_dt, own.first[PARTICLES], own.last[PARTICLES], &run->s->found[t]);
+    if (run->s->gas) gr_sph_kick_gas(run->s, run->kick_dt, own.first[GAS], own.last[GAS], &run->s->found[t]);
+}
+
+static void forget(struct run *run)
+{
+    for (int t = 0; t < gr_team_threads(run->team); t++) run->s->found[t] = (struct gr_sph_found){.bad = -1};
+}
+
+/* Compute densities, stresses and accelerations at the present positions and velocities, and make the second half of a
+ * step of length dt. Keep the maxima for the time step limits of the next one. */
+static void evaluate(struct run *run, double dt)
+{
+    struct gr_sph *s = run->s;
+    forget(run);
+    for (run->stage = plan; run->stage < plan_end; run->stage++)
+        if (run->stage->waits && (run->stage->stage < GR_SPH_GAS_VOLUMES || s->gas)) over_chunks(run, stage_chunk);
+    run->kick_dt = dt;
+    over_chunks(run, kick_chunk);
+    const struct gr_sph_found all = combined(run);
     s->speed2 = fmax(all.speed2, slow_sound2(s->config.parameter));
     s->acceleration2 = all.acceleration2, s->gas_speed2 = all.gas_speed2;
     s->started = 1;
 }
 
-static void one_step(struct team *team, int t)
+static void drift_chunk(void *context, int64_t c, int t)
 {
-    struct gr_sph *s = team->s;
-    struct share own = share_of(s, t, team->barrier.threads);
-    forget(&s->found[t]);
+    const struct run *run = context;
+    struct gr_sph *s = run->s;
+    const struct share own = share_of_chunk(run, c);
     drift(s, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
     gr_sph_move_walls(s, own.first[WALLS], own.last[WALLS]);
     if (s->gas) gr_sph_drift_gas(s, own.first[GAS], own.last[GAS]);
     for (int k = 0; k < KINDS; k++) measure(s, own.first[k], own.last[k], &s->found[t]);
-    gr_wait(&team->barrier);
-    if (t == 0) look(team);
-    gr_wait(&team->barrier);
-    if (s->error) return;
-    if (team->rebuilds) {
-        rebuild(team, t);
-        if (s->error) return;
-    }
-    forget(&s->found[t]);
-    evaluate(team, t);
-    own = share_of(s, t, team->barrier.threads); /* the numbers of points may have changed */
-    kick(s, s->dt, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
-    if (s->gas) gr_sph_kick_gas(s, s->dt, own.first[GAS], own.last[GAS], &s->found[t]);
 }
 
-static void run(void *data, int t)
+static void make_steps(void *context, struct gr_team *team)
 {
-    struct team *team = data;
-    struct gr_sph *s = team->s;
-    if (!s->started) { /* accelerations and speeds of the initial state */
-        const struct share own = share_of(s, t, team->barrier.threads);
-        forget(&s->found[t]);
-        evaluate(team, t);
-        kick(s, 0.0, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
-        if (s->gas) gr_sph_kick_gas(s, 0.0, own.first[GAS], own.last[GAS], &s->found[t]);
-        gr_wait(&team->barrier);
-        if (t == 0) end_step(team);
-    }
-    for (;;) {
-        gr_wait(&team->barrier);
-        if (t == 0) begin_step(team);
-        gr_wait(&team->barrier);
-        if (!team->goes_on) break;
-        one_step(team, t);
-        gr_wait(&team->barrier);
-        if (s->error) break;
-        if (t == 0) end_step(team);
+    struct run *run = context;
+    struct gr_sph *s = run->s;
+    run->team = team;
+    if (!s->started) evaluate(run, 0.0); /* accelerations and speeds of the initial state */
+    while (begin_step(run)) {
+        forget(run);
+        over_chunks(run, drift_chunk);
+        look(run);
+        if (!s->error && run->rebuilds) rebuild(run);
+        if (s->error) return;
+        evaluate(run, s->dt);
     }
 }
 
@@ -423,11 +443,11 @@ static void show_stresses(struct gr_sph *s)
 
 int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, double until, int threads)
 {
-    struct team team = {.s = s, .kernel = kernel, .until = until, .steps_left = max_steps};
+    struct run run = {.s = s, .kernel = kernel, .until = until, .steps_left = max_steps};
     const int64_t step = s->step, started = s->started;
     if (s->error) return s->error;
     if (!started) find_gravity(s);
-    gr_run_team(&team.barrier, threads, run, &team);
+    gr_team_lead(threads, make_steps, &run);
     if (!s->error && (s->step > step || !started)) show_stresses(s);
     return s->error;
 }

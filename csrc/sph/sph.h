@@ -12,7 +12,7 @@
 
 #include <stdint.h>
 
-#include "core/barrier.h"
+#include "core/team.h"
 #include "core/error.h"
 #include "core/field.h"
 #include "law/law.h"
