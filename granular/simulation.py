@@ -47,7 +47,7 @@ EVERY = 1 / 60
 SMALL = 4000
 """Number of points up to which one thread is the default.
 
-An estimate: with fewer points the barriers between threads cost more than the threads gain.
+An estimate: with fewer points handing out chunks costs more than the threads gain.
 """
 
 _METHODS: dict[type, type[Simulation]] = {}

@@ -267,16 +267,23 @@ static inline void later_stage_chunk(const int links, const struct diffusion *w,
 
 #define GR_PASS(pass, n) \
     static void pass##_##n(void *context, int64_t c, int t) { (void)t, pass##_chunk(n, context, c); }
-#define GR_PASSES(n)                                                                                                        \
-    GR_PASS(connect, n)                                                                                                     \
-    GR_PASS(explicit, n)                                                                                                    \
-    GR_PASS(first_residual, n) GR_PASS(multiply, n) GR_PASS(first_stage, n)                                                 \
-        GR_PASS(later_stage, n) static const struct passes passes_##n = {connect_##n,  explicit_##n,    first_residual_##n, \
-                                                                         multiply_##n, first_stage_##n, later_stage_##n};
+#define GR_PASSES(n)           \
+    GR_PASS(connect, n)        \
+    GR_PASS(explicit, n)       \
+    GR_PASS(first_residual, n) \
+    GR_PASS(multiply, n)       \
+    GR_PASS(first_stage, n)    \
+    GR_PASS(later_stage, n)
 GR_PASSES(2)
 GR_PASSES(3)
 GR_PASSES(4)
 GR_PASSES(13)
+
+#define GR_TABLE(n)                                                                                   \
+    {                                                                                                 \
+        connect_##n, explicit_##n, first_residual_##n, multiply_##n, first_stage_##n, later_stage_##n \
+    }
+static const struct passes passes_2 = GR_TABLE(2), passes_3 = GR_TABLE(3), passes_4 = GR_TABLE(4), passes_13 = GR_TABLE(13);
 
 static int explicit_step(struct diffusion *w)
 {
