@@ -41,8 +41,8 @@ static inline void pause_briefly(void)
 #endif
 }
 
-/* Spin until a condition holds, for longer than a stage of one thread alone usually takes. A processor that somebody
- * else could use is not kept longer. */
+/* Spin until a condition holds, but not for long: somebody else may need the processor. The number of turns is an
+ * estimate, to cover the work between two stages that the leader does alone. */
 #define SPIN_UNTIL(condition)                                            \
     do {                                                                 \
         enum { SPINS = 2000 };                                           \
