@@ -208,8 +208,10 @@ struct gr_cell_average {
     double mc, stress[6];              /* sum m c; sum m sigma (xx, yy, zz, xy, yz, xz; in 2D xx, yy, xy) */
     double c, log_phi, inside;         /* log-density of its points; logarithm of its filling fraction; from 0 at a
                                           surface to 1 inside the material */
-    double at[3], over_compression[3]; /* local coordinates of its quadrature point; gradient of over-compression, against
-                                          which its points shift */
+    double at[3], over_compression[3]; /* local coordinates of its quadrature point; gradient of the over-compression of
+                                          its nodes, against which its points shift */
+    double filled, excess;             /* its mass over that of a full cell; what it has beyond that, or too little inside
+                                          the material, which points exchange with neighbours */
 };
 
 /* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed, from GR_NODE_DENSITY on also:
