@@ -215,7 +215,7 @@ GR_INLINE double across_faces(const int dim, const struct gr_engine *e, int64_t 
 /* Shift of the points of a cell along each axis at its low and high face, m; linear between them.
  *
  *   delta = -beta gdot dt dx over_compression,             |delta| <= min(limit dx, gdot dt dx/2),
- *         + beta gdot dt dx (excess_low - excess_high),    of a face and up to twice as much.
+ *         + beta gdot dt dx (excess_low - excess_high),    of a face; |delta| <= min(limit dx, gdot dt dx).
  *
  * The first is seen by the nodes, without the noise of single cells; the second carries points out of cells that have
  * too many into neighbours that have too few. Nothing goes through a wall. */
@@ -225,7 +225,8 @@ GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t i
     const struct gr_density_numbers *q = &e->config.density;
     const struct gr_cell_average *own = cell_average_of(dim, e, index);
     const int flags = e->mesh.cell[index].flags;
-    const double dx = e->config.dx, most = flags & GR_CELL_NO_SHIFTING ? 0 : fmin(q->shifting_limit, 0.5 * rate);
+    const double dx = e->config.dx, limit = flags & GR_CELL_NO_SHIFTING ? 0 : q->shifting_limit;
+    const double most = fmin(limit, 0.5 * rate), most_of_face = fmin(limit, rate);
     double length = 0, scale = q->shifting * rate;
     for (int d = 0; d < dim; d++) length += own->over_compression[d] * own->over_compression[d];
     if (scale * scale * length > most * most) scale = most / sqrt(length);
@@ -233,7 +234,7 @@ GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t i
         for (int high = 0; high < 2; high++) {
             const double all = -scale * own->over_compression[d], flux = q->shifting * rate * drop[d][high];
             const int into_wall = flags / GR_CELL_WALL >> (2 * d + high) & 1 && (all > 0) == high;
-            shift[d][high] = v_set(dx * ((into_wall ? 0 : all) + fmin(fmax(flux, -2 * most), 2 * most)));
+            shift[d][high] = v_set(dx * ((into_wall ? 0 : all) + fmin(fmax(flux, -most_of_face), most_of_face)));
         }
 }
 

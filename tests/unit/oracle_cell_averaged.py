@@ -113,7 +113,7 @@ def _through_faces(scene, cells, rate, most):
                 fall = excess[place] - other if np.isfinite(other) else 0.0
                 much = max(abs(fall) - cells.filled[k] / cells.count[k], 0.0)
                 speed = scene.scheme.density.shifting * rate[k] * np.sign(fall) * much
-                out[k, d, side] = (2 * side - 1) * np.clip(speed, -2 * most[k], 2 * most[k])
+                out[k, d, side] = (2 * side - 1) * np.clip(speed, -most[k], most[k])
     return out
 
 
@@ -132,6 +132,7 @@ def flow_of_cells(scene, points, new, nodes, dt):
     scale = np.minimum(q.shifting * rate, most / np.maximum(length, 1e-300))
     shift = (-scale[:, None] * dx * cells.excess_gradient)[cells.which]
     shift = held_at_walls(scene, points["x"], shift)
+    most = np.minimum(q.shifting_limit, rate)
     faces = _through_faces(scene, cells, rate, most)[cells.which] * dx
     xi = (points["x"] - scene.grid.lower) / dx - cells.place[cells.which]
     shift += (1 - xi) * faces[..., 0] + xi * faces[..., 1]
