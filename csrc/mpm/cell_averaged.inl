@@ -238,14 +238,32 @@ GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t i
         }
 }
 
+/* Mean over the points of a cell, by mass, of the difference of their velocity to that of the grid before the forces,
+ * m/s: from the sums of the cell, whose momentum is theirs without the affine field. */
+GR_INLINE void mean_difference(const int dim, const struct gr_engine *e, int64_t index, double mean[3])
+{
+    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    const double *sum = e->sums + index * e->sum_stride;
+    double M = 0;
+    for (int d = 0; d < dim; d++) mean[d] = 0;
+    for (int i = 0; i < K; i++) {
+        const double *v = e->node_v + (int64_t)e->mesh.cell_node[index * K + i] * dim, m = sum[i * rows];
+        M += m;
+        for (int d = 0; d < dim; d++) mean[d] += sum[i * rows + GR_SUM_MOMENTUM + d] - m * v[d];
+    }
+    for (int d = 0; d < dim; d++) mean[d] /= M;
+}
+
 /* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, the shift, and the
  * share of the difference to the velocity of the grid that the points keep.
  *
  *   c <- c - dt tr L + eta (second difference of c),   eta: averaged_share;
  *   c += relaxation to ln phi, see relax_to_nodal_density. If it lowers c, only the share w of it, and nothing if the
  *        cell is disconnected already;
- *   keep = exp(-velocity_decay gdot dt). */
-GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3][2], vd *keep)
+ *   keep = exp(-velocity_decay gdot dt), of the difference less its mean over the cell, so that the momentum of the
+ *        cell stays; `rest` is what they keep of the mean besides, m/s. */
+GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3][2], vd *keep,
+                          vd rest[3])
 {
     const struct gr_density_numbers *q = &e->config.density;
     const struct gr_cell_average *own = cell_average_of(dim, e, index);
@@ -265,6 +283,10 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
     shift_of_cell(dim, e, index, rate, drop, shift);
-    *keep = v_set(exp(-q->velocity_decay * rate));
+    const double f = exp(-q->velocity_decay * rate);
+    double mean[3];
+    mean_difference(dim, e, index, mean);
+    for (int d = 0; d < dim; d++) rest[d] = v_set((1 - f) * e->keep_velocity * mean[d]);
+    *keep = v_set(f);
     return v_set(c);
 }

@@ -85,7 +85,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
         if (cell_averaged) { /* the rest of the difference to the velocity of the grid dies out */
             const vd v_grid = v_mul(speed, move[d]);
-            v_new[d] = v_fma(view->keep, v_sub(v_new[d], v_grid), v_grid);
+            v_new[d] = v_fma(view->keep, v_sub(v_new[d], v_grid), v_add(v_grid, view->rest[d]));
         }
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);

@@ -160,7 +160,7 @@ def _moved(scene, points, nodes, dt, step):
     new["v"] = keep * points["v"] + s.w @ w
     new["x"] = points["x"] + dt * (s.w @ v)
     if scene.scheme.density.name == "cell_averaged":
-        L = flow_of_cells(scene, points, new, nodes, dt)
+        L = flow_of_cells(scene, points, new, nodes, dt, keep)
     else:
         new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
     gradient = np.zeros((len(L), 3, 3))

@@ -117,7 +117,7 @@ def _through_faces(scene, cells, rate, most):
     return out
 
 
-def flow_of_cells(scene, points, new, nodes, dt):
+def flow_of_cells(scene, points, new, nodes, dt, keepshare):
     """Update density and position of the points by cells; return the velocity gradients."""
     q, cells, dx = scene.scheme.density, nodes.cells, scene.grid.cell
     L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
@@ -138,8 +138,11 @@ def flow_of_cells(scene, points, new, nodes, dt):
     shift += (1 - xi) * faces[..., 0] + xi * faces[..., 1]
     shift[near_outlet(scene, points["x"])] = 0.0
     new["log_density"] = c[cells.which]
+    m, s = points["mass"], nodes.shapes
+    mean = _mean_over_cells(cells.which, m)(points["v"] - s.w @ nodes.before[s.node])
     v_grid = (new["x"] - points["x"]) / dt
     keep = np.exp(-q.velocity_decay * rate)[cells.which, None]
-    new["v"] = v_grid + keep * (new["v"] - v_grid)
+    rest = (1 - keep) * keepshare * mean[cells.which]
+    new["v"] = v_grid + keep * (new["v"] - v_grid) + rest
     new["x"] = new["x"] + shift
     return L[cells.which]
