@@ -146,8 +146,8 @@ GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t ind
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     double *sum = e->sums + index * e->sum_stride;
-    if (!e->mesh.cell[index].count) { /* without points: all sums are zero */
-        own->c = EMPTY;
+    if (!e->mesh.cell[index].count) {    /* without points: all sums are zero */
+        own->c = EMPTY, own->excess = 0; /* for neighbours; counts change during a sweep */
         for (int i = 0; i < K * rows; i++) sum[i] = 0;
         return;
     }
@@ -162,7 +162,10 @@ GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t ind
         }
 }
 
-enum { NO_POINTS = -1, CLOSED = -2 }; /* neighbours that are not there: an empty cell; beyond a wall or an end */
+enum {
+    NO_POINTS = -1,
+    CLOSED = -2
+}; /* neighbours that are not there: a cell outside the active part; beyond a wall or an end */
 
 /* Index of the neighbour of a cell along axis d, low or high. `id` is the index of the cell in the whole grid, and
  * `stride` the difference of the indices of neighbours along d. */
@@ -177,7 +180,7 @@ GR_INLINE int64_t cell_beside(const struct gr_engine *e, const struct gr_cell *c
         id += (high ? -stride : stride) * axis->n_cells;
     }
     const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, id) - 1;
-    return index >= 0 && e->mesh.cell[index].count ? index : NO_POINTS;
+    return index < 0 ? NO_POINTS : index;
 }
 
 /* Differences of a cell to its neighbours across its faces.
