@@ -30,8 +30,16 @@
  * full cell alone has 8 in 2D and 12 in 3D. */
 #define STIFFEST 16.0
 
+/* The lesser and the greater of two numbers, b if a is a NaN; fmin and fmax of the library are calls. */
+GR_INLINE double lesser(double a, double b) { return a < b ? a : b; }
+GR_INLINE double greater(double a, double b) { return a > b ? a : b; }
+
 /* Rise from 0 at `low` to 1 at `high`. */
-GR_INLINE double between(double low, double high, double x) { return fmin(fmax((x - low) * (1 / (high - low)), 0), 1); }
+GR_INLINE double between(double low, double high, double x)
+{
+    const double share = (x - low) * (1 / (high - low));
+    return share > 0 ? (share < 1 ? share : 1) : 0;
+}
 
 GR_INLINE struct gr_cell_average *cell_average_of(const int dim, const struct gr_engine *e, int64_t index)
 {
@@ -95,12 +103,12 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
         M += sum[i * rows];
         mass += m;
         volume += V;
-        least = fmin(least, m / V);
-        over[i] = fmax(m - V, 0);
+        least = lesser(m / V, least);
+        over[i] = greater(m - V, 0);
         for (int d = 0; d < dim; d++) high[d] += i >> d & 1 ? sum[i * rows] : 0;
     }
     const double mean = between(SURFACE_BELOW, INSIDE_FROM, mass / volume), inverse = 1 / M;
-    own->inside = fmin(mean, between(LIGHT_BELOW, LIGHT_UNTIL, least));
+    own->inside = lesser(mean, between(LIGHT_BELOW, LIGHT_UNTIL, least));
     own->log_phi = 2 * (mass - volume) / (mass + volume);
     own->c = own->mc * inverse;
     for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
@@ -124,7 +132,7 @@ GR_INLINE double represented_volume(const int dim, const struct gr_engine *e, in
 {
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale, w = own->inside;
-    const double volume = w + (1 - w) * fmin(1, own->filled);
+    const double volume = w + (1 - w) * lesser(1, own->filled);
     double stiffness = 0;
     if (!(w < 1)) return volume;
     for (int i = 0; i < K; i++) {
@@ -132,7 +140,7 @@ GR_INLINE double represented_volume(const int dim, const struct gr_engine *e, in
         const double shared = w * e->node_mass[node] / (K * e->mesh.node_volume[node]);
         double square = 0;
         for (int d = 0; d < dim; d++) square += slope_at(dim, own->at, i, d) * slope_at(dim, own->at, i, d);
-        stiffness += square / (per_cell * fmax(sum[i * rows], shared) + 1e-300);
+        stiffness += square / (per_cell * greater(shared, sum[i * rows]) + 1e-300);
     }
     return volume * stiffness > STIFFEST ? STIFFEST / stiffness : volume;
 }
@@ -207,7 +215,7 @@ GR_INLINE double across_faces(const int dim, const struct gr_engine *e, int64_t 
             const struct gr_cell_average *other = beside < 0 ? 0 : cell_average_of(dim, e, beside);
             c[high] = other ? other->c : EMPTY;
             const double rise = beside == CLOSED ? 0 : (other ? other->excess : 0) - own->excess;
-            const double much = fmax(fabs(rise) - point, 0);
+            const double much = greater(fabs(rise) - point, 0);
             drop[d][high] = (rise > 0) == high ? -much : much;
         }
         if (own->c >= reach && c[0] >= reach && c[1] >= reach) sum += c[0] - 2 * own->c + c[1];
@@ -229,7 +237,7 @@ GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t i
     const struct gr_cell_average *own = cell_average_of(dim, e, index);
     const int flags = e->mesh.cell[index].flags;
     const double dx = e->config.dx, limit = flags & GR_CELL_NO_SHIFTING ? 0 : q->shifting_limit;
-    const double most = fmin(limit, 0.5 * rate), most_of_face = fmin(limit, rate);
+    const double most = lesser(limit, 0.5 * rate), most_of_face = lesser(limit, rate);
     double length = 0, scale = q->shifting * rate;
     for (int d = 0; d < dim; d++) length += own->over_compression[d] * own->over_compression[d];
     if (scale * scale * length > most * most) scale = most / sqrt(length);
@@ -237,7 +245,7 @@ GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t i
         for (int high = 0; high < 2; high++) {
             const double all = -scale * own->over_compression[d], flux = q->shifting * rate * drop[d][high];
             const int into_wall = flags / GR_CELL_WALL >> (2 * d + high) & 1 && (all > 0) == high;
-            shift[d][high] = v_set(dx * ((into_wall ? 0 : all) + fmin(fmax(flux, -most_of_face), most_of_face)));
+            shift[d][high] = v_set(dx * ((into_wall ? 0 : all) + lesser(greater(flux, -most_of_face), most_of_face)));
         }
 }
 
