@@ -127,6 +127,7 @@ class Simulation:
         self.record: Path | None = None
         self._unclosed: TrajectoryWriter | None = None  # of a record that could not be closed
         self._every = EVERY
+        self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
 
     # ---- what a method must implement ----
@@ -299,13 +300,13 @@ class Simulation:
         self._every = every = positive("every", self._every if every is None else every)
         with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
             with _interruptible() as interrupted:
-                if self.steps == 0:
+                if self.steps in (0, self._due):
                     self._frame(writer, hooks, monitor, gas)
                 while self.time < until and not interrupted:
                     frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)
-                        if writer:
+                        if writer and self.time < frame:  # the frame is stored with the rest
                             writer.store(may_wait=True)
                         if interrupted and self.time < frame:  # a frame that is due is kept
                             break
@@ -320,10 +321,11 @@ class Simulation:
     def _frame(
         self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool, gas: bool
     ) -> None:
-        due = monitor and self._monitor.due(self.steps, self.n_points)
-        if writer or due:
+        self._due = self.steps
+        sampled = monitor and self._monitor.due(self.steps, self.n_points)
+        if writer or sampled:
             state = self._snapshot(kept=True)
-            samples = self._monitor.sample(state, self._indicators(state)) if due else {}
+            samples = self._monitor.sample(state, self._indicators(state)) if sampled else {}
         if writer:
             writer.append(
                 state,
@@ -333,6 +335,7 @@ class Simulation:
                 bodies=self._body_rows(),
                 may_wait=True,
             )
+        self._due = None
         if hooks:
             # A hook may take long; a frame that waits for others is stored in time all the same.
             with writer.storing() if writer else nullcontext():

@@ -238,7 +238,7 @@ def test_a_finished_record_moved_onto_an_unfinished_one_is_kept(tmp_path):
 
 
 def test_rot_after_an_interrupted_removal_is_reported(tmp_path, monkeypatch):
-    """What a killed merge leaves of the parts is not taken for the record."""
+    """Parts that a killed merge has left are not taken for the record."""
     for survivors in range(7):
         path = tmp_path / f"{survivors}.h5"
         writer = TrajectoryWriter(path, SCENE)
