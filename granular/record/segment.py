@@ -6,7 +6,8 @@ A segment consists of
 
 The header contains the format, the record and the kind of data. The kinds are the texts in the
 header of the record (``head.part``, no data), some frames (``frames-<index of the first>.part``,
-with columns packed as in the finished file), and the restart state (``checkpoint.part``). The files
+with columns packed as in the finished file), and the restart state (``checkpoint.part``). Once the
+finished file holds all of them, the head is renamed to ``merged.part`` and goes last. The files
 are not HDF5, which takes 15 ms for such a file whatever its content; only `load` has to read them.
 """
 

@@ -120,7 +120,7 @@ class TrajectoryWriter:
     Parameters
     ----------
     path
-        Path of the file, usually ``*.h5``.
+        Path of the file, usually ``*.h5``; a symbolic link is followed.
     scene
         The scene of the run.
     overwrite
@@ -446,8 +446,11 @@ class TrajectoryWriter:
         Raises
         ------
         OSError
-            If the file could not be written. It is then as before, the parts remain, and `close`
-            may be called again, or the record may be opened and resumed.
+            If the file could not be written. It is then as before, the parts remain, and the lock
+            is released: the record may be opened and resumed, or this writer may go on and `close`
+            again, as long as no other has written.
+        FileExistsError
+            If there is a file at the path that was not there at the beginning. Both are kept.
         """
         if self.closed:
             return
