@@ -87,7 +87,7 @@ def race(racers, path, kind, first):
     return [loser for loser in told if loser[0] != "won"]
 
 
-ROUNDS = 5
+ROUNDS = 3
 
 
 @pytest.mark.parametrize("rounds", [ROUNDS, pytest.param(200, marks=pytest.mark.slow)])

@@ -82,15 +82,25 @@ def attempt(patch, sim, path, before, names, fails):
     return disk.count, disk.hit
 
 
-@pytest.mark.parametrize("tries", [2, pytest.param(10**6, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("lasting", [False, True])
-@pytest.mark.parametrize("before", ["new", "resumed"])
-@pytest.mark.parametrize("name", OPERATIONS)
+QUICK = [
+    (name, before, before == "new", 2)
+    for name in ("write", "fsync", "replace")
+    for before in ("new", "resumed")
+]
+LONG = [
+    pytest.param(name, before, lasting, None, marks=pytest.mark.slow)
+    for name in OPERATIONS
+    for before in ("new", "resumed")
+    for lasting in (False, True)
+]
+
+
+@pytest.mark.parametrize(("name", "before", "lasting", "tries"), QUICK + LONG)
 def test_a_run_goes_on_after_each_error(scene, tmp_path, monkeypatch, name, before, lasting, tries):
     whole = tmp_path / "whole.h5"
     sim = prepared(scene, whole, before)
     calls, _ = attempt(monkeypatch, sim, whole, before, [name], lambda i: False)
-    for k in range(calls // 3, calls, max(calls // tries, 1)) if tries == 2 else range(calls):
+    for k in range(calls // 3, calls, max(calls // tries, 1)) if tries else range(calls):
         path = tmp_path / f"{k}.h5"
         sim = prepared(scene, path, before)
         _, hit = attempt(
