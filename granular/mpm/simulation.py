@@ -24,6 +24,13 @@ these fields.
 """
 
 
+SPARSE = 16
+"""Largest id, in multiples of the number of places, up to which points are ordered by a table.
+
+The table is faster than sorting, but its size is that of the largest id: 128 bytes per place.
+"""
+
+
 class Simulation(simulation.Simulation, scenes=Scene):
     """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`."""
 
@@ -95,9 +102,12 @@ class Simulation(simulation.Simulation, scenes=Scene):
         without = CARRIED if kept else frozenset()
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
-        ordered = np.full(ids.max(initial=-1) + 1, -1)
-        ordered[ids[living]] = living  # by id, with gaps for points that have left
-        places = ordered[ordered >= 0]
+        if (end := int(ids.max(initial=-1)) + 1) <= SPARSE * len(ids):
+            ordered = np.full(end, -1)
+            ordered[ids[living]] = living  # by id, with gaps for points that have left
+            places = ordered[ordered >= 0]
+        else:
+            places = living[np.argsort(ids[living], kind="stable")]
         fields = {"id": ids[places]}
         for name, rows, _, _ in self._engine.fields():
             if name in without:
@@ -138,7 +148,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         if "mean_mass" not in scalars:
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
         self._build(scene, float(scalars.pop("mean_mass")), threads, isa)
-        n = len(checkpoint.arrays.get("id", ()))
+        ids = checkpoint.arrays.get("id", np.empty(0, dtype=np.int64))
+        n = len(ids)
+        if ids.min(initial=0) < 0 or len(np.unique(ids)) != n:
+            raise ValueError("the ids of the checkpoint must be distinct and at least 0")
         self._buffers = allocate(self._engine, 3 * n + 64)
         fill(self._buffers, checkpoint.arrays, np.arange(n))
         if scene.bodies:  # before the points: those near thin bodies are grouped by side

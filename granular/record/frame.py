@@ -21,6 +21,10 @@ class Source(Protocol):
     def path(self) -> Path:
         """Path of the file."""
 
+    @property
+    def offset(self) -> int:
+        """Place in the file [bytes] of what is not found by its name."""
+
     def fields(self) -> AbstractContextManager[Mapping[str, Field]]:
         """Return the fields by name."""
 
@@ -79,10 +83,27 @@ class Texts:
     scene: str
     provenance: str
 
-    @property
-    def extends(self) -> bool:
-        """True if the texts belong to the continuation of a record."""
-        return "earlier" in json.loads(self.provenance)
+    def __post_init__(self) -> None:
+        for name in ("record", "scene", "provenance"):
+            if not isinstance(getattr(self, name), str):
+                raise ValueError(f"{name} is not a text")
+        told = json.loads(self.provenance)
+        if not isinstance(told, dict) or not isinstance(told.get("earlier", []), list):
+            raise ValueError("the provenance is not one of a record")
+
+
+@dataclass(frozen=True)
+class Head:
+    """Head of an unfinished record, with what was at its path when it was begun.
+
+    ``continues`` is the seal of the finished file that the record continues; empty if it is a new
+    record. ``replaces`` is the `identity` of the file that a new record may replace; None if there
+    was none.
+    """
+
+    texts: Texts
+    continues: bytes = b""
+    replaces: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)

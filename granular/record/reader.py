@@ -40,7 +40,7 @@ class Trajectory:
     @property
     def finished(self) -> bool:
         """True if the record is one closed file; otherwise its writer is running or was killed."""
-        return self._contents.folder is None
+        return self._contents.finished
 
     @property
     def has_checkpoint(self) -> bool:
@@ -58,11 +58,9 @@ class Trajectory:
         # Imported here: a scene needs the whole package, a record does not.
         from granular.serializable import Serializable
 
-        try:
+        with reading(self.path, "the scene cannot be read"):
             scene: Any = Serializable.from_json(self._contents.texts.scene)
-            return scene
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise RecordError(f"{self.path}: the scene cannot be read: {error}") from error
+        return scene
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
@@ -94,7 +92,8 @@ class Trajectory:
         names = [name for name in told if name.startswith(BODY)]
         numbers = len([name for name in names if name.startswith(f"{BODY}0_")])
         count = len(names) // max(numbers, 1)
-        columns = [told[name] for name in body_names(count, numbers)]
+        with reading(self.path):
+            columns = [told[name] for name in body_names(count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
     def write_bodies(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -135,20 +134,18 @@ class Trajectory:
             raise IndexError(f"frame {index} must be in [{-len(self)}, {len(self) - 1}]") from None
         from granular.state import State
 
-        return State(
-            scene=self.scene,
-            time=frame.time,
-            step=frame.step,
-            dt=frame.dt,
-            fields=frame.read(),
-            **({"gas": self._gas(frame.gas)} if frame.gas else {}),
-        )
+        scene, fields = self.scene, self._contents.read(frame)
+        gas = {"gas": self._gas(frame.gas)} if frame.gas else {}
+        with reading(self.path):
+            return State(
+                scene=scene, time=frame.time, step=frame.step, dt=frame.dt, fields=fields, **gas
+            )
 
     def _gas(self, frame: Frame) -> "GasState":
         # Imported here: only records with gas need it.
         from granular.sph.gas import GasState
 
-        fields = frame.read()
+        fields = self._contents.read(frame)
         with reading(self.path):
             return GasState(time=frame.time, **fields)
 
@@ -172,7 +169,7 @@ class Trajectory:
         for frame in self._frames:
             try:
                 for part in filter(None, (frame, frame.gas)):
-                    part.read()
+                    self._contents.read(part)
             except RecordError as error:
                 found.append(str(error))
         try:
@@ -217,6 +214,8 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     ------
     FileNotFoundError
         If there is no such record.
+    FileExistsError
+        If there is an unfinished record, and at its path a file that does not belong to it.
     RecordError
         If the file is not a record, is damaged, or is newer than this version.
     """
