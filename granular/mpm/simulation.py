@@ -11,8 +11,10 @@ from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
+from granular.mpm.blocks import deep_within, solid_cells
 from granular.mpm.scene import Scene
 from granular.record import Checkpoint
+from granular.state import State
 
 __all__ = ["Simulation"]
 
@@ -116,6 +118,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
             length = grid.shape[d] * grid.cell
             x[x[:, d] < grid.lower[d], d] += length
         return x
+
+    def _indicators(self, state: State) -> dict[str, float]:
+        solid = solid_cells(self.scene.grid, self.scene.walls)
+        share = np.nan
+        if solid.any() and state.n:
+            within = deep_within(self.scene.grid, solid, state.x)
+            share = float(state.mass[within].sum() / state.mass.sum())
+        return {"in_solids": share}
 
     # ---- restart ----
 

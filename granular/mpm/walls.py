@@ -100,8 +100,10 @@ class Wall:
 class Solid:
     """An axis-aligned block that material cannot enter; several of them make a staircase.
 
-    With quadratic splines the faces of a block are blurred by up to half a cell, because only walls
-    make C0 lines. Put a `Wall` on a face that has to be sharp.
+    Blocks that touch act as one: where they meet there is no face. With quadratic splines the faces
+    are blurred by up to half a cell, because only walls make C0 lines; single points that hit a
+    block fast can end up to a cell within it. Put a `Wall` on a face that has to be sharp. The
+    indicator "in_solids" of `Simulation.health` is the share of the points deeper than that.
 
     Parameters
     ----------
@@ -109,7 +111,8 @@ class Solid:
         Corners [m], on grid lines.
     kind : {"no_slip", "free_slip"}
         "no_slip" holds all velocity components at zero. "free_slip" faces hold the component normal
-        to them; where two faces meet, both components are held. Ends of the grid are not faces.
+        to them; where two faces meet at an edge, both components are held. Ends of the grid are not
+        faces.
 
     Raises
     ------
