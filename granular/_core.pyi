@@ -116,8 +116,9 @@ def node_positions(
 ) -> NDArray[np.float64]: ...
 
 Array = NDArray[np.float64]
-BodyRow = tuple[Array, tuple[Array, ...], Array, Array, int, int, int, float, float]
-"""parts (k, 17), pose (7,), motion (n, 7), contact, free, friction, mass"""
+BodyRow = tuple[Array, tuple[Array, ...], Array, Array, Array, int, int, int, float, float]
+"""parts (k, 17), samples, pose (7,), motion (n, 7), extent (3,), contact, free, rough, friction,
+mass"""
 
 AxisRow = tuple[int, float, bool, bool, bool, NDArray[np.int32], float, float]
 """cells, lower (m), periodic, open_low, open_high, C0 lines, sponge: above (m), damping (1/s)"""

@@ -13,7 +13,8 @@ from granular import _core
 from granular.geometry import combined
 from granular.materials import MuI
 from granular.mpm.blocks import solid_cells
-from granular.mpm.body_shapes import deepest, padded, reach, thicknesses, turned
+from granular.mpm.body_measures import deepest, reach, thicknesses
+from granular.mpm.body_shapes import padded, turned
 from granular.mpm.walls import Solid
 from granular.theory.well_posed import well_posed_slopes
 
