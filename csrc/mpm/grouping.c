@@ -5,6 +5,7 @@
 
 #include "core/memory.h"
 #include "mpm/migrate.h"
+#include "mpm/wall_impulse.h"
 
 /* Capacity of a cell: whole vectors, with some spare places beyond its present and the usual number of points. Neither
  * a cell that gains many points nor a front that enters empty cells then requires a regrouping in every step. */
@@ -212,6 +213,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(e->node_mass, capacity);
     GR_RESIZE(e->node_v, capacity * e->config.dim);
     if (e->config.n_bodies) GR_RESIZE(e->touched, capacity);
+    if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
     if (e->n_thin) {
         GR_RESIZE(mesh->duplicate, capacity);
         GR_RESIZE(mesh->separated, capacity);

@@ -22,7 +22,7 @@ from granular.mpm.walls import Solid, Span, Wall
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["WallRow", "c0_lines", "node_codes", "node_positions"]
+__all__ = ["WallRow", "c0_lines", "node_codes", "node_positions", "node_selections"]
 
 CORE_BASES = _core.enumerations()["basis"]
 MAX_ROWS = 255
@@ -213,6 +213,15 @@ def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Where, WallRow]]:
         if isinstance(wall, Wall):
             yield _indices(axes.of_wall(wall)), _wall_hold(wall, scene.grid)
     yield from _block_holds(scene, axes)
+
+
+def node_selections(scene: Scene) -> Iterator[tuple[tuple[int, ...], int, Where]]:
+    """Yield for each wall and block the shape of the nodes, its index, and that of its nodes."""
+    axes = _Axes(scene)
+    shape = tuple(len(x) for x in axes.positions[::-1])
+    for i, wall in enumerate(scene.walls):
+        nodes = axes.of_wall(wall) if isinstance(wall, Wall) else axes.of_solid(wall)
+        yield shape, i, _indices(nodes)
 
 
 class _Rows:

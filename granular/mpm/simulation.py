@@ -9,10 +9,13 @@ from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill
+from granular.checks import truth
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within, solid_cells
 from granular.mpm.scene import Scene
+from granular.mpm.wall_owners import wall_owners
+from granular.mpm.walls import WallState, split_impulses
 from granular.record import Checkpoint
 from granular.state import State
 
@@ -27,21 +30,48 @@ these fields.
 
 
 class Simulation(simulation.Simulation, scenes=Scene):
-    """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`."""
+    """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`.
+
+    Parameters
+    ----------
+    scene, threads, isa
+        As of `granular.Simulation`.
+    wall_forces : bool
+        Add up the impulses on the walls and blocks of the scene, see `walls`. Frames of records and
+        checkpoints then hold them. They do not affect the motion.
+    """
 
     scene: Scene
     _engine: _core.Engine
 
-    def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        wall_forces: bool = False,
+    ) -> None:
+        truth("wall_forces", wall_forces)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
-        self._build(scene, float(points["mass"].mean()), threads, isa)
+        self._build(scene, float(points["mass"].mean()), threads, isa, wall_forces)
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
 
-    def _build(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
+    def _build(
+        self,
+        scene: Scene,
+        mean_mass: float,
+        threads: int | None,
+        isa: str | None,
+        wall_forces: bool,
+    ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
+        self._watches_walls = wall_forces and bool(scene.walls)
+        if self._watches_walls:
+            engine.watch_walls(len(scene.walls), *wall_owners(scene))
         self._mean_mass = mean_mass
 
     def _bind(self, n_points: int) -> None:
@@ -81,6 +111,25 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def bodies(self) -> tuple[rigid.BodyState, ...]:
         """States of the bodies of the scene, in their order: motion and impulses."""
         return tuple(rigid.state_of(row, self.scene.dim) for row in self._engine.bodies())
+
+    @property
+    def walls(self) -> tuple[WallState, ...]:
+        """Impulses on the walls and blocks of the scene, in their order.
+
+        They are what the points lose to the walls, so that the momentum of the points changes by
+        the impulse of gravity less those on the walls and bodies (less what a sponge layer takes
+        and what leaves the domain). Where several meet, a component counts for a wall to which it
+        is normal, else for a no-slip wall, a no-slip block, the roughest Coulomb wall, or a block.
+
+        Raises
+        ------
+        ValueError
+            If the simulation was not made with `wall_forces`.
+        """
+        if not self._watches_walls and self.scene.walls:
+            raise ValueError("wall_forces = False must be True for the impulses on the walls")
+        rows = self._wall_rows()
+        return tuple(WallState(**split_impulses(row, self.scene.dim)) for row in rows)
 
     @property
     def buffers(self) -> dict[str, NDArray]:
@@ -137,6 +186,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         if self.scene.bodies:
             arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
+        if self._watches_walls:
+            arrays |= {"walls": self._engine.walls()}
         return scalars, arrays
 
     @classmethod
@@ -147,7 +198,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         scalars = dict(checkpoint.scalars)
         if "mean_mass" not in scalars:
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
-        self._build(scene, float(scalars.pop("mean_mass")), threads, isa)
+        watches = "walls" in checkpoint.arrays
+        self._build(scene, float(scalars.pop("mean_mass")), threads, isa, watches)
+        if watches:
+            self._engine.restore_walls(checkpoint.arrays["walls"])
         n = len(checkpoint.arrays.get("id", ()))
         self._buffers = allocate(self._engine, 3 * n + 64)
         fill(self._buffers, checkpoint.arrays, np.arange(n))
@@ -163,3 +217,6 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _body_rows(self) -> NDArray:
         return self._engine.bodies()
+
+    def _wall_rows(self) -> NDArray:
+        return self._engine.walls() if self._watches_walls else np.empty((0, 6))

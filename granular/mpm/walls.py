@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from granular.checks import (
     check_fields,
     finite,
@@ -17,7 +20,7 @@ from granular.checks import (
 )
 from granular.geometry import AXES, LINE_TOLERANCE, Box, Grid
 
-__all__ = ["Solid", "SpongeLayer", "Wall"]
+__all__ = ["Solid", "SpongeLayer", "Wall", "WallState"]
 
 Span = tuple[float, float]
 
@@ -137,6 +140,29 @@ class Solid:
         for axis in range(grid.dim):
             grid.line(f"{name}.lower[{axis}]", axis, self.lower[axis])
             grid.line(f"{name}.upper[{axis}]", axis, self.upper[axis])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WallState:
+    """Accumulated impulse of the material on a wall or block.
+
+    Attributes
+    ----------
+    impulse : ndarray, shape (dim,)
+        Impulse of the material on the wall since the start of the run [N s; in 2D per metre of
+        depth].
+    angular_impulse : ndarray, shape () or (3,)
+        Angular impulse since then about the origin of the coordinates [N m s].
+    """
+
+    impulse: NDArray[np.float64]
+    angular_impulse: NDArray[np.float64]
+
+
+def split_impulses(numbers: NDArray[np.float64], dim: int) -> dict[str, NDArray[np.float64]]:
+    """Split the 6 numbers of a wall, shape (..., 6), into the attributes of `WallState`."""
+    turning = numbers[..., 5] if dim == 2 else numbers[..., 3:]
+    return {"impulse": numbers[..., :dim], "angular_impulse": turning}
 
 
 @dataclass(frozen=True)
