@@ -203,7 +203,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         if watches:
             self._engine.restore_walls(checkpoint.arrays["walls"])
         n = len(checkpoint.arrays.get("id", ()))
-        self._buffers = allocate(self._engine, 3 * n + 64)
+        self._buffers = allocate(self._engine, n)
         fill(self._buffers, checkpoint.arrays, np.arange(n))
         if scene.bodies:  # before the points: those near thin bodies are grouped by side
             if "bodies" not in checkpoint.arrays:
