@@ -134,5 +134,5 @@ def test_profiles_by_volume_weigh_with_the_quadrature_volume():
     assert np.allclose(rows.value, 0.5)
     assert np.allclose(rows.weight, 4 * CELL**2)
     cells = measure.cell_average(flow, side, weight="volume").value
-    assert np.allclose(cells[:, :20], 0.5)
+    assert np.allclose(cells, 0.5)
     assert np.allclose(profile(flow, side).value, 0.0)
