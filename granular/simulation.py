@@ -94,7 +94,12 @@ class Simulation:
 
     @overload
     def __new__(
-        cls, scene: MpmScene, *, threads: int | None = None, isa: str | None = None
+        cls,
+        scene: MpmScene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        wall_forces: bool = False,
     ) -> MpmSimulation: ...
     @overload
     def __new__(
@@ -158,6 +163,10 @@ class Simulation:
 
     def _body_rows(self) -> NDArray | None:
         """Return the states of the rigid bodies for a frame; None for a method without any."""
+        return None
+
+    def _wall_rows(self) -> NDArray | None:
+        """Return the impulses on the walls for a frame; none for a method that has none."""
         return None
 
     def _extra_state(self) -> dict[str, GasState]:
@@ -333,6 +342,7 @@ class Simulation:
                 gas=state.gas.fields if gas and hasattr(state, "gas") else None,
                 samples=samples,
                 bodies=self._body_rows(),
+                walls=self._wall_rows(),
                 may_wait=True,
             )
         self._due = None

@@ -38,8 +38,8 @@ class Frame:
     """One frame: its scalars, and its place, ``n`` rows from ``row`` of ``source``.
 
     ``samples`` are the values that monitors measured, if they sampled this frame, and the numbers
-    of its bodies by the names of `body_names`. ``gas`` is the frame of the gas particles at the
-    same time.
+    of its bodies and walls by the names of `names_of`. ``gas`` is the frame of the gas particles at
+    the same time.
     """
 
     time: float
@@ -137,13 +137,13 @@ class Table:
         return seal(str(version), *texts_of, checkpoint, *self.columns, *samples, *more)
 
 
-BODY = "body"
-"""Prefix of the names under which the numbers of bodies are stored."""
+BODY, WALL = "body", "wall"
+"""Prefixes of the names under which the numbers of bodies and walls are stored."""
 
 
-def body_names(count: int, numbers: int) -> list[str]:
-    """Names under which the numbers of bodies are stored, body by body."""
-    return [f"{BODY}{b}_{k:02d}" for b in range(count) for k in range(numbers)]
+def names_of(prefix: str, count: int, numbers: int) -> list[str]:
+    """Names under which the numbers of bodies or walls are stored, one after the other."""
+    return [f"{prefix}{i}_{k:02d}" for i in range(count) for k in range(numbers)]
 
 
 def samples_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:

@@ -11,7 +11,8 @@ The finished file::
         step, dt, mass      one value per frame
         digest              (frames, 32) digest of the content of each frame
         samples/<name>      values that monitors measured at each frame, nan if they did not sample
-                            it, and the numbers of rigid bodies (body<index>_<number>)
+                            it, and the numbers of rigid bodies (body<index>_<number>) and walls
+                            (wall<index>_<number>)
         gas                 in scenes with a gas, the frames of its particles in the same form: a
                             group VTKHDF, and step, dt, mass and digest of the frames with gas
         checkpoint          the newest restart state (optional)

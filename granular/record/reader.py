@@ -11,7 +11,7 @@ import numpy as np
 
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.frame import BODY, SCALARS, Frame, body_names, samples_of
+from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
 from granular.record.layout import RecordError, format_of, reading
 
@@ -80,7 +80,7 @@ class Trajectory:
         without monitors.
         """
         told = samples_of(self._frames)
-        return {name: column for name, column in told.items() if not name.startswith(BODY)}
+        return {name: column for name, column in told.items() if not name.startswith((BODY, WALL))}
 
     @cached_property
     def bodies(self) -> np.ndarray:
@@ -88,12 +88,25 @@ class Trajectory:
 
         See `granular.measure.body_motion` and `granular.measure.body_force`.
         """
+        return self._rows_of(BODY)
+
+    @cached_property
+    def walls(self) -> np.ndarray:
+        """Impulses on the walls and blocks at every frame, shape (frames, walls, 6).
+
+        There are no walls unless the simulation was made with `wall_forces`. See
+        `granular.measure.wall_force`.
+        """
+        return self._rows_of(WALL)
+
+    def _rows_of(self, prefix: str) -> np.ndarray:
+        """Numbers of bodies or walls at every frame, shape (frames, count, numbers)."""
         told = samples_of(self._frames)
-        names = [name for name in told if name.startswith(BODY)]
-        numbers = len([name for name in names if name.startswith(f"{BODY}0_")])
+        names = [name for name in told if name.startswith(prefix)]
+        numbers = len([name for name in names if name.startswith(f"{prefix}0_")])
         count = len(names) // max(numbers, 1)
         with reading(self.path):
-            columns = [told[name] for name in body_names(count, numbers)]
+            columns = [told[name] for name in names_of(prefix, count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
     def write_bodies(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:

@@ -18,7 +18,7 @@ import numpy as np
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
 from granular.record.chunks import Packed, Packer
-from granular.record.frame import Frame, Head, Texts, body_names
+from granular.record.frame import BODY, WALL, Frame, Head, Texts, names_of
 from granular.record.index import CHECKPOINT, HEAD, Contents, holds_parts, load, parts_folder
 from granular.record.layout import MAX_COLUMNS, check_type, chunk_rows, frame_digest, reading
 from granular.record.lock import Lock
@@ -308,14 +308,16 @@ class TrajectoryWriter:
         gas: Mapping[str, np.ndarray] | None = None,
         samples: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
+        walls: np.ndarray | None = None,
         may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time.
 
         Both are on the disk when this method returns, unless they `may_wait` (see `store`). `gas`
         are the fields of the gas particles, `samples` the values that monitors measured at the
-        frame, and `bodies`, shape (count, numbers), the state of its rigid bodies. A frame equal to
-        the recorded one of the same step is not stored again.
+        frame; `bodies`, shape (count, numbers), is the state of its rigid bodies, and `walls`, also
+        (count, numbers), the impulses on its walls. A frame equal to the recorded one of the same
+        step is not stored again.
 
         Raises
         ------
@@ -334,8 +336,9 @@ class TrajectoryWriter:
             gas = _check_fields(gas)
             gas_spec = self._gas_layout.check(gas)
         told = dict(samples or {})
-        if bodies is not None:
-            told |= zip(body_names(*bodies.shape), bodies.ravel().tolist(), strict=True)
+        for prefix, rows in ((BODY, bodies), (WALL, walls)):
+            if rows is not None:
+                told |= zip(names_of(prefix, *rows.shape), rows.ravel().tolist(), strict=True)
         self._add(state, fields, gas, told)
         self._layout.spec = spec
         if gas is not None:
