@@ -128,7 +128,10 @@ def choices(creeping: bool, cfl: float) -> tuple[sph.Numerics, dict[str, float]]
 def repose(
     threads: int, creeping: bool = False, cfl: float = 1.0, **keywords: Any
 ) -> dict[str, Any]:
-    """Angle at the end, averaged over a second, its fall in the two seconds before, and largest."""
+    """Angle at the end, averaged over a second, its fall in the two seconds before, and largest.
+
+    A run of less than these three seconds has no fall (None).
+    """
     numerics, changes = choices(creeping, cfl)
     scene = gr.scenes.slump_sph(numerics=numerics, **keywords)
     scene = scene.replace(material=scene.material.replace(**changes))
@@ -139,10 +142,11 @@ def repose(
     _, times, looks, row = watched(scene, threads, 0.25, look)
     angles, speeds = (np.array(values) for values in zip(*looks, strict=True))
     last = angles[times > times[-1] - 1.1].mean()
-    before = angles[(times > times[-1] - 3.1) & (times < times[-1] - 1.9)].mean()
+    earlier = angles[(times > times[-1] - 3.1) & (times < times[-1] - 1.9)]
+    creep = float((earlier.mean() - last) / 2.0) if len(earlier) else None
     return row | {
         "angle_deg": float(last),
-        "creep_deg_per_s": float((before - last) / 2.0),
+        "creep_deg_per_s": creep,
         "largest_deg": float(angles.max()),
         "speed": float(speeds[-1]),
     }

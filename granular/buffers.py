@@ -26,11 +26,12 @@ def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: 
     Raises
     ------
     ValueError
-        If an array is missing, or has another shape.
+        If an array is missing, or has another shape or type.
     """
     for name, array in buffers.items():
         values = stored.get(name)
-        if values is None or values.shape != (*array.shape[:-1], len(places)):
+        shape = (*array.shape[:-1], len(places))
+        if values is None or values.shape != shape or values.dtype != array.dtype:
             raise ValueError(f"the checkpoint does not hold {name} of {len(places)} points")
         array[..., places] = values
 

@@ -139,7 +139,7 @@ class Monitor:
             "work": work,
             "created": created,
         } | dict(own)
-        return np.array([row[name] for name in self.names])
+        return np.array([row.get(name, np.nan) for name in self.names])
 
     def columns(self, last: NDArray[np.float64] | None = None) -> dict[str, NDArray[np.float64]]:
         """Columns of all samples by name, with `last` as an additional row that is not kept."""

@@ -7,7 +7,7 @@ import signal
 import threading
 import time as clock
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
 
@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from granular import _core
+from granular.buffers import default_isa
 from granular.checks import integer, positive
 from granular.diagnostics import Health, Monitor, health
 from granular.notebook import table
-from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
+from granular.record import Checkpoint, RecordError, TrajectoryWriter, open_trajectory
+from granular.record.layout import reading
 from granular.state import State
 
 if TYPE_CHECKING:
@@ -92,7 +94,12 @@ class Simulation:
 
     @overload
     def __new__(
-        cls, scene: MpmScene, *, threads: int | None = None, isa: str | None = None
+        cls,
+        scene: MpmScene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        wall_forces: bool = False,
     ) -> MpmSimulation: ...
     @overload
     def __new__(
@@ -123,7 +130,9 @@ class Simulation:
         self._threads = threads
         self._chunk = 1
         self.record: Path | None = None
+        self._unclosed: TrajectoryWriter | None = None  # of a record that could not be closed
         self._every = EVERY
+        self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
 
     # ---- what a method must implement ----
@@ -154,6 +163,10 @@ class Simulation:
 
     def _body_rows(self) -> NDArray | None:
         """Return the states of the rigid bodies for a frame; None for a method without any."""
+        return None
+
+    def _wall_rows(self) -> NDArray | None:
+        """Return the impulses on the walls for a frame; none for a method that has none."""
         return None
 
     def _extra_state(self) -> dict[str, GasState]:
@@ -279,8 +292,11 @@ class Simulation:
         ------
         FileExistsError
             If the record exists and `overwrite` is not set.
+        BlockingIOError
+            If another run is writing the record.
         OSError
-            If the record cannot be written; an existing record is intact.
+            If the record cannot be written; an existing record is intact. Frames that could not be
+            stored are kept: the next run of this object goes on with the record and stores them.
         SimulationError
             If a point is not finite or ran away. The attributes `point` and `step` name it; the
             record holds the last good frame and checkpoint.
@@ -293,13 +309,13 @@ class Simulation:
         self._every = every = positive("every", self._every if every is None else every)
         with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
             with _interruptible() as interrupted:
-                if self.steps == 0:
+                if self.steps in (0, self._due):
                     self._frame(writer, hooks, monitor, gas)
                 while self.time < until and not interrupted:
                     frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)
-                        if writer:
+                        if writer and self.time < frame:  # the frame is stored with the rest
                             writer.store(may_wait=True)
                         if interrupted and self.time < frame:  # a frame that is due is kept
                             break
@@ -314,10 +330,11 @@ class Simulation:
     def _frame(
         self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool, gas: bool
     ) -> None:
-        due = monitor and self._monitor.due(self.steps, self.n_points)
-        if writer or due:
+        self._due = self.steps
+        sampled = monitor and self._monitor.due(self.steps, self.n_points)
+        if writer or sampled:
             state = self._snapshot(kept=True)
-            samples = self._monitor.sample(state, self._indicators(state)) if due else {}
+            samples = self._monitor.sample(state, self._indicators(state)) if sampled else {}
         if writer:
             writer.append(
                 state,
@@ -325,10 +342,15 @@ class Simulation:
                 gas=state.gas.fields if gas and hasattr(state, "gas") else None,
                 samples=samples,
                 bodies=self._body_rows(),
+                walls=self._wall_rows(),
                 may_wait=True,
             )
-        for hook in hooks:
-            hook(self)
+        self._due = None
+        if hooks:
+            # A hook may take long; a frame that waits for others is stored in time all the same.
+            with writer.storing() if writer else nullcontext():
+                for hook in hooks:
+                    hook(self)
 
     def health(self) -> Health:
         """Indicators of failure from the samples so far and a sample of the present state.
@@ -353,18 +375,32 @@ class Simulation:
         else:
             yield None
             return
-        provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
-        with (
-            TrajectoryWriter.resume(path, provenance=provenance)
-            if resumed
-            else TrajectoryWriter(path, self.scene, overwrite=overwrite, provenance=provenance)
-        ) as writer:
-            self.record = path
-            try:
-                yield writer
-            except SimulationError as error:
-                error.add_note(f"the last good checkpoint is in {path}")
-                raise
+        unclosed = self._unclosed
+        if unclosed is not None and unclosed.writes(path):
+            writer = unclosed
+        else:
+            provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
+            if resumed:
+                writer = TrajectoryWriter.resume(path, provenance=provenance)
+            else:
+                writer = TrajectoryWriter(
+                    path, self.scene, overwrite=overwrite, provenance=provenance
+                )
+            if unclosed is not None:
+                with suppress(OSError, RecordError):  # it can be resumed in any case
+                    unclosed.leave()
+        self.record, self._unclosed = path, writer
+        try:
+            with writer:
+                writer.store()  # at once what an earlier run could not store
+                try:
+                    yield writer
+                except SimulationError as error:
+                    error.add_note(f"the last good checkpoint is in {path}")
+                    raise
+        finally:
+            if writer.closed:
+                self._unclosed = None
 
     def _bar(self, progress: bool, until: float) -> Any:
         if not progress:
@@ -411,14 +447,21 @@ class Simulation:
 
         Raises
         ------
+        FileNotFoundError
+            If there is no such record.
         RecordError
-            If the file is damaged or holds no checkpoint.
+            If the file is damaged or holds no checkpoint, or one that does not fit its scene.
         """
+        if threads is not None:
+            integer("threads", threads, 1, _core.MAX_THREADS)
+        _core.build_info(default_isa() if isa is None else isa)  # refuses one it does not know
         with open_trajectory(path) as record:
-            self = cls.from_checkpoint(record.scene, record.checkpoint(), threads=threads, isa=isa)
-            self._every = record.provenance.get("every", EVERY)
-            past = record.series["step"] <= self.steps
-            self._monitor.recall({name: v[past] for name, v in record.samples.items()})
+            method, checkpoint = cls._of(record.scene), record.checkpoint()
+            with reading(record.path, "the run cannot be resumed"):
+                self = method._restored(record.scene, checkpoint, threads, isa)
+                self._every = positive("every", record.provenance.get("every", EVERY))
+                past = record.series["step"] <= self.steps
+                self._monitor.recall({name: v[past] for name, v in record.samples.items()})
         self.record = Path(path)
         return self
 

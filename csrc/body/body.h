@@ -30,11 +30,13 @@ struct gr_part {
 struct gr_body {
     int first_part, n_parts; /* its parts; the body is their union */
     int contact;
-    int free;        /* bit d: velocity component d follows from the forces, else from the prescribed motion */
-    int rough;       /* the fluidity is 0 at its surface */
-    double friction; /* Coulomb coefficient */
-    double mass;     /* kg, in 2D per metre of depth; needed only by a body with free components */
-    double bound;    /* m: radius about its position that contains its surface; may be infinite */
+    int free;         /* bit d: velocity component d follows from the forces, else from the prescribed motion */
+    int rough;        /* the fluidity is 0 at its surface */
+    double friction;  /* Coulomb coefficient */
+    double mass;      /* kg, in 2D per metre of depth; needed only by a body with free components */
+    double bound;     /* m: radius about its position that contains its surface; may be infinite */
+    double extent[3]; /* m: distance of its surface from its position along each axis of the scene at most, in all its
+                         orientations; may be infinite */
     double position[3], orientation[4];
     int n_motion;
     const double *motion; /* n_motion x 7: time, velocity, angular velocity; s, m/s, rad/s; linear between rows, constant

@@ -6,6 +6,7 @@
 #include <omp.h>
 #include <pthread.h>
 #include <stdatomic.h>
+#include <time.h>
 
 #define CACHE_LINE 64
 
@@ -31,6 +32,17 @@ struct gr_team {
 };
 
 int gr_team_threads(const struct gr_team *team) { return team ? team->threads : 1; }
+
+/* Until when leaders work alone, in nanoseconds, because other programs need the processors. It belongs to the machine,
+ * not to one team: runs that are short learn it from each other. */
+static _Atomic int64_t alone_until;
+
+static int64_t nanoseconds(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
 
 static inline void pause_briefly(void)
 {
@@ -86,9 +98,27 @@ static void call_helpers(struct gr_team *team)
     pthread_mutex_unlock(&team->mutex);
 }
 
+/* Sleep until the stage that began at `start` is done. What remains are chunks that others have taken, each a part of
+ * what the leader did meanwhile: if they take longer than that, the operating system has put their thread aside for
+ * another program. Then the leader works alone for RETREAT times as long, so that beside other programs a team loses at
+ * most 1/RETREAT of the time of one thread. */
+static void wait_for_others(struct gr_team *team, int64_t start)
+{
+    enum { RETREAT = 10 };
+    const int64_t asleep = nanoseconds();
+    pthread_mutex_lock(&team->mutex);
+    atomic_store(&team->leader_sleeps, 1);
+    while (atomic_load(&team->unfinished)) pthread_cond_wait(&team->work_done, &team->mutex);
+    atomic_store(&team->leader_sleeps, 0);
+    pthread_mutex_unlock(&team->mutex);
+    const int64_t now = nanoseconds(), lost = now - asleep;
+    if (lost > asleep - start) atomic_store(&alone_until, now + RETREAT * lost);
+}
+
 void gr_team_run(struct gr_team *team, gr_chunk_work *work, void *context, int64_t n_chunks)
 {
-    if (gr_team_threads(team) == 1 || n_chunks == 1) {
+    const int64_t start = gr_team_threads(team) > 1 && n_chunks > 1 ? nanoseconds() : 0;
+    if (!start || start < atomic_load(&alone_until)) {
         for (int64_t c = 0; c < n_chunks; c++) work(context, c, 0);
         return;
     }
@@ -105,12 +135,7 @@ void gr_team_run(struct gr_team *team, gr_chunk_work *work, void *context, int64
     call_helpers(team);
     take_chunks(team, 0);
     SPIN_UNTIL(!atomic_load(&team->unfinished));
-    if (!atomic_load(&team->unfinished)) return;
-    pthread_mutex_lock(&team->mutex);
-    atomic_store(&team->leader_sleeps, 1);
-    while (atomic_load(&team->unfinished)) pthread_cond_wait(&team->work_done, &team->mutex);
-    atomic_store(&team->leader_sleeps, 0);
-    pthread_mutex_unlock(&team->mutex);
+    if (atomic_load(&team->unfinished)) wait_for_others(team, start);
 }
 
 static void help(struct gr_team *team, int t)

@@ -7,6 +7,7 @@
 
 #include "core/memory.h"
 #include "mpm/contact.h"
+#include "mpm/wall_impulse.h"
 
 int gr_engine_uses(const struct gr_config *config, int field)
 {
@@ -238,6 +239,7 @@ void gr_engine_free(struct gr_engine *e)
     if (!e) return;
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->fluidity);
+    gr_watch_free(e->watch);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
     for (int k = 0; e->config.parts && k < e->config.n_parts; k++) free((void *)e->config.parts[k].sample);
     const void *owned[] = {e->config.gravity_times,

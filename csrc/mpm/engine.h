@@ -146,6 +146,7 @@ struct gr_engine {
     int n_thin;
     struct gr_thin_part *thin;
     struct gr_split_pose *split; /* per body */
+    struct gr_wall_watch *watch; /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
     /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */
     struct gr_migrant *migrant;
     int64_t n_pending, pending_capacity, needed_capacity;

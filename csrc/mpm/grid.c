@@ -2,9 +2,11 @@
 #include "mpm/grid.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "core/simd.h"
 #include "mpm/smoothed_density.h"
+#include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
 /* Sum over the cells of node n, in the order of cells. The sums of the cells lie far apart in memory. Those of a later
@@ -40,6 +42,21 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
+/* Apply the wall of a node, and note the impulse on it (wall_impulse.h); v and next are NULL where there is no mass. Not
+ * inline: the loop over nodes is for those who do not ask. */
+static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t n, double *v, double *next)
+{
+    const int dim = e->config.dim;
+    const double m = e->node_mass[n], keep = e->keep_velocity; /* its own, that of a duplicate not included */
+    double *impulse = e->watch->node + n * dim, before[3], free[3];
+    memset(impulse, 0, sizeof(double) * (size_t)dim);
+    if (!v || !e->mesh.node_code[n]) return;
+    memcpy(before, v, sizeof(double) * (size_t)dim);
+    memcpy(free, next, sizeof(double) * (size_t)dim);
+    gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
+    for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - keep * (before[d] - v[d]));
+}
+
 GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
                           const double g[3])
 {
@@ -56,13 +73,17 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
             for (int q = 0; q < GR_NODE_FIELDS(dim, smoothed); q++) out[q] = 0;
             if (smoothed) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
+            if (e->watch) note_impulse(e, n, 0, 0);
             continue;
         }
         for (int d = 0; d < dim; d++) {
             v[d] = sum[GR_SUM_MOMENTUM + d] / m;
             next[d] = v[d] + dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
         }
-        if (e->mesh.node_code[n]) gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
+        if (__builtin_expect(e->watch != 0, 0))
+            note_impulse(e, n, v, next);
+        else if (e->mesh.node_code[n])
+            gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
         for (int d = 0; d < dim; d++) {
             out[GR_NODE_VELOCITY + d] = next[d];
             out[GR_NODE_UPDATE(dim) + d] = keep * (next[d] - v[d]) + (1 - keep) * next[d];
@@ -93,6 +114,8 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
     const int dim = e->config.dim, K = e->K, order = e->config.xpic_order;
     double share = pass % 2 ? 1 : -1;
     for (int r = 1; r <= pass; r++) share = share * (order - r + 1) / r;
+    double rest = share, later = share; /* what this pass and the later ones would have added of what a wall takes here */
+    for (int r = pass + 1; r <= order; r++) later *= -(double)(order - r + 1) / r, rest += later;
     for (int64_t n = first; n < last; n++) {
         double sum[3] = {0};
         for (int i = 0; i < K; i++) {
@@ -104,6 +127,7 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
         for (int d = 0; d < dim; d++) {
             const double v = m > e->config.mass_cutoff && !(wall->fixed >> d & 1) ? sum[d] / m : 0;
             e->node_v[n * dim + d] = v;
+            if (e->watch && wall->fixed >> d & 1) e->watch->node[n * dim + d] += rest * sum[d];
             if (m > e->config.mass_cutoff) e->node_data[n * e->node_stride + GR_NODE_UPDATE(dim) + d] += share * v;
         }
     }

@@ -5,14 +5,20 @@
 
 #include "core/memory.h"
 #include "mpm/migrate.h"
+#include "mpm/wall_impulse.h"
 
 /* Capacity of a cell: whole vectors, with some spare places beyond its present and the usual number of points. Neither
- * a cell that gains many points nor a front that enters empty cells then requires a regrouping in every step. */
+ * a cell that gains many points nor a front that enters empty cells then requires a regrouping in every step. An empty
+ * cell has a single vector: a front fills it slowly, and soon needs the cells beyond it, for which all are regrouped. */
 static int32_t places(int32_t count, int32_t usual)
 {
+    if (!count) return GR_LANES;
     const int32_t many = count > usual ? count : usual, spare = many / 8 + 2;
     return (many + spare + GR_LANES - 1) / GR_LANES * GR_LANES;
 }
+
+/* Buffers that are too small become larger than needed by this part, as material that spreads soon needs more. */
+enum { GROWTH = 8 };
 
 static int compare_ids(const void *a, const void *b)
 {
@@ -212,6 +218,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(e->node_mass, capacity);
     GR_RESIZE(e->node_v, capacity * e->config.dim);
     if (e->config.n_bodies) GR_RESIZE(e->touched, capacity);
+    if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
     if (e->n_thin) {
         GR_RESIZE(mesh->duplicate, capacity);
         GR_RESIZE(mesh->separated, capacity);
@@ -398,7 +405,7 @@ int gr_regroup(struct gr_engine *e)
     error = list_points(e, &r);
     if (!error) error = list_cells(e, &r);
     if (!error && r.total > e->capacity) {
-        e->needed_capacity = r.total + r.total / 4;
+        e->needed_capacity = r.total + r.total / GROWTH;
         error = GR_ERR_CAPACITY;
     }
     if (!error) error = reserve_mesh(e, r.n_cells);

@@ -22,7 +22,8 @@ static inline void gr_pose_at(const struct gr_engine *e, int b, const double x[3
     gr_rotation_matrix(orientation, pose->rotation);
     for (int d = 0; d < 3; d++) {
         const struct gr_axis *axis = &e->axis[d];
-        pose->period[d] = d < e->config.dim && axis->periodic && 2 * pose->body->bound <= axis->length ? axis->length : 0;
+        pose->period[d] =
+            d < e->config.dim && axis->periodic && 2 * pose->body->extent[d] <= axis->length ? axis->length : 0;
     }
 }
 

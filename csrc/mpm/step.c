@@ -12,6 +12,7 @@
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
 #include "mpm/smoothed_density.h"
+#include "mpm/wall_impulse.h"
 
 enum { DT_INTERVAL = 16 }; /* steps between two updates of the largest speed */
 
@@ -121,6 +122,7 @@ static void finish(struct run *run)
     e->error = gr_migrate(e, run->migrants, run->n_chunks);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
+    if (e->watch) gr_add_wall_impulses(e);
     for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
     if (e->n_thin) gr_change_sides(e);
     e->step++;
@@ -208,6 +210,7 @@ static void stage_grid(struct run *run)
         all_cells(run, smooth);
         all_of(run, smooth_nodes, n_nodes);
     }
+    if (e->watch) gr_sum_wall_impulses(e);
 }
 
 /* After the diffusion has failed to converge: find a point that is not finite, if there is one. */

@@ -93,6 +93,12 @@ PyObject *gr_python_poses(const struct gr_engine *e, const void *rows, int numbe
 int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name, void *rows, int numbers);
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
+/* walls.c: impulses on the walls. */
+PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *codes, PyObject *owners, PyObject *opens_at,
+                                PyObject *after);
+PyObject *gr_python_wall_impulses(const struct gr_engine *e);
+PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array);
+
 /* testing.c: functions of the module. */
 PyObject *gr_python_law_update(PyObject *module, PyObject *args);
 PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);

@@ -77,12 +77,14 @@ static int is_unit(const double orientation[4])
 
 static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *body, struct gr_part *parts)
 {
-    PyObject *list, *samples, *pose, *motion;
-    const npy_intp seven[1] = {7};
+    PyObject *list, *samples, *pose, *motion, *extent;
+    const npy_intp seven[1] = {7}, three[1] = {3};
     if (gr_refuse_row("bodies", row) ||
         !PyArg_ParseTuple(
-            row, "OOOOiiidd;a row of bodies is (parts, samples, pose, motion, contact, free, rough, friction, mass)", &list,
-            &samples, &pose, &motion, &body->contact, &body->free, &body->rough, &body->friction, &body->mass))
+            row,
+            "OOOOOiiidd;a row of bodies is (parts, samples, pose, motion, extent, contact, free, rough, friction, mass)",
+            &list, &samples, &pose, &motion, &extent, &body->contact, &body->free, &body->rough, &body->friction,
+            &body->mass))
         return -1;
     body->first_part = c->n_parts;
     body->n_parts = take_parts(list, samples, GR_MAX_PARTS - c->n_parts, parts + c->n_parts);
@@ -92,6 +94,11 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
     memcpy(body->position, PyArray_DATA(array), sizeof body->position);
     memcpy(body->orientation, (const double *)PyArray_DATA(array) + 3, sizeof body->orientation);
     if (!is_unit(body->orientation)) return gr_refuse("the orientation of a body must be a unit quaternion");
+    array = gr_array(extent, "extent", NPY_DOUBLE, 1, three, 0);
+    if (!array) return -1;
+    memcpy(body->extent, PyArray_DATA(array), sizeof body->extent);
+    for (int d = 0; d < 3; d++)
+        if (!(body->extent[d] >= 0)) return gr_refuse("the extent of a body must not be negative");
     if (body->contact < 0 || body->contact >= GR_CONTACT_COUNT) return gr_refuse("contact must be 0 to 2");
     if (body->rough != 0 && body->rough != 1) return gr_refuse("rough must be 0 or 1");
     if (body->free < 0 || body->free >> c->dim) return gr_refuse("free must have a bit for each axis at most");

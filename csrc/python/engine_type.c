@@ -232,6 +232,27 @@ static PyObject *engine_restore_split(struct gr_object *self, PyObject *array)
     Py_RETURN_NONE;
 }
 
+static PyObject *engine_watch_walls(struct gr_object *self, PyObject *args)
+{
+    PyObject *codes, *owners, *times, *rows_after;
+    int n_walls;
+    struct gr_engine *e = gr_ready(self, 0);
+    if (!e || !PyArg_ParseTuple(args, "iOOOO:watch_walls", &n_walls, &codes, &owners, &times, &rows_after)) return NULL;
+    return gr_python_watch_walls(e, n_walls, codes, owners, times, rows_after);
+}
+
+static PyObject *engine_walls(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_wall_impulses(e) : NULL;
+}
+
+static PyObject *engine_restore_walls(struct gr_object *self, PyObject *array)
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_restore_walls(e, array) : NULL;
+}
+
 static PyObject *engine_refresh(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     struct gr_engine *e = gr_ready(self, 0);
@@ -282,6 +303,14 @@ static PyMethodDef methods[] = {
      "split()\n--\n\nPoses at which the cells about thin bodies are double, (n, 7): position, orientation (quaternion)."},
     {"restore_split", (PyCFunction)engine_restore_split, METH_O,
      "restore_split(poses)\n--\n\nSet these poses, as split() gave them."},
+    {"watch_walls", (PyCFunction)engine_watch_walls, METH_VARARGS,
+     "watch_walls(n_walls, codes, owners, opens_at, after)\n--\n\nAdd up the impulses on the walls, from before the points "
+     "are bound. codes: int32, a row\nfor each node of the grid; rows: owners int32 (n, 3), of each component, -1 for none; "
+     "opens_at\nfloat64 (n,), from when on the row `after`, int32 (n,), holds."},
+    {"walls", (PyCFunction)engine_walls, METH_NOARGS,
+     "walls()\n--\n\nImpulse and angular impulse about the origin of the material on each wall, (n, 6)."},
+    {"restore_walls", (PyCFunction)engine_restore_walls, METH_O,
+     "restore_walls(impulses)\n--\n\nSet the impulses, as walls() gave them."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},

@@ -25,6 +25,7 @@ static void give_bodies(struct gr_config *c)
                                      .n_parts = 1,
                                      .contact = GR_CONTACT_SEPARATING,
                                      .bound = 0.3,
+                                     .extent = {0.3, 0.3, 0.3},
                                      .position = {b ? -0.55 : -0.8, 2.3, 0},
                                      .orientation = {1, 0, 0, 0},
                                      .n_motion = 1,

@@ -30,6 +30,7 @@ static void begin(struct thin *t, int dim, int basis, int parts)
     t->body = (struct gr_body){.n_parts = parts,
                                .contact = GR_CONTACT_SEPARATING,
                                .bound = 0.3,
+                               .extent = {0.3, 0.3, 0.3},
                                .position = {-0.7, 2.3, 0.8},
                                .orientation = {1, 0, 0, 0},
                                .n_motion = 1,

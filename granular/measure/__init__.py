@@ -65,3 +65,5 @@ from granular.measure.profiles import profile as profile
 from granular.measure.profiles import scaled_inertial_number as scaled_inertial_number
 from granular.measure.profiles import velocity_profile as velocity_profile
 from granular.measure.stress import friction as friction
+from granular.measure.wall import WallForce as WallForce
+from granular.measure.wall import wall_force as wall_force

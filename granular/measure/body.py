@@ -108,18 +108,22 @@ def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> BodyFor
         If there is no such body, or a window is longer than the record.
     """
     motion = body_motion(record, body)
+    times, force, torque = window_means(
+        motion.times, window, motion.impulse, motion.angular_impulse
+    )
+    return BodyForce(times=times, force=force, torque=torque)
+
+
+def window_means(times: Array, window: int, *impulses: Array) -> tuple[Array, ...]:
+    """Middles of windows of some intervals between frames, and the mean rates of impulses there."""
     step = integer("window", window, 1)
-    if len(motion.times) <= step:
-        raise ValueError(f"window = {step} must be less than the {len(motion.times)} frames")
-    times = motion.times[::step]
-    span = np.diff(times)
+    if len(times) <= step:
+        raise ValueError(f"window = {step} must be less than the {len(times)} frames")
+    ends = times[::step]
+    span = np.diff(ends)
 
     def rate(impulse: Array) -> Array:
         change = np.diff(impulse[::step], axis=0)
         return change / span.reshape(-1, *[1] * (change.ndim - 1))
 
-    return BodyForce(
-        times=times[:-1] + span / 2,
-        force=rate(motion.impulse),
-        torque=rate(motion.angular_impulse),
-    )
+    return (ends[:-1] + span / 2, *map(rate, impulses))

@@ -13,10 +13,9 @@ from granular.checks import integer, non_negative
 from granular.materials import MuI
 from granular.measure.averaging_grid import Array, cells_of, sums_of
 from granular.measure.profiles import scaled_inertial_number
-from granular.mpm.walls import Solid
+from granular.mpm.blocks import solid_cells
 from granular.state import State
 from granular.theory.well_posed import ill_posedness
-from granular.typing import AnyScene
 
 FILLED = 0.5
 """Share of the mass it holds at rho_c from which a cell counts as filled."""
@@ -233,7 +232,7 @@ def gaps(bulk: Bulk) -> float:
     state = bulk.state
     stressed = bulk.sum(np.asarray(state.stress).any(axis=1)) > 0
     empty = bulk.mass == 0
-    _exclude_solids(state.scene, empty)
+    empty &= ~solid_cells(state.scene.grid, state.scene.walls)
     between = np.zeros(bulk.shape, dtype=bool)
     for axis in range(len(bulk.shape)):
         low, mid, high = ([slice(None)] * len(bulk.shape) for _ in range(3))
@@ -242,16 +241,3 @@ def gaps(bulk: Bulk) -> float:
         between[here] |= empty[here] & stressed[tuple(low)] & stressed[tuple(high)]
     count = np.count_nonzero(stressed)
     return float(np.count_nonzero(between) / count) if count else float("nan")
-
-
-def _exclude_solids(scene: AnyScene, cells: NDArray[np.bool_]) -> None:
-    """Set the cells of solid blocks to False in a mask."""
-    grid = scene.grid
-    for wall in scene.walls:
-        if isinstance(wall, Solid):
-            ends = zip(wall.lower, wall.upper, grid.lower, strict=True)
-            spans = [
-                slice(round((low - zero) / grid.cell), round((high - zero) / grid.cell))
-                for low, high, zero in ends
-            ]
-            cells[tuple(spans)] = False

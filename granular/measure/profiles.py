@@ -9,9 +9,16 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import integer, one_of, positive
+from granular.checks import integer, positive
 from granular.materials import MuI
-from granular.measure.averaging_grid import Array, mean_of, require_points, sums_of, values
+from granular.measure.averaging_grid import (
+    Array,
+    mean_of,
+    point_weights,
+    require_points,
+    sums_of,
+    values,
+)
 from granular.measure.stress import friction_of
 from granular.state import State
 
@@ -56,7 +63,8 @@ def profile(
         The number of equal rows from the floor of the grid to the highest point, or the edges
         of the rows [m]; by default the rows of grid cells up to the highest point.
     weight : {"mass", "volume"}
-        Weight of a point in the mean.
+        Weight of a point in the mean: its mass, or the scheme's quadrature volume
+        (`State.quadrature_volume`), as in `cell_average`.
 
     Returns
     -------
@@ -68,10 +76,9 @@ def profile(
         If the state is empty, the field does not have one value per point, the edges do not
         increase, or no point lies between them.
     """
-    one_of("weight", weight, ("mass", "volume"))
+    w = point_weights(state, weight)
     field = values(state, field)
     up = np.asarray(state.x, dtype=float)[:, -1]
-    w = np.asarray(getattr(state, weight), dtype=float)
     edges = _edges(state, up, bins)
     inside = (up >= edges[0]) & (up <= edges[-1])
     if not inside.any():

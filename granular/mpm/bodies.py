@@ -28,6 +28,7 @@ from granular.checks import (
     truth,
     vector,
 )
+from granular.mpm.body_measures import are_endless, corners, extents, reach
 from granular.mpm.body_shapes import (
     MOST_SHAPES,
     Box,
@@ -36,10 +37,7 @@ from granular.mpm.body_shapes import (
     Mesh,
     Shape,
     Union,
-    are_endless,
-    corners,
     padded,
-    reach,
     rotation_of,
     turned,
 )
@@ -208,15 +206,20 @@ class Body:
         """Refuse a body that does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
-        bound = reach(self.shape.rows(), self.dim)
+        reaches = self._extents()
         for axis in np.flatnonzero(grid.periodic):
             half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]
-            if bound > half and not self._is_endless(axis):
+            if reaches[axis] > half and not self._is_endless(axis):
                 raise ValueError(
-                    f"{name} reaches {bound:.6g} m from its position, must be <= {half:.6g} m, "
-                    f"half the period along {letter}; or be endless along {letter} and turn about "
-                    "no other axis"
+                    f"{name} reaches {reaches[axis]:.6g} m from its position along {letter} in its "
+                    f"motion, must be <= {half:.6g} m, half the period; or be endless along "
+                    f"{letter} and turn about no other axis"
                 )
+
+    def _extents(self) -> Array:
+        """Distance of its surface from its position along x, y, z at most, in all its motion."""
+        turning = self.motion.rows()[:, 4:]
+        return extents(self.shape.rows(), self.dim, turned(self.rotation_deg).as_matrix(), turning)
 
     def _is_endless(self, axis: np.intp) -> bool:
         """True if the body is infinite along an axis, and stays so in its motion."""
@@ -245,6 +248,7 @@ class Body:
             self.shape.samples(),
             np.array([*padded(self.position), w, x, y, z]),
             self.motion.rows(),
+            self._extents(),
             CONTACTS[self.contact],
             sum(1 << "xyz".index(axis) for axis in self.free),
             int(self.rough),

@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import lru_cache, partial
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -405,65 +404,3 @@ class Union(Shape):
 
     def samples(self) -> tuple[Array, ...]:
         return tuple(array for part in self.parts for array in part.samples())
-
-
-# ---- properties of rows (descriptions for the core) ----
-
-
-def reach(rows: Array, dim: int) -> float:
-    """Radius about the position of the body that contains the surface [m]; may be infinite."""
-    farthest = 0.0
-    for kind, inside, *numbers in rows:
-        center, size = np.array(numbers[:3]), np.array(numbers[12:])
-        if inside or kind == HALF_SPACE:
-            return math.inf
-        extent = size[: dim - 1 if kind == CYLINDER else dim]
-        farthest = max(farthest, float(np.linalg.norm(center) + np.linalg.norm(extent)))
-    return farthest
-
-
-def thicknesses(rows: Array, dim: int) -> tuple[float, float]:
-    """Least edge of the boxes and least diameter or length of the cylinders [m]; inf if none."""
-    box = cylinder = math.inf
-    for kind, inside, *numbers in rows:
-        size = numbers[12:]
-        if kind == BOX:
-            box = min(box, *(2 * edge for edge in size[:dim]))
-        elif kind == CYLINDER and not inside:
-            cylinder = min(cylinder, 2 * size[0], 2 * size[1])
-    return box, cylinder
-
-
-def deepest(samples: Sequence[Array]) -> float:
-    """Least diameter [m], over the sampled shapes, of the largest ball inside; inf if none."""
-    return min((-2 * float(distance.min()) for distance in samples), default=math.inf)
-
-
-def corners(rows: Array) -> Array:
-    """Corners of boxes around the parts, shape (8 parts, 3); infinite extents count as 0."""
-    found = []
-    signs = np.array(list(product((-1, 1), repeat=3)))
-    for kind, _, *numbers in rows:
-        center, matrix, size = np.array(numbers[:3]), np.array(numbers[3:12]), numbers[12:]
-        half = np.array([size[0], size[0], size[1]] if kind == CYLINDER else size)
-        half[~np.isfinite(half)] = 0.0
-        found.append(center + signs * half @ matrix.reshape(3, 3).T)
-    return np.concatenate(found)
-
-
-def are_endless(rows: Array, along: Array) -> bool:
-    """True if all parts are infinite along a direction."""
-    for kind, _, *numbers in rows:
-        matrix, size = np.array(numbers[3:12]).reshape(3, 3), numbers[12:]
-        share = abs(matrix.T @ along)
-        if kind == HALF_SPACE:
-            endless = share[2] < 1e-12
-        else:
-            lengths = [0.0, 0.0, size[1]] if kind == CYLINDER else size
-            endless = any(
-                s > 1 - 1e-12 and length == math.inf
-                for s, length in zip(share, lengths, strict=True)
-            )
-        if not endless:
-            return False
-    return True

@@ -184,9 +184,9 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
 
 
 def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:
-    """Make buffers with the given points at 0 to n - 1, and the capacity to group them by cell."""
+    """Make buffers with the given points at 0 to n - 1; to group them by cell takes larger ones."""
     n = len(points["mass"])
-    buffers = allocate(engine, 3 * n + 64)
+    buffers = allocate(engine, n)
     for name, values in points.items():
         buffers[name][:, :n] = values.reshape(n, -1).T
     buffers["id"][:n] = np.arange(n)

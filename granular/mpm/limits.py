@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.geometry import combined
 from granular.materials import MuI
-from granular.mpm.body_shapes import deepest, padded, reach, thicknesses, turned
+from granular.mpm.blocks import solid_cells
+from granular.mpm.body_measures import deepest, reach, thicknesses
+from granular.mpm.body_shapes import padded, turned
+from granular.mpm.walls import Solid
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
@@ -60,6 +63,18 @@ LAYER_CELLS = 6
 
 LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 """Largest nu without volumetric locking, from the map "locking"."""
+
+
+INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
+    (
+        "in_solids",
+        "largest",
+        0.0,
+        "share, by mass, of the points more than a cell within a Solid: beyond the limit blocks "
+        "leak, or were filled at the start",
+    ),
+)
+"""Name, reduction over the samples, limit and meaning of the additional indicators of MPM runs."""
 
 
 def courant_limit(scene: Scene) -> float:
@@ -188,6 +203,7 @@ def known_failures(scene: Scene) -> list[str]:
         _fluidity,
         _blades,
         _buried,
+        _walled_in,
     )
     return [warning for check in checks if (warning := check(scene))]
 
@@ -348,6 +364,22 @@ def _buried(scene: Scene) -> str | None:
                 return (
                     f"fills[{j}] has points within bodies[{i}], which will move with it: leave its "
                     "volume out of the region (geometry.Difference)"
+                )
+    return None
+
+
+def _walled_in(scene: Scene) -> str | None:
+    """Blocks inside a fill: no force moves the points within a block."""
+    for i, wall in enumerate(scene.walls):
+        if not isinstance(wall, Solid):
+            continue
+        cells = np.argwhere(solid_cells(scene.grid, (wall,)))
+        middles = np.array(scene.grid.lower) + (cells + 0.5) * scene.grid.cell
+        for j, fill in enumerate(scene.fills):
+            if fill.region.contains(middles).any():
+                return (
+                    f"fills[{j}] has points within walls[{i}], a Solid, which holds them: leave "
+                    "its volume out of the region (geometry.Difference)"
                 )
     return None
 

@@ -7,8 +7,7 @@ on) is row r - 1 of the tuple that `node_codes` returns.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from itertools import product
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,21 +16,16 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.checks import integer, one_of
 from granular.geometry import LINE_TOLERANCE, Grid
-from granular.mpm.walls import Solid, Wall
+from granular.mpm.blocks import held_components, solid_cells
+from granular.mpm.walls import Solid, Span, Wall
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["WallRow", "c0_lines", "node_codes", "node_positions"]
+__all__ = ["WallRow", "c0_lines", "node_codes", "node_positions", "node_selections"]
 
 CORE_BASES = _core.enumerations()["basis"]
 MAX_ROWS = 255
-FACE_DEPTH = 0.5 + LINE_TOLERANCE
-"""Largest depth [cells] at which nodes of a block belong to its face.
-
-The first layer of nodes of quadratic splines lies half a cell inside, and must not stop material
-that slides along the face.
-"""
 
 
 class WallRow(NamedTuple):
@@ -138,6 +132,12 @@ def node_positions(
 
 
 Nodes = tuple[NDArray[np.intp], ...]  # indices along each axis; the nodes are the product
+Where = tuple[NDArray[np.intp], ...] | NDArray[np.bool_]  # an index of the array of nodes
+
+
+def _indices(nodes: Nodes) -> Where:
+    """Index of nodes into an array with the last axis first."""
+    return np.ix_(*nodes[::-1])
 
 
 class _Axes:
@@ -164,25 +164,18 @@ class _Axes:
 
     def of_wall(self, wall: Wall) -> Nodes:
         """Nodes on a wall."""
-        found = []
-        for axis in range(self.grid.dim):
-            ends = wall.extent(self.grid, axis)
-            found.append(self.within(axis, *(self.cells(axis, end) for end in ends)))
-        return tuple(found)
+        return self._between(wall.extent(self.grid, axis) for axis in range(self.grid.dim))
 
-    def split(self, axis: int, low: float, high: float) -> dict[bool, NDArray[np.intp]]:
-        """Nodes of a block along an axis: those at its faces (True), and the inner ones (False)."""
-        nodes, n = self.within(axis, low, high), self.grid.shape[axis]
-        x = self.positions[axis][nodes]
-        if self.grid.periodic[axis]:
-            x = np.where(x < low - LINE_TOLERANCE, x + n, x)
-            faces: tuple[float, ...] = () if high - low > n - LINE_TOLERANCE else (low, high)
-        else:
-            faces = tuple(f for f in (low, high) if LINE_TOLERANCE < f < n - LINE_TOLERANCE)
-        at_face = np.zeros(len(nodes), dtype=bool)
-        for face in faces:
-            at_face |= np.abs(x - face) <= FACE_DEPTH
-        return {True: nodes[at_face], False: nodes[~at_face]}
+    def of_solid(self, solid: Solid) -> Nodes:
+        """Nodes in and at a block."""
+        return self._between(zip(solid.lower, solid.upper, strict=True))
+
+    def _between(self, extents: Iterable[Span]) -> Nodes:
+        """Nodes within lower and upper ends [m] along each axis."""
+        return tuple(
+            self.within(axis, *(self.cells(axis, end) for end in ends))
+            for axis, ends in enumerate(extents)
+        )
 
 
 def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
@@ -196,29 +189,39 @@ def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
     return WallRow(normal, wall.friction, wall.axis, side, wall.opens_at)
 
 
-def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Nodes, WallRow]]:
-    dim = axes.grid.dim
-    ends = [
-        (axes.cells(axis, solid.lower[axis]), axes.cells(axis, solid.upper[axis]))
-        for axis in range(dim)
-    ]
-    everything = (1 << dim) - 1
-    if solid.kind == "no_slip":
-        nodes = tuple(axes.within(axis, *ends[axis]) for axis in range(dim))
-        yield nodes, WallRow(fixed=everything)
-        return
-    parts = [axes.split(axis, *ends[axis]) for axis in range(dim)]
-    for at_face in product((False, True), repeat=dim):
-        fixed = sum(1 << axis for axis in range(dim) if at_face[axis]) or everything
-        yield tuple(parts[axis][at_face[axis]] for axis in range(dim)), WallRow(fixed=fixed)
+def _block_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Where, WallRow]]:
+    """Yield what blocks hold; faces are those of the union of all blocks."""
+    grid, slips = scene.grid, None
+    for wall in scene.walls:
+        if not isinstance(wall, Solid):
+            continue
+        where = _indices(axes.of_solid(wall))
+        if wall.kind == "no_slip":
+            yield where, WallRow(fixed=(1 << grid.dim) - 1)
+            continue
+        if slips is None:
+            slips = np.zeros([len(x) for x in axes.positions[::-1]], dtype=bool)
+        slips[where] = True
+    if slips is not None:
+        held = held_components(grid, solid_cells(grid, scene.walls), axes.positions)
+        for fixed in np.unique(held[slips]):
+            yield slips & (held == fixed), WallRow(fixed=int(fixed))
 
 
-def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Nodes, WallRow]]:
+def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Where, WallRow]]:
     for wall in scene.walls:
         if isinstance(wall, Wall):
-            yield axes.of_wall(wall), _wall_hold(wall, scene.grid)
-        else:
-            yield from _solid_holds(wall, axes)
+            yield _indices(axes.of_wall(wall)), _wall_hold(wall, scene.grid)
+    yield from _block_holds(scene, axes)
+
+
+def node_selections(scene: Scene) -> Iterator[tuple[tuple[int, ...], int, Where]]:
+    """Yield for each wall and block the shape of the nodes, its index, and that of its nodes."""
+    axes = _Axes(scene)
+    shape = tuple(len(x) for x in axes.positions[::-1])
+    for i, wall in enumerate(scene.walls):
+        nodes = axes.of_wall(wall) if isinstance(wall, Wall) else axes.of_solid(wall)
+        yield shape, i, _indices(nodes)
 
 
 class _Rows:
@@ -278,8 +281,7 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
     shape = tuple(len(x) for x in axes.positions[::-1])
     state = np.zeros(shape, dtype=np.int32)
     known: dict[frozenset[WallRow], int] = {frozenset(): 0}
-    for nodes, hold in _all_holds(scene, axes):
-        where = np.ix_(*nodes[::-1])
+    for where, hold in _all_holds(scene, axes):
         old, places = np.unique(state[where], return_inverse=True)
         sets = list(known)
         new = [known.setdefault(sets[i] | {hold}, len(known)) for i in old]

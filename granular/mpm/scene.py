@@ -59,6 +59,7 @@ class Scene(BaseScene):
     """
 
     method = "mpm"
+    indicators = limits.INDICATORS
     _limits: ClassVar[Any] = limits
 
     name: str

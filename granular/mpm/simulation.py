@@ -9,10 +9,15 @@ from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill
+from granular.checks import truth
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
+from granular.mpm.blocks import deep_within, solid_cells
 from granular.mpm.scene import Scene
+from granular.mpm.wall_owners import wall_owners
+from granular.mpm.walls import WallState, split_impulses
 from granular.record import Checkpoint
+from granular.state import State
 
 __all__ = ["Simulation"]
 
@@ -24,22 +29,56 @@ these fields.
 """
 
 
+SPARSE = 16
+"""Largest id, in multiples of the number of places, up to which points are ordered by a table.
+
+The table is faster than sorting, but its size is that of the largest id: 128 bytes per place.
+"""
+
+
 class Simulation(simulation.Simulation, scenes=Scene):
-    """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`."""
+    """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`.
+
+    Parameters
+    ----------
+    scene, threads, isa
+        As of `granular.Simulation`.
+    wall_forces : bool
+        Add up the impulses on the walls and blocks of the scene, see `walls`. Frames of records and
+        checkpoints then hold them. They do not affect the motion.
+    """
 
     scene: Scene
     _engine: _core.Engine
 
-    def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        wall_forces: bool = False,
+    ) -> None:
+        truth("wall_forces", wall_forces)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
-        self._build(scene, float(points["mass"].mean()), threads, isa)
+        self._build(scene, float(points["mass"].mean()), threads, isa, wall_forces)
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
 
-    def _build(self, scene: Scene, mean_mass: float, threads: int | None, isa: str | None) -> None:
+    def _build(
+        self,
+        scene: Scene,
+        mean_mass: float,
+        threads: int | None,
+        isa: str | None,
+        wall_forces: bool,
+    ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
+        self._watches_walls = wall_forces and bool(scene.walls)
+        if self._watches_walls:
+            engine.watch_walls(len(scene.walls), *wall_owners(scene))
         self._mean_mass = mean_mass
 
     def _bind(self, n_points: int) -> None:
@@ -81,6 +120,25 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return tuple(rigid.state_of(row, self.scene.dim) for row in self._engine.bodies())
 
     @property
+    def walls(self) -> tuple[WallState, ...]:
+        """Impulses on the walls and blocks of the scene, in their order.
+
+        They are what the points lose to the walls, so that the momentum of the points changes by
+        the impulse of gravity less those on the walls and bodies (less what a sponge layer takes
+        and what leaves the domain). Where several meet, a component counts for a wall to which it
+        is normal, else for a no-slip wall, a no-slip block, the roughest Coulomb wall, or a block.
+
+        Raises
+        ------
+        ValueError
+            If the simulation was not made with `wall_forces`.
+        """
+        if not self._watches_walls and self.scene.walls:
+            raise ValueError("wall_forces = False must be True for the impulses on the walls")
+        rows = self._wall_rows()
+        return tuple(WallState(**split_impulses(row, self.scene.dim)) for row in rows)
+
+    @property
     def buffers(self) -> dict[str, NDArray]:
         """Arrays of the core, not copied: {field: (component, capacity)} and "id".
 
@@ -95,9 +153,12 @@ class Simulation(simulation.Simulation, scenes=Scene):
         without = CARRIED if kept else frozenset()
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
-        ordered = np.full(ids.max(initial=-1) + 1, -1)
-        ordered[ids[living]] = living  # by id, with gaps for points that have left
-        places = ordered[ordered >= 0]
+        if (end := int(ids.max(initial=-1)) + 1) <= SPARSE * len(ids):
+            ordered = np.full(end, -1)
+            ordered[ids[living]] = living  # by id, with gaps for points that have left
+            places = ordered[ordered >= 0]
+        else:
+            places = living[np.argsort(ids[living], kind="stable")]
         fields = {"id": ids[places]}
         for name, rows, _, _ in self._engine.fields():
             if name in without:
@@ -117,6 +178,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
             x[x[:, d] < grid.lower[d], d] += length
         return x
 
+    def _indicators(self, state: State) -> dict[str, float]:
+        solid = solid_cells(self.scene.grid, self.scene.walls)
+        share = np.nan
+        if solid.any() and state.n:
+            within = deep_within(self.scene.grid, solid, state.x)
+            share = float(state.mass[within].sum() / state.mass.sum())
+        return {"in_solids": share}
+
     # ---- restart ----
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
@@ -127,6 +196,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         if self.scene.bodies:
             arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
+        if self._watches_walls:
+            arrays |= {"walls": self._engine.walls()}
         return scalars, arrays
 
     @classmethod
@@ -137,9 +208,15 @@ class Simulation(simulation.Simulation, scenes=Scene):
         scalars = dict(checkpoint.scalars)
         if "mean_mass" not in scalars:
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
-        self._build(scene, float(scalars.pop("mean_mass")), threads, isa)
-        n = len(checkpoint.arrays.get("id", ()))
-        self._buffers = allocate(self._engine, 3 * n + 64)
+        watches = "walls" in checkpoint.arrays
+        self._build(scene, float(scalars.pop("mean_mass")), threads, isa, watches)
+        if watches:
+            self._engine.restore_walls(checkpoint.arrays["walls"])
+        ids = checkpoint.arrays.get("id", np.empty(0, dtype=np.int64))
+        n = len(ids)
+        if ids.min(initial=0) < 0 or len(np.unique(ids)) != n:
+            raise ValueError("the ids of the checkpoint must be distinct and at least 0")
+        self._buffers = allocate(self._engine, n)
         fill(self._buffers, checkpoint.arrays, np.arange(n))
         if scene.bodies:  # before the points: those near thin bodies are grouped by side
             if "bodies" not in checkpoint.arrays:
@@ -153,3 +230,6 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _body_rows(self) -> NDArray:
         return self._engine.bodies()
+
+    def _wall_rows(self) -> NDArray:
+        return self._engine.walls() if self._watches_walls else np.empty((0, 6))

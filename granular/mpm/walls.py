@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from granular.checks import (
     check_fields,
     finite,
@@ -17,7 +20,7 @@ from granular.checks import (
 )
 from granular.geometry import AXES, LINE_TOLERANCE, Box, Grid
 
-__all__ = ["Solid", "SpongeLayer", "Wall"]
+__all__ = ["Solid", "SpongeLayer", "Wall", "WallState"]
 
 Span = tuple[float, float]
 
@@ -100,8 +103,10 @@ class Wall:
 class Solid:
     """An axis-aligned block that material cannot enter; several of them make a staircase.
 
-    With quadratic splines the faces of a block are blurred by up to half a cell, because only walls
-    make C0 lines. Put a `Wall` on a face that has to be sharp.
+    Blocks that touch act as one: where they meet there is no face. With quadratic splines the faces
+    are blurred by up to half a cell, because only walls make C0 lines; single points that hit a
+    block fast can end up to a cell within it. Put a `Wall` on a face that has to be sharp. The
+    indicator "in_solids" of `Simulation.health` is the share of the points deeper than that.
 
     Parameters
     ----------
@@ -109,7 +114,8 @@ class Solid:
         Corners [m], on grid lines.
     kind : {"no_slip", "free_slip"}
         "no_slip" holds all velocity components at zero. "free_slip" faces hold the component normal
-        to them; where two faces meet, both components are held. Ends of the grid are not faces.
+        to them; where two faces meet at an edge, both components are held. Ends of the grid are not
+        faces.
 
     Raises
     ------
@@ -134,6 +140,29 @@ class Solid:
         for axis in range(grid.dim):
             grid.line(f"{name}.lower[{axis}]", axis, self.lower[axis])
             grid.line(f"{name}.upper[{axis}]", axis, self.upper[axis])
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WallState:
+    """Accumulated impulse of the material on a wall or block.
+
+    Attributes
+    ----------
+    impulse : ndarray, shape (dim,)
+        Impulse of the material on the wall since the start of the run [N s; in 2D per metre of
+        depth].
+    angular_impulse : ndarray, shape () or (3,)
+        Angular impulse since then about the origin of the coordinates [N m s].
+    """
+
+    impulse: NDArray[np.float64]
+    angular_impulse: NDArray[np.float64]
+
+
+def split_impulses(numbers: NDArray[np.float64], dim: int) -> dict[str, NDArray[np.float64]]:
+    """Split the 6 numbers of a wall, shape (..., 6), into the attributes of `WallState`."""
+    turning = numbers[..., 5] if dim == 2 else numbers[..., 3:]
+    return {"impulse": numbers[..., :dim], "angular_impulse": turning}
 
 
 @dataclass(frozen=True)

@@ -87,16 +87,21 @@ def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
     return np.frombuffer(raw, dtype=np.uint8).reshape(8, -1).T.copy().view(dtype)[:, 0]
 
 
+def check_chunks(columns: int, chunk: int, n: int, count: int) -> None:
+    """Refuse a number of chunks that does not fit a field of ``n`` rows with a ValueError."""
+    if not 0 <= columns <= MAX_COLUMNS or not 1 <= chunk <= MAX_CHUNK_ROWS:
+        raise ValueError(f"{columns} columns in chunks of {chunk} rows are not allowed")
+    if n < 0 or count * chunk != rows_of(n, chunk) * max(columns, 1):
+        raise ValueError(f"{count} chunks of {chunk} rows cannot be {n} rows")
+
+
 class Packed:
     """A field of one frame in memory, packed chunk by chunk as it is stored in a file."""
 
     def __init__(
         self, dtype: str, columns: int, chunk: int, n: int, chunks: Sequence[tuple[int, bytes]]
     ) -> None:
-        if not 0 <= columns <= MAX_COLUMNS or not 1 <= chunk <= MAX_CHUNK_ROWS:
-            raise ValueError(f"{columns} columns in chunks of {chunk} rows are not allowed")
-        if len(chunks) * chunk != rows_of(n, chunk) * max(columns, 1):
-            raise ValueError(f"{len(chunks)} chunks of {chunk} rows cannot be {n} rows")
+        check_chunks(columns, chunk, n, len(chunks))
         self.dtype, self.columns, self.chunk = dtype, columns, chunk
         self.corners = corners(n, chunk, columns)
         self._chunks = dict(zip(self.corners, chunks, strict=True))
@@ -136,7 +141,7 @@ class Stored:
     """A field of all frames in a file."""
 
     def __init__(self, group: h5py.Group, name: str) -> None:
-        self.data = data = checked(group, name, DTYPES, 1, 2)
+        self.data = data = checked(group, name, DTYPES, 1, 2, packed=True)
         if data.chunks is None or data.chunks[1:] != (1,) * (data.ndim - 1):
             raise ValueError(f"{data.name} is not chunked by columns")
         self.dtype, self.chunk = data.dtype.str, data.chunks[0]

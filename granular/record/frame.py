@@ -21,6 +21,10 @@ class Source(Protocol):
     def path(self) -> Path:
         """Path of the file."""
 
+    @property
+    def offset(self) -> int:
+        """Place in the file [bytes] of what is not found by its name."""
+
     def fields(self) -> AbstractContextManager[Mapping[str, Field]]:
         """Return the fields by name."""
 
@@ -34,8 +38,8 @@ class Frame:
     """One frame: its scalars, and its place, ``n`` rows from ``row`` of ``source``.
 
     ``samples`` are the values that monitors measured, if they sampled this frame, and the numbers
-    of its bodies by the names of `body_names`. ``gas`` is the frame of the gas particles at the
-    same time.
+    of its bodies and walls by the names of `names_of`. ``gas`` is the frame of the gas particles at
+    the same time.
     """
 
     time: float
@@ -79,10 +83,27 @@ class Texts:
     scene: str
     provenance: str
 
-    @property
-    def extends(self) -> bool:
-        """True if the texts belong to the continuation of a record."""
-        return "earlier" in json.loads(self.provenance)
+    def __post_init__(self) -> None:
+        for name in ("record", "scene", "provenance"):
+            if not isinstance(getattr(self, name), str):
+                raise ValueError(f"{name} is not a text")
+        told = json.loads(self.provenance)
+        if not isinstance(told, dict) or not isinstance(told.get("earlier", []), list):
+            raise ValueError("the provenance is not one of a record")
+
+
+@dataclass(frozen=True)
+class Head:
+    """Head of an unfinished record, with what was at its path when it was begun.
+
+    ``continues`` is the seal of the finished file that the record continues; empty if it is a new
+    record. ``replaces`` is the `identity` of the file that a new record may replace; None if there
+    was none.
+    """
+
+    texts: Texts
+    continues: bytes = b""
+    replaces: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -116,13 +137,13 @@ class Table:
         return seal(str(version), *texts_of, checkpoint, *self.columns, *samples, *more)
 
 
-BODY = "body"
-"""Prefix of the names under which the numbers of bodies are stored."""
+BODY, WALL = "body", "wall"
+"""Prefixes of the names under which the numbers of bodies and walls are stored."""
 
 
-def body_names(count: int, numbers: int) -> list[str]:
-    """Names under which the numbers of bodies are stored, body by body."""
-    return [f"{BODY}{b}_{k:02d}" for b in range(count) for k in range(numbers)]
+def names_of(prefix: str, count: int, numbers: int) -> list[str]:
+    """Names under which the numbers of bodies or walls are stored, one after the other."""
+    return [f"{prefix}{i}_{k:02d}" for i in range(count) for k in range(numbers)]
 
 
 def samples_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:

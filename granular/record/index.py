@@ -1,33 +1,36 @@
 """Contents of a record, finished or not: the one file, and the parts that a writer has left."""
 
+import os
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 
 from granular.record.checkpoint import Checkpoint, read_checkpoint
 from granular.record.chunks import Stored
-from granular.record.frame import SCALARS, Frame, Table, Texts
+from granular.record.frame import SCALARS, Frame, Head, Table, Texts
 from granular.record.layout import (
     RecordError,
     attribute,
     check_format,
     checked,
     hard,
+    has,
     read_text,
     reading,
 )
 from granular.record.segment import read_frames, read_head, read_restart
-from granular.record.storage import open_hdf5
+from granular.record.storage import followed, identity, open_hdf5
 
 
 def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
     """Values that monitors measured, one column per name; none in records of earlier versions."""
-    if "samples" not in own:
+    if not has(own, "samples"):
         return {}
     group = hard(own, "samples", h5py.Group)
     return {name: checked(group, name, ("<f8",), 1)[:] for name in group}
@@ -38,6 +41,8 @@ class Points:
 
     ``vtk`` is the group that ParaView reads, ``own`` the group with all other data.
     """
+
+    offset = 0
 
     def __init__(self, path: Path, vtk: h5py.Group, own: h5py.Group) -> None:
         self.path, self._vtk = path, vtk
@@ -88,25 +93,30 @@ class Main:
             with reading(path):
                 self._load()
         except BaseException:
-            self.file.close()
+            self.close()
             raise
+
+    def close(self) -> None:
+        """Close the file."""
+        self.file.close()
 
     def _load(self) -> None:
         own = hard(self.file, "granular", h5py.Group)
         version = check_format(self.path, int(attribute(own, "format", "i")))
-        self.texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
+        texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
         points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), own)
         gas = None
-        if "gas" in own:
+        if has(own, "gas"):
             group = hard(own, "gas", h5py.Group)
             gas = Points(self.path, hard(group, "VTKHDF", h5py.Group), group)
-        self.has_checkpoint = "checkpoint" in own
+        self.has_checkpoint = has(own, "checkpoint")
         checkpoint = b""
         if self.has_checkpoint:
             checkpoint = attribute(hard(own, "checkpoint", h5py.Group), "digest", "u")
-        expected = points.table.seal(version, self.texts, checkpoint, gas.table if gas else None)
+        expected = points.table.seal(version, texts, checkpoint, gas.table if gas else None)
         if attribute(own, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
+        self.head = Head(texts, continues=expected)
         below = {frame.step: frame for frame in gas.frames({})} if gas else {}
         self.frames = points.frames(below)
 
@@ -123,15 +133,27 @@ class Contents:
 
     ``main`` is the finished file, if it belongs to the record, and ``folder`` the folder of parts,
     if there is one. ``frames`` are in order of time; segments replace all frames of ``main`` from
-    the first frame of the segments on. ``restart`` reads the newest restart state.
+    the first frame of the segments on. ``restart`` reads the newest restart state. If a writer
+    merges the parts later, `read` and `checkpoint` find what they ask for where it is then.
     """
 
     path: Path
-    texts: Texts
+    head: Head
     frames: list[Frame]
     main: Main | None = None
     folder: Path | None = None
     restart: Callable[[], Checkpoint] | None = None
+    _now: "Contents | None" = None
+
+    @property
+    def texts(self) -> Texts:
+        """The texts in the header of the record."""
+        return self.head.texts
+
+    @property
+    def finished(self) -> bool:
+        """True if the record was one closed file when it was last looked at."""
+        return (self._now or self).folder is None
 
     @property
     def has_checkpoint(self) -> bool:
@@ -146,14 +168,73 @@ class Contents:
         RecordError
             If there is none, or it is damaged.
         """
-        if not self.restart:
-            raise RecordError(f"{self.path}: holds no checkpoint")
-        return self.restart()
+
+        def restart() -> Checkpoint:
+            found = (self._now or self).restart
+            if not found:
+                raise RecordError(f"{self.path}: holds no checkpoint")
+            return found()
+
+        return self._insist(restart)
+
+    def read(self, frame: Frame) -> dict[str, np.ndarray]:
+        """Read and verify all fields of a frame, of the grains or of the gas.
+
+        Raises
+        ------
+        RecordError
+            If it is damaged, or no longer part of the record.
+        """
+        return self._insist(lambda: self._placed(frame).read())
 
     def close(self) -> None:
         """Close the finished file."""
-        if self.main:
-            self.main.file.close()
+        for main in (self.main, self._now.main if self._now else None):
+            if main:
+                main.close()
+
+    def _insist(self, read: Callable[[], Any]) -> Any:
+        """Read something, and again if a writer has changed the record meanwhile."""
+        for _ in range(ATTEMPTS):
+            try:
+                return read()
+            except (FileNotFoundError, RecordError):
+                if not self._renew():
+                    raise
+        return read()
+
+    def _placed(self, frame: Frame) -> Frame:
+        """Return a frame with its present place."""
+        if self._now is None:
+            return frame
+        for now in self._now.each():
+            if now.digest == frame.digest:
+                return now
+        raise RecordError(f"{self.path}: the frame of step {frame.step} is there no longer")
+
+    def each(self) -> Iterator[Frame]:
+        """Return all frames, those of the gas too."""
+        for frame in self.frames:
+            yield frame
+            if frame.gas:
+                yield frame.gas
+
+    def _renew(self) -> bool:
+        """Load the record again; False if it is as it was."""
+        known = self._now or self
+        if known.folder is None:  # all is in the file that is held open
+            return False
+        newer = load(self.path)
+        if newer.folder == known.folder and newer._places() == known._places():
+            newer.close()
+            return False
+        if self._now:
+            self._now.close()
+        self._now = newer
+        return True
+
+    def _places(self) -> list[tuple]:
+        return [(f.digest, f.row, f.source.path, f.source.offset) for f in self.each()]
 
 
 def parts_folder(path: Path) -> Path:
@@ -161,10 +242,29 @@ def parts_folder(path: Path) -> Path:
     return path.with_name(path.name + ".parts")
 
 
+HEAD, CHECKPOINT = "head.part", "checkpoint.part"
+MERGED = "merged.part"
+"""Name of the head from the moment on at which the finished file holds all parts."""
+ATTEMPTS = 10
+"""Number of times that a record is looked at again while a writer changes it."""
+
+
+def frame_parts(folder: Path) -> list[Path]:
+    """Segments of frames in a folder, in order of time."""
+    return sorted(folder.glob("frames-*.part"))
+
+
+def holds_parts(folder: Path) -> bool:
+    """True if a folder holds frames or a restart state that no finished file holds."""
+    if (folder / MERGED).exists() and not (folder / HEAD).exists():
+        return False  # the removal of the parts was interrupted
+    return (folder / CHECKPOINT).exists() or bool(frame_parts(folder))
+
+
 @dataclass(frozen=True)
 class _Parts:
     folder: Path
-    texts: Texts
+    head: Head
     segments: dict[int, list[Frame]]
     checkpoint: Path | None
 
@@ -174,31 +274,35 @@ class _Parts:
 
 
 def _load_parts(folder: Path) -> _Parts | None:
-    head, checkpoint = folder / "head.part", folder / "checkpoint.part"
-    if not head.exists():
-        return None  # removal of a merged folder was interrupted: nothing of value is left
-    texts = read_head(head)
+    if not (folder / HEAD).exists():
+        if holds_parts(folder):
+            raise RecordError(f"{folder / HEAD} is missing, without which the parts are of no use")
+        return None
+    head = read_head(folder / HEAD)
     segments = {}
-    for path in sorted(folder.glob("frames-*.part")):
+    for path in frame_parts(folder):
         with reading(path):
             index = int(path.stem.removeprefix("frames-"))
-        segments[index] = read_frames(path, texts.record)
-    return _Parts(folder, texts, segments, checkpoint if checkpoint.exists() else None)
+        segments[index] = read_frames(path, head.texts.record)
+    checkpoint = folder / CHECKPOINT
+    return _Parts(folder, head, segments, checkpoint if checkpoint.exists() else None)
 
 
 def _combine(path: Path, parts: _Parts, main: Main | None) -> Contents:
     first = min(parts.segments, default=None)
+    if main is None and parts.head.continues and first != 0:
+        raise RecordError(f"{path} is missing, which the parts in {parts.folder} continue")
     frames = main.frames[:first] if main else []
     for index, segment in sorted(parts.segments.items()):
         if len(frames) != index:
             if main:
-                main.file.close()
+                main.close()
             raise RecordError(f"{parts.folder}: a segment is missing before frame {index}")
         frames = frames + segment
     restart = main.checkpoint if main and main.has_checkpoint else None
     if parts.checkpoint:
         restart = partial(read_restart, parts.checkpoint)
-    return Contents(path, parts.texts, frames, main, parts.folder, restart)
+    return Contents(path, parts.head, frames, main, parts.folder, restart)
 
 
 def load(path: Path) -> Contents:
@@ -208,14 +312,34 @@ def load(path: Path) -> Contents:
     ------
     FileNotFoundError
         If neither the file nor segments of it exist.
+    FileExistsError
+        If there are both a file and segments that do not belong to it.
     RecordError
         If the record is malformed, damaged, of another program or of a newer version.
     """
-    for _ in range(2):
-        # If a writer is merging just now, its parts vanish; the file then contains them.
-        with suppress(FileNotFoundError):
+    path = followed(path)
+    for attempt in range(ATTEMPTS):
+        before = _stamp(path)
+        try:
             return _load_once(path)
+        except (FileNotFoundError, FileExistsError, RecordError):
+            # If a writer begins or ends just now, parts vanish while they are read.
+            if attempt and _stamp(path) == before:
+                raise
     return _load_once(path)
+
+
+def _stamp(path: Path) -> list[tuple[int, int] | None]:
+    """Return what changes whenever a writer makes, replaces or removes a file of a record."""
+    folder = parts_folder(path)
+    stamp: list[tuple[int, int] | None] = []
+    for watched in (path, folder, folder / HEAD):
+        try:
+            found = os.stat(watched)
+            stamp.append((found.st_ino, found.st_mtime_ns))
+        except OSError:
+            stamp.append(None)
+    return stamp
 
 
 def _load_once(path: Path) -> Contents:
@@ -223,23 +347,32 @@ def _load_once(path: Path) -> Contents:
     parts = _load_parts(folder) if folder.is_dir() else None
     if parts is None:
         return _finished(Main(path))
-    if not path.exists():
+    head, now = parts.head, identity(path)
+    if now is None:
+        return _combine(path, parts, None)
+    if not head.continues and not parts.has_content:  # nothing is stored yet in place of the file
+        return _finished(Main(path))
+    if now == head.replaces:
         return _combine(path, parts, None)
     try:
         main = Main(path)
-    except RecordError:
-        if parts.texts.extends or not parts.has_content:
+    except RecordError as error:
+        if head.continues:
             raise
-        return _combine(path, parts, None)  # the file will be overwritten and need not be a record
-    if parts.texts.record == main.texts.record:
+        raise _foreign(path, f"is {error}") from error
+    if main.head.texts == head.texts or main.head.continues == head.continues:
         return _combine(path, parts, main)
-    if parts.has_content:
-        # A run that will overwrite the file replaces it once it has stored something.
-        main.file.close()
-        return _combine(path, parts, None)
-    return _finished(main)
+    main.close()
+    raise _foreign(path, "is of another run, or has changed since")
+
+
+def _foreign(path: Path, what: str) -> FileExistsError:
+    return FileExistsError(
+        f"{path} is not the file that was there when the unfinished run in {parts_folder(path)}"
+        f" began: it {what}; move one of the two elsewhere"
+    )
 
 
 def _finished(main: Main) -> Contents:
     restart = main.checkpoint if main.has_checkpoint else None
-    return Contents(main.path, main.texts, main.frames, main=main, restart=restart)
+    return Contents(main.path, main.head, main.frames, main=main, restart=restart)

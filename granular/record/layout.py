@@ -11,7 +11,8 @@ The finished file::
         step, dt, mass      one value per frame
         digest              (frames, 32) digest of the content of each frame
         samples/<name>      values that monitors measured at each frame, nan if they did not sample
-                            it, and the numbers of rigid bodies (body<index>_<number>)
+                            it, and the numbers of rigid bodies (body<index>_<number>) and walls
+                            (wall<index>_<number>)
         gas                 in scenes with a gas, the frames of its particles in the same form: a
                             group VTKHDF, and step, dt, mass and digest of the frames with gas
         checkpoint          the newest restart state (optional)
@@ -20,8 +21,11 @@ Every frame begins on a chunk boundary, so that merging copies compressed chunks
 The rows between the end of a frame and the next boundary are not used.
 """
 
+import errno
 import hashlib
 import math
+import os
+import re
 import struct
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -56,26 +60,54 @@ class RecordError(ValueError):
     """
 
 
+DAMAGED = "damaged record"
+_CODE = re.compile(r"errno = ([1-9]\d*)")
+"""Error of the system in a message of HDF5, which has no other place for it."""
+_NO_MEMORY = re.compile(r"memory allocation failed|(can't|unable to) allocate", re.IGNORECASE)
+
+
 @contextmanager
-def reading(path: Path) -> Iterator[None]:
-    """Turn errors of HDF5 about a malformed file into a `RecordError` that names the file."""
+def reading(path: Path, what: str = DAMAGED) -> Iterator[None]:
+    """Turn whatever a malformed file causes into a `RecordError` that says `what` is wrong.
+
+    An error of the system is no damage: an OSError with a code stays what it is, and so does a
+    MemoryError. HDF5 has other exceptions for both, with the code in the message.
+    """
     try:
         yield
-    except (RecordError, FileNotFoundError, PermissionError, IsADirectoryError):
+    except (RecordError, MemoryError):
         raise
-    except KeyError as error:
-        raise RecordError(f"{path}: not a granular record, or damaged: {error.args[0]}") from error
-    except (
-        OSError,
-        ValueError,
-        TypeError,
-        RuntimeError,
-        IndexError,
-        AttributeError,
-        OverflowError,
-        struct.error,
-    ) as error:
-        raise RecordError(f"{path}: damaged record: {error}") from error
+    except Exception as error:
+        system = _system_error(path, error)
+        if system is error:
+            raise
+        if system is not None:
+            raise system from error
+        said: object = error
+        if isinstance(error, KeyError) and error.args:
+            said = error.args[0]  # without quotation marks
+            what = "not a granular record, or damaged" if what == DAMAGED else what
+        raise RecordError(f"{path}: {what}: {said or type(error).__name__}") from error
+
+
+def _system_error(path: Path, error: Exception) -> Exception | None:
+    """Return the error of the system that an exception stands for; None if it is none."""
+    said = _CODE.search(str(error))
+    code = (isinstance(error, OSError) and error.errno) or (int(said[1]) if said else 0)
+    if code == errno.ENOMEM or (_NO_MEMORY.search(str(error)) and not _memory_left()):
+        return MemoryError(f"{path}: {error}")
+    if code:
+        return error if isinstance(error, OSError) else OSError(code, os.strerror(code), str(path))
+    return None
+
+
+def _memory_left() -> bool:
+    """True if there is memory for the largest pieces of a valid file: more was a false size."""
+    try:
+        bytearray(2 * MAX_CHUNK_BYTES)
+    except MemoryError:
+        return False
+    return True
 
 
 def check_type(name: str, array: object) -> None:
@@ -141,7 +173,7 @@ def chunk_rows(n: int) -> int:
 
 def rows_of(n: int, chunk: int) -> int:
     """Rows of a frame of ``n`` points, rounded up to whole chunks."""
-    return math.ceil(n / chunk) * chunk
+    return -(-n // chunk) * chunk
 
 
 def write_text(group: h5py.Group, name: str, text: str) -> None:
@@ -150,18 +182,30 @@ def write_text(group: h5py.Group, name: str, text: str) -> None:
     group.create_dataset(name, data=np.bytes_(raw), dtype=h5py.string_dtype("ascii", len(raw)))
 
 
+def has(group: h5py.Group, name: str) -> bool:
+    """True if a group has a member or a link of this name; links are not followed."""
+    return bool(group.id.links.exists(name.encode()))
+
+
 def hard(group: h5py.Group, name: str, kind: type) -> h5py.Group | h5py.Dataset:
     """Return a member of a group that is in this file; soft and external links are refused."""
-    if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+    # `get` of h5py would take an error of the system for a missing member.
+    link = group.id.links.get_info(name.encode()) if has(group, name) else None
+    if link is None or link.type != h5py.h5l.TYPE_HARD:
         raise KeyError(f"{group.name}/{name} is missing or a link")
-    member = group.get(name)
+    member = group[name]
     if not isinstance(member, kind):
         raise KeyError(f"{group.name}/{name} is not a {kind.__name__}")
     return member
 
 
-def checked(group: h5py.Group, name: str, dtypes: tuple[str, ...], *ndims: int) -> h5py.Dataset:
+def checked(
+    group: h5py.Group, name: str, dtypes: tuple[str, ...], *ndims: int, packed: bool = False
+) -> h5py.Dataset:
     """Return a dataset of expected type and rank, stored in the file, of a size the file can hold.
+
+    Only the fields of points may be `packed`. All else is read as a whole when a record is opened,
+    and takes no more memory than it takes in the file.
 
     Raises
     ------
@@ -178,13 +222,15 @@ def checked(group: h5py.Group, name: str, dtypes: tuple[str, ...], *ndims: int) 
     if len(data.shape) not in ndims:
         raise ValueError(f"{data.name} has shape {data.shape}, expected rank in {ndims}")
     filters = {plist.get_filter(i)[0] for i in range(plist.get_nfilters())}
-    if not filters <= {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE}:
+    known = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE} if packed else set()
+    if not filters <= known:
         raise ValueError(f"{data.name} uses unknown filters {sorted(filters)}")
     if data.chunks and math.prod(data.chunks) * data.dtype.itemsize > MAX_CHUNK_BYTES:
         raise ValueError(f"{data.name} has chunks of {data.chunks}, larger than allowed")
     size = math.prod(data.shape) * data.dtype.itemsize
     factor = MAX_DEFLATE if filters else 1
-    if size > factor * data.id.get_storage_size() + MAX_CHUNK_BYTES * bool(filters):
+    stored = min(data.id.get_storage_size(), data.file.id.get_filesize())
+    if size > factor * stored + MAX_CHUNK_BYTES * bool(filters):
         raise ValueError(f"{data.name} has shape {data.shape}, more than the file can hold")
     return data
 
@@ -192,7 +238,7 @@ def checked(group: h5py.Group, name: str, dtypes: tuple[str, ...], *ndims: int) 
 def read_text(group: h5py.Group, name: str) -> str:
     """Read a text stored by `write_text`."""
     data = hard(group, name, h5py.Dataset)
-    if data.dtype.kind != "S" or data.shape != ():
+    if data.dtype.kind != "S" or data.shape != ():  # its length is part of its type
         raise ValueError(f"{data.name} is not a text")
     checked(group, name, (data.dtype.str,), 0)
     return bytes(data[()]).decode("ascii")

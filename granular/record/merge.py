@@ -1,7 +1,7 @@
 """Merge of all frames of a record into one HDF5 file, chunk by chunk, without unpacking them."""
 
+import os
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 
 import h5py
@@ -10,7 +10,7 @@ import numpy as np
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
 from granular.record.frame import SCALARS, Frame, Table, Texts, samples_of
-from granular.record.index import load, parts_folder
+from granular.record.index import CHECKPOINT, HEAD, MERGED, frame_parts, load, parts_folder
 from granular.record.layout import (
     DIGEST_SIZE,
     LIBVER,
@@ -22,7 +22,7 @@ from granular.record.layout import (
     rows_of,
     write_text,
 )
-from granular.record.storage import Sink, fsync_folder, replacing
+from granular.record.storage import Sink, fsync_folder, identity, replacing
 
 
 def begin_poly_data(vtk: h5py.Group) -> None:
@@ -139,41 +139,46 @@ def write_record(
 
 
 def clear_parts(folder: Path) -> None:
-    """Remove an unfinished record that will be replaced, except for its head.
+    """Remove all parts, except for the head.
 
     The last segment is removed first, so that an interruption leaves a valid, shorter record.
     """
-    for part in sorted(folder.glob("frames-*.part"), reverse=True):
+    parts = [*reversed(frame_parts(folder)), folder / CHECKPOINT, *folder.glob("*.tmp")]
+    parts = [part for part in parts if part.name != "head.tmp" and part.exists()]
+    for part in parts:
         part.unlink()
-    for other in folder.iterdir():
-        if other.name not in ("head.part", "head.tmp"):
-            other.unlink()
+    if (folder / MERGED).exists():
+        fsync_folder(folder)  # the mark goes after all that it marks
+        (folder / MERGED).unlink()
 
 
 def remove_parts(folder: Path) -> None:
-    """Remove a merged folder of parts, in an order that leaves it valid if interrupted.
+    """Remove the parts and the head of a record that the finished file holds.
 
-    Segments are removed in ascending order, so that the remaining ones still continue the file. The
-    head is removed last.
+    The head is renamed first: what an interruption leaves is then known to be of no use.
     """
-    for part in sorted(folder.glob("frames-*.part")):
-        part.unlink()
-    for other in sorted(folder.iterdir(), key=lambda path: path.name == "head.part"):
-        other.unlink()
-    folder.rmdir()
-    fsync_folder(folder.parent)
+    if (folder / HEAD).exists():
+        os.replace(folder / HEAD, folder / MERGED)
+        fsync_folder(folder)
+    clear_parts(folder)
+    fsync_folder(folder)
 
 
 def merge(path: Path) -> None:
     """Merge the parts of a record into its one file; empty parts are only removed.
 
+    The caller holds the `Lock` of the record.
+
     Raises
     ------
+    FileExistsError
+        If there is a file at the path that the record must not replace; both are as before.
     OSError
         If the file could not be written; the file and the parts are then as before.
     RecordError
         If something stored is damaged.
     """
+    before = identity(path)
     contents = load(path)
     folder = parts_folder(path)
     try:
@@ -189,8 +194,12 @@ def merge(path: Path) -> None:
                     sink.check()  # the first error is the cause
                     raise
                 sink.check()
+                if identity(path) != before:
+                    raise FileExistsError(
+                        f"{path} has changed while the frames in {folder} were merged; move it"
+                        " elsewhere"
+                    )
     finally:
         contents.close()
     if folder.is_dir():
-        with suppress(FileNotFoundError):
-            remove_parts(folder)
+        remove_parts(folder)

@@ -11,7 +11,7 @@ import numpy as np
 
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.frame import BODY, SCALARS, Frame, body_names, samples_of
+from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
 from granular.record.layout import RecordError, format_of, reading
 
@@ -40,7 +40,7 @@ class Trajectory:
     @property
     def finished(self) -> bool:
         """True if the record is one closed file; otherwise its writer is running or was killed."""
-        return self._contents.folder is None
+        return self._contents.finished
 
     @property
     def has_checkpoint(self) -> bool:
@@ -58,11 +58,9 @@ class Trajectory:
         # Imported here: a scene needs the whole package, a record does not.
         from granular.serializable import Serializable
 
-        try:
+        with reading(self.path, "the scene cannot be read"):
             scene: Any = Serializable.from_json(self._contents.texts.scene)
-            return scene
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise RecordError(f"{self.path}: the scene cannot be read: {error}") from error
+        return scene
 
     @cached_property
     def provenance(self) -> dict[str, Any]:
@@ -82,7 +80,7 @@ class Trajectory:
         without monitors.
         """
         told = samples_of(self._frames)
-        return {name: column for name, column in told.items() if not name.startswith(BODY)}
+        return {name: column for name, column in told.items() if not name.startswith((BODY, WALL))}
 
     @cached_property
     def bodies(self) -> np.ndarray:
@@ -90,11 +88,25 @@ class Trajectory:
 
         See `granular.measure.body_motion` and `granular.measure.body_force`.
         """
+        return self._rows_of(BODY)
+
+    @cached_property
+    def walls(self) -> np.ndarray:
+        """Impulses on the walls and blocks at every frame, shape (frames, walls, 6).
+
+        There are no walls unless the simulation was made with `wall_forces`. See
+        `granular.measure.wall_force`.
+        """
+        return self._rows_of(WALL)
+
+    def _rows_of(self, prefix: str) -> np.ndarray:
+        """Numbers of bodies or walls at every frame, shape (frames, count, numbers)."""
         told = samples_of(self._frames)
-        names = [name for name in told if name.startswith(BODY)]
-        numbers = len([name for name in names if name.startswith(f"{BODY}0_")])
+        names = [name for name in told if name.startswith(prefix)]
+        numbers = len([name for name in names if name.startswith(f"{prefix}0_")])
         count = len(names) // max(numbers, 1)
-        columns = [told[name] for name in body_names(count, numbers)]
+        with reading(self.path):
+            columns = [told[name] for name in names_of(prefix, count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
     def write_bodies(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
@@ -135,20 +147,18 @@ class Trajectory:
             raise IndexError(f"frame {index} must be in [{-len(self)}, {len(self) - 1}]") from None
         from granular.state import State
 
-        return State(
-            scene=self.scene,
-            time=frame.time,
-            step=frame.step,
-            dt=frame.dt,
-            fields=frame.read(),
-            **({"gas": self._gas(frame.gas)} if frame.gas else {}),
-        )
+        scene, fields = self.scene, self._contents.read(frame)
+        gas = {"gas": self._gas(frame.gas)} if frame.gas else {}
+        with reading(self.path):
+            return State(
+                scene=scene, time=frame.time, step=frame.step, dt=frame.dt, fields=fields, **gas
+            )
 
     def _gas(self, frame: Frame) -> "GasState":
         # Imported here: only records with gas need it.
         from granular.sph.gas import GasState
 
-        fields = frame.read()
+        fields = self._contents.read(frame)
         with reading(self.path):
             return GasState(time=frame.time, **fields)
 
@@ -172,7 +182,7 @@ class Trajectory:
         for frame in self._frames:
             try:
                 for part in filter(None, (frame, frame.gas)):
-                    part.read()
+                    self._contents.read(part)
             except RecordError as error:
                 found.append(str(error))
         try:
@@ -217,6 +227,8 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     ------
     FileNotFoundError
         If there is no such record.
+    FileExistsError
+        If there is an unfinished record, and at its path a file that does not belong to it.
     RecordError
         If the file is not a record, is damaged, or is newer than this version.
     """

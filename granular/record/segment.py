@@ -6,7 +6,8 @@ A segment consists of
 
 The header contains the format, the record and the kind of data. The kinds are the texts in the
 header of the record (``head.part``, no data), some frames (``frames-<index of the first>.part``,
-with columns packed as in the finished file), and the restart state (``checkpoint.part``). The files
+with columns packed as in the finished file), and the restart state (``checkpoint.part``). Once the
+finished file holds all of them, the head is renamed to ``merged.part`` and goes last. The files
 are not HDF5, which takes 15 ms for such a file whatever its content; only `load` has to read them.
 """
 
@@ -23,9 +24,9 @@ from typing import Any
 import numpy as np
 
 from granular.record.checkpoint import Checkpoint, number
-from granular.record.chunks import Packed
-from granular.record.frame import Frame, Texts
-from granular.record.layout import DTYPES, check_format, format_of, reading, seal
+from granular.record.chunks import RAW, Packed, check_chunks
+from granular.record.frame import Frame, Head, Texts
+from granular.record.layout import DTYPES, MAX_DEFLATE, check_format, format_of, reading, seal
 from granular.record.storage import replacing, write_all
 
 MAGIC = b"granular"
@@ -47,6 +48,7 @@ class Memory:
 
     path: Path
     packed: Mapping[str, Packed]
+    offset: int = 0
 
     @property
     def nbytes(self) -> int:
@@ -77,12 +79,19 @@ class Stretch:
     def fields(self) -> Iterator[Mapping[str, Packed]]:
         """Return the fields by name, as `Source.fields`."""
         packed = {}
-        with open(self.path, "rb") as file:
+        with reading(self.path), open(self.path, "rb") as file:
             file.seek(self.offset)
             for name, (dtype, columns, chunk, chunks) in self.layout.items():
                 raw = [(mask, file.read(size)) for mask, size in chunks]
-                packed[name] = Packed(known(dtype), columns, chunk, self.n, raw)
+                packed[name] = Packed(dtype, columns, chunk, self.n, raw)
         yield packed
+
+
+def _whole(value: object) -> int:
+    """Return a number of a header that counts something; ValueError if it is none."""
+    if type(value) is not int or value < 0:
+        raise ValueError(f"{value!r} is not a whole number")
+    return value
 
 
 def _write(
@@ -111,21 +120,27 @@ def _read(path: Path) -> tuple[dict[str, Any], int]:
     header = json.loads(text)
     check_format(path, header["format"])
     offset = START.size + length
-    if size != offset + header["size"]:
+    if size != offset + _whole(header["size"]):
         raise ValueError(f"it has {size - offset} bytes of data, its header says {header['size']}")
     return header, offset
 
 
-def write_head(fd: int, texts: Texts) -> None:
-    """Store the texts in the header of a record."""
-    _write(fd, texts.record, {"scene": texts.scene, "provenance": texts.provenance})
+def write_head(fd: int, head: Head) -> None:
+    """Store the head of an unfinished record."""
+    texts, before = head.texts, {"continues": head.continues.hex(), "replaces": head.replaces}
+    _write(fd, texts.record, {"scene": texts.scene, "provenance": texts.provenance, **before})
 
 
-def read_head(path: Path) -> Texts:
-    """Read the texts stored by `write_head`; RecordError if they are damaged."""
+def read_head(path: Path) -> Head:
+    """Read what `write_head` stored; RecordError if it is damaged."""
     with reading(path):
         header, _ = _read(path)
-        return Texts(header["record"], header["scene"], header["provenance"])
+        texts = Texts(header["record"], header["scene"], header["provenance"])
+        replaces = header["replaces"]
+        if replaces is not None:
+            size, modified = map(_whole, replaces)
+            replaces = size, modified
+        return Head(texts, bytes.fromhex(header["continues"]), replaces)
 
 
 def write_frames(path: Path, record: str, frames: Sequence[Frame]) -> None:
@@ -160,10 +175,25 @@ def read_frames(path: Path, record: str) -> list[Frame]:
         header, offset = _read(path)
         if header["record"] != record:
             raise ValueError("the segment is of another record")
+        end = offset + header["size"]
         for head in header["frames"]:
             frame, offset = _unpack_frame(path, offset, *head)
             frames.append(frame)
+        if offset != end:
+            raise ValueError("its frames are not as long as its data")
     return frames
+
+
+def _check_layout(layout: Mapping[str, Any], n: int) -> None:
+    """Refuse fields that cannot be those of a frame of ``n`` points, before they are read."""
+    for dtype, columns, chunk, chunks in layout.values():
+        known(dtype)
+        check_chunks(_whole(columns), _whole(chunk), n, len(chunks))
+        for mask, size in chunks:
+            if mask not in (0, RAW) or 8 * chunk > MAX_DEFLATE * _whole(size):
+                raise ValueError(f"a chunk of {chunk} rows cannot be {size} bytes")
+    if not {"x", "mass"} <= set(layout):
+        raise ValueError(f"fields {sorted(layout)} must have x and mass")
 
 
 def _unpack_frame(
@@ -177,6 +207,7 @@ def _unpack_frame(
 ) -> tuple[Frame, int]:
     """Return the frame whose data begin at `offset`, from its header entry, and their end."""
     time, step, dt, mass, n = SCALARS.unpack(bytes.fromhex(scalars))
+    _check_layout(layout, n)
     source = Stretch(path, offset, n, layout)
     offset += source.size
     below = None
@@ -227,8 +258,10 @@ def read_restart(path: Path) -> Checkpoint:
         with open(path, "rb") as file:
             file.seek(offset)
             for name, (dtype, shape) in header["arrays"].items():
-                raw = file.read(8 * math.prod(shape))
-                arrays[name] = _array(dtype, shape, raw)
+                size = 8 * math.prod(map(_whole, shape))
+                if size > header["size"]:
+                    raise ValueError(f"array {name} has shape {shape}, more than the file can hold")
+                arrays[name] = _array(dtype, shape, file.read(size))
         checkpoint = Checkpoint(time=time, step=step, dt=dt, scalars=scalars, arrays=arrays)
         if checkpoint.digest != bytes.fromhex(header["digest"]):
             raise ValueError("the checkpoint does not match its digest")

@@ -1,6 +1,7 @@
 """Durable writing: after a call the bytes are on the disk, or an OSError was raised."""
 
 import os
+import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -30,9 +31,47 @@ def fsync_folder(folder: Path) -> None:
         os.close(fd)
 
 
+def followed(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a record; of a symbolic link the path of its target, existing or not."""
+    path = Path(path)
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
+def identity(path: Path) -> tuple[int, int] | None:
+    """Size [bytes] and time of modification [ns] of a file, by which it is known again; or None."""
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        return None
+    return found.st_size, found.st_mtime_ns
+
+
+def permissions(path: Path) -> int | None:
+    """Permissions of a file; None if there is none."""
+    with suppress(FileNotFoundError):
+        return stat.S_IMODE(os.stat(path).st_mode)
+    return None
+
+
+def _create(temporary: Path, mode: int | None) -> int:
+    """Open a new file that is never more public than these permissions."""
+    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+    try:
+        fd = os.open(temporary, flags, 0o666 if mode is None else mode & 0o777)
+    except FileExistsError:  # of a run that was killed
+        os.unlink(temporary)
+        return _create(temporary, mode)
+    if mode is not None:
+        with suppress(OSError):  # a file system without permissions
+            os.fchmod(fd, mode)  # the umask does not count for a file that has permissions
+    return fd
+
+
 @contextmanager
 def replacing(path: Path, temporary: Path) -> Iterator[int]:
     """Yield the descriptor of a temporary file that is renamed to ``path`` on success only.
+
+    It gets the permissions of the file that it replaces.
 
     Raises
     ------
@@ -40,8 +79,7 @@ def replacing(path: Path, temporary: Path) -> Iterator[int]:
         If the write, the fsync or the rename fails; ``path`` is then as before, and the temporary
         file is removed.
     """
-    flags = os.O_RDWR | os.O_CREAT | os.O_TRUNC | getattr(os, "O_BINARY", 0)
-    fd = os.open(temporary, flags, 0o666)
+    fd = _create(temporary, permissions(path))
     try:
         try:
             yield fd

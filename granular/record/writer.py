@@ -3,11 +3,12 @@
 import json
 import math
 import os
-import shutil
+import threading
 import time
 import uuid
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -17,17 +18,13 @@ import numpy as np
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
 from granular.record.chunks import Packed, Packer
-from granular.record.frame import Frame, Texts, body_names
-from granular.record.index import Contents, load, parts_folder
-from granular.record.layout import MAX_COLUMNS, check_type, chunk_rows, frame_digest
+from granular.record.frame import BODY, WALL, Frame, Head, Texts, names_of
+from granular.record.index import CHECKPOINT, HEAD, Contents, holds_parts, load, parts_folder
+from granular.record.layout import MAX_COLUMNS, check_type, chunk_rows, frame_digest, reading
+from granular.record.lock import Lock
 from granular.record.merge import clear_parts, merge, remove_parts
-from granular.record.segment import Memory, write_frames, write_head, write_restart
-from granular.record.storage import fsync_folder, replacing
-
-try:
-    import fcntl
-except ImportError:  # Windows has no advisory locks
-    fcntl = None  # type: ignore[assignment]  # the name of a module
+from granular.record.segment import Memory, read_head, write_frames, write_head, write_restart
+from granular.record.storage import followed, fsync_folder, identity, permissions, replacing
 
 if TYPE_CHECKING:
     from granular.state import State
@@ -40,24 +37,6 @@ Frames that follow the last segment sooner than this may wait for more frames.
 """
 WAITING_BYTES = 1 << 24
 """Largest amount that may wait in memory [bytes]; it is quickly written if Ctrl-C is pressed."""
-
-
-def _lock(head: Path) -> int | None:
-    """Return a descriptor that locks a folder of parts; killing the process releases the lock."""
-    if fcntl is None:
-        return None
-    fd = os.open(head, os.O_RDONLY)
-    try:
-        fcntl.flock(fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(fd)
-        raise BlockingIOError(f"{head.parent}: the record is being written by a live run") from None
-    return fd
-
-
-def _unlock(fd: int | None) -> None:
-    if fd is not None:
-        os.close(fd)
 
 
 def _check_fields(given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -141,7 +120,7 @@ class TrajectoryWriter:
     Parameters
     ----------
     path
-        Path of the file, usually ``*.h5``.
+        Path of the file, usually ``*.h5``; a symbolic link is followed.
     scene
         The scene of the run.
     overwrite
@@ -167,22 +146,21 @@ class TrajectoryWriter:
         overwrite: bool = False,
         provenance: Mapping[str, Any] | None = None,
     ) -> None:
-        path = Path(path)
-        folder = parts_folder(path)
+        path = followed(path)
         if path.is_dir():
             raise IsADirectoryError(f"{path} is a folder")
-        for existing in (path, folder / "head.part"):
-            if existing.exists() and not overwrite:
+        text = json.dumps(origin.collect(provenance), sort_keys=True)
+        texts = Texts(uuid.uuid4().hex, scene.to_json(), text)
+        self._open(path)
+        with self._beginning():
+            unfinished = holds_parts(self._folder)
+            if not overwrite and (path.exists() or unfinished):
                 raise FileExistsError(
                     f"{path} exists already"
-                    + (" (unfinished: resume it)" if existing != path else "")
+                    + (" (unfinished: resume it)" if unfinished else "")
                     + "; overwrite=True replaces it"
                 )
-        text = json.dumps(origin.collect(provenance), sort_keys=True)
-        self._begin(path, Texts(uuid.uuid4().hex, scene.to_json(), text))
-        self._recorded: list[tuple[int, bytes]] = []  # step and mark of each frame
-        self._cursor = 0
-        self._layout, self._gas_layout = _Layout(), _Layout()
+            self._begin(Head(texts, replaces=identity(path)))
 
     @classmethod
     def resume(
@@ -198,6 +176,8 @@ class TrajectoryWriter:
         ------
         FileNotFoundError
             If there is no such record.
+        FileExistsError
+            If there is an unfinished record, and at its path a file that does not belong to it.
         BlockingIOError
             If another run is writing it.
         OSError
@@ -205,73 +185,120 @@ class TrajectoryWriter:
         RecordError
             If it is damaged.
         """
-        path = Path(path)
-        head = parts_folder(path) / "head.part"
-        if head.exists():
-            lock = _lock(head)
-            try:
-                merge(path)
-            finally:
-                _unlock(lock)
-        contents = load(path)
-        try:
-            writer = cls.__new__(cls)
-            writer._continue(contents, provenance)
-        finally:
-            contents.close()
+        writer = cls.__new__(cls)
+        writer._open(followed(path))
+        with writer._beginning():
+            merge(writer.path)
+            writer._continue(provenance)
         return writer
 
-    def _continue(self, contents: Contents, extra: Mapping[str, Any] | None) -> None:
-        self._recorded = [(frame.step, frame.mark) for frame in contents.frames]
+    def _open(self, path: Path) -> None:
+        """Take the lock of a record, of which nothing is known or changed yet."""
+        self.path, self._folder = path, parts_folder(path)
+        self._layout, self._gas_layout = _Layout(), _Layout()
+        self._recorded: list[tuple[int, bytes]] = []  # step and mark of each frame
         self._cursor = 0
-        last = contents.frames[-1] if contents.frames else None
-        parent = last.digest.hex() if last else None
-        self._layout = _Layout.of(last)
-        gases = (frame.gas for frame in reversed(contents.frames) if frame.gas)
-        self._gas_layout = _Layout.of(next(gases, None))
-        if contents.has_checkpoint:
-            parent = contents.checkpoint().digest.hex()
-        before = json.loads(contents.texts.provenance)
-        earlier = [*before.pop("earlier", []), before]
-        now = origin.collect(extra, parent=parent) | {"earlier": earlier}
-        text = json.dumps(now, sort_keys=True)
-        self._begin(contents.path, replace(contents.texts, provenance=text))
-
-    def _begin(self, path: Path, texts: Texts) -> None:
-        """Write the head of a folder of parts; old contents are removed once it is written."""
-        self.path, self._folder, self._texts = path, parts_folder(path), texts
         self._frames: list[Frame] = []  # waiting frames, the last of those recorded
         self._bytes = 0  # size of the waiting frames
         self._checkpoint: Checkpoint | None = None  # waiting checkpoint
         self._stored = -math.inf  # time.monotonic() of the last write
-        head = self._folder / "head.part"
-        old = _lock(head) if head.exists() else None
-        fresh = not self._folder.exists()
-        self._lock: int | None = None
-        try:
-            if fresh:
-                self._folder.mkdir()
-            with replacing(head, self._folder / "head.tmp") as fd:
-                write_head(fd, texts)
-                os.fsync(fd)
-                clear_parts(self._folder)
-            self._lock = _lock(head)
-            fsync_folder(path.parent)
-        except FileExistsError:  # from mkdir: another run begins at the same moment
-            raise
-        except BaseException:
-            _unlock(self._lock)
-            if fresh:
-                shutil.rmtree(self._folder, ignore_errors=True)
-            raise
-        finally:
-            _unlock(old)
+        self._lock: Lock | None = self._locked()
         self.closed = False
+
+    def _locked(self) -> Lock:
+        mode = permissions(self.path)
+        if mode is None:
+            return Lock(self._folder)
+        # Who may read the file may search the folder, and nobody else.
+        return Lock(self._folder, mode | (mode & 0o444) >> 2 | 0o700)
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    @contextmanager
+    def _beginning(self) -> Iterator[None]:
+        """Leave nothing behind, not even the lock, if the body fails."""
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError):
+                if self._folder.is_dir() and not holds_parts(self._folder):
+                    remove_parts(self._folder)
+            self._release()
+            raise
+
+    def _continue(self, extra: Mapping[str, Any] | None) -> None:
+        """Begin as the continuation of a finished file."""
+        contents = load(self.path)
+        try:
+            with reading(self.path):
+                self._recall(contents)
+            last = contents.frames[-1] if contents.frames else None
+            parent = last.digest.hex() if last else None
+            if contents.has_checkpoint:
+                parent = contents.checkpoint().digest.hex()
+        finally:
+            contents.close()
+        before = json.loads(contents.texts.provenance)
+        earlier = [*before.pop("earlier", []), before]
+        now = origin.collect(extra, parent=parent) | {"earlier": earlier}
+        texts = replace(contents.texts, provenance=json.dumps(now, sort_keys=True))
+        self._begin(replace(contents.head, texts=texts))
+
+    def _recall(self, contents: Contents) -> None:
+        """Take over the frames and the layout of what is stored."""
+        self._recorded = [(frame.step, frame.mark) for frame in contents.frames]
+        self._cursor = 0
+        self._layout = _Layout.of(contents.frames[-1] if contents.frames else None)
+        gases = (frame.gas for frame in reversed(contents.frames) if frame.gas)
+        self._gas_layout = _Layout.of(next(gases, None))
+
+    def _begin(self, head: Head) -> None:
+        """Write the head of a folder of parts; old contents are removed once it is written."""
+        self._head = head
+        with replacing(self._folder / HEAD, self._folder / "head.tmp") as fd:
+            write_head(fd, head)
+            os.fsync(fd)
+            clear_parts(self._folder)
+        fsync_folder(self.path.parent)
+
+    def _hold(self) -> None:
+        """Take the lock again after `close` has failed, if the record is as it was left."""
+        if self._lock is not None:
+            return
+        lock = self._locked()
+        try:
+            path = self._folder / HEAD
+            if path.exists() and read_head(path) != self._head:
+                raise FileExistsError(
+                    f"{self.path} has been written by another run since this one could not close"
+                    " it; resume it, or record under another name"
+                )
+        except BaseException:
+            lock.release()
+            raise
+        self._lock = lock
+
+    def _begin_again(self) -> None:
+        """Go on after a `close` that failed when all was in the file already."""
+        contents = load(self.path)
+        try:
+            if contents.texts != self._head.texts:
+                raise FileExistsError(f"{self.path} has been written by another run since")
+            self._begin(contents.head)
+        finally:
+            contents.close()
 
     @property
     def frames(self) -> int:
         """Number of frames recorded (no ``__len__``: an empty writer must not be false)."""
         return len(self._recorded)
+
+    def writes(self, path: str | os.PathLike[str]) -> bool:
+        """True if this is the path of the record, or a symbolic link to it."""
+        return os.path.abspath(followed(path)) == os.path.abspath(self.path)
 
     def append(
         self,
@@ -281,14 +308,16 @@ class TrajectoryWriter:
         gas: Mapping[str, np.ndarray] | None = None,
         samples: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
+        walls: np.ndarray | None = None,
         may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time.
 
         Both are on the disk when this method returns, unless they `may_wait` (see `store`). `gas`
         are the fields of the gas particles, `samples` the values that monitors measured at the
-        frame, and `bodies`, shape (count, numbers), the state of its rigid bodies. A frame equal to
-        the recorded one of the same step is not stored again.
+        frame; `bodies`, shape (count, numbers), is the state of its rigid bodies, and `walls`, also
+        (count, numbers), the impulses on its walls. A frame equal to the recorded one of the same
+        step is not stored again.
 
         Raises
         ------
@@ -307,8 +336,9 @@ class TrajectoryWriter:
             gas = _check_fields(gas)
             gas_spec = self._gas_layout.check(gas)
         told = dict(samples or {})
-        if bodies is not None:
-            told |= zip(body_names(*bodies.shape), bodies.ravel().tolist(), strict=True)
+        for prefix, rows in ((BODY, bodies), (WALL, walls)):
+            if rows is not None:
+                told |= zip(names_of(prefix, *rows.shape), rows.ravel().tolist(), strict=True)
         self._add(state, fields, gas, told)
         self._layout.spec = spec
         if gas is not None:
@@ -370,16 +400,44 @@ class TrajectoryWriter:
         due = time.monotonic() - self._stored >= WAITING_SECONDS
         if may_wait and not due and self._bytes < WAITING_BYTES:
             return
+        if not self._frames and not self._checkpoint:
+            return
+        self._hold()
+        if not (self._folder / HEAD).exists():
+            self._begin_again()
         if self._frames:
             first = len(self._recorded) - len(self._frames)
             path = self._folder / f"frames-{first:08d}.part"
-            write_frames(path, self._texts.record, self._frames)
+            write_frames(path, self._head.texts.record, self._frames)
             self._frames, self._bytes = [], 0
             self._stored = time.monotonic()
         if self._checkpoint:
-            path = self._folder / "checkpoint.part"
-            write_restart(path, self._texts.record, self._checkpoint)
+            path = self._folder / CHECKPOINT
+            write_restart(path, self._head.texts.record, self._checkpoint)
             self._checkpoint, self._stored = None, time.monotonic()
+
+    @contextmanager
+    def storing(self) -> Iterator[None]:
+        """Store what waits as soon as it is due, while the body of the caller is busy elsewhere.
+
+        The body must not use the writer. An error is not raised here: what could not be stored
+        waits for the next attempt, which raises it.
+        """
+        if not self._frames and not self._checkpoint:
+            yield
+            return
+        timer = threading.Timer(self._stored + WAITING_SECONDS - time.monotonic(), self._try_store)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+            timer.join()  # a segment that is being written
+
+    def _try_store(self) -> None:
+        with suppress(Exception):
+            self.store()
 
     def _check_open(self) -> None:
         if self.closed:
@@ -391,29 +449,40 @@ class TrajectoryWriter:
         Raises
         ------
         OSError
-            If the file could not be written. It is then as before, the parts remain, and `close`
-            may be called again, or the record may be opened and resumed.
+            If the file could not be written. It is then as before, the parts remain, and the lock
+            is released: the record may be opened and resumed, or this writer may go on and `close`
+            again, as long as no other has written.
+        FileExistsError
+            If there is a file at the path that was not there at the beginning. Both are kept.
         """
         if self.closed:
             return
-        self.store()
-        if self._recorded or (self._folder / "checkpoint.part").exists():
-            merge(self.path)
-        else:
-            remove_parts(self._folder)
-        self.closed = True
-        _unlock(self._lock)
+        with self._leaving():
+            self.store()
+            if self._recorded or (self._folder / CHECKPOINT).exists():
+                merge(self.path)
+            else:
+                remove_parts(self._folder)
 
     def leave(self) -> None:
         """Stop writing without merging; the parts are a valid record that can be read and resumed.
 
         This takes no longer for a long record than for a short one, whereas `close` copies all
-        frames.
+        frames. If it fails, `leave` or `close` may be called again.
         """
         if not self.closed:
-            self.store()
+            with self._leaving():
+                self.store()
+
+    @contextmanager
+    def _leaving(self) -> Iterator[None]:
+        """Release the lock, and close the record if the body succeeds."""
+        self._hold()
+        try:
+            yield
             self.closed = True
-            _unlock(self._lock)
+        finally:
+            self._release()
 
     def __enter__(self) -> Self:
         return self

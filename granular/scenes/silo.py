@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-from granular.checks import non_negative, one_of, positive, truth
+from granular.checks import in_range, non_negative, one_of, positive, truth
 from granular.diagnostics import StabilityWarning
 from granular.materials import NGF, Material, glass_beads, grc_1, silo_grains
 from granular.mpm import schemes
@@ -262,6 +262,10 @@ def clogging_silo(
     n_open = whole_cells("orifice/2", orifice / 2, cell)
     if n_open >= n_x:
         raise ValueError(f"orifice = {orifice} must be less than width = {width}")
+    if sponge is not None:
+        top = (n_y + HEADROOM) * cell
+        sponge = in_range("sponge", sponge, 0.0, top, open_high=True)
+    sponge_damping = positive("sponge_damping", sponge_damping, allow_inf=True)
     low, edge, side = 0.0 if half else -n_x * cell, n_open * cell, n_x * cell
     bottoms = [
         Wall(1, 0.0, kind="no_slip", span=((edge, side),)),

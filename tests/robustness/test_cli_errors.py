@@ -118,7 +118,7 @@ def test_ctrl_c_leaves_a_record_that_goes_on(tmp_path):
     )
     parts = tmp_path / "a.h5.parts"
     deadline = time.monotonic() + 20
-    while len(list(parts.glob("*"))) < 4 and time.monotonic() < deadline:
+    while len(list(parts.glob("*.part"))) < 4 and time.monotonic() < deadline:
         time.sleep(0.02)
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=20)[1]

@@ -1,9 +1,15 @@
 """Damaged, foreign and hostile files are refused by name: no crash, no hang, no wrong data."""
 
+import errno
 import json
+import os
+import random
+import shutil
 import subprocess
 import sys
 import textwrap
+import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -12,7 +18,10 @@ import pytest
 import records
 from records import SCENE, make_checkpoint, make_record, make_state
 
+import granular as gr
 from granular.record import RecordError, TrajectoryWriter, layout, merge, open_trajectory
+from granular.record.index import parts_folder
+from granular.record.segment import MAGIC, START
 
 MUTANTS = textwrap.dedent("""
     import json, random, sys
@@ -228,3 +237,236 @@ def test_merging_holds_one_frame_at_a_time(tmp_path, monkeypatch):
     monkeypatch.setattr(merge.chunks, "copy", copy)
     writer.close()
     assert 1 <= most[0] <= 3
+
+
+# --- damage that the digests do not show -----------------------------------------------------
+
+EXTREMES = (
+    *(None, True, -1, 0, 1, 2**31, 2**62, 2**63, 2**70, 3e9, 1e300, float("nan"), "", "abc"),
+    *("00", "<f4", [], {}, [1], [[1]], {"a": 1}, [10**9, 10**9], [-1], [2**40]),
+)
+
+
+def spoilt(value, chance):
+    """A JSON value of which a random part is replaced, or missing."""
+    places = []
+
+    def walk(inner):
+        keys = inner if isinstance(inner, dict) else range(len(inner))
+        for key in keys if isinstance(inner, dict | list) else ():
+            places.append((inner, key))
+            if isinstance(inner[key], dict | list):
+                walk(inner[key])
+
+    walk(value)
+    inner, key = chance.choice(places)
+    if chance.random() < 0.2:
+        del inner[key]
+    else:
+        inner[key] = chance.choice(EXTREMES)
+    return value
+
+
+def spoil_segment(path, chance):
+    """Change the header of a segment, and give it the digest of what it is then."""
+    raw = path.read_bytes()
+    _, length, _ = START.unpack(raw[: START.size])
+    header = json.loads(raw[START.size :][:length])
+    if "provenance" in header and chance.random() < 0.5:
+        header["provenance"] = json.dumps(spoilt(json.loads(header["provenance"]), chance))
+    else:
+        header = spoilt(header, chance)
+    text = json.dumps(header).encode()
+    start = START.pack(MAGIC, len(text), layout.seal(text))
+    path.write_bytes(start + text + raw[START.size + length :])
+
+
+def spoil_file(path, chance):
+    """Change what no digest of the table covers: the form of fields and of the checkpoint."""
+    with h5py.File(path, "r+") as file:
+        names = [f"VTKHDF/PointData/{name}" for name in file["VTKHDF/PointData"]]
+        inside = [f"granular/checkpoint/{kind}" for kind in ("arrays", "scalars")]
+        names += ["VTKHDF/Points", *inside, *(f"{g}/{name}" for g in inside for name in file[g])]
+        name = chance.choice(names)
+        attributes = dict(file[name].attrs)
+        if chance.random() < 0.4 and attributes:
+            file[name].attrs["columns"] = chance.choice([-1, 7, 2**62, 1.5, "text", np.zeros(40)])
+            return
+        del file[name]
+        new = [None, np.zeros(3, "f4"), np.zeros((2, 2)), 5, "text", np.zeros(0), np.arange(3)]
+        if (data := new[chance.randrange(len(new))]) is not None:
+            file[name] = data
+            for key, value in attributes.items():
+                file[name].attrs[key] = value
+
+
+def use(path):
+    """Do everything with a record; return the number of times that it was refused."""
+    refused = 0
+
+    def allowed(act):
+        nonlocal refused
+        try:
+            return act()
+        except RecordError as error:
+            assert path.name in str(error)
+            refused += 1
+
+    record = allowed(lambda: open_trajectory(path))
+    if record:
+        with record:
+            for name in ("series", "samples", "bodies", "provenance", "scene", "finished"):
+                allowed(lambda name=name: getattr(record, name))
+            allowed(record.checkpoint)
+            allowed(record.damage)
+            for frame in record._contents.frames:
+                allowed(lambda frame=frame: record._contents.read(frame))
+    writer = allowed(lambda: TrajectoryWriter.resume(path))
+    if writer:
+        writer.leave()
+    return refused
+
+
+@pytest.mark.parametrize("rounds", [60, pytest.param(5000, marks=pytest.mark.slow)])
+def test_hostile_files_are_refused_as_damaged(tmp_path, rounds):
+    """Nothing but RecordError, also where every digest is right."""
+    chance, refused = random.Random(4), 0
+    finished, other = tmp_path / "finished.h5", tmp_path / "other.h5"
+    make_record(finished)
+    writer = unfinished(other, gas=9)
+    folder = tmp_path / "hostile"
+    for _ in range(rounds):
+        folder.mkdir()
+        path = folder / "a.h5"
+        if chance.random() < 0.4:
+            shutil.copy(finished, path)
+            spoil_file(path, chance)
+        else:
+            parts = shutil.copytree(parts_folder(other), parts_folder(path))
+            spoil_segment(chance.choice(sorted(parts.glob("*.part"))), chance)
+        refused += use(path) > 0
+        shutil.rmtree(folder)
+    assert refused > 0.5 * rounds
+    writer.close()
+
+
+@pytest.mark.parametrize("name", ["VTKHDF/Steps/Values", "granular/mass", "granular/step"])
+def test_tables_take_no_more_memory_than_the_file(tmp_path, name):
+    """A compressed table, which a small file can make as large as it likes, is refused."""
+    path = tmp_path / "a.h5"
+    make_record(path)
+    with h5py.File(path, "r+") as file:
+        table = file[name][:]
+        del file[name]
+        file.create_dataset(name, data=table, compression="gzip")
+    with pytest.raises(RecordError, match="filters"):
+        open_trajectory(path)
+
+
+def test_a_large_id_takes_no_memory(small_scene):
+    sim = gr.Simulation(small_scene("walls", 2, ("linear", "flip", "particle")), threads=1)
+    sim.step(3)
+    before, checkpoint = sim.state, sim.checkpoint()
+    arrays = dict(checkpoint.arrays)
+    arrays["id"] = np.where(arrays["id"] == 5, 30_000_000, arrays["id"])
+    tracemalloc.start()
+    far = gr.Simulation.from_checkpoint(sim.scene, replace(checkpoint, arrays=arrays)).state
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 20e6
+    assert far.fields["id"][-1] == 30_000_000
+    assert far.x[-1].tobytes() == before.x[5].tobytes()
+    assert np.delete(before.x, 5, axis=0).tobytes() == far.x[:-1].tobytes()
+    for wrong in (-3, 7):
+        arrays["id"] = np.where(checkpoint.arrays["id"] == 5, wrong, checkpoint.arrays["id"])
+        with pytest.raises(ValueError, match="must be distinct and at least 0"):
+            gr.Simulation.from_checkpoint(sim.scene, replace(checkpoint, arrays=arrays))
+
+
+def test_a_checkpoint_that_does_not_fit_is_damage(small_scene, tmp_path):
+    path = tmp_path / "a.h5"
+    scene = small_scene("walls", 2, ("linear", "flip", "particle"))
+    with TrajectoryWriter(path, scene) as writer:
+        writer.checkpoint(make_checkpoint(1))
+    with pytest.raises(RecordError, match=r"a\.h5: the run cannot be resumed"):
+        gr.Simulation.resume(path)
+    with pytest.raises(ValueError, match="threads = 0") as caught:
+        gr.Simulation.resume(path, threads=0)
+    assert not isinstance(caught.value, RecordError)
+
+
+# --- errors of the system are no damage ------------------------------------------------------
+
+SHIM = """
+    #define _GNU_SOURCE
+    #include <dlfcn.h>
+    #include <errno.h>
+    #include <stdlib.h>
+    #include <unistd.h>
+    ssize_t pread64(int fd, void *to, size_t size, off64_t from)
+    {
+        const char *first = getenv("FAIL_FROM");
+        if (first && from >= atol(first)) return errno = atoi(getenv("FAIL_CODE")), -1;
+        ssize_t (*real)(int, void *, size_t, off64_t) = dlsym(RTLD_NEXT, "pread64");
+        return real(fd, to, size, from);
+    }
+    ssize_t pread(int fd, void *to, size_t size, off_t from) { return pread64(fd, to, size, from); }
+"""
+
+READERS = textwrap.dedent("""
+    import collections, ctypes, os, sys
+    sys.path.insert(0, sys.argv[1])
+    from records import content
+    for code in (5, 12):
+        os.environ["FAIL_CODE"], found = str(code), collections.Counter()
+        for first in range(0, os.path.getsize(sys.argv[2]), 400):
+            os.environ["FAIL_FROM"] = str(first)
+            try:
+                content(sys.argv[2])
+            except Exception as error:
+                found[type(error).__name__, getattr(error, "errno", None)] += 1
+        print(dict(found))
+        del os.environ["FAIL_FROM"]
+""")
+
+
+@pytest.mark.skipif(sys.platform != "linux" or not shutil.which("cc"), reason="needs LD_PRELOAD")
+def test_a_disk_that_cannot_be_read_is_no_damage(tmp_path):
+    """Reading fails in the system, below HDF5."""
+    path, source, library = tmp_path / "a.h5", tmp_path / "shim.c", tmp_path / "shim.so"
+    make_record(path)
+    source.write_text(textwrap.dedent(SHIM))
+    subprocess.run(["cc", "-shared", "-fPIC", source, "-o", library, "-ldl"], check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", READERS, str(Path(records.__file__).parent), str(path)],
+        env=os.environ | {"LD_PRELOAD": str(library)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    first, second = map(eval, run.stdout.splitlines())
+    assert list(first) == [("OSError", errno.EIO)] and first["OSError", errno.EIO] > 20
+    assert list(second) == [("MemoryError", None)]
+
+
+@pytest.mark.parametrize("code", [errno.EIO, errno.ENOMEM, errno.EACCES, errno.ESTALE])
+def test_a_segment_that_cannot_be_read_is_no_damage(tmp_path, monkeypatch, code):
+    writer = unfinished(tmp_path / "a.h5")
+
+    def refuse(*_, **__):
+        raise OSError(code, os.strerror(code))
+
+    with monkeypatch.context() as patch:
+        patch.setattr("granular.record.segment.open", refuse, raising=False)
+        with pytest.raises(MemoryError if code == errno.ENOMEM else OSError) as caught:
+            open_trajectory(tmp_path / "a.h5")
+    assert code in (getattr(caught.value, "errno", None), errno.ENOMEM)
+    writer.close()
+
+
+def test_hdf5_that_has_no_memory_is_no_damage(tmp_path, monkeypatch):
+    """If there is memory for what a valid file holds, its sizes were false; else there is none."""
+    for left, kind in ((True, RecordError), (False, MemoryError)):
+        monkeypatch.setattr(layout, "_memory_left", lambda left=left: left)
+        with pytest.raises(kind, match=r"a\.h5"), layout.reading(tmp_path / "a.h5"):
+            raise OSError("Can't read data (memory allocation failed for filter pipeline)")

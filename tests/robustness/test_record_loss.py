@@ -138,8 +138,6 @@ def test_kill_while_merged_parts_are_removed(tmp_path, monkeypatch):
             else:
                 writer.close()
         assert content(path) == expected(range(4), 30)
-        if survivors < 6:
-            os.close(writer._lock)  # as at the end of the process
         TrajectoryWriter.resume(path).close()
         assert content(path) == expected(range(4), 30)
 
@@ -240,10 +238,9 @@ def test_failed_merge_keeps_the_previous_file_and_the_parts(tmp_path, monkeypatc
         return tmp_path / str(k) / "a.h5"
 
     def check(path):
-        if name == "fsync":  # the last fsync is that of the folder, after the rename
+        if tree(path.parent) != before:  # the parts could not be removed, after the merge
             assert content(path) == expected(range(2), 0)
-        else:
-            assert tree(path.parent) == before
+            assert name in ("fsync", "replace")
         shutil.rmtree(path.parent)
 
     hits = fail_at_each(monkeypatch, name, code, prepare, merge, check)
@@ -310,6 +307,7 @@ def test_existing_records_are_refused(tmp_path):
     assert path.read_bytes() == before
     unfinished = TrajectoryWriter(tmp_path / "b.h5", SCENE)
     unfinished.append(make_state(0))
+    unfinished.leave()
     with pytest.raises(FileExistsError, match="unfinished: resume it"):
         TrajectoryWriter(tmp_path / "b.h5", SCENE)
     with pytest.raises(IsADirectoryError):

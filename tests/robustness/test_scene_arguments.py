@@ -103,7 +103,13 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("clogging_silo", {"half": 1}, TypeError, "half = 1 must be True or False"),
         ("clogging_silo", {"orifice": 0.595}, ValueError, "orifice"),
         ("clogging_silo", {"orifice": 0.63}, ValueError, "orifice = 0.63 must be less than width"),
-        ("clogging_silo", {"sponge": math.nan}, ValueError, "nan"),
+        ("clogging_silo", {"sponge": math.nan}, ValueError, r"^sponge = nan must be in \[0"),
+        ("clogging_silo", {"sponge": 99.0}, ValueError, r"^sponge = 99.0 must be in \[0.0, .*\)"),
+        ("clogging_silo", {"sponge": "up"}, TypeError, "^sponge = 'up' must be"),
+        *(
+            ("clogging_silo", {"sponge_damping": bad}, ValueError, f"^sponge_damping = {bad} must")
+            for bad in (math.nan, 0.0, -1.0)
+        ),
         ("cylinder_collapse", {"lip": 0.1}, ValueError, "lip = 0.1 must not be less than radius"),
         ("silo_3d", {"slot": 0.25}, ValueError, "slot = 0.25 must be less than length = 0.25"),
         ("silo_3d", {"slot": 0.02}, ValueError, "slot = 0.02 must be a whole number of cells"),

@@ -398,3 +398,12 @@ def test_all_cases_are_scenes(module):
     """Each case can be built: its sizes fit together."""
     scenes = [make() for make in module("three_d").CASES.values()]
     assert all(scene.bodies for scene in scenes)
+
+
+def test_a_quick_table_of_the_sph_examples_is_written(module, tmp_path, capsys):
+    """A repose of 0.2 s has no creep; the table is strict JSON."""
+    script, out = module("sph_examples"), tmp_path / "sph.json"
+    script.main(["--quick", "--only", "repose", "--out", str(out)])
+    rows = json.loads(out.read_text(), parse_constant=pytest.fail)["rows"]
+    assert [row["kind"] for row in rows] == ["repose"]
+    assert rows[0]["creep_deg_per_s"] is None and rows[0]["angle_deg"] > 0

@@ -5,6 +5,8 @@ import math
 import numpy as np
 import oracle_bodies
 import pytest
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 
 import granular as gr
 from granular import _core
@@ -13,6 +15,7 @@ from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
 from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
+from granular.mpm.body_measures import extents
 from granular.mpm.walls import Wall
 
 CELL, DT = 0.04, 4e-4  # all parts are at least three cells thick
@@ -307,3 +310,44 @@ def test_core_refuses_bad_rows():
             _core.body_distance(bad, (), np.zeros((1, 3)))
     with pytest.raises(ValueError):
         _core.body_distance(np.tile(rows, (257, 1)), (), np.zeros((1, 3)))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_extents_are_those_of_all_orientations_of_a_motion(seed):
+    """Against the points of the surface, turned about one axis through all angles."""
+    rng = np.random.default_rng(seed)
+    center, turn = rng.uniform(-1, 1, 3), tuple(rng.uniform(-90, 90, 3))
+    box = Box(tuple(rng.uniform(0.1, 2, 3)), center=tuple(center), rotation_deg=turn)
+    rod = Cylinder(0.3, center=tuple(center), axis=tuple(rng.uniform(-1, 1, 3)), length=1.5)
+    start = Rotation.from_rotvec(rng.uniform(-2, 2, 3))
+    about = rng.uniform(-1, 1, 3) if seed % 2 else np.zeros(3)
+    angles = np.linspace(0, 2 * np.pi, 721)[:, None]
+    turns = Rotation.from_rotvec(angles * about / max(np.linalg.norm(about), 1e-9))
+    for shape, slack in ((box, 1e-3), (rod, 0.35)):
+        sides = np.stack(np.meshgrid(*[np.linspace(-1, 1, 41)] * 3), -1).reshape(-1, 3)
+        row = shape.rows()[0]
+        if shape is rod:
+            sides = sides[np.hypot(sides[:, 0], sides[:, 1]) <= 1 + 1e-12]
+            row[14:] = row[14], row[14], row[15]
+        places = row[2:5] + (sides * row[14:]) @ row[5:14].reshape(3, 3).T
+        swept = max_over_turns(start.apply(places), turns)
+        found = extents(shape.rows(), 3, start.as_matrix(), np.array([about, 2 * about]))
+        assert (found >= swept - 1e-12).all()
+        assert (found <= swept + (slack if about.any() else 1e-2)).all()
+
+
+def max_over_turns(places, turns):
+    """Largest absolute coordinates that places have in any of the turns, shape (3,)."""
+    hull = places[np.unique(ConvexHull(places).vertices)]
+    return np.max([abs(turn.apply(hull)).max(axis=0) for turn in turns], axis=0)
+
+
+def test_infinite_extents_stay_along_their_axis():
+    axle = Cylinder(0.1, center=(0, 0, 0), axis=(0, 1, 0)).rows()
+    rest, about_y, about_z = np.zeros((1, 3)), np.eye(3)[[1]], np.eye(3)[[2]]
+    assert extents(axle, 3, np.eye(3), rest) == pytest.approx([0.1, np.inf, 0.1])
+    assert extents(axle, 3, np.eye(3), about_y) == pytest.approx([0.1, np.inf, 0.1])
+    assert extents(axle, 3, np.eye(3), about_z) == pytest.approx([np.inf, np.inf, 0.1])
+    both = np.concatenate([about_y, about_z])
+    assert np.isinf(extents(axle, 3, np.eye(3), both)).all()
+    assert extents(Box((1.0, 2.0)).rows(), 2, np.eye(3), rest)[:2] == pytest.approx([0.5, 1.0])

@@ -212,6 +212,63 @@ def test_nested_blocks_make_a_staircase():
     assert codes[3][4] == 2  # tread
 
 
+def endless_across(n_x, n_up, dim):
+    """Shape and periodic axes of a grid that is in 3D endless along its middle axis."""
+    if dim == 2:
+        return {"shape": (n_x, n_up)}
+    return {"shape": (n_x, 2, n_up), "periodic": (False, True, False)}
+
+
+def rows_of_rock(reaches, dim, kind="free_slip"):
+    """Rows of rock one cell thick; row j reaches from x = 0 to reaches[j]."""
+    across = [(0.0, 2.0)] * (dim - 2)
+    return [
+        Solid(*zip((0.0, reach), *across, (j, j + 1.0), strict=True), kind=kind)
+        for j, reach in enumerate(reaches)
+        if reach
+    ]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("basis", BASES)
+def test_rows_of_blocks_hold_what_the_columns_of_the_same_rock_hold(basis, dim):
+    """The union counts, not how it is cut; an overhang, steps down and up, a notch."""
+    reaches = [4.0, 5.0, 2.0, 2.0, 3.0, 1.0]
+    across = [(0.0, 2.0)] * (dim - 2)
+    columns = [
+        Solid(*zip((x, x + 1.0), *across, (j, j + 1.0), strict=True), kind="free_slip")
+        for x in range(5)
+        for j, reach in enumerate(reaches)
+        if x < reach
+    ]
+    options = endless_across(6, 7, dim) | {"basis": basis}
+    assert fixed(rows_of_rock(reaches, dim), **options) == fixed(columns, **options)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_rock_of_rows_is_held_within(dim):
+    """By hand, for splines: nodes at 0, 0.5, 1.5, ... of rock with a step from 4 to 2 at y = 2."""
+    options = {"periodic": (False, True, False)} if dim == 3 else {}
+    shape = (6, 2, 5) if dim == 3 else (6, 5)
+    got = np.array(
+        fixed(rows_of_rock([4, 4, 2, 2], dim), shape=shape, basis="quadratic", **options)
+    )
+    if dim == 3:
+        assert (got[:, 0] == got[:, 1]).all()
+        got = got[:, 0]
+    x, up, all_of = 1, 2 ** (dim - 1), 2**dim - 1
+    edge = x | up
+    # floor (0), 0.5, 1.5 (tread), 2.5, 3.5 (top)
+    wanted = [
+        [all_of, all_of, all_of, all_of, x],
+        [all_of, all_of, all_of, all_of, x],
+        [all_of, all_of, edge, up, edge],
+        [all_of, all_of, x, 0, 0],
+        [up, up, edge, 0, 0],
+    ]
+    assert got[:5, :5].tolist() == wanted
+
+
 def test_more_rows_than_a_byte_holds_are_refused():
     walls = tuple(
         Wall(1, 0.0, kind="coulomb", friction=1e-3 * (i + 1), span=((i, i + 1.0),))

@@ -122,3 +122,17 @@ def test_every_public_name_has_a_docstring():
         for name, value in vars(module).items():
             if getattr(value, "__module__", "").startswith("granular.measure") and name[0] != "_":
                 assert isinstance(value.__doc__, str)
+
+
+def test_profiles_by_volume_weigh_with_the_quadrature_volume():
+    """As cell_average does: in each row of cells one point counts three times another."""
+    flow = layer()
+    left = flow.x[:, 0] % CELL < CELL / 2
+    flow.quadrature_volume = flow.volume * np.where(left, 1.5, 0.5)
+    side = np.where(left, 1.0, -1.0)
+    rows = profile(flow, side, weight="volume")
+    assert np.allclose(rows.value, 0.5)
+    assert np.allclose(rows.weight, 4 * CELL**2)
+    cells = measure.cell_average(flow, side, weight="volume").value
+    assert np.allclose(cells, 0.5)
+    assert np.allclose(profile(flow, side).value, 0.0)

@@ -1,5 +1,7 @@
 """Fluidity at bodies, images in periodic directions, and the time step with fast bodies."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -71,11 +73,16 @@ def test_a_no_slip_body_is_a_no_slip_wall(dim, elasticity, stencil):
 # ---- periodic directions ----
 
 
-def pool(shift, *, dim=2, **body):
+def pool(shift, *, dim=2, height=0.15, turning=None, **body):
     """A periodic bed with a paddle whose position is `shift` cells along x."""
     length = (10,) * (dim - 1)
-    position = (0.26 + 0.1 * shift, *(0.26,) * (dim - 2), 0.33)  # no face on a node
-    motion = Motion(velocity=((0.4, *(0.0,) * (dim - 2), -0.2),))
+    # no face on a node, no node as near to one face as to another
+    position = (0.26 + 0.1 * shift, *(0.27,) * (dim - 2), 0.33)
+    motion = Motion(
+        velocity=((0.4, *(0.0,) * (dim - 2), -0.2),),
+        angular_velocity=None if turning is None else (turning,),
+    )
+    paddle = Box((0.15,) * (dim - 1) + (height,))
     return gr.Scene(
         name="pool",
         grid=Grid((0.0,) * dim, 0.05, (*length, 10), periodic=(True,) * (dim - 1) + (False,)),
@@ -83,18 +90,28 @@ def pool(shift, *, dim=2, **body):
         material=MuI(E=1e6),
         scheme=gr.Scheme(basis="quadratic", transfer="apic", density=gr.ParticleDensity(), dt=4e-4),
         walls=(Wall(dim - 1, 0.0, kind="no_slip"),),
-        bodies=(Body(Box((0.15,) * dim), position, motion=motion, friction=0.3, **body),),
+        bodies=(Body(paddle, position, motion=motion, friction=0.3, **body),),
         gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
         duration=1.0,
     )
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_bodies_have_images(dim):
+@pytest.mark.parametrize(
+    ("dim", "options"),
+    [
+        (2, {}),
+        (3, {}),
+        # posts longer than the period, which only have to fit along the periodic axes
+        (2, {"height": 0.7}),
+        (3, {"height": 0.7}),
+        (3, {"height": 0.7, "turning": (0.0, 0.0, 4.0)}),
+    ],
+)
+def test_bodies_have_images(dim, options):
     """The result is independent of where the period ends and how often a body has passed it."""
     impulses = []
     for shift in (0, 2, -3, 30):
-        sim = gr.Simulation(pool(shift, dim=dim), threads=1)
+        sim = gr.Simulation(pool(shift, dim=dim, **options), threads=1)
         sim.step(60)  # before round-off decides whether a point is disconnected
         impulses.append(np.append(sim.bodies[0].impulse, sim.bodies[0].angular_impulse))
     assert np.linalg.norm(impulses[0][:dim]) > 0.1
@@ -115,8 +132,17 @@ def test_bodies_whose_images_meet_are_refused():
             scene.replace(bodies=(body,))
     space = pool(0, dim=3)
     axle = Cylinder(0.1, center=(0, 0, 0), axis=(0, 1, 0))
-    with pytest.raises(ValueError, match="half the period along x"):
-        space.replace(bodies=(Body(axle, (0.2, 0.2, 0.3)),))  # infinite along y only
+    space.replace(bodies=(Body(axle, (0.2, 0.2, 0.3)),))  # endless along y, fits along x
+    wide = Cylinder(0.3, center=(0, 0, 0), axis=(0, 1, 0))
+    with pytest.raises(ValueError, match=r"reaches 0.3 m .* along x .* <= 0.25 m"):
+        space.replace(bodies=(Body(wide, (0.2, 0.2, 0.3)),))
+    post = Body(Box((0.1, 0.1, 2.0)), (0.2, 0.2, 0.3))
+    for turn in ((0, 0, 1), (0, 0, 0)):
+        upright = Motion(velocity=((0,) * 3,), angular_velocity=(turn,))
+        space.replace(bodies=(dataclasses.replace(post, motion=upright),))
+    tilting = Motion(velocity=((0,) * 3,), angular_velocity=((0, 1, 0),))
+    with pytest.raises(ValueError, match=r"reaches 1.00125 m .* along x in its motion"):
+        space.replace(bodies=(dataclasses.replace(post, motion=tilting),))
     narrow = Grid((0.0,) * 3, 0.05, (10, 10, 10), periodic=(False, True, False))
     turning = [Motion(velocity=((0,) * 3,), angular_velocity=(w,)) for w in ((0, 1, 0), (0, 0, 1))]
     walled = space.replace(grid=narrow, bodies=(Body(axle, (0.2, 0.2, 0.3), motion=turning[0]),))

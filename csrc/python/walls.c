@@ -1,0 +1,62 @@
+/* Impulses on the walls: from the arrays of Python to the core, and back. */
+#include "mpm/wall_impulse.h"
+
+#include "python/arrays.h"
+
+PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *codes, PyObject *owners, PyObject *opens_at,
+                                PyObject *after)
+{
+    npy_intp nodes[3];
+    const npy_intp any_of_three[2] = {-1, 3};
+    for (int d = 0; d < e->config.dim; d++) nodes[e->config.dim - 1 - d] = e->axis[d].n_nodes;
+    PyArrayObject *code = gr_array(codes, "codes", NPY_INT32, e->config.dim, nodes, 0);
+    PyArrayObject *owner = code ? gr_array(owners, "owners", NPY_INT32, 2, any_of_three, 0) : NULL;
+    if (!owner) return NULL;
+    const npy_intp rows[1] = {PyArray_DIM(owner, 0)};
+    PyArrayObject *time = gr_array(opens_at, "opens_at", NPY_DOUBLE, 1, rows, 0);
+    PyArrayObject *next = time ? gr_array(after, "after", NPY_INT32, 1, rows, 0) : NULL;
+    if (!next) return NULL;
+    if (rows[0] > 1000000000) return PyErr_Format(PyExc_ValueError, "owners must have at most 1000000000 rows");
+    struct gr_wall_share *share = PyMem_Calloc((size_t)rows[0] + 1, sizeof *share);
+    if (!share) return PyErr_NoMemory();
+    for (npy_intp k = 0; k < rows[0]; k++) {
+        memcpy(share[k].owner, (const int32_t *)PyArray_DATA(owner) + 3 * k, sizeof share[k].owner);
+        share[k].opens_at = ((const double *)PyArray_DATA(time))[k];
+        share[k].after = ((const int32_t *)PyArray_DATA(next))[k];
+    }
+    const int error = gr_watch_walls(e, n_walls, share, (int)rows[0], PyArray_DATA(code));
+    PyMem_Free(share);
+    if (error == GR_ERR_CONFIG)
+        return PyErr_Format(PyExc_ValueError,
+                            "watch_walls: once, before points are bound; owners from -1 to %d, codes and after from 0 to "
+                            "the last row, opens_at ascending along after",
+                            n_walls - 1);
+    if (error) return gr_raise(error, NULL);
+    Py_RETURN_NONE;
+}
+
+static int refuse_unwatched(const struct gr_engine *e)
+{
+    if (e->watch) return 0;
+    PyErr_SetString(PyExc_ValueError, "the impulses on the walls are not watched");
+    return -1;
+}
+
+PyObject *gr_python_wall_impulses(const struct gr_engine *e)
+{
+    if (refuse_unwatched(e)) return NULL;
+    const npy_intp shape[2] = {e->watch->n_walls, GR_WALL_NUMBERS};
+    PyObject *out = PyArray_SimpleNew(2, shape, NPY_DOUBLE);
+    if (out) memcpy(PyArray_DATA((PyArrayObject *)out), e->watch->total, (size_t)PyArray_NBYTES((PyArrayObject *)out));
+    return out;
+}
+
+PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array)
+{
+    if (refuse_unwatched(e)) return NULL;
+    const npy_intp shape[2] = {e->watch->n_walls, GR_WALL_NUMBERS};
+    PyArrayObject *from = gr_array(array, "walls", NPY_DOUBLE, 2, shape, 0);
+    if (!from || gr_refuse_values("walls", from, -GR_LARGEST)) return NULL;
+    memcpy(e->watch->total, PyArray_DATA(from), (size_t)PyArray_NBYTES(from));
+    Py_RETURN_NONE;
+}

@@ -1,0 +1,96 @@
+"""Which wall of a scene the impulse on a node counts for, component by component."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.mpm.node_codes import node_selections
+from granular.mpm.walls import Solid, Wall
+
+if TYPE_CHECKING:
+    from granular.mpm.scene import Scene
+
+__all__ = ["WallOwners", "wall_owners"]
+
+
+class WallOwners(NamedTuple):
+    """Owners of the components of the impulse on each node; the core has these arrays.
+
+    Attributes
+    ----------
+    codes : ndarray of int32, shape (..., n_y, n_x)
+        Row of each node; row 0 is for nodes without a wall.
+    owners : ndarray of int32, shape (rows, 3)
+        Index into the walls of the scene for each component, -1 for none.
+    opens_at : ndarray, shape (rows,)
+        Time [s] from which the row `after` holds; inf for never.
+    after : ndarray of int32, shape (rows,)
+    """
+
+    codes: NDArray[np.int32]
+    owners: NDArray[np.int32]
+    opens_at: NDArray[np.float64]
+    after: NDArray[np.int32]
+
+
+def wall_owners(scene: Scene) -> WallOwners:
+    """Find the owners of the impulse on each node.
+
+    Where several walls and blocks meet, a component counts for the first of these: a wall to which
+    it is normal; a no-slip wall; a no-slip block; the Coulomb wall with the highest friction; a
+    block. Of several of one kind the first one of the scene counts.
+    """
+    known: dict[frozenset[int], int] = {frozenset(): 0}
+    state: NDArray[np.int32] | None = None
+    for shape, i, where in node_selections(scene):
+        if state is None:
+            state = np.zeros(shape, dtype=np.int32)
+        old, places = np.unique(state[where], return_inverse=True)
+        sets = list(known)
+        new = [known.setdefault(sets[k] | {i}, len(known)) for k in old]
+        if new:
+            state[where] = np.array(new, dtype=np.int32)[places].reshape(state[where].shape)
+    assert state is not None
+    rows: list[tuple[list[int], float, frozenset[int]]] = []
+    numbers: dict[frozenset[int], int] = {}
+    waiting = [frozenset(), *known]
+    while waiting:
+        walls = waiting.pop(0)
+        if walls in numbers:
+            continue
+        numbers[walls] = len(rows)
+        opens_at = min((_opens_at(scene.walls[i]) for i in walls), default=math.inf)
+        left = frozenset(i for i in walls if _opens_at(scene.walls[i]) > opens_at)
+        rows.append(([_owner(scene, walls, d) for d in range(3)], opens_at, left))
+        if opens_at < math.inf:
+            waiting.append(left)
+    return WallOwners(
+        np.array([numbers[walls] for walls in known], dtype=np.int32)[state],
+        np.array([owners for owners, _, _ in rows], dtype=np.int32),
+        np.array([opens_at for _, opens_at, _ in rows]),
+        np.array([numbers[left] if at < math.inf else 0 for _, at, left in rows], dtype=np.int32),
+    )
+
+
+def _opens_at(wall: Wall | Solid) -> float:
+    return wall.opens_at if isinstance(wall, Wall) else math.inf
+
+
+def _owner(scene: Scene, walls: frozenset[int], axis: int) -> int:
+    """Index of the wall that a component counts for, -1 for none."""
+
+    def rank(i: int) -> tuple[float, ...]:
+        wall = scene.walls[i]
+        if isinstance(wall, Solid):
+            return (2.0 if wall.kind == "no_slip" else 4.0, 0.0, i)
+        if wall.axis == axis:
+            return (0.0, 0.0, i)
+        order = {"no_slip": 1.0, "coulomb": 3.0, "free_slip": math.inf}
+        return (order[wall.kind], -wall.friction, i)
+
+    best = min(walls, key=rank, default=-1)
+    return best if best >= 0 and rank(best)[0] < math.inf else -1

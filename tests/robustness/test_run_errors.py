@@ -1,0 +1,208 @@
+"""A run that could not write goes on in the same object, and its record loses nothing."""
+
+import errno
+import os
+import random
+import threading
+import time
+from contextlib import suppress
+
+import pytest
+
+import granular as gr
+from granular.record import TrajectoryWriter
+
+OPERATIONS = ("write", "fsync", "ftruncate", "replace", "unlink", "open", "mkdir")
+UNTIL, EVERY = 0.08, 0.02
+
+
+class Disk:
+    """Functions of `os` of which some calls fail with an OSError."""
+
+    def __init__(self, patch, names, fails):
+        self.count, self.hit, self.fails = 0, 0, fails
+        for name in names:
+            patch.setattr(os, name, self.failing(getattr(os, name)))
+
+    def failing(self, real):
+        def call(*args, **kwargs):
+            here = threading.current_thread() is threading.main_thread()
+            if here and self.fails(self.count):
+                self.count, self.hit = self.count + 1, self.hit + 1
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            self.count += 1
+            return real(*args, **kwargs)
+
+        return call
+
+
+@pytest.fixture
+def scene(small_scene, monkeypatch):
+    """Frames of this scene are written one by one."""
+    monkeypatch.setattr("granular.record.writer.WAITING_SECONDS", 0.0)
+    return small_scene("walls", 2, ("linear", "flip", "particle"), E=1e5)
+
+
+def stored(path):
+    """Steps, digests and samples of all frames, and digest of the checkpoint."""
+    with gr.open(path) as record:
+        assert not record.damage()
+        frames = [(f.step, f.mark, dict(f.samples)) for f in record._contents.frames]
+        return record.finished, frames, record.checkpoint().digest
+
+
+def start(sim, path, before):
+    """Run a new simulation, or one whose record had to be resumed."""
+    return sim.run(UNTIL, every=EVERY, **({} if before == "resumed" else {"save": path}))
+
+
+def prepared(scene, path, before):
+    if before == "new":
+        return gr.Simulation(scene, threads=1)
+    gr.Simulation(scene, threads=1).run(0.03, save=path, every=EVERY)
+    if before == "resumed":
+        return gr.Simulation.resume(path, threads=1)
+    path.unlink()
+    return gr.Simulation(scene, threads=1)
+
+
+def go_on(sim, path):
+    """Run as a user does who has freed the disk."""
+    return sim.run(UNTIL, every=EVERY, **({} if sim.record else {"save": path}))
+
+
+def attempt(patch, sim, path, before, names, fails):
+    """Run while some calls fail; return the number of calls and of those that failed."""
+    with patch.context() as patched:
+        disk = Disk(patched, names, fails)
+        try:
+            start(sim, path, before)
+        except OSError as error:
+            assert error.errno == errno.ENOSPC
+    return disk.count, disk.hit
+
+
+QUICK = [
+    (name, before, before == "new", 2)
+    for name in ("write", "fsync", "replace")
+    for before in ("new", "resumed")
+]
+LONG = [
+    pytest.param(name, before, lasting, None, marks=pytest.mark.slow)
+    for name in OPERATIONS
+    for before in ("new", "resumed")
+    for lasting in (False, True)
+]
+
+
+@pytest.mark.parametrize(("name", "before", "lasting", "tries"), QUICK + LONG)
+def test_a_run_goes_on_after_each_error(scene, tmp_path, monkeypatch, name, before, lasting, tries):
+    whole = tmp_path / "whole.h5"
+    sim = prepared(scene, whole, before)
+    calls, _ = attempt(monkeypatch, sim, whole, before, [name], lambda i: False)
+    for k in range(calls // 3, calls, max(calls // tries, 1)) if tries else range(calls):
+        path = tmp_path / f"{k}.h5"
+        sim = prepared(scene, path, before)
+        _, hit = attempt(
+            monkeypatch, sim, path, before, [name], lambda i, k=k: i >= k if lasting else i == k
+        )
+        assert hit
+        go_on(sim, path)
+        assert stored(path) == stored(whole)
+        assert not (tmp_path / f"{k}.h5.parts").exists()
+        with TrajectoryWriter.resume(path):  # the lock is free, while `sim` is still there
+            pass
+        path.unlink()
+
+
+@pytest.mark.parametrize("rounds", [4, pytest.param(300, marks=pytest.mark.slow)])
+def test_a_run_goes_on_after_many_errors(scene, tmp_path, monkeypatch, rounds):
+    """Errors of all kinds at random, also while the consequences of earlier ones are handled."""
+    whole, chance = tmp_path / "whole.h5", random.Random(3)
+    start(prepared(scene, whole, "new"), whole, "new")
+    for k in range(rounds):
+        path, share = tmp_path / f"{k}.h5", chance.choice([0.003, 0.03, 0.3])
+        sim = prepared(scene, path, "new")
+        for _ in range(5):
+            with monkeypatch.context() as patched:
+                Disk(patched, OPERATIONS, lambda i, s=share: chance.random() < s)
+                with suppress(OSError):
+                    go_on(sim, path)
+        go_on(sim, path)
+        assert stored(path) == stored(whole)
+        path.unlink()
+
+
+def test_a_full_disk_is_left_for_another(scene, tmp_path, monkeypatch):
+    """The record on the full disk can be resumed, and the other one goes on from here."""
+    path, other = tmp_path / "a.h5", tmp_path / "b.h5"
+    sim = gr.Simulation(scene, threads=1)
+    attempt(monkeypatch, sim, path, "new", ["fsync"], lambda i: i > 12)
+    left = sim.time
+    assert 0 < left < UNTIL
+    sim.run(UNTIL, save=other, every=EVERY)
+    with gr.open(other) as record:
+        assert record.times[0] >= left and record.finished
+    gr.Simulation.resume(path, threads=1).run(UNTIL)
+    whole = tmp_path / "whole.h5"
+    gr.Simulation(scene, threads=1).run(UNTIL, save=whole, every=EVERY)
+    assert stored(path) == stored(whole)
+
+
+def test_a_record_that_went_on_elsewhere_is_not_touched(scene, tmp_path, monkeypatch):
+    path = tmp_path / "a.h5"
+    sim = gr.Simulation(scene, threads=1)
+    attempt(monkeypatch, sim, path, "new", ["fsync"], lambda i: i > 12)
+    gr.Simulation.resume(path, threads=1).run(UNTIL)
+    before = path.read_bytes()
+    with pytest.raises(FileExistsError, match="written by another run"):
+        sim.run(UNTIL)
+    assert path.read_bytes() == before
+
+
+# --- long hooks ------------------------------------------------------------------------------
+
+
+def test_a_frame_is_stored_while_a_hook_runs(small_scene, tmp_path, monkeypatch):
+    monkeypatch.setattr("granular.record.writer.WAITING_SECONDS", 0.2)
+    path, found = tmp_path / "a.h5", []
+
+    def hook(sim):
+        begin = time.monotonic()
+        while time.monotonic() - begin < 2:
+            with gr.open(path) as record:
+                if record.series["step"][-1] == sim.steps == record.checkpoint().step:
+                    found.append(True)
+                    return
+            time.sleep(0.02)
+        found.append(False)
+
+    scene = small_scene("walls", 2, ("linear", "flip", "particle"), E=1e5)
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(0.05, save=path, every=EVERY, hooks=(hook,))
+    assert found == [True] * 4
+    assert threading.active_count() == 1 or "Timer" not in str(threading.enumerate())
+
+
+def test_an_error_while_a_hook_runs_is_raised_after_it(small_scene, tmp_path, monkeypatch):
+    monkeypatch.setattr("granular.record.writer.WAITING_SECONDS", 0.05)
+    calls = []
+    with monkeypatch.context() as patched:
+
+        def hook(sim):
+            calls.append(sim.steps)
+            if len(calls) == 2:
+                patched.setattr(os, "write", refuse)
+                time.sleep(0.3)
+
+        def refuse(*_):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+        scene = small_scene("walls", 2, ("linear", "flip", "particle"), E=1e5)
+        sim = gr.Simulation(scene, threads=1)
+        with pytest.raises(OSError, match="No space"):
+            sim.run(0.1, save=tmp_path / "a.h5", every=EVERY, hooks=(hook,))
+    sim.run(0.1)
+    whole = tmp_path / "whole.h5"
+    gr.Simulation(scene, threads=1).run(0.1, save=whole, every=EVERY)
+    assert stored(tmp_path / "a.h5") == stored(whole)
