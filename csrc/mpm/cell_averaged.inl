@@ -226,27 +226,30 @@ GR_INLINE double across_faces(const int dim, const struct gr_engine *e, int64_t 
 /* Shift of the points of a cell along each axis at its low and high face, m; linear between them.
  *
  *   delta = -beta gdot dt dx over_compression,             |delta| <= min(limit dx, gdot dt dx/2),
- *         + beta gdot dt dx (excess_low - excess_high),    of a face; |delta| <= min(limit dx, gdot dt dx).
+ *         + beta r dt dx (excess_low - excess_high),       r = 2 |L_dd|; of a face; |delta| <= min(limit dx, r dt dx).
  *
  * The first is seen by the nodes, without the noise of single cells; the second carries points out of cells that have
- * too many into neighbours that have too few. Nothing goes through a wall. */
-GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t index, double rate, double drop[3][2],
-                             vd shift[3][2])
+ * too many into neighbours that have too few. It is stretching along an axis that makes cells uneven along it, r = gdot
+ * in a plane flow; layers in simple shear are left alone. Nothing goes through a wall. */
+GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t index, const vd *L, double rate,
+                             double drop[3][2], vd shift[3][2])
 {
     const struct gr_density_numbers *q = &e->config.density;
     const struct gr_cell_average *own = cell_average_of(dim, e, index);
     const int flags = e->mesh.cell[index].flags;
     const double dx = e->config.dx, limit = flags & GR_CELL_NO_SHIFTING ? 0 : q->shifting_limit;
-    const double most = lesser(limit, 0.5 * rate), most_of_face = lesser(limit, rate);
+    const double most = lesser(limit, 0.5 * rate);
     double length = 0, scale = q->shifting * rate;
     for (int d = 0; d < dim; d++) length += own->over_compression[d] * own->over_compression[d];
     if (scale * scale * length > most * most) scale = most / sqrt(length);
-    for (int d = 0; d < dim; d++)
+    for (int d = 0; d < dim; d++) {
+        const double along = 2 * fabs(L[d * dim + d][0]), most_of_face = lesser(limit, along);
         for (int high = 0; high < 2; high++) {
-            const double all = -scale * own->over_compression[d], flux = q->shifting * rate * drop[d][high];
+            const double all = -scale * own->over_compression[d], flux = q->shifting * along * drop[d][high];
             const int into_wall = flags / GR_CELL_WALL >> (2 * d + high) & 1 && (all > 0) == high;
             shift[d][high] = v_set(dx * ((into_wall ? 0 : all) + lesser(greater(flux, -most_of_face), most_of_face)));
         }
+    }
 }
 
 /* Mean over the points of a cell, by mass, of the difference of their velocity to that of the grid before the forces,
@@ -265,16 +268,15 @@ GR_INLINE void mean_difference(const int dim, const struct gr_engine *e, int64_t
     for (int d = 0; d < dim; d++) mean[d] /= M;
 }
 
-/* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, the shift, and the
- * share of the difference to the velocity of the grid that the points keep.
+/* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, the shift, and what
+ * they keep of the difference of their velocity to that of the grid, m/s.
  *
  *   c <- c - dt tr L + eta (second difference of c),   eta: averaged_share;
  *   c += relaxation to ln phi, see relax_to_nodal_density. If it lowers c, only the share w of it, and nothing if the
  *        cell is disconnected already;
- *   keep = exp(-velocity_decay gdot dt), of the difference less its mean over the cell, so that the momentum of the
- *        cell stays; `rest` is what they keep of the mean besides, m/s. */
-GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3][2], vd *keep,
-                          vd rest[3])
+ *   v <- v_grid + f (mean of v - v_grid before the forces),   f: keep_velocity. The momentum of the cell is that of
+ *        points which keep their own differences. */
+GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3][2], vd difference[3])
 {
     const struct gr_density_numbers *q = &e->config.density;
     const struct gr_cell_average *own = cell_average_of(dim, e, index);
@@ -293,11 +295,9 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     double c = own->c - trace + eta * across_faces(dim, e, index, drop);
     const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
-    shift_of_cell(dim, e, index, rate, drop, shift);
-    const double f = exp(-q->velocity_decay * rate);
+    shift_of_cell(dim, e, index, L, rate, drop, shift);
     double mean[3];
     mean_difference(dim, e, index, mean);
-    for (int d = 0; d < dim; d++) rest[d] = v_set((1 - f) * e->keep_velocity * mean[d]);
-    *keep = v_set(f);
+    for (int d = 0; d < dim; d++) difference[d] = v_set(e->keep_velocity * mean[d]);
     return v_set(c);
 }

@@ -45,12 +45,11 @@ enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 /* Data common to the points of a cell. */
 struct view {
     struct gr_frame frame;
-    vd begin[3], end[3]; /* bounds of the cell, m */
-    int has_sponge;      /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;     /* log-density below which a point is given no affine field */
-    vd L[9], shift[3][2], c, keep,
-        rest[3]; /* with a cell-averaged density: L dt; shift along each axis at the low and the high
-                                      face, m; log-density; what is kept of the difference to the velocity of the grid */
+    vd begin[3], end[3];                    /* bounds of the cell, m */
+    int has_sponge;                         /* bit d: the sponge layer may damp points that rise along axis d */
+    vd disconnected;                        /* log-density below which a point is given no affine field */
+    vd L[9], shift[3][2], c, difference[3]; /* with a cell-averaged density: L dt; shift along each axis at the low and
+                                               the high face, m; log-density; kept difference to the grid, m/s */
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
 };
 
@@ -85,5 +84,5 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
         cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode);
     else
         cell_modes(dim, basis, nodal, 0, fields, e, index, &view->frame, scale, view->mode);
-    if (cell_averaged) view->c = flow_of_cell(dim, e, index, view->L, view->shift, &view->keep, view->rest);
+    if (cell_averaged) view->c = flow_of_cell(dim, e, index, view->L, view->shift, view->difference);
 }

@@ -79,14 +79,14 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
             v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
         }
         trace = d ? v_add(trace, L[d * dim + d]) : L[0];
+        if (cell_averaged) {
+            v_new[d] = v_fma(speed, move[d], view->difference[d]);
+            continue;
+        }
         const vd w = all_new ? v_mul(speed, move[d])
                              : gr_interpolate(dim, basis, nodal, mode + GR_NODE_UPDATE(dim) + d, fields, &s,
                                               (const vd(*)[3])s.g, slope);
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
-        if (cell_averaged) { /* the rest of the difference to the velocity of the grid dies out */
-            const vd v_grid = v_mul(speed, move[d]);
-            v_new[d] = v_fma(view->keep, v_sub(v_new[d], v_grid), v_add(v_grid, view->rest[d]));
-        }
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
     if (smoothed && averages) {

@@ -19,8 +19,9 @@
     X(flip_decay, 0, "[0, inf)", "1/s",                                                                               \
       "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "       \
       "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")       \
-    X(tpic_decay, 0.03, "[0, inf)", "1",                                                                              \
-      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx).")                   \
+    X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                           \
+      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). With a "            \
+      "cell-averaged density v - v_pic is its mean over the cell. By default 0.3 with such a density, else 0.03.")    \
     X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                    \
     X(cfl, 0.5, "(0, 1]", "1",                                                                                        \
       "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension " \
@@ -81,13 +82,10 @@
       "beta of particle shifting: points move by -beta gdot dt dx^2 sum_i max(0, phi_i - 1) grad S_i. With a smoothed "  \
       "density they take the velocity of where they come to; in cells that are averaged phi_i - 1 is replaced by "       \
       "(phi_i - 1) V_i/dx^dim and they keep theirs; besides, they leave cells for neighbours with fewer points, at the " \
-      "same beta times the difference of the filling fractions beyond one point.")                                       \
+      "same beta times the difference of the filling fractions beyond one point, with 2 |L_dd| for gdot.")               \
     X(shifting_limit, 0.05, 0.05, GR_NONE, "[0, 0.5]", "1", "Largest shift in a step, in cells.")                        \
     X(shifting_outlet_cells, 3, 3, GR_NONE, "integer [0, 1000]", "1",                                                    \
       "No shifting nearer than this to an opening, in cells: it would jam the outlet.")                                  \
-    X(velocity_decay, GR_NONE, 30, GR_NONE, "[0, inf)", "1",                                                             \
-      "Under a cell-averaged density f has another factor exp(-velocity_decay gdot dt). Strain makes the noise of the "  \
-      "velocities that it takes away, so that the flow does not depend on the stiffness.")                               \
     X(averaging_time, 2, GR_NONE, GR_NONE, "[0, inf)", "1",                                                              \
       "Time between two averagings of the density in dx/c_w, in whole steps and at least one; the steps between cost "   \
       "no more than plain ones. A time and not a number of steps, so that the result does not depend on the step.")      \

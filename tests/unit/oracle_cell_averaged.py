@@ -101,19 +101,24 @@ def _beyond(scene, place, d, side, known, empty=np.nan):
     return np.nan if outside else known.get(tuple(other), empty)
 
 
-def _through_faces(scene, cells, rate, most):
-    """Shift at the low and the high face of the cells along each axis, in cells (cells, dim, 2)."""
+def _through_faces(scene, cells, stretch):
+    """Shift at the low and the high face of the cells along each axis, in cells (cells, dim, 2).
+
+    `stretch` is 2 |L_dd| dt, shape (cells, dim).
+    """
+    q = scene.scheme.density
     known = {tuple(place): k for k, place in enumerate(cells.place)}
     excess = dict(zip(known, cells.shortage, strict=True))
     out = np.zeros((len(cells.c), scene.grid.dim, 2))
     for place, k in known.items():
         for d in range(scene.grid.dim):
+            most = min(q.shifting_limit, stretch[k, d])
             for side in (0, 1):
                 other = _beyond(scene, cells.place[k], d, 2 * side - 1, excess, empty=0.0)
                 fall = excess[place] - other if np.isfinite(other) else 0.0
                 much = max(abs(fall) - cells.filled[k] / cells.count[k], 0.0)
-                speed = scene.scheme.density.shifting * rate[k] * np.sign(fall) * much
-                out[k, d, side] = (2 * side - 1) * np.clip(speed, -most[k], most[k])
+                speed = q.shifting * stretch[k, d] * np.sign(fall) * much
+                out[k, d, side] = (2 * side - 1) * np.clip(speed, -most, most)
     return out
 
 
@@ -132,17 +137,14 @@ def flow_of_cells(scene, points, new, nodes, dt, keepshare):
     scale = np.minimum(q.shifting * rate, most / np.maximum(length, 1e-300))
     shift = (-scale[:, None] * dx * cells.excess_gradient)[cells.which]
     shift = held_at_walls(scene, points["x"], shift)
-    most = np.minimum(q.shifting_limit, rate)
-    faces = _through_faces(scene, cells, rate, most)[cells.which] * dx
+    stretch = 2 * dt * abs(np.diagonal(L, axis1=1, axis2=2))
+    faces = _through_faces(scene, cells, stretch)[cells.which] * dx
     xi = (points["x"] - scene.grid.lower) / dx - cells.place[cells.which]
     shift += (1 - xi) * faces[..., 0] + xi * faces[..., 1]
     shift[near_outlet(scene, points["x"])] = 0.0
     new["log_density"] = c[cells.which]
     m, s = points["mass"], nodes.shapes
     mean = _mean_over_cells(cells.which, m)(points["v"] - s.w @ nodes.before[s.node])
-    v_grid = (new["x"] - points["x"]) / dt
-    keep = np.exp(-q.velocity_decay * rate)[cells.which, None]
-    rest = (1 - keep) * keepshare * mean[cells.which]
-    new["v"] = v_grid + keep * (new["v"] - v_grid) + rest
+    new["v"] = (new["x"] - points["x"]) / dt + keepshare * mean[cells.which]
     new["x"] = new["x"] + shift
     return L[cells.which]
