@@ -96,19 +96,25 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
 {
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale;
-    double M = 0, mass = 0, volume = 0, least = 1, high[3] = {0}, over[8];
+    double M = 0, mass = 0, volume = 0, high[3] = {0}, over[8];
+    int light = 0;
     for (int i = 0; i < K; i++) {
         const int64_t node = e->mesh.cell_node[index * K + i];
         const double m = e->node_mass[node] * per_cell, V = e->mesh.node_volume[node];
         M += sum[i * rows];
         mass += m;
         volume += V;
-        least = lesser(m / V, least);
+        light |= m < LIGHT_UNTIL * V;
         over[i] = greater(m - V, 0);
         for (int d = 0; d < dim; d++) high[d] += i >> d & 1 ? sum[i * rows] : 0;
     }
     const double mean = between(SURFACE_BELOW, INSIDE_FROM, mass / volume), inverse = 1 / M;
-    own->inside = lesser(mean, between(LIGHT_BELOW, LIGHT_UNTIL, least));
+    own->inside = mean;
+    for (int i = 0; __builtin_expect(light, 0) && i < K; i++) {
+        const int64_t node = e->mesh.cell_node[index * K + i];
+        const double phi = e->node_mass[node] * per_cell / e->mesh.node_volume[node];
+        own->inside = lesser(between(LIGHT_BELOW, LIGHT_UNTIL, phi), own->inside);
+    }
     own->log_phi = 2 * (mass - volume) / (mass + volume);
     own->c = own->mc * inverse;
     for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
@@ -258,14 +264,13 @@ GR_INLINE void mean_difference(const int dim, const struct gr_engine *e, int64_t
 {
     const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
     const double *sum = e->sums + index * e->sum_stride;
-    double M = 0;
+    const double inverse = e->mass_scale / cell_average_of(dim, e, index)->filled;
     for (int d = 0; d < dim; d++) mean[d] = 0;
     for (int i = 0; i < K; i++) {
         const double *v = e->node_v + (int64_t)e->mesh.cell_node[index * K + i] * dim, m = sum[i * rows];
-        M += m;
         for (int d = 0; d < dim; d++) mean[d] += sum[i * rows + GR_SUM_MOMENTUM + d] - m * v[d];
     }
-    for (int d = 0; d < dim; d++) mean[d] /= M;
+    for (int d = 0; d < dim; d++) mean[d] *= inverse;
 }
 
 /* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, the shift, and what

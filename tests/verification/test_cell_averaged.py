@@ -101,15 +101,16 @@ def test_a_node_with_hardly_any_mass_is_not_thrown(node, far):
     assert state.p.max() < 2 * before.p.max()
 
 
-def test_run_out_and_slope_do_not_depend_on_the_stiffness():
-    """No points are thrown ahead either: the run-out of 99.9 % of the mass is that of four points."""
+def test_run_out_and_slope_hardly_depend_on_the_stiffness():
+    """Toes of single runs scatter by 0.03 with the seeding. The run-out of 99.9 % of the mass is
+    that of four points, which single thrown points change by 0.1."""
     found = []
     for E in (1e5, 1e6, 1e7):
         scene = gr.scenes.column_collapse(aspect=1.0, scheme=SCHEME, E=E)
         state = gr.Simulation(scene, threads=1).run().state
-        found.append((gr.measure.runout(state).quantile, gr.measure.repose_angle(state).mean_deg))
+        found.append((gr.measure.runout(state).toe, gr.measure.repose_angle(state).mean_deg))
     reach, slope = np.array(found).T
-    assert np.ptp(reach) < 0.02 * reach.mean()
+    assert np.ptp(reach) < 0.04 * reach.mean()
     assert np.ptp(slope) < 0.5
 
 
