@@ -50,6 +50,9 @@ struct gr_config {
     struct gr_scheme_numbers scheme; /* as given; what follows is made of them and of the scene */
     double keep_velocity_rate;       /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
+    double ill_posed_rate; /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
+    double damping_rate;   /* of the short waves in such a flow if it is slow, 1/s */
+    double crossover_rate; /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
     double parameter[GR_LAW_MAX_PARAMETERS];
     struct gr_density_numbers density;
     int averaging_interval; /* steps between two averagings of the density, each of which stands for that many steps */

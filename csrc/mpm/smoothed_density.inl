@@ -108,3 +108,22 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     }
     return c;
 }
+
+/* Damp the short waves of plastic flow at connected points where the law is ill posed:
+ *
+ *   v <- u + (1 - min(1, s dt)) (v - u),   u the velocity of the grid,
+ *   s = damping_rate (1 - gdot/(r sqrt(c))) q c/(q c + gdot),
+ *
+ * with gdot = r sqrt(c), c = p/K, where the law becomes well posed, and gdot = q c where waves of viscous flow grow as fast
+ * as those of elastic material. v - u vanishes for linear fields (granular/mpm/damping.py). */
+GR_INLINE void damp_ill_posed(const int dim, const struct gr_engine *e, int64_t at, vd c, const vd *u, vd *v)
+{
+    const vd flow = v_load(e->field[GR_FIELD_shear_rate] + at);
+    const vd most = v_set(e->config.ill_posed_rate * e->config.ill_posed_rate) * c; /* of its square */
+    const vm damped = m_and(v_gt(flow, v_zero()), v_gt(most, flow * flow));
+    if (!m_bits(damped)) return;
+    const vd part = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(1e-300))), elastic = v_set(e->config.crossover_rate) * c;
+    const vd rate = v_keep(damped, v_set(e->config.damping_rate * e->dt) * part * elastic / (elastic + flow));
+    const vd lost = v_min(rate, v_set(1.0));
+    for (int d = 0; d < dim; d++) v[d] = v_fma(lost, u[d] - v[d], v[d]);
+}
