@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time as clock
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
@@ -17,7 +18,7 @@ from tqdm.auto import tqdm
 
 from granular import _core
 from granular.checks import integer, positive
-from granular.diagnostics import Health, Monitor, health
+from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
 from granular.state import State
@@ -125,6 +126,7 @@ class Simulation:
         self.record: Path | None = None
         self._every = EVERY
         self._monitor = Monitor(scene)
+        self._told: set[str] = set()
 
     # ---- what a method must implement ----
 
@@ -163,6 +165,10 @@ class Simulation:
     def _indicators(self, state: State) -> dict[str, float]:
         """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
         return {}
+
+    def _work(self) -> float:
+        """Return the work on the material so far besides that of gravity [J]; nan if unknown."""
+        return np.nan
 
     # ---- present state ----
 
@@ -288,6 +294,12 @@ class Simulation:
             With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt
             On Ctrl-C; the simulation and the record stay valid and can be continued.
+
+        Warns
+        -----
+        StabilityWarning
+            At the end, for each indicator that is suspect by the samples of the run, with what to
+            do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
         self._every = every = positive("every", self._every if every is None else every)
@@ -309,6 +321,8 @@ class Simulation:
                     writer.checkpoint(self.checkpoint())
             if interrupted:  # within the writer, so that it does not merge the record
                 raise KeyboardInterrupt
+        if monitor:
+            self._warn_of_health()
         return self
 
     def _frame(
@@ -317,7 +331,9 @@ class Simulation:
         due = monitor and self._monitor.due(self.steps, self.n_points)
         if writer or due:
             state = self._snapshot(kept=True)
-            samples = self._monitor.sample(state, self._indicators(state)) if due else {}
+            samples = {}
+            if due:
+                samples = self._monitor.sample(state, self._indicators(state), self._work())
         if writer:
             writer.append(
                 state,
@@ -338,9 +354,23 @@ class Simulation:
         Health
             Value, limit and verdict of each indicator; see `granular.diagnostics`.
         """
-        state = self.state
-        last = self._monitor.peek(state, self._indicators(state)) if self.steps else None
+        last = None
+        if self.steps:
+            state = self.state
+            last = self._monitor.peek(state, self._indicators(state), self._work())
         return health(self.scene, self._monitor.columns(last))
+
+    def _warn_of_health(self) -> None:
+        """Issue a warning for each indicator that has become suspect since the last warning.
+
+        It looks at the present state only if a sample is due, as samples take time.
+        """
+        due = self._monitor.due(self.steps, self.n_points)
+        found = self.health() if due else health(self.scene, self._monitor.columns())
+        for indicator, text in zip(found.suspect, found.warnings(), strict=True):
+            if indicator.name not in self._told:
+                self._told.add(indicator.name)
+                warnings.warn(text, StabilityWarning, stacklevel=3)
 
     @contextmanager
     def _writer(

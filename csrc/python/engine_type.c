@@ -274,8 +274,8 @@ static PyMethodDef methods[] = {
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"bodies", (PyCFunction)engine_bodies, METH_NOARGS,
-     "bodies()\n--\n\nState of the bodies, (n, 19): position, orientation (quaternion), velocity, angular velocity, impulse,\n"
-     "angular impulse."},
+     "bodies()\n--\n\nState of the bodies, (n, 20): position, orientation (quaternion), velocity, angular velocity, impulse,\n"
+     "angular impulse, work."},
     {"restore_bodies", (PyCFunction)engine_restore_bodies, METH_O,
      "restore_bodies(state)\n--\n\nSet the state of the bodies, as bodies() gave it."},
     {"split", (PyCFunction)engine_split, METH_NOARGS,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from granular.mpm.schemes import Scheme
 
 __all__ = [
+    "REMEDIES",
     "check_blades",
     "check_overlaps",
     "check_time_step",
@@ -60,6 +62,17 @@ LAYER_CELLS = 6
 
 LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 """Largest nu without volumetric locking, from the map "locking"."""
+
+REMEDIES = MappingProxyType(
+    {
+        "disconnected": "take SmoothedDensity() (the default) and 4 or more points per cell",
+        "density_drift": "take a larger E, a smaller cell, or SmoothedDensity() (the default)",
+        "gaps": "take more points per cell",
+        "courant": "take a smaller cfl, or no fixed dt",
+        "energy_created": "take the default scheme, or half of cfl (or dt), and compare",
+    }
+)
+"""Remedies for indicators of failure beyond their limits."""
 
 
 def courant_limit(scene: Scene) -> float:

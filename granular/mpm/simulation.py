@@ -153,3 +153,6 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _body_rows(self) -> NDArray:
         return self._engine.bodies()
+
+    def _work(self) -> float:
+        return float(sum(body.work for body in self.bodies))
