@@ -5,6 +5,8 @@ from typing import Final, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.mpm.grid_map import GridMap
+
 LANES: Final[int]
 """Every cell owns a multiple of this many places in the point arrays."""
 MAX_THREADS: Final[int]
@@ -137,8 +139,8 @@ class Engine:
         isa: str,
         axes: tuple[AxisRow, ...],
         walls: list[tuple[int, float, int, int, float, int]],
-        node_codes: NDArray[np.uint8],
-        cell_flags: NDArray[np.uint8] | None,
+        node_codes: GridMap,
+        cell_flags: GridMap | None,
         gravity_times: NDArray[np.float64],
         gravity_vectors: NDArray[np.float64],
         numbers: dict[str, float],

@@ -1,6 +1,6 @@
 """Effect of walls on the nodes of the grid: C0 lines, node positions, and a code for each node.
 
-The core has a table of wall rows and one code byte per node. Code 0 is a free node; code r (from 1
+The core has a table of wall rows and a map of code bytes, one for each node (`GridMap`). Code 0 is a free node; code r (from 1
 on) is row r - 1 of the tuple that `node_codes` returns.
 """
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.checks import integer, one_of
 from granular.geometry import LINE_TOLERANCE, Grid
+from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
@@ -137,9 +138,6 @@ def node_positions(
     return _core.node_positions(CORE_BASES[basis], int(n_cells), periodic, lines_of_core)
 
 
-Nodes = tuple[NDArray[np.intp], ...]  # indices along each axis; the nodes are the product
-
-
 class _Axes:
     """Node positions of a scene along its axes, and the selection of nodes by position."""
 
@@ -162,7 +160,7 @@ class _Axes:
             found |= x + self.grid.shape[axis] <= high + LINE_TOLERANCE
         return np.flatnonzero(found)
 
-    def of_wall(self, wall: Wall) -> Nodes:
+    def of_wall(self, wall: Wall) -> Ranges:
         """Nodes on a wall."""
         found = []
         for axis in range(self.grid.dim):
@@ -196,7 +194,7 @@ def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
     return WallRow(normal, wall.friction, wall.axis, side, wall.opens_at)
 
 
-def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Nodes, WallRow]]:
+def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Ranges, WallRow]]:
     dim = axes.grid.dim
     ends = [
         (axes.cells(axis, solid.lower[axis]), axes.cells(axis, solid.upper[axis]))
@@ -213,7 +211,7 @@ def _solid_holds(solid: Solid, axes: _Axes) -> Iterator[tuple[Nodes, WallRow]]:
         yield tuple(parts[axis][at_face[axis]] for axis in range(dim)), WallRow(fixed=fixed)
 
 
-def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Nodes, WallRow]]:
+def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Ranges, WallRow]]:
     for wall in scene.walls:
         if isinstance(wall, Wall):
             yield axes.of_wall(wall), _wall_hold(wall, scene.grid)
@@ -255,7 +253,7 @@ class _Rows:
         return self.codes.setdefault(row, len(self.codes) + 1)
 
 
-def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
+def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
     """Codes of the nodes by the walls and blocks of a scene.
 
     A wall acts on the nodes on its line and within its span, ends included. Constraints on one node
@@ -264,7 +262,7 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
 
     Returns
     -------
-    codes : ndarray of uint8, shape (..., n_y, n_x), C-contiguous
+    codes : GridMap
         0 for a free node, else 1 + the index of its row.
     rows : tuple of WallRow
         At most 255; some may be in use only after an opening.
@@ -275,11 +273,12 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
         If a wall does not lie on grid lines, or more than 255 different rows are needed.
     """
     axes = _Axes(scene)
-    shape = tuple(len(x) for x in axes.positions[::-1])
-    state = np.zeros(shape, dtype=np.int32)
+    all_holds = list(_all_holds(scene, axes))
+    codes = GridMap.zeros([len(x) for x in axes.positions], (nodes for nodes, _ in all_holds))
+    state = np.zeros(codes.values.shape, dtype=np.int32)
     known: dict[frozenset[WallRow], int] = {frozenset(): 0}
-    for nodes, hold in _all_holds(scene, axes):
-        where = np.ix_(*nodes[::-1])
+    for nodes, hold in all_holds:
+        where = codes.of(nodes)
         old, places = np.unique(state[where], return_inverse=True)
         sets = list(known)
         new = [known.setdefault(sets[i] | {hold}, len(known)) for i in old]
@@ -292,4 +291,4 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
         code_of[i] = rows.code(sets[i])
     if len(rows.codes) > MAX_ROWS:
         raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
-    return code_of.astype(np.uint8)[state], tuple(rows.codes)
+    return codes._replace(values=code_of.astype(np.uint8)[state]), tuple(rows.codes)
