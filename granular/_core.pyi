@@ -5,11 +5,12 @@ from typing import Final, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.mpm.grid_map import GridMap
-
 LANES: Final[int]
 """Every cell owns a multiple of this many places in the point arrays."""
 MAX_THREADS: Final[int]
+
+Map = tuple[tuple[NDArray[np.int32], ...], NDArray[np.uint8]]
+"""Class of each index along each axis, and a byte for each combination of classes."""
 
 class SimulationError(RuntimeError):
     """A run failed: a point that is not finite or ran away."""
@@ -139,8 +140,8 @@ class Engine:
         isa: str,
         axes: tuple[AxisRow, ...],
         walls: list[tuple[int, float, int, int, float, int]],
-        node_codes: GridMap,
-        cell_flags: GridMap | None,
+        node_codes: Map,
+        cell_flags: Map | None,
         gravity_times: NDArray[np.float64],
         gravity_vectors: NDArray[np.float64],
         numbers: dict[str, float],

@@ -130,6 +130,8 @@ def _add_run(commands: Any) -> None:
             scene.add_argument("--scheme", choices=choices, help="default that of the scene")
         _add_run_options(scene, "default 1/60")
         scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
+        text = "run even if the estimated memory exceeds that of the machine"
+        scene.add_argument("--force", action="store_true", help=text)
         scene.add_argument("--picture", metavar="PNG", help="picture of the last state")
         _add_picture_options(scene)
         scene.set_defaults(command=_run, scene=function, scheme=None)
@@ -259,6 +261,7 @@ def _shown(value: Any, none: str) -> str:
 def _run(arguments: argparse.Namespace) -> int:
     from granular import Simulation
     from granular.diagnostics import StabilityWarning, scene_warnings
+    from granular.economy import cost
     from granular.mpm import schemes
 
     given = {
@@ -269,11 +272,13 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.scheme not in (None, "default"):
         given["scheme"] = getattr(schemes, arguments.scheme)
     scene = arguments.scene(**given)
+    if not arguments.quiet:
+        print(f"{scene.name}: {cost(scene)}")
     _check_output(arguments.output, arguments.overwrite)
     _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StabilityWarning)  # printed below in one line each
-        simulation = Simulation(scene, threads=arguments.threads)
+        simulation = Simulation(scene, threads=arguments.threads, force=arguments.force)
     for warning in scene_warnings(scene):
         print(f"granular: warning: {warning}", file=sys.stderr)
     if arguments.picture or arguments.gif:
@@ -289,7 +294,11 @@ def _run(arguments: argparse.Namespace) -> int:
 def _resume(arguments: argparse.Namespace) -> int:
     from granular import Simulation
 
-    simulation = Simulation.resume(arguments.file, threads=arguments.threads)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        simulation = Simulation.resume(arguments.file, threads=arguments.threads)
+    for warning in caught:
+        print(f"granular: warning: {warning.message}", file=sys.stderr)
     return _simulate(simulation, arguments)
 
 

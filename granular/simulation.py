@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from granular import _core
-from granular.checks import integer, positive
+from granular.buffers import default_isa
+from granular.checks import integer, positive, truth
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.notebook import table
-from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
+from granular.record import Checkpoint, RecordError, TrajectoryWriter, open_trajectory
 from granular.state import State
 
 if TYPE_CHECKING:
@@ -45,6 +46,12 @@ Signals, progress and hooks wait no longer than this.
 MAX_CHUNK = 1 << 20
 EVERY = 1 / 60
 """Default time between frames [s]; played at 60 frames per second they show real time."""
+LEAST_STEP = 1e-3
+"""Least time between frames, in time steps.
+
+Each step is a frame anyway if they are closer than steps. The margin is for steps that become
+shorter in the run; what is far below is a slip, and its multiples cannot be told apart.
+"""
 SMALL = 4000
 """Number of points up to which one thread is the default.
 
@@ -70,13 +77,17 @@ class Simulation:
     isa : str, optional
         Instruction set of the kernels, "baseline", "avx2" or "avx512"; by default the environment
         variable GRANULAR_ISA, else the best that the machine has.
+    force : bool
+        Whether to try a scene that needs more memory than there is, by the estimate of
+        `granular.economy.cost`.
 
     Raises
     ------
     TypeError
         If `scene` is not a scene.
     ValueError
-        If the time step exceeds its limit or the scene cannot be built.
+        If the time step exceeds its limit, the scene cannot be built, or it needs more memory than
+        there is.
 
     Warns
     -----
@@ -93,11 +104,21 @@ class Simulation:
 
     @overload
     def __new__(
-        cls, scene: MpmScene, *, threads: int | None = None, isa: str | None = None
+        cls,
+        scene: MpmScene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        force: bool = False,
     ) -> MpmSimulation: ...
     @overload
     def __new__(
-        cls, scene: SphScene, *, threads: int | None = None, isa: str | None = None
+        cls,
+        scene: SphScene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        force: bool = False,
     ) -> SphSimulation: ...
     def __new__(cls, scene: object = None, **_: Any) -> Simulation:
         return super().__new__(cls._of(scene))
@@ -112,6 +133,13 @@ class Simulation:
         known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
+
+    @staticmethod
+    def _check_memory(scene: AnyScene, force: bool) -> None:
+        """Refuse a scene for which there is not enough memory, before anything is built."""
+        from granular.economy.cost import check_memory  # which knows scenes, but no simulation
+
+        check_memory(scene, truth("force", force))
 
     def _start(
         self, scene: AnyScene, engine: _core.Engine | _core.Sph, threads: int | None
@@ -302,13 +330,13 @@ class Simulation:
             do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        self._every = every = positive("every", self._every if every is None else every)
+        self._every = every = self._checked_every(until, self._every if every is None else every)
         with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
             with _interruptible() as interrupted:
                 if self.steps == 0:
                     self._frame(writer, hooks, monitor, gas)
                 while self.time < until and not interrupted:
-                    frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
+                    frame = min(_next_frame(self.time, every), until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)
                         if writer:
@@ -324,6 +352,17 @@ class Simulation:
         if monitor:
             self._warn_of_health()
         return self
+
+    def _checked_every(self, until: float, every: float) -> float:
+        """Return the time between frames; refuse one that floating-point time cannot resolve."""
+        every = positive("every", every)
+        least = max(self.dt * LEAST_STEP, 8 * np.spacing(max(until, self.time)))
+        if every < least:
+            raise ValueError(
+                f"every = {every:g} must be >= {least:.3g}, {LEAST_STEP:g} of the time step of "
+                f"{self.dt:.3g} s: a frame is a step at least; every = {self.dt:.3g} has them all"
+            )
+        return every
 
     def _frame(
         self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool, gas: bool
@@ -439,14 +478,32 @@ class Simulation:
     ) -> Self:
         """Continue a record from its checkpoint, bitwise as if the run had never stopped.
 
+        Parameters
+        ----------
+        path : path
+        threads : int, optional
+            See `Simulation`.
+        isa : str, optional
+            Instruction set of the kernels; by default the one that the record was made with, since
+            the last bits depend on it.
+
         Raises
         ------
         RecordError
             If the file is damaged or holds no checkpoint.
+
+        Warns
+        -----
+        UserWarning
+            If this machine does not have the instruction set of the record. The run then continues
+            with another one, and differs from an unbroken run by rounding errors, which grow.
         """
         with open_trajectory(path) as record:
+            every, recorded = _settings(Path(path), record.provenance)
+            if isa is None:
+                isa = _usable(recorded, Path(path))
             self = cls.from_checkpoint(record.scene, record.checkpoint(), threads=threads, isa=isa)
-            self._every = record.provenance.get("every", EVERY)
+            self._every = every
             past = record.series["step"] <= self.steps
             self._monitor.recall({name: v[past] for name, v in record.samples.items()})
         self.record = Path(path)
@@ -468,6 +525,42 @@ class Simulation:
             "kernels": self.isa,
         }
         return table(f"Simulation of {self.scene.name}", rows)
+
+
+def _settings(path: Path, provenance: object) -> tuple[float, str | None]:
+    """Time between frames [s] and instruction set of a record, from its provenance."""
+    if not isinstance(provenance, dict):
+        raise RecordError(f"{path}: damaged record: its provenance must be an object of JSON")
+    isa = provenance.get("isa")
+    try:
+        every = positive("every", provenance.get("every", EVERY))
+        if isa is not None and not isinstance(isa, str):
+            raise TypeError(f"isa = {isa!r} must be a string")
+    except (TypeError, ValueError) as error:
+        raise RecordError(f"{path}: damaged record: {error}") from None
+    return every, isa
+
+
+def _usable(isa: str | None, path: Path) -> str | None:
+    """Return the instruction set of a record, or None with a warning if the machine lacks it."""
+    if isa is None:
+        return None
+    try:
+        return _core.build_info(isa)["isa"]
+    except ValueError:
+        found = _core.build_info(default_isa())["isa"]
+    warnings.warn(
+        f"{path} was made with the instruction set {isa!r}, which this machine does not have: the "
+        f"run continues with {found!r}, not to the last bit as if it had never stopped",
+        stacklevel=3,
+    )
+    return None
+
+
+def _next_frame(time: float, every: float) -> float:
+    """First multiple of `every` after a time [s], which may itself be one but for rounding."""
+    frame = float((np.floor(time / every + 1e-9) + 1) * every)
+    return frame if frame > time else time + every  # rounding of a large quotient
 
 
 class _Silent:

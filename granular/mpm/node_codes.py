@@ -1,7 +1,7 @@
 """Effect of walls on the nodes of the grid: C0 lines, node positions, and a code for each node.
 
-The core has a table of wall rows and a map of code bytes, one for each node (`GridMap`). Code 0 is a free node; code r (from 1
-on) is row r - 1 of the tuple that `node_codes` returns.
+The core has a table of wall rows and a map of code bytes, one for each node (`GridMap`). Code 0 is
+a free node; code r (from 1 on) is row r - 1 of the tuple that `node_codes` returns.
 """
 
 from __future__ import annotations

@@ -30,7 +30,15 @@ class Simulation(simulation.Simulation, scenes=Scene):
     scene: Scene
     _engine: _core.Engine
 
-    def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        force: bool = False,
+    ) -> None:
+        self._check_memory(scene, force)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
         self._build(scene, float(points["mass"].mean()), threads, isa)

@@ -122,6 +122,7 @@ def test_a_run_ends_with_its_verdict(tmp_path, capsys, monkeypatch):
     words += ["--threads", "1", "--overwrite", "-o", str(tmp_path / "a.h5")]
     assert cli.main(words) == 0
     said = capsys.readouterr()
+    assert said.out.startswith("column_collapse: ") and " steps: about " in said.out
     assert "\nverdict: ok, " in said.out and "courant = " in said.out
     assert "warning" not in said.err
     assert cli.main([*words, "--quiet"]) == 0
