@@ -258,5 +258,5 @@ def test_the_next_frame_is_later(time, every):
 def test_a_hostile_provenance_is_refused(small_scene, tmp_path, monkeypatch, told):
     gr.Simulation(small_scene("walls", 2, PLAIN, E=1e5)).run(0.02, save=tmp_path / "a.h5")
     monkeypatch.setattr(gr.Trajectory, "provenance", property(lambda self: told))
-    with pytest.raises(ValueError, match="every = |provenance|isa = 3"):
+    with pytest.raises(ValueError, match=r"every = |provenance|isa = 3"):
         gr.Simulation.resume(tmp_path / "a.h5").run(0.03)
