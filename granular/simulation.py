@@ -44,6 +44,8 @@ CHUNK_SECONDS = 0.05
 Signals, progress and hooks wait no longer than this.
 """
 MAX_CHUNK = 1 << 20
+MOST_STEPS = 2**63 - 1
+"""Number of steps that the core can count."""
 EVERY = 1 / 60
 """Default time between frames [s]; played at 60 frames per second they show real time."""
 LEAST_STEP = 1e-3
@@ -253,7 +255,7 @@ class Simulation:
 
     def step(self, n: int = 1) -> None:
         """Make `n` steps."""
-        target = self.steps + integer("n", n, 1)
+        target = self.steps + integer("n", n, 1, MOST_STEPS - self.steps)
         while self.steps < target:
             self._advance(target - self.steps, np.inf)
 

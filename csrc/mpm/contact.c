@@ -144,6 +144,7 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
 
 void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last)
 {
+    if (first == last) return; /* without nodes there is no array */
     memset(e->touched + first, 0, (size_t)(last - first));
     for (int b = 0; b < e->config.n_bodies; b++) {
         struct moving m;

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
 from granular.geometry import estimated_points
@@ -61,6 +63,9 @@ _SPH_MEMORY = {2: 500, 3: 1000}
 """Memory of a particle of SPH with its neighbours [bytes], from layers of 40,000 particles."""
 _FACE_MEMORY = 4
 """Memory of a face of a cell of the box [bytes], for a nonlocal law."""
+
+MOST_STEPS = 1e15
+"""Number of steps that no run can make: at 1 us each they take 30 years."""
 
 TOLERANCE = 0.02
 """Error with which a stiffness is enough."""
@@ -166,13 +171,22 @@ def cost(scene: AnyScene) -> Cost:
     """
     points, memory = _size(scene)
     if not isinstance(scene, Scene):
-        steps = math.ceil(scene.duration / time_step(scene))
+        steps = _steps(scene)
         each = _SPH_NANOSECONDS[scene.dim, scene.gas is not None]
         return Cost(points, steps, steps * points * each * 1e-9, memory)
     check_time_step(scene)
-    steps = math.ceil(scene.duration / time_step(scene))
+    steps = _steps(scene)
     seconds = steps * points * nanoseconds(scene.scheme, scene.dim) * 1e-9
     return Cost(points, steps, seconds, memory, scene.material.E, *_enough(scene))
+
+
+def _steps(scene: AnyScene) -> int:
+    dt = time_step(scene)
+    if not 0.0 < scene.duration < MOST_STEPS * dt:
+        raise ValueError(
+            f"duration = {scene.duration} must be less than {MOST_STEPS:g} time steps of {dt:.3g} s"
+        )
+    return math.ceil(scene.duration / dt)
 
 
 def _size(scene: AnyScene) -> tuple[int, float]:
@@ -204,13 +218,17 @@ def _enough(scene: Scene) -> tuple[float, float]:
     def error(E: float) -> float:
         return bias.stiffness_error(scene, name, material.replace(E=E))
 
-    E = bias.softest(error, TOLERANCE)
-    if not math.isnan(E):
-        return E, error(E)
-    strain = bias.pressure_strain(scene)
-    if not material.granular or not strain > 0:
+    try:
+        with np.errstate(all="ignore"):
+            E = bias.softest(error, TOLERANCE)
+            if not math.isnan(E):
+                return E, error(E)
+        strain = bias.pressure_strain(scene)
+        if not material.granular or not strain > 0:
+            return math.nan, math.nan
+        return bias.rounded(material.E * strain / STRAIN), math.nan
+    except (ArithmeticError, RuntimeError, ValueError):  # numbers for which no law was made
         return math.nan, math.nan
-    return bias.rounded(material.E * strain / STRAIN), math.nan
 
 
 def check_memory(scene: AnyScene, force: bool = False) -> None:

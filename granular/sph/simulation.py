@@ -224,7 +224,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def step(self, n: int = 1) -> None:
         """Make `n` steps; with 0 only evaluate the initial stresses and accelerations."""
         self._evaluate()
-        if integer("n", n, 0):
+        if integer("n", n, 0, simulation.MOST_STEPS - self.steps):
             super().step(n)
 
     def _make_steps(self, max_steps: int, until: float) -> None:
