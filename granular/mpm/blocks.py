@@ -17,7 +17,7 @@ from granular.geometry import LINE_TOLERANCE, Grid
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid
 
-__all__ = ["deep_within", "held_components", "outlook", "solid_cells"]
+__all__ = ["count_solid_cells", "deep_within", "held_components", "outlook", "solid_cells"]
 
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Largest depth [cells] at which nodes of a block belong to its face.
@@ -31,7 +31,11 @@ Mask = NDArray[np.bool_]
 
 def solid_cells(grid: Grid, walls: Iterable[object]) -> GridMap:
     """Map of the cells: True for those within blocks."""
-    ranges = [_cells(grid, wall) for wall in walls if isinstance(wall, Solid)]
+    ranges: list[Ranges] = [
+        tuple(np.arange(*ends) for ends in _ends(grid, wall))
+        for wall in walls
+        if isinstance(wall, Solid)
+    ]
     zeros = GridMap.zeros(grid.shape, ranges)
     solid = zeros._replace(values=zeros.values.astype(bool))
     for where in ranges:
@@ -39,12 +43,27 @@ def solid_cells(grid: Grid, walls: Iterable[object]) -> GridMap:
     return solid
 
 
-def _cells(grid: Grid, block: Solid) -> Ranges:
-    """Cells of a block."""
-    return tuple(
-        np.arange(round((low - zero) / grid.cell), round((high - zero) / grid.cell))
+def count_solid_cells(grid: Grid, walls: Iterable[object]) -> int:
+    """Number of cells within blocks, without anything of the length of an axis."""
+    blocks = [_ends(grid, wall) for wall in walls if isinstance(wall, Solid)]
+    if not blocks:
+        return 0
+    lines = [np.unique(along) for along in np.array(blocks).transpose(1, 0, 2)]
+    solid = np.zeros([len(along) - 1 for along in lines], dtype=np.int64)
+    for ends in blocks:
+        places = (np.searchsorted(*pair) for pair in zip(lines, ends, strict=True))
+        solid[tuple(slice(first, last) for first, last in places)] = 1
+    for along in lines[::-1]:
+        solid = solid @ np.diff(along)
+    return int(solid)
+
+
+def _ends(grid: Grid, block: Solid) -> list[tuple[int, int]]:
+    """Lines at which a block begins and ends along each axis."""
+    return [
+        (round((low - zero) / grid.cell), round((high - zero) / grid.cell))
         for low, high, zero in zip(block.lower, block.upper, grid.lower, strict=True)
-    )
+    ]
 
 
 def deep_within(grid: Grid, walls: Iterable[object], x: NDArray[np.float64]) -> Mask:

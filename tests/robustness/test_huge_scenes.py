@@ -47,6 +47,16 @@ def test_huge_scenes_are_refused_at_once(name, numbers, monkeypatch):
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 * 1024  # KiB
 
 
+def test_blocks_of_many_cells_are_in_the_estimate():
+    """8 bytes for each cell within the union of the blocks, however they overlap."""
+    cells = 20_000
+    low, high = cells * 0.005, cells * 0.01
+    half = gr.Solid((low, 0.0), (high, high))
+    overlapping = gr.Solid((low, low), (high, high), kind="free_slip")
+    free, solid = (gr.economy.cost(box(cells, walls)) for walls in ((), (half, overlapping)))
+    assert solid.memory - free.memory == 8 * cells**2 / 2
+
+
 def test_force_tries_it_all_the_same(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(machine, "available_memory", lambda: 100.0 * 2**20)
     with pytest.raises(ValueError, match=r"needs about .* must be at most the 0.098 GB"):
