@@ -77,6 +77,7 @@ class Material:
         check_fields(self, positive, "E", "rho_c")
         check_fields(self, in_range, "nu", low=0.0, high=0.5, open_high=True)
         one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
+        positive(f"wave_speed of E = {self.E} and rho_c = {self.rho_c}", self.wave_speed)
 
     @property
     def law(self) -> str:

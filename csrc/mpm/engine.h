@@ -10,6 +10,7 @@
 #include "core/team.h"
 #include "core/error.h"
 #include "core/field.h"
+#include "core/map.h"
 #include "core/table.h"
 #include "fluidity/fluidity.h"
 #include "law/law.h"
@@ -63,11 +64,11 @@ struct gr_config {
     const double *gravity_vectors; /* n_gravity x dim, m/s^2 */
     int n_walls;
     const struct gr_wall *walls; /* row 0 is for free nodes */
-    const uint8_t *node_codes;   /* per node of the grid, x fastest: row of its wall; the engine keeps them in a table */
+    struct gr_map node_codes;    /* of the nodes of the grid: row of the wall */
     int has_sponge; /* bit d: points beyond above[d], m, that rise along axis d are damped at the rate sponge_damping[d],
                        1/s */
     double above[3], sponge_damping[3];
-    const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; kept in a table too */
+    struct gr_map cell_flags; /* of the cells of the grouping: enum gr_cell_flag */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
     const struct gr_part *parts; /* of all bodies */
@@ -136,8 +137,7 @@ struct gr_engine {
     int n_components;                 /* of all fields in use together */
     /* grid */
     struct gr_mesh mesh;
-    struct gr_table node_codes, cell_flags; /* copies of those of the config */
-    double *sums;                           /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
+    double *sums;      /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
     double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */

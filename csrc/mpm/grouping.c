@@ -267,8 +267,8 @@ static void place_cells(struct gr_engine *e, struct regroup *r)
         cell->dirty = 0;
         cell->side = r->sides ? r->sides[c] : 0;
         if (cell->side == 1) e->mesh.paired[e->mesh.n_paired++] = c;
-        cell->flags = (int16_t)gr_table_get(&e->cell_flags, r->cells[c]);
         decode(e, r->cells[c], cell->at);
+        cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
         offset += cell->capacity;
     }
     e->mesh.n_cells = r->n_cells;
@@ -291,12 +291,14 @@ static void describe_node(struct gr_engine *e, int64_t n)
 {
     struct gr_mesh *mesh = &e->mesh;
     int64_t id = mesh->node_id[n];
+    int32_t at[3] = {0};
     double volume = 1;
-    mesh->node_code[n] = (uint8_t)gr_table_get(&e->node_codes, id);
     for (int d = 0; d < e->config.dim; d++) {
-        volume *= e->axis[d].node_integral[id % e->axis[d].n_nodes];
+        at[d] = (int32_t)(id % e->axis[d].n_nodes);
+        volume *= e->axis[d].node_integral[at[d]];
         id /= e->axis[d].n_nodes;
     }
+    mesh->node_code[n] = gr_map_get(&e->config.node_codes, at);
     mesh->node_volume[n] = volume - (e->solid ? e->solid[mesh->node_id[n]] : 0);
     for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride;
 }

@@ -104,6 +104,14 @@ static void fill(struct scene *s, int64_t n, double low, double high)
     }
 }
 
+struct gr_map scene_map(const struct scene *s, const uint8_t *value, int nodes)
+{
+    struct gr_map map = {.n_index = {1, 1, 1}, .n_classes = {1, 1, 1}, .value = value};
+    for (int d = 0; d < s->config.dim && d < 3; d++)
+        map.n_index[d] = map.n_classes[d] = nodes ? (int32_t)axis_nodes(&s->config, d) : s->config.shape[d];
+    return map;
+}
+
 int scene_build(struct scene *s, int64_t n, double low, double high)
 {
     struct gr_config *c = &s->config;
@@ -111,7 +119,7 @@ int scene_build(struct scene *s, int64_t n, double low, double high)
     c->gravity_times = s->gravity_times;
     c->gravity_vectors = s->gravity_vectors;
     scene_codes(s);
-    c->node_codes = s->codes;
+    c->node_codes = scene_map(s, s->codes, 1);
     const int error = gr_engine_new(&s->engine, c);
     if (error) return error;
     s->capacity = 4 * n + 64 * 40;

@@ -28,6 +28,9 @@ class BodyMotion:
         Impulse of the material on the body since the run began [N s; in 2D per metre of depth].
     angular_impulse : ndarray, shape (k,) in 2D, (k, 3) in 3D
         Angular impulse since then about the position, which moves with the body [N m s].
+    work : ndarray, shape (k,)
+        Work of the contact on the material since then [J; in 2D per metre of depth], without what
+        friction dissipates at the surface of the body.
     """
 
     times: Array
@@ -37,6 +40,7 @@ class BodyMotion:
     angular_velocity: Array
     impulse: Array
     angular_impulse: Array
+    work: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -110,7 +110,7 @@ def grid(scene, points, nodes, dt, time):
 def _at_walls(scene, used, v, after, time):
     """Apply the walls active at a time to nodal velocities; return which components are fixed."""
     codes, rows = node_codes(scene)
-    codes = codes.ravel()
+    codes = codes.dense().ravel()
     fixed = np.zeros(v.shape, dtype=bool)
     for i in np.flatnonzero(used & (codes > 0)):
         row = rows[codes[i] - 1]
