@@ -277,6 +277,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->sums,
                            e->node_data,
                            e->node_mass,
+                           e->node_damping,
                            e->node_v,
                            e->solid,
                            e->substeps,

@@ -137,11 +137,13 @@ struct gr_engine {
     int n_components;                 /* of all fields in use together */
     /* grid */
     struct gr_mesh mesh;
-    double *sums;      /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
-    double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
-    double *node_mass; /* n_nodes, kg */
-    double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
-    double *solid;     /* per node of the grid: the part of its volume in solid cells; NULL without solid cells */
+    double *sums;         /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
+    double *node_data;    /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
+    double *node_mass;    /* n_nodes, kg */
+    double *node_damping; /* n_nodes: share of the difference to its velocity that points lose in this step; NULL unless the
+                             density is smoothed */
+    double *node_v;       /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
+    double *solid;        /* per node of the grid: the part of its volume in solid cells; NULL without solid cells */
     int sum_stride, node_stride;
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
@@ -198,12 +200,13 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
 }
 
 /* Sums of a node over the points of a cell: mass, momentum, force. If the density is smoothed, from GR_SUM_DENSITY on
- * also: the mass of connected points, the same with quadrature weights, their log-density with these weights, and the
- * residual force. */
+ * also: the mass of damped points times the share of the largest damping (smoothed_density.inl); and in a step that averages
+ * the mass of connected points, the same with quadrature weights, their log-density with these weights, and the residual
+ * force. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
 #define GR_SUM_DENSITY(dim) (GR_SUM_FORCE(dim) + (dim))
-enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
+enum gr_density_sum { GR_SUM_DAMPED, GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
 #define GR_NODE_SUMS(dim, smoothed) (GR_SUM_DENSITY(dim) + (GR_SUM_RESIDUAL + (dim)) * (smoothed))
 
 /* State of a cell with a cell-averaged density (mpm/cell_averaged.inl), stored behind the sums of its nodes; all

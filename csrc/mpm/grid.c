@@ -47,35 +47,49 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
 static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t n, double *v, double *next)
 {
     const int dim = e->config.dim;
-    const double m = e->node_mass[n], keep = e->keep_velocity; /* its own, that of a duplicate not included */
+    const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
+    const double kept = e->keep_velocity - (e->node_damping ? e->node_damping[n] : 0);
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;
     memcpy(before, v, sizeof(double) * (size_t)dim);
     memcpy(free, next, sizeof(double) * (size_t)dim);
     gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
-    for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - keep * (before[d] - v[d]));
+    for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - kept * (before[d] - v[d]));
 }
 
+/* Share of the difference to the velocity of a node that points lose: its mass-weighted mean over the points times the
+ * largest damping of the step. */
+GR_INLINE double damping_of_node(const int dim, const struct gr_engine *e, const double *sum, double m)
+{
+    const double share = e->config.damping_rate * e->dt * sum[GR_SUM_DENSITY(dim) + GR_SUM_DAMPED] / m;
+    return e->keep_velocity * (share < 1 ? share : 1);
+}
+
+/* The grid stage for some nodes; smoothed: 1 if the density is smoothed, 2 in a step that averages it. */
 GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
                           const double g[3])
 {
+    const int averages = smoothed == 2;
+    const int rows = averages ? GR_NODE_SUMS(dim, 1) : GR_SUM_DENSITY(dim) + smoothed;
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
     for (int64_t n = first; n < last; n++) {
         double sum[GR_NODE_SUMS(3, 1)], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
-        sum_over_cells(K, GR_NODE_SUMS(dim, smoothed), e, n, sum);
+        sum_over_cells(K, rows, e, n, sum);
         e->node_mass[n] = sum[GR_SUM_MASS];
-        if (e->n_thin) join_duplicate(K, GR_NODE_SUMS(dim, smoothed), e, n, sum);
+        if (e->n_thin) join_duplicate(K, rows, e, n, sum);
         const double m = sum[GR_SUM_MASS];
         if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
-            for (int q = 0; q < GR_NODE_FIELDS(dim, smoothed); q++) out[q] = 0;
-            if (smoothed) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
+            for (int q = 0; q < GR_NODE_FIELDS(dim, averages); q++) out[q] = 0;
+            if (smoothed) e->node_damping[n] = 0;
+            if (averages) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
             if (e->watch) note_impulse(e, n, 0, 0);
             continue;
         }
+        const double kept = smoothed ? keep - (e->node_damping[n] = damping_of_node(dim, e, sum, m)) : keep;
         for (int d = 0; d < dim; d++) {
             v[d] = sum[GR_SUM_MOMENTUM + d] / m;
             next[d] = v[d] + dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
@@ -86,26 +100,28 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
             gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
         for (int d = 0; d < dim; d++) {
             out[GR_NODE_VELOCITY + d] = next[d];
-            out[GR_NODE_UPDATE(dim) + d] = keep * (next[d] - v[d]) + (1 - keep) * next[d];
+            out[GR_NODE_UPDATE(dim) + d] = kept * (next[d] - v[d]) + (1 - kept) * next[d];
             e->node_v[n * dim + d] = v[d];
         }
         if (e->config.xpic_order > 0) /* XPIC, pass r = 1: the increment plus order times v */
             for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (smoothed) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], out);
+        if (averages) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], out);
     }
 }
 
 void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
 {
-    const int averages = gr_averages(e, e->step);
+    const int smoothed = e->config.smoothed + gr_averages(e, e->step);
 #define GR_GRID(d, k, q) \
-    if (e->config.dim == d && e->K == k && averages == q) grid_nodes(d, k, q, e, first, last, g);
+    if (e->config.dim == d && e->K == k && smoothed == q) grid_nodes(d, k, q, e, first, last, g);
     GR_GRID(2, 4, 0)
     GR_GRID(2, 9, 0)
     GR_GRID(2, 9, 1)
+    GR_GRID(2, 9, 2)
     GR_GRID(3, 8, 0)
     GR_GRID(3, 27, 0)
     GR_GRID(3, 27, 1)
+    GR_GRID(3, 27, 2)
 #undef GR_GRID
 }
 

@@ -216,6 +216,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(mesh->node_id, capacity);
     GR_RESIZE(e->node_data, capacity * e->node_stride + 2 * GR_LANES);
     GR_RESIZE(e->node_mass, capacity);
+    if (e->config.smoothed) GR_RESIZE(e->node_damping, capacity);
     GR_RESIZE(e->node_v, capacity * e->config.dim);
     if (e->config.n_bodies) GR_RESIZE(e->touched, capacity);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
@@ -310,6 +311,7 @@ static void clear_nodes(struct gr_engine *e)
     if (!n) return;
     memset(e->node_data, 0, n * (size_t)e->node_stride + 2 * GR_LANES * sizeof(double));
     memset(e->node_mass, 0, n);
+    if (e->node_damping) memset(e->node_damping, 0, n);
     memset(e->node_v, 0, n * (size_t)e->config.dim);
 }
 

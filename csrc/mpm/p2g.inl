@@ -67,6 +67,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
     if (smoothed) {
         contribution->weight = v_set(1.0) + component(e, GR_FIELD_weight_correction, 0, at);
         V = V * contribution->weight;
+        contribution->damped = contribution->m * damped_share(e, at, c);
     }
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++)
@@ -119,10 +120,15 @@ GR_INLINE void add_force(const int dim, const int basis, const int smoothed, con
                 sum[a][first + d] = v_fma(by_x, p->g[0][a], partial);
         }
     }
+    for (int a = 0; smoothed && a < gr_nodes_1d(basis); a++)
+        sum[a][first + dim] = v_fma(p->damped * w_yz, p->w[0][a], sum[a][first + dim]);
 }
 
 /* Sums of a pass over the rows: m and p, f, or those of the density. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
+
+/* Number of sums that only a step that averages has. */
+GR_INLINE int own_sums(const int dim) { return GR_SUM_RESIDUAL + dim - GR_SUM_CONNECTED; }
 
 /* Contributions of n blocks, row by row: acc[node * rows + first...] = the sums `what` of each node, which has `rows`
  * sums in all. */
@@ -131,7 +137,7 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     const int width =
-        (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? GR_SUM_RESIDUAL + dim : 0);
+        (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim + smoothed : 0) + (what & DENSITY ? own_sums(dim) : 0);
     for (int bc = 0; bc < K / k; bc++) {
         const struct row row = {bc % k, bc / k};
         vd sum[3][7];
@@ -171,7 +177,7 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
     vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS];
     const int averages = smoothed && e->sums_average;
     for (int i = 0; smoothed && !averages && i < K; i++)
-        for (int q = GR_SUM_DENSITY(dim); q < rows; q++) acc[i * rows + q] = v_zero();
+        for (int q = GR_SUM_DENSITY(dim) + GR_SUM_CONNECTED; q < rows; q++) acc[i * rows + q] = v_zero();
     for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
@@ -187,7 +193,9 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
             add_rows(dim, basis, affine, smoothed, MOMENTUM, contribution, n, rows, 0, acc);
             add_rows(dim, basis, affine, smoothed, FORCE, contribution, n, rows, GR_SUM_FORCE(dim), acc);
         }
-        if (averages) add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, rows, GR_SUM_DENSITY(dim), acc);
+        if (averages)
+            add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, rows, GR_SUM_DENSITY(dim) + GR_SUM_CONNECTED,
+                     acc);
         store_sums(out, acc, K * rows, done);
     }
 }
