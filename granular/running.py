@@ -1,4 +1,4 @@
-"""What a run needs besides its steps: times of frames, a progress bar, Ctrl-C."""
+"""Times of frames, progress bar and Ctrl-C of a run, for all methods."""
 
 from __future__ import annotations
 
