@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
-import threading
 import time as clock
 import warnings
 from collections.abc import Callable, Iterator
@@ -14,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm.auto import tqdm
 
 from granular import _core
 from granular.buffers import default_isa
@@ -23,6 +20,8 @@ from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.notebook import table
 from granular.record import Checkpoint, RecordError, TrajectoryWriter, open_trajectory
 from granular.record.layout import reading
+from granular.record.settings import settings_of, usable_isa
+from granular.running import EVERY, check_interval, interruptible, next_frame, progress_bar
 from granular.state import State
 
 if TYPE_CHECKING:
@@ -47,14 +46,6 @@ Signals, progress and hooks wait no longer than this.
 MAX_CHUNK = 1 << 20
 MOST_STEPS = 2**63 - 1
 """Number of steps that the core can count."""
-EVERY = 1 / 60
-"""Default time between frames [s]; played at 60 frames per second they show real time."""
-LEAST_STEP = 1e-3
-"""Least time between frames, in time steps.
-
-Each step is a frame anyway if they are closer than steps. The margin is for steps that become
-shorter in the run; what is far below is a slip, and its multiples cannot be told apart.
-"""
 SMALL = 4000
 """Number of points up to which one thread is the default.
 
@@ -343,13 +334,14 @@ class Simulation:
             do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        self._every = every = self._checked_every(until, self._every if every is None else every)
-        with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
-            with _interruptible() as interrupted:
+        every = self._every if every is None else every
+        self._every = every = check_interval(every, self.dt, max(until, self.time))
+        with self._writer(save, overwrite) as writer, progress_bar(self, until, progress) as bar:
+            with interruptible() as interrupted:
                 if self.steps in (0, self._due):
                     self._frame(writer, hooks, monitor, gas)
                 while self.time < until and not interrupted:
-                    frame = min(_next_frame(self.time, every), until)
+                    frame = min(next_frame(self.time, every), until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)
                         if writer and self.time < frame:  # the frame is stored with the rest
@@ -365,17 +357,6 @@ class Simulation:
         if monitor:
             self._warn_of_health()
         return self
-
-    def _checked_every(self, until: float, every: float) -> float:
-        """Return the time between frames; refuse one that floating-point time cannot resolve."""
-        every = positive("every", every)
-        least = max(self.dt * LEAST_STEP, 8 * np.spacing(max(until, self.time)))
-        if every < least:
-            raise ValueError(
-                f"every = {every:g} must be >= {least:.3g}, {LEAST_STEP:g} of the time step of "
-                f"{self.dt:.3g} s: a frame is a step at least; every = {self.dt:.3g} has them all"
-            )
-        return every
 
     def _frame(
         self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool, gas: bool
@@ -468,12 +449,6 @@ class Simulation:
             if writer.closed:
                 self._unclosed = None
 
-    def _bar(self, progress: bool, until: float) -> Any:
-        if not progress:
-            return nullcontext(_Silent())
-        form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
-        return tqdm(total=until, initial=self.time, desc=self.scene.name, bar_format=form)
-
     # ---- restart ----
 
     def checkpoint(self) -> Checkpoint:
@@ -539,9 +514,9 @@ class Simulation:
         with open_trajectory(path) as record:
             method, checkpoint = cls._of(record.scene), record.checkpoint()
             with reading(record.path, "the run cannot be resumed"):
-                every, recorded = _settings(record.path, record.provenance)
+                every, recorded = settings_of(record.path, record.provenance)
                 if isa is None:
-                    isa = _usable(recorded, record.path)
+                    isa = usable_isa(recorded, record.path)
                 self = method._restored(record.scene, checkpoint, threads, isa)
                 past = record.series["step"] <= self.steps
                 self._monitor.recall({name: v[past] for name, v in record.samples.items()})
@@ -565,70 +540,3 @@ class Simulation:
             "kernels": self.isa,
         }
         return table(f"Simulation of {self.scene.name}", rows)
-
-
-def _settings(path: Path, provenance: object) -> tuple[float, str | None]:
-    """Time between frames [s] and instruction set of a record, from its provenance."""
-    if not isinstance(provenance, dict):
-        raise RecordError(f"{path}: damaged record: its provenance must be an object of JSON")
-    isa = provenance.get("isa")
-    try:
-        every = positive("every", provenance.get("every", EVERY))
-        if isa is not None and not isinstance(isa, str):
-            raise TypeError(f"isa = {isa!r} must be a string")
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"{path}: damaged record: {error}") from None
-    return every, isa
-
-
-def _usable(isa: str | None, path: Path) -> str | None:
-    """Return the instruction set of a record, or None with a warning if the machine lacks it."""
-    if isa is None:
-        return None
-    try:
-        return _core.build_info(isa)["isa"]
-    except ValueError:
-        found = _core.build_info(default_isa())["isa"]
-    warnings.warn(
-        f"{path} was made with the instruction set {isa!r}, which this machine does not have: the "
-        f"run continues with {found!r}, not to the last bit as if it had never stopped",
-        stacklevel=3,
-    )
-    return None
-
-
-def _next_frame(time: float, every: float) -> float:
-    """First multiple of `every` after a time [s], which may itself be one but for rounding."""
-    frame = float((np.floor(time / every + 1e-9) + 1) * every)
-    return frame if frame > time else time + every  # rounding of a large quotient
-
-
-class _Silent:
-    """A progress bar that shows nothing."""
-
-    n = 0.0
-
-    def update(self, amount: float) -> None:
-        self.n += amount
-
-
-@contextmanager
-def _interruptible() -> Iterator[list[int]]:
-    """Turn Ctrl-C into a flag that is checked between calls of the core.
-
-    The flag is the list of the signals received: empty, and hence false, until the first. The
-    handler is restored in the end.
-    """
-    flag: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield flag
-        return
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # a handler of the caller: leave it
-        yield flag
-        return
-    signal.signal(signal.SIGINT, lambda number, _: flag.append(number))
-    try:
-        yield flag
-    finally:
-        signal.signal(signal.SIGINT, before)

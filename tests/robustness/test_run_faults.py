@@ -13,7 +13,7 @@ import pytest
 import granular as gr
 from granular.mpm.limits import dt_limit
 from granular.record import TrajectoryWriter
-from granular.simulation import _next_frame
+from granular.running import next_frame
 
 ROOT = Path(__file__).parents[2]
 PLAIN = ("linear", "flip", "particle")
@@ -248,7 +248,7 @@ def test_every_step_can_be_a_frame(small_scene):
 @pytest.mark.parametrize("every", [1 / 60, 0.1, 1e-3, 1e-9 / 3])
 def test_the_next_frame_is_later(time, every):
     for now in (time, np.nextafter(time, 1e9), round(time / every) * every):
-        frame = _next_frame(now, every)
+        frame = next_frame(now, every)
         assert now < frame <= now + 1.01 * every
 
 
