@@ -13,7 +13,6 @@ struct contribution {
     vd stress[3][3], shift_momentum[3]; /* -V sigma/dx, N; force that takes back the momentum given by the shift, N */
     vd joined, c, slope[3];             /* mass of connected points, else 0; log-density, and its gradient per cell */
     vd weight;                          /* quadrature weight q = 1 + u */
-    vd damped;                          /* mass times the share of the largest damping */
 };
 
 /* Component c of a field for the block of points at place `at`. */

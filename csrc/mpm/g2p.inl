@@ -71,7 +71,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
                   *const log_density = e->field[GR_FIELD_log_density] + at;
     struct gr_shape s;
     vd L[9], move[3], v_new[3], slope[3], delta[3], shift_velocity[3], trace = v_zero();
-    gr_shapes(dim, basis, e, &view->frame, at, affine == GR_AFFINE_MOMENT || smoothed, &s);
+    gr_shapes(dim, basis, e, &view->frame, at, affine == GR_AFFINE_MOMENT, &s);
     for (int d = 0; d < dim; d++) {
         move[d] =
             gr_interpolate(dim, basis, nodal, mode + GR_NODE_VELOCITY + d, fields, &s, (const vd(*)[3])s.g, L + d * dim);
@@ -86,7 +86,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
-    if (smoothed && view->damped) damp(dim, basis, e, &s, view->share, at, v_new);
+    if (smoothed && view->damping.of != NO_NODES) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
     if (smoothed && averages) {
         c = relax_density(dim, basis, e, cell, &s, mode + GR_NODE_DENSITY(dim), fields, L, trace, at, delta, shift_velocity);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + shift_velocity[d];

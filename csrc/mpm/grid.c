@@ -9,28 +9,43 @@
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
+enum { AVERAGED = 2 }; /* `smoothed` is 1 if the density is smoothed, AVERAGED in a step that averages it */
+
+/* Number of the sums of a node. */
+GR_INLINE int rows_of(const int dim, const int smoothed)
+{
+    return smoothed == AVERAGED ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + smoothed;
+}
+
 /* Sum over the cells of node n, in the order of cells. The sums of the cells lie far apart in memory. Those of a later
  * node are therefore prefetched: in 3D, where they do not fit a cache, the processor waited for them a fifth of the
  * step. */
-GR_INLINE void sum_over_cells(const int K, const int rows, const struct gr_engine *e, int64_t n, double *sum)
+GR_INLINE void sum_over_cells(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
+                              double *sum)
 {
     enum { AHEAD = 4 };
+    const int rows = GR_SUM_DAMPED(dim), of_density = GR_DENSITY_SUMS(dim), all = rows_of(dim, smoothed);
     const int64_t *source = e->mesh.node_source + n * K, ahead = n + AHEAD < e->mesh.n_nodes ? AHEAD * K : 0;
-    for (int q = 0; q < rows; q++) sum[q] = 0;
+    for (int q = 0; q < all; q++) sum[q] = 0;
     for (int i = 0; i < K; i++) {
         const double *part = e->sums + source[i], *later = e->sums + source[ahead + i];
         __builtin_prefetch(later), __builtin_prefetch(later + rows - 1);
         for (int q = 0; q < rows; q++) sum[q] += part[q];
+        if (smoothed) sum[GR_SUM_DAMPED(dim)] += part[(i + 1) * rows] * part[GR_SUM_MASS]; /* for node a = K - 1 - i */
+        if (smoothed < AVERAGED) continue;
+        part += e->density_sums + (K - 1 - i) * (of_density - rows);
+        for (int q = 0; q < of_density; q++) sum[GR_SUM_DENSITY(dim) + q] += part[q];
     }
 }
 
 /* A node and its duplicate for the other side of a thin body that are not separated move as one: add the sums of both. */
-GR_INLINE void join_duplicate(const int K, const int rows, const struct gr_engine *e, int64_t n, double *sum)
+GR_INLINE void join_duplicate(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
+                              double *sum)
 {
-    double other[GR_NODE_SUMS(3, 1)];
+    double other[GR_NODE_SUMS(3)];
     if (e->mesh.duplicate[n] < 0 || e->mesh.separated[n]) return;
-    sum_over_cells(K, rows, e, e->mesh.duplicate[n], other);
-    for (int q = 0; q < rows; q++) sum[q] += other[q];
+    sum_over_cells(dim, K, smoothed, e, e->mesh.duplicate[n], other);
+    for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] += other[q];
 }
 
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
@@ -48,7 +63,8 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
 {
     const int dim = e->config.dim;
     const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
-    const double kept = e->keep_velocity - (e->node_damping ? e->node_damping[n] : 0);
+    const double kept =
+        e->keep_velocity - (e->config.smoothed ? e->node_data[n * e->node_stride + GR_NODE_DAMPING(dim)] : 0);
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;
@@ -62,34 +78,33 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
  * largest damping of the step. */
 GR_INLINE double damping_of_node(const int dim, const struct gr_engine *e, const double *sum, double m)
 {
-    const double share = e->config.damping_rate * e->dt * sum[GR_SUM_DENSITY(dim) + GR_SUM_DAMPED] / m;
+    const double share = e->config.damping_rate * e->dt * sum[GR_SUM_DAMPED(dim)] / m;
     return e->keep_velocity * (share < 1 ? share : 1);
 }
 
-/* The grid stage for some nodes; smoothed: 1 if the density is smoothed, 2 in a step that averages it. */
+/* The grid stage for some nodes. */
 GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
                           const double g[3])
 {
-    const int averages = smoothed == 2;
-    const int rows = averages ? GR_NODE_SUMS(dim, 1) : GR_SUM_DENSITY(dim) + smoothed;
+    const int averages = smoothed == AVERAGED;
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
     for (int64_t n = first; n < last; n++) {
-        double sum[GR_NODE_SUMS(3, 1)], v[3], next[3];
+        double sum[GR_NODE_SUMS(3)], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
-        sum_over_cells(K, rows, e, n, sum);
+        sum_over_cells(dim, K, smoothed, e, n, sum);
         e->node_mass[n] = sum[GR_SUM_MASS];
-        if (e->n_thin) join_duplicate(K, rows, e, n, sum);
+        if (e->n_thin) join_duplicate(dim, K, smoothed, e, n, sum);
         const double m = sum[GR_SUM_MASS];
         if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
             for (int q = 0; q < GR_NODE_FIELDS(dim, averages); q++) out[q] = 0;
-            if (smoothed) e->node_damping[n] = 0;
+            if (smoothed) out[GR_NODE_DAMPING(dim)] = 0;
             if (averages) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
             if (e->watch) note_impulse(e, n, 0, 0);
             continue;
         }
-        const double kept = smoothed ? keep - (e->node_damping[n] = damping_of_node(dim, e, sum, m)) : keep;
+        const double kept = smoothed ? keep - (out[GR_NODE_DAMPING(dim)] = damping_of_node(dim, e, sum, m)) : keep;
         for (int d = 0; d < dim; d++) {
             v[d] = sum[GR_SUM_MOMENTUM + d] / m;
             next[d] = v[d] + dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
@@ -117,11 +132,11 @@ void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const doubl
     GR_GRID(2, 4, 0)
     GR_GRID(2, 9, 0)
     GR_GRID(2, 9, 1)
-    GR_GRID(2, 9, 2)
+    GR_GRID(2, 9, AVERAGED)
     GR_GRID(3, 8, 0)
     GR_GRID(3, 27, 0)
     GR_GRID(3, 27, 1)
-    GR_GRID(3, 27, 2)
+    GR_GRID(3, 27, AVERAGED)
 #undef GR_GRID
 }
 

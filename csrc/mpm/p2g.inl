@@ -67,7 +67,6 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
     if (smoothed) {
         contribution->weight = v_set(1.0) + component(e, GR_FIELD_weight_correction, 0, at);
         V = V * contribution->weight;
-        contribution->damped = contribution->m * damped_share(e, at, c);
     }
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++)
@@ -120,15 +119,10 @@ GR_INLINE void add_force(const int dim, const int basis, const int smoothed, con
                 sum[a][first + d] = v_fma(by_x, p->g[0][a], partial);
         }
     }
-    for (int a = 0; smoothed && a < gr_nodes_1d(basis); a++)
-        sum[a][first + dim] = v_fma(p->damped * w_yz, p->w[0][a], sum[a][first + dim]);
 }
 
 /* Sums of a pass over the rows: m and p, f, or those of the density. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
-
-/* Number of sums that only a step that averages has. */
-GR_INLINE int own_sums(const int dim) { return GR_SUM_RESIDUAL + dim - GR_SUM_CONNECTED; }
 
 /* Contributions of n blocks, row by row: acc[node * rows + first...] = the sums `what` of each node, which has `rows`
  * sums in all. */
@@ -137,7 +131,7 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     const int width =
-        (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim + smoothed : 0) + (what & DENSITY ? own_sums(dim) : 0);
+        (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? GR_DENSITY_SUMS(dim) : 0);
     for (int bc = 0; bc < K / k; bc++) {
         const struct row row = {bc % k, bc / k};
         vd sum[3][7];
@@ -170,22 +164,24 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
                         int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_NODE_SUMS(dim, smoothed), blocks = GR_BLOCKS(cell->count);
+    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim), blocks = GR_BLOCKS(cell->count);
     const struct gr_frame frame = gr_frame_of(dim, e, cell);
     double *out = e->sums + index * e->sum_stride;
     struct contribution contribution[CHUNK];
-    vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS];
+    vd acc[GR_SUM_DAMPED(3) * GR_MAX_NODES + 2 + GR_SUMS];
     const int averages = smoothed && e->sums_average;
-    for (int i = 0; smoothed && !averages && i < K; i++)
-        for (int q = GR_SUM_DENSITY(dim) + GR_SUM_CONNECTED; q < rows; q++) acc[i * rows + q] = v_zero();
-    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
+    for (int i = 0; !blocks && i < (averages ? e->sum_stride : e->density_sums); i++) out[i] = 0;
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
+        vd damped = v_zero(), mass = v_zero();
         for (int i = 0; i < n; i++) {
             const int64_t at = cell->offset + (done + i) * GR_W;
             prepare_momentum(dim, basis, affine, e, &frame, at, &contribution[i]);
             prepare_force(dim, smoothed, e, at, &contribution[i]);
             if (averages) prepare_density(dim, e, at, &contribution[i]);
+            if (!smoothed) continue;
+            mass = mass + contribution[i].m;
+            damped = v_fma(contribution[i].m, component(e, GR_FIELD_damping, 0, at), damped);
         }
         if (K <= 4) { /* all sums of a row fit the registers */
             add_rows(dim, basis, affine, smoothed, MOMENTUM | FORCE, contribution, n, rows, 0, acc);
@@ -193,9 +189,11 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
             add_rows(dim, basis, affine, smoothed, MOMENTUM, contribution, n, rows, 0, acc);
             add_rows(dim, basis, affine, smoothed, FORCE, contribution, n, rows, GR_SUM_FORCE(dim), acc);
         }
-        if (averages)
-            add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, rows, GR_SUM_DENSITY(dim) + GR_SUM_CONNECTED,
-                     acc);
-        store_sums(out, acc, K * rows, done);
+        if (smoothed) acc[K * rows] = damped, acc[K * rows + 1] = mass;
+        store_sums(out, acc, K * rows + 2 * smoothed, done);
+        if (!averages) continue;
+        add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, GR_DENSITY_SUMS(dim), 0, acc);
+        store_sums(out + e->density_sums, acc, K * GR_DENSITY_SUMS(dim), done);
     }
+    if (smoothed && blocks) out[K * rows] = out[K * rows] > 0 ? out[K * rows] / out[K * rows + 1] : 0;
 }

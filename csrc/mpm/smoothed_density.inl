@@ -2,22 +2,6 @@
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
-/* Share of the largest damping for a block of points. Short waves of plastic flow are damped where the law is ill posed:
- *
- *   (1 - gdot/(r sqrt(c))) q c/(q c + gdot),   c = p/K,
- *
- * gdot = r sqrt(c) where the law becomes well posed, and gdot = q c where waves of viscous flow grow as fast as those of
- * elastic material (granular/mpm/damping.py). */
-GR_INLINE vd damped_share(const struct gr_engine *e, int64_t at, vd c)
-{
-    const vd flow = component(e, GR_FIELD_shear_rate, 0, at);
-    const vd most = v_set(e->config.ill_posed_rate * e->config.ill_posed_rate) * c; /* of its square */
-    const vm damped = m_and(v_gt(flow, v_zero()), v_gt(most, flow * flow));
-    if (!m_bits(damped)) return v_zero();
-    const vd part = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(1e-300))), elastic = v_set(e->config.crossover_rate) * c;
-    return v_keep(damped, part * elastic / (elastic + flow));
-}
-
 /* Log-density of the block at place `at`, its gradient, and its mass where it is connected, else 0. */
 GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t at, struct contribution *contribution)
 {
@@ -32,23 +16,17 @@ GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t
  *   sum w m,  sum w q m,  sum w q m (c + grad c (x_i - x)),  sum q m grad w,  over the connected points. */
 GR_INLINE void add_density(const int dim, const int basis, const struct contribution *p, const struct row row, vd sum[3][7])
 {
-    enum { /* the places of the sums behind that of the damping */
-           CONNECTED,
-           WEIGHTED = GR_SUM_WEIGHTED - GR_SUM_CONNECTED,
-           LOG_DENSITY = GR_SUM_LOG_DENSITY - GR_SUM_CONNECTED,
-           RESIDUAL = GR_SUM_RESIDUAL - GR_SUM_CONNECTED
-    };
     const vd m_yz = p->joined * weight_yz(dim, basis, p, row, 0), c = linear_yz(dim, p, row, p->c, p->slope);
     vd qm_yz[3];
     qm_yz[0] = m_yz * p->weight;
     for (int d = 1; d < dim; d++) qm_yz[d] = p->joined * p->weight * weight_yz(dim, basis, p, row, d);
     for (int a = 0; a < gr_nodes_1d(basis); a++) {
-        sum[a][CONNECTED] = v_fma(m_yz, p->w[0][a], sum[a][CONNECTED]);
+        sum[a][GR_SUM_CONNECTED] = v_fma(m_yz, p->w[0][a], sum[a][GR_SUM_CONNECTED]);
         const vd wqm = qm_yz[0] * p->w[0][a];
-        sum[a][WEIGHTED] = sum[a][WEIGHTED] + wqm;
-        sum[a][LOG_DENSITY] = v_fma(wqm, v_fma(p->slope[0], p->r[0][a], c), sum[a][LOG_DENSITY]);
-        sum[a][RESIDUAL] = v_fma(qm_yz[0], p->g[0][a], sum[a][RESIDUAL]);
-        for (int d = 1; d < dim; d++) sum[a][RESIDUAL + d] = v_fma(qm_yz[d], p->w[0][a], sum[a][RESIDUAL + d]);
+        sum[a][GR_SUM_WEIGHTED] = sum[a][GR_SUM_WEIGHTED] + wqm;
+        sum[a][GR_SUM_LOG_DENSITY] = v_fma(wqm, v_fma(p->slope[0], p->r[0][a], c), sum[a][GR_SUM_LOG_DENSITY]);
+        sum[a][GR_SUM_RESIDUAL] = v_fma(qm_yz[0], p->g[0][a], sum[a][GR_SUM_RESIDUAL]);
+        for (int d = 1; d < dim; d++) sum[a][GR_SUM_RESIDUAL + d] = v_fma(qm_yz[d], p->w[0][a], sum[a][GR_SUM_RESIDUAL + d]);
     }
 }
 
@@ -108,6 +86,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(connected, gradient[d] * v_set(inv_dx)));
     c = c + v_keep(v_ge(c, v_zero()), relax_to_nodal_density(q, interval * e->dt, strain, gap));
+    if (e->config.damping_rate > 0) v_store(e->field[GR_FIELD_damping] + at, damped_share(e, flow, old));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
         delta[d] = v_set(-q->shifting * dx) * strain * slope[d];
@@ -129,25 +108,4 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         v_store(e->field[GR_FIELD_shift_velocity] + d * e->capacity + at, shift_velocity[d]);
     }
     return c;
-}
-
-/* Damp a block of points by the shares b_i of its nodes, all at once so that momentum is conserved:
- *
- *   v <- v - sum S_i b_i (v + C (x_i - x)),   v and C those that were carried to the grid.
- *
- * The update w has the velocities v_i^n of the nodes that take their place (grid.c). For linear fields the two are
- * equal. */
-GR_INLINE void damp(const int dim, const int basis, const struct gr_engine *e, const struct gr_shape *s, const double *share,
-                    int64_t at, vd *v)
-{
-    vd moment[3][3], first[3];
-    for (int d = 0; d < dim; d++)
-        for (int a = 0; a < gr_nodes_1d(basis); a++) moment[d][a] = s->w[d][a] * s->r[d][a];
-    const vd b = gr_interpolate(dim, basis, 1, share, 1, s, (const vd(*)[3])moment, first);
-    for (int d = 0; d < dim; d++) {
-        vd lost = b * component(e, GR_FIELD_v, d, at);
-        for (int j = 0; j < dim; j++)
-            lost = v_fma(v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at), first[j], lost);
-        v[d] = v[d] - lost;
-    }
 }
