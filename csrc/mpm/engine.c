@@ -15,6 +15,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
     const int needed[] = {[GR_ALWAYS] = 1,
                           [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
                           [GR_SMOOTHED] = config->smoothed,
+                          [GR_DAMPED] = config->smoothed && config->damping_rate > 0,
                           [GR_NONLOCAL] = law->reaction != GR_LOCAL,
                           [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,

@@ -179,7 +179,7 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
             prepare_momentum(dim, basis, affine, e, &frame, at, &contribution[i]);
             prepare_force(dim, smoothed, e, at, &contribution[i]);
             if (averages) prepare_density(dim, e, at, &contribution[i]);
-            if (!smoothed) continue;
+            if (!smoothed || !(e->config.damping_rate > 0)) continue;
             mass = mass + contribution[i].m;
             damped = v_fma(contribution[i].m, component(e, GR_FIELD_damping, 0, at), damped);
         }
