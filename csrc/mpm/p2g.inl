@@ -170,7 +170,7 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
     struct contribution contribution[CHUNK];
     vd acc[GR_SUM_DAMPED(3) * GR_MAX_NODES + 2 + GR_SUMS];
     const int averages = smoothed && e->sums_average;
-    for (int i = 0; !blocks && i < (averages ? e->sum_stride : e->density_sums); i++) out[i] = 0;
+    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0; /* all: empty cells are not visited in each step */
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
         vd damped = v_zero(), mass = v_zero();

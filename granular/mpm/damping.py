@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from granular.materials import DruckerPrager, Material, MuI
+from granular.materials import NGF, DruckerPrager, HardeningDruckerPrager, Material, MuI
 from granular.mpm.scene import Scene
 from granular.theory.well_posed import short_wave_growth, viscous_growth, well_posed_range
 
@@ -81,6 +81,11 @@ def _friction(material: Material) -> tuple[float, float]:
     """
     if isinstance(material, DruckerPrager):
         return material.mu, UNBOUNDED  # no rate enters the law
+    if isinstance(material, HardeningDruckerPrager):
+        return material.limiting_friction, UNBOUNDED
+    if isinstance(material, NGF) and not material.has_fluidity:
+        friction = material.core_friction()
+        material = MuI(mu_s=material.mu_s, mu_2=friction["mu_2"], xi=friction["xi"])
     if not isinstance(material, MuI):
         return 0.0, 0.0
     ends = well_posed_range(material)

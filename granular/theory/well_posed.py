@@ -30,7 +30,10 @@ from granular.materials import MuI
 Array = NDArray[np.float64]
 
 _SEARCHED = np.logspace(-6, 6, 481)
-"""Values of I/I0 between which the ends of the range are searched for."""
+"""Values of I/I0 between which the ends of the range are searched for, if mu_2 < 2 mu_s.
+
+Otherwise they are smaller in the ratio mu_s/(mu_2 - mu_s): for I << I0 the law is linear in I.
+"""
 
 
 @overload
@@ -65,14 +68,15 @@ def well_posed_range(material: MuI) -> tuple[float, float] | None:
     tuple of float, or None
         Ends of the range; None if there is none, because mu_2 is too close to mu_s.
     """
-    sign = ill_posedness(_SEARCHED, material)
+    searched = _SEARCHED * min(1.0, material.mu_s / (material.mu_2 - material.mu_s))
+    sign = ill_posedness(searched, material)
     inside = np.flatnonzero(sign < 0)
     if not len(inside):
         return None
     first, last = inside[0], inside[-1]
 
     def root(i: int) -> float:
-        return float(brentq(ill_posedness, *_SEARCHED[i : i + 2], args=(material,), rtol=1e-12))
+        return float(brentq(ill_posedness, *searched[i : i + 2], args=(material,), rtol=1e-12))
 
     return root(first - 1), root(last)
 

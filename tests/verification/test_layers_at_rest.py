@@ -15,8 +15,11 @@ from granular.theory import short_wave_growth, viscous_growth
 CELL = 0.01
 
 
-def speed(angle_deg: float, E: float, columns: int, seed: int, until: float) -> float:
-    """Mean speed [m/s] down the slope of a layer of 20 cells on which gravity was switched on."""
+def slides(angle_deg: float, E: float, columns: int, seed: int, until: float) -> float:
+    """Mean way [m] down the slope of a layer of 20 cells in the second half of the time.
+
+    Not the speed: the elastic waves of the start go on in a layer that does not yield.
+    """
     scene = gr.scenes.incline(
         angle_deg=angle_deg,
         cell=CELL,
@@ -29,9 +32,11 @@ def speed(angle_deg: float, E: float, columns: int, seed: int, until: float) -> 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gr.StabilityWarning)
         sim = gr.Simulation(scene, threads=1)
-        sim.run(monitor=False)
-    state = sim.state
-    return float(np.average(state.v[:, 0], weights=state.mass))
+        before = sim.run(until=until / 2, monitor=False).state
+        after = sim.run(monitor=False).state
+    way = (after.x[np.argsort(after.id)] - before.x[np.argsort(before.id)])[:, 0]
+    length = columns * CELL
+    return float(np.mean(way - length * np.round(way / length)))
 
 
 @pytest.mark.parametrize(
@@ -40,7 +45,7 @@ def speed(angle_deg: float, E: float, columns: int, seed: int, until: float) -> 
 )
 def test_a_layer_below_its_angle_of_repose_rests(angle_deg, E, columns, seed, until):
     """atan(mu_s) = 20.9 deg. Without damped waves these layers flow at 8 to 15 mm/s."""
-    assert abs(speed(angle_deg, E, columns, seed, until)) < 5e-4
+    assert abs(slides(angle_deg, E, columns, seed, until)) < 0.01 * CELL
 
 
 @pytest.mark.slow
@@ -48,10 +53,10 @@ def test_a_layer_below_its_angle_of_repose_rests(angle_deg, E, columns, seed, un
 @pytest.mark.parametrize("columns", [16, 32])
 def test_most_layers_rest_whatever_the_seed(angle_deg, columns):
     """Of ten seeds; a wave as long as the layer is resolved, and may keep it in motion."""
-    soft = [abs(speed(angle_deg, 1e6, columns, seed, 2.0)) for seed in range(10)]
-    stiff = [abs(speed(angle_deg, 1e7, columns, seed, 0.6)) for seed in range(10)]
-    assert max(soft) < 5e-4
-    assert sum(v < 5e-4 for v in stiff) >= (10 if angle_deg < 20 else 7)
+    soft = [abs(slides(angle_deg, 1e6, columns, seed, 2.0)) for seed in range(10)]
+    stiff = [abs(slides(angle_deg, 1e7, columns, seed, 0.6)) for seed in range(10)]
+    assert max(soft) < 0.01 * CELL
+    assert sum(way < 0.01 * CELL for way in stiff) >= (10 if angle_deg < 20 else 7)
 
 
 def test_growth_of_short_waves_is_that_of_the_acoustic_tensor():
