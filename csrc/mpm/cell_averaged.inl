@@ -22,7 +22,7 @@
 
 GR_INLINE struct gr_cell_average *cell_average_of(const int dim, const struct gr_engine *e, int64_t index)
 {
-    return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_NODE_SUMS(dim, 0) * (1 << dim));
+    return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_SUM_DAMPED(dim) * (1 << dim));
 }
 
 /* B_i dx along axis d for the quadrature point xi, in local coordinates. */
@@ -62,7 +62,7 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
         store_sums(sum, acc, n_sums, done);
     }
     for (int i = 0; i < K; i++)
-        for (int q = 0; q < rows; q++) out[i * GR_NODE_SUMS(dim, 0) + q] = sum[i * rows + q];
+        for (int q = 0; q < rows; q++) out[i * GR_SUM_DAMPED(dim) + q] = sum[i * rows + q];
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     own->mc = sum[K * rows];
     for (int q = 0; q < stresses; q++) own->stress[q] = sum[K * rows + 1 + q];
@@ -73,7 +73,7 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
  * Returned: M. */
 GR_INLINE double cell_state(const int dim, const struct gr_engine *e, int64_t index, struct gr_cell_average *own)
 {
-    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale;
     double M = 0, mass = 0, volume = 0, high[3] = {0}, excess[8];
     for (int i = 0; i < K; i++) {
@@ -103,7 +103,7 @@ GR_INLINE double cell_state(const int dim, const struct gr_engine *e, int64_t in
 GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t index)
 {
     static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
-    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     double *sum = e->sums + index * e->sum_stride;
     if (!e->mesh.cell[index].count) { /* without points: all sums are zero */

@@ -49,6 +49,7 @@ struct view {
     int has_sponge;       /* bit d: the sponge layer may damp points that rise along axis d */
     vd disconnected;      /* log-density below which a point is given no affine field */
     vd L[9], shift[3], c; /* with a cell-averaged density, of all its points: L dt; shift, m; log-density */
+    struct damping damping;
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
 };
 
@@ -74,6 +75,7 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
     view->frame = gr_frame_of(dim, e, cell);
     view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
     view->has_sponge = e->config.has_sponge;
+    if (smoothed) damping_of_cell(dim, basis, e, index, &view->damping);
     for (int d = 0; d < dim; d++) {
         view->begin[d] = v_set(view->frame.axis[d]->begin);
         view->end[d] = v_set(view->frame.axis[d]->end);

@@ -15,6 +15,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
     const int needed[] = {[GR_ALWAYS] = 1,
                           [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
                           [GR_SMOOTHED] = config->smoothed,
+                          [GR_DAMPED] = config->smoothed && config->damping_rate > 0,
                           [GR_NONLOCAL] = law->reaction != GR_LOCAL,
                           [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
@@ -220,9 +221,10 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     /* whole cache lines, with capacity for the whole groups in which lane sums are written */
-    e->sum_stride = GR_NODE_SUMS(config->dim, config->smoothed) * e->K;
+    e->sum_stride = GR_SUM_DAMPED(config->dim) * e->K + 2 * config->smoothed; /* of two the damping is made */
     if (config->cell_averaged) e->sum_stride += (int)(sizeof(struct gr_cell_average) / sizeof(double));
-    e->sum_stride = (e->sum_stride + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
+    e->density_sums = e->sum_stride = (e->sum_stride + GR_LANES - 1) / GR_LANES * GR_LANES;
+    if (config->smoothed) e->sum_stride += (GR_DENSITY_SUMS(config->dim) * e->K + GR_LANES - 1) / GR_LANES * GR_LANES;
     e->node_stride = (GR_NODE_FIELDS(config->dim, config->smoothed) + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);

@@ -51,6 +51,9 @@ struct gr_config {
     struct gr_scheme_numbers scheme; /* as given; what follows is made of them and of the scene */
     double keep_velocity_rate;       /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
+    double ill_posed_rate; /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
+    double damping_rate;   /* of the short waves in such a flow if it is slow, 1/s */
+    double crossover_rate; /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
     double parameter[GR_LAW_MAX_PARAMETERS];
     struct gr_density_numbers density;
     int averaging_interval; /* steps between two averagings of the density, each of which stands for that many steps */
@@ -96,8 +99,8 @@ struct gr_mesh {
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
     int32_t *place;       /* of its cells on the fluidity grid; NULL without one */
-    int64_t *node_source; /* n_nodes x K: where the sums of the node over each of its cells begin; in the zero block where
-                             there is no cell */
+    int64_t *node_source; /* n_nodes x K: where the sums of the node over each of its cells begin, in the order of cells,
+                             that in which it is node K - 1 first; in the zero block where there is no cell */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
     int64_t *node_id;                 /* its index in the whole grid */
@@ -139,7 +142,7 @@ struct gr_engine {
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
     double *solid;     /* per node of the grid: the part of its volume in solid cells; NULL without solid cells */
-    int sum_stride, node_stride;
+    int sum_stride, density_sums, node_stride;
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
     uint8_t *touched;                       /* per node: 1 if it lies within a body */
@@ -194,14 +197,19 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
     e->sums_correct_shift = gr_averages(e, step - 1);
 }
 
-/* Sums of a node over the points of a cell: mass, momentum, force. If the density is smoothed, from GR_SUM_DENSITY on
- * also: the mass of connected points, the same with quadrature weights, their log-density with these weights, and the
- * residual force. */
+/* Sums of a node over the points of a cell: mass, momentum, force. If the density is smoothed also: mass times the damping
+ * of the points, over the largest (damping.inl); and in a step that averages, from GR_SUM_DENSITY on, the mass of connected
+ * points, the same with quadrature weights, their log-density with these weights, and the residual force.
+ *
+ * In the block of a cell the first GR_SUM_DAMPED sums of its nodes come first, then the damping, which is the same for all
+ * nodes, and at density_sums those of the density, which are left as they are in other steps. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
-#define GR_SUM_DENSITY(dim) (GR_SUM_FORCE(dim) + (dim))
+#define GR_SUM_DAMPED(dim) (GR_SUM_FORCE(dim) + (dim))
+#define GR_SUM_DENSITY(dim) (GR_SUM_DAMPED(dim) + 1)
 enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
-#define GR_NODE_SUMS(dim, smoothed) (GR_SUM_DENSITY(dim) + (GR_SUM_RESIDUAL + (dim)) * (smoothed))
+#define GR_DENSITY_SUMS(dim) (GR_SUM_RESIDUAL + (dim))
+#define GR_NODE_SUMS(dim) (GR_SUM_DENSITY(dim) + GR_DENSITY_SUMS(dim))
 
 /* State of a cell with a cell-averaged density (mpm/cell_averaged.inl), stored behind the sums of its nodes; all
  * doubles. */
@@ -213,12 +221,13 @@ struct gr_cell_average {
                                           which its points shift */
 };
 
-/* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed, from GR_NODE_DENSITY on also:
- * the gap ln phi - c averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean
+/* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to
+ * its velocity that points lose in this step; and in a step that averages, from GR_NODE_DENSITY on, the gap ln phi - c averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean
  * quadrature weight in excess of the one that fills the volume; the gap of the node itself; and the residual force. */
 enum gr_node_field { GR_NODE_VELOCITY };
 #define GR_NODE_UPDATE(dim) (GR_NODE_VELOCITY + (dim))
-#define GR_NODE_DENSITY(dim) (GR_NODE_UPDATE(dim) + (dim))
+#define GR_NODE_DAMPING(dim) (GR_NODE_UPDATE(dim) + (dim))
+#define GR_NODE_DENSITY(dim) (GR_NODE_DAMPING(dim) + 1)
 enum gr_density_field {
     GR_NODE_GAP,
     GR_NODE_LOG_DENSITY,
@@ -227,7 +236,7 @@ enum gr_density_field {
     GR_NODE_OWN_GAP,
     GR_NODE_RESIDUAL
 };
-#define GR_NODE_FIELDS(dim, smoothed) (GR_NODE_DENSITY(dim) + (GR_NODE_RESIDUAL + (dim)) * (smoothed))
+#define GR_NODE_FIELDS(dim, averages) ((averages) ? GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL + (dim) : GR_NODE_DAMPING(dim))
 
 struct gr_kernels; /* kernels.h */
 

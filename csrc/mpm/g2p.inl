@@ -6,6 +6,7 @@
  *
  * The law then updates the stress from L dt (cell_view.inl). Points that leave their cell are listed here; migrate.c
  * moves them, and the sums of the cells that they enter are computed again. */
+#include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
 /* List the points of a block that are outside the cell. Spare places outside it go back to its centre. */
@@ -85,6 +86,7 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
+    if (smoothed && view->damping.of != NO_NODES) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
     if (smoothed && averages) {
         c = relax_density(dim, basis, e, cell, &s, mode + GR_NODE_DENSITY(dim), fields, L, trace, at, delta, shift_velocity);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + shift_velocity[d];

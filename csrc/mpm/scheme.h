@@ -96,7 +96,11 @@
     X(weight_correction_limit, 0.5, GR_NONE, GR_NONE, "[0, 0.8]", "1",                                                   \
       "Largest abs(q_p - 1): a point of more weight is as much stiffer.")                                                \
     X(weight_correction_decay, 0.005, GR_NONE, GR_NONE, "[0, 1]", "1",                                                   \
-      "Part of q_p - 1 that a point loses in an averaging: it forgets where it has been.")
+      "Part of q_p - 1 that a point loses in an averaging: it forgets where it has been.")                               \
+    X(damped_waves, 8, GR_NONE, GR_NONE, "[0, 100]", "1",                                                                \
+      "Length in cells of the longest waves that are damped in plastic flow at inertial numbers so low that the law is " \
+      "ill posed. Such waves grow however slow the flow is; those up to this length decay faster than they can grow "    \
+      "(`granular.theory.short_wave_growth`), by the velocity of the points relaxing to that of the grid. 0 for none.")
 
 #define GR_X(name, value, range, unit, doc) double name;
 struct gr_scheme_numbers {

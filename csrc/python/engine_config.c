@@ -172,6 +172,9 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     double substeps;
     if (take_number(numbers, "dx", &c->dx) || take_number(numbers, "half_extent", &c->lambda) ||
         take_number(numbers, "rho_c", &c->rho_c) || take_number(numbers, "wave_speed", &c->wave_speed) ||
+        take_number(numbers, "ill_posed_rate", &c->ill_posed_rate) ||
+        take_number(numbers, "damping_rate", &c->damping_rate) ||
+        take_number(numbers, "crossover_rate", &c->crossover_rate) ||
         take_number(fluidity, "begins_at", &c->nonlocal.begins_at) ||
         take_number(fluidity, "tolerance", &c->nonlocal.tolerance) || take_number(fluidity, "floor", &c->nonlocal.floor) ||
         take_number(fluidity, "substeps", &substeps))

@@ -54,5 +54,7 @@ from granular.theory.well_posed import ill_posedness as ill_posedness
 from granular.theory.well_posed import (
     scaled_inertial_number_of_slope as scaled_inertial_number_of_slope,
 )
+from granular.theory.well_posed import short_wave_growth as short_wave_growth
+from granular.theory.well_posed import viscous_growth as viscous_growth
 from granular.theory.well_posed import well_posed_range as well_posed_range
 from granular.theory.well_posed import well_posed_slopes as well_posed_slopes
