@@ -107,7 +107,9 @@ def damped_share(scene, rate, c):
     end = numbers["ill_posed_rate"] * np.sqrt(np.maximum(c, 0.0))
     damped = (rate > 0) & (rate < end)
     elastic = numbers["crossover_rate"] * np.maximum(c, 0.0)
-    share = (1 - rate / np.where(damped, end, 1.0)) * elastic / np.where(damped, elastic + rate, 1.0)
+    share = (
+        (1 - rate / np.where(damped, end, 1.0)) * elastic / np.where(damped, elastic + rate, 1.0)
+    )
     return np.where(damped, share, 0.0)
 
 
