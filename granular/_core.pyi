@@ -9,6 +9,9 @@ LANES: Final[int]
 """Every cell owns a multiple of this many places in the point arrays."""
 MAX_THREADS: Final[int]
 
+Map = tuple[tuple[NDArray[np.int32], ...], NDArray[np.uint8]]
+"""Class of each index along each axis, and a byte for each combination of classes."""
+
 class SimulationError(RuntimeError):
     """A run failed: a point that is not finite or ran away."""
 
@@ -138,8 +141,8 @@ class Engine:
         isa: str,
         axes: tuple[AxisRow, ...],
         walls: list[tuple[int, float, int, int, float, int]],
-        node_codes: NDArray[np.uint8],
-        cell_flags: NDArray[np.uint8] | None,
+        node_codes: Map,
+        cell_flags: Map | None,
         gravity_times: NDArray[np.float64],
         gravity_vectors: NDArray[np.float64],
         numbers: dict[str, float],

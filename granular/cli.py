@@ -1,7 +1,8 @@
 """The command `granular`: run, resume, info, plot, verify, list.
 
 Exit codes: 0 all is well, 1 the run or a check failed, 2 the user asked for something impossible
-(one line on stderr says what), 130 Ctrl-C.
+(one line on stderr says what), 3 the run ended, but an indicator of failure is suspect (stderr says
+which, and what to do), 130 Ctrl-C.
 """
 
 from __future__ import annotations
@@ -18,11 +19,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, get_type_hints
 
 if TYPE_CHECKING:
+    from granular.diagnostics import Health
     from granular.simulation import Simulation
 
 __all__ = ["main"]
 
-FAILED, REFUSED, INTERRUPTED = 1, 2, 130
+FAILED, REFUSED, SUSPECT, INTERRUPTED = 1, 2, 3, 130
 
 PICTURES = (".png", ".pdf", ".svg")
 
@@ -128,6 +130,8 @@ def _add_run(commands: Any) -> None:
             scene.add_argument("--scheme", choices=choices, help="default that of the scene")
         _add_run_options(scene, "default 1/60")
         scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
+        text = "run even if the estimated memory exceeds that of the machine"
+        scene.add_argument("--force", action="store_true", help=text)
         scene.add_argument("--picture", metavar="PNG", help="picture of the last state")
         _add_picture_options(scene)
         scene.set_defaults(command=_run, scene=function, scheme=None)
@@ -255,8 +259,9 @@ def _shown(value: Any, none: str) -> str:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from granular import Simulation, StabilityWarning
-    from granular.diagnostics import scene_warnings
+    from granular import Simulation
+    from granular.diagnostics import StabilityWarning, scene_warnings
+    from granular.economy import cost
     from granular.mpm import schemes
 
     given = {
@@ -267,11 +272,13 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.scheme not in (None, "default"):
         given["scheme"] = getattr(schemes, arguments.scheme)
     scene = arguments.scene(**given)
+    if not arguments.quiet:
+        print(f"{scene.name}: {cost(scene)}")
     _check_output(arguments.output, arguments.overwrite)
     _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StabilityWarning)  # printed below in one line each
-        simulation = Simulation(scene, threads=arguments.threads)
+        simulation = Simulation(scene, threads=arguments.threads, force=arguments.force)
     for warning in scene_warnings(scene):
         print(f"granular: warning: {warning}", file=sys.stderr)
     if arguments.picture or arguments.gif:
@@ -279,7 +286,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
         values(simulation.state, arguments.color)  # refuses an unknown field before the run
     code = _simulate(simulation, arguments, save=arguments.output, overwrite=arguments.overwrite)
-    if code == 0:
+    if code in (0, SUSPECT):
         _draw(arguments.output, arguments.picture, -1, arguments)
     return code
 
@@ -287,16 +294,25 @@ def _run(arguments: argparse.Namespace) -> int:
 def _resume(arguments: argparse.Namespace) -> int:
     from granular import Simulation
 
-    simulation = Simulation.resume(arguments.file, threads=arguments.threads)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        simulation = Simulation.resume(arguments.file, threads=arguments.threads)
+    for warning in caught:
+        print(f"granular: warning: {warning.message}", file=sys.stderr)
     return _simulate(simulation, arguments)
 
 
 def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: Any) -> int:
+    from granular.diagnostics import StabilityWarning
+
     until = simulation.scene.duration if arguments.until is None else arguments.until
     if until <= simulation.time:
         raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
+    progress = not arguments.quiet
     try:
-        simulation.run(until, every=arguments.every, progress=not arguments.quiet, **options)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", StabilityWarning)  # printed below
+            simulation.run(until, every=arguments.every, progress=progress, **options)
     except KeyboardInterrupt:
         message = f"interrupted at t = {simulation.time:.6g} s"
         if simulation.record is not None:
@@ -305,7 +321,17 @@ def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: 
         return INTERRUPTED
     if not arguments.quiet:
         print(f"{simulation.record}: {simulation}")
-    return 0
+    return _judge(simulation.health(), arguments.quiet)
+
+
+def _judge(health: Health, quiet: bool) -> int:
+    """Print the verdict on a run and what to do about it; return the exit code."""
+    verdict, *explained = health.verdict.splitlines()
+    if not quiet or not health.ok:
+        print(verdict, file=sys.stdout if health.ok else sys.stderr)
+    for line in explained:
+        print(f"granular: warning: {line}", file=sys.stderr)
+    return 0 if health.ok else SUSPECT
 
 
 def _info(arguments: argparse.Namespace) -> int:
@@ -322,7 +348,9 @@ def _info(arguments: argparse.Namespace) -> int:
         if name in provenance:
             print(f"{name:>16}  {provenance[name]}")
     with open_trajectory(arguments.file) as record:
-        print(record.health())
+        seen = record.health()
+        print(seen)
+        print(seen.verdict)
     for message in damage:
         print(f"{'damage':>16}  {message}")
     return FAILED if damage else 0

@@ -98,7 +98,7 @@ class Monitor:
     def __init__(self, scene: AnyScene) -> None:
         self.names = (*NAMES, *(name for name, *_ in scene.indicators))
         self.rows: list[NDArray[np.float64]] = []
-        self._before: State | None = None
+        self._before: tuple[State, float] | None = None
         self._step = 0
 
     def due(self, step: int, n_points: int) -> bool:
@@ -108,37 +108,50 @@ class Monitor:
         """
         return step == 0 or step - self._step >= STEPS + POINT_STEPS / max(n_points, 1)
 
-    def sample(self, state: State, own: Mapping[str, float] = NOTHING) -> dict[str, float]:
-        """Take a sample of a state and keep it; `own` holds the numbers of the method.
+    def sample(
+        self, state: State, own: Mapping[str, float] = NOTHING, work: float = 0.0
+    ) -> dict[str, float]:
+        """Take a sample of a state and keep it.
 
         Nothing is kept of the first state of a run (step 0): it only starts the energy budget.
+
+        Parameters
+        ----------
+        state : State
+        own : mapping
+            Numbers of the method.
+        work : float
+            Work on the material since the start of the run besides that of gravity [J]; nan if it
+            is not known.
         """
-        row = self.peek(state, own)
-        self._before, self._step = state, state.step
+        row = self.peek(state, own, work)
+        self._before, self._step = (state, work), state.step
         if state.step == 0:
             return {}
         self.rows.append(row)
         return dict(zip(self.names, row.tolist(), strict=True))
 
-    def peek(self, state: State, own: Mapping[str, float] = NOTHING) -> NDArray[np.float64]:
-        """Take a sample of a state without keeping it."""
+    def peek(
+        self, state: State, own: Mapping[str, float] = NOTHING, work: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Take a sample of a state without keeping it; see `sample`."""
         if not state.n:
             return np.full(len(self.names), np.nan)
         bulk = Bulk(state, packed=PACKED)
         material = state.scene.material
-        before = work = created = np.nan
-        if self._before is not None and state.scene.knows_all_work:
-            before, work, created = _account(self._before, state)
+        account = (np.nan, np.nan, np.nan)
+        if self._before is not None and not np.isnan(work):
+            before, work_before = self._before
+            account = _account(before, state, work - work_before)
         row = {
-            "disconnected": bulk.disconnected() if material.granular else np.nan,
+            "disconnected": bulk.disconnected() if _bears(state) else np.nan,
             "density_drift": bulk.drift() if material.granular else np.nan,
             "ill_posed": ill_posed_fraction(state) if hasattr(material, "xi") else np.nan,
             "courant": _courant(state),
             "gaps": np.nan if material.granular else gaps(bulk),
-            "held_before": before,
-            "work": work,
-            "created": created,
-        } | dict(own)
+            **dict(zip(("held_before", "work", "created"), account, strict=True)),
+            **own,
+        }
         return np.array([row.get(name, np.nan) for name in self.names])
 
     def columns(self, last: NDArray[np.float64] | None = None) -> dict[str, NDArray[np.float64]]:
@@ -153,24 +166,42 @@ class Monitor:
         self.rows = list(np.array([samples.get(name, unknown) for name in self.names]).T)
 
 
+def _bears(state: State) -> bool:
+    """True for grains that could bear stress by now: waves have crossed them up and down.
+
+    Points are stress-free at the start, and gravity may be switched on slowly.
+    """
+    scene = state.scene
+    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
+    height = max(high[-1] for high in highs) - min(low[-1] for low in lows)
+    pull = np.linalg.norm(scene.gravity.vectors, axis=1)
+    begin = scene.gravity.times[int(pull.argmax())]
+    return scene.material.granular and state.time > begin + 2 * height / scene.material.wave_speed
+
+
 def _courant(state: State) -> float:
     """Courant number (c + max speed) dt/dx of the last step."""
     scene, fastest = state.scene, float(np.sqrt(np.max(np.sum(state.v**2, axis=1))))
     return (scene.material.wave_speed + fastest) * state.dt / scene.grid.cell
 
 
-def _account(before: State, after: State) -> tuple[float, float, float]:
-    """Energy held at an earlier state, work of gravity since then, and energy created since [J].
+def _account(before: State, after: State, others: float) -> tuple[float, float, float]:
+    """Energy held at an earlier state, work since then, and energy created since [J].
 
-    The held energy is the kinetic and elastic energy of the points. The energy created is
+    The work is that of gravity, as in `granular.measure.energy_budget`, and that of `others`, the
+    bodies. The held energy is the kinetic and elastic energy of the points. The energy created is
     (change of the held energy) + outflow + (plastic dissipation) - work. Energy that transfers and
     disconnections lose, an unknown amount, makes it smaller; energy that the scheme creates makes
-    it larger. It is not positive if the scheme creates none. Plastic power is integrated by the
-    trapezoidal rule, work as in `granular.measure.energy_budget`.
+    it larger. It is not positive if the scheme creates none.
+
+    Samples are too far apart to integrate the plastic power in a fall or an impact. The smaller of
+    its values at both ends is taken, so that the energy created is not overestimated as long as
+    the power rises or falls in between, or has a peak.
     """
     held, now = (float((kinetic_of(s) + elastic_of(s)).sum()) for s in (before, after))
-    work, outflow = between(before, after)
-    plastic = (plastic_power(before) + plastic_power(after)) / 2 * (after.time - before.time)
+    by_gravity, outflow = between(before, after)
+    work = by_gravity + others
+    plastic = min(plastic_power(before), plastic_power(after)) * (after.time - before.time)
     return held, work, now - held + outflow + plastic - work
 
 
@@ -190,12 +221,15 @@ class Indicator:
         The largest value that is "ok"; None for an indicator that is only reported.
     doc : str
         Definition, and the meaning of a value beyond the limit.
+    remedy : str
+        What to do if the value is beyond the limit; empty for an indicator without one.
     """
 
     name: str
     value: float
     limit: float | None
     doc: str
+    remedy: str = ""
 
     @property
     def verdict(self) -> str:
@@ -205,6 +239,11 @@ class Indicator:
         if self.limit is None:
             return "reported"
         return "ok" if self.value <= self.limit else "suspect"
+
+    def __str__(self) -> str:
+        if self.limit is None:
+            return f"{self.name} = {self.value:.3g}"
+        return f"{self.name} = {self.value:.3g} (limit {self.limit:g})"
 
 
 @dataclass(frozen=True)
@@ -224,7 +263,29 @@ class Health:
     @property
     def ok(self) -> bool:
         """True if no indicator is suspect."""
-        return all(indicator.verdict != "suspect" for indicator in self.indicators)
+        return not self.suspect
+
+    @property
+    def suspect(self) -> tuple[Indicator, ...]:
+        """Indicators beyond their limits."""
+        return tuple(found for found in self.indicators if found.verdict == "suspect")
+
+    @property
+    def verdict(self) -> str:
+        """Verdict in words, with what to do if it is "suspect".
+
+        The first line is "ok", "suspect" or "unknown" (no indicator with a limit has a value yet)
+        with the indicators that have a limit; further lines explain those beyond it.
+        """
+        judged = [found for found in self.indicators if found.verdict in ("ok", "suspect")]
+        if not judged:
+            return "verdict: unknown, no indicator has a value yet"
+        head = f"verdict: {'ok' if self.ok else 'suspect'}, {', '.join(map(str, judged))}"
+        return "\n".join([head, *self.warnings()])
+
+    def warnings(self) -> list[str]:
+        """One sentence for each indicator beyond its limit: what it means, and what to do."""
+        return [f"{found} is suspect: {found.doc}; {found.remedy}" for found in self.suspect]
 
     def __getitem__(self, name: str) -> Indicator:
         for indicator in self.indicators:
@@ -278,14 +339,14 @@ _INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
         "later",
         0.1,
         "stress-free share of the packed bulk: beyond the limit the flow is an artefact of the "
-        "scheme",
+        "scheme, unless the material is in free flight",
     ),
     (
         "density_drift",
         "later absolute",
         0.05,
         "volume of the points over the volume they occupy, minus one: beyond the limit points have "
-        "collapsed into one another",
+        "collapsed into one another, or drifted apart",
     ),
     (
         "ill_posed",
@@ -296,7 +357,10 @@ _INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
     ),
     ("gaps", "largest", 0.0, "empty cells in a stressed body: torn by the discretisation"),
 )
-"""Name, key of `_SUMMARIES`, limit and meaning of the indicators with one number per sample."""
+"""Name, key of `_SUMMARIES`, limit and meaning of the indicators with one number per sample.
+
+The limits hold for methods that have a remedy for the indicator, see `Scene.remedies`.
+"""
 
 ENERGY_LIMIT = 0.05
 """Largest energy created that is ok, as a fraction of the energy turned over (`_created`)."""
@@ -316,16 +380,21 @@ def health(scene: AnyScene, samples: Mapping[str, NDArray[np.float64]]) -> Healt
     Health
     """
     nothing = np.full(0, np.nan)
-    indicators = [
-        Indicator(name, _summary(how, samples.get(name, nothing)), limit, doc)
-        for name, how, limit, doc in (*_INDICATORS, *scene.indicators)
-    ]
+    limited = scene.remedies
+    indicators = []
+
+    def add(name: str, value: float, limit: float | None, doc: str) -> None:
+        own = limit if name in limited else None
+        indicators.append(Indicator(name, value, own, doc, limited.get(name, "")))
+
+    for name, how, limit, doc in (*_INDICATORS, *scene.indicators):
+        add(name, _summary(how, samples.get(name, nothing)), limit, doc)
     courant = _summary("largest", samples.get("courant", nothing))
     text = "(c + max speed) dt/dx: beyond the limit a run may fail without a NaN"
-    indicators.append(Indicator("courant", courant, scene.courant_limit, text))
+    add("courant", courant, scene.courant_limit, text)
     created = _created(*(samples.get(n, nothing) for n in ("held_before", "work", "created")))
-    text = "energy created over the sum of the work of gravity and the energy at the beginning"
-    indicators.append(Indicator("energy_created", created, ENERGY_LIMIT, text))
+    text = "energy created over the sum of all work and the energy at the beginning"
+    add("energy_created", created, ENERGY_LIMIT, text)
     return Health(max((len(column) for column in samples.values()), default=0), tuple(indicators))
 
 

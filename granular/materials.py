@@ -77,6 +77,7 @@ class Material:
         check_fields(self, positive, "E", "rho_c")
         check_fields(self, in_range, "nu", low=0.0, high=0.5, open_high=True)
         one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
+        positive(f"wave_speed of E = {self.E} and rho_c = {self.rho_c}", self.wave_speed)
 
     @property
     def law(self) -> str:
@@ -393,16 +394,26 @@ class HardeningDruckerPrager(Material):
         check_fields(self, finite, "h0_deg", "h1_deg", "h3_deg")
         check_fields(self, positive, "h2")
         _check_grain_density(self)
-        strains = [0.0, math.inf]
-        if self.h1_deg:
-            strains.append(max(0.0, 1.0 / self.h2 + self.h3_deg / self.h1_deg))
-        angles = [self.friction_angle_deg(q) for q in strains]
+        angles = self._extreme_angles()
         if not (min(angles) > 0.0 and max(angles) < 90.0):
             raise ValueError(
                 f"h0_deg = {self.h0_deg}, h1_deg = {self.h1_deg}, h2 = {self.h2}, h3_deg = "
                 f"{self.h3_deg} make friction angles of {min(angles):.6g} to {max(angles):.6g} "
                 "deg, must be in (0, 90)"
             )
+
+    def _extreme_angles(self) -> list[float]:
+        """Friction angles [degrees] at the start, in the limit and at the peak or trough."""
+        strains = [0.0, math.inf]
+        if self.h1_deg:
+            strains.append(max(0.0, 1.0 / self.h2 + self.h3_deg / self.h1_deg))
+        return [self.friction_angle_deg(q) for q in strains]
+
+    @property
+    def limiting_friction(self) -> float:
+        """Friction tau/p that the law never exceeds: that of its largest friction angle."""
+        sine = math.sin(math.radians(max(self._extreme_angles())))
+        return 2 * math.sqrt(3) * sine / (3 - sine)
 
     def friction_angle_deg(self, plastic_strain: float) -> float:
         """Friction angle [degrees] after a plastic strain >= 0."""

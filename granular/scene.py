@@ -72,6 +72,11 @@ class BaseScene(Serializable):
         """Largest stable (c + speed) dt/dx."""
         return self._limits.courant_limit(self)
 
+    @property
+    def remedies(self) -> Mapping[str, str]:
+        """Remedies for indicators beyond their limits; one without a remedy has no limit."""
+        return self._limits.REMEDIES
+
     def known_failures(self) -> list[str]:
         """List the settings that are known to fail without an error, one sentence each."""
         return self._limits.known_failures(self)

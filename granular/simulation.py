@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import signal
-import threading
 import time as clock
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
@@ -13,15 +12,16 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 from numpy.typing import NDArray
-from tqdm.auto import tqdm
 
 from granular import _core
 from granular.buffers import default_isa
-from granular.checks import integer, positive
-from granular.diagnostics import Health, Monitor, health
+from granular.checks import integer, positive, truth
+from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.notebook import table
 from granular.record import Checkpoint, RecordError, TrajectoryWriter, open_trajectory
 from granular.record.layout import reading
+from granular.record.settings import settings_of, usable_isa
+from granular.running import EVERY, check_interval, interruptible, next_frame, progress_bar
 from granular.state import State
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ CHUNK_SECONDS = 0.05
 Signals, progress and hooks wait no longer than this.
 """
 MAX_CHUNK = 1 << 20
-EVERY = 1 / 60
-"""Default time between frames [s]; played at 60 frames per second they show real time."""
+MOST_STEPS = 2**63 - 1
+"""Number of steps that the core can count."""
 SMALL = 4000
 """Number of points up to which one thread is the default.
 
@@ -71,13 +71,17 @@ class Simulation:
     isa : str, optional
         Instruction set of the kernels, "baseline", "avx2" or "avx512"; by default the environment
         variable GRANULAR_ISA, else the best that the machine has.
+    force : bool
+        Whether to try a scene that needs more memory than there is, by the estimate of
+        `granular.economy.cost`.
 
     Raises
     ------
     TypeError
         If `scene` is not a scene.
     ValueError
-        If the time step exceeds its limit or the scene cannot be built.
+        If the time step exceeds its limit, the scene cannot be built, or it needs more memory than
+        there is.
 
     Warns
     -----
@@ -99,11 +103,17 @@ class Simulation:
         *,
         threads: int | None = None,
         isa: str | None = None,
+        force: bool = False,
         wall_forces: bool = False,
     ) -> MpmSimulation: ...
     @overload
     def __new__(
-        cls, scene: SphScene, *, threads: int | None = None, isa: str | None = None
+        cls,
+        scene: SphScene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        force: bool = False,
     ) -> SphSimulation: ...
     def __new__(cls, scene: object = None, **_: Any) -> Simulation:
         return super().__new__(cls._of(scene))
@@ -118,6 +128,13 @@ class Simulation:
         known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
+
+    @staticmethod
+    def _check_memory(scene: AnyScene, force: bool) -> None:
+        """Refuse a scene for which there is not enough memory, before anything is built."""
+        from granular.economy.cost import check_memory  # which knows scenes, but no simulation
+
+        check_memory(scene, truth("force", force))
 
     def _start(
         self, scene: AnyScene, engine: _core.Engine | _core.Sph, threads: int | None
@@ -134,6 +151,7 @@ class Simulation:
         self._every = EVERY
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
+        self._told: set[str] = set()
 
     # ---- what a method must implement ----
 
@@ -176,6 +194,10 @@ class Simulation:
     def _indicators(self, state: State) -> dict[str, float]:
         """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
         return {}
+
+    def _work(self) -> float:
+        """Return the work on the material so far besides that of gravity [J]; nan if unknown."""
+        return np.nan
 
     # ---- present state ----
 
@@ -232,7 +254,7 @@ class Simulation:
 
     def step(self, n: int = 1) -> None:
         """Make `n` steps."""
-        target = self.steps + integer("n", n, 1)
+        target = self.steps + integer("n", n, 1, MOST_STEPS - self.steps)
         while self.steps < target:
             self._advance(target - self.steps, np.inf)
 
@@ -304,15 +326,22 @@ class Simulation:
             With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt
             On Ctrl-C; the simulation and the record stay valid and can be continued.
+
+        Warns
+        -----
+        StabilityWarning
+            At the end, for each indicator that is suspect by the samples of the run, with what to
+            do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        self._every = every = positive("every", self._every if every is None else every)
-        with self._writer(save, overwrite) as writer, self._bar(progress, until) as bar:
-            with _interruptible() as interrupted:
+        every = self._every if every is None else every
+        self._every = every = check_interval(every, self.dt, max(until, self.time))
+        with self._writer(save, overwrite) as writer, progress_bar(self, until, progress) as bar:
+            with interruptible() as interrupted:
                 if self.steps in (0, self._due):
                     self._frame(writer, hooks, monitor, gas)
                 while self.time < until and not interrupted:
-                    frame = min((np.floor(self.time / every + 1e-9) + 1) * every, until)
+                    frame = min(next_frame(self.time, every), until)
                     for _ in self._chunks(frame):
                         bar.update(min(self.time, until) - bar.n)
                         if writer and self.time < frame:  # the frame is stored with the rest
@@ -325,6 +354,8 @@ class Simulation:
                     writer.checkpoint(self.checkpoint())
             if interrupted:  # within the writer, so that it does not merge the record
                 raise KeyboardInterrupt
+        if monitor:
+            self._warn_of_health()
         return self
 
     def _frame(
@@ -334,7 +365,9 @@ class Simulation:
         sampled = monitor and self._monitor.due(self.steps, self.n_points)
         if writer or sampled:
             state = self._snapshot(kept=True)
-            samples = self._monitor.sample(state, self._indicators(state)) if sampled else {}
+            samples = {}
+            if sampled:
+                samples = self._monitor.sample(state, self._indicators(state), self._work())
         if writer:
             writer.append(
                 state,
@@ -360,9 +393,23 @@ class Simulation:
         Health
             Value, limit and verdict of each indicator; see `granular.diagnostics`.
         """
-        state = self.state
-        last = self._monitor.peek(state, self._indicators(state)) if self.steps else None
+        last = None
+        if self.steps:
+            state = self.state
+            last = self._monitor.peek(state, self._indicators(state), self._work())
         return health(self.scene, self._monitor.columns(last))
+
+    def _warn_of_health(self) -> None:
+        """Issue a warning for each indicator that has become suspect since the last warning.
+
+        It looks at the present state only if a sample is due, as samples take time.
+        """
+        due = self._monitor.due(self.steps, self.n_points)
+        found = self.health() if due else health(self.scene, self._monitor.columns())
+        for indicator, text in zip(found.suspect, found.warnings(), strict=True):
+            if indicator.name not in self._told:
+                self._told.add(indicator.name)
+                warnings.warn(text, StabilityWarning, stacklevel=3)
 
     @contextmanager
     def _writer(
@@ -402,12 +449,6 @@ class Simulation:
             if writer.closed:
                 self._unclosed = None
 
-    def _bar(self, progress: bool, until: float) -> Any:
-        if not progress:
-            return nullcontext(_Silent())
-        form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
-        return tqdm(total=until, initial=self.time, desc=self.scene.name, bar_format=form)
-
     # ---- restart ----
 
     def checkpoint(self) -> Checkpoint:
@@ -445,12 +486,27 @@ class Simulation:
     ) -> Self:
         """Continue a record from its checkpoint, bitwise as if the run had never stopped.
 
+        Parameters
+        ----------
+        path : path
+        threads : int, optional
+            See `Simulation`.
+        isa : str, optional
+            Instruction set of the kernels; by default the one that the record was made with, since
+            the last bits depend on it.
+
         Raises
         ------
         FileNotFoundError
             If there is no such record.
         RecordError
             If the file is damaged or holds no checkpoint, or one that does not fit its scene.
+
+        Warns
+        -----
+        UserWarning
+            If this machine does not have the instruction set of the record. The run then continues
+            with another one, and differs from an unbroken run by rounding errors, which grow.
         """
         if threads is not None:
             integer("threads", threads, 1, _core.MAX_THREADS)
@@ -458,10 +514,13 @@ class Simulation:
         with open_trajectory(path) as record:
             method, checkpoint = cls._of(record.scene), record.checkpoint()
             with reading(record.path, "the run cannot be resumed"):
+                every, recorded = settings_of(record.path, record.provenance)
+                if isa is None:
+                    isa = usable_isa(recorded, record.path)
                 self = method._restored(record.scene, checkpoint, threads, isa)
-                self._every = positive("every", record.provenance.get("every", EVERY))
                 past = record.series["step"] <= self.steps
                 self._monitor.recall({name: v[past] for name, v in record.samples.items()})
+        self._every = every
         self.record = Path(path)
         return self
 
@@ -481,34 +540,3 @@ class Simulation:
             "kernels": self.isa,
         }
         return table(f"Simulation of {self.scene.name}", rows)
-
-
-class _Silent:
-    """A progress bar that shows nothing."""
-
-    n = 0.0
-
-    def update(self, amount: float) -> None:
-        self.n += amount
-
-
-@contextmanager
-def _interruptible() -> Iterator[list[int]]:
-    """Turn Ctrl-C into a flag that is checked between calls of the core.
-
-    The flag is the list of the signals received: empty, and hence false, until the first. The
-    handler is restored in the end.
-    """
-    flag: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield flag
-        return
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # a handler of the caller: leave it
-        yield flag
-        return
-    signal.signal(signal.SIGINT, lambda number, _: flag.append(number))
-    try:
-        yield flag
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -50,6 +50,7 @@ struct gr_body_state {
     double v[3], omega[3];     /* m/s, rad/s, in the axes of the scene */
     double impulse[3];         /* of the material on the body since the run began, N s */
     double angular_impulse[3]; /* the same about its present position x, N m s */
+    double work;               /* of the contact on the material since then: impulses times nodal velocities, J */
 };
 
 enum { GR_BODY_NUMBERS = sizeof(struct gr_body_state) / sizeof(double) };

@@ -6,7 +6,7 @@
 #pragma once
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
+enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_DAMPED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
 
 /* X(name, kind, needed by, unit, description) */
 #define GR_FIELDS(X)                                                                                              \
@@ -20,6 +20,7 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_NONLOCAL, GR_BALANCED, GR_S
     X(density_gradient, GR_VECTOR, GR_SMOOTHED, "1/m", "gradient of log_density, used by its averaging")          \
     X(shift_velocity, GR_VECTOR, GR_SMOOTHED, "m/s", "change of velocity by particle shifting")                   \
     X(weight_correction, GR_SCALAR, GR_SMOOTHED, "1", "relative excess of the quadrature weight over the volume") \
+    X(damping, GR_SCALAR, GR_DAMPED, "1", "share of the largest damping of differences to the grid's velocity")   \
     X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu in flow; 0 where stress-free")          \
     X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "increment of the fluidity by the law in the last substep")          \
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \

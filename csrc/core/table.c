@@ -42,14 +42,6 @@ int gr_table_set(struct gr_table *t, int64_t i, int32_t value)
     return GR_OK;
 }
 
-int gr_table_of_bytes(struct gr_table *t, const uint8_t *bytes, int64_t n)
-{
-    int error = gr_table_new(t, n);
-    for (int64_t i = 0; !error && bytes && i < n; i++)
-        if (bytes[i]) error = gr_table_set(t, i, bytes[i]);
-    return error;
-}
-
 void gr_table_clear(struct gr_table *t)
 {
     for (int64_t b = 1; b < t->n_blocks; b++) t->block_of[t->used[b]] = 0;

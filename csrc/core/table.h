@@ -14,12 +14,9 @@ struct gr_table {
 };
 
 /* Make a table of n zeros.
- * Returned: 0 or GR_ERR_MEMORY; the same holds for the next two functions. */
+ * Returned: 0 or GR_ERR_MEMORY; the same holds for the next function. */
 int gr_table_new(struct gr_table *t, int64_t n);
 int gr_table_set(struct gr_table *t, int64_t i, int32_t value);
-
-/* Make the table of n bytes. */
-int gr_table_of_bytes(struct gr_table *t, const uint8_t *bytes, int64_t n);
 
 /* Set all entries to zero. The memory of the blocks is kept, so that setting entries where some were set before cannot
  * fail. */

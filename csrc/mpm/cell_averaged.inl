@@ -43,7 +43,7 @@ GR_INLINE double between(double low, double high, double x)
 
 GR_INLINE struct gr_cell_average *cell_average_of(const int dim, const struct gr_engine *e, int64_t index)
 {
-    return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_NODE_SUMS(dim, 0) * (1 << dim));
+    return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_SUM_DAMPED(dim) * (1 << dim));
 }
 
 /* B_i dx along axis d for the quadrature point xi, in local coordinates. */
@@ -58,9 +58,9 @@ GR_INLINE double slope_at(const int dim, const double xi[3], int i, int d)
 /* P2G of one cell: m and p of its nodes, and its own sums, sum m c and sum m sigma. */
 GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engine *e, int64_t index)
 {
-    enum { MOST = 4 * 8 + 7 + GR_SUMS };
+    enum { MOST = 4 * 8 + 8 + GR_SUMS };
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = 1 << dim, rows = 1 + dim, stresses = dim == 2 ? 3 : 6, n_sums = K * rows + 1 + stresses;
+    const int K = 1 << dim, rows = 1 + dim, stresses = dim == 2 ? 3 : 6, n_sums = K * rows + 2 + stresses;
     const int blocks = GR_BLOCKS(cell->count);
     const struct gr_frame frame = gr_frame_of(dim, e, cell);
     double sum[MOST] = {0}, *out = e->sums + index * e->sum_stride;
@@ -69,7 +69,7 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
         vd *const own = acc + K * rows;
-        for (int q = 0; q <= stresses; q++) own[q] = v_zero();
+        for (int q = 0; q <= stresses + 1; q++) own[q] = v_zero();
         for (int i = 0; i < n; i++) {
             const int64_t at = cell->offset + (done + i) * GR_W;
             prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, &contribution[i]);
@@ -78,23 +78,26 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
                 const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in 2D */
                 own[1 + q] = v_fma(contribution[i].m, component(e, GR_FIELD_stress, c, at), own[1 + q]);
             }
+            if (e->config.damping_rate > 0)
+                own[1 + stresses] = v_fma(contribution[i].m, component(e, GR_FIELD_shear_rate, 0, at), own[1 + stresses]);
         }
         add_rows(dim, GR_LINEAR, affine, 0, MOMENTUM, contribution, n, rows, 0, acc);
         store_sums(sum, acc, n_sums, done);
     }
     for (int i = 0; i < K; i++)
-        for (int q = 0; q < rows; q++) out[i * GR_NODE_SUMS(dim, 0) + q] = sum[i * rows + q];
+        for (int q = 0; q < rows; q++) out[i * GR_SUM_DAMPED(dim) + q] = sum[i * rows + q];
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     own->mc = sum[K * rows];
     for (int q = 0; q < stresses; q++) own->stress[q] = sum[K * rows + 1 + q];
+    own->damped = sum[K * rows + 1 + stresses]; /* becomes the damping in cell_state */
 }
 
 /* State of a cell before its forces, from its sums and the masses of its nodes: w (`inside`), ln phi (as 2 (phi -
  * 1)/(phi + 1)), c, its quadrature point, the over-compression sum max(0, m_i/rho_c - V_i) B_i dx, and the excess of
- * its mass. */
+ * its mass; and its damping, from the mean of the plastic shear rate. */
 GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t index, struct gr_cell_average *own)
 {
-    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale;
     double M = 0, mass = 0, volume = 0, high[3] = {0}, over[8];
     int light = 0;
@@ -122,6 +125,7 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
         own->over_compression[d] = 0;
         for (int i = 0; i < K; i++) own->over_compression[d] += over[i] * slope_at(dim, own->at, i, d);
     }
+    own->damped = e->config.damping_rate > 0 ? damped_share(e, v_set(own->damped * inverse), v_set(own->c))[0] : 0;
     own->filled = M * per_cell;
     own->excess = (own->filled - 1) * (own->filled < 1 ? own->inside : 1);
 }
@@ -136,7 +140,7 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
 GR_INLINE double represented_volume(const int dim, const struct gr_engine *e, int64_t index,
                                     const struct gr_cell_average *own)
 {
-    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale, w = own->inside;
     const double volume = w + (1 - w) * lesser(1, own->filled);
     double stiffness = 0;
@@ -157,11 +161,11 @@ GR_INLINE double represented_volume(const int dim, const struct gr_engine *e, in
 GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t index)
 {
     static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
-    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
+    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     double *sum = e->sums + index * e->sum_stride;
     if (!e->mesh.cell[index].count) {    /* without points: all sums are zero */
-        own->c = EMPTY, own->excess = 0; /* for neighbours; counts change during a sweep */
+        own->c = EMPTY, own->excess = own->damped = 0; /* for neighbours; counts change during a sweep */
         for (int i = 0; i < K * rows; i++) sum[i] = 0;
         return;
     }
@@ -258,30 +262,12 @@ GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t i
     }
 }
 
-/* Mean over the points of a cell, by mass, of the difference of their velocity to that of the grid before the forces,
- * m/s: from the sums of the cell, whose momentum is theirs without the affine field. */
-GR_INLINE void mean_difference(const int dim, const struct gr_engine *e, int64_t index, double mean[3])
-{
-    const int K = 1 << dim, rows = GR_NODE_SUMS(dim, 0);
-    const double *sum = e->sums + index * e->sum_stride;
-    const double inverse = e->mass_scale / cell_average_of(dim, e, index)->filled;
-    for (int d = 0; d < dim; d++) mean[d] = 0;
-    for (int i = 0; i < K; i++) {
-        const double *v = e->node_v + (int64_t)e->mesh.cell_node[index * K + i] * dim, m = sum[i * rows];
-        for (int d = 0; d < dim; d++) mean[d] += sum[i * rows + GR_SUM_MOMENTUM + d] - m * v[d];
-    }
-    for (int d = 0; d < dim; d++) mean[d] *= inverse;
-}
-
-/* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, the shift, and what
- * they keep of the difference of their velocity to that of the grid, m/s.
+/* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, the shift, m.
  *
  *   c <- c - dt tr L + eta (second difference of c),   eta: averaged_share;
  *   c += relaxation to ln phi, see relax_to_nodal_density. If it lowers c, only the share w of it, and nothing if the
- *        cell is disconnected already;
- *   v <- v_grid + f (mean of v - v_grid before the forces),   f: keep_velocity. The momentum of the cell is that of
- *        points which keep their own differences. */
-GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3][2], vd difference[3])
+ *        cell is disconnected already. */
+GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3][2])
 {
     const struct gr_density_numbers *q = &e->config.density;
     const struct gr_cell_average *own = cell_average_of(dim, e, index);
@@ -301,8 +287,5 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
     shift_of_cell(dim, e, index, L, rate, drop, shift);
-    double mean[3];
-    mean_difference(dim, e, index, mean);
-    for (int d = 0; d < dim; d++) difference[d] = v_set(e->keep_velocity * mean[d]);
     return v_set(c);
 }

@@ -45,11 +45,12 @@ enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 /* Data common to the points of a cell. */
 struct view {
     struct gr_frame frame;
-    vd begin[3], end[3];                    /* bounds of the cell, m */
-    int has_sponge;                         /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;                        /* log-density below which a point is given no affine field */
-    vd L[9], shift[3][2], c, difference[3]; /* with a cell-averaged density: L dt; shift along each axis at the low and
-                                               the high face, m; log-density; kept difference to the grid, m/s */
+    vd begin[3], end[3];     /* bounds of the cell, m */
+    int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
+    vd disconnected;         /* log-density below which a point is given no affine field */
+    vd L[9], shift[3][2], c; /* with a cell-averaged density: L dt; shift along each axis at the low and high face, m;
+                                log-density */
+    struct damping damping;
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
 };
 
@@ -75,6 +76,7 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
     view->frame = gr_frame_of(dim, e, cell);
     view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
     view->has_sponge = e->config.has_sponge;
+    if (smoothed || cell_averaged) damping_of_cell(dim, basis, e, index, &view->damping);
     for (int d = 0; d < dim; d++) {
         view->begin[d] = v_set(view->frame.axis[d]->begin);
         view->end[d] = v_set(view->frame.axis[d]->end);
@@ -84,5 +86,5 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
         cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode);
     else
         cell_modes(dim, basis, nodal, 0, fields, e, index, &view->frame, scale, view->mode);
-    if (cell_averaged) view->c = flow_of_cell(dim, e, index, view->L, view->shift, view->difference);
+    if (cell_averaged) view->c = flow_of_cell(dim, e, index, view->L, view->shift);
 }

@@ -16,10 +16,10 @@ struct moving {
     double v[3], omega[3];
 };
 
-/* Reaction of the nodes on a body: impulse, angular impulse, and minus the derivative of the impulse with respect to
- * the velocity of the body. */
+/* Reaction of the nodes on a body: impulse, angular impulse, minus the derivative of the impulse with respect to the
+ * velocity of the body, and the work on the nodes. */
 struct sums {
-    double impulse[3], angular[3], slope[3][3];
+    double impulse[3], angular[3], slope[3][3], work;
 };
 
 void gr_bodies_start(struct gr_engine *e)
@@ -144,6 +144,7 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
 
 void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last)
 {
+    if (first == last) return; /* without nodes there is no array */
     memset(e->touched + first, 0, (size_t)(last - first));
     for (int b = 0; b < e->config.n_bodies; b++) {
         struct moving m;
@@ -182,6 +183,7 @@ static void touch(struct gr_engine *e, int64_t node, const struct moving *m, str
         if (wall->fixed >> d & 1) after[d] = v[d];
         impulse[d] = -mass * (after[d] - v[d]);
         sums->impulse[d] += impulse[d];
+        sums->work -= impulse[d] * after[d]; /* points are moved and strained by the velocity after contact */
         if (!keep) continue;
         out[d] = after[d];
         out[dim + d] += after[d] - v[d];
@@ -271,6 +273,7 @@ static void touch_body(struct gr_engine *e, int b, const double g[3])
         next->impulse[d] += sums.impulse[d];
         next->angular_impulse[d] += sums.angular[d];
     }
+    next->work += sums.work;
     gr_turn(now->orientation, m.omega, dt, next->orientation);
 }
 

@@ -15,6 +15,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
     const int needed[] = {[GR_ALWAYS] = 1,
                           [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
                           [GR_SMOOTHED] = config->smoothed,
+                          [GR_DAMPED] = config->smoothed && config->damping_rate > 0,
                           [GR_NONLOCAL] = law->reaction != GR_LOCAL,
                           [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
@@ -45,7 +46,7 @@ static int copy_samples(struct gr_config *c)
     return error;
 }
 
-static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
+static int copy_config(struct gr_engine *e)
 {
     struct gr_config *c = &e->config;
     int error = gr_own((const void **)&c->gravity_times, sizeof(double) * (size_t)c->n_gravity);
@@ -54,39 +55,59 @@ static int copy_config(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
     error |= gr_own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
     error |= copy_samples(c);
     error |= copy_bodies(c);
-    error |= gr_table_of_bytes(&e->node_codes, c->node_codes, n_nodes);
-    error |= gr_table_of_bytes(&e->cell_flags, c->cell_flags, n_cells);
-    c->node_codes = c->cell_flags = 0;
+    error |= gr_map_own(&c->node_codes);
+    error |= gr_map_own(&c->cell_flags);
     for (int d = 0; d < 3; d++) c->c0_lines[d] = 0;
     c->nonlocal.face = 0;
     return error ? GR_ERR_MEMORY : GR_OK;
 }
 
-/* Add up the volume that solid cells take from the nodes around them. */
-static int count_solids(struct gr_engine *e, int64_t n_nodes, int64_t n_cells)
+/* Add the volume of a solid cell to the nodes around it. */
+static void count_solid(struct gr_engine *e, const int32_t at[3])
 {
-    const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    for (int i = 0; i < e->K; i++) {
+        const int part[3] = {i % k, i / k % k, i / (k * k)};
+        int64_t node = 0, stride = 1;
+        double volume = 1;
+        for (int d = 0; d < e->config.dim; d++) {
+            const struct gr_axis_cell *cell = &e->axis[d].cell[at[d]];
+            node += stride * cell->node[part[d]];
+            stride *= e->axis[d].n_nodes;
+            volume *= cell->integral[part[d]];
+        }
+        e->solid[node] += volume;
+    }
+}
+
+/* True if a row of values of the flags has a solid cell. */
+static int has_solid(const struct gr_map *flags, int64_t row)
+{
     int any = 0;
-    for (int64_t c = 0; c < n_cells; c++) any |= gr_table_get(&e->cell_flags, c) & GR_CELL_SOLID;
+    for (int32_t c = 0; c < flags->n_classes[0]; c++) any |= flags->value[row * flags->n_classes[0] + c] & GR_CELL_SOLID;
+    return any;
+}
+
+/* Add up the volume that solid cells take from the nodes around them. Rows of cells without any are passed over: a box
+ * may have many more cells than material. */
+static int count_solids(struct gr_engine *e, int64_t n_nodes)
+{
+    const struct gr_map *flags = &e->config.cell_flags;
+    const int n_z = e->config.dim == 3 ? e->axis[2].n_cells : 1;
+    int any = 0;
+    for (int64_t row = 0; flags->value && row < (int64_t)flags->n_classes[1] * flags->n_classes[2]; row++)
+        any |= has_solid(flags, row);
     if (!any) return GR_OK;
     e->solid = calloc((size_t)n_nodes, sizeof(double));
     if (!e->solid) return GR_ERR_MEMORY;
-    for (int64_t c = 0; c < n_cells; c++) {
-        if (!(gr_table_get(&e->cell_flags, c) & GR_CELL_SOLID)) continue;
-        for (int i = 0; i < e->K; i++) {
-            const int part[3] = {i % k, i / k % k, i / (k * k)};
-            int64_t node = 0, stride = 1, rest = c;
-            double volume = 1;
-            for (int d = 0; d < dim; d++) {
-                const struct gr_axis_cell *cell = &e->axis[d].cell[rest % e->axis[d].n_cells];
-                rest /= e->axis[d].n_cells;
-                node += stride * cell->node[part[d]];
-                stride *= e->axis[d].n_nodes;
-                volume *= cell->integral[part[d]];
+    for (int32_t z = 0; z < n_z; z++)
+        for (int32_t y = 0; y < e->axis[1].n_cells; y++) {
+            if (!has_solid(flags, gr_map_class(flags, 2, z) * flags->n_classes[1] + gr_map_class(flags, 1, y))) continue;
+            for (int32_t x = 0; x < e->axis[0].n_cells; x++) {
+                const int32_t at[3] = {x, y, z};
+                if (gr_map_get(flags, at) & GR_CELL_SOLID) count_solid(e, at);
             }
-            e->solid[node] += volume;
         }
-    }
     return GR_OK;
 }
 
@@ -200,18 +221,20 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     /* whole cache lines, with capacity for the whole groups in which lane sums are written */
-    e->sum_stride = GR_NODE_SUMS(config->dim, config->smoothed) * e->K;
+    e->sum_stride = GR_SUM_DAMPED(config->dim) * e->K + 2 * config->smoothed; /* of two the damping is made */
     if (config->cell_averaged) e->sum_stride += (int)(sizeof(struct gr_cell_average) / sizeof(double));
-    e->sum_stride = (e->sum_stride + 2 * GR_LANES - 1) / GR_LANES * GR_LANES;
-    e->node_stride = (GR_NODE_FIELDS(config->dim, config->smoothed) + 3) / 4 * 4;
+    e->density_sums = e->sum_stride = (e->sum_stride + GR_LANES - 1) / GR_LANES * GR_LANES;
+    if (config->smoothed) e->sum_stride += (GR_DENSITY_SUMS(config->dim) * e->K + GR_LANES - 1) / GR_LANES * GR_LANES;
+    const int last = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
+    e->node_stride = (last + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
-    error = copy_config(e, n_nodes, n_cells);
+    error = copy_config(e);
     if (error) goto out;
     error = GR_ERR_MEMORY;
     if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
     if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
-    error = count_solids(e, n_nodes, n_cells);
+    error = count_solids(e, n_nodes);
     if (!error && config->n_bodies) error = build_bodies(e);
     e->dt = config->dt;
     e->shift_dt = 1; /* until the first shift */
@@ -272,8 +295,10 @@ void gr_engine_free(struct gr_engine *e)
                            e->pending,
                            e->pending_id,
                            e->dirty};
-    struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of, &e->node_codes, &e->cell_flags};
-    for (int k = 0; k < 5; k++) gr_table_free(tables[k]);
+    struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of};
+    for (int k = 0; k < 3; k++) gr_table_free(tables[k]);
+    gr_map_free(&e->config.node_codes);
+    gr_map_free(&e->config.cell_flags);
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free((void *)owned[k]);
     free(e);
 }

@@ -10,6 +10,7 @@
 #include "core/team.h"
 #include "core/error.h"
 #include "core/field.h"
+#include "core/map.h"
 #include "core/table.h"
 #include "fluidity/fluidity.h"
 #include "law/law.h"
@@ -50,6 +51,9 @@ struct gr_config {
     struct gr_scheme_numbers scheme; /* as given; what follows is made of them and of the scene */
     double keep_velocity_rate;       /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
     double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
+    double ill_posed_rate; /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
+    double damping_rate;   /* of the short waves in such a flow if it is slow, 1/s */
+    double crossover_rate; /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
     double parameter[GR_LAW_MAX_PARAMETERS];
     struct gr_density_numbers density;
     int averaging_interval; /* steps between two averagings of the density, each of which stands for that many steps */
@@ -60,11 +64,11 @@ struct gr_config {
     const double *gravity_vectors; /* n_gravity x dim, m/s^2 */
     int n_walls;
     const struct gr_wall *walls; /* row 0 is for free nodes */
-    const uint8_t *node_codes;   /* per node of the grid, x fastest: row of its wall; the engine keeps them in a table */
+    struct gr_map node_codes;    /* of the nodes of the grid: row of the wall */
     int has_sponge; /* bit d: points beyond above[d], m, that rise along axis d are damped at the rate sponge_damping[d],
                        1/s */
     double above[3], sponge_damping[3];
-    const uint8_t *cell_flags; /* per cell of the grouping, x fastest: enum gr_cell_flag; may be NULL; kept in a table too */
+    struct gr_map cell_flags; /* of the cells of the grouping: enum gr_cell_flag */
     int n_bodies, n_parts;
     const struct gr_body *bodies;
     const struct gr_part *parts; /* of all bodies */
@@ -95,8 +99,8 @@ struct gr_mesh {
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
     int32_t *place;       /* of its cells on the fluidity grid; NULL without one */
-    int64_t *node_source; /* n_nodes x K: where the sums of the node over each of its cells begin; in the zero block where
-                             there is no cell */
+    int64_t *node_source; /* n_nodes x K: where the sums of the node over each of its cells begin, in the order of cells,
+                             that in which it is node K - 1 first; in the zero block where there is no cell */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
     int64_t *node_id;                 /* its index in the whole grid */
@@ -133,13 +137,12 @@ struct gr_engine {
     int n_components;                 /* of all fields in use together */
     /* grid */
     struct gr_mesh mesh;
-    struct gr_table node_codes, cell_flags; /* copies of those of the config */
-    double *sums;                           /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
+    double *sums;      /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
     double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
     double *solid;     /* per node of the grid: the part of its volume in solid cells; NULL without solid cells */
-    int sum_stride, node_stride;
+    int sum_stride, density_sums, node_stride;
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
     uint8_t *touched;                       /* per node: 1 if it lies within a body */
@@ -194,18 +197,24 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
     e->sums_correct_shift = gr_averages(e, step - 1);
 }
 
-/* Sums of a node over the points of a cell: mass, momentum, force. If the density is smoothed, from GR_SUM_DENSITY on
- * also: the mass of connected points, the same with quadrature weights, their log-density with these weights, and the
- * residual force. */
+/* Sums of a node over the points of a cell: mass, momentum, force. If the density is smoothed also: mass times the damping
+ * of the points, over the largest (damping.inl); and in a step that averages, from GR_SUM_DENSITY on, the mass of connected
+ * points, the same with quadrature weights, their log-density with these weights, and the residual force.
+ *
+ * In the block of a cell the first GR_SUM_DAMPED sums of its nodes come first, then the damping, which is the same for all
+ * nodes, and at density_sums those of the density, which are left as they are in other steps. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
-#define GR_SUM_DENSITY(dim) (GR_SUM_FORCE(dim) + (dim))
+#define GR_SUM_DAMPED(dim) (GR_SUM_FORCE(dim) + (dim))
+#define GR_SUM_DENSITY(dim) (GR_SUM_DAMPED(dim) + 1)
 enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
-#define GR_NODE_SUMS(dim, smoothed) (GR_SUM_DENSITY(dim) + (GR_SUM_RESIDUAL + (dim)) * (smoothed))
+#define GR_DENSITY_SUMS(dim) (GR_SUM_RESIDUAL + (dim))
+#define GR_NODE_SUMS(dim) (GR_SUM_DENSITY(dim) + GR_DENSITY_SUMS(dim))
 
 /* State of a cell with a cell-averaged density (mpm/cell_averaged.inl), stored behind the sums of its nodes; all
  * doubles. */
 struct gr_cell_average {
+    double damped;                     /* damping of its points, over the largest; at the place that gr_grid_nodes reads */
     double mc, stress[6];              /* sum m c; sum m sigma (xx, yy, zz, xy, yz, xz; in 2D xx, yy, xy) */
     double c, log_phi, inside;         /* log-density of its points; logarithm of its filling fraction; from 0 at a
                                           surface to 1 inside the material */
@@ -215,12 +224,13 @@ struct gr_cell_average {
                                           the material, which points exchange with neighbours */
 };
 
-/* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed, from GR_NODE_DENSITY on also:
- * the gap ln phi - c averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean
+/* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to
+ * its velocity that points lose in this step; and in a step that averages, from GR_NODE_DENSITY on, the gap ln phi - c averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean
  * quadrature weight in excess of the one that fills the volume; the gap of the node itself; and the residual force. */
 enum gr_node_field { GR_NODE_VELOCITY };
 #define GR_NODE_UPDATE(dim) (GR_NODE_VELOCITY + (dim))
-#define GR_NODE_DENSITY(dim) (GR_NODE_UPDATE(dim) + (dim))
+#define GR_NODE_DAMPING(dim) (GR_NODE_UPDATE(dim) + (dim))
+#define GR_NODE_DENSITY(dim) (GR_NODE_DAMPING(dim) + 1)
 enum gr_density_field {
     GR_NODE_GAP,
     GR_NODE_LOG_DENSITY,
@@ -229,7 +239,7 @@ enum gr_density_field {
     GR_NODE_OWN_GAP,
     GR_NODE_RESIDUAL
 };
-#define GR_NODE_FIELDS(dim, smoothed) (GR_NODE_DENSITY(dim) + (GR_NODE_RESIDUAL + (dim)) * (smoothed))
+#define GR_NODE_FIELDS(dim, averages) ((averages) ? GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL + (dim) : GR_NODE_DAMPING(dim))
 
 struct gr_kernels; /* kernels.h */
 

@@ -6,6 +6,7 @@
  *
  * The law then updates the stress from L dt (cell_view.inl). Points that leave their cell are listed here; migrate.c
  * moves them, and the sums of the cells that they enter are computed again. */
+#include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
 /* List the points of a block that are outside the cell. Spare places outside it go back to its centre. */
@@ -79,16 +80,13 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
             v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
         }
         trace = d ? v_add(trace, L[d * dim + d]) : L[0];
-        if (cell_averaged) {
-            v_new[d] = v_fma(speed, move[d], view->difference[d]);
-            continue;
-        }
         const vd w = all_new ? v_mul(speed, move[d])
                              : gr_interpolate(dim, basis, nodal, mode + GR_NODE_UPDATE(dim) + d, fields, &s,
                                               (const vd(*)[3])s.g, slope);
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
+    if ((smoothed || cell_averaged) && view->damping.of != NO_NODES) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
     if (smoothed && averages) {
         c = relax_density(dim, basis, e, cell, &s, mode + GR_NODE_DENSITY(dim), fields, L, trace, at, delta, shift_velocity);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + shift_velocity[d];

@@ -9,28 +9,43 @@
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
+enum { AVERAGED = 2 }; /* `smoothed` is 1 if the density is smoothed, AVERAGED in a step that averages it */
+
+/* Number of the sums of a node. */
+GR_INLINE int rows_of(const int dim, const int smoothed)
+{
+    return smoothed == AVERAGED ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + smoothed;
+}
+
 /* Sum over the cells of node n, in the order of cells. The sums of the cells lie far apart in memory. Those of a later
  * node are therefore prefetched: in 3D, where they do not fit a cache, the processor waited for them a fifth of the
  * step. */
-GR_INLINE void sum_over_cells(const int K, const int rows, const struct gr_engine *e, int64_t n, double *sum)
+GR_INLINE void sum_over_cells(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
+                              double *sum)
 {
     enum { AHEAD = 4 };
+    const int rows = GR_SUM_DAMPED(dim), of_density = GR_DENSITY_SUMS(dim), all = rows_of(dim, smoothed);
     const int64_t *source = e->mesh.node_source + n * K, ahead = n + AHEAD < e->mesh.n_nodes ? AHEAD * K : 0;
-    for (int q = 0; q < rows; q++) sum[q] = 0;
+    for (int q = 0; q < all; q++) sum[q] = 0;
     for (int i = 0; i < K; i++) {
         const double *part = e->sums + source[i], *later = e->sums + source[ahead + i];
         __builtin_prefetch(later), __builtin_prefetch(later + rows - 1);
         for (int q = 0; q < rows; q++) sum[q] += part[q];
+        if (smoothed) sum[GR_SUM_DAMPED(dim)] += part[(i + 1) * rows] * part[GR_SUM_MASS]; /* for node a = K - 1 - i */
+        if (smoothed < AVERAGED) continue;
+        part += e->density_sums + (K - 1 - i) * (of_density - rows);
+        for (int q = 0; q < of_density; q++) sum[GR_SUM_DENSITY(dim) + q] += part[q];
     }
 }
 
 /* A node and its duplicate for the other side of a thin body that are not separated move as one: add the sums of both. */
-GR_INLINE void join_duplicate(const int K, const int rows, const struct gr_engine *e, int64_t n, double *sum)
+GR_INLINE void join_duplicate(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
+                              double *sum)
 {
-    double other[GR_NODE_SUMS(3, 1)];
+    double other[GR_NODE_SUMS(3)];
     if (e->mesh.duplicate[n] < 0 || e->mesh.separated[n]) return;
-    sum_over_cells(K, rows, e, e->mesh.duplicate[n], other);
-    for (int q = 0; q < rows; q++) sum[q] += other[q];
+    sum_over_cells(dim, K, smoothed, e, e->mesh.duplicate[n], other);
+    for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] += other[q];
 }
 
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
@@ -47,35 +62,49 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
 static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t n, double *v, double *next)
 {
     const int dim = e->config.dim;
-    const double m = e->node_mass[n], keep = e->keep_velocity; /* its own, that of a duplicate not included */
+    const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
+    const double kept =
+        e->keep_velocity - (e->config.smoothed || e->config.cell_averaged ? e->node_data[n * e->node_stride + GR_NODE_DAMPING(dim)] : 0);
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;
     memcpy(before, v, sizeof(double) * (size_t)dim);
     memcpy(free, next, sizeof(double) * (size_t)dim);
     gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
-    for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - keep * (before[d] - v[d]));
+    for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - kept * (before[d] - v[d]));
 }
 
+/* Share of the difference to the velocity of a node that points lose: its mass-weighted mean over the points times the
+ * largest damping of the step. */
+GR_INLINE double damping_of_node(const int dim, const struct gr_engine *e, const double *sum, double m)
+{
+    const double share = e->config.damping_rate * e->dt * sum[GR_SUM_DAMPED(dim)] / m;
+    return e->keep_velocity * (share < 1 ? share : 1);
+}
+
+/* The grid stage for some nodes. */
 GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
                           const double g[3])
 {
+    const int averages = smoothed == AVERAGED;
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
     for (int64_t n = first; n < last; n++) {
-        double sum[GR_NODE_SUMS(3, 1)], v[3], next[3];
+        double sum[GR_NODE_SUMS(3)], v[3], next[3];
         double *out = e->node_data + n * e->node_stride;
-        sum_over_cells(K, GR_NODE_SUMS(dim, smoothed), e, n, sum);
+        sum_over_cells(dim, K, smoothed, e, n, sum);
         e->node_mass[n] = sum[GR_SUM_MASS];
-        if (e->n_thin) join_duplicate(K, GR_NODE_SUMS(dim, smoothed), e, n, sum);
+        if (e->n_thin) join_duplicate(dim, K, smoothed, e, n, sum);
         const double m = sum[GR_SUM_MASS];
         if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
-            for (int q = 0; q < GR_NODE_FIELDS(dim, smoothed); q++) out[q] = 0;
-            if (smoothed) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
+            for (int q = 0; q < GR_NODE_FIELDS(dim, averages); q++) out[q] = 0;
+            if (smoothed) out[GR_NODE_DAMPING(dim)] = 0;
+            if (averages) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
             if (e->watch) note_impulse(e, n, 0, 0);
             continue;
         }
+        const double kept = smoothed ? keep - (out[GR_NODE_DAMPING(dim)] = damping_of_node(dim, e, sum, m)) : keep;
         for (int d = 0; d < dim; d++) {
             v[d] = sum[GR_SUM_MOMENTUM + d] / m;
             next[d] = v[d] + dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
@@ -86,26 +115,30 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
             gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
         for (int d = 0; d < dim; d++) {
             out[GR_NODE_VELOCITY + d] = next[d];
-            out[GR_NODE_UPDATE(dim) + d] = keep * (next[d] - v[d]) + (1 - keep) * next[d];
+            out[GR_NODE_UPDATE(dim) + d] = kept * (next[d] - v[d]) + (1 - kept) * next[d];
             e->node_v[n * dim + d] = v[d];
         }
         if (e->config.xpic_order > 0) /* XPIC, pass r = 1: the increment plus order times v */
             for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (smoothed) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], out);
+        if (averages) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], out);
     }
 }
 
 void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
 {
-    const int averages = gr_averages(e, e->step);
+    const int smoothed = (e->config.smoothed || e->config.cell_averaged) + gr_averages(e, e->step);
 #define GR_GRID(d, k, q) \
-    if (e->config.dim == d && e->K == k && averages == q) grid_nodes(d, k, q, e, first, last, g);
+    if (e->config.dim == d && e->K == k && smoothed == q) grid_nodes(d, k, q, e, first, last, g);
     GR_GRID(2, 4, 0)
+    GR_GRID(2, 4, 1)
     GR_GRID(2, 9, 0)
     GR_GRID(2, 9, 1)
+    GR_GRID(2, 9, AVERAGED)
     GR_GRID(3, 8, 0)
+    GR_GRID(3, 8, 1)
     GR_GRID(3, 27, 0)
     GR_GRID(3, 27, 1)
+    GR_GRID(3, 27, AVERAGED)
 #undef GR_GRID
 }
 

@@ -267,8 +267,8 @@ static void place_cells(struct gr_engine *e, struct regroup *r)
         cell->dirty = 0;
         cell->side = r->sides ? r->sides[c] : 0;
         if (cell->side == 1) e->mesh.paired[e->mesh.n_paired++] = c;
-        cell->flags = (int16_t)gr_table_get(&e->cell_flags, r->cells[c]);
         decode(e, r->cells[c], cell->at);
+        cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
         offset += cell->capacity;
     }
     e->mesh.n_cells = r->n_cells;
@@ -287,18 +287,32 @@ static int64_t node_id_of(const struct gr_engine *e, const struct gr_cell *cell,
     return id;
 }
 
+/* 1 if local node number `local` of a cell would be beyond an end of an axis (ugimp): it has no weight. */
+static int is_beyond(const struct gr_engine *e, const struct gr_cell *cell, int local)
+{
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    for (int d = 0; d < e->config.dim; d++, local /= k) {
+        const int32_t *node = e->axis[d].cell[cell->at[d]].node;
+        if (!e->axis[d].periodic && local % k != 1 && node[local % k] == node[1]) return 1;
+    }
+    return 0;
+}
+
 static void describe_node(struct gr_engine *e, int64_t n)
 {
     struct gr_mesh *mesh = &e->mesh;
     int64_t id = mesh->node_id[n];
+    int32_t at[3] = {0};
     double volume = 1;
-    mesh->node_code[n] = (uint8_t)gr_table_get(&e->node_codes, id);
     for (int d = 0; d < e->config.dim; d++) {
-        volume *= e->axis[d].node_integral[id % e->axis[d].n_nodes];
+        at[d] = (int32_t)(id % e->axis[d].n_nodes);
+        volume *= e->axis[d].node_integral[at[d]];
         id /= e->axis[d].n_nodes;
     }
+    mesh->node_code[n] = gr_map_get(&e->config.node_codes, at);
     mesh->node_volume[n] = volume - (e->solid ? e->solid[mesh->node_id[n]] : 0);
-    for (int i = 0; i < e->K; i++) mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride;
+    for (int i = 0; i < e->K; i++)
+        mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride + (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim);
 }
 
 /* Clear the nodal fields, which belong to the old nodes: G2P before the next grid stage then finds all nodes at rest. */
@@ -354,15 +368,12 @@ static void number_nodes(struct gr_engine *e, const int64_t *ids, int64_t n_ids)
 static int connect_nodes(struct gr_engine *e)
 {
     struct gr_mesh *mesh = &e->mesh;
-    const int K = e->K, sums = GR_NODE_SUMS(e->config.dim, e->config.smoothed);
+    const int K = e->K;
     int64_t n_ids, n_nodes;
     int64_t *ids = malloc(sizeof(int64_t) * (size_t)(mesh->n_cells * K + 1));
-    int32_t *filled = 0;
     int error = GR_ERR_MEMORY;
     mesh->n_nodes = 0;
-    if (!ids || list_nodes(e, ids, &n_ids, &n_nodes)) goto out;
-    filled = calloc((size_t)n_nodes + 1, sizeof(int32_t));
-    if (!filled || reserve_nodes(e, n_nodes)) goto out;
+    if (!ids || list_nodes(e, ids, &n_ids, &n_nodes) || reserve_nodes(e, n_nodes)) goto out;
     mesh->n_nodes = n_nodes;
     clear_nodes(e);
     number_nodes(e, ids, n_ids);
@@ -371,13 +382,13 @@ static int connect_nodes(struct gr_engine *e)
             int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
             if (e->n_thin && mesh->duplicate[n] >= 0) n += mesh->cell[c].side < 0;
             mesh->cell_node[c * K + a] = n;
-            mesh->node_source[(int64_t)n * K + filled[n]++] = c * e->sum_stride + a * sums;
+            if (is_beyond(e, &mesh->cell[c], a)) continue;
+            mesh->node_source[(int64_t)n * K + K - 1 - a] = c * e->sum_stride + a * GR_SUM_DAMPED(e->config.dim);
         }
     error = GR_OK;
 out:
     if (error) gr_table_clear(&mesh->node_of);
     free(ids);
-    free(filled);
     return error;
 }
 

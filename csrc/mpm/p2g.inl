@@ -131,7 +131,7 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     const int width =
-        (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? GR_SUM_RESIDUAL + dim : 0);
+        (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? GR_DENSITY_SUMS(dim) : 0);
     for (int bc = 0; bc < K / k; bc++) {
         const struct row row = {bc % k, bc / k};
         vd sum[3][7];
@@ -164,22 +164,24 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
                         int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_NODE_SUMS(dim, smoothed), blocks = GR_BLOCKS(cell->count);
+    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim), blocks = GR_BLOCKS(cell->count);
     const struct gr_frame frame = gr_frame_of(dim, e, cell);
     double *out = e->sums + index * e->sum_stride;
     struct contribution contribution[CHUNK];
-    vd acc[GR_NODE_SUMS(3, 1) * GR_MAX_NODES + GR_SUMS];
+    vd acc[GR_SUM_DAMPED(3) * GR_MAX_NODES + 2 + GR_SUMS];
     const int averages = smoothed && e->sums_average;
-    for (int i = 0; smoothed && !averages && i < K; i++)
-        for (int q = GR_SUM_DENSITY(dim); q < rows; q++) acc[i * rows + q] = v_zero();
-    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0;
+    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0; /* all: empty cells are not visited in each step */
     for (int done = 0; done < blocks; done += CHUNK) {
         const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
+        vd damped = v_zero(), mass = v_zero();
         for (int i = 0; i < n; i++) {
             const int64_t at = cell->offset + (done + i) * GR_W;
             prepare_momentum(dim, basis, affine, e, &frame, at, &contribution[i]);
             prepare_force(dim, smoothed, e, at, &contribution[i]);
             if (averages) prepare_density(dim, e, at, &contribution[i]);
+            if (!smoothed || !(e->config.damping_rate > 0)) continue;
+            mass = mass + contribution[i].m;
+            damped = v_fma(contribution[i].m, component(e, GR_FIELD_damping, 0, at), damped);
         }
         if (K <= 4) { /* all sums of a row fit the registers */
             add_rows(dim, basis, affine, smoothed, MOMENTUM | FORCE, contribution, n, rows, 0, acc);
@@ -187,7 +189,11 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
             add_rows(dim, basis, affine, smoothed, MOMENTUM, contribution, n, rows, 0, acc);
             add_rows(dim, basis, affine, smoothed, FORCE, contribution, n, rows, GR_SUM_FORCE(dim), acc);
         }
-        if (averages) add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, rows, GR_SUM_DENSITY(dim), acc);
-        store_sums(out, acc, K * rows, done);
+        if (smoothed) acc[K * rows] = damped, acc[K * rows + 1] = mass;
+        store_sums(out, acc, K * rows + 2 * smoothed, done);
+        if (!averages) continue;
+        add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, GR_DENSITY_SUMS(dim), 0, acc);
+        store_sums(out + e->density_sums, acc, K * GR_DENSITY_SUMS(dim), done);
     }
+    if (smoothed && blocks) out[K * rows] = out[K * rows] > 0 ? out[K * rows] / out[K * rows + 1] : 0;
 }

@@ -59,6 +59,18 @@ static inline void gr_node_position(const struct gr_engine *e, int64_t node, dou
     }
 }
 
+/* Indices of a node along each axis; 0 along unused ones. */
+static inline void gr_node_indices(const struct gr_engine *e, int64_t node, int32_t at[3])
+{
+    int64_t id = e->mesh.node_id[node];
+    for (int d = 0; d < 3; d++) {
+        at[d] = 0;
+        if (d >= e->config.dim) continue;
+        at[d] = (int32_t)(id % e->axis[d].n_nodes);
+        id /= e->axis[d].n_nodes;
+    }
+}
+
 /* Centre of a cell. */
 static inline void gr_cell_position(const struct gr_engine *e, const int32_t at[3], double x[3])
 {

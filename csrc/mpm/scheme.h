@@ -20,8 +20,8 @@
       "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "       \
       "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")       \
     X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                           \
-      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). With a "            \
-      "cell-averaged density v - v_pic is its mean over the cell. By default 0.3 with such a density, else 0.03.")    \
+      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). By default 0.1 with " \
+      "a cell-averaged density, else 0.03.")                                                                          \
     X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                    \
     X(cfl, 0.5, "(0, 1]", "1",                                                                                        \
       "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension " \
@@ -97,7 +97,17 @@
     X(weight_correction_limit, 0.5, GR_NONE, GR_NONE, "[0, 0.8]", "1",                                                   \
       "Largest abs(q_p - 1): a point of more weight is as much stiffer.")                                                \
     X(weight_correction_decay, 0.005, GR_NONE, GR_NONE, "[0, 1]", "1",                                                   \
-      "Part of q_p - 1 that a point loses in an averaging: it forgets where it has been.")
+      "Part of q_p - 1 that a point loses in an averaging: it forgets where it has been.")                               \
+    X(damped_waves, 8, GR_NONE, GR_NONE, "[0, 100]", "1",                                                                \
+      "Length in cells of the longest waves that are damped in plastic flow at inertial numbers so low that the law is " \
+      "ill posed. Such waves grow however slow the flow is; those up to this length decay faster than they can grow "    \
+      "(`granular.theory.short_wave_growth`), by the velocity of the points relaxing to that of the grid. 0 for none.") \
+    X(slow_decay, GR_NONE, 3, GR_NONE, "[0, inf)", "1",                                                                  \
+      "Rate, over c_w/dx, at which the velocity of points that flow slowly relaxes to that of the grid, besides "        \
+      "tpic_decay: all of it where I/I0 is 0, none from slow_inertial_number on. Differences between the points of a "   \
+      "cell, which share their stress, are noise there. 0 for none.")                                                    \
+    X(slow_inertial_number, GR_NONE, 0.3, GR_NONE, "(0, inf)", "1",                                                      \
+      "I/I0 from which flow is not slow. Laws without a rate are slow throughout.")
 
 #define GR_X(name, value, range, unit, doc) double name;
 struct gr_scheme_numbers {

@@ -8,7 +8,7 @@
 #include "mpm/pose.h"
 
 static int shares_are_valid(const struct gr_engine *e, int n_walls, const struct gr_wall_share *share, int n_shares,
-                            const int32_t *code, int64_t n_nodes)
+                            const int32_t *code, int64_t n_codes)
 {
     if (n_walls < 0 || n_shares < 1 || e->mesh.node_capacity || e->watch) return 0;
     for (int k = 0; k < n_shares; k++) {
@@ -18,29 +18,27 @@ static int shares_are_valid(const struct gr_engine *e, int n_walls, const struct
         if (s->after < 0 || s->after >= n_shares || isnan(s->opens_at)) return 0;
         if (s->opens_at < INFINITY && !(share[s->after].opens_at > s->opens_at)) return 0; /* chains must end */
     }
-    for (int64_t n = 0; n < n_nodes; n++)
-        if (code[n] < 0 || code[n] >= n_shares) return 0;
+    for (int64_t k = 0; k < n_codes; k++)
+        if (code[k] < 0 || code[k] >= n_shares) return 0;
     return 1;
 }
 
 int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share *share, int n_shares, const int32_t *code)
 {
-    int64_t n_nodes = 1;
-    for (int d = 0; d < e->config.dim; d++) n_nodes *= e->axis[d].n_nodes;
-    if (!shares_are_valid(e, n_walls, share, n_shares, code, n_nodes)) return GR_ERR_CONFIG;
+    const int64_t n_codes = gr_map_size(&e->config.node_codes);
+    if (!shares_are_valid(e, n_walls, share, n_shares, code, n_codes)) return GR_ERR_CONFIG;
     struct gr_wall_watch *watch = calloc(1, sizeof *watch);
     if (!watch) return GR_ERR_MEMORY;
     watch->n_walls = n_walls, watch->n_shares = n_shares;
     watch->share = malloc(sizeof *share * (size_t)n_shares);
     watch->step = calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
     watch->total = calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
-    int error = !watch->share || !watch->step || !watch->total || gr_table_new(&watch->code, n_nodes);
-    for (int64_t n = 0; !error && n < n_nodes; n++)
-        if (code[n]) error = gr_table_set(&watch->code, n, code[n]);
-    if (error) {
+    watch->code = malloc(sizeof *code * (size_t)n_codes);
+    if (!watch->share || !watch->step || !watch->total || !watch->code) {
         gr_watch_free(watch);
         return GR_ERR_MEMORY;
     }
+    memcpy(watch->code, code, sizeof *code * (size_t)n_codes);
     memcpy(watch->share, share, sizeof *share * (size_t)n_shares);
     e->watch = watch;
     return GR_OK;
@@ -49,7 +47,7 @@ int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share 
 void gr_watch_free(struct gr_wall_watch *watch)
 {
     if (!watch) return;
-    gr_table_free(&watch->code);
+    free(watch->code);
     free(watch->share);
     free(watch->node);
     free(watch->step);
@@ -64,7 +62,9 @@ void gr_sum_wall_impulses(struct gr_engine *e)
     memset(watch->step, 0, sizeof(double) * (size_t)watch->n_walls * GR_WALL_NUMBERS);
     for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
         if (!e->mesh.node_code[n]) continue;
-        const struct gr_wall_share *share = &watch->share[gr_table_get(&watch->code, e->mesh.node_id[n])];
+        int32_t at[3];
+        gr_node_indices(e, n, at);
+        const struct gr_wall_share *share = &watch->share[watch->code[gr_map_place(&e->config.node_codes, at)]];
         while (e->time >= share->opens_at) share = &watch->share[share->after];
         double x[3];
         gr_node_position(e, n, x);

@@ -23,13 +23,13 @@ enum { GR_WALL_NUMBERS = 6 }; /* impulse, N s; angular impulse about the origin,
 struct gr_wall_watch {
     int n_walls, n_shares;
     struct gr_wall_share *share; /* row 0: nodes without walls */
-    struct gr_table code;        /* per node of the grid: its row */
+    int32_t *code;               /* per combination of the classes of e->config.node_codes: the row of these nodes */
     double *node;                /* n_nodes x dim, N s: the impulse in this step */
     double *step, *total;        /* n_walls x GR_WALL_NUMBERS: in this step; since the run began */
 };
 
-/* Begin to add up the impulses; before the points are grouped. The arguments are copied; `code` is per node of the grid,
- * x fastest.
+/* Begin to add up the impulses; before the points are grouped. The arguments are copied; `code` is per combination of
+ * the classes of e->config.node_codes, x fastest.
  * Returned: 0, GR_ERR_CONFIG or GR_ERR_MEMORY. */
 int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share *share, int n_shares, const int32_t *code);
 void gr_watch_free(struct gr_wall_watch *watch);

@@ -57,19 +57,33 @@ static int64_t count_along(const struct gr_config *c, int d, int nodes)
     return (nodes || c->basis == GR_UGIMP) && !c->periodic[d] ? n + 1 : n;
 }
 
-static int take_map(const struct gr_config *c, PyObject *object, const char *name, int nodes, const uint8_t **out)
+/* A map of bytes from a tuple (classes along each axis, values); None is one of zeros, which flags may be. */
+static int take_map(const struct gr_config *c, PyObject *object, const char *name, int nodes, struct gr_map *out)
 {
-    npy_intp shape[3];
-    for (int d = 0; d < c->dim; d++) shape[c->dim - 1 - d] = (npy_intp)count_along(c, d, nodes);
-    *out = NULL;
+    const npy_intp any[3] = {-1, -1, -1};
     if (!nodes && object == Py_None) return 0;
-    PyArrayObject *array = gr_array(object, name, NPY_UINT8, c->dim, shape, 0);
+    if (!PyTuple_Check(object) || PyTuple_GET_SIZE(object) != 2)
+        return gr_refuse("%s must be a tuple (classes, values)", name);
+    PyObject *classes = PyTuple_GET_ITEM(object, 0);
+    if (!PyTuple_Check(classes) || PyTuple_GET_SIZE(classes) != c->dim)
+        return gr_refuse("%s must have classes along %d axes", name, c->dim);
+    PyArrayObject *array = gr_array(PyTuple_GET_ITEM(object, 1), name, NPY_UINT8, c->dim, any, 0);
     if (!array) return -1;
-    const uint8_t *data = PyArray_DATA(array);
+    struct gr_map map = {.n_index = {1, 1, 1}, .n_classes = {1, 1, 1}, .value = PyArray_DATA(array)};
+    for (int d = 0; d < c->dim; d++) {
+        const npy_intp count[1] = {(npy_intp)count_along(c, d, nodes)}, most = PyArray_DIM(array, c->dim - 1 - d);
+        PyArrayObject *along = gr_array(PyTuple_GET_ITEM(classes, d), name, NPY_INT32, 1, count, 0);
+        if (!along) return -1;
+        map.class_of[d] = PyArray_DATA(along);
+        map.n_index[d] = (int32_t)count[0], map.n_classes[d] = (int32_t)most;
+        for (npy_intp k = 0; k < count[0]; k++)
+            if (map.class_of[d][k] < 0 || map.class_of[d][k] >= most)
+                return gr_refuse("%s: class %d along axis %d must be 0 to %zd", name, (int)map.class_of[d][k], d, most - 1);
+    }
     for (npy_intp k = 0; nodes && k < PyArray_SIZE(array); k++)
-        if (data[k] >= c->n_walls)
-            return gr_refuse("%s names wall row %d, but there are %d", name, (int)data[k], c->n_walls);
-    *out = data;
+        if (map.value[k] >= c->n_walls)
+            return gr_refuse("%s names wall row %d, but there are %d", name, (int)map.value[k], c->n_walls);
+    *out = map;
     return 0;
 }
 
@@ -158,6 +172,9 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *pa
     double substeps;
     if (take_number(numbers, "dx", &c->dx) || take_number(numbers, "half_extent", &c->lambda) ||
         take_number(numbers, "rho_c", &c->rho_c) || take_number(numbers, "wave_speed", &c->wave_speed) ||
+        take_number(numbers, "ill_posed_rate", &c->ill_posed_rate) ||
+        take_number(numbers, "damping_rate", &c->damping_rate) ||
+        take_number(numbers, "crossover_rate", &c->crossover_rate) ||
         take_number(fluidity, "begins_at", &c->nonlocal.begins_at) ||
         take_number(fluidity, "tolerance", &c->nonlocal.tolerance) || take_number(fluidity, "floor", &c->nonlocal.floor) ||
         take_number(fluidity, "substeps", &substeps))

@@ -295,8 +295,8 @@ static PyMethodDef methods[] = {
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"bodies", (PyCFunction)engine_bodies, METH_NOARGS,
-     "bodies()\n--\n\nState of the bodies, (n, 19): position, orientation (quaternion), velocity, angular velocity, impulse,\n"
-     "angular impulse."},
+     "bodies()\n--\n\nState of the bodies, (n, 20): position, orientation (quaternion), velocity, angular velocity, impulse,\n"
+     "angular impulse, work."},
     {"restore_bodies", (PyCFunction)engine_restore_bodies, METH_O,
      "restore_bodies(state)\n--\n\nSet the state of the bodies, as bodies() gave it."},
     {"split", (PyCFunction)engine_split, METH_NOARGS,
@@ -305,8 +305,8 @@ static PyMethodDef methods[] = {
      "restore_split(poses)\n--\n\nSet these poses, as split() gave them."},
     {"watch_walls", (PyCFunction)engine_watch_walls, METH_VARARGS,
      "watch_walls(n_walls, codes, owners, opens_at, after)\n--\n\nAdd up the impulses on the walls, from before the points "
-     "are bound. codes: int32, a row\nfor each node of the grid; rows: owners int32 (n, 3), of each component, -1 for none; "
-     "opens_at\nfloat64 (n,), from when on the row `after`, int32 (n,), holds."},
+     "are bound. codes: int32, a row\nfor each combination of classes of node_codes; rows: owners int32 (n, 3), of each "
+     "component, -1\nfor none; opens_at float64 (n,), from when on the row `after`, int32 (n,), holds."},
     {"walls", (PyCFunction)engine_walls, METH_NOARGS,
      "walls()\n--\n\nImpulse and angular impulse about the origin of the material on each wall, (n, 6)."},
     {"restore_walls", (PyCFunction)engine_restore_walls, METH_O,

@@ -189,7 +189,7 @@ static const struct gr_scalar scalars[] = {
         GR_X(started) GR_X(stopped) GR_X(gas_dropped) GR_X(rebuilds) GR_X(n_walls) GR_X(n_gas)
 #undef GR_X
             {"n_points", offsetof(struct gr_sph, n_particles), 0}};
-enum { SCALARS = sizeof scalars / sizeof *scalars, OF_RESTART = SCALARS - 4 };
+enum { SCALARS = sizeof scalars / sizeof *scalars, OF_RESTART = SCALARS - 3 };
 
 static PyObject *sph_scalars(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {

@@ -6,10 +6,10 @@
 PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *codes, PyObject *owners, PyObject *opens_at,
                                 PyObject *after)
 {
-    npy_intp nodes[3];
+    npy_intp classes[3];
     const npy_intp any_of_three[2] = {-1, 3};
-    for (int d = 0; d < e->config.dim; d++) nodes[e->config.dim - 1 - d] = e->axis[d].n_nodes;
-    PyArrayObject *code = gr_array(codes, "codes", NPY_INT32, e->config.dim, nodes, 0);
+    for (int d = 0; d < e->config.dim; d++) classes[e->config.dim - 1 - d] = e->config.node_codes.n_classes[d];
+    PyArrayObject *code = gr_array(codes, "codes", NPY_INT32, e->config.dim, classes, 0);
     PyArrayObject *owner = code ? gr_array(owners, "owners", NPY_INT32, 2, any_of_three, 0) : NULL;
     if (!owner) return NULL;
     const npy_intp rows[1] = {PyArray_DIM(owner, 0)};

@@ -104,6 +104,14 @@ static void fill(struct scene *s, int64_t n, double low, double high)
     }
 }
 
+struct gr_map scene_map(const struct scene *s, const uint8_t *value, int nodes)
+{
+    struct gr_map map = {.n_index = {1, 1, 1}, .n_classes = {1, 1, 1}, .value = value};
+    for (int d = 0; d < s->config.dim && d < 3; d++)
+        map.n_index[d] = map.n_classes[d] = nodes ? (int32_t)axis_nodes(&s->config, d) : s->config.shape[d];
+    return map;
+}
+
 int scene_build(struct scene *s, int64_t n, double low, double high)
 {
     struct gr_config *c = &s->config;
@@ -111,7 +119,7 @@ int scene_build(struct scene *s, int64_t n, double low, double high)
     c->gravity_times = s->gravity_times;
     c->gravity_vectors = s->gravity_vectors;
     scene_codes(s);
-    c->node_codes = s->codes;
+    c->node_codes = scene_map(s, s->codes, 1);
     const int error = gr_engine_new(&s->engine, c);
     if (error) return error;
     s->capacity = 4 * n + 64 * 40;
@@ -166,7 +174,11 @@ double scene_sum(const struct scene *s, int64_t node, int q)
 {
     const struct gr_engine *e = s->engine;
     double sum = 0;
-    for (int i = 0; i < e->K; i++) sum += e->sums[e->mesh.node_source[node * e->K + i] + q];
+    const int dim = e->config.dim, first = GR_SUM_DAMPED(dim), later = GR_DENSITY_SUMS(dim);
+    for (int i = 0; i < e->K; i++) {
+        const double *part = e->sums + e->mesh.node_source[node * e->K + i];
+        sum += q < first ? part[q] : part[e->density_sums + (e->K - 1 - i) * (later - first) + q - GR_SUM_DENSITY(dim)];
+    }
     return sum;
 }
 

@@ -27,6 +27,8 @@ int64_t scene_grid_nodes(const struct scene *s);
 /* Put wall row `row` on all nodes of the lower (upper: high = 1) face of an axis. Call scene_codes first. */
 void scene_codes(struct scene *s);
 void scene_face(struct scene *s, int axis, int high, uint8_t row);
+/* Map of bytes for each node, or for each cell of the grid, x fastest. */
+struct gr_map scene_map(const struct scene *s, const uint8_t *value, int nodes);
 /* Build the engine and bind `n` points at random positions inside the box [low, high] (shares of the domain), with
  * random mass, velocity, stress and log_density.
  * Returned: the error of the core. */

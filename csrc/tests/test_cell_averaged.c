@@ -17,7 +17,7 @@ static void averaged_scene(struct scene *s, int dim)
 static const struct gr_cell_average *own_of(const struct scene *s, int64_t cell)
 {
     const struct gr_engine *e = s->engine;
-    const double *sums = e->sums + cell * e->sum_stride + GR_NODE_SUMS(s->config.dim, 0) * e->K;
+    const double *sums = e->sums + cell * e->sum_stride + GR_SUM_DAMPED(s->config.dim) * e->K;
     return (const struct gr_cell_average *)(const void *)sums;
 }
 

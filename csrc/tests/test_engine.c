@@ -24,9 +24,9 @@ TEST(owns_its_config)
     struct scene s;
     scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
     CHECK(scene_build(&s, 10, 0.1, 0.9) == GR_OK);
-    CHECK(s.engine->config.walls != s.walls && s.engine->config.node_codes != s.codes);
+    CHECK(s.engine->config.walls != s.walls && s.engine->config.node_codes.value != s.codes);
     CHECK(s.engine->config.gravity_times != s.gravity_times && s.engine->config.gravity_vectors != s.gravity_vectors);
-    CHECK(!s.engine->config.cell_flags && !s.engine->config.c0_lines[0]);
+    CHECK(!s.engine->config.cell_flags.value && !s.engine->config.c0_lines[0]);
     scene_free(&s);
 }
 
@@ -112,7 +112,7 @@ TEST(solids_take_volume)
         scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
         for (int y = 1; y < 4; y++)
             for (int x = 2; x < 4; x++) flags[x + 6 * y] = GR_CELL_SOLID;
-        s.config.cell_flags = flags;
+        s.config.cell_flags = scene_map(&s, flags, 0);
         CHECK(scene_build(&s, 1, 0.1, 0.15) == GR_OK);
         double volume = 0;
         for (int64_t n = 0; n < scene_grid_nodes(&s); n++) volume += s.engine->solid[n];

@@ -71,7 +71,8 @@ TEST(engine_new_fails)
             uint8_t flags[36] = {[8] = GR_CELL_SOLID};
             config(&s, GR_QUADRATIC, kind);
             scene_codes(&s);
-            s.config.walls = s.walls, s.config.node_codes = s.codes, s.config.cell_flags = flags;
+            s.config.walls = s.walls;
+            s.config.node_codes = scene_map(&s, s.codes, 1), s.config.cell_flags = scene_map(&s, flags, 0);
             s.config.gravity_times = s.gravity_times, s.config.gravity_vectors = s.gravity_vectors;
             faults_at(++n);
             error = gr_engine_new(&e, &s.config);

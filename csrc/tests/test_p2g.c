@@ -116,6 +116,7 @@ TEST(affine_field_is_exact)
 TEST(log_density_extrapolates)
 {
     struct scene s;
+    const int first = GR_SUM_DENSITY(2);
     double near = 0, all = 0, counted = 0, weighted = 0;
     scene_seed(29);
     scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
@@ -132,10 +133,10 @@ TEST(log_density_extrapolates)
     }
     CHECK(gr_p2g(s.engine, gr_kernels_select("baseline")) == GR_OK);
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
-        const double m = scene_sum(&s, n, 6),
+        const double m = scene_sum(&s, n, first + GR_SUM_WEIGHTED),
                      c = 1e-3 + 2e-3 * (scene_node_x(&s, n, 0) + 1) - 1e-3 * (scene_node_x(&s, n, 1) - 2);
-        CHECK_NEAR(scene_sum(&s, n, 7), m * c, 1e-14 * (1 + m));
-        near += scene_sum(&s, n, 5), weighted += m, all += scene_sum(&s, n, 0);
+        CHECK_NEAR(scene_sum(&s, n, first + GR_SUM_LOG_DENSITY), m * c, 1e-14 * (1 + m));
+        near += scene_sum(&s, n, first + GR_SUM_CONNECTED), weighted += m, all += scene_sum(&s, n, 0);
     }
     CHECK_NEAR(weighted, counted, 1e-12 * all);
     CHECK(near > 0.7 * all && near < 0.9 * all);

@@ -32,28 +32,14 @@ TEST(as_a_plain_array)
     }
 }
 
-TEST(of_bytes)
-{
-    uint8_t bytes[MOST] = {0};
-    struct gr_table t;
-    bytes[3] = 255, bytes[MOST - 1] = 7;
-    CHECK(gr_table_of_bytes(&t, bytes, MOST) == GR_OK);
-    CHECK(gr_table_get(&t, 3) == 255 && gr_table_get(&t, MOST - 1) == 7 && gr_table_get(&t, 500) == 0);
-    CHECK(t.n_blocks == 3); /* including the block of zeros */
-    gr_table_free(&t);
-    CHECK(gr_table_of_bytes(&t, 0, MOST) == GR_OK && gr_table_get(&t, 3) == 0);
-    gr_table_free(&t);
-}
-
 /* A failure leaves the table unchanged. Setting entries again where some were set before needs no memory. */
 TEST(without_memory)
 {
-    uint8_t bytes[MOST];
-    memset(bytes, 1, sizeof bytes);
     for (long n = 1;; n++) {
         struct gr_table t;
         faults_at(n);
-        const int error = gr_table_of_bytes(&t, bytes, MOST);
+        int error = gr_table_new(&t, MOST);
+        for (int64_t i = 0; !error && i < MOST; i++) error = gr_table_set(&t, i, 1);
         const int hit = faults_end();
         for (int64_t i = 0; !error && i < MOST; i++) CHECK(gr_table_get(&t, i) == 1);
         CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));

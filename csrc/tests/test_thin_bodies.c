@@ -206,3 +206,21 @@ TEST(fluidity_has_two_sides)
     }
     scene_free(&t.scene);
 }
+
+/* Steps of a scene with a body and without points, hence without nodes: under the sanitizers. */
+TEST(bodies_in_empty_space)
+{
+    struct thin t;
+    begin(&t, 2, GR_QUADRATIC, 1);
+    t.part[0].size[0] = 0.2;
+    t.motion[1] = 1;
+    CHECK(scene_build(&t.scene, 0, 0.1, 0.9) == GR_OK);
+    CHECK(gr_regroup(t.scene.engine) == GR_OK && t.scene.engine->mesh.n_nodes == 0);
+    t.scene.engine->config.dt = t.scene.engine->dt = 0.01;
+    CHECK(gr_advance(t.scene.engine, gr_kernels_select(""), 10, INFINITY, 1) == GR_OK);
+    CHECK_NEAR(t.scene.engine->body[0].x[0], -0.6, 1e-12);
+    CHECK(gr_p2g(t.scene.engine, gr_kernels_select("")) == GR_OK);
+    CHECK(gr_grid(t.scene.engine, gr_kernels_select("")) == GR_OK);
+    gr_bodies_find(t.scene.engine, 0, 0);
+    scene_free(&t.scene);
+}

@@ -6,7 +6,7 @@ docs/economy.md derives each law and shows the runs from which the prefactors co
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from types import MappingProxyType
@@ -206,6 +206,23 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
         return incline_error(scene, material)
     law = law_of(scene, name)
     return math.nan if law is None else law(pressure_strain(scene, material))
+
+
+def rounded(E: float) -> float:
+    """E rounded up to two digits."""
+    unit = 10.0 ** (math.floor(math.log10(E)) - 1)
+    return math.ceil(round(E / unit, 6)) * unit
+
+
+def softest(error: Callable[[float], float], tolerance: float) -> float:
+    """Smallest E [Pa] whose expected error is within a tolerance; nan if there is none."""
+    low, high = 1e3, 1e13
+    if not error(high) <= tolerance:
+        return math.nan
+    for _ in range(60):
+        middle = math.sqrt(low * high)
+        low, high = (low, middle) if error(middle) <= tolerance else (middle, high)
+    return rounded(high)
 
 
 def law_of(scene: Scene, name: str) -> StiffnessLaw | None:

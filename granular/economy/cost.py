@@ -1,13 +1,24 @@
-"""Estimate of the cost of a run."""
+"""Estimates of the points, steps, time and memory of a run, made before anything is built."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from granular.economy import bias, machine
+from granular.economy.suggestion import scene_function
+from granular.geometry import estimated_points
+from granular.mpm.blocks import count_solid_cells
 from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
+
+if TYPE_CHECKING:
+    from granular.sph.scene import Scene as SphScene
+    from granular.typing import AnyScene
 
 _NANOSECONDS = {
     2: {
@@ -37,6 +48,37 @@ _CARRIED = 1.15
 "apic" in 2D; in other measurements it was 1.1 to 2.2."""
 
 
+_SPH_NANOSECONDS = {(2, False): 200.0, (3, False): 820.0, (2, True): 505.0, (3, True): 3700.0}
+"""Time per particle and step of SPH on one core [ns], by dimension and whether there is a gas:
+benchmarks/sph_speed.py on a machine with AVX-512."""
+
+_BASE_MEMORY = 105 * 2**20
+"""Memory of the interpreter and the package [bytes]."""
+_POINT_MEMORY = 700
+"""Memory of a point and of its seeding [bytes]. With `_CELL_MEMORY` it is within 0.7 to 1.3 of the
+largest memory of seven scenes of 25,000 to 1,000,000 points: columns, cylinders and silos with 1 to
+16 points per cell in 2D and 3D, with the default scheme."""
+_CELL_MEMORY = {2: 1700, 3: 6600}
+"""Memory of a cell with points and of its nodes [bytes]."""
+_SPH_MEMORY = {2: 500, 3: 1000}
+"""Memory of a particle of SPH with its neighbours [bytes], from layers of 40,000 particles."""
+_FACE_MEMORY = 4
+"""Memory of a face of a cell of the box [bytes], for a nonlocal law."""
+
+_SOLID_MEMORY = 8
+"""Memory of a cell of the box within a block [bytes]: the volume that it takes from its node."""
+
+MOST_STEPS = 1e15
+"""Number of steps that no run can make: at 1 us each they take 30 years."""
+
+TOLERANCE = 0.02
+"""Error with which a stiffness is enough."""
+STRAIN = 1e-3
+"""Pressure strain p/K at the foot of the material up to which grains are stiff enough where the
+error was not measured. The laws that were measured give errors of 0.012 to 0.03 at this strain with
+the default scheme, nearly all of which is the scatter of stiff runs."""
+
+
 @dataclass(frozen=True)
 class Cost:
     """Estimated cost of a run if no point leaves and the time step is that of material at rest.
@@ -44,26 +86,68 @@ class Cost:
     Attributes
     ----------
     points : int
-        Number of points at the start.
+        Number of points at the start; beyond 200,000 an estimate.
     steps : int
         Number of steps.
     seconds : float
         Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
         about twice as long.
+    memory : float
+        Memory at the start [bytes], within about a third. It grows if the material spreads over
+        many more cells.
+    E : float
+        Young's modulus of the material [Pa]; nan for SPH.
+    enough_E : float
+        Young's modulus that would be enough [Pa]; nan if nothing is known. The number of steps is
+        proportional to sqrt(E).
+    error : float
+        Error of the quantity of interest with it; nan if `enough_E` is that of the pressure strain
+        `STRAIN`, with which the error was not measured.
     """
 
     points: int
     steps: int
     seconds: float
+    memory: float
+    E: float = math.nan
+    enough_E: float = math.nan
+    error: float = math.nan
 
     @property
     def point_steps(self) -> int:
         """Number of points times number of steps."""
         return self.points * self.steps
 
+    def __str__(self) -> str:
+        text = (
+            f"{self.points:,} points, {self.steps:,} steps: about {_duration(self.seconds)} on one "
+            f"core, {_gigabytes(self.memory)}"
+        )
+        if not self.enough_E < self.E:
+            return text
+        known = f"error {self.error:.2g}" if self.error >= 0 else f"p/K = {STRAIN:g} at the foot"
+        faster = math.sqrt(self.E / self.enough_E)
+        return (
+            f"{text}; E = {self.enough_E:.2g} Pa in place of {self.E:.2g} would be enough "
+            f"({known}) and {faster:.2g} times faster"
+        )
 
-def time_step(scene: Scene) -> float:
+
+def _duration(seconds: float) -> str:
+    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def _gigabytes(memory: float) -> str:
+    return f"{memory / 2**30:.2g} GB"
+
+
+def time_step(scene: AnyScene) -> float:
     """Time step [s] of a scene at rest."""
+    if not isinstance(scene, Scene):
+        return scene.numerics.dt or scene.numerics.cfl * scene.longest_dt
     scheme = scene.scheme
     if scheme.dt is not None:
         return scheme.dt
@@ -79,15 +163,94 @@ def nanoseconds(scheme: Scheme, dim: int) -> float:
     return measured or _CARRIED * known[scheme.basis, "flip"]
 
 
-def cost(scene: Scene) -> Cost:
-    """Estimate the cost of a scene on one core.
+def cost(scene: AnyScene) -> Cost:
+    """Estimate points, steps, time on one core and memory of a scene, and the stiffness it needs.
+
+    Nothing is built, so that this takes well below a second for any scene.
 
     Raises
     ------
     ValueError
         If the time step of the scene exceeds its limit, so that no simulation could be made.
     """
+    points, memory = _size(scene)
+    if not isinstance(scene, Scene):
+        steps = _steps(scene)
+        each = _SPH_NANOSECONDS[scene.dim, scene.gas is not None]
+        return Cost(points, steps, steps * points * each * 1e-9, memory)
     check_time_step(scene)
-    steps = math.ceil(scene.duration / time_step(scene))
-    seconds = steps * scene.n_points * nanoseconds(scene.scheme, scene.dim) * 1e-9
-    return Cost(scene.n_points, steps, seconds)
+    steps = _steps(scene)
+    seconds = steps * points * nanoseconds(scene.scheme, scene.dim) * 1e-9
+    return Cost(points, steps, seconds, memory, scene.material.E, *_enough(scene))
+
+
+def _steps(scene: AnyScene) -> int:
+    dt = time_step(scene)
+    if not 0.0 < scene.duration < MOST_STEPS * dt:
+        raise ValueError(
+            f"duration = {scene.duration} must be less than {MOST_STEPS:g} time steps of {dt:.3g} s"
+        )
+    return math.ceil(scene.duration / dt)
+
+
+def _size(scene: AnyScene) -> tuple[int, float]:
+    """Number of points at the start, and the memory that they need [bytes]."""
+    if not isinstance(scene, Scene):
+        points = _sph_particles(scene)
+        return points, _BASE_MEMORY + points * _SPH_MEMORY[scene.dim]
+    points, memory = 0, float(_BASE_MEMORY)
+    for fill in scene.fills:
+        count = estimated_points(scene.grid, fill)
+        points += count
+        memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / fill.points_per_cell)
+    memory += _SOLID_MEMORY * count_solid_cells(scene.grid, scene.walls)
+    if scene.material.has_fluidity:
+        memory += _FACE_MEMORY * 2 * scene.dim * math.prod(scene.grid.shape)
+    return points, memory
+
+
+def _sph_particles(scene: SphScene) -> int:
+    """Number of particles of the material and of the gas; those of walls are few."""
+    gas = () if scene.gas is None else scene.gas.fills
+    return sum(estimated_points(scene.grid, fill) for fill in (*scene.fills, *gas))
+
+
+def _enough(scene: Scene) -> tuple[float, float]:
+    """Young's modulus that is enough [Pa], and the error with it; nan where nothing is known."""
+    function, material = scene_function(scene), scene.material
+    name = function.__name__ if function else ""
+
+    def error(E: float) -> float:
+        return bias.stiffness_error(scene, name, material.replace(E=E))
+
+    try:
+        with np.errstate(all="ignore"):
+            E = bias.softest(error, TOLERANCE)
+            if not math.isnan(E):
+                return E, error(E)
+        strain = bias.pressure_strain(scene)
+        if not material.granular or not strain > 0:
+            return math.nan, math.nan
+        return bias.rounded(material.E * strain / STRAIN), math.nan
+    except (ArithmeticError, RuntimeError, ValueError):  # numbers for which no law was made
+        return math.nan, math.nan
+
+
+def check_memory(scene: AnyScene, force: bool = False) -> None:
+    """Refuse a scene that needs more memory than the machine has, unless `force` is set.
+
+    Raises
+    ------
+    ValueError
+        Naming the number of points, the cells, and the memory needed and available.
+    """
+    points, memory = _size(scene)
+    available = machine.available_memory()
+    if force or memory <= available:
+        return
+    cells = " x ".join(map(str, scene.grid.shape))
+    raise ValueError(
+        f"scene {scene.name!r} with about {points:.3g} points in {cells} cells needs about "
+        f"{_gigabytes(memory)} of memory, must be at most the {_gigabytes(available)} that are "
+        "available: take larger cells or fewer points per cell, or force=True"
+    )

@@ -189,23 +189,6 @@ def _resolution(asked: _Asked) -> _Advice:
     return _Advice(f"{rows} cells over the height are none too many.")
 
 
-def _rounded(E: float) -> float:
-    """E rounded up to two digits."""
-    unit = 10.0 ** (math.floor(math.log10(E)) - 1)
-    return math.ceil(round(E / unit, 6)) * unit
-
-
-def softest(error: Callable[[float], float], tolerance: float) -> float:
-    """Smallest E [Pa] whose expected error is within a tolerance; nan if there is none."""
-    low, high = 1e3, 1e13
-    if not error(high) <= tolerance:
-        return math.nan
-    for _ in range(60):
-        middle = math.sqrt(low * high)
-        low, high = (low, middle) if error(middle) <= tolerance else (middle, high)
-    return _rounded(high)
-
-
 def _stiffness(asked: _Asked) -> _Advice:
     scene = asked.scene
 
@@ -216,7 +199,7 @@ def _stiffness(asked: _Asked) -> _Advice:
     if math.isnan(own):
         reason = "What softer grains would change here has not been measured: E is kept."
         return _Advice(reason, math.nan)
-    E = softest(error, asked.tolerance)
+    E = bias.softest(error, asked.tolerance)
     if math.isnan(E):
         reason = (
             f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."

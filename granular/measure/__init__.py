@@ -12,8 +12,8 @@ from granular.measure.averages import centre_line_pressure as centre_line_pressu
 from granular.measure.averages import contours as contours
 from granular.measure.averages import frame_average as frame_average
 from granular.measure.averages import speed_contours as speed_contours
-from granular.measure.body import BodyForce as BodyForce
 from granular.measure.body import BodyMotion as BodyMotion
+from granular.measure.body import MeanForce as MeanForce
 from granular.measure.body import body_force as body_force
 from granular.measure.body import body_motion as body_motion
 from granular.measure.budget import StepBudget as StepBudget
@@ -65,5 +65,4 @@ from granular.measure.profiles import profile as profile
 from granular.measure.profiles import scaled_inertial_number as scaled_inertial_number
 from granular.measure.profiles import velocity_profile as velocity_profile
 from granular.measure.stress import friction as friction
-from granular.measure.wall import WallForce as WallForce
 from granular.measure.wall import wall_force as wall_force

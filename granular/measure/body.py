@@ -28,6 +28,9 @@ class BodyMotion:
         Impulse of the material on the body since the run began [N s; in 2D per metre of depth].
     angular_impulse : ndarray, shape (k,) in 2D, (k, 3) in 3D
         Angular impulse since then about the position, which moves with the body [N m s].
+    work : ndarray, shape (k,)
+        Work of the contact on the material since then [J; in 2D per metre of depth], without what
+        friction dissipates at the surface of the body.
     """
 
     times: Array
@@ -37,20 +40,22 @@ class BodyMotion:
     angular_velocity: Array
     impulse: Array
     angular_impulse: Array
+    work: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BodyForce:
-    """Force and torque of the material on a body, averaged between frames.
+class MeanForce:
+    """Force and torque of the material on a body, a wall or a block, averaged between frames.
 
     Attributes
     ----------
     times : ndarray, shape (k,)
         Middles of the averaging windows [s].
     force : ndarray, shape (k, dim)
-        Force of the material on the body [N; in 2D per metre of depth].
+        Force of the material [N; in 2D per metre of depth].
     torque : ndarray, shape (k,) in 2D, (k, 3) in 3D
-        Torque of the material about the position of the body [N m].
+        Torque of the material [N m], about the position of a body; of a wall or a block about the
+        origin of the coordinates.
     """
 
     times: Array
@@ -83,7 +88,7 @@ def body_motion(record: Trajectory, body: int = 0) -> BodyMotion:
     return BodyMotion(times=record.times, **split(numbers, record.scene.dim))
 
 
-def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> BodyForce:
+def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> MeanForce:
     """Window averages of the force and the torque of the material on a body.
 
     Each average is a difference of impulses over a difference of times, hence the exact mean over
@@ -100,7 +105,7 @@ def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> BodyFor
 
     Returns
     -------
-    BodyForce
+    MeanForce
 
     Raises
     ------
@@ -111,7 +116,7 @@ def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> BodyFor
     times, force, torque = window_means(
         motion.times, window, motion.impulse, motion.angular_impulse
     )
-    return BodyForce(times=times, force=force, torque=torque)
+    return MeanForce(times=times, force=force, torque=torque)
 
 
 def window_means(times: Array, window: int, *impulses: Array) -> tuple[Array, ...]:

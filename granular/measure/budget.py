@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import Array
 from granular.measure.energy import elastic_of, kinetic_of, plastic_power
+from granular.mpm.grid_map import GridMap
 from granular.mpm.node_codes import c0_lines, node_codes, node_positions
 
 if TYPE_CHECKING:
@@ -81,20 +82,20 @@ class StepBudget:
 
 
 @lru_cache(maxsize=4)
-def _ruled_nodes(scene: "Scene") -> tuple[list[Array], NDArray[np.bool_]]:
-    """Node positions along each axis [cells], and a flat mask of wall nodes with x fastest."""
+def _codes(scene: "Scene") -> tuple[list[Array], GridMap]:
+    """Node positions along each axis [cells], and the codes of the nodes, 0 off the walls."""
     grid = scene.grid
     positions = [
         node_positions(scene.scheme.basis, n, periodic, c0_lines(grid, scene.walls, axis))
         for axis, (n, periodic) in enumerate(zip(grid.shape, grid.periodic, strict=True))
     ]
-    return positions, node_codes(scene)[0].ravel() > 0
+    return positions, node_codes(scene)[0]
 
 
 def _at_walls(scene: "Scene", x: Array) -> NDArray[np.bool_]:
     """Mask of the nodes at `x`, shape (n, dim), on which a wall may act."""
-    positions, ruled = _ruled_nodes(scene)
-    number, stride = np.zeros(len(x), dtype=np.int64), 1
+    positions, codes = _codes(scene)
+    nearest = []
     for axis, along in enumerate(positions):
         cells = (x[:, axis] - scene.grid.lower[axis]) / scene.grid.cell
         place = np.clip(np.searchsorted(along, cells), 1, max(len(along) - 1, 1))
@@ -102,9 +103,8 @@ def _at_walls(scene: "Scene", x: Array) -> NDArray[np.bool_]:
             place = np.zeros(len(x), dtype=np.int64)
         else:
             place -= cells - along[place - 1] < along[place] - cells
-        number += stride * place
-        stride *= len(along)
-    return ruled[number]
+        nearest.append(place)
+    return codes.at(nearest) > 0
 
 
 def _half_square(a: Array, b: Array) -> float:

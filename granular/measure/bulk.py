@@ -32,6 +32,8 @@ class Bulk:
     own cell without a gap. A cell is filled if it has at least half the mass that fits at rho_c, so
     that neither spray above a heap nor free fall below an orifice counts as bulk.
 
+    Arrays of cells are those of the box around the points, not of the whole grid.
+
     Parameters
     ----------
     state : State
@@ -51,22 +53,26 @@ class Bulk:
         integer("depth_cells", depth_cells, 0)
         non_negative("packed", packed)
         grid = state.scene.grid
-        self.state, self.shape = state, tuple(grid.shape)
+        cells = cells_of(state)
+        first, last = cells.min(axis=0), cells.max(axis=0)
+        self.box = tuple(
+            slice(int(low), int(high) + 1) for low, high in zip(first, last, strict=True)
+        )
+        self.state, self.shape = state, tuple(last - first + 1)
         self.cell_volume = grid.cell ** len(self.shape)
-        own = cells_of(state)
-        self.own = np.ravel_multi_index(tuple(own.T), self.shape)
+        self.own = np.ravel_multi_index(tuple((cells - first).T), self.shape)
         self.mass = self.sum(state.mass)
         full = state.scene.material.rho_c * self.cell_volume
         filled = self.mass >= FILLED * full
         top = uppermost(filled)
         up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
-        deep = filled.ravel()[self.own] & (top.ravel()[self.own] + 1 - up > depth_cells)
+        deep = filled.ravel()[self.own] & (top.ravel()[self.own] + first[-1] + 1 - up > depth_cells)
         if packed:
             deep &= (self.around(self.mass) >= packed * full).ravel()[self.own]
         self.points: NDArray[np.bool_] = deep
 
     def sum(self, values: ArrayLike) -> Array:
-        """Sum of a point field over each cell, an array of the grid's shape."""
+        """Sum of a point field over each cell, an array of the shape of the box."""
         return sums_of(self.own, values, int(np.prod(self.shape))).reshape(self.shape)
 
     def around(self, cells: Array) -> Array:
@@ -232,7 +238,8 @@ def gaps(bulk: Bulk) -> float:
     state = bulk.state
     stressed = bulk.sum(np.asarray(state.stress).any(axis=1)) > 0
     empty = bulk.mass == 0
-    empty &= ~solid_cells(state.scene.grid, state.scene.walls)
+    solid = solid_cells(state.scene.grid, state.scene.walls).dense(bulk.box)
+    empty &= ~solid.transpose()
     between = np.zeros(bulk.shape, dtype=bool)
     for axis in range(len(bulk.shape)):
         low, mid, high = ([slice(None)] * len(bulk.shape) for _ in range(3))

@@ -1,36 +1,14 @@
 """Force of the material on the walls and blocks of a record."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from granular.checks import integer
-from granular.measure.averaging_grid import Array
-from granular.measure.body import window_means
+from granular.measure.body import MeanForce, window_means
 from granular.mpm.walls import split_impulses
 from granular.record.reader import Trajectory
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class WallForce:
-    """Force and torque of the material on a wall or block, averaged between frames.
-
-    Attributes
-    ----------
-    times : ndarray, shape (k,)
-        Middles of the averaging windows [s].
-    force : ndarray, shape (k, dim)
-        Force of the material on the wall [N; in 2D per metre of depth].
-    torque : ndarray, shape (k,) in 2D, (k, 3) in 3D
-        Torque of the material about the origin of the coordinates [N m].
-    """
-
-    times: Array
-    force: Array
-    torque: Array
-
-
-def wall_force(record: Trajectory, wall: int = 0, *, window: int = 1) -> WallForce:
+def wall_force(record: Trajectory, wall: int = 0, *, window: int = 1) -> MeanForce:
     """Window averages of the force and the torque of the material on a wall or block.
 
     Each average is a difference of impulses over a difference of times, hence the exact mean over
@@ -48,7 +26,7 @@ def wall_force(record: Trajectory, wall: int = 0, *, window: int = 1) -> WallFor
 
     Returns
     -------
-    WallForce
+    MeanForce
 
     Raises
     ------
@@ -64,4 +42,4 @@ def wall_force(record: Trajectory, wall: int = 0, *, window: int = 1) -> WallFor
     times, force, torque = window_means(
         np.asarray(record.times), window, parts["impulse"], parts["angular_impulse"]
     )
-    return WallForce(times=times, force=force, torque=torque)
+    return MeanForce(times=times, force=force, torque=torque)

@@ -1,20 +1,23 @@
 """Union of the blocks (`Solid`) of a scene: its cells, its faces, and what is within it.
 
 Blocks that touch have no face between them, so that rows of one cell each, a staircase, act like
-one piece of rock.
+one piece of rock. All is computed for classes of cells and nodes that are alike (`GridMap`), so
+that the size of the grid does not matter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular.geometry import LINE_TOLERANCE, Grid
+from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid
 
-__all__ = ["deep_within", "held_components", "solid_cells"]
+__all__ = ["count_solid_cells", "deep_within", "held_components", "outlook", "solid_cells"]
 
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Largest depth [cells] at which nodes of a block belong to its face.
@@ -26,23 +29,45 @@ that slides along the face.
 Mask = NDArray[np.bool_]
 
 
-def solid_cells(grid: Grid, walls: Iterable[object]) -> Mask:
-    """Mask of the cells within blocks, of the shape of the grid, the first axis first."""
-    solid = np.zeros(grid.shape, dtype=bool)
-    for wall in walls:
-        if isinstance(wall, Solid):
-            ends = zip(wall.lower, wall.upper, grid.lower, strict=True)
-            solid[
-                tuple(
-                    slice(round((low - zero) / grid.cell), round((high - zero) / grid.cell))
-                    for low, high, zero in ends
-                )
-            ] = True
+def solid_cells(grid: Grid, walls: Iterable[object]) -> GridMap:
+    """Map of the cells: True for those within blocks."""
+    ranges: list[Ranges] = [
+        tuple(np.arange(*ends) for ends in _ends(grid, wall))
+        for wall in walls
+        if isinstance(wall, Solid)
+    ]
+    zeros = GridMap.zeros(grid.shape, ranges)
+    solid = zeros._replace(values=zeros.values.astype(bool))
+    for where in ranges:
+        solid.values[solid.of(where)] = True
     return solid
 
 
-def deep_within(grid: Grid, solid: Mask, x: NDArray[np.float64]) -> Mask:
-    """True for the positions more than a cell within `solid`, shape (n,).
+def count_solid_cells(grid: Grid, walls: Iterable[object]) -> int:
+    """Number of cells within blocks, without anything of the length of an axis."""
+    blocks = [_ends(grid, wall) for wall in walls if isinstance(wall, Solid)]
+    if not blocks:
+        return 0
+    lines = [np.unique(along) for along in np.array(blocks).transpose(1, 0, 2)]
+    solid = np.zeros([len(along) - 1 for along in lines], dtype=np.int64)
+    for ends in blocks:
+        places = (np.searchsorted(*pair) for pair in zip(lines, ends, strict=True))
+        solid[tuple(slice(first, last) for first, last in places)] = 1
+    for along in lines[::-1]:
+        solid = solid @ np.diff(along)
+    return int(solid)
+
+
+def _ends(grid: Grid, block: Solid) -> list[tuple[int, int]]:
+    """Lines at which a block begins and ends along each axis."""
+    return [
+        (round((low - zero) / grid.cell), round((high - zero) / grid.cell))
+        for low, high, zero in zip(block.lower, block.upper, grid.lower, strict=True)
+    ]
+
+
+def deep_within(grid: Grid, walls: Iterable[object], x: NDArray[np.float64]) -> Mask:
+    """True for the positions more than a cell within the union of the blocks, shape (n,).
 
     All cells around such a position are solid; the ends of the grid are no faces. Fast points that
     hit a block end up to half a cell within it, single ones up to a cell: there they are out of
@@ -51,87 +76,91 @@ def deep_within(grid: Grid, solid: Mask, x: NDArray[np.float64]) -> Mask:
     Parameters
     ----------
     grid : Grid
-    solid : ndarray of bool
-        Solid cells, see `solid_cells`.
+    walls : iterable of Wall and Solid
     x : ndarray, shape (n, dim)
         Positions [m]; those beyond the grid count as in its nearest cell.
     """
-    for axis, periodic in enumerate(grid.periodic):
-        for shift in (-1, 1):
-            moved = np.roll(solid, shift, axis)
-            if not periodic:  # beyond the end there is nothing to come from
-                end = [slice(None)] * grid.dim
-                end[axis] = slice(0, 1) if shift > 0 else slice(-1, None)
-                moved[tuple(end)] = True
-            solid = solid & moved
-    last = np.array(grid.shape) - 1
-    cells = np.floor((x - np.array(grid.lower)) / grid.cell).clip(0, last).astype(np.int64)
-    return solid[tuple(cells.T)]
+    solid, last = solid_cells(grid, walls), np.array(grid.shape) - 1
+    cells = np.floor((x - np.array(grid.lower)) / grid.cell).clip(0, last).astype(np.intp)
+    deep: Mask = solid.at(cells.T)
+    inside = np.flatnonzero(deep)  # few or none, so that the other cells are looked up for few
+    for step in product((-1, 0, 1), repeat=grid.dim):
+        beside = cells[inside] + step
+        places = [
+            _on_grid(along, n, periodic)
+            for along, n, periodic in zip(beside.T, grid.shape, grid.periodic, strict=True)
+        ]
+        deep[inside] &= solid.at(places)
+    return deep
 
 
-def held_components(
-    grid: Grid, solid: Mask, positions: Sequence[NDArray[np.float64]]
-) -> NDArray[np.uint8]:
+def _on_grid(cells: NDArray[np.intp], n: int, periodic: bool) -> NDArray[np.intp]:
+    """Cells along an axis: wrapped where it is periodic, else the nearest ones of the grid."""
+    return cells % n if periodic else cells.clip(0, n - 1)
+
+
+def outlook(x: NDArray[np.float64], classes: NDArray[np.int32], periodic: bool) -> NDArray[np.intp]:
+    """All that matters to the nodes along an axis of the cells about them.
+
+    Nodes with the same outlook along every axis are held alike, see `held_components`.
+
+    Parameters
+    ----------
+    x : ndarray
+        Positions of the nodes, in cells from the lower end of the axis.
+    classes : ndarray of int32
+        Classes of the cells along the axis, of the map that `solid_cells` returns.
+    periodic : bool
+
+    Returns
+    -------
+    ndarray, shape (7 or more, nodes)
+        Classes of the cells below and above the grid line at or below the node, and 1 if the node
+        is half a cell from that line at most; the same for the line at or above it; classes of the
+        cells that the node is in, or half a cell from.
+    """
+
+    def class_of(cells: NDArray[np.float64]) -> NDArray[np.int32]:
+        return classes[_on_grid(cells.astype(np.intp), len(classes), periodic)]
+
+    rows: list[NDArray] = []
+    for line in (np.floor(x + LINE_TOLERANCE), np.ceil(x - LINE_TOLERANCE)):
+        rows += [class_of(line - 1), class_of(line), abs(line - x) <= FACE_DEPTH]
+    first, last = np.ceil(x - FACE_DEPTH) - 1, np.floor(x + FACE_DEPTH)
+    for k in range(int((last - first).max()) + 1):
+        rows.append(class_of(np.minimum(first + k, last)))
+    return np.array(rows, dtype=np.intp)
+
+
+def held_components(solid: GridMap, outlooks: Sequence[NDArray[np.intp]]) -> NDArray[np.uint8]:
     """Velocity components that the nodes within free-slip blocks hold, as bits.
 
     A node holds the components normal to the faces that it lies behind or on, by half a cell at
     most along each axis: one at a flat face, two where faces meet at an edge, be it protruding or
-    reentrant. Nodes deeper within hold all components.
+    reentrant. Nodes deeper within hold all components. The ends of the grid are no faces.
 
     Parameters
     ----------
-    grid : Grid
-    solid : ndarray of bool
+    solid : GridMap
         Solid cells, see `solid_cells`.
-    positions : sequence of ndarray
-        Positions of the nodes along each axis, in cells from its lower end.
+    outlooks : sequence of ndarray
+        Outlooks of the nodes along each axis, see `outlook`.
 
     Returns
     -------
     ndarray of uint8, shape (..., n_y, n_x)
-        Meaningful for nodes in or at solid cells only.
+        For all combinations of these nodes; meaningful for those in or at solid cells only.
     """
-    bits = np.zeros([len(x) for x in positions], dtype=np.uint8)
-    for axis, x in enumerate(positions):
-        for faces, line in zip(
-            _faces(solid, axis, grid.periodic[axis]),
-            (np.floor(x + LINE_TOLERANCE), np.ceil(x - LINE_TOLERANCE)),
-            strict=True,
-        ):
-            near = faces.take(line.astype(np.int64), axis)
-            near &= (abs(line - x) <= FACE_DEPTH).reshape(_along(axis, grid.dim))
-            for other in range(grid.dim):
+    dim = len(outlooks)
+    cells, bits = solid.values.T, np.zeros([rows.shape[1] for rows in outlooks], dtype=np.uint8)
+    for axis, rows in enumerate(outlooks):
+        along = [-1 if d == axis else 1 for d in range(dim)]
+        for end, (below, above, is_near) in enumerate((rows[:3], rows[3:6])):
+            low, high = cells.take(below, axis), cells.take(above, axis)
+            face = low & ~high if end else high & ~low  # the union ends, or begins, at the line
+            near = face & (is_near > 0).reshape(along)
+            for other in range(dim):
                 if other != axis:
-                    near = _beside(near, other, positions[other], grid.periodic[other])
+                    near = np.any([near.take(at, other) for at in outlooks[other][6:]], axis=0)
             bits |= near.astype(np.uint8) << np.uint8(axis)
-    everything = np.uint8((1 << grid.dim) - 1)
-    return np.where(bits, bits, everything).transpose()
-
-
-def _faces(solid: Mask, axis: int, periodic: bool) -> tuple[Mask, Mask]:
-    """Lines of `axis` at which the union begins, and those at which it ends, in each row of cells.
-
-    The ends of the grid are no faces.
-    """
-    n = solid.shape[axis]
-    beyond = (n - 1, 0) if periodic else (0, n - 1)
-    wide = solid.take([beyond[0], *range(n), beyond[1]], axis)
-    before, after = wide.take(range(n + 1), axis), wide.take(range(1, n + 2), axis)
-    return after & ~before, before & ~after
-
-
-def _beside(cells: Mask, axis: int, x: NDArray[np.float64], periodic: bool) -> Mask:
-    """True for the nodes at `x` [cells] that are in, or half a cell from, a cell that is true."""
-    n = cells.shape[axis]
-    first = np.ceil(x - FACE_DEPTH).astype(np.int64) - 1
-    last = np.floor(x + FACE_DEPTH).astype(np.int64)
-    found = np.zeros(1, dtype=bool)
-    for k in range(int((last - first).max()) + 1):
-        at = np.minimum(first + k, last)
-        found = found | cells.take(at % n if periodic else at.clip(0, n - 1), axis)
-    return found
-
-
-def _along(axis: int, dim: int) -> list[int]:
-    """Shape that lays a vector along one of `dim` axes."""
-    return [-1 if d == axis else 1 for d in range(dim)]
+    return np.where(bits, bits, np.uint8((1 << dim) - 1)).transpose()

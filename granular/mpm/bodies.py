@@ -58,6 +58,7 @@ STATE = (
     ("angular_velocity", 3),
     ("impulse", 3),
     ("angular_impulse", 3),
+    ("work", 1),
 )
 """Name and length of the parts of a body's state in the core; quaternions have the scalar first."""
 
@@ -299,6 +300,10 @@ class BodyState:
         Impulse of the material on the body since the start of the run [N s].
     angular_impulse : ndarray, shape () or (3,)
         Angular impulse [N m s] about the position, which moves with the body.
+    work : ndarray, shape ()
+        Work of the contact on the material since the start of the run [J; in 2D per metre of
+        depth]: the impulse on each node times the velocity of the node after it. What friction
+        dissipates at the surface is not in it: the body itself does more work by that much.
     """
 
     position: Array
@@ -307,15 +312,17 @@ class BodyState:
     angular_velocity: Array
     impulse: Array
     angular_impulse: Array
+    work: Array
 
 
 def split(numbers: Array, dim: int) -> dict[str, Array]:
-    """Split the 19 numbers of a body by the names of `STATE`; in 2D drop unused components.
+    """Split the 20 numbers of a body by the names of `STATE`; in 2D drop unused components.
 
-    `numbers` has the shape (..., 19).
+    `numbers` has the shape (..., 20).
     """
     ends = np.cumsum([count for _, count in STATE])[:-1]
     parts = dict(zip((name for name, _ in STATE), np.split(numbers, ends, axis=-1), strict=True))
+    parts["work"] = parts["work"][..., 0]
     if dim == 2:
         for name in ("position", "velocity", "impulse"):
             parts[name] = parts[name][..., :2]
@@ -325,7 +332,7 @@ def split(numbers: Array, dim: int) -> dict[str, Array]:
 
 
 def state_of(numbers: Array, dim: int) -> BodyState:
-    """Return the state of one body from its 19 numbers."""
+    """Return the state of one body from its 20 numbers."""
     parts = split(numbers, dim)
     w, x, y, z = parts.pop("quaternion")
     rotation = Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]

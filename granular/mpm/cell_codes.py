@@ -1,6 +1,6 @@
 """Codes of the cells of the grid: which are solid, near outlets, or at walls.
 
-The arrays have the layout of the core: cells as (..., y, x), one byte each.
+The core has one byte for each cell, those of the cells' flags as a map (`GridMap`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.geometry import Grid
+from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.schemes import ParticleDensity
 from granular.mpm.walls import Solid, Wall
 
@@ -69,17 +70,16 @@ class _Cells:
             for d, n in enumerate(self.shape)
         ]
 
-    def within(self, lower: _Vector, upper: _Vector) -> tuple[NDArray[np.intp], ...]:
+    def within(self, lower: _Vector, upper: _Vector) -> Ranges:
         """Indices of the cells whose centre lies between two corners [m]."""
-        where = [
+        return tuple(
             np.flatnonzero((x > low) & (x < high))
             for x, low, high in zip(self.centre, lower, upper, strict=True)
-        ]
-        return np.ix_(*where[::-1])
+        )
 
     def at_face(
         self, low: _Vector, high: _Vector, axis: int, sides: int
-    ) -> Iterator[tuple[int, tuple[NDArray[np.intp], ...]]]:
+    ) -> Iterator[tuple[int, Ranges]]:
         """Yield (0, cells above a face) and (1, cells below it), as far as `sides` has them.
 
         The number is the end of these cells at which the face lies: 0 for low, 1 for high.
@@ -91,7 +91,7 @@ class _Cells:
             yield 1, self.within(low - across - self.half, high + self.half)
 
 
-def cell_flags(scene: Scene) -> NDArray[np.uint8]:
+def cell_flags(scene: Scene) -> GridMap:
     """Flags of the cells by which points are grouped: solid, no particle shifting, walls at faces.
 
     Particle shifting is off in cells near an outlet, a wall that opens.
@@ -99,20 +99,27 @@ def cell_flags(scene: Scene) -> NDArray[np.uint8]:
     grid = scene.grid
     # With "ugimp" points are grouped by the nearest node.
     cells = _Cells(grid, on_nodes=scene.scheme.basis == "ugimp")
-    flags = np.zeros(cells.shape[::-1], dtype=np.uint8)
+    flagged = list(_flagged(scene, cells))
+    flags = GridMap.zeros(cells.shape, (where for where, _ in flagged))
+    for where, flag in flagged:
+        flags.values[flags.of(where)] |= flag
+    return flags
+
+
+def _flagged(scene: Scene, cells: _Cells) -> Iterator[tuple[Ranges, int]]:
+    """Yield cells and the flag that they have."""
     for low, high, axis, sides, _ in _faces(scene):
         for side, where in cells.at_face(low, high, axis, sides):
-            flags[where] |= FLAG_WALL << 2 * axis + side
+            yield where, FLAG_WALL << 2 * axis + side
     density = scene.scheme.density
     shifts = not isinstance(density, ParticleDensity)
     for wall in scene.walls:
         if isinstance(wall, Solid):
-            flags[cells.within(np.array(wall.lower), np.array(wall.upper))] |= FLAG_SOLID
+            yield cells.within(np.array(wall.lower), np.array(wall.upper)), FLAG_SOLID
         elif wall.opens_at < math.inf and shifts:
-            reach = density.shifting_outlet_cells * grid.cell
-            low, high = _ends(wall, grid)
-            flags[cells.within(low - reach, high + reach)] |= FLAG_NO_SHIFTING
-    return flags
+            reach = density.shifting_outlet_cells * scene.grid.cell
+            low, high = _ends(wall, scene.grid)
+            yield cells.within(low - reach, high + reach), FLAG_NO_SHIFTING
 
 
 def fluidity_faces(scene: Scene) -> NDArray[np.uint8]:
@@ -133,6 +140,6 @@ def fluidity_faces(scene: Scene) -> NDArray[np.uint8]:
             continue
         kind = FACE_ROUGH if wall.kind == "no_slip" else FACE_OPEN
         for side, where in cells.at_face(low, high, axis, sides):
-            face = faces[2 * axis + side]
-            face[where] = np.maximum(face[where], kind)
+            face, places = faces[2 * axis + side], np.ix_(*where[::-1])
+            face[places] = np.maximum(face[places], kind)
     return faces

@@ -13,6 +13,7 @@ from granular.buffers import allocate
 from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
+from granular.mpm.damping import damping
 from granular.mpm.limits import check_blades, check_overlaps, check_time_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene
@@ -139,6 +140,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
             "half_extent": 0.5 / scene.fills[0].points_per_axis,
             "rho_c": scene.material.rho_c,
             "wave_speed": scene.material.wave_speed,
+            **damping(scene),
             "mean_mass": mean_mass,
         },
         scheme_numbers=scheme.numbers() | {"dt": scheme.dt or 0.0},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import combinations
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.geometry import combined
 from granular.materials import MuI
-from granular.mpm.blocks import solid_cells
 from granular.mpm.body_measures import deepest, reach, thicknesses
 from granular.mpm.body_shapes import padded, turned
 from granular.mpm.walls import Solid
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from granular.mpm.schemes import Scheme
 
 __all__ = [
+    "REMEDIES",
     "check_blades",
     "check_overlaps",
     "check_time_step",
@@ -63,6 +64,18 @@ LAYER_CELLS = 6
 
 LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 """Largest nu without volumetric locking, from the map "locking"."""
+
+REMEDIES = MappingProxyType(
+    {
+        "disconnected": "take SmoothedDensity() (the default) and 4 or more points per cell",
+        "density_drift": "take a larger E, a smaller cell, or SmoothedDensity() (the default)",
+        "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
+        "gaps": "take more points per cell",
+        "courant": "take a smaller cfl, or no fixed dt",
+        "energy_created": "take the default scheme, or half of cfl (or dt), and compare",
+    }
+)
+"""Remedies for indicators of failure beyond their limits."""
 
 
 INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
@@ -373,15 +386,26 @@ def _walled_in(scene: Scene) -> str | None:
     for i, wall in enumerate(scene.walls):
         if not isinstance(wall, Solid):
             continue
-        cells = np.argwhere(solid_cells(scene.grid, (wall,)))
-        middles = np.array(scene.grid.lower) + (cells + 0.5) * scene.grid.cell
         for j, fill in enumerate(scene.fills):
+            low, high = fill.region.bounds
+            middles = _middles(scene, np.maximum(wall.lower, low), np.minimum(wall.upper, high))
             if fill.region.contains(middles).any():
                 return (
                     f"fills[{j}] has points within walls[{i}], a Solid, which holds them: leave "
                     "its volume out of the region (geometry.Difference)"
                 )
     return None
+
+
+def _middles(
+    scene: Scene, lower: NDArray[np.float64], upper: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Centres of the cells between two corners [m], shape (n, dim)."""
+    grid, axes = scene.grid, []
+    for zero, cells, low, high in zip(grid.lower, grid.shape, lower, upper, strict=True):
+        middle = zero + grid.cell * (np.arange(cells) + 0.5)
+        axes.append(middle[(middle > low) & (middle < high)])
+    return combined(axes)
 
 
 def height(scene: Scene) -> float:

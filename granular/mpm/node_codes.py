@@ -1,14 +1,14 @@
 """Effect of walls on the nodes of the grid: C0 lines, node positions, and a code for each node.
 
-The core has a table of wall rows and one code byte per node. Code 0 is a free node; code r (from 1
-on) is row r - 1 of the tuple that `node_codes` returns.
+The core has a table of wall rows and a map of code bytes, one for each node (`GridMap`). Code 0 is
+a free node; code r (from 1 on) is row r - 1 of the tuple that `node_codes` returns.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.checks import integer, one_of
 from granular.geometry import LINE_TOLERANCE, Grid
-from granular.mpm.blocks import held_components, solid_cells
+from granular.mpm.blocks import held_components, outlook, solid_cells
+from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid, Span, Wall
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["WallRow", "c0_lines", "node_codes", "node_positions", "node_selections"]
+__all__ = ["WallNodes", "WallRow", "c0_lines", "collected", "node_codes", "node_positions"]
 
 CORE_BASES = _core.enumerations()["basis"]
 MAX_ROWS = 255
@@ -131,15 +132,6 @@ def node_positions(
     return _core.node_positions(CORE_BASES[basis], int(n_cells), periodic, lines_of_core)
 
 
-Nodes = tuple[NDArray[np.intp], ...]  # indices along each axis; the nodes are the product
-Where = tuple[NDArray[np.intp], ...] | NDArray[np.bool_]  # an index of the array of nodes
-
-
-def _indices(nodes: Nodes) -> Where:
-    """Index of nodes into an array with the last axis first."""
-    return np.ix_(*nodes[::-1])
-
-
 class _Axes:
     """Node positions of a scene along its axes, and the selection of nodes by position."""
 
@@ -162,15 +154,13 @@ class _Axes:
             found |= x + self.grid.shape[axis] <= high + LINE_TOLERANCE
         return np.flatnonzero(found)
 
-    def of_wall(self, wall: Wall) -> Nodes:
-        """Nodes on a wall."""
-        return self._between(wall.extent(self.grid, axis) for axis in range(self.grid.dim))
+    def of(self, wall: Wall | Solid) -> Ranges:
+        """Nodes on a wall, or in and at a block."""
+        if isinstance(wall, Wall):
+            return self._between(wall.extent(self.grid, axis) for axis in range(self.grid.dim))
+        return self._between(zip(wall.lower, wall.upper, strict=True))
 
-    def of_solid(self, solid: Solid) -> Nodes:
-        """Nodes in and at a block."""
-        return self._between(zip(solid.lower, solid.upper, strict=True))
-
-    def _between(self, extents: Iterable[Span]) -> Nodes:
+    def _between(self, extents: Iterable[Span]) -> Ranges:
         """Nodes within lower and upper ends [m] along each axis."""
         return tuple(
             self.within(axis, *(self.cells(axis, end) for end in ends))
@@ -189,39 +179,72 @@ def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
     return WallRow(normal, wall.friction, wall.axis, side, wall.opens_at)
 
 
-def _block_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Where, WallRow]]:
-    """Yield what blocks hold; faces are those of the union of all blocks."""
-    grid, slips = scene.grid, None
-    for wall in scene.walls:
-        if not isinstance(wall, Solid):
-            continue
-        where = _indices(axes.of_solid(wall))
-        if wall.kind == "no_slip":
-            yield where, WallRow(fixed=(1 << grid.dim) - 1)
-            continue
-        if slips is None:
-            slips = np.zeros([len(x) for x in axes.positions[::-1]], dtype=bool)
-        slips[where] = True
-    if slips is not None:
-        held = held_components(grid, solid_cells(grid, scene.walls), axes.positions)
-        for fixed in np.unique(held[slips]):
-            yield slips & (held == fixed), WallRow(fixed=int(fixed))
+Where = tuple[NDArray[np.intp], ...] | NDArray[np.bool_]
+"""Index into an array with a value for each class of nodes."""
 
 
-def _all_holds(scene: Scene, axes: _Axes) -> Iterator[tuple[Where, WallRow]]:
-    for wall in scene.walls:
-        if isinstance(wall, Wall):
-            yield _indices(axes.of_wall(wall)), _wall_hold(wall, scene.grid)
-    yield from _block_holds(scene, axes)
+class WallNodes:
+    """Nodes of a scene by classes: walls, blocks and faces have all nodes of a class or none.
+
+    Attributes
+    ----------
+    zeros : GridMap
+        Zero for each class.
+    where : list
+        Index into its values for each wall and block of the scene.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        axes = _Axes(scene)
+        self._walls, self._everything = scene.walls, (1 << scene.grid.dim) - 1
+        self._solid = solid_cells(scene.grid, scene.walls)
+        self._outlooks = [
+            outlook(*along)
+            for along in zip(axes.positions, self._solid.classes, scene.grid.periodic, strict=True)
+        ]
+        ranges = [axes.of(wall) for wall in scene.walls]
+        cuts = None
+        if any(map(_slips, scene.walls)):
+            cuts = [np.flatnonzero(np.diff(seen).any(axis=0)) + 1 for seen in self._outlooks]
+        self.zeros = GridMap.zeros([len(x) for x in axes.positions], ranges, cuts)
+        self.where: list[Where] = [self.zeros.of(nodes) for nodes in ranges]
+
+    def block_holds(self) -> Iterator[tuple[Where, WallRow]]:
+        """Yield what blocks hold; faces are those of the union of all blocks."""
+        slips = np.zeros(self.zeros.values.shape, dtype=bool)
+        for wall, where in zip(self._walls, self.where, strict=True):
+            if _slips(wall):
+                slips[where] = True
+            elif isinstance(wall, Solid):
+                yield where, WallRow(fixed=self._everything)
+        if slips.any():
+            firsts = zip(self._outlooks, self.zeros.firsts(), strict=True)
+            held = held_components(self._solid, [seen[:, first] for seen, first in firsts])
+            for fixed in np.unique(held[slips]):
+                yield slips & (held == fixed), WallRow(fixed=int(fixed))
 
 
-def node_selections(scene: Scene) -> Iterator[tuple[tuple[int, ...], int, Where]]:
-    """Yield for each wall and block the shape of the nodes, its index, and that of its nodes."""
-    axes = _Axes(scene)
-    shape = tuple(len(x) for x in axes.positions[::-1])
-    for i, wall in enumerate(scene.walls):
-        nodes = axes.of_wall(wall) if isinstance(wall, Wall) else axes.of_solid(wall)
-        yield shape, i, _indices(nodes)
+def _slips(wall: Wall | Solid) -> bool:
+    """True for a free-slip block."""
+    return isinstance(wall, Solid) and wall.kind == "free_slip"
+
+
+T = TypeVar("T")
+
+
+def collected(
+    shape: tuple[int, ...], parts: Iterable[tuple[Where, T]]
+) -> tuple[NDArray[np.int32], list[frozenset[T]]]:
+    """Collect for each place of an array what lies there: numbers of sets, and the sets."""
+    state = np.zeros(shape, dtype=np.int32)
+    known: dict[frozenset[T], int] = {frozenset(): 0}
+    for where, thing in parts:
+        old, places = np.unique(state[where], return_inverse=True)
+        sets = list(known)
+        new = [known.setdefault(sets[i] | {thing}, len(known)) for i in old]
+        if new:
+            state[where] = np.array(new, dtype=np.int32)[places].reshape(state[where].shape)
+    return state, list(known)
 
 
 class _Rows:
@@ -258,7 +281,7 @@ class _Rows:
         return self.codes.setdefault(row, len(self.codes) + 1)
 
 
-def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
+def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
     """Codes of the nodes by the walls and blocks of a scene.
 
     A wall acts on the nodes on its line and within its span, ends included. Constraints on one node
@@ -267,7 +290,7 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
 
     Returns
     -------
-    codes : ndarray of uint8, shape (..., n_y, n_x), C-contiguous
+    codes : GridMap
         0 for a free node, else 1 + the index of its row.
     rows : tuple of WallRow
         At most 255; some may be in use only after an opening.
@@ -277,21 +300,18 @@ def node_codes(scene: Scene) -> tuple[NDArray[np.uint8], tuple[WallRow, ...]]:
     ValueError
         If a wall does not lie on grid lines, or more than 255 different rows are needed.
     """
-    axes = _Axes(scene)
-    shape = tuple(len(x) for x in axes.positions[::-1])
-    state = np.zeros(shape, dtype=np.int32)
-    known: dict[frozenset[WallRow], int] = {frozenset(): 0}
-    for where, hold in _all_holds(scene, axes):
-        old, places = np.unique(state[where], return_inverse=True)
-        sets = list(known)
-        new = [known.setdefault(sets[i] | {hold}, len(known)) for i in old]
-        if new:
-            state[where] = np.array(new, dtype=np.int32)[places].reshape(state[where].shape)
-    rows = _Rows(scene.grid.dim)
-    code_of = np.zeros(len(known), dtype=np.int64)
-    sets = list(known)
+    nodes, grid = WallNodes(scene), scene.grid
+    holds: list[tuple[Where, WallRow]] = [
+        (where, _wall_hold(wall, grid))
+        for wall, where in zip(scene.walls, nodes.where, strict=True)
+        if isinstance(wall, Wall)
+    ]
+    codes = nodes.zeros
+    state, sets = collected(codes.values.shape, [*holds, *nodes.block_holds()])
+    rows = _Rows(grid.dim)
+    code_of = np.zeros(len(sets), dtype=np.int64)
     for i in np.unique(state):
         code_of[i] = rows.code(sets[i])
     if len(rows.codes) > MAX_ROWS:
         raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
-    return code_of.astype(np.uint8)[state], tuple(rows.codes)
+    return codes._replace(values=code_of.astype(np.uint8)[state]), tuple(rows.codes)

@@ -108,11 +108,6 @@ class Scene(BaseScene):
             lines = c0_lines(self.grid, self.walls, axis)
             check_c0_lines(self.scheme.basis, n, periodic, lines)
 
-    @property
-    def knows_all_work(self) -> bool:
-        """True if the energy budget includes all work; the work of bodies is not included."""
-        return not self.bodies
-
     def _method_in_words(self) -> str:
         scheme = self.scheme
         return f"mpm: {scheme.basis}, {scheme.transfer}, {scheme.density.name} density"

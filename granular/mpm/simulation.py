@@ -12,16 +12,16 @@ from granular.buffers import allocate, default_isa, fill
 from granular.checks import truth
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
-from granular.mpm.blocks import deep_within, solid_cells
+from granular.mpm.blocks import deep_within
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
-from granular.mpm.walls import WallState, split_impulses
+from granular.mpm.walls import Solid, WallState, split_impulses
 from granular.record import Checkpoint
 from granular.state import State
 
 __all__ = ["Simulation"]
 
-CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "g_gain", "side"})
+CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "damping", "g_gain", "side"})
 """Fields that a scheme carries from step to step.
 
 Checkpoints hold them, frames do not: they would become larger by two thirds, and no measure needs
@@ -41,7 +41,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     Parameters
     ----------
-    scene, threads, isa
+    scene, threads, isa, force
         As of `granular.Simulation`.
     wall_forces : bool
         Add up the impulses on the walls and blocks of the scene, see `walls`. Frames of records and
@@ -57,9 +57,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
         *,
         threads: int | None = None,
         isa: str | None = None,
+        force: bool = False,
         wall_forces: bool = False,
     ) -> None:
         truth("wall_forces", wall_forces)
+        self._check_memory(scene, force)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
         self._build(scene, float(points["mass"].mean()), threads, isa, wall_forces)
@@ -179,12 +181,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return x
 
     def _indicators(self, state: State) -> dict[str, float]:
-        solid = solid_cells(self.scene.grid, self.scene.walls)
-        share = np.nan
-        if solid.any() and state.n:
-            within = deep_within(self.scene.grid, solid, state.x)
-            share = float(state.mass[within].sum() / state.mass.sum())
-        return {"in_solids": share}
+        if not state.n or not any(isinstance(wall, Solid) for wall in self.scene.walls):
+            return {}
+        within = deep_within(self.scene.grid, self.scene.walls, state.x)
+        return {"in_solids": float(state.mass[within].sum() / state.mass.sum())}
 
     # ---- restart ----
 
@@ -233,3 +233,6 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _wall_rows(self) -> NDArray:
         return self._engine.walls() if self._watches_walls else np.empty((0, 6))
+
+    def _work(self) -> float:
+        return float(sum(body.work for body in self.bodies))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.mpm.node_codes import node_selections
+from granular.mpm.node_codes import WallNodes, collected
 from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
@@ -22,8 +22,9 @@ class WallOwners(NamedTuple):
 
     Attributes
     ----------
-    codes : ndarray of int32, shape (..., n_y, n_x)
-        Row of each node; row 0 is for nodes without a wall.
+    codes : ndarray of int32, shape (..., classes along y, along x)
+        Row of each class of nodes, the classes being those of `node_codes`; row 0 is for nodes
+        without a wall.
     owners : ndarray of int32, shape (rows, 3)
         Index into the walls of the scene for each component, -1 for none.
     opens_at : ndarray, shape (rows,)
@@ -44,20 +45,13 @@ def wall_owners(scene: Scene) -> WallOwners:
     it is normal; a no-slip wall; a no-slip block; the Coulomb wall with the highest friction; a
     block. Of several of one kind the first one of the scene counts.
     """
-    known: dict[frozenset[int], int] = {frozenset(): 0}
-    state: NDArray[np.int32] | None = None
-    for shape, i, where in node_selections(scene):
-        if state is None:
-            state = np.zeros(shape, dtype=np.int32)
-        old, places = np.unique(state[where], return_inverse=True)
-        sets = list(known)
-        new = [known.setdefault(sets[k] | {i}, len(known)) for k in old]
-        if new:
-            state[where] = np.array(new, dtype=np.int32)[places].reshape(state[where].shape)
-    assert state is not None
+    nodes = WallNodes(scene)
+    state, sets = collected(
+        nodes.zeros.values.shape, ((where, i) for i, where in enumerate(nodes.where))
+    )
     rows: list[tuple[list[int], float, frozenset[int]]] = []
     numbers: dict[frozenset[int], int] = {}
-    waiting = [frozenset(), *known]
+    waiting = list(sets)
     while waiting:
         walls = waiting.pop(0)
         if walls in numbers:
@@ -69,7 +63,7 @@ def wall_owners(scene: Scene) -> WallOwners:
         if opens_at < math.inf:
             waiting.append(left)
     return WallOwners(
-        np.array([numbers[walls] for walls in known], dtype=np.int32)[state],
+        np.array([numbers[walls] for walls in sets], dtype=np.int32)[state],
         np.array([owners for owners, _, _ in rows], dtype=np.int32),
         np.array([opens_at for _, opens_at, _ in rows]),
         np.array([numbers[left] if at < math.inf else 0 for _, at, left in rows], dtype=np.int32),

@@ -84,7 +84,7 @@ class Trajectory:
 
     @cached_property
     def bodies(self) -> np.ndarray:
-        """Numbers that describe the rigid bodies at every frame, shape (frames, bodies, 19).
+        """Numbers that describe the rigid bodies at every frame, shape (frames, bodies, 20).
 
         See `granular.measure.body_motion` and `granular.measure.body_force`.
         """

@@ -100,7 +100,9 @@ def couette(
         if not isinstance(material, Material):
             raise TypeError(f"material = {material!r} must be a Material")
         # p = K ln(rho/rho_c)
-        fill["density"] = material.rho_c * math.exp(positive("pressure", pressure) / material.K)
+        fill["density"] = material.rho_c * math.exp(
+            in_range("pressure", pressure, 0.0, material.K, open_low=True) / material.K
+        )
     else:
         grid = Grid((-n * cell, -n * cell, 0.0), cell, (2 * n, 2 * n, n_z + HEADROOM))
         ring = Difference(*(Upright((0.0,) * 3, r, n_z * cell) for r in (outer, inner)))

@@ -70,7 +70,7 @@ def column_collapse_sph(
     aspect, g = positive("aspect", aspect), positive("gravity", gravity)
     spacing = positive("spacing", spacing)
     n = whole_cells("length", length, spacing)
-    n_z = max(round(aspect * n), 1)
+    n_z = max(round(positive("aspect * length/spacing", aspect * n)), 1)
     height = n_z * spacing
     if reach is None:
         reach = (1.0 + 4.0 * aspect) * length + 10 * spacing

@@ -8,7 +8,7 @@ from granular.checks import in_range, non_negative, positive
 from granular.geometry import Box, Fill
 from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
 from granular.scenes._registry import scene_function
-from granular.sph.gas import Gas, Jet
+from granular.sph.gas import SOUND_SPEED, Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
@@ -181,7 +181,7 @@ def jet_on_bed(
     above = whole_cells("headroom", headroom, spacing)
     level = (columns, *cells_across("across", across, spacing))
     in_range("nozzle", nozzle, spacing, width)
-    sound_speed = positive("sound_speed", sound_speed)
+    sound_speed = in_range("sound_speed", sound_speed, *SOUND_SPEED)
     in_range("speed", speed, 0.0, sound_speed, open_high=True)
     density = positive("pressure", pressure) / sound_speed**2
     axis, still = len(level), (0.0,) * len(level)

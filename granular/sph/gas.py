@@ -19,8 +19,11 @@ MAX_JETS = 16
 """Largest number of jets of a gas, by the capacity of the core."""
 ERGUN = 150.0
 """Factor of the viscous part of Ergun's equation, k = e^3 d^2/(150 (1 - e)^2) (Ergun 1952)."""
-POSITIVE = ("pressure", "sound_speed", "viscosity", "permeability", "grain_density")
+POSITIVE = ("pressure", "viscosity", "permeability", "grain_density")
+SOUND_SPEED = (1e-3, 1e6)
+"""Range of the speed of sound of a gas [m/s], far beyond any gas: its square is to be a number."""
 RANGES = {
+    "sound_speed": SOUND_SPEED,
     "darcy_porosity": (0.05, 0.95),
     "blend": (1e-6, 0.5),
     "damping": (0.0, 2.0),

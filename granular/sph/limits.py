@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from granular.sph.scene import Scene
 
-__all__ = ["INDICATORS", "MACH", "courant_limit", "known_failures"]
+__all__ = ["INDICATORS", "MACH", "REMEDIES", "courant_limit", "known_failures"]
 
 COURANT = 0.5
 """Largest (c + speed) dt/h of SPH. The time step dt = h/(4 c) reaches it if the particles are as
@@ -46,3 +47,16 @@ INDICATORS = (
     ("stopped", "largest", None, "times that a particle entered a wall and was put back on it"),
 )
 """Name, reduction over the samples, limit and meaning of the additional indicators of SPH runs."""
+
+_STIFFER = "take a larger kappa; the time step is proportional to 1/sqrt(kappa)"
+REMEDIES = MappingProxyType(
+    {
+        "density_drift": _STIFFER,
+        "mach": _STIFFER,
+        "courant": "take a smaller cfl, or no fixed dt",
+    }
+)
+"""Remedies for indicators beyond their limits.
+
+The limit of `disconnected` was measured with MPM alone.
+"""

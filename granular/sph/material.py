@@ -76,6 +76,7 @@ class Viscoplastic:
         check_fields(self, in_range, "nu", low=0.0, high=0.5)
         check_fields(self, in_range, "dilation", low=0.0, high=1.0)
         check_fields(self, non_negative, "mu_wall", optional=True)
+        positive(f"wave_speed of kappa = {self.kappa} and rho0 = {self.rho0}", self.wave_speed)
 
     @property
     def rho_c(self) -> float:

@@ -141,11 +141,6 @@ class Scene(BaseScene):
             )
 
     @property
-    def knows_all_work(self) -> bool:
-        """False: energy cannot be accounted for, because the work of wall particles is unknown."""
-        return False
-
-    @property
     def bodies(self) -> tuple[()]:
         """Empty: in SPH moving objects are walls."""
         return ()

@@ -90,7 +90,15 @@ class Simulation(simulation.Simulation, scenes=Scene):
     scene: Scene
     _engine: _core.Sph
 
-    def __init__(self, scene: Scene, *, threads: int | None = None, isa: str | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        threads: int | None = None,
+        isa: str | None = None,
+        force: bool = False,
+    ) -> None:
+        self._check_memory(scene, force)
         diagnostics.warn(scene)
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         points, walls = scene.points(), scene.wall_points()
@@ -216,7 +224,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def step(self, n: int = 1) -> None:
         """Make `n` steps; with 0 only evaluate the initial stresses and accelerations."""
         self._evaluate()
-        if integer("n", n, 0):
+        if integer("n", n, 0, simulation.MOST_STEPS - self.steps):
             super().step(n)
 
     def _make_steps(self, max_steps: int, until: float) -> None:

@@ -18,6 +18,8 @@ from granular.theory.couette import CouetteFlow as CouetteFlow
 from granular.theory.couette import couette_decay_length as couette_decay_length
 from granular.theory.couette import couette_flow as couette_flow
 from granular.theory.couette import couette_quasi_static as couette_quasi_static
+from granular.theory.earth_pressure import EarthPressure as EarthPressure
+from granular.theory.earth_pressure import earth_pressure as earth_pressure
 from granular.theory.hencky import HenckyColumn as HenckyColumn
 from granular.theory.hencky import StandingWave as StandingWave
 from granular.theory.hencky import hencky_column as hencky_column
@@ -52,5 +54,7 @@ from granular.theory.well_posed import ill_posedness as ill_posedness
 from granular.theory.well_posed import (
     scaled_inertial_number_of_slope as scaled_inertial_number_of_slope,
 )
+from granular.theory.well_posed import short_wave_growth as short_wave_growth
+from granular.theory.well_posed import viscous_growth as viscous_growth
 from granular.theory.well_posed import well_posed_range as well_posed_range
 from granular.theory.well_posed import well_posed_slopes as well_posed_slopes

@@ -22,15 +22,18 @@ from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
-from granular.checks import in_range
+from granular.checks import in_range, positive
 from granular.materials import MuI
 
 Array = NDArray[np.float64]
 
 _SEARCHED = np.logspace(-6, 6, 481)
-"""Values of I/I0 between which the ends of the range are searched for."""
+"""Values of I/I0 between which the ends of the range are searched for, if mu_2 < 2 mu_s.
+
+Otherwise they are smaller in the ratio mu_s/(mu_2 - mu_s): for I << I0 the law is linear in I.
+"""
 
 
 @overload
@@ -65,14 +68,15 @@ def well_posed_range(material: MuI) -> tuple[float, float] | None:
     tuple of float, or None
         Ends of the range; None if there is none, because mu_2 is too close to mu_s.
     """
-    sign = ill_posedness(_SEARCHED, material)
+    searched = _SEARCHED * min(1.0, material.mu_s / (material.mu_2 - material.mu_s))
+    sign = ill_posedness(searched, material)
     inside = np.flatnonzero(sign < 0)
     if not len(inside):
         return None
     first, last = inside[0], inside[-1]
 
     def root(i: int) -> float:
-        return float(brentq(ill_posedness, *_SEARCHED[i : i + 2], args=(material,), rtol=1e-12))
+        return float(brentq(ill_posedness, *searched[i : i + 2], args=(material,), rtol=1e-12))
 
     return root(first - 1), root(last)
 
@@ -112,3 +116,61 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     if slope >= material.mu_2:
         return math.inf
     return max(slope - material.mu_s, 0.0) / (material.mu_2 - slope)
+
+
+def short_wave_growth(mu: float, nu: float) -> float:
+    """Bound of the growth rate of short waves in slow plastic flow, over c_w k.
+
+    Rate-independent friction tau = mu p without dilation, with elasticity, is linearised in the
+    plane for waves along the unit vector n with velocity w,
+
+        rho s^2 w = -k^2 Q w,  Q = (K + G/3) n n + G 1 - G a (a + mu (K/G) n),  a = N n,
+
+    where N is the direction of shear, N:N = 2. With c = n.a, the trace of Q is
+    K + 4 G/3 - mu K c and its determinant G c (c (K + G/3) - mu K), so that one eigenvalue is
+    negative, and waves grow at a rate s in proportion to k, for 0 < c < mu K/(K + G/3) (the loss of
+    ellipticity of Rudnicki & Rice 1975, J. Mech. Phys. Solids 23). Rate dependence and a finite
+    shear rate only make waves grow slower: of the mu(I) law this is the limit I -> 0.
+
+    Parameters
+    ----------
+    mu : float
+        Friction coefficient, > 0.
+    nu : float
+        Poisson's ratio, 0 <= nu < 0.5.
+
+    Returns
+    -------
+    float
+        Largest s/(c_w k) over all directions, c_w = sqrt((K + 4 G/3)/rho).
+    """
+    mu, nu = positive("mu", mu), in_range("nu", nu, 0.0, 0.5, open_high=True)
+    K, G = (1 + nu) / (3 * (1 - nu)), (1 - 2 * nu) / (2 * (1 - nu))  # over K + 4 G/3
+
+    def squared(c: float) -> float:
+        half = (1 - mu * K * c) / 2
+        return math.sqrt(half**2 - G * c * (c * (K + G / 3) - mu * K)) - half
+
+    end = min(mu * K / (K + G / 3), 1.0)
+    best = minimize_scalar(lambda c: -squared(c), bounds=(0.0, end), method="bounded")
+    return math.sqrt(-best.fun)
+
+
+def viscous_growth(mu: float) -> float:
+    """Growth rate of waves in slow, incompressible flow, times rho gdot/(mu p k^2).
+
+    It is the rate of Barker et al. 2015 for I -> 0 (r = 0, q = mu) in the direction in which waves
+    grow fastest: the maximum of (1 - b^2)/(1 - mu b) - 1, which is
+    2 (1 - sqrt(1 - mu^2))/mu^2 - 1.
+
+    Parameters
+    ----------
+    mu : float
+        Friction coefficient, > 0; 1 stands for larger ones, where the growth has no bound.
+
+    Returns
+    -------
+    float
+    """
+    mu = min(positive("mu", mu), 1.0)
+    return 2 * (1 - math.sqrt(1 - mu**2)) / mu**2 - 1

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import records
-from records import SCENE, content, make_checkpoint, make_record, make_state
+from records import SCENE, close_interrupted, content, make_checkpoint, make_record, make_state
 
 from granular.record import TrajectoryWriter, open_trajectory
 from granular.record.merge import merge
@@ -118,25 +118,7 @@ def test_kill_while_merged_parts_are_removed(tmp_path, monkeypatch):
     """Stop the removal of the segments after each of its steps in turn."""
     for survivors in range(7):
         path = tmp_path / f"{survivors}.h5"
-        writer = TrajectoryWriter(path, SCENE)
-        for i in range(4):
-            writer.append(make_state(i))
-        writer.checkpoint(make_checkpoint(3))
-        left, unlink = [survivors], Path.unlink
-
-        def cut(target, left=left, unlink=unlink, **options):
-            if not left[0]:
-                raise KeyboardInterrupt
-            left[0] -= 1
-            unlink(target, **options)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(Path, "unlink", cut)
-            if survivors < 6:  # four frames, checkpoint, head
-                with pytest.raises(KeyboardInterrupt):
-                    writer.close()
-            else:
-                writer.close()
+        close_interrupted(path, survivors, monkeypatch)
         assert content(path) == expected(range(4), 30)
         TrajectoryWriter.resume(path).close()
         assert content(path) == expected(range(4), 30)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 import records
-from records import SCENE, content, make_checkpoint, make_record, make_state
+from records import SCENE, close_interrupted, content, make_checkpoint, make_record, make_state
 
 from granular.record import RecordError, TrajectoryWriter, open_trajectory
 from granular.record.index import parts_folder
@@ -241,25 +241,7 @@ def test_rot_after_an_interrupted_removal_is_reported(tmp_path, monkeypatch):
     """Parts that a killed merge has left are not taken for the record."""
     for survivors in range(7):
         path = tmp_path / f"{survivors}.h5"
-        writer = TrajectoryWriter(path, SCENE)
-        for i in range(4):
-            writer.append(make_state(i))
-        writer.checkpoint(make_checkpoint(3))
-        left, unlink = [survivors], Path.unlink
-
-        def cut(target, left=left, unlink=unlink, **options):
-            if not left[0]:
-                raise KeyboardInterrupt
-            left[0] -= 1
-            unlink(target, **options)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(Path, "unlink", cut)
-            if survivors < 6:
-                with pytest.raises(KeyboardInterrupt):
-                    writer.close()
-            else:
-                writer.close()
+        close_interrupted(path, survivors, monkeypatch)
         bad = bytearray(path.read_bytes())
         at = bytes(bad).index(b"OHDR", 100)  # metadata, which have a checksum
         bad[at + 8] ^= 1

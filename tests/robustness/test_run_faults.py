@@ -13,6 +13,7 @@ import pytest
 import granular as gr
 from granular.mpm.limits import dt_limit
 from granular.record import TrajectoryWriter
+from granular.running import next_frame
 
 ROOT = Path(__file__).parents[2]
 PLAIN = ("linear", "flip", "particle")
@@ -227,3 +228,35 @@ def test_a_point_within_a_solid_does_no_harm(small_scene):
     x[:, near] = (0.56, 0.0999)
     sim.step(16)
     assert all(np.isfinite(values).all() for values in sim.buffers.values())
+
+
+@pytest.mark.parametrize("every", [1e-22, 5e-324, 1e-12])
+def test_frames_closer_than_steps_can_be_are_refused(small_scene, tmp_path, every):
+    sim = gr.Simulation(small_scene("walls", 2, PLAIN, E=1e5), threads=1)
+    with pytest.raises(ValueError, match=rf"every = {every:g} must be >= .* time step"):
+        sim.run(until=0.1, every=every, save=tmp_path / "a.h5")
+    assert sim.steps == 0 and not (tmp_path / "a.h5").exists()
+
+
+def test_every_step_can_be_a_frame(small_scene):
+    sim, seen = gr.Simulation(small_scene("walls", 2, PLAIN, E=1e5), threads=1), []
+    sim.run(until=20 * sim.dt, every=0.01 * sim.dt, hooks=(lambda sim: seen.append(sim.steps),))
+    assert seen == list(range(sim.steps + 1)) and sim.steps >= 20
+
+
+@pytest.mark.parametrize("time", [0.0, 0.3, 1.0, 7.1, 1e6 / 3])
+@pytest.mark.parametrize("every", [1 / 60, 0.1, 1e-3, 1e-9 / 3])
+def test_the_next_frame_is_later(time, every):
+    for now in (time, np.nextafter(time, 1e9), round(time / every) * every):
+        frame = next_frame(now, every)
+        assert now < frame <= now + 1.01 * every
+
+
+@pytest.mark.parametrize(
+    "told", [{"every": 1e-22}, {"every": -1.0}, {"every": "1"}, [1], {"isa": 3}]
+)
+def test_a_hostile_provenance_is_refused(small_scene, tmp_path, monkeypatch, told):
+    gr.Simulation(small_scene("walls", 2, PLAIN, E=1e5)).run(0.02, save=tmp_path / "a.h5")
+    monkeypatch.setattr(gr.Trajectory, "provenance", property(lambda self: told))
+    with pytest.raises(ValueError, match=r"every = |provenance|isa = 3"):
+        gr.Simulation.resume(tmp_path / "a.h5").run(0.03)

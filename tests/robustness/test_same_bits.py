@@ -13,6 +13,7 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
+from granular import cli
 
 
 def bits(sim):
@@ -189,7 +190,7 @@ def test_a_soft_silo_restarts_in_a_long_run(basis, transfer, density):
 def test_frames_leave_out_what_only_a_restart_needs(small_scene, tmp_path):
     scene, path = small_scene("walls", 2, ("quadratic", "tpic", "smoothed")), tmp_path / "run.h5"
     sim = gr.Simulation(scene, threads=1).run(until=0.01, save=path, every=0.005)
-    carried = {"affine", "density_gradient", "shift_velocity"}
+    carried = {"affine", "density_gradient", "shift_velocity", "damping"}
     with gr.open(path) as record:
         assert set(record[-1].fields) == set(sim.state.fields) - carried
     assert carried < set(sim.checkpoint().arrays)
@@ -250,6 +251,33 @@ def test_frames_go_on_as_they_were_asked_for(small_scene, tmp_path):
         assert record.times[5:] == pytest.approx(later, abs=sim.dt)
 
 
+def test_a_resumed_run_keeps_its_instruction_set(small_scene, tmp_path, monkeypatch):
+    """Unless another one is asked for: sums differ in the last bits between them."""
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e5)
+    gr.Simulation(scene, threads=1, isa="baseline").run(0.02, every=0.01, save=tmp_path / "a.h5")
+    best = gr.Simulation(scene).isa
+    whole = gr.Simulation(scene, threads=1, isa="baseline").run(0.05, every=0.01)
+    assert gr.Simulation.resume(tmp_path / "a.h5", isa=best).isa == best
+    monkeypatch.setenv("GRANULAR_ISA", best)  # for runs that begin
+    resumed = gr.Simulation.resume(tmp_path / "a.h5", threads=1)
+    assert resumed.isa == "baseline"
+    assert bits(resumed.run(0.05)) == bits(whole)
+    assert gr.Simulation.resume(tmp_path / "a.h5").isa == "baseline"
+
+
+def test_a_lost_instruction_set_is_told(small_scene, tmp_path, monkeypatch, capsys):
+    scene = small_scene("walls", 2, ("linear", "flip", "particle"), E=1e5)
+    sim = gr.Simulation(scene, threads=1).run(0.02, every=0.01, save=tmp_path / "a.h5")
+    told = property(lambda self: {"isa": "avx1024", "every": 0.01})
+    monkeypatch.setattr(gr.Trajectory, "provenance", told)
+    match = f"made with the instruction set 'avx1024', .* continues with '{sim.isa}'"
+    with pytest.warns(UserWarning, match=match):
+        assert gr.Simulation.resume(tmp_path / "a.h5").isa == sim.isa
+    words = ["resume", str(tmp_path / "a.h5"), "--until", "0.03", "--quiet"]
+    assert cli.main(words) in (0, 3)
+    assert "granular: warning: " in capsys.readouterr().err
+
+
 def test_nothing_that_the_engine_carries_is_left_out(small_scene, combination, dim):
     """A checkpoint holds every field and scalar of the core, and each of them affects the run."""
     scene = small_scene("walls", dim, combination, E=1e5)
@@ -299,5 +327,5 @@ def test_the_core_saves_all_its_fields_in_some_scheme(small_scene):
     carried = {name for name, *_ in gr.Simulation(scene, threads=1)._engine.fields()}
     assert carried == {
         "x", "v", "stress", "log_density", "mass", "shear_rate", "affine", "density_gradient",
-        "shift_velocity", "weight_correction",
+        "shift_velocity", "weight_correction", "damping",
     }  # fmt: skip

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+import granular as gr
 from granular import scenes
 from granular.materials import MuI
 from granular.mpm.scene import Scene
@@ -179,3 +180,42 @@ def test_damaged_texts_give_a_scene_or_a_value_error():
         except ValueError:
             refused += 1
     assert refused > 1000
+
+
+EXTREMES = [
+    ("column_collapse", {"E": 5e-324}),
+    ("column_collapse", {"E": 1.7e308}),
+    ("column_collapse", {"rho_c": 5e-324}),
+    ("column_collapse", {"duration": 1e300}),
+    ("column_collapse", {"cell": 5e-324}),
+    ("column_collapse_sph", {"aspect": 1.7e308}),
+    ("column_collapse_sph", {"kappa": 5e-324}),
+    ("column_collapse_sph", {"duration": 1.7e308}),
+    ("couette", {"pressure": 1e300}),
+    ("fluidised_bed", {"sound_speed": 1e300}),
+    ("fluidised_bed", {"sound_speed": 5e-324}),
+    ("jet_on_bed", {"sound_speed": 1e300}),
+]
+
+
+@pytest.mark.parametrize(("name", "numbers"), EXTREMES)
+def test_numbers_at_the_ends_of_the_range_are_refused(name, numbers):
+    """By the scene, or by the estimate of its cost; no OverflowError, ZeroDivisionError."""
+    argument = next(iter(numbers))
+    with pytest.raises(ValueError, match=argument):
+        gr.economy.cost(gr.scenes.registry[name](**numbers))
+
+
+@pytest.mark.parametrize(
+    "scene", [gr.scenes.incline(columns=1), gr.scenes.incline_sph(height=0.05)]
+)
+def test_more_steps_than_can_be_counted_are_refused(scene):
+    for n in (2**63, 10**30):
+        with pytest.raises(ValueError, match=f"n = {n} must be an integer from"):
+            gr.Simulation(scene, threads=1).step(n)
+
+
+def test_gravity_beyond_all_laws_leaves_the_stiffness_unknown():
+    for gravity in (1e-300, 1e300):
+        found = gr.economy.cost(gr.scenes.incline(gravity=gravity))
+        assert found.steps > 0 and "enough" not in str(found)

@@ -54,6 +54,14 @@ def test_too_large_a_step_makes_energy(monkeypatch):
     assert sim.health()["energy_created"].verdict == "suspect"
 
 
+def test_a_fall_between_two_samples_creates_no_energy(monkeypatch):
+    """Samples 0.5 s apart of grains that fall through an opening while gravity is switched on."""
+    monkeypatch.setattr(diagnostics, "STEPS", 3000)
+    sim = gr.Simulation(gr.scenes.hourglass(kind="sloped", E=1e6), threads=1).run(until=0.7)
+    assert np.isfinite(sim._monitor.columns()["created"]).sum() == 1
+    assert sim.health()["energy_created"].verdict == "ok", str(sim.health())
+
+
 def test_slow_flow_is_ill_posed_and_reported():
     health = gr.Simulation(incline(angle_deg=21.2), threads=1).run(until=2.0, every=0.1).health()
     assert health["ill_posed"].value > 0.5

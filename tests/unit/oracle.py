@@ -12,9 +12,16 @@ from oracle_cell_averaged import cell_averages, flow_of_cells
 from oracle_law import components, law, tensor
 from oracle_nonlocal import Substeps
 from oracle_shapes import Shapes, node_volumes
-from oracle_smoothed import average, averages, neighbour_corrections
+from oracle_smoothed import (
+    average,
+    averages,
+    damped_share,
+    mean_of_cells,
+    neighbour_corrections,
+)
 from oracle_walls import alone_at_wall
 
+from granular.mpm.damping import damping
 from granular.mpm.node_codes import node_codes
 
 
@@ -44,6 +51,12 @@ def p2g(scene, points, step=0, shift_dt=1.0):
     )
     if scene.scheme.density.name == "cell_averaged":
         cell_averages(scene, points, out)
+        rate = mean_of_cells(scene, points["x"], m, points["shear_rate"])
+        share = damped_share(scene, rate, out.cells.c[out.cells.which])
+        out.damped = s.to_nodes(s.w * (m * share)[:, None])
+    if "damping" in points:
+        mean = mean_of_cells(scene, points["x"], m, points["damping"])
+        out.damped = s.to_nodes(s.w * (m * mean)[:, None])
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
@@ -102,6 +115,10 @@ def grid(scene, points, nodes, dt, time):
     if hasattr(nodes, "uneven"):
         neighbour_corrections(scene, nodes, fixed)
     nodes.v, nodes.before = after, v
+    if hasattr(nodes, "damped"):
+        share = damping(scene)["damping_rate"] * dt * _ratio(nodes.damped, nodes.mass)
+        nodes.damping = keep * np.minimum(share, 1.0)[:, None]
+        keep = keep - nodes.damping
     nodes.w = keep * (after - v) + (1 - keep) * after
     if scene.scheme.transfer == "xpic":
         nodes.w = after - v + _filtered(scene, points, nodes, v, fixed)
@@ -110,7 +127,7 @@ def grid(scene, points, nodes, dt, time):
 def _at_walls(scene, used, v, after, time):
     """Apply the walls active at a time to nodal velocities; return which components are fixed."""
     codes, rows = node_codes(scene)
-    codes = codes.ravel()
+    codes = codes.dense().ravel()
     fixed = np.zeros(v.shape, dtype=bool)
     for i in np.flatnonzero(used & (codes > 0)):
         row = rows[codes[i] - 1]
@@ -158,9 +175,13 @@ def _moved(scene, points, nodes, dt, step):
     v, w = nodes.v[s.node], nodes.w[s.node]
     L = np.einsum("kd,pkj->pdj", v, s.g)
     new["v"] = keep * points["v"] + s.w @ w
+    if hasattr(nodes, "damping"):
+        C = points["affine"].reshape(-1, dim, dim)
+        carried = points["v"][:, None, :] + np.einsum("pdj,pkj->pkd", C, s.r)
+        new["v"] = new["v"] - np.einsum("pk,pkd->pd", s.w * nodes.damping[s.node][..., 0], carried)
     new["x"] = points["x"] + dt * (s.w @ v)
     if scene.scheme.density.name == "cell_averaged":
-        L = flow_of_cells(scene, points, new, nodes, dt, keep)
+        L = flow_of_cells(scene, points, new, nodes, dt)
     else:
         new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
     gradient = np.zeros((len(L), 3, 3))

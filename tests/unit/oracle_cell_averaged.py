@@ -122,7 +122,7 @@ def _through_faces(scene, cells, stretch):
     return out
 
 
-def flow_of_cells(scene, points, new, nodes, dt, keepshare):
+def flow_of_cells(scene, points, new, nodes, dt):
     """Update density and position of the points by cells; return the velocity gradients."""
     q, cells, dx = scene.scheme.density, nodes.cells, scene.grid.cell
     L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
@@ -143,8 +143,5 @@ def flow_of_cells(scene, points, new, nodes, dt, keepshare):
     shift += (1 - xi) * faces[..., 0] + xi * faces[..., 1]
     shift[near_outlet(scene, points["x"])] = 0.0
     new["log_density"] = c[cells.which]
-    m, s = points["mass"], nodes.shapes
-    mean = _mean_over_cells(cells.which, m)(points["v"] - s.w @ nodes.before[s.node])
-    new["v"] = (new["x"] - points["x"]) / dt + keepshare * mean[cells.which]
     new["x"] = new["x"] + shift
     return L[cells.which]

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 from oracle_walls import held_at_walls, near_outlet
 
+from granular.mpm.damping import damping
 from granular.mpm.engine import averaging_interval
 
 
@@ -90,6 +91,26 @@ def average(scene, points, new, nodes, L, dt):
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
     new["v"], new["shift_velocity"] = new["v"] + borrowed, borrowed
+    new["damping"] = damped_share(scene, points["shear_rate"], old)
+
+
+def mean_of_cells(scene, x, mass, value):
+    """Mean by mass of the values of points over the cell of each."""
+    at = np.floor((x - np.array(scene.grid.lower)) / scene.grid.cell).astype(int)
+    _, cell = np.unique(at, axis=0, return_inverse=True)
+    return (np.bincount(cell, mass * value) / np.bincount(cell, mass))[cell]
+
+
+def damped_share(scene, rate, c):
+    """Damping of ill-posed plastic flow, over its largest rate."""
+    numbers = damping(scene)
+    end = numbers["ill_posed_rate"] * np.sqrt(np.maximum(c, 0.0))
+    damped = (rate > 0) & (rate < end)
+    elastic = numbers["crossover_rate"] * np.maximum(c, 0.0)
+    share = (
+        (1 - rate / np.where(damped, end, 1.0)) * elastic / np.where(damped, elastic + rate, 1.0)
+    )
+    return np.where(damped, share, 0.0)
 
 
 def averaged_part(scene, dt, strain, c):

@@ -1,5 +1,6 @@
 """Records made by hand, for tests that damage, kill or overwrite them."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,3 +45,28 @@ def content(path):
         ]
         checkpoint = record.checkpoint().step if record._contents.has_checkpoint else None
     return frames, checkpoint
+
+
+def close_interrupted(path, survivors, monkeypatch):
+    """Close a record of four frames; the removal of its parts is interrupted after `survivors`."""
+    writer = TrajectoryWriter(path, SCENE)
+    for i in range(4):
+        writer.append(make_state(i))
+    writer.checkpoint(make_checkpoint(3))
+    left, unlink = survivors, Path.unlink
+
+    def cut(target, **options):
+        nonlocal left
+        if not left:
+            raise KeyboardInterrupt
+        left -= 1
+        unlink(target, **options)
+
+    interrupted = False
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", cut)
+        try:
+            writer.close()
+        except KeyboardInterrupt:
+            interrupted = True
+    assert interrupted == (survivors < 6)  # four frames, checkpoint, head

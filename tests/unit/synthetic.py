@@ -4,6 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from granular.gravity import Gravity
+
 RHO_C = 1500.0
 RHO_S = 2450.0
 XI = 1.1233
@@ -33,7 +35,7 @@ def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=No
             dim=dim,
         ),
         material=grains or material(),
-        gravity=SimpleNamespace(at=lambda t: np.array(down)),
+        gravity=Gravity((0.0,), (down,)),
         duration=1.0,
         parameters=parameters or {},
     )

@@ -86,6 +86,15 @@ def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
 
 
+def test_a_quick_table_of_threads_beside_others_is_written(module, tmp_path, capsys):
+    out = tmp_path / "threads.json"
+    module("threads_beside_others").main(["--quick", "--out", str(out)])
+    rows = json.loads(out.read_text())["rows"]
+    assert [row["others"] for row in rows] == [0, 1, 2]
+    assert all(seconds > 0 for row in rows for seconds in row["seconds"].values())
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
+
+
 def test_a_quick_roofline_is_written(module, tmp_path, capsys):
     """The bounds follow from the rates that were measured in the same run."""
     out = tmp_path / "roofline.json"

@@ -13,7 +13,7 @@ from granular import _core
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
-from granular.materials import MuI
+from granular.materials import Elastic, MuI
 from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
 from granular.mpm.body_measures import extents
 from granular.mpm.walls import Wall
@@ -202,6 +202,32 @@ def test_free_fall_and_empty_space():
     assert not np.array_equal(before.x, alone.state.x)
 
 
+@pytest.mark.parametrize("contact", ["sticky", "bilateral"])
+def test_work_of_a_piston_is_the_energy_of_what_it_presses(contact):
+    """An elastic block against a wall, pressed by 1 % in 20 crossing times of its waves."""
+    material = Elastic(E=1e5, nu=0.0)
+    end = 20 * 0.5 / material.wave_speed
+    motion = Motion(
+        times=(0.0, 0.5 * end, end), velocity=((0.0, 0.0), (-0.01 / end, 0.0), (0.0, 0.0))
+    )
+    piston = Body(Box((0.4, 2.0)), (0.7, 0.1), motion=motion, contact=contact)
+    scene = gr.Scene(
+        name="piston",
+        grid=Grid((0.0, 0.0), 0.05, (20, 4)),
+        fills=(Fill(Region((0.0, 0.0), (0.5, 0.2)), 4),),
+        material=material,
+        walls=(Wall(0, 0.0, kind="free_slip"), Wall(1, 0.0, kind="free_slip")),
+        scheme=gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity()),
+        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        duration=end,
+        bodies=(piston,),
+    )
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
+    held = gr.measure.energy(sim.state)
+    assert held.elastic == pytest.approx(1e5 * 0.01**2 / 2 * 0.1, rel=0.02)
+    assert sim.bodies[0].work == pytest.approx(held.elastic + held.kinetic, rel=1e-3)
+
+
 # ---- scenes, records ----
 
 
@@ -225,7 +251,7 @@ def test_record_tells_of_bodies(tmp_path):
     sim = gr.Simulation(scene_of(still, turning), threads=1)
     sim.run(until=0.05, save=tmp_path / "b.h5", every=0.01)
     with gr.open(tmp_path / "b.h5") as record:
-        assert record.bodies.shape == (6, 2, 19)
+        assert record.bodies.shape == (6, 2, 20)
         assert record.bodies[-1].tolist() == sim._engine.bodies().tolist()
         assert not any(name.startswith("body") for name in record.samples)
         for b in range(2):

@@ -6,7 +6,7 @@ from dataclasses import fields
 import pytest
 
 import granular as gr
-from granular import cli
+from granular import cli, diagnostics
 from granular.scenes import registry
 
 
@@ -114,6 +114,29 @@ def test_tuples_and_words_reach_the_scene(tmp_path):
         assert states[0].v[0].tolist() == [2.0, 1.0]
         numbers = {"E": 1e5, "mu_s": 0.4, "elasticity": "hencky", "I0": 0.3, "d": 1e-3}
         assert states.scene.material == gr.materials.glass_beads.replace(**numbers)
+
+
+def test_a_run_ends_with_its_verdict(tmp_path, capsys, monkeypatch):
+    """On stdout if it is ok, with the exit code 3 and with a remedy on stderr if it is suspect."""
+    words = ["run", "column_collapse", "--cell", "0.05", "--E", "1e5", "--until", "0.3"]
+    words += ["--threads", "1", "--overwrite", "-o", str(tmp_path / "a.h5")]
+    assert cli.main(words) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith("column_collapse: ") and " steps: about " in said.out
+    assert "\nverdict: ok, " in said.out and "courant = " in said.out
+    assert "warning" not in said.err
+    assert cli.main([*words, "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr(diagnostics.Bulk, "disconnected", lambda self: 0.5)
+    picture = tmp_path / "a.png"
+    assert cli.main([*words, "--quiet", "--picture", str(picture)]) == 3
+    said = capsys.readouterr()
+    assert said.out == "" and picture.exists()
+    verdict, warning = said.err.splitlines()
+    assert verdict.startswith("verdict: suspect, disconnected = 0.5 (limit 0.1)")
+    assert warning.startswith("granular: warning: disconnected = 0.5") and "; take " in warning
+    assert cli.main(["resume", words[-1], "--until", "0.31", "--quiet"]) == 3
+    assert cli.main(["info", words[-1]]) == 0
 
 
 def test_what_is_not_said_is_that_of_the_scene(tmp_path):

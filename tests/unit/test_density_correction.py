@@ -122,7 +122,8 @@ def test_faces_of_blocks_hold_the_shift_as_walls_do(small_scene):
     base = small_scene("periodic", 2, ("quadratic", "tpic", "smoothed"))
     low, cell = np.array(base.grid.lower), base.grid.cell
     block = gr.mpm.walls.Solid(tuple(low + 2 * cell), tuple(low + 3 * cell))
-    flags = cell_flags(base.replace(walls=(*base.walls, block))) ^ cell_flags(base)
+    blocked, free = base.replace(walls=(*base.walls, block)), base
+    flags = cell_flags(blocked).dense() ^ cell_flags(free).dense()
     sides = {(2, 3): 1 << 0, (2, 1): 1 << 1, (3, 2): 1 << 2, (1, 2): 1 << 3}  # y, x of cells
     for place, side in sides.items():
         assert flags[place] // FLAG_WALL == side

@@ -1,5 +1,7 @@
 """Diagnostics of a run: when they sample, how samples are combined, and where they are stored."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -101,16 +103,52 @@ def test_a_run_samples_unless_told_not_to(scene, often):
     assert gr.Simulation(scene, threads=1).health().samples == 0
 
 
-def test_work_of_bodies_is_in_no_account(scene, often):
-    """Work of a falling disc on the layer is not reported as created energy."""
+@pytest.mark.parametrize("free", ["", "y"])
+def test_work_of_bodies_is_in_the_account(scene, often, free):
+    """A disc pressed into the layer does ten times the work of gravity: no energy is created."""
     disc = gr.bodies.Cylinder(0.1, center=(0.0, 0.0))
     motion = gr.bodies.Motion(velocity=((0.0, -1.0),))
     x, y = scene.grid.lower[0] + 0.2, scene.grid.lower[1] + 0.45
-    sim = gr.Simulation(scene.replace(bodies=(gr.bodies.Body(disc, (x, y), motion=motion),)))
+    body = gr.bodies.Body(disc, (x, y), motion=motion, free=free, mass=1e3 if free else None)
+    sim = gr.Simulation(scene.replace(bodies=(body,)))
     sim.run(until=0.1, every=0.02)
-    assert np.linalg.norm(sim.bodies[0].impulse) > 0
-    assert sim.health()["energy_created"].verdict == "unknown"
-    assert sim.health()["courant"].verdict == "ok"
+    seen = sim.health()
+    assert sim.bodies[0].work > 0
+    assert seen["energy_created"].verdict == "ok", str(seen)
+    assert seen["courant"].verdict == "ok"
+    work = np.nansum(sim._monitor.columns()["work"])
+    without = np.nansum(sim._monitor.columns()["created"]) + sim.bodies[0].work
+    assert without > diagnostics.ENERGY_LIMIT * work  # it would be suspect without this work
+
+
+def test_a_suspect_run_ends_with_a_warning(scene, often, monkeypatch):
+    """It says what to do, and once for each indicator."""
+    monkeypatch.setattr(diagnostics.Bulk, "disconnected", lambda self: 0.5)
+    sim = gr.Simulation(scene, threads=1)
+    with pytest.warns(gr.StabilityWarning, match=r"disconnected = 0.5 .* is suspect: .*; take "):
+        sim.run(until=0.3, every=0.02)
+    unwatched = gr.Simulation(scene, threads=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sim.run(until=0.35, every=0.02)
+        unwatched.run(until=0.3, every=0.02, monitor=False)
+    assert sim.health().verdict.startswith("verdict: suspect, disconnected = 0.5 (limit 0.1), ")
+
+
+def test_grains_that_cannot_bear_yet_are_not_suspect(scene):
+    """All points are stress-free at the start, until gravity acts and waves have crossed them."""
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(10)
+    assert sim.health()["disconnected"].verdict == "unknown"
+    sim.run(until=0.3, monitor=False)
+    assert sim.health()["disconnected"].verdict == "ok"
+
+
+def test_every_indicator_with_a_limit_has_a_remedy(scene):
+    sph = gr.scenes.incline_sph(height=0.05)
+    for indicator in (*health(scene, {}), *health(sph, {})):
+        assert bool(indicator.remedy) == (indicator.limit is not None)
+    assert health(scene, {}).verdict == "verdict: unknown, no indicator has a value yet"
 
 
 def test_a_step_alone_needs_no_run(scene):

@@ -261,7 +261,7 @@ def test_grains_are_only_told_of():
 
 def test_fields():
     particle, smoothed = (item("fields", scene).reason for scene in (PUBLISHED[5], PAPER[5]))
-    assert "88 bytes" in particle and "160 bytes" in smoothed and "density_gradient" in smoothed
+    assert "88 bytes" in particle and "168 bytes" in smoothed and "density_gradient" in smoothed
 
 
 SCHEMES = [
@@ -390,6 +390,54 @@ def test_cost_by_hand():
     stiff = scene.replace(material=glass_beads.replace(E=1e13))
     with pytest.raises(ValueError, match="dt"):
         gr.economy.cost(stiff)
+
+
+def test_cost_of_a_preset_of_1_gpa_tells_what_would_be_enough():
+    scene = gr.scenes.silo(orifice=0.2)
+    found = gr.economy.cost(scene)
+    assert found.points == scene.n_points
+    assert found.E == 1e9
+    assert 0 < found.error <= 0.02
+    softer = scene.material.replace(E=0.9 * found.enough_E)
+    assert bias.stiffness_error(scene, "silo", softer) > 0.02
+    text = str(found)
+    assert f"{found.points:,} points, {found.steps:,} steps: about" in text and "GB" in text
+    assert f"E = {found.enough_E:.2g} Pa in place of 1e+09 would be enough (error " in text
+    soft = gr.economy.cost(scene.replace(material=scene.material.replace(E=1e5)))
+    assert "would be enough" not in str(soft)
+    assert found.seconds / soft.seconds == pytest.approx(math.sqrt(1e4), rel=0.01)
+
+
+def test_stiffness_that_is_enough_where_no_error_was_measured():
+    """Grains whose elasticity shrinks the foot by 0.001, with H = 0.3 m of the block."""
+    scene = gr.Scene(
+        name="block",
+        grid=gr.Grid((0.0, 0.0), 0.02, (50, 20)),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.3, 0.3)), 4),),
+        material=glass_beads.replace(E=1e9),
+        gravity=gr.Gravity(),
+        duration=1.0,
+    )
+    found, grains = gr.economy.cost(scene), scene.material
+    strain = grains.rho_c * 9.8 * 0.3 / (grains.K * found.enough_E / grains.E)
+    assert strain == pytest.approx(1e-3, rel=0.1) and math.isnan(found.error)
+    assert "p/K = 0.001 at the foot" in str(found)
+    floating = scene.replace(gravity=gr.Gravity((0.0,), ((0.0, 0.0),)))
+    assert math.isnan(gr.economy.cost(floating).enough_E)
+    assert "enough" not in str(gr.economy.cost(floating))
+
+
+@pytest.mark.parametrize("name", gr.scenes.registry)
+def test_points_and_memory_of_every_scene(name):
+    """The estimate for many points agrees with their number; SPH has no modulus to lower."""
+    scene = gr.scenes.registry[name]()
+    found = gr.economy.cost(scene)
+    gas = getattr(scene, "gas", None)
+    points = scene.n_points + (len(gas.points(scene.grid, 0).x) if gas else 0)
+    assert found.points == pytest.approx(points, rel=0.01)
+    assert found.steps > 0 and found.seconds > 0
+    assert 0.1 * 2**30 < found.memory < 0.11 * 2**30 + 3000 * points
+    assert math.isnan(found.E) == (scene.method == "sph")
 
 
 def test_work_falls_with_what_is_left():

@@ -6,6 +6,7 @@ from refusals import refused
 from synthetic import RHO_C, XI, isotropic, material, regular_points, scene, state
 
 from granular import theory
+from granular.gravity import Gravity
 from granular.materials import glass_beads
 from granular.measure import (
     density_drift,
@@ -217,6 +218,21 @@ def test_free_fall_dissipates_nothing():
     assert np.abs(budget.dissipated).max() < 1e-10
     totals = [energy(frame).total for frame in frames]
     assert np.allclose(totals, totals[0])
+
+
+@pytest.mark.parametrize(("times", "error"), [([0.0, 0.2], 1e-12), ([0.0, 0.5], 0.02)])
+def test_work_of_a_gravity_that_is_switched_on(times, error):
+    """A free fall from rest while gravity grows to 9.8 m/s2 in 0.2 s, and beyond."""
+    s = scene((1, 10), 1.0)
+    s.gravity = Gravity((0.0, 0.2), ((0.0, 0.0), (0.0, -9.8)))
+    frames = []
+    for t in times:
+        ramp, after = min(t, 0.2), max(t - 0.2, 0.0)
+        v = 9.8 * (ramp**2 / 0.4 + after)
+        fallen = 9.8 * (ramp**3 / 1.2 + 0.1 * after + after**2 / 2)
+        frames.append(state(s, [[0.5, 9 - fallen]], mass=2.0, v=[[0.0, -v]], time=t))
+    budget = energy_budget(frames)
+    assert budget.gravity_work[-1] == pytest.approx(budget.kinetic[-1], rel=error)
 
 
 def test_what_leaves_is_outflow_and_what_stops_is_dissipated():

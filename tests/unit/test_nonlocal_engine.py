@@ -282,7 +282,7 @@ def test_walls_inside_blocks_and_openings():
     kind = FACE_ROUGH if scene.walls[2].kind == "no_slip" else FACE_OPEN
     assert (faces[2, 2, 3], faces[3, 0, 3], faces[1, 1, 2]) == (kind, kind, kind)
     assert faces[0, 0, 0] == faces[1, 0, 3] == FACE_LINK
-    flags = cell_flags(scene.replace(scheme=gr.schemes.cell_averaged))
+    flags = cell_flags(scene.replace(scheme=gr.schemes.cell_averaged)).dense()
     assert flags[1, 3] & 1 and not flags[0, 0] & 1  # the block is solid
     assert flags[0, 0] & 4 << 3 and flags[1, 0] & 4 << 2  # the wall, from below and above
     assert flags[0, 2] & 2  # near the opening

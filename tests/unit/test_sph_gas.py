@@ -153,6 +153,7 @@ def test_bits_do_not_depend_on_threads_or_a_restart(dim):
     resumed.step(19)
     three.step(30)
     assert one.counts["rebuilds"] > 2
+    assert resumed.counts == one.counts and resumed.checkpoint().digest == one.checkpoint().digest
     for other in (three, resumed):
         for name in ("x", "v", "a", "mass", "rho", "p", "porosity", "id"):
             assert np.array_equal(getattr(one.gas, name), getattr(other.gas, name)), name

@@ -67,6 +67,12 @@ def test_ends_of_the_range():
         assert theory.scaled_inertial_number_of_slope(slope, BEADS) == pytest.approx(x)
 
 
+def test_ends_of_the_range_with_a_linear_law():
+    """With mu_2 far above mu_s only (mu_2 - mu_s)/I0 counts, however large mu_2 is."""
+    ends = [np.array(theory.well_posed_range(BEADS.replace(mu_2=mu_2))) for mu_2 in (1e4, 1e6)]
+    np.testing.assert_allclose(1e4 * ends[0], 1e6 * ends[1], rtol=2e-4)
+
+
 def test_no_rate_dependence_is_never_well_posed():
     nearly = BEADS.replace(mu_2=0.40)
     assert theory.well_posed_range(nearly) is None

@@ -9,6 +9,7 @@ import granular as gr
 from granular import measure
 from granular.mpm.bodies import Body, Box, Motion
 from granular.mpm.engine import averaging_interval, build
+from granular.mpm.node_codes import node_codes
 from granular.mpm.schemes import CellAveragedDensity, ParticleDensity
 from granular.mpm.wall_owners import wall_owners
 
@@ -174,7 +175,9 @@ def test_a_component_counts_for_the_wall_it_is_normal_to():
         gr.Wall(0, 0.4, opens_at=1.0),
         gr.Solid((0.2, 0.0), (0.3, 0.1)),
     )
-    codes, owners, opens_at, after = wall_owners(bed(walls=walls, scheme=SCHEMES[2]))
+    scene = bed(walls=walls, scheme=SCHEMES[2])
+    codes, owners, opens_at, after = wall_owners(scene)
+    codes = node_codes(scene)[0]._replace(values=codes).dense()
     assert owners[codes[0, 0]].tolist()[:2] == [1, 0]
     assert owners[codes[0, 2]].tolist()[:2] == [0, 0]
     assert owners[codes[1, 5]].tolist()[:2] == [3, 3]

@@ -1,0 +1,44 @@
+"""Settings of a run that its record keeps, for a run that continues it."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+from granular import _core
+from granular.buffers import default_isa
+from granular.checks import positive
+from granular.record.layout import RecordError
+from granular.running import EVERY
+
+__all__ = ["settings_of", "usable_isa"]
+
+
+def settings_of(path: Path, provenance: object) -> tuple[float, str | None]:
+    """Time between frames [s] and instruction set of a record, from its provenance."""
+    if not isinstance(provenance, dict):
+        raise RecordError(f"{path}: damaged record: its provenance must be an object of JSON")
+    isa = provenance.get("isa")
+    try:
+        every = positive("every", provenance.get("every", EVERY))
+        if isa is not None and not isinstance(isa, str):
+            raise TypeError(f"isa = {isa!r} must be a string")
+    except (TypeError, ValueError) as error:
+        raise RecordError(f"{path}: damaged record: {error}") from None
+    return every, isa
+
+
+def usable_isa(isa: str | None, path: Path) -> str | None:
+    """Return the instruction set of a record, or None with a warning if the machine lacks it."""
+    if isa is None:
+        return None
+    try:
+        return _core.build_info(isa)["isa"]
+    except ValueError:
+        found = _core.build_info(default_isa())["isa"]
+    warnings.warn(
+        f"{path} was made with the instruction set {isa!r}, which this machine does not have: the "
+        f"run continues with {found!r}, not to the last bit as if it had never stopped",
+        stacklevel=3,
+    )
+    return None

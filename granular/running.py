@@ -1,0 +1,93 @@
+"""Times of frames, progress bar and Ctrl-C of a run, for all methods."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tqdm.auto import tqdm
+
+from granular.checks import positive
+
+if TYPE_CHECKING:
+    from granular.simulation import Simulation
+
+__all__ = ["EVERY", "check_interval", "interruptible", "next_frame", "progress_bar"]
+
+EVERY = 1 / 60
+"""Default time between frames [s]; played at 60 frames per second they show real time."""
+LEAST_STEP = 1e-3
+"""Least time between frames, in time steps.
+
+Each step is a frame anyway if they are closer than steps. The margin is for steps that become
+shorter in the run; what is far below is a slip, and its multiples cannot be told apart.
+"""
+
+
+def check_interval(every: object, dt: float, end: float) -> float:
+    """Return the time between frames [s]; refuse one that floating-point time cannot resolve.
+
+    Parameters
+    ----------
+    every : float
+        Time between frames [s].
+    dt, end : float
+        Time step and latest time of the run [s].
+    """
+    every = positive("every", every)
+    least = max(dt * LEAST_STEP, 8 * np.spacing(end))
+    if every < least:
+        raise ValueError(
+            f"every = {every:g} must be >= {least:.3g}, {LEAST_STEP:g} of the time step of "
+            f"{dt:.3g} s: a frame is a step at least; every = {dt:.3g} has them all"
+        )
+    return every
+
+
+def next_frame(time: float, every: float) -> float:
+    """First multiple of `every` after a time [s], which may itself be one but for rounding."""
+    frame = float((np.floor(time / every + 1e-9) + 1) * every)
+    return frame if frame > time else time + every  # rounding of a large quotient
+
+
+class _Silent:
+    """A progress bar that shows nothing."""
+
+    n = 0.0
+
+    def update(self, amount: float) -> None:
+        self.n += amount
+
+
+def progress_bar(sim: Simulation, until: float, shown: bool) -> AbstractContextManager[Any]:
+    """Progress bar of a run to the time `until` [s], or one that shows nothing."""
+    if not shown:
+        return nullcontext(_Silent())
+    form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
+    return tqdm(total=until, initial=sim.time, desc=sim.scene.name, bar_format=form)
+
+
+@contextmanager
+def interruptible() -> Iterator[list[int]]:
+    """Turn Ctrl-C into a flag that is checked between calls of the core.
+
+    The flag is the list of the signals received: empty, and hence false, until the first. The
+    handler is restored in the end.
+    """
+    flag: list[int] = []
+    if threading.current_thread() is not threading.main_thread():
+        yield flag
+        return
+    before = signal.getsignal(signal.SIGINT)
+    if before is not signal.default_int_handler:  # a handler of the caller: leave it
+        yield flag
+        return
+    signal.signal(signal.SIGINT, lambda number, _: flag.append(number))
+    try:
+        yield flag
+    finally:
+        signal.signal(signal.SIGINT, before)

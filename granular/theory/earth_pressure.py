@@ -1,0 +1,84 @@
+"""Friction angles of laws that do not dilate, and Rankine's pressure on a smooth wall with each.
+
+The laws bound the shear stress by the pressure, tau <= mu p with tau = sqrt(s:s/2), and their
+plastic flow keeps the volume. In plane strain the flow then has no deviatoric stress out of the
+plane, so that Mohr's circle has the centre p and the radius mu p. Two angles follow:
+
+- Where stress and strain rate are coaxial and the strain is uniform, the ratio of the principal
+  stresses is that of the circle: ``sin(phi) = mu``.
+- A shear band slides along itself and does not widen. Coaxial flow without dilation has its
+  principal axes at 45 degrees to the band, where the normal stress is p and the shear stress mu p:
+  ``tan(phi) = mu``. It is the angle of Davis (1968, in Soil Mechanics: Selected Topics, eds. Lee,
+  Butterworth), ``tan(phi*) = sin(phi) cos(psi)/(1 - sin(phi) sin(psi))``, for the dilation
+  psi = 0.
+
+The lower angle is that of slopes, too: a layer on an incline is sheared along its base and yields
+at tan(phi) = mu.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from granular.checks import in_range
+
+__all__ = ["EarthPressure", "earth_pressure"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class EarthPressure:
+    """Friction angles of a law without dilation, and coefficients of earth pressure with them.
+
+    A coefficient is the ratio of the horizontal to the vertical stress in level ground beside a
+    smooth upright wall (Rankine): tan(45 deg + phi/2)^2 if the wall is pushed into the ground
+    (passive), and the inverse if it gives way (active).
+
+    Attributes
+    ----------
+    coaxial_deg, band_deg : float
+        Friction angle of uniform coaxial plane strain, and that of a shear band [deg].
+    passive_coaxial, passive_band : float
+        Passive coefficients with these angles. A smooth wall that is pushed feels a force between
+        them: bands form in the ground, but the flow is not in bands alone.
+    active_coaxial, active_band : float
+        Active coefficients.
+    """
+
+    coaxial_deg: float
+    band_deg: float
+    passive_coaxial: float
+    passive_band: float
+    active_coaxial: float
+    active_band: float
+
+
+def earth_pressure(mu: float) -> EarthPressure:
+    """Friction angles and coefficients of earth pressure for a friction coefficient tau/p.
+
+    Parameters
+    ----------
+    mu : float
+        Friction coefficient of the law, such as `mu_s`, 0 to 1 (1 not included: beyond it no
+        coaxial state of plane strain is at yield without tension).
+
+    Returns
+    -------
+    EarthPressure
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `mu` is not a number in this range.
+    """
+    mu = in_range("mu", mu, 0.0, 1.0, open_high=True)
+    coaxial, band = math.asin(mu), math.atan(mu)
+    passive = [math.tan(math.pi / 4 + angle / 2) ** 2 for angle in (coaxial, band)]
+    return EarthPressure(
+        coaxial_deg=math.degrees(coaxial),
+        band_deg=math.degrees(band),
+        passive_coaxial=passive[0],
+        passive_band=passive[1],
+        active_coaxial=1 / passive[0],
+        active_band=1 / passive[1],
+    )
