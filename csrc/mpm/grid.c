@@ -17,7 +17,7 @@ GR_INLINE int rows_of(const int dim, const int smoothed)
     return smoothed == AVERAGED ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + smoothed;
 }
 
-/* Sum over the cells of node n, in the order of cells. The sums of the cells lie far apart in memory. Those of a later
+/* Sum over the cells of node n, in the order of node_source. The sums of the cells lie far apart in memory. Those of a later
  * node are therefore prefetched: in 3D, where they do not fit a cache, the processor waited for them a fifth of the
  * step. */
 GR_INLINE void sum_over_cells(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
