@@ -89,7 +89,7 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     own->mc = sum[K * rows];
     for (int q = 0; q < stresses; q++) own->stress[q] = sum[K * rows + 1 + q];
-    own->damped = sum[K * rows + 1 + stresses]; /* becomes the damping in cell_state */
+    own->m_rate = sum[K * rows + 1 + stresses];
 }
 
 /* State of a cell before its forces, from its sums and the masses of its nodes: w (`inside`), ln phi (as 2 (phi -
@@ -125,7 +125,7 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
         own->over_compression[d] = 0;
         for (int i = 0; i < K; i++) own->over_compression[d] += over[i] * slope_at(dim, own->at, i, d);
     }
-    own->damped = e->config.damping_rate > 0 ? damped_share(e, v_set(own->damped * inverse), v_set(own->c))[0] : 0;
+    own->damped = e->config.damping_rate > 0 ? damped_share(e, v_set(own->m_rate * inverse), v_set(own->c))[0] : 0;
     own->filled = M * per_cell;
     own->excess = (own->filled - 1) * (own->filled < 1 ? own->inside : 1);
 }
@@ -164,7 +164,7 @@ GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t ind
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     struct gr_cell_average *own = cell_average_of(dim, e, index);
     double *sum = e->sums + index * e->sum_stride;
-    if (!e->mesh.cell[index].count) {    /* without points: all sums are zero */
+    if (!e->mesh.cell[index].count) {                  /* without points: all sums are zero */
         own->c = EMPTY, own->excess = own->damped = 0; /* for neighbours; counts change during a sweep */
         for (int i = 0; i < K * rows; i++) sum[i] = 0;
         return;

@@ -76,7 +76,8 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
     view->frame = gr_frame_of(dim, e, cell);
     view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
     view->has_sponge = e->config.has_sponge;
-    if (smoothed || cell_averaged) damping_of_cell(dim, basis, e, index, &view->damping);
+    view->damping.of = NO_NODES;
+    if ((smoothed || cell_averaged) && e->config.damping_rate > 0) damping_of_cell(dim, basis, e, index, &view->damping);
     for (int d = 0; d < dim; d++) {
         view->begin[d] = v_set(view->frame.axis[d]->begin);
         view->end[d] = v_set(view->frame.axis[d]->end);

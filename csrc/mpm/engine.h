@@ -99,8 +99,8 @@ struct gr_mesh {
     struct gr_cell *cell;
     int32_t *cell_node;   /* n_cells x K */
     int32_t *place;       /* of its cells on the fluidity grid; NULL without one */
-    int64_t *node_source; /* n_nodes x K: where the sums of the node over each of its cells begin, in the order of cells,
-                             that in which it is node K - 1 first; in the zero block where there is no cell */
+    int64_t *node_source; /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
+                             K - 1 - i; in the zero block where there is no such cell */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
     int64_t *node_id;                 /* its index in the whole grid */
@@ -215,6 +215,7 @@ enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_
  * doubles. */
 struct gr_cell_average {
     double damped;                     /* damping of its points, over the largest; at the place that gr_grid_nodes reads */
+    double m_rate;                     /* sum m gdot, of plastic flow */
     double mc, stress[6];              /* sum m c; sum m sigma (xx, yy, zz, xy, yz, xz; in 2D xx, yy, xy) */
     double c, log_phi, inside;         /* log-density of its points; logarithm of its filling fraction; from 0 at a
                                           surface to 1 inside the material */
@@ -225,8 +226,9 @@ struct gr_cell_average {
 };
 
 /* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to
- * its velocity that points lose in this step; and in a step that averages, from GR_NODE_DENSITY on, the gap ln phi - c averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean
- * quadrature weight in excess of the one that fills the volume; the gap of the node itself; and the residual force. */
+ * its velocity that points lose in this step; and in a step that averages, from GR_NODE_DENSITY on, the gap ln phi - c
+ * averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean quadrature weight in
+ * excess of the one that fills the volume; the gap of the node itself; and the residual force. */
 enum gr_node_field { GR_NODE_VELOCITY };
 #define GR_NODE_UPDATE(dim) (GR_NODE_VELOCITY + (dim))
 #define GR_NODE_DAMPING(dim) (GR_NODE_UPDATE(dim) + (dim))

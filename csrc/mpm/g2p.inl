@@ -86,7 +86,8 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
-    if ((smoothed || cell_averaged) && view->damping.of != NO_NODES) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
+    if ((smoothed || cell_averaged) && view->damping.of != NO_NODES)
+        damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
     if (smoothed && averages) {
         c = relax_density(dim, basis, e, cell, &s, mode + GR_NODE_DENSITY(dim), fields, L, trace, at, delta, shift_velocity);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + shift_velocity[d];

@@ -17,7 +17,7 @@ GR_INLINE int rows_of(const int dim, const int smoothed)
     return smoothed == AVERAGED ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + smoothed;
 }
 
-/* Sum over the cells of node n, in the order of cells. The sums of the cells lie far apart in memory. Those of a later
+/* Sum over the cells of node n, in the order of node_source. The sums of the cells lie far apart in memory. Those of a later
  * node are therefore prefetched: in 3D, where they do not fit a cache, the processor waited for them a fifth of the
  * step. */
 GR_INLINE void sum_over_cells(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
@@ -64,7 +64,8 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
     const int dim = e->config.dim;
     const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
     const double kept =
-        e->keep_velocity - (e->config.smoothed || e->config.cell_averaged ? e->node_data[n * e->node_stride + GR_NODE_DAMPING(dim)] : 0);
+        e->keep_velocity -
+        (e->config.smoothed || e->config.cell_averaged ? e->node_data[n * e->node_stride + GR_NODE_DAMPING(dim)] : 0);
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;

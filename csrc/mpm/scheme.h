@@ -15,20 +15,20 @@
 /* Densities: methods to follow the density of the points. X(name) */
 #define GR_DENSITIES(X) X(particle) X(smoothed) X(cell_averaged)
 
-#define GR_SCHEME(X)                                                                                                  \
-    X(flip_decay, 0, "[0, inf)", "1/s",                                                                               \
-      "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "       \
-      "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")       \
-    X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                           \
+#define GR_SCHEME(X)                                                                                                    \
+    X(flip_decay, 0, "[0, inf)", "1/s",                                                                                 \
+      "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "         \
+      "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")         \
+    X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                             \
       "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). By default 0.1 with " \
-      "a cell-averaged density, else 0.03.")                                                                          \
-    X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                    \
-    X(cfl, 0.5, "(0, 1]", "1",                                                                                        \
-      "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension " \
-      "(`granular.mpm.limits.COURANT_LIMIT`).")                                                                       \
-    X(dt, GR_NONE, "(0, inf)", "s", "Fixed time step; None for the one that cfl gives.")                              \
-    X(mass_cutoff, 1e-14, "[0, 0.01]", "1",                                                                           \
-      "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "  \
+      "a cell-averaged density, else 0.03.")                                                                            \
+    X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                      \
+    X(cfl, 0.5, "(0, 1]", "1",                                                                                          \
+      "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension "   \
+      "(`granular.mpm.limits.COURANT_LIMIT`).")                                                                         \
+    X(dt, GR_NONE, "(0, inf)", "s", "Fixed time step; None for the one that cfl gives.")                                \
+    X(mass_cutoff, 1e-14, "[0, 0.01]", "1",                                                                             \
+      "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "    \
       "tenth of a point changes a run-out by a fifth.")
 
 /* Parameters of the diffusion of the fluidity of a nonlocal law. */
@@ -101,7 +101,7 @@
     X(damped_waves, 8, GR_NONE, GR_NONE, "[0, 100]", "1",                                                                \
       "Length in cells of the longest waves that are damped in plastic flow at inertial numbers so low that the law is " \
       "ill posed. Such waves grow however slow the flow is; those up to this length decay faster than they can grow "    \
-      "(`granular.theory.short_wave_growth`), by the velocity of the points relaxing to that of the grid. 0 for none.") \
+      "(`granular.theory.short_wave_growth`), by the velocity of the points relaxing to that of the grid. 0 for none.")  \
     X(slow_decay, GR_NONE, 3, GR_NONE, "[0, inf)", "1",                                                                  \
       "Rate, over c_w/dx, at which the velocity of points that flow slowly relaxes to that of the grid, besides "        \
       "tpic_decay: all of it where I/I0 is 0, none from slow_inertial_number on. Differences between the points of a "   \

@@ -17,10 +17,14 @@ SOIL = HardeningDruckerPrager(E=1.2e6, nu=0.3, h0_deg=44.0, h1_deg=9.0, h2=0.2, 
 ANGLES = {"h0_deg": 44.0, "h1_deg": 9.0, "h2": 0.2, "h3_deg": 9.0}
 
 
+def cone(angle):
+    """Friction tau/p of the cone through triaxial compression, by the friction angle [rad]."""
+    return 2 * math.sqrt(3) * np.sin(angle) / (3 - np.sin(angle))
+
+
 def friction(q):
-    """Cone through triaxial compression at the friction angle phi(q)."""
-    sine = np.sin(np.radians(44.0 + (9.0 * q - 9.0) * np.exp(-0.2 * q)))
-    return 2 * math.sqrt(3) * sine / (3 - sine)
+    """Friction at the friction angle phi(q)."""
+    return cone(np.radians(44.0 + (9.0 * q - 9.0) * np.exp(-0.2 * q)))
 
 
 def step(dim, gradient, c, stress, q, isa="", dt=1e-3):
@@ -105,9 +109,15 @@ def collapse(material):
     return gr.scenes.column_collapse(aspect=1.0, cell=0.02, material=material.replace(E=1e6))
 
 
+@pytest.mark.parametrize("change", [{}, {"h1_deg": 0.0}, {"h1_deg": -9.0}, {"h3_deg": -9.0}])
+def test_limiting_friction_is_the_largest_on_the_way(change):
+    soil = SOIL.replace(**change)
+    angles = np.radians([soil.friction_angle_deg(q) for q in np.linspace(0.0, 200.0, 20001)])
+    assert soil.limiting_friction == pytest.approx(cone(angles.max()), rel=1e-6)
+
+
 def test_without_hardening_it_is_drucker_prager():
-    sine = math.sin(math.radians(30.0))
-    mu = 2 * math.sqrt(3) * sine / (3 - sine)
+    mu = cone(math.radians(30.0))
     even = HardeningDruckerPrager(h0_deg=30.0, h1_deg=0.0, h2=1.0, h3_deg=0.0)
     plain = DruckerPrager(mu=mu, elasticity="hencky")
     sims = [gr.Simulation(collapse(m), threads=1) for m in (even, plain)]
