@@ -45,10 +45,11 @@ enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 /* Data common to the points of a cell. */
 struct view {
     struct gr_frame frame;
-    vd begin[3], end[3];  /* bounds of the cell, m */
-    int has_sponge;       /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;      /* log-density below which a point is given no affine field */
-    vd L[9], shift[3], c; /* with a cell-averaged density, of all its points: L dt; shift, m; log-density */
+    vd begin[3], end[3];     /* bounds of the cell, m */
+    int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
+    vd disconnected;         /* log-density below which a point is given no affine field */
+    vd L[9], shift[3][2], c; /* with a cell-averaged density: L dt; shift along each axis at the low and high face, m;
+                                log-density */
     struct damping damping;
     double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
 };
@@ -76,7 +77,7 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
     view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
     view->has_sponge = e->config.has_sponge;
     view->damping.of = NO_NODES;
-    if (smoothed && e->config.damping_rate > 0) damping_of_cell(dim, basis, e, index, &view->damping);
+    if ((smoothed || cell_averaged) && e->config.damping_rate > 0) damping_of_cell(dim, basis, e, index, &view->damping);
     for (int d = 0; d < dim; d++) {
         view->begin[d] = v_set(view->frame.axis[d]->begin);
         view->end[d] = v_set(view->frame.axis[d]->end);

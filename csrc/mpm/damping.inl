@@ -1,5 +1,5 @@
-/* Damping of the short waves that grow in plastic flow where the law is ill posed (granular/mpm/damping.py): points lose a
- * share of the difference between their velocity and that of the grid. */
+/* Damping of slow plastic flow (granular/mpm/damping.py): points lose a share of the difference between their velocity and
+ * that of the grid. */
 #include "mpm/contribution.h"
 
 /* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c. Short waves of plastic

@@ -225,7 +225,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (config->cell_averaged) e->sum_stride += (int)(sizeof(struct gr_cell_average) / sizeof(double));
     e->density_sums = e->sum_stride = (e->sum_stride + GR_LANES - 1) / GR_LANES * GR_LANES;
     if (config->smoothed) e->sum_stride += (GR_DENSITY_SUMS(config->dim) * e->K + GR_LANES - 1) / GR_LANES * GR_LANES;
-    e->node_stride = (GR_NODE_FIELDS(config->dim, config->smoothed) + 3) / 4 * 4;
+    const int last = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
+    e->node_stride = (last + 3) / 4 * 4;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
     error = copy_config(e);

@@ -214,11 +214,15 @@ enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_
 /* State of a cell with a cell-averaged density (mpm/cell_averaged.inl), stored behind the sums of its nodes; all
  * doubles. */
 struct gr_cell_average {
+    double damped;                     /* damping of its points, over the largest; at the place that gr_grid_nodes reads */
+    double m_rate;                     /* sum m gdot, of plastic flow */
     double mc, stress[6];              /* sum m c; sum m sigma (xx, yy, zz, xy, yz, xz; in 2D xx, yy, xy) */
     double c, log_phi, inside;         /* log-density of its points; logarithm of its filling fraction; from 0 at a
                                           surface to 1 inside the material */
-    double at[3], over_compression[3]; /* local coordinates of its quadrature point; gradient of over-compression, against
-                                          which its points shift */
+    double at[3], over_compression[3]; /* local coordinates of its quadrature point; gradient of the over-compression of
+                                          its nodes, against which its points shift */
+    double filled, excess;             /* its mass over that of a full cell; what it has beyond that, or too little inside
+                                          the material, which points exchange with neighbours */
 };
 
 /* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to

@@ -86,15 +86,14 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
-    if (smoothed && view->damping.of != NO_NODES) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
+    if ((smoothed || cell_averaged) && view->damping.of != NO_NODES)
+        damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
     if (smoothed && averages) {
         c = relax_density(dim, basis, e, cell, &s, mode + GR_NODE_DENSITY(dim), fields, L, trace, at, delta, shift_velocity);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + shift_velocity[d];
     }
-    if (cell_averaged) {
-        for (int d = 0; d < dim; d++) delta[d] = view->shift[d];
-        if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s.xi, delta);
-    }
+    for (int d = 0; cell_averaged && d < dim; d++)
+        delta[d] = v_fma(s.xi[d], v_sub(view->shift[d][1], view->shift[d][0]), view->shift[d][0]);
     for (int d = 0; __builtin_expect(view->has_sponge != 0, 0) && d < dim; d++) {
         if (!(view->has_sponge >> d & 1)) continue;
         const vm slowed = m_and(v_ge(v_load(x + d * stride), v_set(e->config.above[d])), v_gt(v_new[d], v_zero()));

@@ -64,7 +64,8 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
     const int dim = e->config.dim;
     const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
     const double kept =
-        e->keep_velocity - (e->config.smoothed ? e->node_data[n * e->node_stride + GR_NODE_DAMPING(dim)] : 0);
+        e->keep_velocity -
+        (e->config.smoothed || e->config.cell_averaged ? e->node_data[n * e->node_stride + GR_NODE_DAMPING(dim)] : 0);
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;
@@ -126,14 +127,16 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
 
 void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
 {
-    const int smoothed = e->config.smoothed + gr_averages(e, e->step);
+    const int smoothed = (e->config.smoothed || e->config.cell_averaged) + gr_averages(e, e->step);
 #define GR_GRID(d, k, q) \
     if (e->config.dim == d && e->K == k && smoothed == q) grid_nodes(d, k, q, e, first, last, g);
     GR_GRID(2, 4, 0)
+    GR_GRID(2, 4, 1)
     GR_GRID(2, 9, 0)
     GR_GRID(2, 9, 1)
     GR_GRID(2, 9, AVERAGED)
     GR_GRID(3, 8, 0)
+    GR_GRID(3, 8, 1)
     GR_GRID(3, 27, 0)
     GR_GRID(3, 27, 1)
     GR_GRID(3, 27, AVERAGED)

@@ -15,20 +15,20 @@
 /* Densities: methods to follow the density of the points. X(name) */
 #define GR_DENSITIES(X) X(particle) X(smoothed) X(cell_averaged)
 
-#define GR_SCHEME(X)                                                                                                  \
-    X(flip_decay, 0, "[0, inf)", "1/s",                                                                               \
-      "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "       \
-      "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")       \
-    X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                           \
-      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). By default 3 with " \
-      "a cell-averaged density, else 0.03.")                                                                          \
-    X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                    \
-    X(cfl, 0.5, "(0, 1]", "1",                                                                                        \
-      "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension " \
-      "(`granular.mpm.limits.COURANT_LIMIT`).")                                                                       \
-    X(dt, GR_NONE, "(0, inf)", "s", "Fixed time step; None for the one that cfl gives.")                              \
-    X(mass_cutoff, 1e-14, "[0, 0.01]", "1",                                                                           \
-      "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "  \
+#define GR_SCHEME(X)                                                                                                    \
+    X(flip_decay, 0, "[0, inf)", "1/s",                                                                                 \
+      "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "         \
+      "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")         \
+    X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                             \
+      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). By default 0.1 with " \
+      "a cell-averaged density, else 0.03.")                                                                            \
+    X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                      \
+    X(cfl, 0.5, "(0, 1]", "1",                                                                                          \
+      "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension "   \
+      "(`granular.mpm.limits.COURANT_LIMIT`).")                                                                         \
+    X(dt, GR_NONE, "(0, inf)", "s", "Fixed time step; None for the one that cfl gives.")                                \
+    X(mass_cutoff, 1e-14, "[0, 0.01]", "1",                                                                             \
+      "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "    \
       "tenth of a point changes a run-out by a fifth.")
 
 /* Parameters of the diffusion of the fluidity of a nonlocal law. */
@@ -81,7 +81,8 @@
     X(shifting, 8, 2, GR_NONE, "[0, inf)", "1",                                                                          \
       "beta of particle shifting: points move by -beta gdot dt dx^2 sum_i max(0, phi_i - 1) grad S_i. With a smoothed "  \
       "density they take the velocity of where they come to; in cells that are averaged phi_i - 1 is replaced by "       \
-      "(phi_i - 1) V_i/dx^dim and they keep theirs.")                                                                    \
+      "(phi_i - 1) V_i/dx^dim and they keep theirs; besides, they leave cells for neighbours with fewer points, at the " \
+      "same beta times the difference of the filling fractions beyond one point, with 2 |L_dd| for gdot.")               \
     X(shifting_limit, 0.05, 0.05, GR_NONE, "[0, 0.5]", "1", "Largest shift in a step, in cells.")                        \
     X(shifting_outlet_cells, 3, 3, GR_NONE, "integer [0, 1000]", "1",                                                    \
       "No shifting nearer than this to an opening, in cells: it would jam the outlet.")                                  \
@@ -100,7 +101,13 @@
     X(damped_waves, 8, GR_NONE, GR_NONE, "[0, 100]", "1",                                                                \
       "Length in cells of the longest waves that are damped in plastic flow at inertial numbers so low that the law is " \
       "ill posed. Such waves grow however slow the flow is; those up to this length decay faster than they can grow "    \
-      "(`granular.theory.short_wave_growth`), by the velocity of the points relaxing to that of the grid. 0 for none.")
+      "(`granular.theory.short_wave_growth`), by the velocity of the points relaxing to that of the grid. 0 for none.")  \
+    X(slow_decay, GR_NONE, 3, GR_NONE, "[0, inf)", "1",                                                                  \
+      "Rate, over c_w/dx, at which the velocity of points that flow slowly relaxes to that of the grid, besides "        \
+      "tpic_decay: all of it where I/I0 is 0, none from slow_inertial_number on. Differences between the points of a "   \
+      "cell, which share their stress, are noise there. 0 for none.")                                                    \
+    X(slow_inertial_number, GR_NONE, 0.3, GR_NONE, "(0, inf)", "1",                                                      \
+      "I/I0 from which flow is not slow. Laws without a rate are slow throughout.")
 
 #define GR_X(name, value, range, unit, doc) double name;
 struct gr_scheme_numbers {

@@ -1,4 +1,4 @@
-"""Damping of the short waves that grow in plastic flow where the law is ill posed.
+"""Damping of slow plastic flow: of short waves that grow, and of noise within averaged cells.
 
 In slow flow frictional laws without a length scale are ill posed: all short waves grow, the shorter
 the faster. They turn the directions of stress, so that a layer flows at slopes below its angle of
@@ -13,6 +13,11 @@ wave, so that the wave decays at the rate s (1 - T). Waves up to the length n dx
 they can grow with s = growth/(1 - T) at k = 2 pi/(n dx). As T differs from 1 by the fourth order of
 k, flows that vary over many cells are hardly affected. With I the damping falls to zero where the
 law becomes well posed.
+
+With a cell-averaged density the points of a cell share their stress, and differences of their
+velocities are noise of the sampling. Where they decay throughout at a rate that goes with c_w/dx,
+run-outs become shorter the stiffer the grains are. So they do only in slow flow, at a rate and up
+to an inertial number that were measured (`granular.CellAveragedDensity`, docs/accuracy_of_schemes).
 """
 
 from __future__ import annotations
@@ -21,6 +26,7 @@ import math
 
 from granular.materials import NGF, DruckerPrager, HardeningDruckerPrager, Material, MuI
 from granular.mpm.scene import Scene
+from granular.mpm.schemes import CellAveragedDensity, SmoothedDensity
 from granular.theory.well_posed import short_wave_growth, viscous_growth, well_posed_range
 
 __all__ = ["damping", "kept_by_transfer"]
@@ -53,40 +59,69 @@ def kept_by_transfer(cells: float) -> float:
 
 
 def damping(scene: Scene) -> dict[str, float]:
-    """Rates [1/s] of the damping of short waves by their names in the core; all 0 without one.
+    """Rates [1/s] of the damping of points by their names in the core; all 0 without one.
 
-    ``ill_posed_rate`` is the shear rate over sqrt(p/K) below which plastic flow is ill posed,
-    ``damping_rate`` the largest rate s, and ``crossover_rate`` the shear rate over p/K at which the
-    viscous and the elastic growth rates are equal.
+    ``damping_rate`` is the largest rate s, ``ill_posed_rate`` the shear rate over sqrt(p/K) from
+    which nothing is damped, and ``crossover_rate`` the shear rate over p/K at which the viscous and
+    the elastic growth rates are equal.
     """
-    cells, material = getattr(scene.scheme.density, "damped_waves", 0.0), scene.material
-    mu, limit = _friction(material)
-    if not cells or not mu:
-        return dict.fromkeys(("ill_posed_rate", "damping_rate", "crossover_rate"), 0.0)
-    cells, c_w = max(cells, 2.0), material.wave_speed  # 2: the shortest waves of the grid
-    k = 2 * math.pi / (cells * scene.grid.cell)
-    elastic = short_wave_growth(mu, material.nu) * c_w * k
-    viscous = viscous_growth(mu) * mu * material.K * k**2 / material.rho_c
+    density, material = scene.scheme.density, scene.material
+    if isinstance(density, CellAveragedDensity):
+        found = _of_cells(density, scene)
+    elif isinstance(density, SmoothedDensity) and density.damped_waves:
+        found = _of_waves(density, scene)
+    else:
+        found = (0.0, 0.0, 0.0)
+    rate, limit, crossover = found
     return {
-        "ill_posed_rate": limit * math.sqrt(material.K),
-        "damping_rate": elastic / (1 - kept_by_transfer(cells)),
-        "crossover_rate": viscous / elastic,
+        "damping_rate": rate,
+        "ill_posed_rate": min(limit * math.sqrt(material.K), UNBOUNDED),
+        "crossover_rate": crossover,
     }
 
 
-def _friction(material: Material) -> tuple[float, float]:
-    """Friction in slow flow, and the shear rate over sqrt(p) below which such a flow is ill posed.
+def _of_waves(density: SmoothedDensity, scene: Scene) -> tuple[float, float, float]:
+    """Rate s, limit of the shear rate over sqrt(p), and crossover rate of damped waves."""
+    material, c_w = scene.material, scene.material.wave_speed
+    friction, xi = _flow(material)
+    if not friction or material.has_fluidity:  # a fluidity has a length scale: it is well posed
+        return 0.0, 0.0, 0.0
+    ends = None if xi == math.inf else well_posed_range(_local(material))
+    limit = math.inf if ends is None else ends[0] * xi
+    cells = max(density.damped_waves, 2.0)  # 2: the shortest waves of the grid
+    k = 2 * math.pi / (cells * scene.grid.cell)
+    elastic = short_wave_growth(friction, material.nu) * c_w * k
+    viscous = viscous_growth(friction) * friction * material.K * k**2 / material.rho_c
+    return elastic / (1 - kept_by_transfer(cells)), limit, viscous / elastic
 
-    Laws that are well posed in slow flow, elastic or with the length scale of a fluidity: 0.
+
+def _of_cells(density: CellAveragedDensity, scene: Scene) -> tuple[float, float, float]:
+    """Rate, limit of the shear rate over sqrt(p), and no crossover, of slow flow in cells."""
+    friction, xi = _flow(scene.material)
+    if not friction:
+        return 0.0, 0.0, 0.0
+    rate = density.slow_decay * scene.material.wave_speed / scene.grid.cell
+    return rate, density.slow_inertial_number * xi, UNBOUNDED
+
+
+def _flow(material: Material) -> tuple[float, float]:
+    """Friction in slow flow, and the shear rate over sqrt(p) where I = I0; infinite without one.
+
+    Both 0 for elastic materials.
     """
     if isinstance(material, DruckerPrager):
-        return material.mu, UNBOUNDED  # no rate enters the law
+        return material.mu, math.inf
     if isinstance(material, HardeningDruckerPrager):
-        return material.limiting_friction, UNBOUNDED
-    if isinstance(material, NGF) and not material.has_fluidity:
-        friction = material.core_friction()
-        material = MuI(mu_s=material.mu_s, mu_2=friction["mu_2"], xi=friction["xi"])
-    if not isinstance(material, MuI):
-        return 0.0, 0.0
-    ends = well_posed_range(material)
-    return material.mu_s, UNBOUNDED if ends is None else ends[0] * material.xi
+        return material.limiting_friction, math.inf
+    if isinstance(material, MuI | NGF):
+        return material.mu_s, _local(material).xi
+    return 0.0, 0.0
+
+
+def _local(material: Material) -> MuI:
+    """Local law of a material with mu(I)."""
+    if isinstance(material, MuI):
+        return material
+    assert isinstance(material, NGF)
+    friction = material.core_friction()
+    return MuI(mu_s=material.mu_s, mu_2=friction["mu_2"], xi=friction["xi"])

@@ -12,7 +12,13 @@ from oracle_cell_averaged import cell_averages, flow_of_cells
 from oracle_law import components, law, tensor
 from oracle_nonlocal import Substeps
 from oracle_shapes import Shapes, node_volumes
-from oracle_smoothed import average, averages, mean_of_cells, neighbour_corrections
+from oracle_smoothed import (
+    average,
+    averages,
+    damped_share,
+    mean_of_cells,
+    neighbour_corrections,
+)
 from oracle_walls import alone_at_wall
 
 from granular.mpm.damping import damping
@@ -45,6 +51,9 @@ def p2g(scene, points, step=0, shift_dt=1.0):
     )
     if scene.scheme.density.name == "cell_averaged":
         cell_averages(scene, points, out)
+        rate = mean_of_cells(scene, points["x"], m, points["shear_rate"])
+        share = damped_share(scene, rate, out.cells.c[out.cells.which])
+        out.damped = s.to_nodes(s.w * (m * share)[:, None])
     if "damping" in points:
         mean = mean_of_cells(scene, points["x"], m, points["damping"])
         out.damped = s.to_nodes(s.w * (m * mean)[:, None])

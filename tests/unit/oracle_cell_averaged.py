@@ -22,7 +22,10 @@ def cell_averages(scene, points, nodes):
     filled = around @ nodes.mass[middle.node] / scene.material.rho_c
     free = around @ free_volume[middle.node]
     phi = filled / free
-    inside = np.clip((phi - 0.8) / 0.1, 0.0, 1.0)
+    phi_i = nodes.mass / scene.material.rho_c / np.where(free_volume > 0, free_volume, np.inf)
+    counted = around & (free_volume > 0)[middle.node]
+    least = np.where(counted, phi_i[middle.node], np.inf).min(axis=1)
+    inside = np.clip(np.minimum((phi - 0.8) / 0.1, (least - 0.25) / 0.25), 0.0, 1.0)
     centre = mean((points["x"] - grid.lower) / grid.cell) - place
     local = inside[:, None] / 2 + (1 - inside[:, None]) * centre
     here = Shapes(scene, grid.lower + (place + local) * grid.cell)
@@ -30,6 +33,13 @@ def cell_averages(scene, points, nodes):
     sigma = mean(tensor(points["stress"], dim)[:, :dim, :dim])
     needed = np.minimum(np.bincount(which, m) / scene.material.rho_c, grid.cell**dim)
     volume = inside * grid.cell**dim + (1 - inside) * needed
+    brought = np.zeros(around.shape)
+    np.add.at(brought, which, s.w * m[:, None])
+    shared = around * inside[:, None] * phi_i[middle.node] * grid.cell**dim / 2**dim
+    heavy = np.maximum(brought / scene.material.rho_c, shared)  # [m^dim]
+    square = np.sum((here.g * grid.cell) ** 2, axis=2)
+    stiffness = np.sum(square / np.where(heavy > 0, heavy, np.where(square > 0, 1e-300, 1)), axis=1)
+    volume = np.where(inside < 1, np.minimum(volume, 16 / stiffness), volume)
     nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
         np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
     )
@@ -40,6 +50,9 @@ def cell_averages(scene, points, nodes):
         here=here,
         c=mean(points["log_density"]),
         inside=inside,
+        filled=(filled_cell := np.bincount(which, m) / scene.material.rho_c / grid.cell**dim),
+        count=np.bincount(which),
+        shortage=(filled_cell - 1) * np.where(filled_cell < 1, inside, 1.0),
         log_phi=2 * (phi - 1) / (phi + 1),
         excess_gradient=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
     )
@@ -70,8 +83,8 @@ def _second_difference(scene, cells):
     return out
 
 
-def _beyond(scene, place, d, side, known):
-    """c of the neighbour cell; NaN beyond a wall or an end of the domain, and for empty cells."""
+def _beyond(scene, place, d, side, known, empty=np.nan):
+    """Value of the neighbour cell, `empty` without points; NaN beyond a wall or an end."""
     grid = scene.grid
     at = grid.lower[d] + (place[d] + max(side, 0)) * grid.cell
     middle = grid.lower + (place + 0.5) * grid.cell
@@ -84,7 +97,29 @@ def _beyond(scene, place, d, side, known):
     other[d] += side
     if grid.periodic[d]:
         other[d] %= grid.shape[d]
-    return known.get(tuple(other), np.nan)
+    outside = other[d] < 0 or other[d] >= grid.shape[d]
+    return np.nan if outside else known.get(tuple(other), empty)
+
+
+def _through_faces(scene, cells, stretch):
+    """Shift at the low and the high face of the cells along each axis, in cells (cells, dim, 2).
+
+    `stretch` is 2 |L_dd| dt, shape (cells, dim).
+    """
+    q = scene.scheme.density
+    known = {tuple(place): k for k, place in enumerate(cells.place)}
+    excess = dict(zip(known, cells.shortage, strict=True))
+    out = np.zeros((len(cells.c), scene.grid.dim, 2))
+    for place, k in known.items():
+        for d in range(scene.grid.dim):
+            most = min(q.shifting_limit, stretch[k, d])
+            for side in (0, 1):
+                other = _beyond(scene, cells.place[k], d, 2 * side - 1, excess, empty=0.0)
+                fall = excess[place] - other if np.isfinite(other) else 0.0
+                much = max(abs(fall) - cells.filled[k] / cells.count[k], 0.0)
+                speed = q.shifting * stretch[k, d] * np.sign(fall) * much
+                out[k, d, side] = (2 * side - 1) * np.clip(speed, -most, most)
+    return out
 
 
 def flow_of_cells(scene, points, new, nodes, dt):
@@ -101,7 +136,12 @@ def flow_of_cells(scene, points, new, nodes, dt):
     most = np.minimum(q.shifting_limit, 0.5 * rate)
     scale = np.minimum(q.shifting * rate, most / np.maximum(length, 1e-300))
     shift = (-scale[:, None] * dx * cells.excess_gradient)[cells.which]
+    shift = held_at_walls(scene, points["x"], shift)
+    stretch = 2 * dt * abs(np.diagonal(L, axis1=1, axis2=2))
+    faces = _through_faces(scene, cells, stretch)[cells.which] * dx
+    xi = (points["x"] - scene.grid.lower) / dx - cells.place[cells.which]
+    shift += (1 - xi) * faces[..., 0] + xi * faces[..., 1]
     shift[near_outlet(scene, points["x"])] = 0.0
     new["log_density"] = c[cells.which]
-    new["x"] = new["x"] + held_at_walls(scene, points["x"], shift)
+    new["x"] = new["x"] + shift
     return L[cells.which]

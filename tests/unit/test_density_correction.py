@@ -73,6 +73,17 @@ def test_same_bits_with_any_number_of_threads():
     assert found[0] == found[1] == found[2]
 
 
+def test_points_that_leave_a_cell_do_not_change_what_its_neighbours_read(small_scene, dim):
+    """The number of points of a cell changes while its neighbours are updated by other threads."""
+    scene = small_scene("outlet", dim, CELL_AVERAGED, E=1e5, shifting=8.0)
+    found = []
+    for threads in (1, 2):
+        sim = gr.Simulation(scene, threads=threads)
+        sim.step(60)
+        found.append({name: a.tobytes() for name, a in sim.checkpoint().arrays.items()})
+    assert found[0] == found[1]
+
+
 # ---- particle shifting out of over-compressed regions ----
 
 CELL = 0.1
