@@ -7,6 +7,8 @@
 
 #include "core/memory.h"
 #include "mpm/contact.h"
+#include "mpm/feet.h"
+#include "mpm/open_volume.h"
 #include "mpm/wall_impulse.h"
 
 int gr_engine_uses(const struct gr_config *config, int field)
@@ -187,7 +189,7 @@ static int build_fluidity(struct gr_engine *e)
     return GR_OK;
 }
 
-static int build_bodies(struct gr_engine *e)
+static int build_bodies(struct gr_engine *e, int64_t n_nodes)
 {
     e->body = calloc((size_t)e->config.n_bodies, sizeof *e->body);
     e->body_next = calloc((size_t)e->config.n_bodies, sizeof *e->body_next);
@@ -197,7 +199,8 @@ static int build_bodies(struct gr_engine *e)
     if (!e->body || !e->body_next || !e->thin || !e->split) return GR_ERR_MEMORY;
     (void)gr_list_thin(&e->config, e->thin);
     gr_bodies_start(e);
-    return GR_OK;
+    const int uses_volume = e->config.smoothed || e->config.cell_averaged;
+    return gr_feet_new(e) || (uses_volume && gr_open_volume_new(e, n_nodes)) ? GR_ERR_MEMORY : GR_OK;
 }
 
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
@@ -235,7 +238,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
     if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
     error = count_solids(e, n_nodes);
-    if (!error && config->n_bodies) error = build_bodies(e);
+    if (!error && config->n_bodies) error = build_bodies(e, n_nodes);
     e->dt = config->dt;
     e->shift_dt = 1; /* until the first shift */
     e->shift_scale = -1;
@@ -263,6 +266,8 @@ void gr_engine_free(struct gr_engine *e)
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->fluidity);
     gr_watch_free(e->watch);
+    gr_feet_free(e->feet);
+    gr_open_volume_free(e->open);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
     for (int k = 0; e->config.parts && k < e->config.n_parts; k++) free((void *)e->config.parts[k].sample);
     const void *owned[] = {e->config.gravity_times,
@@ -285,7 +290,6 @@ void gr_engine_free(struct gr_engine *e)
                            e->substeps,
                            e->body,
                            e->body_next,
-                           e->touched,
                            e->thin,
                            e->split,
                            e->mesh.duplicate,

@@ -132,6 +132,20 @@ void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
+double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose)
+{
+    const struct gr_body_state *now = &e->body[b];
+    double moved = 0, turned = 0, same = 0, far = 0;
+    for (int d = 0; d < 3; d++) moved += (now->x[d] - pose->x[d]) * (now->x[d] - pose->x[d]);
+    for (int d = 0; d < 4; d++) same += now->orientation[d] * pose->orientation[d];
+    for (int d = 0; d < 4; d++) {
+        const double change = now->orientation[d] - (same < 0 ? -1 : 1) * pose->orientation[d];
+        turned += change * change;
+    }
+    for (int d = 0; d < e->config.dim; d++) far += e->axis[d].length * e->axis[d].length;
+    return sqrt(moved) + 2 * sqrt(turned) * fmin(e->config.bodies[b].bound, sqrt(far));
+}
+
 int gr_follow_bodies(struct gr_engine *e)
 {
     int followed = 0;
@@ -139,17 +153,7 @@ int gr_follow_bodies(struct gr_engine *e)
         const int b = e->thin[k].body;
         const struct gr_body_state *now = &e->body[b];
         struct gr_split_pose *split = &e->split[b];
-        double moved = 0, turned = 0, same = 0;
-        for (int d = 0; d < 3; d++) moved += (now->x[d] - split->x[d]) * (now->x[d] - split->x[d]);
-        for (int d = 0; d < 4; d++) same += now->orientation[d] * split->orientation[d];
-        for (int d = 0; d < 4; d++) {
-            const double change = now->orientation[d] - (same < 0 ? -1 : 1) * split->orientation[d];
-            turned += change * change;
-        }
-        double far = 0; /* the arm of an unbounded thin part is at most the diagonal of the domain */
-        for (int d = 0; d < e->config.dim; d++) far += e->axis[d].length * e->axis[d].length;
-        const double arm = fmin(e->config.bodies[b].bound, sqrt(far));
-        if (!(sqrt(moved) + 2 * sqrt(turned) * arm > FOLLOW * e->config.dx)) continue;
+        if (!(gr_body_moved(e, b, split) > FOLLOW * e->config.dx)) continue;
         memcpy(split->x, now->x, sizeof split->x);
         memcpy(split->orientation, now->orientation, sizeof split->orientation);
         followed = 1;

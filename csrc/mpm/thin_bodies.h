@@ -58,6 +58,10 @@ int gr_point_side(const struct gr_engine *e, const double x[3], int current);
 /* Decide which duplicates among the nodes [first, last) are separated from their partners now. */
 void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last);
 
+/* Bound of the distance by which the material points of a body have moved from a pose, within the domain, m: the arm of
+ * an unbounded body is at most the diagonal of the domain. */
+double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose);
+
 /* Let the poses `split` follow bodies that have moved.
  * Returned: 1 if they did; the points must then be regrouped. */
 int gr_follow_bodies(struct gr_engine *e);
