@@ -6,7 +6,7 @@
 #include "mpm/migrate.h"
 #include "mpm/walls.h"
 
-enum { SWEEPS = 20 }; /* of Gauss-Seidel; with 10 forces on the sides of a box are 10 to 20 % too small */
+enum { SWEEPS = 5 }; /* of Gauss-Seidel; with 10 forces on the sides of a box are 10 to 20 % too small */
 
 /* A body during a step, with the velocities of the step. */
 struct moving {
@@ -129,12 +129,25 @@ static void slip(const struct gr_engine *e, const struct gr_foot *foot, const st
     for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
 }
 
+/* Give the nodes about a foot, and its body, a change of its impulse. */
+static void push(struct gr_engine *e, const struct gr_foot *foot, const double impulse[3], struct moving *m)
+{
+    const struct gr_body *body = m->pose.body;
+    double change[4] = {impulse[0], impulse[1], impulse[2], 0};
+    for (int d = 0; d < 3; d++)
+        if (body->free >> d & 1) m->v[d] -= impulse[d] / body->mass;
+    for (int i = 0; i < foot->n_nodes; i++) {
+        struct gr_foot_node *node = &e->feet->node[foot->node[i]];
+        for (int d = 0; d < 4; d++) node->v[d] += foot->weight[i] * node->mobility[d] * change[d];
+    }
+}
+
 /* Change the impulse at a foot so that it fulfils the conditions of contact by itself. */
 static void correct(struct gr_engine *e, struct gr_foot *foot, struct moving *m)
 {
     const struct gr_body *body = m->pose.body;
     const double *n = foot->normal;
-    double u[3], tangential[3], change[4] = {0}, square = 0;
+    double u[3], tangential[3], change[3] = {0}, square = 0;
     slip(e, foot, m, u);
     const double along = u[0] * n[0] + u[1] * n[1] + u[2] * n[2];
     double pressing = foot->pressing + (foot->bound - along) / foot->normal_mobility;
@@ -149,13 +162,9 @@ static void correct(struct gr_engine *e, struct gr_foot *foot, struct moving *m)
         const double impulse = pressing * n[d] + keep * tangential[d];
         change[d] = impulse - foot->impulse[d];
         foot->impulse[d] = impulse;
-        if (body->free >> d & 1) m->v[d] -= change[d] / body->mass;
     }
     foot->pressing = pressing;
-    for (int i = 0; i < foot->n_nodes; i++) {
-        struct gr_foot_node *node = &e->feet->node[foot->node[i]];
-        for (int d = 0; d < 4; d++) node->v[d] += foot->weight[i] * node->mobility[d] * change[d];
-    }
+    push(e, foot, change, m);
 }
 
 /* Store the velocities of the nodes after contact. */
@@ -231,12 +240,14 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3])
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, gravity, &body[b]);
     gr_feet_find(e, gravity);
+    for (int64_t k = 0; k < e->feet->n; k++) push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
     for (int sweep = 0; sweep < SWEEPS; sweep++)
         for (int64_t k = 0; k < e->feet->n; k++) {
             struct gr_foot *foot = &e->feet->foot[sweep % 2 ? e->feet->n - 1 - k : k];
             correct(e, foot, &body[foot->body]);
         }
     store(e);
+    gr_feet_keep(e);
     for (int b = 0; b < e->config.n_bodies; b++) e->body_next[b] = e->body[b];
     for (int64_t k = 0; k < e->feet->n; k++) {
         const struct gr_foot *foot = &e->feet->foot[k];

@@ -21,6 +21,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
                           [GR_NONLOCAL] = law->reaction != GR_LOCAL,
                           [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
+                          [GR_TOUCHED] = config->n_bodies > 0,
                           [GR_HARDENING] = law->hardens};
     return needed[gr_field_table[field].need];
 }

@@ -268,7 +268,7 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     if (!(phi < r || phi + 2 * e->dt * (into - fall) < r)) return 0;
     foot->body = b;
     foot->bound = phi > r ? (r - phi) / e->dt : 0;
-    foot->pressing = foot->impulse[0] = foot->impulse[1] = foot->impulse[2] = 0;
+    foot->place = place;
     if (foot->bound < 0 && pose->body->contact != GR_CONTACT_SEPARATING) return 0;
     for (int d = 0; d < 3; d++) at[d] = x[d] - phi * foot->normal[d];
     if (is_at_edge(e, pose, at, foot->normal)) return 0;
@@ -277,6 +277,36 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
         return 1;
     }
     return support(e, x, cell->side, 0, foot);
+}
+
+/* Start the impulses of the n feet of a point. */
+static void start_from_force(const struct gr_engine *e, int n, struct gr_foot *foot)
+{
+    const double *force = e->field[GR_FIELD_contact_force] + foot->place;
+    for (int k = 0; k < n; k++, foot++) {
+        const struct gr_body *body = &e->config.bodies[foot->body];
+        double before[3] = {0};
+        for (int d = 0; d < e->config.dim; d++) before[d] = e->dt * force[d * e->capacity];
+        foot->pressing = 0;
+        for (int d = 0; d < 3; d++) foot->pressing += before[d] * foot->normal[d];
+        if (body->contact == GR_CONTACT_SEPARATING) foot->pressing = fmax(foot->pressing, 0);
+        for (int d = 0; d < 3; d++) foot->impulse[d] = foot->pressing * foot->normal[d];
+        if (n > 1 || !(foot->pressing != 0)) continue;
+        memcpy(foot->impulse, before, sizeof before);
+    }
+}
+
+void gr_feet_keep(struct gr_engine *e)
+{
+    const struct gr_feet *feet = e->feet;
+    for (int d = 0; d < e->config.dim; d++) {
+        double *force = e->field[GR_FIELD_contact_force] + d * e->capacity;
+        for (int64_t k = 0; k < feet->n_near; k++) {
+            const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
+            memset(force + cell->offset, 0, sizeof(double) * (size_t)cell->count);
+        }
+        for (int64_t k = 0; k < feet->n; k++) force[feet->foot[k].place] += e->inv_dt * feet->foot[k].impulse[d];
+    }
 }
 
 void gr_feet_find(struct gr_engine *e, const double g[3])
@@ -291,10 +321,12 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
     feet->n = feet->n_nodes = 0;
     for (int64_t k = 0; k < feet->n_near; k++) {
         const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-        for (int b = 0; b < e->config.n_bodies; b++) {
-            if (!(feet->bodies[k] >> b & 1)) continue;
-            for (int64_t s = cell->offset; s < cell->offset + cell->count; s++)
-                feet->n += find_foot(e, cell, s, b, &pose[b], fall, &feet->foot[feet->n]);
+        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++) {
+            int n = 0;
+            for (int b = 0; b < e->config.n_bodies; b++)
+                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, &pose[b], fall, &feet->foot[feet->n + n]);
+            if (n) start_from_force(e, n, &feet->foot[feet->n]);
+            feet->n += n;
         }
     }
 }

@@ -17,6 +17,7 @@
 /* A foot. Nodes are numbered in gr_feet; the shape functions of those with mass are normalised to the sum 1. */
 struct gr_foot {
     int body, n_nodes;
+    int64_t place;                      /* of the point in its arrays */
     int32_t node[GR_MAX_NODES];
     double weight[GR_MAX_NODES];
     double arm[3], normal[3];           /* from the position of the body, m; out of the body */
@@ -53,5 +54,9 @@ void gr_feet_free(struct gr_feet *feet);
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_feet_list(struct gr_engine *e);
 
-/* Find the feet of this step. Call it after the grid stage. */
+/* Find the feet of this step. Call it after the grid stage. The impulses start from those of the last step, which the
+ * points have kept as forces: of a point with several feet, each has the part of the force along its normal. */
 void gr_feet_find(struct gr_engine *e, const double g[3]);
+
+/* Keep the impulses of the feet as forces on their points. */
+void gr_feet_keep(struct gr_engine *e);
