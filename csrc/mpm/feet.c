@@ -13,9 +13,9 @@
 #define REACH 1.5
 #define FOLLOW 0.5
 
-/* A foot acts if the nodes about it have this part of the mass that would fill their volume; of their shape functions at
- * least this part has mass. */
-#define LEAST_FILLING 0.3
+/* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this; of their shape functions
+ * at least this part has mass. */
+#define LEAST_FILLING 0.1
 #define LEAST_SUM 0.2
 
 /* A node is left out if its mass is less than this part of the mean mass at the foot times its shape function: it would
@@ -212,13 +212,13 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
     int64_t id[GR_MAX_NODES];
     const int dim = e->config.dim, n = shapes_at(e, x, foot->weight, id);
     const struct gr_body *body = &e->config.bodies[foot->body];
-    double sum = 0, mass = 0, volume = 0, along[3] = {0};
+    double sum = 0, mass = 0, along[3] = {0};
     int64_t node[GR_MAX_NODES];
     int used = 0;
     for (int i = 0; i < n; i++) {
         node[i] = foot->weight[i] > 0 ? node_on_side(e, id[i], side) : -1;
         if (node[i] < 0) continue;
-        mass += foot->weight[i] * mass_of(e, node[i]), volume += foot->weight[i] * e->mesh.node_volume[node[i]];
+        mass += foot->weight[i] * mass_of(e, node[i]);
     }
     const double least = fmax(LEAST_SHARE * mass, e->config.mass_cutoff);
     for (int i = 0; i < n; i++) {
@@ -227,7 +227,7 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
         sum += weight;
         node[used] = node[i], foot->weight[used++] = weight;
     }
-    if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling * volume)) return 0;
+    if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
     foot->n_nodes = used;
     for (int i = 0; i < used; i++) {
         foot->weight[i] /= sum;
