@@ -109,6 +109,43 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
     return sign * distance;
 }
 
+/* True if a place at the distances `inset` within n pairs of faces of half lengths size is near an edge: near two of them. */
+static int is_near_two(int n, const double inset[], const double size[], double near)
+{
+    int faces = 0;
+    for (int d = 0; d < n; d++) faces += inset[d] < fmin(near, 0.5 * size[d]);
+    return faces > 1;
+}
+
+int gr_part_edge_near(const struct gr_part *part, const double x[3], double near)
+{
+    const double *r = part->rotation, *size = part->size;
+    double y[3], inset[3];
+    for (int d = 0; d < 3; d++)
+        y[d] = r[d] * (x[0] - part->center[0]) + r[3 + d] * (x[1] - part->center[1]) + r[6 + d] * (x[2] - part->center[2]);
+    if (part->kind == GR_PART_HALF_SPACE || part->inside) return 0;
+    if (part->kind == GR_PART_SAMPLED) return 1;
+    if (part->kind == GR_PART_CYLINDER) {
+        inset[0] = size[0] - sqrt(y[0] * y[0] + y[1] * y[1]), inset[1] = size[1] - fabs(y[2]);
+        return is_near_two(2, inset, size, near);
+    }
+    for (int d = 0; d < 3; d++) inset[d] = size[d] - fabs(y[d]);
+    return is_near_two(3, inset, size, near);
+}
+
+int gr_union_edge_near(const struct gr_part *parts, int n, const double x[3], double near)
+{
+    double nearest = INFINITY, normal[3];
+    int part = 0;
+    for (int k = 0; k < n; k++) {
+        const double distance = gr_part_distance(parts + k, x, normal);
+        if (!(distance < nearest)) continue;
+        nearest = distance;
+        part = k;
+    }
+    return gr_part_edge_near(parts + part, x, near);
+}
+
 double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3])
 {
     double nearest = gr_part_distance(parts, x, normal);

@@ -62,8 +62,15 @@ void gr_rotation_matrix(const double orientation[4], double matrix[9]);
  * several surface points are nearest, the normal is that of the first axis. All in body coordinates. */
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3]);
 
-/* The same for a union of parts, as the minimum over them: exact outside; where parts overlap, a bound of the depth. */
+/* True if x, a point of the surface of a part, is at one of its edges: nearer than `near` along the surface, or than a
+ * quarter of the face. Always true for samples, whose edges are not known. */
+int gr_part_edge_near(const struct gr_part *part, const double x[3], double near);
+
+/* The same as gr_part_distance for a union of parts, as the minimum over them: exact outside; where parts overlap, a bound of the depth. */
 double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3]);
+
+/* True if x is at an edge of the part that it is nearest to. */
+int gr_union_edge_near(const struct gr_part *parts, int n, const double x[3], double near);
 
 /* Radius about the origin of the body that contains the surface of a part in `dim` dimensions. */
 double gr_part_bound(const struct gr_part *part, int dim);

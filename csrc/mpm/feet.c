@@ -23,6 +23,7 @@
 #define LEAST_SHARE 0.1
 
 /* A foot is at a convex edge if the surface recedes by more than EDGE_FALL of a step of EDGE_STEP cells along a tangent. */
+#define EDGE_NEAR 0.35
 #define EDGE_STEP 0.5
 #define EDGE_FALL 0.3
 
@@ -119,7 +120,10 @@ static int is_at_edge(const struct gr_engine *e, const struct gr_pose *pose, con
 {
     const int dim = e->config.dim;
     const double step = EDGE_STEP * e->config.dx;
-    double tangent[2][3] = {{-n[1], n[0], 0}, {0}}, arm[3], normal[3];
+    double tangent[2][3] = {{-n[1], n[0], 0}, {0}}, arm[3], normal[3], local[3];
+    for (int d = 0; d < 3; d++) arm[d] = d < dim ? gr_pose_arm(pose, foot[d], d) : 0;
+    gr_pose_in_body(pose, arm, local);
+    if (!gr_union_edge_near(pose->parts, pose->body->n_parts, local, EDGE_NEAR * e->config.dx)) return 0;
     if (dim == 3) {
         const int least = fabs(n[0]) < fabs(n[1]) ? (fabs(n[0]) < fabs(n[2]) ? 0 : 2) : fabs(n[1]) < fabs(n[2]) ? 1 : 2;
         double square = 0;
