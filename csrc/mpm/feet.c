@@ -13,6 +13,9 @@
 #define REACH 1.5
 #define FOLLOW 0.5
 
+/* Points deeper in a body than this, in cells, were there from the beginning: the surface does not act on them. */
+#define DEEP 0.5
+
 /* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this; of their shape functions
  * at least this part has mass. */
 #define LEAST_FILLING 0.1
@@ -21,6 +24,9 @@
 /* A node is left out if its mass is less than this part of the mean mass at the foot times its shape function: it would
  * take up the impulse alone. */
 #define LEAST_SHARE 0.1
+
+/* Where walls hold more than the rest of the mobility of a foot, they act there, and not the body. */
+#define LEAST_MOBILE 0.1
 
 /* A foot is at a convex edge if the surface recedes by more than EDGE_FALL of a step of EDGE_STEP cells along a tangent. */
 #define EDGE_NEAR 0.35
@@ -216,7 +222,7 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
     int64_t id[GR_MAX_NODES];
     const int dim = e->config.dim, n = shapes_at(e, x, foot->weight, id);
     const struct gr_body *body = &e->config.bodies[foot->body];
-    double sum = 0, mass = 0, along[3] = {0};
+    double sum = 0, mass = 0, along[3] = {0}, unheld = 0;
     int64_t node[GR_MAX_NODES];
     int used = 0;
     for (int i = 0; i < n; i++) {
@@ -236,6 +242,7 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
     for (int i = 0; i < used; i++) {
         foot->weight[i] /= sum;
         foot->node[i] = number_of(e, node[i]);
+        unheld += foot->weight[i] * foot->weight[i] / mass_of(e, node[i]);
         for (int d = 0; d < dim; d++)
             along[d] += foot->weight[i] * foot->weight[i] * e->feet->node[foot->node[i]].mobility[d];
     }
@@ -245,7 +252,7 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
         foot->normal_mobility += foot->normal[d] * foot->normal[d] * all;
         foot->mobility = fmax(foot->mobility, all);
     }
-    return foot->normal_mobility > 0;
+    return foot->normal_mobility > LEAST_MOBILE * unheld;
 }
 
 /* Find the foot of the point at `place` on a body.
@@ -265,7 +272,7 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
             for (int d = 0; d < 3; d++) foot->normal[d] = cell->side * side.normal[d];
         }
     }
-    if (phi > REACH * e->config.dx) return 0;
+    if (phi > REACH * e->config.dx || phi < -DEEP * e->config.dx) return 0;
     const double filling = e->field[GR_FIELD_mass][place] * e->mass_scale;
     const double r = 0.5 * e->config.dx * (dim == 2 ? sqrt(filling) : cbrt(filling));
     for (int d = 0; d < dim; d++) into += (e->field[GR_FIELD_v][d * e->capacity + place] - e->body[b].v[d]) * foot->normal[d];
