@@ -178,6 +178,18 @@ class Engine:
         after: NDArray[np.int32],
         /,
     ) -> None: ...
+    def hold_pressure(
+        self,
+        wall: int,
+        axis: int,
+        side: int,
+        pressure: float,
+        area: float,
+        height: float,
+        rate: float,
+        limit: float,
+        /,
+    ) -> None: ...
     def walls(self) -> NDArray[np.float64]: ...
     def restore_walls(self, impulses: NDArray[np.float64], /) -> None: ...
     def refresh(self) -> None: ...

@@ -87,7 +87,7 @@ GR_INLINE double cell_state(const int dim, const struct gr_engine *e, int64_t in
     }
     const double w = (mass / volume - SURFACE_BELOW) * (1 / (INSIDE_FROM - SURFACE_BELOW)), inverse = 1 / M;
     own->inside = w < 0 ? 0 : w > 1 ? 1 : w;
-    own->log_phi = 2 * (mass - volume) / (mass + volume);
+    own->log_phi = 2 * (mass - volume) / (mass + volume) - e->servo_strain;
     own->c = own->mc * inverse;
     for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
     for (int d = 0; d < dim; d++) {
@@ -179,7 +179,7 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     for (int d = 0; d < dim; d++) trace += L[d * dim + d][0], length += own->over_compression[d] * own->over_compression[d];
     const double rate = kinematic_rate(dim, L)[0];
     const double eta = averaged_share(e, e->dt, v_set(rate), v_set(own->c))[0];
-    double c = own->c - trace + eta * second_difference(dim, e, index);
+    double c = own->c - trace + eta * second_difference(dim, e, index) + e->servo_shift;
     const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
     const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFTING ? 0 : fmin(q->shifting_limit, 0.5 * rate);

@@ -148,8 +148,9 @@ struct gr_engine {
     uint8_t *touched;                       /* per node: 1 if it lies within a body */
     int n_thin;
     struct gr_thin_part *thin;
-    struct gr_split_pose *split; /* per body */
-    struct gr_wall_watch *watch; /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
+    struct gr_split_pose *split;      /* per body */
+    struct gr_wall_watch *watch;      /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
+    double servo_strain, servo_shift; /* mpm/servo.h: of the domain before this step; of the log-densities in it */
     /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */
     struct gr_migrant *migrant;
     int64_t n_pending, pending_capacity, needed_capacity;

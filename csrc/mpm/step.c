@@ -197,6 +197,7 @@ static void stage_grid(struct run *run)
     e->shift_dt = e->dt;
     e->shift_scale = -1.0 / e->dt;
     e->inv_dt = 1.0 / e->dt;
+    e->servo_strain = gr_servo_strain(e);
     if (run->again) all_cells(run, p2g);
     gr_plan_sums(e, e->step + 1);
     if (e->config.cell_averaged) {
@@ -211,6 +212,7 @@ static void stage_grid(struct run *run)
         all_of(run, smooth_nodes, n_nodes);
     }
     if (e->watch) gr_sum_wall_impulses(e);
+    if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
 }
 
 /* After the diffusion has failed to converge: find a point that is not finite, if there is one. */

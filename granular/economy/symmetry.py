@@ -60,7 +60,8 @@ class _Mirror:
         else:
             at = self.key(wall.at)
             spans[0] = self.ends(*spans[0], side)
-        return (wall.axis, at, tuple(spans), wall.kind, wall.friction, wall.opens_at)
+        held = (wall.opens_at, wall.pressure)
+        return (wall.axis, at, tuple(spans), wall.kind, wall.friction, *held)
 
     def region(self, region: Region, side: int) -> tuple[object, ...]:
         """Key of a region, equal for a region and for its image seen from the other side."""

@@ -70,7 +70,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Difference: {},
     **{law: _MATERIAL for law in materials.Material.__subclasses__()},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
-    Wall: {"at": "length", "span": "length", "opens_at": "time"},
+    Wall: {"at": "length", "span": "length", "opens_at": "time", "pressure": "stress"},
     Solid: {"lower": "length", "upper": "length"},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},

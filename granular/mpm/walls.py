@@ -53,6 +53,14 @@ class Wall:
         Extent along each *other* axis in their order [m], on grid lines; None for all of it.
     opens_at : float
         Time [s] from which on the wall does not exist.
+    pressure : float or None
+        Mean normal stress on the wall [Pa], > 0, that a servo keeps; None for a wall that is fixed.
+        The wall must be an end of the grid, without a `span`, and the only one with a pressure. It
+        moves outwards by u, but as u is far less than a cell, it stays where it is on the grid, and
+        its motion is a uniform strain u/H of all connected material, H the extent of the grid along
+        `axis`: du/dt = (p - P) c_w/K, with p the force on the wall over its area and c_w the speed
+        of compression waves. `WallState.displacement` is u. The wall waits while material fills
+        less than half of its nodes, and after `opens_at`.
 
     Raises
     ------
@@ -67,6 +75,7 @@ class Wall:
     friction: float = 0.0
     span: tuple[Span, ...] | None = None
     opens_at: float = math.inf
+    pressure: float | None = None
 
     def __post_init__(self) -> None:
         kind = one_of("kind", self.kind, ("no_slip", "free_slip", "coulomb"))
@@ -78,6 +87,10 @@ class Wall:
         check_fields(self, finite, "at")
         check_fields(self, non_negative, "friction")
         check_fields(self, non_negative, "opens_at", allow_inf=True)
+        if self.pressure is not None:
+            check_fields(self, positive, "pressure")
+            if self.span is not None:
+                raise ValueError(f"span = {self.span} must be None with a pressure")
 
     def extent(self, grid: Grid, axis: int) -> Span:
         """Lower and upper end of the wall along an axis [m], both `at` along its own."""
@@ -92,7 +105,12 @@ class Wall:
         _check_axis(self, name, grid)
         if self.span is not None and len(self.span) != grid.dim - 1:
             raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
-        grid.line(f"{name}.at", self.axis, self.at)
+        line = grid.line(f"{name}.at", self.axis, self.at)
+        if self.pressure is not None and line not in (0, grid.shape[self.axis]):
+            ends = grid.lower[self.axis], grid.upper[self.axis]
+            raise ValueError(
+                f"{name}.at = {self.at} must be an end of the grid, one of {ends}, with a pressure"
+            )
         for axis in range(grid.dim):
             if axis != self.axis:
                 for end in self.extent(grid, axis):
@@ -144,7 +162,7 @@ class Solid:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WallState:
-    """Accumulated impulse of the material on a wall or block.
+    """Accumulated impulse of the material on a wall or block, and the motion of a wall.
 
     Attributes
     ----------
@@ -153,16 +171,27 @@ class WallState:
         depth].
     angular_impulse : ndarray, shape () or (3,)
         Angular impulse since then about the origin of the coordinates [N m s].
+    displacement : ndarray, shape ()
+        Displacement outwards of a wall that keeps a pressure [m]; else 0.
+    work : ndarray, shape ()
+        Work of such a wall on the material [J; in 2D per metre of depth]; else 0.
     """
 
     impulse: NDArray[np.float64]
     angular_impulse: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    work: NDArray[np.float64]
 
 
 def split_impulses(numbers: NDArray[np.float64], dim: int) -> dict[str, NDArray[np.float64]]:
-    """Split the 6 numbers of a wall, shape (..., 6), into the attributes of `WallState`."""
-    turning = numbers[..., 5] if dim == 2 else numbers[..., 3:]
-    return {"impulse": numbers[..., :dim], "angular_impulse": turning}
+    """Split the numbers of a wall, shape (..., 9), into the attributes of `WallState`."""
+    turning = numbers[..., 5] if dim == 2 else numbers[..., 3:6]
+    return {
+        "impulse": numbers[..., :dim],
+        "angular_impulse": turning,
+        "displacement": numbers[..., 6],
+        "work": numbers[..., 7],
+    }
 
 
 @dataclass(frozen=True)
