@@ -140,7 +140,7 @@ class Engine:
         law: str,
         isa: str,
         axes: tuple[AxisRow, ...],
-        walls: list[tuple[int, float, int, int, float, int]],
+        walls: list[tuple[int, float, int, int, float, int, tuple[float, float, float]]],
         node_codes: Map,
         cell_flags: Map | None,
         gravity_times: NDArray[np.float64],

@@ -27,5 +27,5 @@ void gr_move_servo(struct gr_engine *e)
     const double time = (e->config.smoothed ? e->config.averaging_interval : 1) * e->dt;
     e->servo_shift = before - strain;
     step[GR_WALL_DISPLACEMENT] = servo->height * (strain - before);
-    step[GR_WALL_WORK] = -(servo->pressure + excess / time) * servo->area * step[GR_WALL_DISPLACEMENT];
+    step[GR_WALL_WORK] -= (servo->pressure + excess / time) * servo->area * step[GR_WALL_DISPLACEMENT];
 }

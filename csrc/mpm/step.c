@@ -41,7 +41,11 @@ double gr_stable_dt(const struct gr_engine *e)
             if (square > fastest) fastest = square;
         }
     }
-    const double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    for (int k = 0; k < e->config.n_walls; k++) {
+        const double *wall = e->config.walls[k].velocity;
+        speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
+    }
     return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
 }
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "mpm/pose.h"
+#include "mpm/walls.h"
 
 static int shares_are_valid(const struct gr_engine *e, int n_walls, const struct gr_wall_share *share, int n_shares,
                             const int32_t *code, int64_t n_codes)
@@ -88,6 +89,7 @@ void gr_sum_wall_impulses(struct gr_engine *e)
         gr_node_indices(e, n, at);
         const struct gr_wall_share *share = &watch->share[watch->code[gr_map_place(&e->config.node_codes, at)]];
         while (e->time >= share->opens_at) share = &watch->share[share->after];
+        const double *velocity = gr_wall_now(e, e->mesh.node_code[n])->velocity;
         double x[3];
         gr_node_position(e, n, x);
         for (int d = 0; d < dim; d++) {
@@ -97,6 +99,7 @@ void gr_sum_wall_impulses(struct gr_engine *e)
             double *sum = watch->step + (int64_t)share->owner[d] * GR_WALL_NUMBERS;
             const int next = (d + 1) % 3, last = (d + 2) % 3; /* x cross the unit vector of d */
             sum[d] += impulse;
+            sum[GR_WALL_WORK] -= impulse * velocity[d];
             sum[3 + next] += x[last] * impulse;
             sum[3 + last] -= x[next] * impulse;
         }

@@ -15,7 +15,7 @@ from granular.geometry import combined
 from granular.materials import MuI
 from granular.mpm.body_measures import deepest, reach, thicknesses
 from granular.mpm.body_shapes import padded, turned
-from granular.mpm.walls import Solid
+from granular.mpm.walls import Solid, Wall
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
@@ -187,9 +187,11 @@ def keeps_sides(scheme: Scheme) -> bool:
 
 
 def _fastest(scene: Scene) -> float:
-    """Largest speed [m/s] of the material at the start and of the bodies in their motions."""
+    """Largest speed [m/s] of the material at the start, of the bodies and of the walls."""
+    moving = (wall.velocity for wall in scene.walls if isinstance(wall, Wall))
+    walls = (math.hypot(*velocity) for velocity in moving if velocity)
     points = (math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
-    return max(*points, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
+    return max(*points, *walls, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
 
 
 def damps_by_step(scheme: Scheme) -> bool:

@@ -114,6 +114,8 @@ class Scene(BaseScene):
                     "lithostatic fills"
                 )
         self._check_servos()
+        if self.scheme.transfer == "xpic" and any(getattr(w, "velocity", None) for w in self.walls):
+            raise ValueError('transfer = "xpic" must be another one where walls have a velocity')
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = c0_lines(self.grid, self.walls, axis)
             check_c0_lines(self.scheme.basis, n, periodic, lines)
@@ -126,6 +128,11 @@ class Scene(BaseScene):
             for i, wall in enumerate(self.walls)
             if isinstance(wall, Wall) and wall.pressure is not None
         ]
+
+    @property
+    def moves_walls(self) -> bool:
+        """True if a wall has a velocity or keeps a pressure, so that it does work."""
+        return bool(self.servos) or any(getattr(wall, "velocity", None) for wall in self.walls)
 
     def _check_servos(self) -> None:
         """Refuse a second wall with a pressure, and one that the material cannot follow."""

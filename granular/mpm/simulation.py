@@ -45,8 +45,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         As of `granular.Simulation`.
     wall_forces : bool
         Add up the impulses on the walls and blocks of the scene, see `walls`. Frames of records and
-        checkpoints then hold them. They do not affect the motion. A wall that keeps a pressure has
-        them added up in any case.
+        checkpoints then hold them. They do not affect the motion. They are added
+        up in any case where a wall has a velocity or keeps a pressure.
     """
 
     scene: Scene
@@ -79,7 +79,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
-        self._watches_walls = bool(scene.servos) or (wall_forces and bool(scene.walls))
+        self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
         if self._watches_walls:
             engine.watch_walls(len(scene.walls), *wall_owners(scene))
         for servo in scene.servos:
@@ -136,7 +136,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         Raises
         ------
         ValueError
-            If the simulation was not made with `wall_forces`, and no wall keeps a pressure.
+            If the simulation was not made with `wall_forces`, and no wall moves.
         """
         if not self._watches_walls and self.scene.walls:
             raise ValueError("wall_forces = False must be True for the impulses on the walls")

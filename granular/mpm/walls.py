@@ -17,6 +17,7 @@ from granular.checks import (
     positive,
     set_fields,
     spans,
+    vector,
 )
 from granular.geometry import AXES, LINE_TOLERANCE, Box, Grid
 
@@ -53,6 +54,9 @@ class Wall:
         Extent along each *other* axis in their order [m], on grid lines; None for all of it.
     opens_at : float
         Time [s] from which on the wall does not exist.
+    velocity : tuple of float, length dim, or None
+        Velocity of a "no_slip" wall along itself [m/s], constant; None for 0. Where it meets
+        another wall or block, nodes rest.
     pressure : float or None
         Mean normal stress on the wall [Pa], > 0, that a servo keeps; None for a wall that is fixed.
         The wall must be an end of the grid, without a `span`, and the only one with a pressure. It
@@ -75,6 +79,7 @@ class Wall:
     friction: float = 0.0
     span: tuple[Span, ...] | None = None
     opens_at: float = math.inf
+    velocity: tuple[float, ...] | None = None
     pressure: float | None = None
 
     def __post_init__(self) -> None:
@@ -87,6 +92,12 @@ class Wall:
         check_fields(self, finite, "at")
         check_fields(self, non_negative, "friction")
         check_fields(self, non_negative, "opens_at", allow_inf=True)
+        if self.velocity is not None:
+            set_fields(self, velocity=vector("velocity", self.velocity))
+            if kind != "no_slip":
+                raise ValueError(
+                    f'velocity = {self.velocity} must be None unless kind is "no_slip"'
+                )
         if self.pressure is not None:
             check_fields(self, positive, "pressure")
             if self.span is not None:
@@ -105,6 +116,11 @@ class Wall:
         _check_axis(self, name, grid)
         if self.span is not None and len(self.span) != grid.dim - 1:
             raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
+        if self.velocity is not None and len(self.velocity) != grid.dim:
+            raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
+        if self.velocity is not None and self.velocity[self.axis]:
+            across = f"{name}.velocity[{self.axis}] = {self.velocity[self.axis]}"
+            raise ValueError(f"{across} must be 0: a wall moves along itself")
         line = grid.line(f"{name}.at", self.axis, self.at)
         if self.pressure is not None and line not in (0, grid.shape[self.axis]):
             ends = grid.lower[self.axis], grid.upper[self.axis]
@@ -174,7 +190,7 @@ class WallState:
     displacement : ndarray, shape ()
         Displacement outwards of a wall that keeps a pressure [m]; else 0.
     work : ndarray, shape ()
-        Work of such a wall on the material [J; in 2D per metre of depth]; else 0.
+        Work of a wall that moves on the material [J; in 2D per metre of depth]; else 0.
     """
 
     impulse: NDArray[np.float64]

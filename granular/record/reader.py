@@ -94,9 +94,9 @@ class Trajectory:
     def walls(self) -> np.ndarray:
         """Numbers of the walls and blocks at every frame, shape (frames, walls, 9).
 
-        Impulse and angular impulse; displacement, work and excess of pressure of a wall that keeps
-        a pressure. There are no walls unless the simulation was made with `wall_forces`, or has
-        such a wall. See `granular.measure.wall_force`.
+        Impulse, angular impulse and what `granular.mpm.walls.WallState` tells of walls that move.
+        There are no walls unless the simulation was made with `wall_forces`, or has such a wall.
+        See `granular.measure.wall_force`.
         """
         return self._rows_of(WALL)
 
