@@ -19,7 +19,7 @@ void gr_move_servo(struct gr_engine *e)
     const double waiting = e->watch->total[servo->wall * GR_WALL_NUMBERS + GR_WALL_EXCESS];
     const int touched = servo->mass >= 0.5 * servo->full_mass, averages = !e->config.smoothed || gr_averages(e, e->step);
     const double now = touched ? servo->side * step[servo->axis] / servo->area - servo->pressure * e->dt : 0;
-    const double excess = waiting + now, before = e->servo_strain;
+    const double excess = touched ? waiting + now : 0, before = e->servo_strain;
     e->servo_shift = 0;
     step[GR_WALL_EXCESS] = averages ? -waiting : now;
     if (!averages) return;
