@@ -2,17 +2,18 @@
  *
  * Nearly incompressible material that is closed in leaves its mean pressure K ln(rho/rho_c) to errors of the volume of
  * 1e-3. A wall that can move makes it a boundary condition: it moves until the force on it is the pressure P times its
- * area A. What it moves by, an elastic strain, is far less than a cell, and the nodes stay where they are. Its motion by
- * u, outwards, is a uniform strain s = u/H of the material over the height H of the domain:
+ * area A. It moves by an elastic strain, far less than a cell, and its nodes stay where they are. Its motion by u,
+ * outwards, is a uniform change s = u/H of the volume of the connected material, with H the height of the domain:
  *
- *   u += dt H (F/A - P)/(K T),   c -= u/H in the same step,   gap = ln phi - u/H - c,
+ *   s += dt (F/A - P)/(K T),   c -= change of s,   gap = ln phi - s - c,
  *
- * with F the force of the material on the wall and T = H/c_w, in which a wave crosses the domain: without flow F/A tends
- * to P as exp(-t/T). The filling fraction phi of nodes and cells is that of the volume before the motion, so that the
- * gap to which the density relaxes (density_correction.h) is that of the volume which the material has.
+ * with F the force of the material on the wall, the mean over the steps since the wall moved last, and T = 8 dx/c_w. At
+ * rest F/A tends to P as exp(-t/T). The filling fraction phi of nodes and cells is that of the volume before the
+ * motion, so that the gap to which the density relaxes (density_correction.h) is that of the volume which the material
+ * has now. A servo that changed nothing but c would work against this relaxation for ever.
  *
- * The servo acts in the steps that average the density, and waits while no material fills half of the nodes of the
- * wall. Its state is in the numbers of the wall (wall_impulse.h). */
+ * The wall moves in the steps that average the density, and waits while no material fills half of its nodes. Its state
+ * is among the numbers of the wall (wall_impulse.h). */
 #pragma once
 
 #include "mpm/engine.h"

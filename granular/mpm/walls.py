@@ -61,10 +61,11 @@ class Wall:
         Mean normal stress on the wall [Pa], > 0, that a servo keeps; None for a wall that is fixed.
         The wall must be an end of the grid, without a `span`, and the only one with a pressure. It
         moves outwards by u, but as u is far less than a cell, it stays where it is on the grid, and
-        its motion is a uniform strain u/H of all connected material, H the extent of the grid along
-        `axis`: du/dt = (p - P) c_w/K, with p the force on the wall over its area and c_w the speed
-        of compression waves. `WallState.displacement` is u. The wall waits while material fills
-        less than half of its nodes, and after `opens_at`.
+        its motion is a uniform change u/H of the volume of all connected material, H the extent of
+        the grid along `axis`: d(u/H)/dt = (F/A - P)/(K T), with F the force on the wall, A its
+        area, and T the time in which a compression wave crosses 8 cells. `WallState.displacement`
+        is u. The wall waits while material fills less than half of its nodes, and after
+        `opens_at`.
 
     Raises
     ------

@@ -159,7 +159,8 @@ def test_plane_shear_keeps_its_pressure_and_flows_by_the_law(density, dim, E, st
     assert abs(pressures.mean() / KEPT - 1) < 0.01
     assert np.abs(profile / KEPT - 1).max() < 0.05
     linear = speed * (np.arange(10) + 0.5) / 10
-    assert np.abs(speeds - linear).max() < 0.01 * speed
+    inside = np.abs(speeds - linear)[1:-1]  # at walls points store other velocities than they have
+    assert inside.max() < 0.01 * speed
     mu = material.mu_s + (material.mu_2 - material.mu_s) / (1 / SCALED_I + 1)
     assert abs(-stress[0] / stress[-1] / mu - 1) < 0.01
     assert abs(sim.walls[1].displacement) < 0.2 * CELL
@@ -168,7 +169,7 @@ def test_plane_shear_keeps_its_pressure_and_flows_by_the_law(density, dim, E, st
 
 @DENSITIES
 def test_without_a_pressure_the_flow_loses_it(density):
-    """What the servo is for; the closed cell is warned of."""
+    """The closed cell, of which a warning tells, needs the servo."""
     scene = cell_between_walls(density, pressure=None)
     with pytest.warns(gr.StabilityWarning, match="closed in on every side"):
         sim = in_flow(scene)
