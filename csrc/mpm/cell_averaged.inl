@@ -179,7 +179,8 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     for (int d = 0; d < dim; d++) trace += L[d * dim + d][0], length += own->over_compression[d] * own->over_compression[d];
     const double rate = kinematic_rate(dim, L)[0];
     const double eta = averaged_share(e, e->dt, v_set(rate), v_set(own->c))[0];
-    double c = own->c - trace + eta * second_difference(dim, e, index) + e->servo_shift;
+    double c = own->c - trace + eta * second_difference(dim, e, index);
+    if (own->c >= -q->separation_strain) c += e->servo_shift;
     const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
     const double most = e->mesh.cell[index].flags & GR_CELL_NO_SHIFTING ? 0 : fmin(q->shifting_limit, 0.5 * rate);

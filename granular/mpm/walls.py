@@ -62,8 +62,8 @@ class Wall:
         The wall must be an end of the grid, without a `span`, and the only one with a pressure. It
         moves outwards by u, but as u is far less than a cell, it stays where it is on the grid, and
         its motion is a uniform change u/H of the volume of all connected material, H the extent of
-        the grid along `axis`: d(u/H)/dt = (F/A - P)/(K T), with F the force on the wall, A its
-        area, and T the time in which a compression wave crosses 8 cells. `WallState.displacement`
+        the grid along `axis`: d(u/H)/dt = (F/A - P)/(K T), with F the force on the wall, A the
+        area of that side of the grid, and T the time in which a compression wave crosses 8 cells. `WallState.displacement`
         is u. The wall waits while material fills less than half of its nodes, and after
         `opens_at`.
 
