@@ -63,9 +63,9 @@ class Wall:
         moves outwards by u, but as u is far less than a cell, it stays where it is on the grid, and
         its motion is a uniform change u/H of the volume of all connected material, H the extent of
         the grid along `axis`: d(u/H)/dt = (F/A - P)/(K T), with F the force on the wall, A the
-        area of that side of the grid, and T the time in which a compression wave crosses 8 cells. `WallState.displacement`
-        is u. The wall waits while material fills less than half of its nodes, and after
-        `opens_at`.
+        area of that side of the grid, and T the time in which a compression wave crosses 8 cells.
+        `WallState.displacement` is u. The wall waits while material fills less than half of its
+        nodes, and after `opens_at`.
 
     Raises
     ------
