@@ -88,11 +88,14 @@ class BaseScene(Serializable):
             "points": self.n_points,
             "duration [s]": self.duration,
             "gravity [m/s2]": self.gravity.vectors[-1],
-            "walls": len(self.walls),
+            "walls": self._walls_in_words(),
             "material": type(self.material).__name__,
             "method": self._method_in_words(),
         }
         return table(f"Scene {self.name}", rows | dict(self.parameters))
+
+    def _walls_in_words(self) -> str:
+        return str(len(self.walls))
 
     def _method_in_words(self) -> str:
         return self.method

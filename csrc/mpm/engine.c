@@ -143,6 +143,8 @@ static int config_is_valid(const struct gr_config *c)
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
+        for (int d = 0; d < 3; d++)
+            if (!isfinite(w->velocity[d])) return 0;
         if (w->normal < -1 || w->normal >= c->dim || w->after < 0 || w->after >= c->n_walls) return 0;
         /* chains of opening walls must end */
         if (isfinite(w->opens_at) && !(c->walls[w->after].opens_at > w->opens_at)) return 0;

@@ -20,12 +20,13 @@
 
 /* Effect of a wall on the velocity of a node (see granular/mpm/walls.py). */
 struct gr_wall {
-    int32_t fixed;   /* bit d: component d is zero */
+    int32_t fixed;   /* bit d: component d is that of the wall */
     int32_t normal;  /* axis of the normal for Coulomb friction, -1 without friction */
     int32_t side;    /* +1: material above the wall along `normal`, -1: below, 0: both */
     double friction; /* Coulomb coefficient of the wall */
     double opens_at; /* s; from this time on row `after` applies to the node */
     int32_t after;
+    double velocity[3]; /* m/s; along the wall */
 };
 
 enum gr_affine { GR_AFFINE_NONE, GR_AFFINE_GRADIENT, GR_AFFINE_MOMENT, GR_AFFINE_COUNT };
@@ -148,8 +149,9 @@ struct gr_engine {
     uint8_t *touched;                       /* per node: 1 if it lies within a body */
     int n_thin;
     struct gr_thin_part *thin;
-    struct gr_split_pose *split; /* per body */
-    struct gr_wall_watch *watch; /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
+    struct gr_split_pose *split;      /* per body */
+    struct gr_wall_watch *watch;      /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
+    double servo_strain, servo_shift; /* mpm/servo.h: of the domain before this step; of the log-densities in it */
     /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */
     struct gr_migrant *migrant;
     int64_t n_pending, pending_capacity, needed_capacity;

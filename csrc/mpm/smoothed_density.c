@@ -72,7 +72,7 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
         const int held = ends | gr_wall_now(e, e->mesh.node_code[n])->fixed;
         field[GR_NODE_GAP] = inside ? mean_gap(e, id, step) : 0;
         if (inside) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
-            field[GR_NODE_WEIGHT] += 1 - exp(-field[GR_NODE_OWN_GAP]);
+            field[GR_NODE_WEIGHT] += 1 - exp(-(field[GR_NODE_OWN_GAP] + e->servo_strain));
         for (int d = 0; d < dim; d++)
             if (!inside || held >> d & 1) field[GR_NODE_RESIDUAL + d] = 0;
     }
