@@ -310,7 +310,7 @@ static void describe_node(struct gr_engine *e, int64_t n)
         id /= e->axis[d].n_nodes;
     }
     mesh->node_code[n] = gr_map_get(&e->config.node_codes, at);
-    mesh->node_volume[n] = volume - (e->solid ? e->solid[mesh->node_id[n]] : 0);
+    mesh->node_volume[n] = volume - gr_solid_volume(e, at);
     for (int i = 0; i < e->K; i++)
         mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride + (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim);
 }

@@ -11,7 +11,6 @@ import numpy as np
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
 from granular.geometry import estimated_points
-from granular.mpm.blocks import count_solid_cells
 from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -64,9 +63,6 @@ _SPH_MEMORY = {2: 500, 3: 1000}
 """Memory of a particle of SPH with its neighbours [bytes], from layers of 40,000 particles."""
 _FACE_MEMORY = 4
 """Memory of a face of a cell of the box [bytes], for a nonlocal law."""
-
-_SOLID_MEMORY = 8
-"""Memory of a cell of the box within a block [bytes]: the volume that it takes from its node."""
 
 MOST_STEPS = 1e15
 """Number of steps that no run can make: at 1 us each they take 30 years."""
@@ -203,7 +199,6 @@ def _size(scene: AnyScene) -> tuple[int, float]:
         count = estimated_points(scene.grid, fill)
         points += count
         memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / fill.points_per_cell)
-    memory += _SOLID_MEMORY * count_solid_cells(scene.grid, scene.walls)
     if scene.material.has_fluidity:
         memory += _FACE_MEMORY * 2 * scene.dim * math.prod(scene.grid.shape)
     return points, memory
