@@ -68,7 +68,8 @@ LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 REMEDIES = MappingProxyType(
     {
         "disconnected": "take SmoothedDensity() (the default) and 4 or more points per cell",
-        "density_drift": "take a larger E, a smaller cell, or SmoothedDensity() (the default)",
+        "density_drift": "take SmoothedDensity() (the default) in place of ParticleDensity(), a "
+        "larger E, or schemes.cell_averaged",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
         "gaps": "take more points per cell",
         "courant": "take a smaller cfl, or no fixed dt",
