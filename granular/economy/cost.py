@@ -10,10 +10,10 @@ import numpy as np
 
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
-from granular.geometry import estimated_points
 from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
+from granular.seeding import estimated_points
 
 if TYPE_CHECKING:
     from granular.sph.scene import Scene as SphScene

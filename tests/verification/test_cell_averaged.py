@@ -179,7 +179,7 @@ def test_an_orifice_of_twelve_cells():
     ("scheme", "low", "high"), [("cell_averaged", 0, 0.01), ("default", 0.02, 0.08)]
 )
 def test_density_drift_is_the_mass_in_excess(scheme, low, high):
-    """In a 3D orifice the indicator is that of the mass of the cells; with averaged cells it is 0."""
+    """In a 3D orifice the indicator tells what the cells hold; with averaged cells it is 0."""
     scene = orifice(getattr(gr.schemes, scheme), across=8)
     state = gr.Simulation(scene, threads=1).run().state
     drift = gr.measure.density_drift(state)
