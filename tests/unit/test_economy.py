@@ -1,6 +1,7 @@
 """Suggestions of cheaper scenes: each topic, refused input, and nothing changed unasked."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -408,8 +409,31 @@ def test_points_and_memory_of_every_scene(name):
     points = scene.n_points + (len(gas.points(scene.grid, 0).x) if gas else 0)
     assert found.points == pytest.approx(points, rel=0.01)
     assert found.steps > 0 and found.seconds > 0
-    assert 0.1 * 2**30 < found.memory < 0.11 * 2**30 + 3000 * points
+    walls = len(scene.wall_points()["x"]) if scene.method == "sph" else 0
+    assert 0.1 * 2**30 < found.memory < 0.11 * 2**30 + 3000 * (points + walls)
     assert math.isnan(found.E) == (scene.method == "sph")
+
+
+def test_memory_of_wall_particles():
+    """A particle takes the same memory, 500 bytes in 2D and 1000 in 3D, whatever it belongs to."""
+    for across, each in ((0, 500), (20, 1000)):
+        scene = gr.scenes.incline_sph(columns=200, height=0.02, columns_across=across)
+        thicker = [replace(wall, layers=wall.layers + 4) for wall in scene.walls]
+        more = scene.replace(walls=tuple(thicker))
+        added = len(more.wall_points()["x"]) - len(scene.wall_points()["x"])
+        assert added == 4 * 200 * max(across, 1)
+        found = [gr.economy.cost(s).memory for s in (scene, more)]
+        assert found[1] - found[0] == each * added
+
+
+def test_memory_of_growing_buffers():
+    """Old and new buffers are there at the same time; those of SPH do not grow."""
+    scene = gr.scenes.cylinder_collapse(points_per_cell=8)
+    sim, cost = gr.Simulation(scene, threads=1), gr.economy.cost(scene)
+    buffers = sum(array.nbytes for array in sim.buffers.values())
+    assert 0.5 * buffers < cost.peak_memory - cost.memory < 2 * buffers
+    still = gr.economy.cost(gr.scenes.incline_sph())
+    assert still.peak_memory == still.memory
 
 
 def test_work_falls_with_what_is_left():
