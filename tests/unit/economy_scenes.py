@@ -1,4 +1,4 @@
-"""What tests of suggestions share."""
+"""Parts that tests of suggestions share."""
 
 import granular as gr
 from granular.geometry import Box, Fill, Grid
