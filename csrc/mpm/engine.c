@@ -78,17 +78,21 @@ static int list_solids(struct gr_engine *e)
 double gr_solid_volume(const struct gr_engine *e, const int32_t at[3])
 {
     static const struct gr_node_cells flat = {.count = 1, .integral = {1}};
+    const struct gr_map *flags = &e->config.cell_flags;
     if (!e->node_cells[0]) return 0;
     const struct gr_node_cells *x = &e->node_cells[0][at[0]], *y = &e->node_cells[1][at[1]];
     const struct gr_node_cells *z = e->config.dim == 3 ? &e->node_cells[2][at[2]] : &flat;
     double volume = 0;
-    for (int c = 0; c < z->count; c++)
-        for (int b = 0; b < y->count; b++)
-            for (int a = 0; a < x->count; a++) {
-                const int32_t cell[3] = {x->cell[a], y->cell[b], z->cell[c]};
-                if (gr_map_get(&e->config.cell_flags, cell) & GR_CELL_SOLID)
-                    volume += x->integral[a] * y->integral[b] * z->integral[c];
-            }
+    int64_t column[GR_MAX_NODES_1D];
+    for (int a = 0; a < x->count; a++) column[a] = gr_map_class(flags, 0, x->cell[a]);
+    for (int c = 0; c < z->count; c++) {
+        const int64_t layer = gr_map_class(flags, 2, z->cell[c]) * flags->n_classes[1];
+        for (int b = 0; b < y->count; b++) {
+            const uint8_t *row = flags->value + (layer + gr_map_class(flags, 1, y->cell[b])) * flags->n_classes[0];
+            for (int a = 0; a < x->count; a++)
+                if (row[column[a]] & GR_CELL_SOLID) volume += x->integral[a] * y->integral[b] * z->integral[c];
+        }
+    }
     return volume;
 }
 
