@@ -142,7 +142,7 @@ struct gr_engine {
     double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
-    double *solid;     /* per node of the grid: the part of its volume in solid cells; NULL without solid cells */
+    struct gr_node_cells *node_cells[3]; /* per node of an axis; NULL without solid cells, and along unused axes */
     int sum_stride, density_sums, node_stride;
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
@@ -180,6 +180,10 @@ struct gr_engine {
     int64_t error_id, error_step;
     double error_x[3];
 };
+
+/* Part of the volume of a node, in cells, that lies in solid cells; the node is given by its indices. It is worked out
+ * when a node gets mass near it, so that neither time nor memory grows with a box that is mostly solid. */
+double gr_solid_volume(const struct gr_engine *e, const int32_t at[3]);
 
 /* True if G2P averages the density in this step. */
 static inline int gr_averages(const struct gr_engine *e, int64_t step)

@@ -6,7 +6,7 @@
  *   J = m (v' - v'_w) - f m (v - v_w).
  *
  * The sum over the walls, the bodies and gravity is the change of the momentum of the points, but for what a sponge layer
- * takes and what leaves the domain. */
+ * takes and what leaves the domain; under uGIMP with an affine transfer the momentum of the points is not kept itself. */
 #pragma once
 
 #include "mpm/servo.h"

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.buffers import allocate
-from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
 from granular.mpm.limits import check_blades, check_overlaps, check_time_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
+from granular.seeding import seed_points
 
 __all__ = [
     "build",

@@ -68,7 +68,8 @@ LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 REMEDIES = MappingProxyType(
     {
         "disconnected": "take SmoothedDensity() (the default) and 4 or more points per cell",
-        "density_drift": "take a larger E, a smaller cell, or SmoothedDensity() (the default)",
+        "density_drift": "take SmoothedDensity() (the default) in place of ParticleDensity(), a "
+        "larger E, or schemes.cell_averaged",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
         "wall_strain": "fill the domain, without a free surface, or take a larger E",
         "gaps": "take more points per cell",
@@ -153,7 +154,8 @@ def check_overlaps(scene: Scene) -> None:
     most = 0.5 * scene.grid.cell
     for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
         places = _places_about(scene, min(one, other, key=_reach))
-        deep = -min(np.maximum(_distances(one, places), _distances(other, places)), default=0.0)
+        both = np.maximum(_distances(scene, one, places), _distances(scene, other, places))
+        deep = -min(both, default=0.0)
         if deep > most:
             raise ValueError(
                 f"bodies[{i}] and bodies[{j}] overlap: a place is {deep:.3g} m within both at the "
@@ -162,21 +164,44 @@ def check_overlaps(scene: Scene) -> None:
 
 
 def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
-    """Centres of the cells of the domain that may lie within a body, shape (n, 3)."""
+    """Centres of the cells of the domain that may lie within a body or an image of it, (n, 3)."""
     grid, extent, axes = scene.grid, _reach(body), []
-    for low, cells, at in zip(grid.lower, grid.shape, body.position, strict=True):
-        middle = low + grid.cell * (np.arange(cells) + 0.5)
-        axes.append(middle[abs(middle - at) <= extent])
+    for axis, period in zip(range(grid.dim), _periods(scene, body), strict=False):
+        middle = grid.lower[axis] + grid.cell * (np.arange(grid.shape[axis]) + 0.5)
+        axes.append(middle[abs(_nearest(middle - body.position[axis], period)) <= extent])
     return np.pad(combined(axes), ((0, 0), (0, 3 - body.dim)))
+
+
+def _periods(scene: Scene, body: Body) -> NDArray[np.float64]:
+    """Periods [m] with which a body has images along x, y and z; inf without images.
+
+    As in the core, there are none along axes on which the body reaches farther than half a period.
+    """
+    grid, periods = scene.grid, np.full(3, np.inf)
+    lengths = grid.cell * np.array(grid.shape)
+    reaches = body.extents()[: grid.dim]
+    repeats = np.array(grid.periodic) & (2 * reaches <= lengths)
+    periods[: grid.dim][repeats] = lengths[repeats]
+    return periods
+
+
+def _nearest(
+    arms: NDArray[np.floating], period: float | NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distances from a body, or vectors, as from its nearest image."""
+    finite = np.where(np.isfinite(period), period, 0.0)
+    nearest: NDArray[np.float64] = arms - finite * np.rint(arms / period)
+    return nearest
 
 
 def _reach(body: Body) -> float:
     return reach(body.shape.rows(), body.dim)
 
 
-def _distances(body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances [m] of places from a body at the start."""
-    own = turned(body.rotation_deg).inv().apply(places - padded(body.position))
+def _distances(scene: Scene, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signed distances [m] of places from a body, or its nearest image, at the start."""
+    arms = _nearest(places - padded(body.position), _periods(scene, body))
+    own = turned(body.rotation_deg).inv().apply(arms)
     rows, samples = body.shape.rows(), body.shape.samples()
     return _core.body_distance(rows, samples, np.ascontiguousarray(own))[0]
 
@@ -382,7 +407,7 @@ def _buried(scene: Scene) -> str | None:
     """Bodies inside a fill: the points within a body are carried along by its nodes."""
     for i, body in enumerate(scene.bodies):
         places = _places_about(scene, body)
-        within = places[_distances(body, places) < -scene.grid.cell, : scene.dim]
+        within = places[_distances(scene, body, places) < -scene.grid.cell, : scene.dim]
         for j, fill in enumerate(scene.fills):
             if fill.region.contains(within).any():
                 return (
@@ -450,7 +475,7 @@ def _is_full(scene: Scene, most: int) -> bool:
     for body in scene.bodies:
         if not len(left):
             break
-        left = left[_distances(body, np.pad(left, ((0, 0), (0, 3 - body.dim)))) > 0]
+        left = left[_distances(scene, body, np.pad(left, ((0, 0), (0, 3 - body.dim)))) > 0]
     return not len(left)
 
 
