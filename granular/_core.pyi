@@ -140,7 +140,7 @@ class Engine:
         law: str,
         isa: str,
         axes: tuple[AxisRow, ...],
-        walls: list[tuple[int, float, int, int, float, int]],
+        walls: list[tuple[int, float, int, int, float, int, tuple[float, float, float]]],
         node_codes: Map,
         cell_flags: Map | None,
         gravity_times: NDArray[np.float64],
@@ -176,6 +176,18 @@ class Engine:
         owners: NDArray[np.int32],
         opens_at: NDArray[np.float64],
         after: NDArray[np.int32],
+        /,
+    ) -> None: ...
+    def hold_pressure(
+        self,
+        wall: int,
+        axis: int,
+        side: int,
+        pressure: float,
+        area: float,
+        height: float,
+        rate: float,
+        limit: float,
         /,
     ) -> None: ...
     def walls(self) -> NDArray[np.float64]: ...

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
-from granular import geometry
+from granular import geometry, seeding
 from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
@@ -61,11 +61,11 @@ class BaseScene(Serializable):
     @cached_property
     def n_points(self) -> int:
         """Number of points of the material at the start."""
-        return geometry.count_points(self.grid, self.fills)
+        return seeding.count_points(self.grid, self.fills)
 
-    def points(self) -> geometry.Points:
-        """Make the points of the material at the start; see `granular.geometry.seed_points`."""
-        return geometry.seed_points(self.grid, self.fills, self.seed, self.material.rho_c)
+    def points(self) -> seeding.Points:
+        """Make the points of the material at the start; see `granular.seeding.seed_points`."""
+        return seeding.seed_points(self.grid, self.fills, self.seed, self.material.rho_c)
 
     @property
     def courant_limit(self) -> float:
@@ -88,11 +88,14 @@ class BaseScene(Serializable):
             "points": self.n_points,
             "duration [s]": self.duration,
             "gravity [m/s2]": self.gravity.vectors[-1],
-            "walls": len(self.walls),
+            "walls": self._walls_in_words(),
             "material": type(self.material).__name__,
             "method": self._method_in_words(),
         }
         return table(f"Scene {self.name}", rows | dict(self.parameters))
+
+    def _walls_in_words(self) -> str:
+        return str(len(self.walls))
 
     def _method_in_words(self) -> str:
         return self.method

@@ -6,7 +6,7 @@ import os
 import time as clock
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
 
@@ -18,8 +18,9 @@ from granular.buffers import default_isa
 from granular.checks import integer, positive, truth
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.notebook import table
-from granular.record import Checkpoint, RecordError, TrajectoryWriter, open_trajectory
+from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
 from granular.record.layout import reading
+from granular.record.session import Session
 from granular.record.settings import settings_of, usable_isa
 from granular.running import EVERY, check_interval, interruptible, next_frame, progress_bar
 from granular.state import State
@@ -146,8 +147,7 @@ class Simulation:
             threads = integer("threads", threads, 1, _core.MAX_THREADS)
         self._threads = threads
         self._chunk = 1
-        self.record: Path | None = None
-        self._unclosed: TrajectoryWriter | None = None  # of a record that could not be closed
+        self._session = Session()
         self._every = EVERY
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
@@ -230,6 +230,11 @@ class Simulation:
     def n_points(self) -> int:
         """Number of points in the domain; those that have left do not count."""
         return int(self._engine.scalars()["n_points"])
+
+    @property
+    def record(self) -> Path | None:
+        """Path of the record of the last recorded run, to which further runs append; or None."""
+        return self._session.path
 
     @property
     def isa(self) -> str:
@@ -336,7 +341,11 @@ class Simulation:
         until = self.scene.duration if until is None else positive("until", until)
         every = self._every if every is None else every
         self._every = every = check_interval(every, self.dt, max(until, self.time))
-        with self._writer(save, overwrite) as writer, progress_bar(self, until, progress) as bar:
+        provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
+        recorded = self._session.writer(
+            save, self.scene, overwrite=overwrite, provenance=provenance
+        )
+        with recorded as writer, progress_bar(self, until, progress) as bar:
             with interruptible() as interrupted:
                 if self.steps in (0, self._due):
                     self._frame(writer, hooks, monitor, gas)
@@ -411,44 +420,6 @@ class Simulation:
                 self._told.add(indicator.name)
                 warnings.warn(text, StabilityWarning, stacklevel=3)
 
-    @contextmanager
-    def _writer(
-        self, save: str | os.PathLike | None, overwrite: bool
-    ) -> Iterator[TrajectoryWriter | None]:
-        if save is not None:
-            path, resumed = Path(save), False
-        elif self.record is not None:
-            path, resumed = self.record, True
-        else:
-            yield None
-            return
-        unclosed = self._unclosed
-        if unclosed is not None and unclosed.writes(path):
-            writer = unclosed
-        else:
-            provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
-            if resumed:
-                writer = TrajectoryWriter.resume(path, provenance=provenance)
-            else:
-                writer = TrajectoryWriter(
-                    path, self.scene, overwrite=overwrite, provenance=provenance
-                )
-            if unclosed is not None:
-                with suppress(OSError, RecordError):  # it can be resumed in any case
-                    unclosed.leave()
-        self.record, self._unclosed = path, writer
-        try:
-            with writer:
-                writer.store()  # at once what an earlier run could not store
-                try:
-                    yield writer
-                except SimulationError as error:
-                    error.add_note(f"the last good checkpoint is in {path}")
-                    raise
-        finally:
-            if writer.closed:
-                self._unclosed = None
-
     # ---- restart ----
 
     def checkpoint(self) -> Checkpoint:
@@ -521,7 +492,7 @@ class Simulation:
                 past = record.series["step"] <= self.steps
                 self._monitor.recall({name: v[past] for name, v in record.samples.items()})
         self._every = every
-        self.record = Path(path)
+        self._session.path = Path(path)
         return self
 
     def __repr__(self) -> str:

@@ -47,6 +47,12 @@ struct gr_axis {
     double *node_integral; /* of the shape function of a node over the domain, in cells */
 };
 
+/* The cells that have a node, in ascending order, and the shares of its shape function in them. */
+struct gr_node_cells {
+    int32_t count, cell[GR_MAX_NODES_1D];
+    double integral[GR_MAX_NODES_1D]; /* over each of the cells, in cells */
+};
+
 /* Index of the cell of x; a number outside [0, n_cells) if x lies outside the domain, also on a periodic axis. */
 int64_t gr_locate(const struct gr_axis *axis, double inv_dx, double x);
 
@@ -59,4 +65,8 @@ static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 :
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
 int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
                   double lambda, double origin, double dx);
+
+/* List the cells of all nodes of an axis of the given basis.
+ * Returned: an array of n_nodes, to be freed by the caller; NULL without memory. */
+struct gr_node_cells *gr_axis_cells_of_nodes(const struct gr_axis *axis, int basis);
 void gr_axis_free(struct gr_axis *axis);

@@ -118,7 +118,7 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
         const double phi = e->node_mass[node] * per_cell / e->mesh.node_volume[node];
         own->inside = lesser(between(LIGHT_BELOW, LIGHT_UNTIL, phi), own->inside);
     }
-    own->log_phi = 2 * (mass - volume) / (mass + volume);
+    own->log_phi = 2 * (mass - volume) / (mass + volume) - e->servo_strain;
     own->c = own->mc * inverse;
     for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
     for (int d = 0; d < dim; d++) {
@@ -284,6 +284,7 @@ GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t inde
     const double rate = kinematic_rate(dim, L)[0];
     const double eta = averaged_share(e, e->dt, v_set(rate), v_set(own->c))[0];
     double c = own->c - trace + eta * across_faces(dim, e, index, drop);
+    if (own->c >= -q->separation_strain) c += e->servo_shift;
     const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
     if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
     shift_of_cell(dim, e, index, L, rate, drop, shift);

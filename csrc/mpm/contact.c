@@ -248,7 +248,8 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3])
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, gravity, &body[b]);
     gr_feet_find(e, gravity);
-    for (int64_t k = 0; k < e->feet->n; k++) push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
+    for (int64_t k = 0; k < e->feet->n; k++)
+        push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
     double changed = INFINITY, largest = 0;
     for (int sweep = 0; sweep < MOST_SWEEPS && (sweep < LEAST_SWEEPS || changed > TOLERANCE * largest); sweep++) {
         changed = 0;

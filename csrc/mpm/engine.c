@@ -65,53 +65,38 @@ static int copy_config(struct gr_engine *e)
     return error ? GR_ERR_MEMORY : GR_OK;
 }
 
-/* Add the volume of a solid cell to the nodes around it. */
-static void count_solid(struct gr_engine *e, const int32_t at[3])
-{
-    const int k = gr_basis_nodes_1d(e->config.basis);
-    for (int i = 0; i < e->K; i++) {
-        const int part[3] = {i % k, i / k % k, i / (k * k)};
-        int64_t node = 0, stride = 1;
-        double volume = 1;
-        for (int d = 0; d < e->config.dim; d++) {
-            const struct gr_axis_cell *cell = &e->axis[d].cell[at[d]];
-            node += stride * cell->node[part[d]];
-            stride *= e->axis[d].n_nodes;
-            volume *= cell->integral[part[d]];
-        }
-        e->solid[node] += volume;
-    }
-}
-
-/* True if a row of values of the flags has a solid cell. */
-static int has_solid(const struct gr_map *flags, int64_t row)
-{
-    int any = 0;
-    for (int32_t c = 0; c < flags->n_classes[0]; c++) any |= flags->value[row * flags->n_classes[0] + c] & GR_CELL_SOLID;
-    return any;
-}
-
-/* Add up the volume that solid cells take from the nodes around them. Rows of cells without any are passed over: a box
- * may have many more cells than material. */
-static int count_solids(struct gr_engine *e, int64_t n_nodes)
+/* Prepare gr_solid_volume if there are solid cells. */
+static int list_solids(struct gr_engine *e)
 {
     const struct gr_map *flags = &e->config.cell_flags;
-    const int n_z = e->config.dim == 3 ? e->axis[2].n_cells : 1;
     int any = 0;
-    for (int64_t row = 0; flags->value && row < (int64_t)flags->n_classes[1] * flags->n_classes[2]; row++)
-        any |= has_solid(flags, row);
-    if (!any) return GR_OK;
-    e->solid = calloc((size_t)n_nodes, sizeof(double));
-    if (!e->solid) return GR_ERR_MEMORY;
-    for (int32_t z = 0; z < n_z; z++)
-        for (int32_t y = 0; y < e->axis[1].n_cells; y++) {
-            if (!has_solid(flags, gr_map_class(flags, 2, z) * flags->n_classes[1] + gr_map_class(flags, 1, y))) continue;
-            for (int32_t x = 0; x < e->axis[0].n_cells; x++) {
-                const int32_t at[3] = {x, y, z};
-                if (gr_map_get(flags, at) & GR_CELL_SOLID) count_solid(e, at);
-            }
-        }
+    for (int64_t k = 0; flags->value && k < gr_map_size(flags); k++) any |= flags->value[k] & GR_CELL_SOLID;
+    for (int d = 0; any && d < e->config.dim; d++) {
+        e->node_cells[d] = gr_axis_cells_of_nodes(&e->axis[d], e->config.basis);
+        if (!e->node_cells[d]) return GR_ERR_MEMORY;
+    }
     return GR_OK;
+}
+
+double gr_solid_volume(const struct gr_engine *e, const int32_t at[3])
+{
+    static const struct gr_node_cells flat = {.count = 1, .integral = {1}};
+    const struct gr_map *flags = &e->config.cell_flags;
+    if (!e->node_cells[0]) return 0;
+    const struct gr_node_cells *x = &e->node_cells[0][at[0]], *y = &e->node_cells[1][at[1]];
+    const struct gr_node_cells *z = e->config.dim == 3 ? &e->node_cells[2][at[2]] : &flat;
+    double volume = 0;
+    int64_t column[GR_MAX_NODES_1D];
+    for (int a = 0; a < x->count; a++) column[a] = gr_map_class(flags, 0, x->cell[a]);
+    for (int c = 0; c < z->count; c++) {
+        const int64_t layer = gr_map_class(flags, 2, z->cell[c]) * flags->n_classes[1];
+        for (int b = 0; b < y->count; b++) {
+            const uint8_t *row = flags->value + (layer + gr_map_class(flags, 1, y->cell[b])) * flags->n_classes[0];
+            for (int a = 0; a < x->count; a++)
+                if (row[column[a]] & GR_CELL_SOLID) volume += x->integral[a] * y->integral[b] * z->integral[c];
+        }
+    }
+    return volume;
 }
 
 static int bodies_are_valid(const struct gr_config *c)
@@ -146,6 +131,8 @@ static int config_is_valid(const struct gr_config *c)
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
+        for (int d = 0; d < 3; d++)
+            if (!isfinite(w->velocity[d])) return 0;
         if (w->normal < -1 || w->normal >= c->dim || w->after < 0 || w->after >= c->n_walls) return 0;
         /* chains of opening walls must end */
         if (isfinite(w->opens_at) && !(c->walls[w->after].opens_at > w->opens_at)) return 0;
@@ -238,7 +225,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     error = GR_ERR_MEMORY;
     if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
     if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
-    error = count_solids(e, n_nodes);
+    error = list_solids(e);
     if (!error && config->n_bodies) error = build_bodies(e, n_nodes);
     e->dt = config->dt;
     e->shift_dt = 1; /* until the first shift */
@@ -287,7 +274,9 @@ void gr_engine_free(struct gr_engine *e)
                            e->node_data,
                            e->node_mass,
                            e->node_v,
-                           e->solid,
+                           e->node_cells[0],
+                           e->node_cells[1],
+                           e->node_cells[2],
                            e->substeps,
                            e->body,
                            e->body_next,

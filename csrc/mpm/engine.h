@@ -20,12 +20,13 @@
 
 /* Effect of a wall on the velocity of a node (see granular/mpm/walls.py). */
 struct gr_wall {
-    int32_t fixed;   /* bit d: component d is zero */
+    int32_t fixed;   /* bit d: component d is that of the wall */
     int32_t normal;  /* axis of the normal for Coulomb friction, -1 without friction */
     int32_t side;    /* +1: material above the wall along `normal`, -1: below, 0: both */
     double friction; /* Coulomb coefficient of the wall */
     double opens_at; /* s; from this time on row `after` applies to the node */
     int32_t after;
+    double velocity[3]; /* m/s; along the wall */
 };
 
 enum gr_affine { GR_AFFINE_NONE, GR_AFFINE_GRADIENT, GR_AFFINE_MOMENT, GR_AFFINE_COUNT };
@@ -141,7 +142,7 @@ struct gr_engine {
     double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
-    double *solid;     /* per node of the grid: the part of its volume in solid cells; NULL without solid cells */
+    struct gr_node_cells *node_cells[3]; /* per node of an axis; NULL without solid cells, and along unused axes */
     int sum_stride, density_sums, node_stride;
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
@@ -149,8 +150,9 @@ struct gr_engine {
     struct gr_open_volume *open;            /* what they take of the nodes (mpm/open_volume.h); NULL if nothing uses it */
     int n_thin;
     struct gr_thin_part *thin;
-    struct gr_split_pose *split; /* per body */
-    struct gr_wall_watch *watch; /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
+    struct gr_split_pose *split;      /* per body */
+    struct gr_wall_watch *watch;      /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
+    double servo_strain, servo_shift; /* mpm/servo.h: of the domain before this step; of the log-densities in it */
     /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */
     struct gr_migrant *migrant;
     int64_t n_pending, pending_capacity, needed_capacity;
@@ -179,6 +181,10 @@ struct gr_engine {
     int64_t error_id, error_step;
     double error_x[3];
 };
+
+/* Part of the volume of a node, in cells, that lies in solid cells; the node is given by its indices. It is worked out
+ * when a node gets mass near it, so that neither time nor memory grows with a box that is mostly solid. */
+double gr_solid_volume(const struct gr_engine *e, const int32_t at[3]);
 
 /* True if G2P averages the density in this step. */
 static inline int gr_averages(const struct gr_engine *e, int64_t step)

@@ -184,7 +184,8 @@ static int shapes_at(const struct gr_engine *e, const double x[3], double weight
         }
         cell[d] = &axis->cell[at];
         vd value[3], slope[3];
-        gr_shape_1d(basis, cell[d], e->config.lambda, v_set((axis->origin + place - cell[d]->edge) * e->inv_dx), value, slope);
+        gr_shape_1d(basis, cell[d], e->config.lambda, v_set((axis->origin + place - cell[d]->edge) * e->inv_dx), value,
+                    slope);
         for (int a = 0; a < k; a++) w[d][a] = value[a][0];
     }
     for (int i = 0; i < e->K; i++) {
@@ -275,7 +276,8 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     if (phi > REACH * e->config.dx || phi < -DEEP * e->config.dx) return 0;
     const double filling = e->field[GR_FIELD_mass][place] * e->mass_scale;
     const double r = 0.5 * e->config.dx * (dim == 2 ? sqrt(filling) : cbrt(filling));
-    for (int d = 0; d < dim; d++) into += (e->field[GR_FIELD_v][d * e->capacity + place] - e->body[b].v[d]) * foot->normal[d];
+    for (int d = 0; d < dim; d++)
+        into += (e->field[GR_FIELD_v][d * e->capacity + place] - e->body[b].v[d]) * foot->normal[d];
     if (!(phi < r || phi + 2 * e->dt * (into - fall) < r)) return 0;
     foot->body = b;
     foot->bound = phi > r ? (r - phi) / e->dt : 0;

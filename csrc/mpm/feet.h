@@ -17,13 +17,13 @@
 /* A foot. Nodes are numbered in gr_feet; the shape functions of those with mass are normalised to the sum 1. */
 struct gr_foot {
     int body, n_nodes;
-    int64_t place;                      /* of the point in its arrays */
+    int64_t place; /* of the point in its arrays */
     int32_t node[GR_MAX_NODES];
     double weight[GR_MAX_NODES];
-    double arm[3], normal[3];           /* from the position of the body, m; out of the body */
-    double normal_mobility, mobility;   /* of the material and of the body along the normal, and at most; 1/kg */
-    double bound;                       /* of the velocity along the normal, m/s: <= 0 */
-    double impulse[3], pressing;        /* on the material, N s; its part along the normal */
+    double arm[3], normal[3];         /* from the position of the body, m; out of the body */
+    double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
+    double bound;                     /* of the velocity along the normal, m/s: <= 0 */
+    double impulse[3], pressing;      /* on the material, N s; its part along the normal */
 };
 
 /* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component, and its place in the mesh. */
@@ -37,12 +37,12 @@ struct gr_feet {
     int64_t n, capacity;
     struct gr_foot_node *node;
     int64_t n_nodes, node_capacity;
-    int32_t *number;                 /* per node of the mesh: its number + 1 among those of the feet, 0 for none */
+    int32_t *number; /* per node of the mesh: its number + 1 among those of the feet, 0 for none */
     int64_t number_capacity;
-    int64_t *near;                   /* cells near a body, ascending */
-    uint64_t *bodies;                /* of these: bit b: body b */
+    int64_t *near;    /* cells near a body, ascending */
+    uint64_t *bodies; /* of these: bit b: body b */
     int64_t n_near, near_capacity;
-    struct gr_split_pose *pose;      /* of the bodies, when these cells were listed */
+    struct gr_split_pose *pose; /* of the bodies, when these cells were listed */
     int listed;
 };
 

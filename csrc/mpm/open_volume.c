@@ -91,7 +91,8 @@ static void solid_parts(const struct gr_engine *e, const struct gr_pose *pose, c
 }
 
 /* Integrals over a part of a cell of the shape functions of one axis, and of their derivatives. */
-static void integrate_1d(const struct gr_axis_cell *cell, int nodes, double from, double to, double value[3], double slope[3])
+static void integrate_1d(const struct gr_axis_cell *cell, int nodes, double from, double to, double value[3],
+                         double slope[3])
 {
     for (int a = 0; a < nodes; a++) {
         const double *c = cell->coefficient[a];

@@ -15,10 +15,10 @@
 
 /* Integrals over the bodies for the nodes near their surfaces. */
 struct gr_open_volume {
-    struct gr_table place;        /* of a node of the grid: its place + 1, 0 for none */
-    double *solid, *slope;        /* s_i; G_i, dim numbers */
-    int64_t *id, n, capacity;     /* the nodes */
-    struct gr_split_pose *pose;   /* of the bodies, when the integrals were computed */
+    struct gr_table place;      /* of a node of the grid: its place + 1, 0 for none */
+    double *solid, *slope;      /* s_i; G_i, dim numbers */
+    int64_t *id, n, capacity;   /* the nodes */
+    struct gr_split_pose *pose; /* of the bodies, when the integrals were computed */
     int known;
 };
 

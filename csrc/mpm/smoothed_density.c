@@ -66,7 +66,8 @@ static double mean_gap(const struct gr_engine *e, int64_t id, const int64_t step
             for (int a = 0; a < 3; a++) {
                 const double share = (a == 1 ? 0.5 : 0.25) * (b == 1 ? 0.5 : 0.25) * (dim == 2 ? 1.0 : c == 1 ? 0.5 : 0.25);
                 const double gap = gap_of(e, id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0));
-                const double weight = e->open ? share * volume_of(e, id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0)) : share;
+                const double weight =
+                    e->open ? share * volume_of(e, id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0)) : share;
                 sum += weight * (gap > LEAST_GAP && gap < GR_CLOSED_GAP ? gap : own), weights += weight;
             }
     return e->open ? sum / weights : sum;
@@ -85,7 +86,7 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
         const int closed = !(field[GR_NODE_OWN_GAP] < GR_CLOSED_GAP);
         field[GR_NODE_GAP] = inside && !closed ? mean_gap(e, id, step) : 0;
         if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
-            field[GR_NODE_WEIGHT] += 1 - exp(-field[GR_NODE_OWN_GAP]);
+            field[GR_NODE_WEIGHT] += 1 - exp(-(field[GR_NODE_OWN_GAP] + e->servo_strain));
         const int kept = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED);
         for (int d = 0; d < dim; d++) {
             if (cut >= 0) field[GR_NODE_RESIDUAL + d] += e->open->slope[cut * dim + d];

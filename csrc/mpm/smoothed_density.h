@@ -15,8 +15,10 @@
 /* In place of the gap of a node that lies nearly all within a body: it counts as full, and says nothing else. */
 #define GR_CLOSED_GAP 1e3
 
-/* Compute the fields that an averaging needs, from the sums of a node with the mass m; stored in `out`. */
-GR_INLINE void gr_describe_density(const int dim, const double *sum, double m, double cell_mass, double volume, double *out)
+/* Compute the fields that an averaging needs, from the sums of a node with the mass m; stored in `out`. `strain` is that
+ * by a wall that keeps a pressure (servo.h). */
+GR_INLINE void gr_describe_density(const int dim, const double *sum, double m, double cell_mass, double volume,
+                                   double strain, double *out)
 {
     const double phi = volume > GR_NO_VOLUME ? m / (cell_mass * volume) : 0; /* 0 in solid cells, which points may enter */
     double *field = out + GR_NODE_DENSITY(dim);
@@ -26,7 +28,8 @@ GR_INLINE void gr_describe_density(const int dim, const double *sum, double m, d
     field[GR_NODE_EXCESS] = fmax(phi - 1, 0);
     field[GR_NODE_WEIGHT] = connected > 0 ? weighted / connected - 1 : 0;
     for (int d = 0; d < dim; d++) field[GR_NODE_RESIDUAL + d] = sum[GR_SUM_RESIDUAL + d] / cell_mass;
-    field[GR_NODE_OWN_GAP] = 2 * (phi - 1) / (phi + 1) - field[GR_NODE_LOG_DENSITY]; /* ln phi to 4 % at phi = 1/2 */
+    field[GR_NODE_OWN_GAP] =
+        2 * (phi - 1) / (phi + 1) - field[GR_NODE_LOG_DENSITY] - strain; /* ln phi to 4 % at phi = 1/2 */
 }
 
 /* Complete these fields with those of the adjacent nodes; call it after gr_grid_nodes for all nodes. The gap is

@@ -85,6 +85,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(connected, gradient[d] * v_set(inv_dx)));
+    c = c + v_keep(connected, v_set(e->servo_shift));
     c = c + v_keep(v_ge(c, v_zero()), relax_to_nodal_density(q, interval * e->dt, strain, gap));
     if (e->config.damping_rate > 0) v_store(e->field[GR_FIELD_damping] + at, damped_share(e, flow, old));
     vd length = v_zero();

@@ -43,7 +43,11 @@ double gr_stable_dt(const struct gr_engine *e)
             if (square > fastest) fastest = square;
         }
     }
-    const double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    for (int k = 0; k < e->config.n_walls; k++) {
+        const double *wall = e->config.walls[k].velocity;
+        speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
+    }
     return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
 }
 
@@ -205,6 +209,7 @@ static void stage_grid(struct run *run)
     e->shift_dt = e->dt;
     e->shift_scale = -1.0 / e->dt;
     e->inv_dt = 1.0 / e->dt;
+    e->servo_strain = gr_servo_strain(e);
     if (run->again) all_cells(run, p2g);
     gr_plan_sums(e, e->step + 1);
     if (e->config.cell_averaged) {
@@ -219,6 +224,7 @@ static void stage_grid(struct run *run)
         all_of(run, smooth_nodes, n_nodes);
     }
     if (e->watch) gr_sum_wall_impulses(e);
+    if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
 }
 
 /* After the diffusion has failed to converge: find a point that is not finite, if there is one. */

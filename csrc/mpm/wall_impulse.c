@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "mpm/pose.h"
+#include "mpm/walls.h"
 
 static int shares_are_valid(const struct gr_engine *e, int n_walls, const struct gr_wall_share *share, int n_shares,
                             const int32_t *code, int64_t n_codes)
@@ -44,6 +45,26 @@ int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share 
     return GR_OK;
 }
 
+/* Mass at rho_c of the nodes that fill the end of the domain at which a wall stands. */
+static double mass_at_end(const struct gr_engine *e, const struct gr_servo *servo)
+{
+    const struct gr_axis *axis = &e->axis[servo->axis];
+    const double share = axis->node_integral[servo->side < 0 ? 0 : axis->n_nodes - 1];
+    return e->config.rho_c * e->config.dx * share * servo->area;
+}
+
+int gr_watch_servo(struct gr_engine *e, const struct gr_servo *servo)
+{
+    const int valid = e->watch && !e->watch->servo.height && servo->wall >= 0 && servo->wall < e->watch->n_walls &&
+                      servo->axis >= 0 && servo->axis < e->config.dim && !e->config.periodic[servo->axis] &&
+                      (servo->side == 1 || servo->side == -1) && (e->config.smoothed || e->config.cell_averaged) &&
+                      servo->pressure > 0 && servo->area > 0 && servo->height > 0 && servo->rate > 0 && servo->limit > 0;
+    if (!valid) return GR_ERR_CONFIG;
+    e->watch->servo = *servo;
+    e->watch->servo.full_mass = mass_at_end(e, servo);
+    return GR_OK;
+}
+
 void gr_watch_free(struct gr_wall_watch *watch)
 {
     if (!watch) return;
@@ -59,6 +80,8 @@ void gr_sum_wall_impulses(struct gr_engine *e)
 {
     const struct gr_wall_watch *watch = e->watch;
     const int dim = e->config.dim;
+    struct gr_servo *servo = &e->watch->servo;
+    servo->mass = 0;
     memset(watch->step, 0, sizeof(double) * (size_t)watch->n_walls * GR_WALL_NUMBERS);
     for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
         if (!e->mesh.node_code[n]) continue;
@@ -66,14 +89,17 @@ void gr_sum_wall_impulses(struct gr_engine *e)
         gr_node_indices(e, n, at);
         const struct gr_wall_share *share = &watch->share[watch->code[gr_map_place(&e->config.node_codes, at)]];
         while (e->time >= share->opens_at) share = &watch->share[share->after];
+        const double *velocity = gr_wall_now(e, e->mesh.node_code[n])->velocity;
         double x[3];
         gr_node_position(e, n, x);
         for (int d = 0; d < dim; d++) {
             const double impulse = watch->node[n * dim + d];
             if (share->owner[d] < 0) continue;
+            if (d == servo->axis && share->owner[d] == servo->wall) servo->mass += e->node_mass[n];
             double *sum = watch->step + (int64_t)share->owner[d] * GR_WALL_NUMBERS;
             const int next = (d + 1) % 3, last = (d + 2) % 3; /* x cross the unit vector of d */
             sum[d] += impulse;
+            sum[GR_WALL_WORK] -= impulse * velocity[d];
             sum[3 + next] += x[last] * impulse;
             sum[3 + last] -= x[next] * impulse;
         }

@@ -6,10 +6,10 @@
  *   J = m (v' - v'_w) - f m (v - v_w).
  *
  * The sum over the walls, the bodies and gravity is the change of the momentum of the points, but for what a sponge layer
- * takes and what leaves the domain. */
+ * takes and what leaves the domain; under uGIMP with an affine transfer the momentum of the points is not kept itself. */
 #pragma once
 
-#include "mpm/engine.h"
+#include "mpm/servo.h"
 
 /* Which wall each component of the impulse on a node counts for; rows follow one another when walls open. */
 struct gr_wall_share {
@@ -18,7 +18,10 @@ struct gr_wall_share {
     double opens_at;  /* s */
 };
 
-enum { GR_WALL_NUMBERS = 6 }; /* impulse, N s; angular impulse about the origin, N m s */
+/* Numbers of a wall: impulse, N s; angular impulse about the origin, N m s; work of the wall on the material, J; of a wall that
+ * keeps a pressure, its displacement outwards, m, and the time integral, since it moved last, of the pressure in
+ * excess of the one that it keeps, Pa s. */
+enum { GR_WALL_DISPLACEMENT = 6, GR_WALL_WORK, GR_WALL_EXCESS, GR_WALL_NUMBERS };
 
 struct gr_wall_watch {
     int n_walls, n_shares;
@@ -26,12 +29,17 @@ struct gr_wall_watch {
     int32_t *code;               /* per combination of the classes of e->config.node_codes: the row of these nodes */
     double *node;                /* n_nodes x dim, N s: the impulse in this step */
     double *step, *total;        /* n_walls x GR_WALL_NUMBERS: in this step; since the run began */
+    struct gr_servo servo;       /* height 0: no wall keeps a pressure */
 };
 
 /* Begin to add up the impulses; before the points are grouped. The arguments are copied; `code` is per combination of
  * the classes of e->config.node_codes, x fastest.
  * Returned: 0, GR_ERR_CONFIG or GR_ERR_MEMORY. */
 int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share *share, int n_shares, const int32_t *code);
+
+/* Let a wall that is watched keep a pressure; once. `full_mass` and `mass` are not taken from the argument.
+ * Returned: 0 or GR_ERR_CONFIG. */
+int gr_watch_servo(struct gr_engine *e, const struct gr_servo *servo);
 void gr_watch_free(struct gr_wall_watch *watch);
 
 /* Sum the impulses of the nodes over each wall, in the order of the nodes; and add those of a step that is done. */

@@ -14,7 +14,7 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
 }
 
 /* Apply a wall to the velocity `next` that a node would have. The impulse on a fixed component does not enter the
- * increment that points receive: v is set to zero together with `next`, so that the wall neither pushes nor drags them.
+ * increment that points receive: v is set together with `next`, so that the wall neither pushes nor drags them.
  * Coulomb friction is a force and does enter it. Inline: the loop over nodes is compiled for each dimension. */
 static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next)
 {
@@ -30,7 +30,7 @@ static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double *v,
     }
     for (int d = 0; d < dim; d++) {
         if (wall->fixed >> d & 1)
-            v[d] = next[d] = 0;
+            v[d] = next[d] = wall->velocity[d];
         else if (wall->normal >= 0)
             next[d] -= friction * next[d];
     }

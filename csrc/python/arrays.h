@@ -94,6 +94,7 @@ int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name,
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
 /* walls.c: impulses on the walls. */
+PyObject *gr_python_hold_pressure(struct gr_engine *e, PyObject *args);
 PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *codes, PyObject *owners, PyObject *opens_at,
                                 PyObject *after);
 PyObject *gr_python_wall_impulses(const struct gr_engine *e);

@@ -40,8 +40,10 @@ static int take_walls(struct gr_config *c, PyObject *walls, struct gr_wall *tabl
         struct gr_wall *w = &table[k];
         PyObject *row = PyList_GET_ITEM(walls, k);
         if (gr_refuse_row("walls", row) ||
-            !PyArg_ParseTuple(row, "idiidi;a row of walls is (fixed, friction, normal, side, opens_at, after)", &w->fixed,
-                              &w->friction, &w->normal, &w->side, &w->opens_at, &w->after))
+            !PyArg_ParseTuple(row,
+                              "idiidi(ddd);a row of walls is (fixed, friction, normal, side, opens_at, after, velocity)",
+                              &w->fixed, &w->friction, &w->normal, &w->side, &w->opens_at, &w->after, &w->velocity[0],
+                              &w->velocity[1], &w->velocity[2]))
             return -1;
         if (!(w->friction >= 0)) return gr_refuse("walls[%d]: friction must not be negative", k);
     }

@@ -241,6 +241,12 @@ static PyObject *engine_watch_walls(struct gr_object *self, PyObject *args)
     return gr_python_watch_walls(e, n_walls, codes, owners, times, rows_after);
 }
 
+static PyObject *engine_hold_pressure(struct gr_object *self, PyObject *args)
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_hold_pressure(e, args) : NULL;
+}
+
 static PyObject *engine_walls(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 0);
@@ -307,8 +313,12 @@ static PyMethodDef methods[] = {
      "watch_walls(n_walls, codes, owners, opens_at, after)\n--\n\nAdd up the impulses on the walls, from before the points "
      "are bound. codes: int32, a row\nfor each combination of classes of node_codes; rows: owners int32 (n, 3), of each "
      "component, -1\nfor none; opens_at float64 (n,), from when on the row `after`, int32 (n,), holds."},
+    {"hold_pressure", (PyCFunction)engine_hold_pressure, METH_VARARGS,
+     "hold_pressure(wall, axis, side, pressure, area, height, rate, limit)\n--\n\nLet a wall that is watched keep a "
+     "pressure, Pa. side: 1 at the upper end of the axis, -1 at the\nlower; area: of the wall, m or m^2; height: of the "
+     "domain, m; rate: strain per pressure and time,\n1/(Pa s); limit: largest strain."},
     {"walls", (PyCFunction)engine_walls, METH_NOARGS,
-     "walls()\n--\n\nImpulse and angular impulse about the origin of the material on each wall, (n, 6)."},
+     "walls()\n--\n\nImpulse and angular impulse about the origin of the material on each wall, its displacement and\nwork, and its excess of pressure, (n, 9)."},
     {"restore_walls", (PyCFunction)engine_restore_walls, METH_O,
      "restore_walls(impulses)\n--\n\nSet the impulses, as walls() gave them."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,

@@ -35,6 +35,19 @@ PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *code
     Py_RETURN_NONE;
 }
 
+PyObject *gr_python_hold_pressure(struct gr_engine *e, PyObject *args)
+{
+    struct gr_servo servo = {0};
+    if (!PyArg_ParseTuple(args, "iiiddddd:hold_pressure", &servo.wall, &servo.axis, &servo.side, &servo.pressure,
+                          &servo.area, &servo.height, &servo.rate, &servo.limit))
+        return NULL;
+    if (gr_watch_servo(e, &servo))
+        return PyErr_Format(PyExc_ValueError,
+                            "hold_pressure: for one wall that is watched, at the lower (-1) or upper (1) end of an axis "
+                            "that is not periodic, with a density that is averaged; numbers above 0");
+    Py_RETURN_NONE;
+}
+
 static int refuse_unwatched(const struct gr_engine *e)
 {
     if (e->watch) return 0;

@@ -2,6 +2,7 @@
 #include "core/axis.h"
 
 #include <stdint.h>
+#include <stdlib.h>
 
 #include "core/error.h"
 #include "mpm/shape.h"
@@ -253,4 +254,29 @@ TEST(refuses)
     CHECK(gr_axis_build(&axis, GR_UGIMP, N, 0, NULL, 0, NAN, 0, 1) == GR_ERR_CONFIG);
     CHECK(!axis.cell && !axis.node_position && !axis.node_integral);
     gr_axis_free(&axis);
+}
+
+/* The cells of each node are those that list it, in ascending order, and their integrals add up to that of the node. */
+TEST(cells_of_nodes)
+{
+    for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
+        for (int periodic = 0; periodic < 2; periodic++) {
+            struct gr_axis axis = {0};
+            CHECK(gr_axis_build(&axis, basis, N, periodic, c0_lines, periodic ? 0 : 3, 0.25, 1, 0.1) == GR_OK);
+            struct gr_node_cells *of = gr_axis_cells_of_nodes(&axis, basis);
+            CHECK(of);
+            for (int n = 0; of && n < axis.n_nodes; n++) {
+                double sum = 0;
+                for (int k = 0; k < of[n].count; k++) {
+                    const struct gr_axis_cell *cell = &axis.cell[of[n].cell[k]];
+                    int has = 0;
+                    for (int a = 0; a < gr_basis_nodes_1d(basis); a++) has |= cell->node[a] == n;
+                    CHECK(has && of[n].integral[k] > 0 && (!k || of[n].cell[k] > of[n].cell[k - 1]));
+                    sum += of[n].integral[k];
+                }
+                CHECK_NEAR(sum, axis.node_integral[n], 1e-15);
+            }
+            free(of);
+            gr_axis_free(&axis);
+        }
 }

@@ -115,7 +115,9 @@ TEST(solids_take_volume)
         s.config.cell_flags = scene_map(&s, flags, 0);
         CHECK(scene_build(&s, 1, 0.1, 0.15) == GR_OK);
         double volume = 0;
-        for (int64_t n = 0; n < scene_grid_nodes(&s); n++) volume += s.engine->solid[n];
+        for (int32_t y = 0; y < s.engine->axis[1].n_nodes; y++)
+            for (int32_t x = 0; x < s.engine->axis[0].n_nodes; x++)
+                volume += gr_solid_volume(s.engine, (int32_t[3]){x, y, 0});
         CHECK_NEAR(volume, 6, 1e-14);
         scene_free(&s);
     }

@@ -10,11 +10,10 @@ import numpy as np
 
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
-from granular.geometry import estimated_points
-from granular.mpm.blocks import count_solid_cells
 from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
+from granular.seeding import estimated_points
 
 if TYPE_CHECKING:
     from granular.sph.scene import Scene as SphScene
@@ -60,13 +59,15 @@ largest memory of seven scenes of 25,000 to 1,000,000 points: columns, cylinders
 16 points per cell in 2D and 3D, with the default scheme."""
 _CELL_MEMORY = {2: 1700, 3: 6600}
 """Memory of a cell with points and of its nodes [bytes]."""
+_GROWTH_MEMORY = {2: 440, 3: 820}
+"""Memory of a point [bytes] in the larger buffers to which it moves from those it is in, and of new
+cells: what 216,000 to 250,000 points that fly apart take beyond the memory at the start when their
+buffers first grow, with the default scheme."""
 _SPH_MEMORY = {2: 500, 3: 1000}
-"""Memory of a particle of SPH with its neighbours [bytes], from layers of 40,000 particles."""
+"""Memory of a particle of SPH with its neighbours [bytes], be it of the material, a gas or a wall:
+0.83 to 1.08 of that of layers of 50,000 to 200,000 particles on floors of 8000 to 200,000."""
 _FACE_MEMORY = 4
 """Memory of a face of a cell of the box [bytes], for a nonlocal law."""
-
-_SOLID_MEMORY = 8
-"""Memory of a cell of the box within a block [bytes]: the volume that it takes from its node."""
 
 MOST_STEPS = 1e15
 """Number of steps that no run can make: at 1 us each they take 30 years."""
@@ -93,8 +94,11 @@ class Cost:
         Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
         about twice as long.
     memory : float
-        Memory at the start [bytes], within about a third. It grows if the material spreads over
-        many more cells.
+        Memory at the start [bytes], within about a third.
+    peak_memory : float
+        Memory [bytes] while the buffers of the points grow, the old and the new ones being there at
+        the same time. That happens only to material that spreads over many more cells: a
+        column that collapses does not, one that flies apart does. The same as `memory` for SPH.
     E : float
         Young's modulus of the material [Pa]; nan for SPH.
     enough_E : float
@@ -109,6 +113,7 @@ class Cost:
     steps: int
     seconds: float
     memory: float
+    peak_memory: float
     E: float = math.nan
     enough_E: float = math.nan
     error: float = math.nan
@@ -177,11 +182,12 @@ def cost(scene: AnyScene) -> Cost:
     if not isinstance(scene, Scene):
         steps = _steps(scene)
         each = _SPH_NANOSECONDS[scene.dim, scene.gas is not None]
-        return Cost(points, steps, steps * points * each * 1e-9, memory)
+        return Cost(points, steps, steps * points * each * 1e-9, memory, memory)
     check_time_step(scene)
     steps = _steps(scene)
     seconds = steps * points * nanoseconds(scene.scheme, scene.dim) * 1e-9
-    return Cost(points, steps, seconds, memory, scene.material.E, *_enough(scene))
+    peak = memory + points * _GROWTH_MEMORY[scene.dim]
+    return Cost(points, steps, seconds, memory, peak, scene.material.E, *_enough(scene))
 
 
 def _steps(scene: AnyScene) -> int:
@@ -197,22 +203,28 @@ def _size(scene: AnyScene) -> tuple[int, float]:
     """Number of points at the start, and the memory that they need [bytes]."""
     if not isinstance(scene, Scene):
         points = _sph_particles(scene)
-        return points, _BASE_MEMORY + points * _SPH_MEMORY[scene.dim]
+        particles = points + _wall_particles(scene)
+        return points, _BASE_MEMORY + particles * _SPH_MEMORY[scene.dim]
     points, memory = 0, float(_BASE_MEMORY)
     for fill in scene.fills:
         count = estimated_points(scene.grid, fill)
         points += count
         memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / fill.points_per_cell)
-    memory += _SOLID_MEMORY * count_solid_cells(scene.grid, scene.walls)
     if scene.material.has_fluidity:
         memory += _FACE_MEMORY * 2 * scene.dim * math.prod(scene.grid.shape)
     return points, memory
 
 
 def _sph_particles(scene: SphScene) -> int:
-    """Number of particles of the material and of the gas; those of walls are few."""
+    """Number of particles of the material and of the gas."""
     gas = () if scene.gas is None else scene.gas.fills
     return sum(estimated_points(scene.grid, fill) for fill in (*scene.fills, *gas))
+
+
+def _wall_particles(scene: SphScene) -> int:
+    """Number of particles of the walls; where walls meet they count twice."""
+    extents = (wall.extent(f"walls[{i}]", scene.grid) for i, wall in enumerate(scene.walls))
+    return sum(math.prod(last - first for first, last in ends) for ends in extents)
 
 
 def _enough(scene: Scene) -> tuple[float, float]:

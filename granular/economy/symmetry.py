@@ -60,7 +60,9 @@ class _Mirror:
         else:
             at = self.key(wall.at)
             spans[0] = self.ends(*spans[0], side)
-        return (wall.axis, at, tuple(spans), wall.kind, wall.friction, wall.opens_at)
+        velocity = wall.velocity or (0.0,) * self.grid.dim
+        moves = (side * velocity[0] + 0.0, velocity[1:], wall.pressure)
+        return (wall.axis, at, tuple(spans), wall.kind, wall.friction, wall.opens_at, *moves)
 
     def region(self, region: Region, side: int) -> tuple[object, ...]:
         """Key of a region, equal for a region and for its image seen from the other side."""

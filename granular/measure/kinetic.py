@@ -109,7 +109,7 @@ def stress_free_error(
     rate : float, optional
         Strain rate [1/s]; by default the conservative ``u_c/d`` with the largest speed u_c.
     reference : float, optional
-        Characteristic pressure [Pa]; by default the volume-weighted mean of the dense points.
+        Characteristic pressure [Pa]; by default the mean of the dense points, by mass.
     margin : float
         Range of packing fraction over which the density counts as constant.
 
@@ -145,11 +145,11 @@ def stress_free_error(
 
 
 def _mean_pressure(state: State) -> float:
-    p, volume = np.asarray(state.p, dtype=float), np.asarray(state.volume, dtype=float)
+    p, mass = np.asarray(state.p, dtype=float), np.asarray(state.mass, dtype=float)
     dense = p > 0
     if not dense.any():
         raise ValueError("reference = None: no point is dense, give a pressure in Pa")
-    return float(np.average(p[dense], weights=volume[dense]))
+    return float(np.average(p[dense], weights=mass[dense]))
 
 
 @dataclass(frozen=True)

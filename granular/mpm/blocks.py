@@ -17,7 +17,7 @@ from granular.geometry import LINE_TOLERANCE, Grid
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid
 
-__all__ = ["count_solid_cells", "deep_within", "held_components", "outlook", "solid_cells"]
+__all__ = ["deep_within", "held_components", "outlook", "solid_cells"]
 
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Largest depth [cells] at which nodes of a block belong to its face.
@@ -41,21 +41,6 @@ def solid_cells(grid: Grid, walls: Iterable[object]) -> GridMap:
     for where in ranges:
         solid.values[solid.of(where)] = True
     return solid
-
-
-def count_solid_cells(grid: Grid, walls: Iterable[object]) -> int:
-    """Number of cells within blocks, without anything of the length of an axis."""
-    blocks = [_ends(grid, wall) for wall in walls if isinstance(wall, Solid)]
-    if not blocks:
-        return 0
-    lines = [np.unique(along) for along in np.array(blocks).transpose(1, 0, 2)]
-    solid = np.zeros([len(along) - 1 for along in lines], dtype=np.int64)
-    for ends in blocks:
-        places = (np.searchsorted(*pair) for pair in zip(lines, ends, strict=True))
-        solid[tuple(slice(first, last) for first, last in places)] = 1
-    for along in lines[::-1]:
-        solid = solid @ np.diff(along)
-    return int(solid)
 
 
 def _ends(grid: Grid, block: Solid) -> list[tuple[int, int]]:

@@ -207,7 +207,7 @@ class Body:
         """Refuse a body that does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
-        reaches = self._extents()
+        reaches = self.extents()
         for axis in np.flatnonzero(grid.periodic):
             half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]
             if reaches[axis] > half and not self._is_endless(axis):
@@ -217,7 +217,7 @@ class Body:
                     f"{letter} and turn about no other axis"
                 )
 
-    def _extents(self) -> Array:
+    def extents(self) -> Array:
         """Distance of its surface from its position along x, y, z at most, in all its motion."""
         turning = self.motion.rows()[:, 4:]
         return extents(self.shape.rows(), self.dim, turned(self.rotation_deg).as_matrix(), turning)
@@ -249,7 +249,7 @@ class Body:
             self.shape.samples(),
             np.array([*padded(self.position), w, x, y, z]),
             self.motion.rows(),
-            self._extents(),
+            self.extents(),
             CONTACTS[self.contact],
             sum(1 << "xyz".index(axis) for axis in self.free),
             int(self.rough),

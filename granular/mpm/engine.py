@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.buffers import allocate
-from granular.geometry import seed_points
 from granular.materials import NGF
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
 from granular.mpm.limits import check_blades, check_overlaps, check_time_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
-from granular.mpm.scene import Scene
+from granular.mpm.scene import Scene, Servo
+from granular.seeding import seed_points
 
 __all__ = [
     "build",
@@ -67,8 +67,15 @@ def _parameters(scene: Scene) -> dict[str, float]:
 
 
 def largest_gravity(scene: Scene) -> float:
-    """Largest gravity of a scene [m/s2]."""
-    return float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    """Largest gravity of a scene [m/s2]; under a wall that keeps P at least P/(rho_c H)."""
+    own = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    loads = [s.pressure / extent(scene, s.axis) / scene.material.rho_c for s in scene.servos]
+    return max([own, *loads])
+
+
+def extent(scene: Scene, axis: int) -> float:
+    """Extent of the domain along an axis [m]."""
+    return scene.grid.shape[axis] * scene.grid.cell
 
 
 def averaging_interval(scene: Scene) -> int:
@@ -157,6 +164,29 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
         bodies=[body.row() for body in scene.bodies],
     )
+
+
+SERVO_CELLS = 8.0
+"""Cells that a compression wave crosses in the time of the servo of a wall, T in csrc/mpm/servo.h.
+
+Four times the usual interval of 2 dx/c_w between two averagings, after which the force on the wall
+shows what the servo did: an integrating servo overshoots if T is less than e times the delay.
+"""
+
+MOST_STRAIN = 0.1
+"""Largest strain of the domain by a wall that keeps a pressure: there its servo stops."""
+
+
+def servo_arguments(
+    scene: Scene, servo: Servo
+) -> tuple[int, int, int, float, float, float, float, float]:
+    """Return the arguments of `_core.Engine.hold_pressure`."""
+    grid, material = scene.grid, scene.material
+    area = math.prod(extent(scene, d) for d in range(scene.dim) if d != servo.axis)
+    side = 1 if grid.line("at", servo.axis, servo.at) else -1
+    rate = material.wave_speed / (material.K * SERVO_CELLS * grid.cell)
+    height, most = extent(scene, servo.axis), MOST_STRAIN
+    return servo.wall, servo.axis, side, servo.pressure, area, height, rate, most
 
 
 def initial_points(scene: Scene) -> dict[str, NDArray]:

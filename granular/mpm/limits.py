@@ -15,7 +15,7 @@ from granular.geometry import combined
 from granular.materials import MuI
 from granular.mpm.body_measures import deepest, reach, thicknesses
 from granular.mpm.body_shapes import padded, turned
-from granular.mpm.walls import Solid
+from granular.mpm.walls import Solid, Wall
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
@@ -68,8 +68,10 @@ LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 REMEDIES = MappingProxyType(
     {
         "disconnected": "take SmoothedDensity() (the default) and 4 or more points per cell",
-        "density_drift": "take a larger E, a smaller cell, or SmoothedDensity() (the default)",
+        "density_drift": "take SmoothedDensity() (the default) in place of ParticleDensity(), a "
+        "larger E, or schemes.cell_averaged",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
+        "wall_strain": "fill the domain, without a free surface, or take a larger E",
         "gaps": "take more points per cell",
         "courant": "take a smaller cfl, or no fixed dt",
         "energy_created": "take the default scheme, or half of cfl (or dt), and compare",
@@ -85,6 +87,13 @@ INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
         0.0,
         "share, by mass, of the points more than a cell within a Solid: beyond the limit blocks "
         "leak, or were filled at the start",
+    ),
+    (
+        "wall_strain",
+        "largest",
+        0.025,
+        "displacement of a wall that keeps a pressure over the height of the domain: beyond the "
+        "limit the domain is no longer the one that the grid has",
     ),
 )
 """Name, reduction over the samples, limit and meaning of the additional indicators of MPM runs."""
@@ -145,7 +154,8 @@ def check_overlaps(scene: Scene) -> None:
     most = 0.5 * scene.grid.cell
     for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
         places = _places_about(scene, min(one, other, key=_reach))
-        deep = -min(np.maximum(_distances(one, places), _distances(other, places)), default=0.0)
+        both = np.maximum(_distances(scene, one, places), _distances(scene, other, places))
+        deep = -min(both, default=0.0)
         if deep > most:
             raise ValueError(
                 f"bodies[{i}] and bodies[{j}] overlap: a place is {deep:.3g} m within both at the "
@@ -154,21 +164,44 @@ def check_overlaps(scene: Scene) -> None:
 
 
 def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
-    """Centres of the cells of the domain that may lie within a body, shape (n, 3)."""
+    """Centres of the cells of the domain that may lie within a body or an image of it, (n, 3)."""
     grid, extent, axes = scene.grid, _reach(body), []
-    for low, cells, at in zip(grid.lower, grid.shape, body.position, strict=True):
-        middle = low + grid.cell * (np.arange(cells) + 0.5)
-        axes.append(middle[abs(middle - at) <= extent])
+    for axis, period in zip(range(grid.dim), _periods(scene, body), strict=False):
+        middle = grid.lower[axis] + grid.cell * (np.arange(grid.shape[axis]) + 0.5)
+        axes.append(middle[abs(_nearest(middle - body.position[axis], period)) <= extent])
     return np.pad(combined(axes), ((0, 0), (0, 3 - body.dim)))
+
+
+def _periods(scene: Scene, body: Body) -> NDArray[np.float64]:
+    """Periods [m] with which a body has images along x, y and z; inf without images.
+
+    As in the core, there are none along axes on which the body reaches farther than half a period.
+    """
+    grid, periods = scene.grid, np.full(3, np.inf)
+    lengths = grid.cell * np.array(grid.shape)
+    reaches = body.extents()[: grid.dim]
+    repeats = np.array(grid.periodic) & (2 * reaches <= lengths)
+    periods[: grid.dim][repeats] = lengths[repeats]
+    return periods
+
+
+def _nearest(
+    arms: NDArray[np.floating], period: float | NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Distances from a body, or vectors, as from its nearest image."""
+    finite = np.where(np.isfinite(period), period, 0.0)
+    nearest: NDArray[np.float64] = arms - finite * np.rint(arms / period)
+    return nearest
 
 
 def _reach(body: Body) -> float:
     return reach(body.shape.rows(), body.dim)
 
 
-def _distances(body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances [m] of places from a body at the start."""
-    own = turned(body.rotation_deg).inv().apply(places - padded(body.position))
+def _distances(scene: Scene, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signed distances [m] of places from a body, or its nearest image, at the start."""
+    arms = _nearest(places - padded(body.position), _periods(scene, body))
+    own = turned(body.rotation_deg).inv().apply(arms)
     rows, samples = body.shape.rows(), body.shape.samples()
     return _core.body_distance(rows, samples, np.ascontiguousarray(own))[0]
 
@@ -179,9 +212,11 @@ def keeps_sides(scheme: Scheme) -> bool:
 
 
 def _fastest(scene: Scene) -> float:
-    """Largest speed [m/s] of the material at the start and of the bodies in their motions."""
+    """Largest speed [m/s] of the material at the start, of the bodies and of the walls."""
+    moving = (wall.velocity for wall in scene.walls if isinstance(wall, Wall))
+    walls = (math.hypot(*velocity) for velocity in moving if velocity)
     points = (math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
-    return max(*points, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
+    return max(*points, *walls, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
 
 
 def damps_by_step(scheme: Scheme) -> bool:
@@ -217,6 +252,7 @@ def known_failures(scene: Scene) -> list[str]:
         _blades,
         _buried,
         _walled_in,
+        _closed,
     )
     return [warning for check in checks if (warning := check(scene))]
 
@@ -371,7 +407,7 @@ def _buried(scene: Scene) -> str | None:
     """Bodies inside a fill: the points within a body are carried along by its nodes."""
     for i, body in enumerate(scene.bodies):
         places = _places_about(scene, body)
-        within = places[_distances(body, places) < -scene.grid.cell, : scene.dim]
+        within = places[_distances(scene, body, places) < -scene.grid.cell, : scene.dim]
         for j, fill in enumerate(scene.fills):
             if fill.region.contains(within).any():
                 return (
@@ -395,6 +431,52 @@ def _walled_in(scene: Scene) -> str | None:
                     "its volume out of the region (geometry.Difference)"
                 )
     return None
+
+
+def _closed(scene: Scene) -> str | None:
+    """Material that is closed in without a wall that keeps a pressure, or the reverse."""
+    if not _granular(scene):
+        return None
+    full = all(_is_full(scene, most) for most in MOST_PLACES)
+    for servo in scene.servos:
+        if full:
+            return None
+        return (
+            f"walls[{servo.wall}] keeps a pressure, but the material does not fill the domain: "
+            "below a free surface its weight makes the pressure, and the servo changes only its "
+            "density; fill the domain, or give the wall no pressure"
+        )
+    opens = any(getattr(wall, "opens_at", math.inf) < math.inf for wall in scene.walls)
+    if not full or opens or scene.grid.open_sides:
+        return None
+    return (
+        "the material is closed in on every side: its mean pressure K ln(rho/rho_c) is a strain "
+        "below the errors of the volume, and drifts in plastic flow; let a Wall at an end of the "
+        "grid keep it (pressure=...), or leave a free surface"
+    )
+
+
+MOST_PLACES = (5, 40)
+"""Cells along an axis that `_closed` looks at, first few and then more; the ends are among them."""
+
+
+def _is_full(scene: Scene, most: int) -> bool:
+    """True if at the start fills, blocks and bodies leave none of the cells looked at empty."""
+    grid, axes = scene.grid, []
+    for low, cells in zip(grid.lower, grid.shape, strict=True):
+        at = np.unique(np.linspace(0, cells - 1, min(cells, most)).round())
+        axes.append(low + grid.cell * (at + 0.5))
+    left = combined(axes)
+    for fill in scene.fills:
+        left = left[~fill.region.contains(left)]
+    for wall in scene.walls:
+        if isinstance(wall, Solid):
+            left = left[~((left > wall.lower) & (left < wall.upper)).all(axis=1)]
+    for body in scene.bodies:
+        if not len(left):
+            break
+        left = left[_distances(scene, body, np.pad(left, ((0, 0), (0, 3 - body.dim)))) > 0]
+    return not len(left)
 
 
 def _middles(

@@ -35,7 +35,7 @@ class WallRow(NamedTuple):
     Attributes
     ----------
     fixed : int
-        Bit d is set if component d is held at zero.
+        Bit d is set if component d is held at that of `velocity`.
     friction : float
         Coulomb coefficient along the wall.
     normal : int
@@ -46,6 +46,8 @@ class WallRow(NamedTuple):
         Time [s] from which the node has the code `after`; inf for never.
     after : int
         That code, 0 for a free node.
+    velocity : tuple of float, length 3
+        Of the wall [m/s]; 0 for components that are not held.
     """
 
     fixed: int = 0
@@ -54,6 +56,7 @@ class WallRow(NamedTuple):
     side: int = 0
     opens_at: float = math.inf
     after: int = 0
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def c0_lines(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tuple[int, ...]:
@@ -171,7 +174,8 @@ class _Axes:
 def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
     everything, normal = (1 << grid.dim) - 1, 1 << wall.axis
     if wall.kind == "no_slip":
-        return WallRow(fixed=everything, opens_at=wall.opens_at)
+        vx, vy, vz = (*(wall.velocity or ()), 0.0, 0.0, 0.0)[:3]
+        return WallRow(fixed=everything, opens_at=wall.opens_at, velocity=(vx, vy, vz))
     if wall.kind == "free_slip":
         return WallRow(fixed=normal, opens_at=wall.opens_at)
     line = grid.line("at", wall.axis, wall.at)
@@ -272,7 +276,8 @@ class _Rows:
                 rubbing = hold
         if fixed == self.everything:
             rubbing = WallRow()  # no component is left for friction
-        row = WallRow(fixed, rubbing.friction, rubbing.normal, rubbing.side)
+        velocity = _common_velocity(holds)
+        row = WallRow(fixed, rubbing.friction, rubbing.normal, rubbing.side, velocity=velocity)
         if after:  # if another wall holds the node after the opening, nothing changes
             remaining = list(self.codes)[after - 1]
             if remaining._replace(opens_at=math.inf, after=0) == row:
@@ -281,11 +286,22 @@ class _Rows:
         return self.codes.setdefault(row, len(self.codes) + 1)
 
 
+def _common_velocity(holds: frozenset[WallRow]) -> tuple[float, float, float]:
+    """Velocity of a node that several walls hold: 0 in components in which they do not agree."""
+    vx, vy, vz = (
+        values.pop() if len(values) == 1 else 0.0
+        for d in range(3)
+        for values in [{hold.velocity[d] for hold in holds if hold.fixed >> d & 1}]
+    )
+    return vx, vy, vz
+
+
 def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
     """Codes of the nodes by the walls and blocks of a scene.
 
     A wall acts on the nodes on its line and within its span, ends included. Constraints on one node
-    add up; of several Coulomb walls the one with the highest friction counts. When a wall opens,
+    add up; of several Coulomb walls the one with the highest friction counts, and where walls of
+    different velocities meet, nodes rest. When a wall opens,
     the node changes to the code `after`, the row of which has the remaining constraints.
 
     Returns

@@ -59,6 +59,7 @@ def _of_units(kind: type[Density | Scheme]) -> dict[str, str]:
 
 
 _MATERIAL = {"E": "stress", "d": "length", "t0": "time"}
+_MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Grid: {"lower": "length", "cell": "length"},
     geometry.Fill: {"velocity": "velocity"},
@@ -70,7 +71,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Difference: {},
     **{law: _MATERIAL for law in materials.Material.__subclasses__()},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
-    Wall: {"at": "length", "span": "length", "opens_at": "time"},
+    Wall: {"at": "length", "span": "length", "opens_at": "time", **_MOVING},
     Solid: {"lower": "length", "upper": "length"},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},

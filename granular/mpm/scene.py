@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from granular import geometry
 from granular.checks import check_fields, tuple_of
@@ -21,7 +21,16 @@ from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.scene import BaseScene
 from granular.serializable import Parameters, register
 
-__all__ = ["Parameters", "Scene"]
+__all__ = ["Parameters", "Scene", "Servo"]
+
+
+class Servo(NamedTuple):
+    """A wall that keeps a pressure: its index, axis and coordinate [m], and the pressure [Pa]."""
+
+    wall: int
+    axis: int
+    at: float
+    pressure: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +113,45 @@ class Scene(BaseScene):
                     f"gravity = {self.gravity} must point down the last axis at t = 0 for "
                     "lithostatic fills"
                 )
+        self._check_servos()
+        if self.scheme.transfer == "xpic" and any(getattr(w, "velocity", None) for w in self.walls):
+            raise ValueError('transfer = "xpic" must be another one where walls have a velocity')
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = c0_lines(self.grid, self.walls, axis)
             check_c0_lines(self.scheme.basis, n, periodic, lines)
+
+    @property
+    def servos(self) -> list[Servo]:
+        """The walls that keep a pressure, one at most."""
+        return [
+            Servo(i, wall.axis, wall.at, wall.pressure)
+            for i, wall in enumerate(self.walls)
+            if isinstance(wall, Wall) and wall.pressure is not None
+        ]
+
+    @property
+    def moves_walls(self) -> bool:
+        """True if a wall has a velocity or keeps a pressure, so that it does work."""
+        return bool(self.servos) or any(getattr(wall, "velocity", None) for wall in self.walls)
+
+    def _check_servos(self) -> None:
+        """Refuse a second wall with a pressure, and one that the material cannot follow."""
+        for n, servo in enumerate(self.servos):
+            name = f"walls[{servo.wall}].pressure = {servo.pressure}"
+            if n:
+                first = self.servos[0].wall
+                raise ValueError(f"{name} must be None: walls[{first}] keeps a pressure already")
+            if not self.material.granular:
+                raise ValueError(f"{name} must be None for an elastic body")
+            if self.scheme.density.name == "particle":
+                raise ValueError(
+                    f"{name} must be None with ParticleDensity(): take SmoothedDensity() (the "
+                    "default) or CellAveragedDensity()"
+                )
+
+    def _walls_in_words(self) -> str:
+        kept = (f", walls[{s.wall}] keeps {s.pressure:g} Pa" for s in self.servos)
+        return f"{len(self.walls)}" + "".join(kept)
 
     def _method_in_words(self) -> str:
         scheme = self.scheme

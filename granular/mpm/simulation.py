@@ -45,7 +45,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         As of `granular.Simulation`.
     wall_forces : bool
         Add up the impulses on the walls and blocks of the scene, see `walls`. Frames of records and
-        checkpoints then hold them. They do not affect the motion.
+        checkpoints then hold them. They do not affect the motion. They are added
+        up in any case where a wall has a velocity or keeps a pressure.
     """
 
     scene: Scene
@@ -78,9 +79,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
     ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
-        self._watches_walls = wall_forces and bool(scene.walls)
+        self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
         if self._watches_walls:
             engine.watch_walls(len(scene.walls), *wall_owners(scene))
+        for servo in scene.servos:
+            engine.hold_pressure(*core.servo_arguments(scene, servo))
         self._mean_mass = mean_mass
 
     def _bind(self, n_points: int) -> None:
@@ -123,7 +126,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def walls(self) -> tuple[WallState, ...]:
-        """Impulses on the walls and blocks of the scene, in their order.
+        """Impulses on the walls and blocks of the scene, in their order, and motion of the walls.
 
         They are what the points lose to the walls, so that the momentum of the points changes by
         the impulse of gravity less those on the walls and bodies (less what a sponge layer takes
@@ -133,7 +136,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         Raises
         ------
         ValueError
-            If the simulation was not made with `wall_forces`.
+            If the simulation was not made with `wall_forces`, and no wall moves.
         """
         if not self._watches_walls and self.scene.walls:
             raise ValueError("wall_forces = False must be True for the impulses on the walls")
@@ -181,10 +184,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return x
 
     def _indicators(self, state: State) -> dict[str, float]:
-        if not state.n or not any(isinstance(wall, Solid) for wall in self.scene.walls):
-            return {}
-        within = deep_within(self.scene.grid, self.scene.walls, state.x)
-        return {"in_solids": float(state.mass[within].sum() / state.mass.sum())}
+        found: dict[str, float] = {}
+        for servo in self.scene.servos:
+            moved = abs(float(self.walls[servo.wall].displacement))
+            found["wall_strain"] = moved / core.extent(self.scene, servo.axis)
+        if state.n and any(isinstance(wall, Solid) for wall in self.scene.walls):
+            within = deep_within(self.scene.grid, self.scene.walls, state.x)
+            found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
+        return found
 
     # ---- restart ----
 
@@ -232,7 +239,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return self._engine.bodies()
 
     def _wall_rows(self) -> NDArray:
-        return self._engine.walls() if self._watches_walls else np.empty((0, 6))
+        return self._engine.walls() if self._watches_walls else np.empty((0, 9))
 
     def _work(self) -> float:
-        return float(sum(body.work for body in self.bodies))
+        on_walls = sum(float(wall.work) for wall in self.walls) if self._watches_walls else 0.0
+        return float(sum(body.work for body in self.bodies)) + on_walls

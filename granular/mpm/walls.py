@@ -17,6 +17,7 @@ from granular.checks import (
     positive,
     set_fields,
     spans,
+    vector,
 )
 from granular.geometry import AXES, LINE_TOLERANCE, Box, Grid
 
@@ -53,6 +54,18 @@ class Wall:
         Extent along each *other* axis in their order [m], on grid lines; None for all of it.
     opens_at : float
         Time [s] from which on the wall does not exist.
+    velocity : tuple of float, length dim, or None
+        Velocity of a "no_slip" wall along itself [m/s], constant; None for 0. Where it meets
+        another wall or block, nodes rest.
+    pressure : float or None
+        Mean normal stress on the wall [Pa], > 0, that a servo keeps; None for a wall that is fixed.
+        The wall must be an end of the grid, without a `span`, and the only one with a pressure. It
+        moves outwards by u, but as u is far less than a cell, it stays where it is on the grid, and
+        its motion is a uniform change u/H of the volume of all connected material, H the extent of
+        the grid along `axis`: d(u/H)/dt = (F/A - P)/(K T), with F the force on the wall, A the
+        area of that side of the grid, and T the time in which a compression wave crosses 8 cells.
+        `WallState.displacement` is u. The wall waits while material fills less than half of its
+        nodes, and after `opens_at`.
 
     Raises
     ------
@@ -67,6 +80,8 @@ class Wall:
     friction: float = 0.0
     span: tuple[Span, ...] | None = None
     opens_at: float = math.inf
+    velocity: tuple[float, ...] | None = None
+    pressure: float | None = None
 
     def __post_init__(self) -> None:
         kind = one_of("kind", self.kind, ("no_slip", "free_slip", "coulomb"))
@@ -78,6 +93,16 @@ class Wall:
         check_fields(self, finite, "at")
         check_fields(self, non_negative, "friction")
         check_fields(self, non_negative, "opens_at", allow_inf=True)
+        if self.velocity is not None:
+            set_fields(self, velocity=vector("velocity", self.velocity))
+            if kind != "no_slip":
+                raise ValueError(
+                    f'velocity = {self.velocity} must be None unless kind is "no_slip"'
+                )
+        if self.pressure is not None:
+            check_fields(self, positive, "pressure")
+            if self.span is not None:
+                raise ValueError(f"span = {self.span} must be None with a pressure")
 
     def extent(self, grid: Grid, axis: int) -> Span:
         """Lower and upper end of the wall along an axis [m], both `at` along its own."""
@@ -92,7 +117,17 @@ class Wall:
         _check_axis(self, name, grid)
         if self.span is not None and len(self.span) != grid.dim - 1:
             raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
-        grid.line(f"{name}.at", self.axis, self.at)
+        if self.velocity is not None and len(self.velocity) != grid.dim:
+            raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
+        if self.velocity is not None and self.velocity[self.axis]:
+            across = f"{name}.velocity[{self.axis}] = {self.velocity[self.axis]}"
+            raise ValueError(f"{across} must be 0: a wall moves along itself")
+        line = grid.line(f"{name}.at", self.axis, self.at)
+        if self.pressure is not None and line not in (0, grid.shape[self.axis]):
+            ends = grid.lower[self.axis], grid.upper[self.axis]
+            raise ValueError(
+                f"{name}.at = {self.at} must be an end of the grid, one of {ends}, with a pressure"
+            )
         for axis in range(grid.dim):
             if axis != self.axis:
                 for end in self.extent(grid, axis):
@@ -144,7 +179,7 @@ class Solid:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WallState:
-    """Accumulated impulse of the material on a wall or block.
+    """Accumulated impulse of the material on a wall or block, and the motion of a wall.
 
     Attributes
     ----------
@@ -153,16 +188,27 @@ class WallState:
         depth].
     angular_impulse : ndarray, shape () or (3,)
         Angular impulse since then about the origin of the coordinates [N m s].
+    displacement : ndarray, shape ()
+        Displacement outwards of a wall that keeps a pressure [m]; else 0.
+    work : ndarray, shape ()
+        Work of a wall that moves on the material [J; in 2D per metre of depth]; else 0.
     """
 
     impulse: NDArray[np.float64]
     angular_impulse: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    work: NDArray[np.float64]
 
 
 def split_impulses(numbers: NDArray[np.float64], dim: int) -> dict[str, NDArray[np.float64]]:
-    """Split the 6 numbers of a wall, shape (..., 6), into the attributes of `WallState`."""
-    turning = numbers[..., 5] if dim == 2 else numbers[..., 3:]
-    return {"impulse": numbers[..., :dim], "angular_impulse": turning}
+    """Split the numbers of a wall, shape (..., 9), into the attributes of `WallState`."""
+    turning = numbers[..., 5] if dim == 2 else numbers[..., 3:6]
+    return {
+        "impulse": numbers[..., :dim],
+        "angular_impulse": turning,
+        "displacement": numbers[..., 6],
+        "work": numbers[..., 7],
+    }
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,9 @@ SAMPLE = 64
 WORTHWHILE = 0.6
 VECTORS = ("Points", "v")
 """Datasets stored with three columns, as ParaView requires."""
-RAW = 0b11
+NO_SHUFFLE, NO_DEFLATE = 0b01, 0b10
+"""Bits of the filter mask of a chunk to which a filter was not applied."""
+RAW = NO_SHUFFLE | NO_DEFLATE
 """Filter mask of a chunk to which neither shuffle nor deflate was applied."""
 
 
@@ -74,15 +76,15 @@ class Packer:
 def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
     """Restore a column of ``chunk`` rows from the result of `pack`; ValueError if it cannot be."""
     size = 8 * chunk
-    if mask != RAW:
+    if not mask & NO_DEFLATE:
         stream = zlib.decompressobj()
         try:
-            raw = stream.decompress(raw, size)
+            raw = stream.decompress(raw, size + 1)  # no more of what is longer than allowed
         except zlib.error as error:
             raise ValueError(f"a column cannot be unpacked: {error}") from error
     if len(raw) != size:
         raise ValueError(f"a column has {len(raw)} bytes, not {size}")
-    if mask == RAW:
+    if mask & NO_SHUFFLE:
         return np.frombuffer(raw, dtype=dtype)
     return np.frombuffer(raw, dtype=np.uint8).reshape(8, -1).T.copy().view(dtype)[:, 0]
 
@@ -149,17 +151,37 @@ class Stored:
         wide = data.shape[1] if data.ndim == 2 else 0
         if not (self.columns == wide or (wide == 3 and self.columns == 2)):
             raise ValueError(f"{data.name} has {wide} columns, its attribute says {self.columns}")
+        check_chunks(self.columns, self.chunk, 0, 0)
+        self._filtered = data.id.get_create_plist().get_nfilters() > 0
 
     def raw(self, corner: tuple[int, ...]) -> tuple[int, bytes]:
-        """Return filter mask and bytes of a chunk, as `Packed.raw`."""
-        return self.data.id.read_direct_chunk(corner)
+        """Return filter mask and bytes of a chunk, as `Packed.raw`.
+
+        ValueError if it is larger than a chunk can be.
+        """
+        size = 8 * self.chunk  # HDF5 keeps what deflate makes larger, by 0.1 % and 12 bytes
+        buffer = np.empty(size + size // 1000 + 13, dtype=np.uint8)
+        try:
+            mask, raw = self.data.id.read_direct_chunk(corner, out=buffer)
+        except ValueError as error:  # HDF5 has no other one for a place that is too small
+            raise ValueError(f"{self.data.name}: the chunk at {corner}: {error}") from error
+        return mask if self._filtered else RAW, bytes(raw)
 
     def read(self, row: int, n: int) -> np.ndarray:
-        """Return ``n`` unpacked rows from ``row``."""
-        if row < 0 or n < 0 or row + n > self.data.shape[0]:
+        """Return ``n`` unpacked rows from ``row``, the first one of a chunk.
+
+        HDF5 would unpack a chunk to whatever its stream holds, so that a small file could exhaust
+        the memory; here a chunk holds as many rows as it is said to hold, or is refused.
+        """
+        if row < 0 or n < 0 or row + n > self.data.shape[0] or row % self.chunk:
             raise ValueError(f"rows {row}+{n} of {self.data.name} are not in the file")
-        rows = self.data[row : row + n]
-        return np.ascontiguousarray(rows[:, : self.columns]) if self.columns else rows
+        rows = np.empty((n, self.columns) if self.columns else n, dtype=self.dtype)
+        for shift, *rest in corners(n, self.chunk, self.columns):
+            mask, raw = self.raw((row + shift, *rest))
+            column = rows[:, rest[0]] if rest else rows
+            part = column[shift : shift + self.chunk]
+            part[:] = unpack(mask, raw, self.dtype, self.chunk)[: len(part)]
+        return rows
 
 
 Field = Packed | Stored

@@ -66,7 +66,11 @@ class Points:
     @cached_property
     def _fields(self) -> Mapping[str, Stored]:
         data = hard(self._vtk, "PointData", h5py.Group)
-        return {"x": Stored(self._vtk, "Points")} | {name: Stored(data, name) for name in data}
+        fields = {"x": Stored(self._vtk, "Points")} | {name: Stored(data, name) for name in data}
+        stored = sum(field.data.id.get_storage_size() for field in fields.values())
+        if stored > data.file.id.get_filesize():  # fields that share their chunks
+            raise ValueError(f"{data.name}: its fields take {stored} bytes, more than the file")
+        return fields
 
     def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:
         """Return all frames, each with the gas of its step if there is one."""

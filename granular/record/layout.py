@@ -49,6 +49,8 @@ MAX_COLUMNS = 64
 MAX_CHUNK_BYTES = 1 << 26
 # Deflate cannot shrink by more than a factor of 1032; data that claim more would exhaust memory.
 MAX_DEFLATE = 1100
+PIPELINE = (h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE)
+"""Filters of a packed dataset, in this order; a repeated filter would multiply what it unpacks."""
 DTYPES = ("<f8", "<i8")
 TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
 
@@ -221,10 +223,9 @@ def checked(
         raise ValueError(f"{data.name} has type {data.dtype.str}, not one of {dtypes}")
     if len(data.shape) not in ndims:
         raise ValueError(f"{data.name} has shape {data.shape}, expected rank in {ndims}")
-    filters = {plist.get_filter(i)[0] for i in range(plist.get_nfilters())}
-    known = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE} if packed else set()
-    if not filters <= known:
-        raise ValueError(f"{data.name} uses unknown filters {sorted(filters)}")
+    filters = tuple(plist.get_filter(i)[0] for i in range(plist.get_nfilters()))
+    if filters and not (packed and filters == PIPELINE):
+        raise ValueError(f"{data.name} uses unknown filters {filters}")
     if data.chunks and math.prod(data.chunks) * data.dtype.itemsize > MAX_CHUNK_BYTES:
         raise ValueError(f"{data.name} has chunks of {data.chunks}, larger than allowed")
     size = math.prod(data.shape) * data.dtype.itemsize

@@ -92,10 +92,11 @@ class Trajectory:
 
     @cached_property
     def walls(self) -> np.ndarray:
-        """Impulses on the walls and blocks at every frame, shape (frames, walls, 6).
+        """Numbers of the walls and blocks at every frame, shape (frames, walls, 9).
 
-        There are no walls unless the simulation was made with `wall_forces`. See
-        `granular.measure.wall_force`.
+        Impulse, angular impulse and what `granular.mpm.walls.WallState` tells of walls that move.
+        There are no walls unless the simulation was made with `wall_forces`, or has such a wall.
+        See `granular.measure.wall_force`.
         """
         return self._rows_of(WALL)
 

@@ -21,6 +21,13 @@ PARTS = ("duration", "material", "method", "numerics", "scheme", "seed")
 """Arguments that are not recorded as parameters, because the scene has a part of the same name."""
 
 COMMON = (
+    (
+        "length, width, soil, headroom : float",
+        "Length (x) and width (y) of the bed, its depth, and the height above it [m], whole cells\n"
+        "    (`width/2` too if `half`).",
+    ),
+    ("start : float", "Initial position x of the edge [m]."),
+    ("half : bool", "If true, only y >= 0 is modelled."),
     ("cell : float", "Cell size [m]."),
     ("spacing : float", "Spacing of the particles [m]."),
     ("points_per_cell, jitter", "See `granular.geometry.Fill`."),

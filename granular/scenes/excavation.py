@@ -80,13 +80,6 @@ def excavation(
         Thickness, width, height [m]; a blade as wide as the bed extends from wall to wall.
     friction : float
         Coefficient of friction between blade and soil.
-    length, width, soil, headroom : float
-        Length (x) and width (y) of the bed, its depth, and the height above it [m], whole cells
-        (`width/2` too if `half`).
-    start : float
-        Initial position x of the edge [m].
-    half : bool
-        If true, only y >= 0 is modelled.
     settle, ramp : float
         Time before the blade moves, and time in which it changes its velocity [s].
     duration : float or None
@@ -210,13 +203,6 @@ def excavator(
         Angle of the bottom to the horizontal [deg]; positive if the edge points down.
     friction : float
         Coefficient of friction between bucket and soil.
-    length, width, soil, headroom : float
-        Length (x) and width (y) of the bed, its depth, and the height above it [m], whole cells
-        (`width/2` too if `half`).
-    start : float
-        Initial position x of the edge [m].
-    half : bool
-        If true, only y >= 0 is modelled.
     settle, ramp : float
         Time before the bucket moves, and time in which it changes its velocity [s].
     {common}; also if no time is left to come out again.

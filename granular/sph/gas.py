@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import geometry
+from granular import geometry, seeding
 from granular.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
 from granular.geometry import Box, Fill, Grid
 from granular.notebook import table
@@ -187,9 +187,9 @@ class Gas:
         """Limit of the time step for gas at rest [s], h/(4 c)."""
         return 0.25 * h / self.sound_speed
 
-    def points(self, grid: Grid, seed: int) -> geometry.Points:
-        """Gas particles at the start; see `granular.geometry.seed_points`."""
-        return geometry.seed_points(grid, self.fills, seed, self.density)
+    def points(self, grid: Grid, seed: int) -> seeding.Points:
+        """Gas particles at the start; see `granular.seeding.seed_points`."""
+        return seeding.seed_points(grid, self.fills, seed, self.density)
 
     def for_core(self, dim: int, rho0: float, wall_volume: float) -> tuple[dict, NDArray]:
         """Data for the core: parameters, and jets as rows (lower, upper, velocity)."""

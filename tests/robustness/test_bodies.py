@@ -143,6 +143,39 @@ def test_bodies_that_begin_within_one_another_are_refused(dim, turn):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
+def test_images_of_bodies_are_looked_for_as_bodies_are(dim):
+    """A body at a periodic end is also at the other one, for other bodies and for material."""
+    cell, cells, up = 0.1, 20, (0.0,) * (dim - 2)
+    length, edge = cell * cells, 4 * cell
+    grid = gr.Grid((0.0,) * dim, cell, (cells,) * dim, periodic=(True,) * (dim - 1) + (False,))
+    at_end = Body(Box((edge,) * dim), (0.0, *up, 1.0))
+    low, high = (length - 0.2, *up, 0.8), (length, *(0.3 for _ in up), 1.2)
+
+    def made(lower, *bodies):
+        fills = (gr.Fill(gr.Box(lower, high), 4 if dim == 2 else 8),)
+        return gr.Scene(
+            name="images",
+            grid=grid,
+            fills=fills,
+            material=gr.MuI(E=1e6),
+            gravity=gr.Gravity((0.0,), ((0.0, *up, -9.8),)),
+            duration=1.0,
+            bodies=bodies,
+        )
+
+    def buried(scene):
+        return any("points within bodies[0]" in said for said in gr.scene_warnings(scene))
+
+    assert buried(made(low, at_end))
+    assert not buried(made((length - 0.2, *up, 1.15), at_end))
+    other = Body(Box((edge,) * dim), (length - 0.2, *up, 1.0))
+    with pytest.raises(ValueError, match=r"bodies\[0\] and bodies\[1\] overlap: "):
+        gr.Simulation(made(low, at_end, other), threads=1)
+    beside = Body(Box((edge,) * dim), (length - edge, *up, 1.0))
+    gr.Simulation(made((length - 0.2, *up, 1.2 - cell), at_end, beside), threads=1)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
 def test_bodies_in_the_midst_of_a_fill_are_warned_of(dim):
     scene = scene_of(dim)
     cell, up = scene.grid.cell, (0.2,) * (dim - 2)

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import textwrap
 import tracemalloc
+import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +17,7 @@ import h5py
 import numpy as np
 import pytest
 import records
-from records import SCENE, make_checkpoint, make_record, make_state
+from records import SCENE, content, make_checkpoint, make_record, make_state
 
 import granular as gr
 from granular.record import RecordError, TrajectoryWriter, layout, merge, open_trajectory
@@ -361,6 +362,101 @@ def test_tables_take_no_more_memory_than_the_file(tmp_path, name):
         file.create_dataset(name, data=table, compression="gzip")
     with pytest.raises(RecordError, match="filters"):
         open_trajectory(path)
+
+
+DEFLATE = h5py.h5z.FILTER_DEFLATE
+MANY = 32768
+
+
+def bomb(file):
+    """The chunk of the masses unpacks to 256 MB, not to the 256 kB of the points."""
+    file["VTKHDF/PointData/mass"].id.write_direct_chunk((0,), zlib.compress(bytes(1 << 28)), 0)
+
+
+def nested(file):
+    """The chunk of the masses, deflated three times, unpacks to 256 MB."""
+    group, packed = file["VTKHDF/PointData"], bytes(1 << 28)
+    plist = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    plist.set_chunk((MANY,))
+    for _ in range(3):
+        plist.set_filter(DEFLATE, h5py.h5z.FLAG_MANDATORY, (9,))
+        packed = zlib.compress(packed)
+    del group["mass"]
+    space = h5py.h5s.create_simple((MANY,), (h5py.h5s.UNLIMITED,))
+    mass = h5py.h5d.create(group.id, b"mass", h5py.h5t.IEEE_F64LE, space, plist)
+    mass.write_direct_chunk((0,), packed, 0)
+    h5py.Dataset(mass).attrs["columns"] = 0
+
+
+def long_chunk(file):
+    """The chunk of the masses is not packed and takes 16 MB."""
+    file["VTKHDF/PointData/mass"].id.write_direct_chunk((0,), bytes((1 << 24) - 1), 3)
+
+
+def many_names(file):
+    """One field of points by many names."""
+    group = file["VTKHDF/PointData"]
+    for k in range(1000):
+        group[f"stress{k}"] = group["stress"]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (bomb, "a column has"),
+        (nested, "unknown filters"),
+        (long_chunk, "out buffer is only"),
+        (many_names, "more than the file"),
+    ],
+)
+def test_fields_take_no_more_memory_than_their_points(tmp_path, spoil, message):
+    """Read with 128 MB more than an honest record of the same size takes, each is refused."""
+    path, good = tmp_path / "a.h5", tmp_path / "good.h5"
+    with TrajectoryWriter(good, SCENE) as writer:
+        writer.append(make_state(0, n=MANY))
+    shutil.copy(good, path)
+    with h5py.File(path, "r+") as file:
+        spoil(file)
+    script = textwrap.dedent("""
+        import resource, sys
+        from granular.record import open_trajectory
+        with open_trajectory(sys.argv[1]) as record, open_trajectory(sys.argv[2]) as honest:
+            assert not honest.damage()
+            used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (used + (1 << 27),) * 2)
+            print(record.damage()[0])
+    """)
+    run = [sys.executable, "-c", script, str(path), str(good)]
+    done = subprocess.run(run, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert message in done.stdout
+
+
+def test_a_missing_chunk_is_damage(tmp_path):
+    """HDF5 would read zeros in its place, of which a file may claim any number."""
+    path = tmp_path / "a.h5"
+    make_record(path, 2)
+    with h5py.File(path, "r+") as file:
+        mass = file["VTKHDF/PointData/mass"]
+        mass.resize((40,))
+        mass.resize((80,))
+    with open_trajectory(path) as record:
+        (said,) = record.damage()
+    assert "chunk storage is not allocated" in said
+
+
+def test_chunks_that_hdf5_writes_are_read(tmp_path):
+    """It deflates also what becomes larger by it."""
+    path = tmp_path / "a.h5"
+    make_record(path)
+    before = content(path)
+    with h5py.File(path, "r+") as file:
+        group = file["VTKHDF/PointData"]
+        for data in (file["VTKHDF/Points"], *(group[name] for name in group)):
+            data[...] = data[...]
+        _, raw = group["stress"].id.read_direct_chunk((0, 1))
+    assert len(raw) > 8 * 40
+    assert content(path) == before
 
 
 def test_a_large_id_takes_no_memory(small_scene):

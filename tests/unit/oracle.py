@@ -88,7 +88,7 @@ def _wall(row, v, after):
             rub = min(1.0, row.friction * into / along)
     for d in range(dim):
         if row.fixed >> d & 1:
-            v[d] = after[d] = 0.0
+            v[d] = after[d] = row.velocity[d]
         elif row.normal >= 0:
             after[d] -= rub * after[d]
 

@@ -1,42 +1,20 @@
 """Suggestions of cheaper scenes: each topic, refused input, and nothing changed unasked."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from economy_scenes import full_silo, item
 from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.economy import bias
 from granular.economy.suggestion import rebuilt
-from granular.geometry import Box, Fill, Grid
-from granular.gravity import Gravity
 from granular.materials import DruckerPrager, Elastic, glass_beads, glass_beads_5mm
 from granular.mpm.limits import check_time_step, damps_by_step
 from granular.mpm.schemes import BASES, TRANSFERS
-from granular.mpm.walls import Solid, Wall
-
-
-def full_silo(**changes):
-    """The silo of the paper with both halves, built by hand."""
-    floor = [Wall(1, 0.0, span=(s,)) for s in ((-0.5, -0.06), (0.06, 0.5))]
-    parts = {
-        "name": "full silo",
-        "grid": Grid((-0.5, 0.0), 0.01, (100, 104), open_sides=frozenset({"y-"})),
-        "fills": (Fill(Box((-0.5, 0.0), (0.5, 1.0)), 4),),
-        "material": glass_beads,
-        "scheme": gr.schemes.dunatunga_kamrin_2015,
-        "walls": (
-            *floor,
-            Wall(1, 0.0, span=((-0.06, 0.06),), opens_at=0.1),
-            Wall(0, -0.5, kind="free_slip"),
-            Wall(0, 0.5, kind="free_slip"),
-        ),
-        "gravity": Gravity(),
-        "duration": 40.0,
-    }
-    return gr.Scene(**(parts | changes))
-
+from granular.mpm.walls import Wall
 
 PAPER = [
     gr.scenes.incline(),
@@ -50,11 +28,6 @@ PAPER = [
     gr.scenes.slug(),
 ]
 PUBLISHED = [scene.replace(scheme=gr.schemes.dunatunga_kamrin_2015) for scene in PAPER]
-
-
-def item(topic, scene, *tolerance):
-    """Suggestion about a topic."""
-    return gr.economy.suggest(scene, *tolerance).about(topic)
 
 
 @pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.1])
@@ -436,8 +409,31 @@ def test_points_and_memory_of_every_scene(name):
     points = scene.n_points + (len(gas.points(scene.grid, 0).x) if gas else 0)
     assert found.points == pytest.approx(points, rel=0.01)
     assert found.steps > 0 and found.seconds > 0
-    assert 0.1 * 2**30 < found.memory < 0.11 * 2**30 + 3000 * points
+    walls = len(scene.wall_points()["x"]) if scene.method == "sph" else 0
+    assert 0.1 * 2**30 < found.memory < 0.11 * 2**30 + 3000 * (points + walls)
     assert math.isnan(found.E) == (scene.method == "sph")
+
+
+def test_memory_of_wall_particles():
+    """A particle takes the same memory, 500 bytes in 2D and 1000 in 3D, whatever it belongs to."""
+    for across, each in ((0, 500), (20, 1000)):
+        scene = gr.scenes.incline_sph(columns=200, height=0.02, columns_across=across)
+        thicker = [replace(wall, layers=wall.layers + 4) for wall in scene.walls]
+        more = scene.replace(walls=tuple(thicker))
+        added = len(more.wall_points()["x"]) - len(scene.wall_points()["x"])
+        assert added == 4 * 200 * max(across, 1)
+        found = [gr.economy.cost(s).memory for s in (scene, more)]
+        assert found[1] - found[0] == each * added
+
+
+def test_memory_of_growing_buffers():
+    """Old and new buffers are there at the same time; those of SPH do not grow."""
+    scene = gr.scenes.cylinder_collapse(points_per_cell=8)
+    sim, cost = gr.Simulation(scene, threads=1), gr.economy.cost(scene)
+    buffers = sum(array.nbytes for array in sim.buffers.values())
+    assert 0.5 * buffers < cost.peak_memory - cost.memory < 2 * buffers
+    still = gr.economy.cost(gr.scenes.incline_sph())
+    assert still.peak_memory == still.memory
 
 
 def test_work_falls_with_what_is_left():
@@ -454,93 +450,3 @@ def test_work_falls_with_what_is_left():
         visited.append(len(sim.run(until=sim.time + 1e-3).cell_counts))
         assert sim.cell_counts.sum() == sim.n_points
     assert 0.4 < np.mean(visited) / cells < 0.6
-
-
-# ---- mirror halves ----
-
-
-def test_half_of_a_silo_is_the_silo_of_the_paper():
-    scene = full_silo()
-    suggestion = gr.economy.suggest(scene, 0.02)
-    assert suggestion.about("dimension").changes == {"half": True}
-    found, known = (
-        gr.economy.mirror_half(scene),
-        gr.scenes.silo(scheme=gr.schemes.dunatunga_kamrin_2015),
-    )
-    assert np.allclose(found.points().x, known.points().x)
-    assert found.grid == known.grid
-    assert found.parameters["half"] and set(map(repr, found.walls)) == set(map(repr, known.walls))
-    assert gr.economy.apply(scene, suggestion).n_points == scene.n_points / 2
-    with pytest.raises(ValueError, match="half already"):
-        gr.economy.mirror_half(found)
-
-
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"grid": Grid((-0.5, 0.0), 0.01, (101, 104))}, "no grid line"),
-        ({"grid": Grid((-0.5, 0.0), 0.01, (100, 104), open_sides=frozenset({"x+"}))}, "open"),
-        ({"gravity": Gravity((0.0,), ((1.0, -9.8),))}, "gravity"),
-        ({"fills": (Fill(Box((-0.4, 0.0), (0.5, 1.0)), 4),)}, "fills"),
-        ({"fills": (Fill(Box((-0.5, 0.0), (0.5, 1.0)), 4, velocity=(1.0, 0.0)),)}, "fills"),
-        ({"walls": (Wall(0, -0.5),)}, "walls"),
-        ({"walls": (Solid((-0.5, 0.0), (-0.4, 0.2)),)}, "walls"),
-    ],
-)
-def test_what_is_no_mirror_image_is_not_halved(changes, reason):
-    scene = full_silo(**changes)
-    with pytest.raises(ValueError, match=reason):
-        gr.economy.mirror_half(scene)
-    assert not item("dimension", scene).changes
-
-
-def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
-    """A no-slip partition is not a plane of symmetry; a free-slip one is."""
-    whole = full_silo()
-    for wall in (Wall(0, 0.0), Wall(0, 0.0, kind="coulomb", friction=0.3)):
-        scene = whole.replace(walls=(*whole.walls, wall))
-        assert "on the plane" in item("dimension", scene).reason
-    scene = whole.replace(walls=(*whole.walls, Wall(0, 0.0, kind="free_slip")))
-    assert gr.economy.mirror_half(scene) == gr.economy.mirror_half(whole)
-
-
-def test_what_ends_on_the_plane_is_not_cut_to_nothing():
-    """The middle is off zero by round-off."""
-    grid = Grid((-0.9, 0.0), 0.3, (6, 6))
-    middle = 0.5 * (grid.lower[0] + grid.upper[0])
-    assert middle < 0.0
-    sides = ((-0.9, 0.0), (0.0, 0.9))
-    whole = full_silo(
-        grid=grid,
-        fills=tuple(Fill(Box((low, 0.0), (high, 0.9)), 4) for low, high in sides),
-        walls=(
-            *(Wall(1, 0.0, span=(side,)) for side in sides),
-            *(Solid((low, 1.2), (high, 1.5)) for low, high in sides),
-        ),
-    )
-    found = gr.economy.mirror_half(whole)
-    assert len(found.fills) == 1 and len(found.walls) == 3
-    assert found.n_points == whole.n_points / 2
-
-
-def test_half_costs_accuracy_with_other_than_linear_functions():
-    whole = full_silo(scheme=gr.schemes.default)
-    found = item("dimension", whole, 0.05)
-    assert found.changes and found.error > 0
-    assert not item("dimension", whole, 0.01).changes
-    assert item("dimension", full_silo(), 0.01).error == 0.0
-
-
-def test_a_block_across_the_plane_is_cut():
-    blocks = (Solid((-0.1, 0.5), (0.1, 0.6)), Solid((-0.5, 0.2), (-0.4, 0.3)))
-    whole = full_silo(walls=(*blocks, Solid((0.4, 0.2), (0.5, 0.3))))
-    kept = [wall for wall in gr.economy.mirror_half(whole).walls if isinstance(wall, Solid)]
-    assert [block.lower[0] for block in kept] == [0.0, 0.4]
-
-
-def test_bodies_are_no_mirror_images():
-    """A wheel that rolls and a cylinder that turns have no mirror plane."""
-    for scene in (gr.scenes.wheel(), gr.scenes.couette(cell=0.02)):
-        assert item("dimension", scene).changes == {}
-        with pytest.raises(ValueError, match=r"cannot be halved: .* bodies"):
-            gr.economy.mirror_half(scene)

@@ -14,9 +14,8 @@ from granular.geometry import (
     Grid,
     Intersection,
     Union,
-    count_points,
-    seed_points,
 )
+from granular.seeding import count_points, seed_points
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))
 UNIT_BOX = Box((0, 0), (1, 1))

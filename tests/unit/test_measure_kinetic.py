@@ -69,6 +69,15 @@ def test_estimates_scale_with_the_square_of_the_rate_and_with_the_reference():
     assert stress_free_error(points, restitution=0.6, rate=0.0).shear == 0
 
 
+def test_the_reference_is_the_mean_pressure_by_mass():
+    points = flow()
+    heavy = np.arange(points.n) % 2 == 0
+    stress = np.where(heavy, 3.0, 1.0)[:, None] * points.stress
+    given = {"mass": np.full(points.n, 0.5), "rho": np.where(heavy, 2000.0, 1000.0)}
+    mixed = state(points.scene, points.x, stress=stress, shear_rate=4.0, v=points.v, **given)
+    assert stress_free_error(mixed, restitution=0.7).reference == pytest.approx(4000)
+
+
 def test_shear_conserves_a_density_that_varies_across_it():
     points = flow(v=lambda x: np.stack([3 * x[:, 1], 0 * x[:, 0]], axis=1))
     balance = mass_balance_error(points, density=1000 + 500 * points.x[:, 1])

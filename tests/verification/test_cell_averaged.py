@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.measure.bulk import Bulk
 from granular.scenes._build import block, gravity_down, smooth_sides
 from granular.verify import density_correction_budget, layers
 
@@ -171,3 +172,20 @@ def test_an_orifice_of_twelve_cells():
     assert discharge(orifice(SCHEME.replace(cfl=0.25))) == pytest.approx(rate, rel=0.05)
     stiff = [discharge(orifice(scheme, E=1e7)) for scheme in (SCHEME, gr.schemes.default)]
     assert stiff[0] == pytest.approx(stiff[1], rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("scheme", "low", "high"), [("cell_averaged", 0, 0.01), ("default", 0.02, 0.08)]
+)
+def test_density_drift_is_the_mass_in_excess(scheme, low, high):
+    """In a 3D orifice the indicator tells what the cells hold; with averaged cells it is 0."""
+    scene = orifice(getattr(gr.schemes, scheme), across=8)
+    state = gr.Simulation(scene, threads=1).run().state
+    drift = gr.measure.density_drift(state)
+    assert low - 0.01 <= drift < high
+    bulk = Bulk(state, packed=0.9)
+    cells = np.unique(bulk.own[bulk.points])
+    full = scene.material.rho_c * bulk.cell_volume
+    density = np.average(np.exp(state.log_density[bulk.points]), weights=state.mass[bulk.points])
+    assert bulk.mass.ravel()[cells].mean() / (full * density) - 1 == pytest.approx(drift, abs=0.01)

@@ -126,7 +126,7 @@ def test_a_floor_bears_the_weight_and_walls_the_pressure(dim, tmp_path):
     sim = gr.Simulation(bed(dim), threads=1, wall_forces=True).run(0.2, save=path, every=0.01)
     with gr.open(path) as record:
         floor, left, right = (measure.wall_force(record, i, window=20) for i in range(3))
-        assert record.walls.shape == (21, 3, 6)
+        assert record.walls.shape == (21, 3, 9)
         np.testing.assert_array_equal(record.walls[-1, 0, :dim], sim.walls[0].impulse)
         assert not any(name.startswith("wall") for name in record.samples)
     weight = 9.8 * sim.state.mass.sum()
