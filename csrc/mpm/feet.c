@@ -15,6 +15,9 @@
 
 /* Points deeper in a body than this, in cells, were there from the beginning: the surface does not act on them. */
 #define DEEP 0.5
+#define LOST 1.5
+#define DEEPEST 0.2
+#define OUT 0.02
 
 /* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this; of their shape functions
  * at least this part has mass. */
@@ -273,7 +276,10 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
             for (int d = 0; d < 3; d++) foot->normal[d] = cell->side * side.normal[d];
         }
     }
-    if (phi > REACH * e->config.dx || phi < -DEEP * e->config.dx) return 0;
+    if (phi > REACH * e->config.dx || phi < -LOST * e->config.dx) return 0;
+    if (phi < -DEEPEST * e->config.dx) /* a single point that slipped in at an edge is moved out, slowly */
+        for (int d = 0; d < dim; d++) e->field[GR_FIELD_x][d * e->capacity + place] += OUT * e->config.dx * foot->normal[d];
+    if (phi < -DEEP * e->config.dx) return 0;
     const double filling = e->field[GR_FIELD_mass][place] * e->mass_scale;
     const double r = 0.5 * e->config.dx * (dim == 2 ? sqrt(filling) : cbrt(filling));
     for (int d = 0; d < dim; d++)
