@@ -111,8 +111,8 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
         over[i] = greater(m - V, 0);
         for (int d = 0; d < dim; d++) high[d] += i >> d & 1 ? sum[i * rows] : 0;
     }
-    const double mean = between(SURFACE_BELOW, INSIDE_FROM, mass / volume), inverse = 1 / M;
-    own->inside = mean;
+    const double inverse = 1 / M;
+    own->inside = between(SURFACE_BELOW, INSIDE_FROM, mass / volume);
     for (int i = 0; __builtin_expect(light, 0) && i < K; i++) {
         const int64_t node = e->mesh.cell_node[index * K + i];
         const double phi = e->node_mass[node] * per_cell / e->mesh.node_volume[node];

@@ -20,7 +20,7 @@
       "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "         \
       "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")         \
     X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                             \
-      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). By default 0.1 with " \
+      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-tpic_decay dt c_w/dx). By default 0.2 with " \
       "a cell-averaged density, else 0.03.")                                                                            \
     X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                      \
     X(cfl, 0.5, "(0, 1]", "1",                                                                                          \

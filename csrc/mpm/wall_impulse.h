@@ -18,9 +18,9 @@ struct gr_wall_share {
     double opens_at;  /* s */
 };
 
-/* Numbers of a wall: impulse, N s; angular impulse about the origin, N m s; work of the wall on the material, J; of a wall that
- * keeps a pressure, its displacement outwards, m, and the time integral, since it moved last, of the pressure in
- * excess of the one that it keeps, Pa s. */
+/* Numbers of a wall: impulse, N s; angular impulse about the origin, N m s; displacement outwards of a wall that keeps a
+ * pressure, m; work of the wall on the material, J; and the time integral, since it moved last, of the pressure in excess
+ * of the one that it keeps, Pa s. */
 enum { GR_WALL_DISPLACEMENT = 6, GR_WALL_WORK, GR_WALL_EXCESS, GR_WALL_NUMBERS };
 
 struct gr_wall_watch {

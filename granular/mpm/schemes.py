@@ -260,7 +260,7 @@ class Scheme(_Scheme):
         kinds_of(self, fluidity=Fluidity)
         set_fields(self, basis=basis, transfer=transfer, density=density)
         if self.tpic_decay is None:
-            set_fields(self, tpic_decay=0.1 if averaged else 0.03)
+            set_fields(self, tpic_decay=0.2 if averaged else 0.03)
         super().__post_init__()
         self._check_fit()
 

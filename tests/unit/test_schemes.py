@@ -104,7 +104,7 @@ def test_a_density_has_the_numbers_of_its_own():
 
 def test_a_density_brings_its_basis_and_transfer():
     scheme = Scheme(density=CellAveragedDensity(diffusion=0.25))
-    assert (scheme.basis, scheme.transfer, scheme.tpic_decay) == ("linear", "tpic", 0.1)
+    assert (scheme.basis, scheme.transfer, scheme.tpic_decay) == ("linear", "tpic", 0.2)
     assert Scheme(density=ParticleDensity()).transfer == "tpic"
     assert Scheme(basis="linear").density == ParticleDensity()
 
