@@ -156,13 +156,13 @@ static double correct(struct gr_engine *e, struct gr_foot *foot, struct moving *
     slip(e, foot, m, u);
     const double along = u[0] * n[0] + u[1] * n[1] + u[2] * n[2];
     double pressing = foot->pressing + (foot->bound - along) / foot->normal_mobility;
-    if (body->contact == GR_CONTACT_SEPARATING && pressing < 0) pressing = 0;
+    pressing = fmin(fmax(pressing, body->contact == GR_CONTACT_SEPARATING ? 0 : -foot->most), foot->most);
     for (int d = 0; d < 3; d++) {
         tangential[d] = foot->impulse[d] - foot->pressing * n[d] - (u[d] - along * n[d]) / foot->mobility;
         square += tangential[d] * tangential[d];
     }
-    const double most = body->friction * fabs(pressing);
-    const double keep = body->contact == GR_CONTACT_STICKY || !(square > most * most) ? 1 : most / sqrt(square);
+    const double most = body->contact == GR_CONTACT_STICKY ? foot->most : body->friction * fabs(pressing);
+    const double keep = !(square > most * most) ? 1 : most / sqrt(square);
     for (int d = 0; d < e->config.dim; d++) {
         const double impulse = pressing * n[d] + keep * tangential[d];
         change[d] = impulse - foot->impulse[d];

@@ -287,6 +287,7 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     if (!(phi < r || phi + 2 * e->dt * (into - fall) < r)) return 0;
     foot->body = b;
     foot->bound = phi > r ? (r - phi) / e->dt : 0;
+    foot->most = e->field[GR_FIELD_mass][place] * e->config.wave_speed;
     foot->place = place;
     if (foot->bound < 0 && pose->body->contact != GR_CONTACT_SEPARATING) return 0;
     for (int d = 0; d < 3; d++) at[d] = x[d] - phi * foot->normal[d];
