@@ -64,3 +64,7 @@ void gr_feet_find(struct gr_engine *e, const double g[3]);
 
 /* Keep the impulses of the feet as forces on their points. */
 void gr_feet_keep(struct gr_engine *e);
+
+/* Move points that have slipped into a body at one of its edges towards its surface. Call it when the points are in their
+ * cells, and before the sums of the cells that lost or gained points are made anew. */
+void gr_feet_move_out(struct gr_engine *e);

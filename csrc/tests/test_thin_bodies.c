@@ -221,6 +221,5 @@ TEST(bodies_in_empty_space)
     CHECK_NEAR(t.scene.engine->body[0].x[0], -0.6, 1e-12);
     CHECK(gr_p2g(t.scene.engine, gr_kernels_select("")) == GR_OK);
     CHECK(gr_grid(t.scene.engine, gr_kernels_select("")) == GR_OK);
-    gr_bodies_find(t.scene.engine, 0, 0);
     scene_free(&t.scene);
 }

@@ -71,7 +71,7 @@ def test_the_same_flow_to_the_last_bit(make):
     assert small.grid.cell == scene.grid.cell / 4
     real, model = (gr.Simulation(s, threads=1) for s in (scene, small))
     for sim in (real, model):
-        sim.step(250)
+        sim.step(400)
     assert real.time / 2 == model.time and real.n_points == model.n_points
     here, there = real.state, model.state
     assert np.abs(here.v).max() > 0.1
