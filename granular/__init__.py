@@ -30,6 +30,7 @@ from granular.mpm.schemes import (
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
+from granular.regions import Cloud, Heights, Layer, Mask, Polygon
 from granular.simulation import Simulation, SimulationError
 from granular.state import State
 from granular.sweeping import sweep
@@ -48,6 +49,7 @@ __all__ = [
     "Body",
     "Box",
     "CellAveragedDensity",
+    "Cloud",
     "Cylinder",
     "Difference",
     "Disc",
@@ -58,10 +60,14 @@ __all__ = [
     "Gravity",
     "Grid",
     "HardeningDruckerPrager",
+    "Heights",
     "Intersection",
+    "Layer",
+    "Mask",
     "Motion",
     "MuI",
     "ParticleDensity",
+    "Polygon",
     "Scene",
     "Scheme",
     "Simulation",

@@ -148,6 +148,75 @@ class Region(ABC):
         """Dimension, 2 or 3."""
         return len(self.bounds[0])
 
+    @property
+    def _box(self) -> tuple[Vector, Vector]:
+        """Corners of the box in which `depth` looks for the top."""
+        return self.bounds
+
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        """True for places, shape (n, dim) [m], whose squares the boundary is to cut.
+
+        For a region whose points follow its boundary these are all that are no farther from it
+        than `reach` [m], and some more. Of others squares count as a whole, by their centres.
+        """
+        return np.zeros(len(x), dtype=bool)
+
+    def depth(
+        self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
+        """Distance of places from the top of the region above them.
+
+        The top is the last place of the region along a ray, even beyond gaps such as those below
+        an overhang: below a level surface the pressure is the same at one height.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, dim)
+            Places in the region [m].
+        up : ndarray, shape (dim,)
+            Direction, of length 1.
+        step : float
+            Distance at which the ray is looked at [m]; less is not resolved, but for the top, which
+            is then found by bisection.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Distance [m], >= 0.
+        """
+        # Rays begin where they enter the box around the region, so that those of a column are one.
+        lower, upper = np.array(self._box)
+        slack = step * 1e-6
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.where(up > 0, (upper - x) / up, np.where(up < 0, (lower - x) / up, np.inf))
+        length = np.maximum(ends.min(axis=1), 0.0) + slack
+        tops = x + length[:, None] * up
+        digits = np.rint(tops / slack)
+        _, first, of = np.unique(digits, axis=0, return_index=True, return_inverse=True)
+        down = self._first_inside(tops[first], -up, step, float(np.linalg.norm(upper - lower)))
+        return np.maximum(length - down[of.reshape(-1)], 0.0)
+
+    def _first_inside(
+        self, x: NDArray[np.float64], along: NDArray[np.float64], step: float, longest: float
+    ) -> NDArray[np.float64]:
+        """Distance at which rays from places outside enter the region [m]; inf if they do not."""
+        found = np.full(len(x), np.inf)
+        left = np.arange(len(x))
+        for n in range(math.ceil(longest / step) + 1):
+            hit = self._inside(x[left] + (n * step) * along)
+            found[left[hit]] = n * step
+            left = left[~hit]
+            if not len(left):
+                break
+        outside, inside = np.maximum(found - step, 0.0), found.copy()
+        some = np.isfinite(found)
+        for _ in range(40):
+            middle = 0.5 * (outside[some] + inside[some])
+            within = self._inside(x[some] + middle[:, None] * along)
+            inside[some] = np.where(within, middle, inside[some])
+            outside[some] = np.where(within, outside[some], middle)
+        return inside
+
     def contains(self, x: ArrayLike) -> NDArray[np.bool_]:
         """True for the positions `x`, shape (n, dim) [m], that lie inside; shape (n,).
 
@@ -183,6 +252,17 @@ class Box(Region):
 
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.all((x >= self.lower) & (x < self.upper), axis=1)
+
+    def depth(
+        self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
+        ends = [
+            ((self.upper if along > 0 else self.lower)[axis] - x[:, axis]) / along
+            for axis, along in enumerate(up.tolist())
+            if along
+        ]
+        least: NDArray[np.float64] = np.min(ends, axis=0)
+        return least
 
 
 @dataclass(frozen=True)
@@ -265,6 +345,9 @@ class Union(Region):
     def bounds(self) -> tuple[Vector, Vector]:
         return _common_box(self.regions, min, max)
 
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        return np.any([region.cuts(x, reach) for region in self.regions], axis=0)
+
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.any([region.contains(x) for region in self.regions], axis=0)
 
@@ -285,6 +368,9 @@ class Intersection(Region):
     def bounds(self) -> tuple[Vector, Vector]:
         return _common_box(self.regions, max, min)
 
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        return np.any([region.cuts(x, reach) for region in self.regions], axis=0)
+
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.all([region.contains(x) for region in self.regions], axis=0)
 
@@ -303,6 +389,9 @@ class Difference(Region):
     def bounds(self) -> tuple[Vector, Vector]:
         return self.region.bounds
 
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        return self.region.cuts(x, reach) | self.without.cuts(x, reach)
+
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return self.region.contains(x) & ~self.without.contains(x)
 
@@ -311,10 +400,15 @@ class Difference(Region):
 class Fill:
     """Material that fills a region at the start, as points on a regular seeding lattice.
 
+    Points keep out of the bodies of a scene: where a body cuts a square (cube) of the lattice, the
+    point lies at the centroid of the open part and has its volume, so that the first row follows
+    the surface. Parts of less than a tenth of a square go to a neighbour.
+
     Parameters
     ----------
     region : Region
-        Region to fill: every site of the seeding lattice that lies inside gets a point.
+        Region to fill: every site of the seeding lattice that lies inside gets a point. A `Polygon`
+        or `Layer` cuts the squares of the lattice as bodies do. A `Cloud` holds the points itself.
     points_per_cell : int
         Points in a full cell: q^2 in 2D, q^3 in 3D.
     density : float or None
@@ -326,8 +420,8 @@ class Fill:
         along each axis.
     lithostatic : bool
         If True, the material is in equilibrium with gravity from the start: each point has the
-        pressure of the material above it, up to the top of the region, and the density that goes
-        with this pressure. If False, it is stress-free.
+        pressure of the depth below the top of the region above it, against gravity, and the density
+        that goes with this pressure. If False, it is stress-free.
 
     Raises
     ------

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from granular import _core
 from granular.geometry import combined
@@ -16,10 +18,12 @@ from granular.materials import MuI
 from granular.mpm.body_measures import deepest, reach, thicknesses
 from granular.mpm.body_shapes import padded, turned
 from granular.mpm.walls import Solid, Wall
+from granular.open_parts import nowhere
+from granular.seeding import DEEPEST
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
-    from granular.mpm.bodies import Body
+    from granular.mpm.bodies import Body, BodyState
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 
@@ -30,6 +34,7 @@ __all__ = [
     "check_time_step",
     "courant_limit",
     "damps_by_step",
+    "distance_from_bodies",
     "dt_limit",
     "height",
     "known_failures",
@@ -70,6 +75,7 @@ REMEDIES = MappingProxyType(
         "disconnected": "take SmoothedDensity() (the default) and 4 or more points per cell",
         "density_drift": "take SmoothedDensity() (the default) in place of ParticleDensity(), a "
         "larger E, or schemes.cell_averaged",
+        "in_bodies": "take smaller cells, a smaller cfl, or a thicker body",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
         "wall_strain": "fill the domain, without a free surface, or take a larger E",
         "gaps": "take more points per cell",
@@ -87,6 +93,13 @@ INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
         0.0,
         "share, by mass, of the points more than a cell within a Solid: beyond the limit blocks "
         "leak, or were filled at the start",
+    ),
+    (
+        "in_bodies",
+        "largest",
+        0.0,
+        f"share, by mass, of the points more than {DEEPEST} cells within a body: beyond the limit "
+        "bodies leak",
     ),
     (
         "wall_strain",
@@ -199,11 +212,56 @@ def _reach(body: Body) -> float:
 
 
 def _distances(scene: Scene, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances [m] of places from a body, or its nearest image, at the start."""
-    arms = _nearest(places - padded(body.position), _periods(scene, body))
-    own = turned(body.rotation_deg).inv().apply(arms)
+    """Signed distances [m] of places (n, 3) from a body, or its nearest image, at the start."""
+    return _from_body(scene, body, places, turned(body.rotation_deg), padded(body.position))[0]
+
+
+def _from_body(
+    scene: Scene,
+    body: Body,
+    places: NDArray[np.float64],
+    turn: Rotation,
+    position: Sequence[float],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""
+    own = turn.inv().apply(_nearest(places - position, _periods(scene, body)))
     rows, samples = body.shape.rows(), body.shape.samples()
-    return _core.body_distance(rows, samples, np.ascontiguousarray(own))[0]
+    distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(own))
+    return distance, turn.apply(normal)
+
+
+def distance_from_bodies(
+    scene: Scene, states: Sequence[BodyState] = ()
+) -> Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Make the function of the distance of places (n, dim) from the nearest body, and its normal.
+
+    Bodies are where the `states` have them, or where they are at the start.
+    """
+    if not scene.bodies:
+        return nowhere
+    dim = scene.dim
+    poses = [(turned(body.rotation_deg), body.position) for body in scene.bodies]
+    if states:
+        poses = []
+        for state in states:
+            matrix = np.eye(3)
+            matrix[:dim, :dim] = state.rotation
+            poses.append((Rotation.from_matrix(matrix), tuple(state.position)))
+
+    def distance(
+        x: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        least, normal = nowhere(x)
+        if not len(x):
+            return least, normal
+        places = np.pad(x, ((0, 0), (0, 3 - dim)))
+        for body, (turn, position) in zip(scene.bodies, poses, strict=True):
+            found, away = _from_body(scene, body, places, turn, padded(position))
+            nearer = found < least
+            least[nearer], normal[nearer] = found[nearer], away[nearer, :dim]
+        return least, normal
+
+    return distance
 
 
 def keeps_sides(scheme: Scheme) -> bool:
@@ -250,7 +308,6 @@ def known_failures(scene: Scene) -> list[str]:
         _grains,
         _fluidity,
         _blades,
-        _buried,
         _walled_in,
         _closed,
     )
@@ -400,20 +457,6 @@ def _blades(scene: Scene) -> str | None:
             "the material on one side is coupled to that on the other through common nodes; "
             'ParticleDensity() with "apic", "tpic" or "flip" separates them'
         )
-    return None
-
-
-def _buried(scene: Scene) -> str | None:
-    """Bodies inside a fill: the points within a body are carried along by its nodes."""
-    for i, body in enumerate(scene.bodies):
-        places = _places_about(scene, body)
-        within = places[_distances(scene, body, places) < -scene.grid.cell, : scene.dim]
-        for j, fill in enumerate(scene.fills):
-            if fill.region.contains(within).any():
-                return (
-                    f"fills[{j}] has points within bodies[{i}], which will move with it: leave its "
-                    "volume out of the region (geometry.Difference)"
-                )
     return None
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import geometry, materials
+from granular import geometry, materials, regions
 from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.mpm import bodies as rigid
@@ -37,6 +37,7 @@ POWERS = {
     "acceleration": 0.0,
     "density": 0.0,
     "stress": 1.0,
+    "volume": 3.0,
     "mass": 3.0,
     "force": 3.0,
     "impulse": 3.5,
@@ -47,7 +48,7 @@ POWERS = {
     "none": 0.0,
 }
 """Power of the ratio of lengths with which a quantity scales in 3D."""
-_PLANE = ("mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
+_PLANE = ("volume", "mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
 """Quantities that are per metre of depth in 2D, where their power is less by one."""
 
 _UNITS = {"1/s": "rate", "s": "time"}
@@ -69,6 +70,11 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Union: {},
     geometry.Intersection: {},
     geometry.Difference: {},
+    regions.Heights: {"z": "length", "lower": "length", "spacing": "length"},
+    regions.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
+    regions.Polygon: {"vertices": "length", "span": "length"},
+    regions.Mask: {"lower": "length", "spacing": "length"},
+    regions.Cloud: {"x": "length", "volume": "volume", "velocity": "velocity"},
     **{law: _MATERIAL for law in materials.Material.__subclasses__()},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     Wall: {"at": "length", "span": "length", "opens_at": "time", **_MOVING},
@@ -172,7 +178,7 @@ class Froude:
         return kind(
             **{
                 name: _times(value, self.factor(quantities[name], dim=dim))
-                if name in quantities
+                if name in quantities and not is_dataclass(value)
                 else self._scaled(value, dim)
                 for name, value in values.items()
             }

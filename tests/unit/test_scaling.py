@@ -54,7 +54,7 @@ def scene_2d():
         ),
         sponge_layers=(SpongeLayer(1, 0.35, damping=30.0),),
         bodies=(
-            Body(Union(shapes), (0.4, 0.36), friction=0.2, free="y", mass=20.0),
+            Body(Union(shapes), (0.4, 0.35), friction=0.2, free="y", mass=20.0),
             Body(HalfSpace((-1.0, 0.0), (0.05, 0.0)), (0.9, 0.0)),
         ),
         gravity=Gravity((0.0, 0.05), ((0.0, 0.0), (1.0, -9.8))),

@@ -1,0 +1,516 @@
+"""Regions from polygons, arrays and surfaces, and points given one by one.
+
+All can be written into a record: functions and bodies are sampled when the region is made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from granular.checks import (
+    array,
+    check_fields,
+    finite,
+    one_of,
+    positive,
+    set_fields,
+    vector,
+)
+from granular.geometry import AXES, MAX_COUNT, Region, combined
+from granular.serializable import ComparedByContent
+
+__all__ = ["Cloud", "Heights", "Layer", "Mask", "Polygon"]
+
+Array = NDArray[np.float64]
+Vector = tuple[float, ...]
+
+MOST_ROUNDS = 2000
+"""Steps by the distance from a body after which a search for its surface from above gives up."""
+
+
+@runtime_checkable
+class Surface(Protocol):
+    """What has a height."""
+
+    def height(self, x: ArrayLike) -> Array:
+        """Height [m] at horizontal places, shape (n, dim - 1) [m]; shape (n,)."""
+
+
+@runtime_checkable
+class Solid(Protocol):
+    """What has a signed distance, such as a `granular.Body`."""
+
+    @property
+    def position(self) -> tuple[float, ...]:
+        """A place from which its surface is looked for [m]."""
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        """Signed distance [m], shape (n,), and outward normal, shape (n, dim)."""
+
+
+Source = float | Callable[..., ArrayLike] | Surface | Solid
+
+
+def _level(name: str, value: object, dim: int | None = None) -> Vector:
+    """Return a horizontal place as a tuple of 1 or 2 floats; a number is one in 2D."""
+    if isinstance(value, (int, float, np.number)):
+        value = (value,)
+    count = len(value) if isinstance(value, (Sequence, np.ndarray)) else 0
+    if count not in ((1, 2) if dim is None else (dim,)):
+        wanted = "1 or 2 numbers" if dim is None else f"{dim} numbers"
+        raise ValueError(f"{name} = {value!r} must be {wanted}")
+    return vector(name, value, count)
+
+
+@dataclass(frozen=True, eq=False)
+class Heights(ComparedByContent):
+    """A surface by its heights on a regular grid, linear (bilinear) in between.
+
+    Beyond the grid it continues at the height of its edge.
+
+    Parameters
+    ----------
+    z : array_like, shape (n_x,) in 2D, (n_x, n_y) in 3D
+        Heights [m], at least 2 along each axis.
+    lower : tuple of float, length dim - 1
+        Place of the first height [m].
+    spacing : float
+        Distance between heights along each axis [m], > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    z: Array
+    lower: Vector
+    spacing: float
+
+    def __post_init__(self) -> None:
+        check_fields(self, _level, "lower")
+        check_fields(self, positive, "spacing")
+        check_fields(self, array, "z", shape=(None,) * len(self.lower))
+        if min(self.z.shape) < 2:
+            raise ValueError(f"z of shape {self.z.shape} must have at least 2 heights each way")
+
+    @classmethod
+    def of(cls, source: Source, lower: Any, upper: Any, spacing: float) -> Self:
+        """Sample a surface.
+
+        Parameters
+        ----------
+        source : float, callable, body, or object with a method ``height(x)``
+            A callable takes the arrays x (and y) and returns heights [m]. Of a body it is the
+            uppermost surface above its position, or below if the position is in the open.
+        lower, upper : float or tuple of float, length dim - 1
+            Ends between which it is sampled [m].
+        spacing : float
+            Distance between samples [m].
+
+        Raises
+        ------
+        ValueError
+            Also if a body has no surface above or below a place.
+        """
+        low = _level("lower", lower)
+        high = _level("upper", upper, len(low))
+        step = positive("spacing", spacing)
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise ValueError(f"upper = {high} must exceed lower = {low}")
+        counts = [
+            max(math.ceil((b - a) / step - 1e-9), 1) + 1 for a, b in zip(low, high, strict=True)
+        ]
+        if math.prod(counts) > MAX_COUNT:
+            raise ValueError(f"spacing = {step} must make at most {MAX_COUNT} heights")
+        x = combined([a + step * np.arange(n) for a, n in zip(low, counts, strict=True)])
+        z = np.array(np.broadcast_to(_heights_of(source, x), len(x)), dtype=float)
+        return cls(z.reshape(counts, order="F"), low, step)
+
+    @property
+    def steepest(self) -> float:
+        """Bound of the slope of the surface: the tangent of its angle with the horizontal."""
+        slopes = [np.abs(np.diff(self.z, axis=axis)).max() for axis in range(self.z.ndim)]
+        return math.hypot(*slopes) / self.spacing
+
+    def height(self, x: ArrayLike) -> Array:
+        """Heights [m] at horizontal places, shape (n, dim - 1) [m]; shape (n,)."""
+        place = (np.asarray(x, dtype=float) - self.lower) / self.spacing
+        last = np.array(self.z.shape) - 1
+        place = np.clip(place, 0.0, last)
+        first = np.minimum(place.astype(np.int64), last - 1)
+        share = place - first
+        if len(last) == 1:
+            (i,), (s,) = first.T, share.T
+            return (1 - s) * self.z[i] + s * self.z[i + 1]
+        (i, j), (s, t) = first.T, share.T
+        low = (1 - s) * self.z[i, j] + s * self.z[i + 1, j]
+        high = (1 - s) * self.z[i, j + 1] + s * self.z[i + 1, j + 1]
+        return (1 - t) * low + t * high
+
+
+def _heights_of(source: Source, x: Array) -> ArrayLike:
+    if isinstance(source, Surface):
+        return source.height(x)
+    if isinstance(source, Solid):
+        return _uppermost(source, x)
+    if callable(source):
+        return source(*x.T)
+    return finite("source", source)
+
+
+def _uppermost(body: Solid, x: Array) -> Array:
+    """Height of the uppermost surface of a body above or below its position, at places (n, d - 1).
+
+    From places in the solid the search goes up in growing steps, and from the open down by the
+    distance from the surface, which no step can cross.
+    """
+    z = np.full(len(x), body.position[-1])
+
+    def above() -> Array:
+        return body.distance(np.column_stack([x, z]))[0]
+
+    rise = 1.0
+    while (solid := above() <= 0).any():
+        z[solid] += rise
+        rise *= 2
+        if rise > 1e9:
+            raise ValueError(f"the body must have a surface above {tuple(x[solid.argmax()])}")
+    for _ in range(MOST_ROUNDS):
+        phi = above()
+        z -= phi
+        if phi.max() < 1e-10:
+            return z
+        if z.min() < -1e9:
+            raise ValueError(f"the body must have a surface below {tuple(x[z.argmin()])}")
+    raise ValueError(f"the surface of the body is too steep at {tuple(x[phi.argmax()])}")
+
+
+@dataclass(frozen=True, eq=False)
+class Layer(ComparedByContent, Region):
+    """What lies above a surface by less than a thickness, measured vertically.
+
+    Parameters
+    ----------
+    on : float, Heights, callable, body, or object with a method ``height(x)``
+        Surface at the bottom [m]; see `Heights.of`.
+    thickness : float, Heights, callable or array_like
+        Thickness [m], >= 0. An array holds the values from `lower` on, at distances `spacing`.
+    lower, upper : float or tuple of float, length dim - 1
+        Horizontal ends [m].
+    spacing : float, optional
+        Distance at which what is no number and no `Heights` is sampled [m]: at most that of the
+        seeding lattice is recommended.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    on: float | Heights
+    thickness: float | Heights
+    lower: Vector
+    upper: Vector
+    _: KW_ONLY
+    spacing: float | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self, _level, "lower")
+        check_fields(self, _level, "upper", dim=len(self.lower))
+        check_fields(self, positive, "spacing", optional=True)
+        for axis, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
+            if not high > low:
+                raise ValueError(f"upper[{axis}] = {high} must exceed lower[{axis}] = {low}")
+        set_fields(self, on=self._sampled("on"), thickness=self._sampled("thickness"))
+        thickness = self.thickness
+        least = thickness.z.min() if isinstance(thickness, Heights) else thickness
+        most = thickness.z.max() if isinstance(thickness, Heights) else thickness
+        if not least >= 0 or not most > 0:
+            raise ValueError(f"thickness must be >= 0 and somewhere > 0, is {least} to {most}")
+
+    def _sampled(self, name: str) -> float | Heights:
+        value = getattr(self, name)
+        if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
+            return finite(name, value)
+        if isinstance(value, Heights):
+            if len(value.lower) != len(self.lower):
+                raise ValueError(f"{name} must have heights along {len(self.lower)} axes")
+            return value
+        if self.spacing is None:
+            raise ValueError(f"spacing = None must be a number where {name} is to be sampled")
+        if isinstance(value, (Sequence, np.ndarray)):
+            return Heights(np.asarray(value), self.lower, self.spacing)
+        if not (callable(value) or isinstance(value, (Surface, Solid))):
+            raise TypeError(f"{name} = {value!r} must be a number, an array, a function or a body")
+        return Heights.of(value, self.lower, self.upper, self.spacing)
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        on, thickness = self.on, self.thickness
+        bottom = on.z if isinstance(on, Heights) else np.array(on)
+        extra = thickness.z if isinstance(thickness, Heights) else np.array(thickness)
+        alike = (
+            not isinstance(on, Heights)
+            or not isinstance(thickness, Heights)
+            or (on.lower, on.spacing, on.z.shape)
+            == (thickness.lower, thickness.spacing, thickness.z.shape)
+        )
+        top = (bottom + extra).max() if alike else bottom.max() + extra.max()
+        return (*self.lower, float(bottom.min())), (*self.upper, float(top))
+
+    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+        low, high = self._ends(x)
+        parts = [part for part in (self.on, self.thickness) if isinstance(part, Heights)]
+        margin = reach * math.hypot(1.0, sum(part.steepest for part in parts))
+        z, level = x[:, -1], x[:, :-1]
+        bottom, top = np.abs(z - low) <= margin, np.abs(z - high) <= margin
+        gaps = np.minimum(np.abs(level - self.lower), np.abs(level - self.upper))
+        sides = (gaps <= reach).any(axis=1) & (z >= low - margin) & (z <= high + margin)
+        found: NDArray[np.bool_] = bottom | top | sides
+        return found
+
+    def _ends(self, x: Array) -> tuple[Array, Array]:
+        level = x[:, :-1]
+        low, extra = (
+            part.height(level) if isinstance(part, Heights) else np.full(len(x), part)
+            for part in (self.on, self.thickness)
+        )
+        return low, low + extra
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        low, high = self._ends(x)
+        level = np.all((x[:, :-1] >= self.lower) & (x[:, :-1] < self.upper), axis=1)
+        inside: NDArray[np.bool_] = level & (x[:, -1] >= low) & (x[:, -1] < high)
+        return inside
+
+    def depth(self, x: Array, up: Array, step: float) -> Array:
+        if up[-1] < 1.0:
+            return super().depth(x, up, step)
+        below: Array = np.maximum(self._ends(x)[1] - x[:, -1], 0.0)
+        return below
+
+
+@dataclass(frozen=True)
+class Polygon(Region):
+    """A polygon in 2D, or a prism in 3D whose cross-section it is.
+
+    Parameters
+    ----------
+    vertices : sequence of pairs of float
+        Corners in order [m], at least 3. In 3D they are coordinates along the two other axes.
+        Where edges cross, a place is inside if a ray from it meets an odd number of edges.
+    span : tuple of 2 floats, optional
+        Ends along `axis` [m], which make a prism; none in 2D.
+    axis : {"x", "y", "z"}
+        Axis of a prism.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    vertices: tuple[tuple[float, float], ...]
+    span: tuple[float, float] | None = None
+    axis: str = "y"
+
+    def __post_init__(self) -> None:
+        corners = array("vertices", self.vertices, (None, 2))
+        if len(corners) < 3 or not np.all(np.ptp(corners, axis=0) > 0):
+            raise ValueError("vertices must be at least 3, not in a line along an axis")
+        set_fields(self, vertices=tuple(map(tuple, corners.tolist())))
+        one_of("axis", self.axis, AXES)
+        if self.span is not None:
+            low, high = vector("span", self.span, 2)
+            if not high > low:
+                raise ValueError(f"span = {(low, high)} must have its low end first")
+            set_fields(self, span=(low, high))
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        low, high = np.min(self.vertices, axis=0), np.max(self.vertices, axis=0)
+        if self.span is not None:
+            at = AXES.index(self.axis)
+            low, high = (
+                np.insert(end, at, s) for end, s in zip((low, high), self.span, strict=True)
+            )
+        return tuple(low.tolist()), tuple(high.tolist())
+
+    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+        flat, near = x, np.zeros(len(x), dtype=bool)
+        if self.span is not None:
+            at = AXES.index(self.axis)
+            near = np.abs(x[:, [at]] - self.span).min(axis=1) <= reach
+            flat = np.delete(x, at, axis=1)
+        corners = np.array(self.vertices)
+        for start, end in zip(np.roll(corners, 1, axis=0), corners, strict=True):
+            along = end - start
+            size = float(along @ along)
+            share = np.clip((flat - start) @ along / size, 0.0, 1.0) if size else np.zeros(len(x))
+            away = flat - start - share[:, None] * along
+            near |= np.einsum("ij,ij->i", away, away) <= reach**2
+        return near
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        inside = np.zeros(len(x), dtype=bool)
+        flat, among = x, np.ones(len(x), dtype=bool)
+        if self.span is not None:
+            at = AXES.index(self.axis)
+            among = (x[:, at] >= self.span[0]) & (x[:, at] < self.span[1])
+            flat = np.delete(x, at, axis=1)
+        before = self.vertices[-1]
+        for corner in self.vertices:
+            (x0, y0), (x1, y1) = before, corner
+            if y0 != y1:
+                crosses = (y0 > flat[:, 1]) != (y1 > flat[:, 1])
+                inside ^= crosses & (flat[:, 0] < x0 + (flat[:, 1] - y0) * ((x1 - x0) / (y1 - y0)))
+            before = corner
+        return inside & among
+
+
+@dataclass(frozen=True, eq=False)
+class Mask(ComparedByContent, Region):
+    """The squares (cubes) of a regular grid that are marked.
+
+    Parameters
+    ----------
+    inside : array_like of bool, shape (n_x, n_y) or (n_x, n_y, n_z)
+        True for the squares of the region; at least one.
+    lower : tuple of float, length dim
+        Lower corner of the first square [m].
+    spacing : float
+        Edge of a square [m], > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    inside: NDArray[np.bool_]
+    lower: Vector
+    spacing: float
+
+    def __post_init__(self) -> None:
+        check_fields(self, vector, "lower")
+        check_fields(self, positive, "spacing")
+        check_fields(self, array, "inside", shape=(None,) * len(self.lower), dtype=bool)
+        if not self.inside.any():
+            raise ValueError(f"inside of shape {self.inside.shape} must be True somewhere")
+
+    @classmethod
+    def of(
+        cls, function: Callable[[Array], ArrayLike], lower: Any, upper: Any, spacing: float
+    ) -> Self:
+        """Sample a function of places, shape (n, dim) [m], that is True inside, shape (n,).
+
+        With the `contains` of a region this makes one that can be written into a record. With the
+        spacing of the seeding lattice, from the corner of a cell on, it is exact at its sites.
+        """
+        low = vector("lower", lower)
+        high = vector("upper", upper, len(low))
+        step = positive("spacing", spacing)
+        counts = [math.ceil((b - a) / step - 1e-9) for a, b in zip(low, high, strict=True)]
+        if min(counts) < 1:
+            raise ValueError(f"upper = {high} must exceed lower = {low}")
+        if math.prod(counts) > MAX_COUNT:
+            raise ValueError(f"spacing = {step} must make at most {MAX_COUNT} squares")
+        x = combined([a + step * (np.arange(n) + 0.5) for a, n in zip(low, counts, strict=True)])
+        inside = np.asarray(function(x), dtype=bool)
+        if inside.shape != (len(x),):
+            raise ValueError(f"function returned the shape {inside.shape}, must be ({len(x)},)")
+        return cls(inside.reshape(counts, order="F"), low, step)
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        marked = np.nonzero(self.inside)
+        ends = [
+            (low + int(at.min()) * self.spacing, low + (int(at.max()) + 1) * self.spacing)
+            for low, at in zip(self.lower, marked, strict=True)
+        ]
+        lower, upper = zip(*ends, strict=True)
+        return lower, upper
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        place = np.floor((x - self.lower) / self.spacing)
+        among = np.all((place >= 0) & (place < self.inside.shape), axis=1)
+        found = np.zeros(len(x), dtype=bool)
+        found[among] = self.inside[tuple(place[among].astype(np.int64).T)]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud(ComparedByContent, Region):
+    """Points given one by one; as a region, the squares (cubes) of their volumes about them.
+
+    A `Fill` of a cloud has just these points. Its `points_per_cell` then only says how dense they
+    are about.
+
+    Parameters
+    ----------
+    x : array_like, shape (n, dim)
+        Positions [m].
+    volume : float or array_like, shape (n,)
+        Volumes [m^dim], > 0. The mass of a point is its volume times its density.
+    velocity : array_like, shape (n, dim), optional
+        Velocities [m/s]; that of the fill by default.
+    density : array_like, shape (n,), optional
+        Densities [kg/m3], > 0; that of the fill by default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    x: Array
+    volume: Array
+    velocity: Array | None = None
+    density: Array | None = None
+
+    def __post_init__(self) -> None:
+        x = array("x", self.x, (None, None))
+        if not len(x) or x.shape[1] not in (2, 3):
+            raise ValueError(f"x of shape {x.shape} must be (n, 2) or (n, 3) with n >= 1")
+        if np.ndim(self.volume) == 0:
+            set_fields(self, volume=np.full(len(x), positive("volume", self.volume)))
+        set_fields(self, x=x)
+        check_fields(self, array, "volume", shape=(len(x),))
+        check_fields(self, array, "density", shape=(len(x),), optional=True)
+        check_fields(self, array, "velocity", shape=x.shape, optional=True)
+        for name in ("volume", "density"):
+            values = getattr(self, name)
+            if values is not None and not (values > 0).all():
+                raise ValueError(f"{name}: the least is {values.min()}, must be > 0")
+
+    @property
+    def _half(self) -> Array:
+        """Half the edges of the squares of the points [m], shape (n,)."""
+        half: Array = 0.5 * self.volume ** (1.0 / self.x.shape[1])
+        return half
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        return tuple(self.x.min(axis=0).tolist()), tuple(self.x.max(axis=0).tolist())
+
+    @property
+    def _box(self) -> tuple[Vector, Vector]:
+        half = self._half[:, None]
+        lower, upper = (self.x - half).min(axis=0), (self.x + half).max(axis=0)
+        return tuple(lower.tolist()), tuple(upper.tolist())
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        half = self._half
+        # The nearest by the largest component; of squares of one size, it is the one around.
+        gap, nearest = cKDTree(self.x).query(x, p=np.inf, distance_upper_bound=half.max())
+        found = np.isfinite(gap)
+        found[found] = gap[found] < half[nearest[found]]
+        return found
