@@ -7,6 +7,7 @@
 
 #include "mpm/contact.h"
 #include "mpm/feet.h"
+#include "mpm/fluidity_bodies.h"
 #include "mpm/open_volume.h"
 #include "core/piecewise.h"
 #include "core/team.h"

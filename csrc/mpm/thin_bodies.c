@@ -65,6 +65,7 @@ static void look(const struct gr_engine *e, const struct gr_thin_part *thin, con
         side->facing = 0;
     }
     side->body = thin->body;
+    side->part = thin->part;
     side->mid = thin->front * y[thin->axis];
     side->distance = sqrt(square + side->mid * side->mid);
     side->half = part->size[thin->axis];

@@ -53,7 +53,7 @@ def diffuse_arguments(shape=(3, 4)):
         "dt": 1e-3, "steps": 2,
         "tolerance": 1e-8, "max_iterations": 100, "periodic": (True, False, True)[: len(shape)],
         "faces": np.zeros((2 * len(shape), *shape), np.uint8), "dense": np.ones(shape, bool),
-        "g": np.ones(shape), "threads": 1, "isa": "",
+        "g": np.ones(shape), "distance": np.full(shape, 0.005), "threads": 1, "isa": "",
     }  # fmt: skip
 
 
