@@ -19,7 +19,7 @@
 
 /* Points that have slipped in at an edge by more than DEEPEST, and less than LOST, are moved out, in cells, by at most OUT
  * in so many steps. */
-#define DEEPEST 0.2
+#define DEEPEST 0.1
 #define LOST 1.5
 #define OUT 0.1
 enum { OUT_INTERVAL = 8 };
