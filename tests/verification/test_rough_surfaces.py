@@ -71,8 +71,8 @@ def test_second_order_at_any_angle(angle_deg, offset, stencil):
 
 @pytest.mark.parametrize("stencil", ["faces", "isotropic"])
 def test_second_order_in_3d(stencil):
-    errors = [square(n, 17.0, 0.25, stencil, dim=3)[1] for n in (6, 12, 24)]
-    assert errors[-1] < 7e-3
+    errors = [square(n, 17.0, 0.25, stencil, dim=3)[1] for n in (5, 10, 20)]
+    assert errors[-1] < 0.01
     assert math.log2(errors[-2] / errors[-1]) == pytest.approx(2.0, abs=0.1)
 
 
@@ -201,7 +201,7 @@ def flow(until, angle_deg, offset, ratio, rows, width):
     )
 
 
-FLOW = {"until": 0.4, "ratio": 2.0, "rows": 16, "width": 8}
+FLOW = {"until": 0.25, "ratio": 2.0, "rows": 12, "width": 18}
 
 
 @functools.lru_cache
@@ -212,15 +212,20 @@ def on_a_grid_line():
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 @pytest.mark.parametrize(
     ("angle_deg", "offset"),
-    [(45.0, 0.3), *(pytest.param(*c, marks=pytest.mark.slow) for c in ((17.0, 0.0), (36.0, 0.5)))],
+    [(17.0, 0.0), (45.0, 0.3), pytest.param(36.0, 0.0, marks=pytest.mark.slow)],
 )
 def test_a_layer_flows_alike_on_a_turned_base(angle_deg, offset):
-    """Relative to the speed at the surface. With g = 0 on faces of cells it is 6 % off at 45 deg."""
+    """Relative to the speed at the surface. With g = 0 on faces of cells it is 10 % off at 45 deg.
+
+    The lower half alone is within 1.5 %. The rest comes from the free surface, where cells count as
+    full as soon as they hold a point.
+    """
     found, expected = flow(angle_deg=angle_deg, offset=offset, **FLOW), on_a_grid_line()
     material = grains_of(FLOW["ratio"], FLOW["rows"])
     exact = chute_profile(SLOPE, FLOW["rows"] * CELL, material)
     assert expected.mean() == pytest.approx(exact.mean, rel=0.03)
     assert abs(found - expected).max() < 0.03 * expected.max()
+    assert abs(found - expected)[:6].max() < 0.015 * expected.max()
 
 
 def stopping_height_of(mean, ratio, rows):
@@ -238,7 +243,7 @@ def test_the_stopping_height_does_not_depend_on_the_angle():
 
     The H_stop with which the exact flow is that found is exact to 0.2 % on a base along the grid.
     """
-    case = {"until": 0.5, "ratio": 1.25, "rows": 10, "width": 12}
+    case = {"until": 0.3, "ratio": 1.25, "rows": 10, "width": 16}
     stop = [
         stopping_height_of(flow(angle_deg=angle, offset=0.0, **case).mean(), 1.25, 10)
         for angle in (0.0, 17.0)
