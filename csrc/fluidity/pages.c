@@ -202,7 +202,8 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
     for (int k = 0; k < sides; k++) {
         const int8_t *o = f->offset[k / 2];
         const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
-        const int64_t to = reach(f, cell, at, offset), j = gr_fluidity_find(f, to, back), across = gr_fluidity_find(f, to, !back);
+        const int64_t to = reach(f, cell, at, offset), j = gr_fluidity_find(f, to, back),
+                      across = gr_fluidity_find(f, to, !back);
         if (f->beside) f->beside[i * sides + k] = (int32_t)(j < 0 ? across : j);
         if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->rough_walls[i] += 2;
         if (across >= 0 && to != cell && add_wrap(f, i, across, k)) return GR_ERR_MEMORY;

@@ -16,8 +16,7 @@ static void list_rough(const struct gr_engine *e, struct rough_bodies *rough)
     rough->e = e;
     rough->n = 0;
     for (int b = 0; b < e->config.n_bodies; b++)
-        if (e->config.bodies[b].rough)
-            gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &rough->pose[rough->n++]);
+        if (e->config.bodies[b].rough) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &rough->pose[rough->n++]);
 }
 
 /* Distance of x from the surface of a body without the part `skipped`; a bound of it where the body is far. */

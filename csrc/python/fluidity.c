@@ -100,8 +100,8 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 
 PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",      "dt",  "steps", "tolerance",
-                            "max_iterations", "periodic", "faces", "dense", "g", "distance", "threads", "isa", NULL};
+    static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",       "dt",      "steps", "tolerance",
+                            "max_iterations", "periodic", "faces", "dense", "g", "distance", "threads", "isa",   NULL};
     struct gr_fluidity_config config = {0};
     struct gr_diffusion_call call = {0};
     const char *method, *stencil, *isa;
@@ -111,7 +111,8 @@ PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args
     PyArrayObject *arrays[4] = {NULL};
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOOis:fluidity_diffuse", names, &method, &stencil,
                                      &config.dx, &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance,
-                                     &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &objects[3], &threads, &isa))
+                                     &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &objects[3],
+                                     &threads, &isa))
         return NULL;
     call.steps = steps, config.max_iterations = max_iterations;
     const struct gr_kernels *kernels = gr_take_kernels(isa);

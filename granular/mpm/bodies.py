@@ -143,8 +143,9 @@ class Body:
     friction : float
         Coulomb friction coefficient, >= 0; must be 0 for "sticky".
     rough : bool
-        Boundary condition of the fluidity of a nonlocal law on the faces of cells nearest to the
-        surface: if True the fluidity is 0, as at a no-slip wall; if False its normal derivative is.
+        Boundary condition of the fluidity of a nonlocal law: if True the fluidity is 0 at the
+        surface, as at a no-slip wall; if False its normal derivative is 0, on the faces of cells
+        nearest to the surface.
     free : str
         Axes along which gravity and the forces of the material move the body instead of its
         `motion`, such as "z" or "xy"; its initial velocity is that of its `motion`.
