@@ -111,8 +111,7 @@ def _seeded(
     if even:
         sites = _sites(grid, fill)
         return sites, np.full(len(sites), spacing**grid.dim)
-    lattice = _lattice(grid, fill)
-    return open_parts(lattice, spacing, distance, region.contains, region.cuts)
+    return open_parts(_lattice(grid, fill), spacing, distance, region)
 
 
 def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
@@ -191,7 +190,7 @@ def seed_points(
         Direction against gravity, of length 1, along which the depth is measured; the last axis by
         default.
     even : bool
-        If True, all points of a lattice have the volume of a whole square.
+        If True, all points have the volume of a whole square of the seeding lattice.
 
     Returns
     -------
