@@ -436,9 +436,9 @@ class Difference(Region):
 class Fill:
     """Material that fills a region at the start, as points on a regular seeding lattice.
 
-    Points keep out of the bodies of a scene: where a body cuts a square (cube) of the seeding
-    lattice, the point lies at the centroid of the open part and has the volume of that part, so
-    that the first row follows the surface. Parts of less than a tenth go to a neighbour.
+    Points keep out of the bodies of a scene: where a body cuts the square (cube) of a site, the
+    point is at the centroid of the open part and has the volume of that part, so that the first row
+    follows the surface. Parts of less than a tenth go to a neighbour.
 
     Parameters
     ----------
