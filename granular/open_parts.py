@@ -36,7 +36,9 @@ NEIGHBOURS = 8
 """Nearest points among which the neighbour of a small part is looked for."""
 LEAST_NORMAL = 1e-3
 """Least component of a normal in the closed form for the part of a cube above a plane."""
-CHUNK = 4000
+REACH = 0.5 * np.sqrt(3.0)
+"""Distance of the corners of a cube of edge 1 from its centre; for a square a bound."""
+CHUNK = 1000
 """Squares that are cut at a time, for the sake of memory."""
 CORNERS = {dim: np.array(list(product((-0.5, 0.5), repeat=dim))) for dim in (2, 3)}
 """Corners of a square (cube) of edge 1 about the origin."""
@@ -98,7 +100,7 @@ def _pieces(
         centres = (centres[:, None] + edge * CORNERS[dim]).reshape(-1, dim)
         owner = np.repeat(owner, 2**dim)
         phi, normal = distance(centres)
-        reach = 0.5 * edge * np.sqrt(dim)
+        reach = REACH * edge
         whole = (phi >= reach) & ~mixed[owner]
         found.append((owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole]))
         left = (phi > -reach) & ~whole
@@ -190,7 +192,7 @@ def open_parts(
         Volumes [m^dim]. Those of parts below `LEAST_SHARE` are added to a neighbour.
     """
     dim, phi = sites.shape[1], distance(sites)[0]
-    reach = 0.5 * edge * np.sqrt(dim)
+    reach = REACH * edge
     mixed = region.cuts(sites, reach) & (phi > -reach)
     cut = np.flatnonzero((np.abs(phi) < reach) | mixed)
     whole = (phi >= reach) & ~mixed
