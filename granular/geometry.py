@@ -161,6 +161,14 @@ class Region(ABC):
         """
         return np.zeros(len(x), dtype=bool)
 
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distance of places from the boundary that is to cut squares, and its inward normals.
+
+        The distance, shape (n,) [m], is positive inside and infinite without such a boundary. Near
+        to the boundary its error is of second order in the distance.
+        """
+        return np.full(len(x), np.inf), np.zeros_like(x)
+
     def depth(
         self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
     ) -> NDArray[np.float64]:
@@ -332,6 +340,16 @@ def _common_box(
     return tuple(map(low, lows)), tuple(map(high, highs))
 
 
+def least(
+    found: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least of several distances, and the normals that go with it."""
+    distances, normals = (np.array(part) for part in zip(*found, strict=True))
+    of = distances.argmin(axis=0)
+    every = np.arange(len(of))
+    return distances[of, every], normals[of, every]
+
+
 @dataclass(frozen=True)
 class Union(Region):
     """The points that lie in at least one of `regions`."""
@@ -347,6 +365,16 @@ class Union(Region):
 
     def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
         return np.any([region.cuts(x, reach) for region in self.regions], axis=0)
+
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        found = []
+        for region in self.regions:
+            away, inwards = region.distance(x)
+            # A region without such a boundary is infinitely far, inside or outside.
+            open_ = np.isinf(away) & ~region.contains(x)
+            found.append((np.where(open_, np.inf, -away), -inwards))
+        away, outwards = least(found)
+        return -away, -outwards
 
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.any([region.contains(x) for region in self.regions], axis=0)
@@ -371,6 +399,9 @@ class Intersection(Region):
     def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
         return np.any([region.cuts(x, reach) for region in self.regions], axis=0)
 
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return least([region.distance(x) for region in self.regions])
+
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.all([region.contains(x) for region in self.regions], axis=0)
 
@@ -392,6 +423,11 @@ class Difference(Region):
     def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
         return self.region.cuts(x, reach) | self.without.cuts(x, reach)
 
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        away, inwards = self.without.distance(x)
+        away = np.where(np.isinf(away), np.inf, -away)
+        return least([self.region.distance(x), (away, -inwards)])
+
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return self.region.contains(x) & ~self.without.contains(x)
 
@@ -400,15 +436,16 @@ class Difference(Region):
 class Fill:
     """Material that fills a region at the start, as points on a regular seeding lattice.
 
-    Points keep out of the bodies of a scene: where a body cuts a square (cube) of the lattice, the
-    point lies at the centroid of the open part and has its volume, so that the first row follows
-    the surface. Parts of less than a tenth of a square go to a neighbour.
+    Points keep out of the bodies of a scene: where a body cuts the square (cube) of a site, the
+    point is at the centroid of the open part and has the volume of that part, so that the first row
+    follows the surface. Parts of less than a tenth go to a neighbour.
 
     Parameters
     ----------
     region : Region
-        Region to fill: every site of the seeding lattice that lies inside gets a point. A `Polygon`
-        or `Layer` cuts the squares of the lattice as bodies do. A `Cloud` holds the points itself.
+        Region to fill: every site of the seeding lattice that lies inside gets a point. The
+        boundary of a `Polygon` or `Layer` cuts squares as bodies do. A `Cloud` holds the points
+        itself.
     points_per_cell : int
         Points in a full cell: q^2 in 2D, q^3 in 3D.
     density : float or None
@@ -419,9 +456,10 @@ class Fill:
         Amplitude of a random displacement, 0 to 1: it is uniform within +- jitter/2 point spacings
         along each axis.
     lithostatic : bool
-        If True, the material is in equilibrium with gravity from the start: each point has the
+        If True, the material bears its weight from the start: each point has the
         pressure of the depth below the top of the region above it, against gravity, and the density
-        that goes with this pressure. If False, it is stress-free.
+        that goes with this pressure. This is an equilibrium where the top is level. If False, the
+        material is stress-free.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Open parts of the squares (cubes) of a seeding lattice that bodies cut.
 
-Where a body cuts a square of the lattice, its point lies at the centroid of the part outside of the
-body, and has the volume of that part: half its own thickness off a plane along the lattice.
+Where a body cuts a square, its point lies at the centroid of the part outside of the body, and has
+the volume of that part: on a level floor half its own thickness off it.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
+
+from granular.geometry import Region
 
 __all__ = ["Distance", "nowhere", "open_parts", "plane_cut"]
 
@@ -34,7 +36,9 @@ NEIGHBOURS = 8
 """Nearest points among which the neighbour of a small part is looked for."""
 LEAST_NORMAL = 1e-3
 """Least component of a normal in the closed form for the part of a cube above a plane."""
-CHUNK = 4000
+REACH = 0.5 * np.sqrt(3.0)
+"""Distance of the corners of a cube of edge 1 from its centre; for a square a bound."""
+CHUNK = 1000
 """Squares that are cut at a time, for the sake of memory."""
 CORNERS = {dim: np.array(list(product((-0.5, 0.5), repeat=dim))) for dim in (2, 3)}
 """Corners of a square (cube) of edge 1 about the origin."""
@@ -83,33 +87,38 @@ def plane_cut(distance: Array, normal: Array, edge: float) -> tuple[Array, Array
 
 
 def _pieces(
-    centres: Array,
-    edge: float,
-    distance: Distance,
-    contains: Callable[[Array], NDArray[np.bool_]],
-    mixed: NDArray[np.bool_],
+    centres: Array, edge: float, distance: Distance, region: Region, mixed: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int64], Array, Array, Array]:
-    """Open pieces of cut squares: index of the square, place, volume, and normal of the surface.
+    """Open pieces of cut squares: index of the square, place, volume, and normal of the body.
 
     Of `mixed` squares, which the boundary of the region cuts, all pieces are eighths.
     """
     dim = centres.shape[1]
     owner, found = np.arange(len(centres)), []
-    for level in range(LEVELS):
+    for _ in range(LEVELS):
         edge *= 0.5
         centres = (centres[:, None] + edge * CORNERS[dim]).reshape(-1, dim)
         owner = np.repeat(owner, 2**dim)
         phi, normal = distance(centres)
-        reach = 0.5 * edge * np.sqrt(dim)
-        done = (phi >= reach) & (~mixed[owner] | (level == LEVELS - 1))
-        found.append((owner[done], centres[done], np.full(done.sum(), edge**dim), normal[done]))
-        left = (phi > -reach) & ~done
+        reach = REACH * edge
+        whole = (phi >= reach) & ~mixed[owner]
+        found.append((owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole]))
+        left = (phi > -reach) & ~whole
         owner, centres, phi, normal = owner[left], centres[left], phi[left], normal[left]
-    share, height = plane_cut(phi, normal, edge)
-    found.append((owner, centres + (height - phi)[:, None] * normal, share * edge**dim, normal))
+    plane, across = phi, normal
+    if mixed.any():
+        within, inwards = region.distance(centres)
+        nearer = (within < phi) & mixed[owner]
+        plane = np.where(nearer, within, phi)
+        across = np.where(nearer[:, None], inwards, normal)
+    # Beyond the corners of a piece the plane does not matter.
+    plane = np.clip(plane, -edge * dim, edge * dim)
+    share, height = plane_cut(plane, across, edge)
+    at = centres + (height - plane)[:, None] * across
+    found.append((owner, at, share * edge**dim, normal))
     index = np.concatenate([part[0] for part in found])
     at, volume, normal = (np.concatenate([part[k] for part in found]) for k in (1, 2, 3))
-    inside = contains(at) & (volume > 0)
+    inside = region.contains(at) & (volume > 0)
     return index[inside], at[inside], volume[inside], normal[inside]
 
 
@@ -160,8 +169,7 @@ def open_parts(
     sites: Array,
     edge: float,
     distance: Distance,
-    contains: Callable[[Array], NDArray[np.bool_]],
-    cuts: Callable[[Array, float], NDArray[np.bool_]],
+    region: Region,
 ) -> tuple[Array, Array]:
     """Places and volumes of the points of a region that bodies are in.
 
@@ -173,8 +181,7 @@ def open_parts(
         Edge of the squares [m].
     distance : Distance
         Distances from the bodies.
-    contains, cuts : callable
-        As of a `granular.geometry.Region`.
+    region : Region
 
     Returns
     -------
@@ -185,16 +192,16 @@ def open_parts(
         Volumes [m^dim]. Those of parts below `LEAST_SHARE` are added to a neighbour.
     """
     dim, phi = sites.shape[1], distance(sites)[0]
-    reach = 0.5 * edge * np.sqrt(dim)
-    mixed = cuts(sites, reach) & (phi > -reach)
+    reach = REACH * edge
+    mixed = region.cuts(sites, reach) & (phi > -reach)
     cut = np.flatnonzero((np.abs(phi) < reach) | mixed)
     whole = (phi >= reach) & ~mixed
-    whole[whole] = contains(sites[whole])
+    whole[whole] = region.contains(sites[whole])
     clear = np.flatnonzero(whole)
     parts = [(clear, sites[clear], np.full(len(clear), edge**dim))]
     for begin in range(0, len(cut), CHUNK):
         some = cut[begin : begin + CHUNK]
-        owner, *pieces = _pieces(sites[some], edge, distance, contains, mixed[some])
+        owner, *pieces = _pieces(sites[some], edge, distance, region, mixed[some])
         parts.append(_grouped(some[owner], *pieces))
     owner, x, volume = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     order = np.argsort(owner, kind="stable")

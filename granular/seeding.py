@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
 from granular.geometry import MAX_COUNT, Fill, Grid, check_inside, combined
-from granular.open_parts import LEAST_SHARE, Distance, nowhere, open_parts
+from granular.open_parts import LEAST_SHARE, REACH, Distance, nowhere, open_parts
 from granular.regions import Cloud
 
 __all__ = ["DEEPEST", "Points", "estimated_points", "seed_points"]
@@ -60,7 +60,12 @@ def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
 
 
 def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
-    """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest."""
+    """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest.
+
+    Those of a cloud are its points.
+    """
+    if isinstance(fill.region, Cloud):
+        return fill.region.x
     x = _lattice(grid, fill)
     return x[fill.region.contains(x)]
 
@@ -108,24 +113,21 @@ def _seeded(
     if isinstance(region, Cloud):
         return np.clip(region.x, grid.lower, _last(grid)), region.volume
     spacing = grid.cell / fill.points_per_axis
-    if even:
-        sites = _sites(grid, fill)
-        return sites, np.full(len(sites), spacing**grid.dim)
-    lattice = _lattice(grid, fill)
-    return open_parts(lattice, spacing, distance, region.contains, region.cuts)
+    x = _lattice(grid, fill)
+    if not even and (distance is not nowhere or region.cuts(x, spacing * REACH).any()):
+        return open_parts(x, spacing, distance, region)
+    sites = x[region.contains(x)]
+    return sites, np.full(len(sites), spacing**grid.dim)
 
 
 def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
     """Refuse fills that overlap or leave the grid, and given points deep in bodies."""
     if not fills:
         raise ValueError("fills = () must hold at least one Fill")
-    sites = []
     for i, fill in enumerate(fills):
         check_inside(f"fills[{i}]", grid, fill.region)
         if not isinstance(fill.region, Cloud):
-            sites.append(_sites(grid, fill))
             continue
-        sites.append(fill.region.x)
         phi, _ = distance(fill.region.x)
         if phi.min() < -DEEPEST * grid.cell:
             place = tuple(fill.region.x[phi.argmin()].tolist())
@@ -133,6 +135,9 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
                 f"fills[{i}].region has a point at {place} that is {-phi.min():.3g} m within a "
                 f"body, must be at most {DEEPEST * grid.cell:.3g} m, {DEEPEST} cells"
             )
+    if len(fills) == 1:
+        return
+    sites = [_sites(grid, fill) for fill in fills]
     for i, j in permutations(range(len(fills)), 2):
         shared = fills[j].region.contains(sites[i])
         if shared.any():
@@ -191,7 +196,7 @@ def seed_points(
         Direction against gravity, of length 1, along which the depth is measured; the last axis by
         default.
     even : bool
-        If True, all points of a lattice have the volume of a whole square.
+        If True, all points have the volume of a whole square of the seeding lattice.
 
     Returns
     -------

@@ -10,7 +10,8 @@ import numpy as np
 
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
-from granular.mpm.limits import check_time_step, distance_from_bodies
+from granular.mpm.body_distances import distance_from_bodies
+from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.seeding import estimated_points

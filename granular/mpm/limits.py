@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from itertools import combinations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from granular import _core
 from granular.geometry import combined
 from granular.materials import MuI
+from granular.mpm.body_distances import distances, nearest, periods
 from granular.mpm.body_measures import deepest, reach, thicknesses
-from granular.mpm.body_shapes import padded, turned
 from granular.mpm.walls import Solid, Wall
-from granular.open_parts import nowhere
 from granular.seeding import DEEPEST
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
-    from granular.mpm.bodies import Body, BodyState
+    from granular.mpm.bodies import Body
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 
@@ -34,7 +30,6 @@ __all__ = [
     "check_time_step",
     "courant_limit",
     "damps_by_step",
-    "distance_from_bodies",
     "dt_limit",
     "height",
     "known_failures",
@@ -167,7 +162,7 @@ def check_overlaps(scene: Scene) -> None:
     most = 0.5 * scene.grid.cell
     for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
         places = _places_about(scene, min(one, other, key=_reach))
-        both = np.maximum(_distances(scene, one, places), _distances(scene, other, places))
+        both = np.maximum(distances(scene, one, places), distances(scene, other, places))
         deep = -min(both, default=0.0)
         if deep > most:
             raise ValueError(
@@ -179,89 +174,14 @@ def check_overlaps(scene: Scene) -> None:
 def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
     """Centres of the cells of the domain that may lie within a body or an image of it, (n, 3)."""
     grid, extent, axes = scene.grid, _reach(body), []
-    for axis, period in zip(range(grid.dim), _periods(scene, body), strict=False):
+    for axis, period in zip(range(grid.dim), periods(scene, body), strict=False):
         middle = grid.lower[axis] + grid.cell * (np.arange(grid.shape[axis]) + 0.5)
-        axes.append(middle[abs(_nearest(middle - body.position[axis], period)) <= extent])
+        axes.append(middle[abs(nearest(middle - body.position[axis], period)) <= extent])
     return np.pad(combined(axes), ((0, 0), (0, 3 - body.dim)))
-
-
-def _periods(scene: Scene, body: Body) -> NDArray[np.float64]:
-    """Periods [m] with which a body has images along x, y and z; inf without images.
-
-    As in the core, there are none along axes on which the body reaches farther than half a period.
-    """
-    grid, periods = scene.grid, np.full(3, np.inf)
-    lengths = grid.cell * np.array(grid.shape)
-    reaches = body.extents()[: grid.dim]
-    repeats = np.array(grid.periodic) & (2 * reaches <= lengths)
-    periods[: grid.dim][repeats] = lengths[repeats]
-    return periods
-
-
-def _nearest(
-    arms: NDArray[np.floating], period: float | NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distances from a body, or vectors, as from its nearest image."""
-    finite = np.where(np.isfinite(period), period, 0.0)
-    nearest: NDArray[np.float64] = arms - finite * np.rint(arms / period)
-    return nearest
 
 
 def _reach(body: Body) -> float:
     return reach(body.shape.rows(), body.dim)
-
-
-def _distances(scene: Scene, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances [m] of places (n, 3) from a body, or its nearest image, at the start."""
-    return _from_body(scene, body, places, turned(body.rotation_deg), padded(body.position))[0]
-
-
-def _from_body(
-    scene: Scene,
-    body: Body,
-    places: NDArray[np.float64],
-    turn: Rotation,
-    position: Sequence[float],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""
-    own = turn.inv().apply(_nearest(places - position, _periods(scene, body)))
-    rows, samples = body.shape.rows(), body.shape.samples()
-    distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(own))
-    return distance, turn.apply(normal)
-
-
-def distance_from_bodies(
-    scene: Scene, states: Sequence[BodyState] = ()
-) -> Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Make the function of the distance of places (n, dim) from the nearest body, and its normal.
-
-    Bodies are where the `states` have them, or where they are at the start.
-    """
-    if not scene.bodies:
-        return nowhere
-    dim = scene.dim
-    poses = [(turned(body.rotation_deg), body.position) for body in scene.bodies]
-    if states:
-        poses = []
-        for state in states:
-            matrix = np.eye(3)
-            matrix[:dim, :dim] = state.rotation
-            poses.append((Rotation.from_matrix(matrix), tuple(state.position)))
-
-    def distance(
-        x: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        least, normal = nowhere(x)
-        if not len(x):
-            return least, normal
-        places = np.pad(x, ((0, 0), (0, 3 - dim)))
-        for body, (turn, position) in zip(scene.bodies, poses, strict=True):
-            found, away = _from_body(scene, body, places, turn, padded(position))
-            nearer = found < least
-            least[nearer], normal[nearer] = found[nearer], away[nearer, :dim]
-        return least, normal
-
-    return distance
 
 
 def keeps_sides(scheme: Scheme) -> bool:
@@ -518,7 +438,7 @@ def _is_full(scene: Scene, most: int) -> bool:
     for body in scene.bodies:
         if not len(left):
             break
-        left = left[_distances(scene, body, np.pad(left, ((0, 0), (0, 3 - body.dim)))) > 0]
+        left = left[distances(scene, body, np.pad(left, ((0, 0), (0, 3 - body.dim)))) > 0]
     return not len(left)
 
 

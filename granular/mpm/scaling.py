@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import geometry, materials, regions
+from granular import geometry, materials, regions, surfaces
 from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.mpm import bodies as rigid
@@ -70,8 +70,8 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Union: {},
     geometry.Intersection: {},
     geometry.Difference: {},
-    regions.Heights: {"z": "length", "lower": "length", "spacing": "length"},
-    regions.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
+    surfaces.Heights: {"z": "length", "lower": "length", "spacing": "length"},
+    surfaces.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
     regions.Polygon: {"vertices": "length", "span": "length"},
     regions.Mask: {"lower": "length", "spacing": "length"},
     regions.Cloud: {"x": "length", "volume": "volume", "velocity": "velocity"},

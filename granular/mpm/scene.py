@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from granular import geometry, regions
+from granular import geometry, regions, surfaces
 from granular.checks import check_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
@@ -17,6 +17,7 @@ from granular.materials import Material
 from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.bodies import Body
+from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_shapes import Shape
 from granular.mpm.node_codes import c0_lines, check_c0_lines
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, default
@@ -128,7 +129,7 @@ class Scene(BaseScene):
         gravity = self.gravity.at(0.0)
         size = math.hypot(*gravity)
         up = tuple((-gravity / size).tolist()) if size else None
-        return {"distance": limits.distance_from_bodies(self), "up": up}
+        return {"distance": distance_from_bodies(self), "up": up}
 
     @property
     def servos(self) -> list[Servo]:
@@ -178,8 +179,11 @@ register(
     geometry.Union,
     geometry.Intersection,
     geometry.Difference,
-    regions.Heights,
-    *(getattr(regions, name) for name in ("Cloud", "Layer", "Mask", "Polygon")),
+    regions.Cloud,
+    regions.Mask,
+    regions.Polygon,
+    surfaces.Heights,
+    surfaces.Layer,
     *Material.__subclasses__(),
     Fluidity,
     *DENSITIES.values(),

@@ -13,7 +13,7 @@ from granular.checks import truth
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
-from granular.mpm.limits import distance_from_bodies
+from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses

@@ -8,8 +8,8 @@ from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm import limits
 from granular.mpm.bodies import Body, Box, Cylinder, Motion, Union
+from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.walls import Wall
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
@@ -163,7 +163,7 @@ def test_images_of_bodies_are_looked_for_as_bodies_are(dim):
 
     # The image reaches as far as the fill up, and two thirds along y.
     points = (scene := made(length - 0.6, at_end)).points()
-    assert (limits.distance_from_bodies(scene)(points.x)[0] > 0).all()
+    assert (distance_from_bodies(scene)(points.x)[0] > 0).all()
     whole = made(length - 0.6).points().volume.sum()
     assert points.volume.sum() == pytest.approx(whole * (1 - (2 / 3) ** (dim - 2) / 3))
     other = Body(Box((edge,) * dim), (length - 0.2, *up, 1.0))
