@@ -77,15 +77,7 @@ static void in_part(const struct gr_part *part, const double x[3], double y[3])
         y[d] = r[d] * (x[0] - part->center[0]) + r[3 + d] * (x[1] - part->center[1]) + r[6 + d] * (x[2] - part->center[2]);
 }
 
-/* Distance from the third axis, and the direction away from it. */
-static double radial(const double y[3], double out[3])
-{
-    const double radius = sqrt(y[0] * y[0] + y[1] * y[1]);
-    out[0] = radius > 0 ? y[0] / radius : 1;
-    out[1] = radius > 0 ? y[1] / radius : 0;
-    out[2] = 0;
-    return radius;
-}
+static double from_axis(const double y[3]) { return sqrt(y[0] * y[0] + y[1] * y[1]); }
 
 static struct gr_chain chain_of(const struct gr_part *part)
 {
@@ -100,24 +92,30 @@ static double prism_distance(const struct gr_part *part, const double y[3], doub
     return corner_distance(2, beyond, face, normal);
 }
 
-/* Of a capsule, a torus or a revolved chain. */
-static double round_distance(const struct gr_part *part, const double y[3], double normal[3])
+static double capsule_distance(const struct gr_part *part, const double y[3], double normal[3])
 {
-    const double *size = part->size;
-    double away[3], n[2], distance;
-    const double radius = radial(y, away);
+    const double *size = part->size, rest = y[2] - fmax(-size[1], fmin(y[2], size[1]));
+    const double arm = sqrt(y[0] * y[0] + y[1] * y[1] + rest * rest), per_arm = arm > 0 ? 1 / arm : 0;
+    normal[0] = arm > 0 ? y[0] * per_arm : 1, normal[1] = y[1] * per_arm, normal[2] = rest * per_arm;
+    return arm - size[0];
+}
+
+/* Of a torus or a revolved chain: in the half-plane of the distance from the axis and the position along it. */
+static double revolved_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    const double radius = from_axis(y), per_radius = radius > 0 ? 1 / radius : 0;
+    double n[2], distance;
     if (part->kind == GR_PART_REVOLVED) {
         const struct gr_chain chain = chain_of(part);
-        distance = gr_chain_distance(&chain, (double[]){radius, y[2]}, n) - size[1];
+        distance = gr_chain_distance(&chain, (double[]){radius, y[2]}, n) - part->size[1];
     } else {
-        const int torus = part->kind == GR_PART_TORUS;
-        n[0] = torus ? radius - size[0] : radius;
-        n[1] = torus ? y[2] : y[2] - fmax(-size[1], fmin(y[2], size[1]));
-        const double arm = sqrt(n[0] * n[0] + n[1] * n[1]);
-        distance = arm - size[torus];
-        n[0] = arm > 0 ? n[0] / arm : 1, n[1] = arm > 0 ? n[1] / arm : 0;
+        const double off = radius - part->size[0], arm = sqrt(off * off + y[2] * y[2]), per_arm = arm > 0 ? 1 / arm : 0;
+        distance = arm - part->size[1];
+        n[0] = arm > 0 ? off * per_arm : 1, n[1] = y[2] * per_arm;
     }
-    normal[0] = n[0] * away[0], normal[1] = n[0] * away[1], normal[2] = n[1];
+    normal[0] = radius > 0 ? n[0] * y[0] * per_radius : n[0];
+    normal[1] = n[0] * y[1] * per_radius;
+    normal[2] = n[1];
     return distance;
 }
 
@@ -135,7 +133,10 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
         distance = sampled_distance(part, y, local);
         break;
     case GR_PART_CYLINDER: {
-        const double beyond[2] = {radial(y, face[0]) - size[0], fabs(y[2]) - size[1]};
+        const double radius = from_axis(y);
+        const double beyond[2] = {radius - size[0], fabs(y[2]) - size[1]};
+        face[0][0] = radius > 0 ? y[0] / radius : 1;
+        face[0][1] = radius > 0 ? y[1] / radius : 0;
         face[1][2] = y[2] < 0 ? -1 : 1;
         distance = corner_distance(2, beyond, face, local);
         break;
@@ -152,8 +153,11 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
     case GR_PART_POLYGON:
         distance = prism_distance(part, y, local);
         break;
+    case GR_PART_CAPSULE:
+        distance = capsule_distance(part, y, local);
+        break;
     default:
-        distance = round_distance(part, y, local);
+        distance = revolved_distance(part, y, local);
     }
     const double sign = part->inside ? -1 : 1;
     for (int d = 0; d < 3; d++) normal[d] = sign * dot(r + 3 * d, local);
@@ -183,12 +187,12 @@ static int chain_edges(const struct gr_part *part, const double p[2], double nea
 static int shape_edges(const struct gr_part *part, const double y[3], double near)
 {
     const double *size = part->size;
-    double inset[3], n[3];
+    double inset[3], n[2];
     switch (part->kind) {
     case GR_PART_SAMPLED:
         return GR_EDGE_CONVEX | GR_EDGE_CONCAVE;
     case GR_PART_CYLINDER:
-        inset[0] = size[0] - radial(y, n), inset[1] = size[1] - fabs(y[2]);
+        inset[0] = size[0] - from_axis(y), inset[1] = size[1] - fabs(y[2]);
         return edge_of_two(2, inset, size, near);
     case GR_PART_BOX:
         for (int d = 0; d < 3; d++) inset[d] = size[d] - fabs(y[d]);
@@ -200,7 +204,7 @@ static int shape_edges(const struct gr_part *part, const double y[3], double nea
         return inset[0] > inset[1] ? ends : ends | chain_edges(part, y, near);
     }
     case GR_PART_REVOLVED:
-        return chain_edges(part, (double[]){radial(y, n), y[2]}, near);
+        return chain_edges(part, (double[]){from_axis(y), y[2]}, near);
     default:
         return 0;
     }

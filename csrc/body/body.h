@@ -4,10 +4,11 @@
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
-#define GR_PARTS(X)                                                                                                         \
-    X(GR_PART_BOX, box)                                                                                                     \
-    X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled) X(GR_PART_CAPSULE, capsule) \
-        X(GR_PART_TORUS, torus) X(GR_PART_POLYGON, polygon) X(GR_PART_REVOLVED, revolved) GR_OPERATIONS(X)
+#define GR_PARTS(X)                                                                                                   \
+    X(GR_PART_BOX, box)                                                                                               \
+    X(GR_PART_CYLINDER, cylinder)                                                                                     \
+    X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled) X(GR_PART_CAPSULE, capsule) X(GR_PART_TORUS, torus) \
+        X(GR_PART_POLYGON, polygon) X(GR_PART_REVOLVED, revolved) GR_OPERATIONS(X)
 #define GR_OPERATIONS(X) \
     X(GR_PART_UNION, union) X(GR_PART_INTERSECTION, intersection) X(GR_PART_OFFSET, offset) X(GR_PART_SHELL, shell)
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)

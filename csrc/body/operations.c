@@ -87,7 +87,7 @@ static inline struct result operate(const struct gr_part *part, const struct res
 }
 
 /* Distance, normal and edges of a body; edges only if `near` is not negative. */
-static inline struct result evaluate(const struct gr_part *parts, int n, const double x[3], double near)
+__attribute__((noinline)) static struct result evaluate(const struct gr_part *parts, int n, const double x[3], double near)
 {
     struct result result[GR_MAX_PARTS];
     int count = 0;
@@ -109,9 +109,21 @@ static inline struct result evaluate(const struct gr_part *parts, int n, const d
 
 double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3])
 {
-    const struct result out = evaluate(parts, n, x, -1);
-    memcpy(normal, out.normal, sizeof out.normal);
-    return out.distance;
+    for (int k = 1; k < n; k++) {
+        if (!is_operation(parts + k)) continue;
+        const struct result out = evaluate(parts, n, x, -1);
+        memcpy(normal, out.normal, sizeof out.normal);
+        return out.distance;
+    }
+    double nearest = gr_part_distance(parts, x, normal); /* bodies without operations are the most frequent */
+    for (int k = 1; k < n; k++) {
+        double other[3];
+        const double distance = gr_part_distance(parts + k, x, other);
+        if (!(distance < nearest)) continue;
+        nearest = distance;
+        memcpy(normal, other, sizeof other);
+    }
+    return nearest;
 }
 
 int gr_union_edge_near(const struct gr_part *parts, int n, const double x[3], double near)

@@ -145,7 +145,7 @@ def extents(shape: Shape, rotation: Array, turning: Array) -> Array:
             placed = cover.turned(rotation)
             return np.array([_along(placed, e) for e in np.eye(3)])
 
-        return np.broadcast_to(_folded(shape, along, 1.0), 3)
+        return np.full(3, _folded(shape, along, 1.0))
     about = turns[0] / np.linalg.norm(turns[0])
     if np.linalg.norm(np.cross(turns, about), axis=1).max() > TINY * np.linalg.norm(turns):
         return np.full(3, reach(shape))
@@ -154,7 +154,7 @@ def extents(shape: Shape, rotation: Array, turning: Array) -> Array:
         placed = cover.turned(rotation)
         return np.array([_swept(placed, about, d) for d in range(3)])
 
-    return np.broadcast_to(_folded(shape, swept, 1.0), 3)
+    return np.full(3, _folded(shape, swept, 1.0))
 
 
 def _along(cover: Cover, e: Array) -> float:

@@ -7,7 +7,15 @@ from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
-from granular.checks import check_fields, non_negative, positive, sequence, set_fields, truth, vector
+from granular.checks import (
+    check_fields,
+    non_negative,
+    positive,
+    sequence,
+    set_fields,
+    truth,
+    vector,
+)
 from granular.mpm.body_sections import chain_rows
 from granular.mpm.body_shapes import Array, Shape, axes_about, direction, padded, row_of
 
