@@ -25,7 +25,7 @@ __all__ = ["Polygon", "Prism", "Revolve"]
 
 MOST_VERTICES = 1000
 
-Vertices = tuple[tuple[float, float], ...]
+Vertices = tuple[tuple[float, ...], ...]
 
 
 def _chain(name: str, value: Sequence[Sequence[float]], *, closed: bool, radial: bool) -> Vertices:
@@ -36,8 +36,8 @@ def _chain(name: str, value: Sequence[Sequence[float]], *, closed: bool, radial:
         raise ValueError(f"{name}: {len(given)} must be {least} to {MOST_VERTICES} vertices")
     vertices = tuple(vector(f"{name}[{i}]", vertex, 2) for i, vertex in enumerate(given))
     for i, vertex in enumerate(vertices):
-        after = vertices[(i + 1) % len(vertices)]
-        if vertex == after and (closed or i + 1 < len(vertices)):
+        following = vertices[(i + 1) % len(vertices)]
+        if vertex == following and (closed or i + 1 < len(vertices)):
             raise ValueError(f"{name}[{i}] = {vertex} must differ from the next vertex")
         if radial and vertex[0] < 0:
             raise ValueError(f"{name}[{i}] = {vertex} must have a distance r >= 0 from the axis")
@@ -84,7 +84,7 @@ def _crossing(x: Array) -> tuple[int, int] | None:
 
 def chain_rows(
     kind: str,
-    vertices: Sequence[Sequence[float]],
+    vertices: Sequence[Sequence[float]] | Array,
     center: Sequence[float],
     axes: Array,
     *,

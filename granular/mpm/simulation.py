@@ -21,9 +21,7 @@ from granular.state import State
 
 __all__ = ["Simulation"]
 
-CARRIED = frozenset(
-    {"affine", "density_gradient", "shift_velocity", "damping", "g_gain", "side", "contact_force"}
-)
+CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "damping", "g_gain", "side", "contact_force"})
 """Fields that a scheme carries from step to step.
 
 Checkpoints hold them, frames do not: they would become larger by two thirds, and no measure needs

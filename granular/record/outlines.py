@@ -108,7 +108,12 @@ def revolved(outline: Array, dim: int) -> Patches:
     return vertices.reshape(-1, 3), faces
 
 
-def _sampling(shape: Shape, size: float) -> tuple[Array, Array, float]:
+def _indices(counts: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Indices of all cells, shape (*counts, dim)."""
+    return np.moveaxis(np.asarray(np.indices(tuple(int(n) for n in counts))), 0, -1)
+
+
+def _sampling(shape: Shape, size: float) -> tuple[Array, NDArray[np.intp], float]:
     """Lower corner and number of cells of a grid about the surface of a shape, and its spacing."""
     dim = shape.dim
     far = np.minimum(extents(shape, np.eye(3), np.zeros((1, 3)))[:dim], size)
@@ -116,7 +121,7 @@ def _sampling(shape: Shape, size: float) -> tuple[Array, Array, float]:
     for _ in range(3):  # towards a part beside the position of the body
         step = (upper - lower).max() / 32
         counts = np.maximum(np.ceil((upper - lower) / step - 1e-9).astype(int), 1)
-        middles = lower + step * (np.stack(np.indices(counts), -1).reshape(-1, dim) + 0.5)
+        middles = lower + step * (_indices(counts).reshape(-1, dim) + 0.5)
         near = middles[abs(shape.distance(middles)[0]) < step * math.sqrt(dim)]
         if not len(near):
             break
@@ -136,7 +141,7 @@ def contoured(shape: Shape, size: float) -> Patches:
     """
     dim = shape.dim
     lower, counts, step = _sampling(shape, size)
-    middles = lower + step * (np.stack(np.indices(counts), -1) + 0.5)
+    middles = lower + step * (_indices(counts) + 0.5)
     distance = shape.distance(middles.reshape(-1, dim))[0].reshape(counts)
     solid = distance < 0
     bounded = bool(np.isfinite(extents(shape, np.eye(3), np.zeros((1, 3)))[:dim]).all())
@@ -145,16 +150,21 @@ def contoured(shape: Shape, size: float) -> Patches:
     used, faces = np.unique(corners, return_inverse=True)
     at = np.stack(np.unravel_index(used, counts + 1), axis=-1)
     vertices = np.pad(lower + step * at, ((0, 0), (0, 3 - dim)))
-    moved = np.array([_has_open_cell(solid, at, offset) for offset in product((0, 1), repeat=dim)])
-    _move_onto(shape, vertices, moved.any(axis=0))
-    return vertices, [tuple(face) for face in faces.reshape(corners.shape).tolist()]
+    open_cells = [
+        _has_open_cell(solid, at, offset) for offset in _indices(np.full(dim, 2)).reshape(-1, dim)
+    ]
+    _move_onto(shape, vertices, np.logical_or.reduce(open_cells))
+    polygons = faces.reshape(corners.shape)
+    return vertices, [tuple(int(i) for i in polygon) for polygon in polygons]
 
 
-def _has_open_cell(solid: NDArray[np.bool_], at: NDArray[np.intp], offset: Sequence[int]) -> Array:
+def _has_open_cell(
+    solid: NDArray[np.bool_], at: NDArray[np.intp], offset: NDArray[np.intp]
+) -> NDArray[np.bool_]:
     """True for corners of which the cell on one side exists and is not in the solid."""
-    cell = at - np.array(offset)
-    exists = ((cell >= 0) & (cell < solid.shape)).all(axis=1)
-    return exists & ~solid[tuple(np.clip(cell, 0, np.array(solid.shape) - 1).T)]
+    cell, counts = at - offset, np.array(solid.shape)
+    exists = ((cell >= 0) & (cell < counts)).all(axis=1)
+    return np.asarray(exists & ~solid[tuple(np.clip(cell, 0, counts - 1).T)])
 
 
 def _move_onto(shape: Shape, vertices: Array, which: NDArray[np.bool_]) -> None:
