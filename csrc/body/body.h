@@ -4,13 +4,19 @@
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
-#define GR_PARTS(X)                                                                                                   \
-    X(GR_PART_BOX, box)                                                                                               \
-    X(GR_PART_CYLINDER, cylinder)                                                                                     \
-    X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled) X(GR_PART_CAPSULE, capsule) X(GR_PART_TORUS, torus) \
-        X(GR_PART_POLYGON, polygon) X(GR_PART_REVOLVED, revolved) GR_OPERATIONS(X)
-#define GR_OPERATIONS(X) \
-    X(GR_PART_UNION, union) X(GR_PART_INTERSECTION, intersection) X(GR_PART_OFFSET, offset) X(GR_PART_SHELL, shell)
+#define GR_PARTS(X)                       \
+    X(GR_PART_BOX, box)                   \
+    X(GR_PART_CYLINDER, cylinder)         \
+    X(GR_PART_HALF_SPACE, half_space)     \
+    X(GR_PART_SAMPLED, sampled)           \
+    X(GR_PART_CAPSULE, capsule)           \
+    X(GR_PART_TORUS, torus)               \
+    X(GR_PART_POLYGON, polygon)           \
+    X(GR_PART_REVOLVED, revolved)         \
+    X(GR_PART_UNION, union)               \
+    X(GR_PART_INTERSECTION, intersection) \
+    X(GR_PART_OFFSET, offset)             \
+    X(GR_PART_SHELL, shell)
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
 
 #define GR_X(constant, name) constant,
@@ -37,7 +43,7 @@ struct gr_part {
                              of a revolved chain, m, anticlockwise */
 };
 
-/* Edges of a surface that a place is near to: where the solid turns by less than a straight angle, or by more. */
+/* Edges of a surface that a place is near to: the angle within the solid is less than a straight one, or greater. */
 enum { GR_EDGE_CONVEX = 1, GR_EDGE_CONCAVE = 2 };
 static inline int gr_edges_inverted(int edges) { return edges >> 1 | (edges & 1) << 1; }
 

@@ -107,28 +107,45 @@ __attribute__((noinline)) static struct result evaluate(const struct gr_part *pa
     return count == 1 ? result[0] : extreme(result, count, -1, near);
 }
 
-double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3])
+static int has_operations(const struct gr_part *parts, int n)
 {
-    for (int k = 1; k < n; k++) {
-        if (!is_operation(parts + k)) continue;
-        const struct result out = evaluate(parts, n, x, -1);
-        memcpy(normal, out.normal, sizeof out.normal);
-        return out.distance;
-    }
-    double nearest = gr_part_distance(parts, x, normal); /* bodies without operations are the most frequent */
+    for (int k = 1; k < n; k++)
+        if (is_operation(parts + k)) return 1;
+    return 0;
+}
+
+/* Distance and normal of the union of n shapes. Bodies without operations are the most frequent. */
+static double nearest(const struct gr_part *parts, int n, const double x[3], double normal[3], int *part)
+{
+    double least = gr_part_distance(parts, x, normal);
+    *part = 0;
     for (int k = 1; k < n; k++) {
         double other[3];
         const double distance = gr_part_distance(parts + k, x, other);
-        if (!(distance < nearest)) continue;
-        nearest = distance;
+        if (!(distance < least)) continue;
+        least = distance;
+        *part = k;
         memcpy(normal, other, sizeof other);
     }
-    return nearest;
+    return least;
+}
+
+double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3])
+{
+    int part;
+    if (!has_operations(parts, n)) return nearest(parts, n, x, normal, &part);
+    const struct result out = evaluate(parts, n, x, -1);
+    memcpy(normal, out.normal, sizeof out.normal);
+    return out.distance;
 }
 
 int gr_union_edge_near(const struct gr_part *parts, int n, const double x[3], double near)
 {
-    return evaluate(parts, n, x, near).edges & GR_EDGE_CONVEX;
+    double normal[3];
+    int part;
+    if (has_operations(parts, n)) return evaluate(parts, n, x, near).edges & GR_EDGE_CONVEX;
+    nearest(parts, n, x, normal, &part);
+    return gr_part_edges(parts + part, x, near) & GR_EDGE_CONVEX;
 }
 
 /* Bounds of a convex function in a solid and in the rest. */

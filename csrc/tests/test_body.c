@@ -156,7 +156,7 @@ TEST(convex_edges_of_shapes)
 
 TEST(convex_edges_of_operations)
 {
-    /* a plate with a hole; a hole that is filled again; what is rounded; two boxes that meet at a concave edge */
+    /* a slab with a hole; a hole that is filled again; what is rounded; two boxes that meet at a concave edge */
     struct gr_part parts[4] = {part(GR_PART_BOX, 4, 4, 1), part(GR_PART_CYLINDER, 1, INFINITY, 0),
                                operation(GR_PART_INTERSECTION, 2), part(GR_PART_CYLINDER, 1, 1, 0)};
     parts[1].inside = 1;

@@ -158,8 +158,8 @@ class Body:
 
     Parameters
     ----------
-    shape : Box, Cylinder, HalfSpace, Mesh or Union
-        Shape, in coordinates of the body.
+    shape : Shape
+        One of the shapes of this module, such as a `Box`, in coordinates of the body.
     position : tuple of float, length dim
         Origin of these coordinates at the start [m].
     rotation_deg : float or tuple of 3 floats

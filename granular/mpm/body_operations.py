@@ -101,7 +101,7 @@ class Union(Shape):
 
 @dataclass(frozen=True)
 class Intersection(Shape):
-    """What several shapes have in common; a wedge, for example, of two half-spaces.
+    """The common part of several shapes; a wedge, for example, is that of two half-spaces.
 
     Its signed distance is the greatest of theirs. This is exact inside and beside the faces; beyond
     an edge or corner it is less than the distance, as if faces went on.

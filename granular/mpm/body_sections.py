@@ -226,7 +226,7 @@ class Prism(Shape):
 
 @dataclass(frozen=True)
 class Revolve(Shape):
-    """What a profile sweeps that turns about an axis, in coordinates of its body.
+    """A solid of revolution: a profile turned about an axis, in coordinates of its body.
 
     In 2D it is the section through the axis: the profile and its mirror image. A silo with its
     hopper, for example, is ``Revolve([(0.02, 0), (0.1, 0.1), (0.1, 0.4)], center=..., axis=...,

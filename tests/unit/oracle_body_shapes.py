@@ -37,7 +37,7 @@ def _own(turn, x):
 
 
 def _ring(profile):
-    """What a curve (r, z) of u sweeps."""
+    """The surface that a curve (r, z) of u sweeps."""
 
     def patch(u, v):
         r, z = profile(u)
