@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from granular.geometry import combined
 from granular.materials import MuI
 from granular.mpm.body_distances import distances, nearest, periods
-from granular.mpm.body_measures import deepest, reach, thicknesses
+from granular.mpm.body_measures import reach, thicknesses
 from granular.mpm.walls import Solid, Wall
 from granular.seeding import DEEPEST
 from granular.theory.well_posed import well_posed_slopes
@@ -147,7 +147,7 @@ def check_blades(scene: Scene) -> None:
     if keeps_sides(scheme):
         return
     for i, body in enumerate(scene.bodies):
-        thickness, _ = thicknesses(body.shape.rows(), body.dim)
+        thickness, _ = thicknesses(body.shape)
         if thickness < least * (1 - 1e-9):
             raise ValueError(
                 f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
@@ -181,7 +181,7 @@ def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
 
 
 def _reach(body: Body) -> float:
-    return reach(body.shape.rows(), body.dim)
+    return reach(body.shape)
 
 
 def keeps_sides(scheme: Scheme) -> bool:
@@ -358,11 +358,10 @@ def _blades(scene: Scene) -> str | None:
     """
     reach = THIN + 1 if scene.scheme.basis == "quadratic" else THIN
     for i, body in enumerate(scene.bodies):
-        box, other = thicknesses(body.shape.rows(), body.dim)
-        other = min(other, deepest(body.shape.samples()))
+        box, other = thicknesses(body.shape)
         if other < 3 * scene.grid.cell * (1 - 1e-9):
             return (
-                f"bodies[{i}] has a cylinder or mesh of {other:.4g} m: below 3 cells the force on "
+                f"bodies[{i}] has a part of {other:.4g} m: below 3 cells the force on "
                 "it depends on its position in the grid, and below 2 it may contain no node"
             )
         if box >= reach * scene.grid.cell * (1 - 1e-9):

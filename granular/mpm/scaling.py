@@ -60,6 +60,7 @@ def _of_units(kind: type[Density | Scheme]) -> dict[str, str]:
 
 
 _MATERIAL = {"E": "stress", "d": "length", "t0": "time"}
+_SECTION = {"center": "length", "thickness": "length"}
 _MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Grid: {"lower": "length", "cell": "length"},
@@ -85,7 +86,19 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     rigid.Cylinder: {"radius": "length", "length": "length", "center": "length"},
     rigid.HalfSpace: {"through": "length"},
     rigid.Mesh: {"vertices": "length", "spacing": "length"},
+    rigid.Sphere: {"radius": "length", "center": "length"},
+    rigid.Capsule: {"radius": "length", "length": "length", "center": "length"},
+    rigid.Torus: {"radius": "length", "tube": "length", "center": "length"},
+    rigid.Frustum: {**_SECTION, "radii": "length", "length": "length"},
+    rigid.Polygon: {**_SECTION, "vertices": "length"},
+    rigid.Prism: {**_SECTION, "vertices": "length", "length": "length"},
+    rigid.Revolve: {**_SECTION, "profile": "length"},
     rigid.Union: {},
+    rigid.Intersection: {},
+    rigid.Difference: {},
+    rigid.Complement: {},
+    rigid.Offset: {"by": "length"},
+    rigid.Shell: {"thickness": "length"},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass"},
     Scene: {"duration": "time"},

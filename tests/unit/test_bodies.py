@@ -421,7 +421,7 @@ def test_extents_are_those_of_all_orientations_of_a_motion(seed):
             row[14:] = row[14], row[14], row[15]
         places = row[2:5] + (sides * row[14:]) @ row[5:14].reshape(3, 3).T
         swept = max_over_turns(start.apply(places), turns)
-        found = extents(shape.rows(), 3, start.as_matrix(), np.array([about, 2 * about]))
+        found = extents(shape, start.as_matrix(), np.array([about, 2 * about]))
         assert (found >= swept - 1e-12).all()
         assert (found <= swept + (slack if about.any() else 1e-2)).all()
 
@@ -433,11 +433,11 @@ def max_over_turns(places, turns):
 
 
 def test_infinite_extents_stay_along_their_axis():
-    axle = Cylinder(0.1, center=(0, 0, 0), axis=(0, 1, 0)).rows()
+    axle = Cylinder(0.1, center=(0, 0, 0), axis=(0, 1, 0))
     rest, about_y, about_z = np.zeros((1, 3)), np.eye(3)[[1]], np.eye(3)[[2]]
-    assert extents(axle, 3, np.eye(3), rest) == pytest.approx([0.1, np.inf, 0.1])
-    assert extents(axle, 3, np.eye(3), about_y) == pytest.approx([0.1, np.inf, 0.1])
-    assert extents(axle, 3, np.eye(3), about_z) == pytest.approx([np.inf, np.inf, 0.1])
+    assert extents(axle, np.eye(3), rest) == pytest.approx([0.1, np.inf, 0.1])
+    assert extents(axle, np.eye(3), about_y) == pytest.approx([0.1, np.inf, 0.1])
+    assert extents(axle, np.eye(3), about_z) == pytest.approx([np.inf, np.inf, 0.1])
     both = np.concatenate([about_y, about_z])
-    assert np.isinf(extents(axle, 3, np.eye(3), both)).all()
-    assert extents(Box((1.0, 2.0)).rows(), 2, np.eye(3), rest)[:2] == pytest.approx([0.5, 1.0])
+    assert np.isinf(extents(axle, np.eye(3), both)).all()
+    assert extents(Box((1.0, 2.0)), np.eye(3), rest)[:2] == pytest.approx([0.5, 1.0])
