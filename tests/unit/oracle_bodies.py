@@ -71,9 +71,10 @@ class Feet:
     """Feet of the points of a simulation on a body, with what acts there.
 
     `distance` (n,) [m] and `normal` (n, 3) are those of the points, `x` (n, 3) [m] the places of
-    the feet, or of the points whose feet lie outside of the domain, `force` (n, 3) [N] that on the material, `pressing` (n,) its part along the normal,
-    `flat` (n,) where the surface is flat within half a cell, `slip` (n, 3) [m/s] the velocity of
-    the material relative to the surface, NaN where there is not enough mass at all nodes.
+    the feet, or of the points whose feet lie outside of the domain, `force` (n, 3) [N] that on the
+    material, `pressing` (n,) its part along the normal, `flat` (n,) where the surface is flat
+    within half a cell, `slip` (n, 3) [m/s] the velocity of the material relative to the surface,
+    NaN where there is not enough mass at all nodes.
     """
 
     def __init__(self, sim, nodes, body, velocity, omega):
