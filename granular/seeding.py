@@ -128,6 +128,8 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
         check_inside(f"fills[{i}]", grid, fill.region)
         if not isinstance(fill.region, Cloud):
             continue
+        if fill.lithostatic and fill.region.density is not None:
+            raise ValueError(f"fills[{i}].region.density must be None in a lithostatic fill")
         phi, _ = distance(fill.region.x)
         if phi.min() < -DEEPEST * grid.cell:
             place = tuple(fill.region.x[phi.argmin()].tolist())

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import combined
+from granular.geometry import Fill, combined
 from granular.materials import MuI
 from granular.mpm.body_distances import distances, nearest, periods
 from granular.mpm.body_measures import reach, thicknesses
 from granular.mpm.walls import Solid, Wall
+from granular.regions import Cloud
 from granular.seeding import DEEPEST
 from granular.theory.well_posed import well_posed_slopes
 
@@ -193,8 +194,19 @@ def _fastest(scene: Scene) -> float:
     """Largest speed [m/s] of the material at the start, of the bodies and of the walls."""
     moving = (wall.velocity for wall in scene.walls if isinstance(wall, Wall))
     walls = (math.hypot(*velocity) for velocity in moving if velocity)
-    points = (math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
+    points = (_speed(fill) for fill in scene.fills)
     return max(*points, *walls, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
+
+
+def _speed(fill: Fill) -> float:
+    """Largest speed [m/s] of the points of a fill at the start."""
+    if (
+        fill.velocity is None
+        and isinstance(fill.region, Cloud)
+        and fill.region.velocity is not None
+    ):
+        return float(np.linalg.norm(fill.region.velocity, axis=1).max())
+    return math.hypot(*fill.velocity) if fill.velocity else 0.0
 
 
 def damps_by_step(scheme: Scheme) -> bool:

@@ -20,13 +20,14 @@ TRIANGLE = gr.Polygon(((0.1, 0.1), (0.9, 0.2), (0.35, 0.8)))
 TRIANGLE_AREA = 0.5 * (0.8 * 0.7 - 0.1 * 0.25)
 
 
-def scene_of(region, *bodies, grid=None, gravity=None, **fill):
+def scene_of(region, *bodies, grid=None, gravity=None, scheme=gr.schemes.default, **fill):
     dim = region.dim
     return gr.Scene(
         name="regions",
         grid=grid or (GRID, SPACE)[dim - 2],
         fills=(gr.Fill(region, 4 if dim == 2 else 1, **fill),),
         material=gr.MuI(E=1e6),
+        scheme=scheme,
         gravity=gr.Gravity((0.0,), (gravity or (0.0,) * (dim - 1) + (-9.8,),)),
         duration=1.0,
         bodies=bodies,
@@ -150,6 +151,11 @@ def test_cloud_is_seeded_as_it_is():
     assert np.allclose(state.mass, volume * 1200)
     assert cloud.contains(x + 0.49 * np.sqrt(volume)[:, None]).all()
     assert not cloud.contains([(0.1, 0.1), (0.9, 0.5)]).any()
+    with pytest.raises(ValueError, match=r"fills\[0\].region.density must be None in a litho"):
+        scene_of(cloud, lithostatic=True).points()
+    fast = scene_of(gr.Cloud(x, volume, velocity=1e3 * x), scheme=gr.Scheme(dt=1e-4))
+    with pytest.raises(ValueError, match=r"dt = 0.0001 must be <= .* points or bodies of \d+ m/s"):
+        gr.Simulation(fast, threads=1)
     deep = gr.Body(HalfSpace((0.0, 1.0)), (0.0, 0.3))
     with pytest.raises(ValueError, match=r"fills\[0\].region has a point at .* within a body"):
         scene_of(cloud, deep).points()
