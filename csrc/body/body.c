@@ -112,42 +112,46 @@ static double revolved_distance(const struct gr_part *part, const double y[3], d
     return distance;
 }
 
+static double box_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    double beyond[3], face[3][3] = {{0}};
+    for (int d = 0; d < 3; d++) {
+        beyond[d] = fabs(y[d]) - part->size[d];
+        face[d][d] = y[d] < 0 ? -1 : 1;
+    }
+    return corner_distance(3, beyond, face, normal);
+}
+
+static double cylinder_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    const double radius = from_axis(y), beyond[2] = {radius - part->size[0], fabs(y[2]) - part->size[1]};
+    double face[2][3] = {{radius > 0 ? y[0] / radius : 1, radius > 0 ? y[1] / radius : 0, 0}, {0, 0, y[2] < 0 ? -1 : 1}};
+    return corner_distance(2, beyond, face, normal);
+}
+
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3])
 {
-    const double *r = part->rotation, *size = part->size;
-    double y[3], local[3], face[3][3] = {{0}}, distance;
+    const double *r = part->rotation;
+    double y[3], local[3] = {0, 0, 1}, distance;
     in_part(part, x, y);
     switch (part->kind) {
     case GR_PART_HALF_SPACE:
-        local[0] = local[1] = 0, local[2] = 1;
         distance = y[2];
+        break;
+    case GR_PART_BOX:
+        distance = box_distance(part, y, local);
+        break;
+    case GR_PART_CYLINDER:
+        distance = cylinder_distance(part, y, local);
         break;
     case GR_PART_SAMPLED:
         distance = sampled_distance(part, y, local);
         break;
-    case GR_PART_CYLINDER: {
-        const double radius = from_axis(y);
-        const double beyond[2] = {radius - size[0], fabs(y[2]) - size[1]};
-        face[0][0] = radius > 0 ? y[0] / radius : 1;
-        face[0][1] = radius > 0 ? y[1] / radius : 0;
-        face[1][2] = y[2] < 0 ? -1 : 1;
-        distance = corner_distance(2, beyond, face, local);
-        break;
-    }
-    case GR_PART_BOX: {
-        double beyond[3];
-        for (int d = 0; d < 3; d++) {
-            beyond[d] = fabs(y[d]) - size[d];
-            face[d][d] = y[d] < 0 ? -1 : 1;
-        }
-        distance = corner_distance(3, beyond, face, local);
-        break;
-    }
-    case GR_PART_POLYGON:
-        distance = prism_distance(part, y, local);
-        break;
     case GR_PART_CAPSULE:
         distance = capsule_distance(part, y, local);
+        break;
+    case GR_PART_POLYGON:
+        distance = prism_distance(part, y, local);
         break;
     default:
         distance = revolved_distance(part, y, local);
