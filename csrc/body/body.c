@@ -79,16 +79,10 @@ static void in_part(const struct gr_part *part, const double x[3], double y[3])
 
 static double from_axis(const double y[3]) { return sqrt(y[0] * y[0] + y[1] * y[1]); }
 
-static struct gr_chain chain_of(const struct gr_part *part)
-{
-    return (struct gr_chain){part->sample, part->shape[1], !(part->size[1] > 0), part->kind == GR_PART_REVOLVED};
-}
-
 static double prism_distance(const struct gr_part *part, const double y[3], double normal[3])
 {
-    const struct gr_chain chain = chain_of(part);
     double face[2][3] = {{0}, {0, 0, y[2] < 0 ? -1 : 1}};
-    const double beyond[2] = {gr_chain_distance(&chain, y, face[0]) - part->size[1], fabs(y[2]) - part->size[0]};
+    const double beyond[2] = {gr_chain_distance(&part->chain, y, face[0]) - part->size[1], fabs(y[2]) - part->size[0]};
     return corner_distance(2, beyond, face, normal);
 }
 
@@ -106,8 +100,7 @@ static double revolved_distance(const struct gr_part *part, const double y[3], d
     const double radius = from_axis(y), per_radius = radius > 0 ? 1 / radius : 0;
     double n[2], distance;
     if (part->kind == GR_PART_REVOLVED) {
-        const struct gr_chain chain = chain_of(part);
-        distance = gr_chain_distance(&chain, (double[]){radius, y[2]}, n) - part->size[1];
+        distance = gr_chain_distance(&part->chain, (double[]){radius, y[2]}, n) - part->size[1];
     } else {
         const double off = radius - part->size[0], arm = sqrt(off * off + y[2] * y[2]), per_arm = arm > 0 ? 1 / arm : 0;
         distance = arm - part->size[1];
@@ -119,42 +112,46 @@ static double revolved_distance(const struct gr_part *part, const double y[3], d
     return distance;
 }
 
+static double box_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    double beyond[3], face[3][3] = {{0}};
+    for (int d = 0; d < 3; d++) {
+        beyond[d] = fabs(y[d]) - part->size[d];
+        face[d][d] = y[d] < 0 ? -1 : 1;
+    }
+    return corner_distance(3, beyond, face, normal);
+}
+
+static double cylinder_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    const double radius = from_axis(y), beyond[2] = {radius - part->size[0], fabs(y[2]) - part->size[1]};
+    double face[2][3] = {{radius > 0 ? y[0] / radius : 1, radius > 0 ? y[1] / radius : 0, 0}, {0, 0, y[2] < 0 ? -1 : 1}};
+    return corner_distance(2, beyond, face, normal);
+}
+
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3])
 {
-    const double *r = part->rotation, *size = part->size;
-    double y[3], local[3], face[3][3] = {{0}}, distance;
+    const double *r = part->rotation;
+    double y[3], local[3] = {0, 0, 1}, distance;
     in_part(part, x, y);
     switch (part->kind) {
     case GR_PART_HALF_SPACE:
-        local[0] = local[1] = 0, local[2] = 1;
         distance = y[2];
+        break;
+    case GR_PART_BOX:
+        distance = box_distance(part, y, local);
+        break;
+    case GR_PART_CYLINDER:
+        distance = cylinder_distance(part, y, local);
         break;
     case GR_PART_SAMPLED:
         distance = sampled_distance(part, y, local);
         break;
-    case GR_PART_CYLINDER: {
-        const double radius = from_axis(y);
-        const double beyond[2] = {radius - size[0], fabs(y[2]) - size[1]};
-        face[0][0] = radius > 0 ? y[0] / radius : 1;
-        face[0][1] = radius > 0 ? y[1] / radius : 0;
-        face[1][2] = y[2] < 0 ? -1 : 1;
-        distance = corner_distance(2, beyond, face, local);
-        break;
-    }
-    case GR_PART_BOX: {
-        double beyond[3];
-        for (int d = 0; d < 3; d++) {
-            beyond[d] = fabs(y[d]) - size[d];
-            face[d][d] = y[d] < 0 ? -1 : 1;
-        }
-        distance = corner_distance(3, beyond, face, local);
-        break;
-    }
-    case GR_PART_POLYGON:
-        distance = prism_distance(part, y, local);
-        break;
     case GR_PART_CAPSULE:
         distance = capsule_distance(part, y, local);
+        break;
+    case GR_PART_POLYGON:
+        distance = prism_distance(part, y, local);
         break;
     default:
         distance = revolved_distance(part, y, local);
@@ -178,9 +175,8 @@ static int edge_of_two(int n, const double inset[], const double size[], double 
 /* Edges of a chain, or of the wall along it, which is round at its ends: sharp if it is thinner than twice `near`. */
 static int chain_edges(const struct gr_part *part, const double p[2], double near)
 {
-    const struct gr_chain chain = chain_of(part);
-    const int edges = gr_chain_edges(&chain, p, near);
-    if (chain.closed || !edges) return edges;
+    const int edges = gr_chain_edges(&part->chain, p, near);
+    if (part->chain.closed || !edges) return edges;
     return GR_EDGE_CONCAVE | (part->size[1] < near ? GR_EDGE_CONVEX : 0);
 }
 
@@ -198,8 +194,7 @@ static int shape_edges(const struct gr_part *part, const double y[3], double nea
         for (int d = 0; d < 3; d++) inset[d] = size[d] - fabs(y[d]);
         return edge_of_two(3, inset, size, near);
     case GR_PART_POLYGON: {
-        const struct gr_chain chain = chain_of(part);
-        inset[0] = size[1] - gr_chain_distance(&chain, y, n), inset[1] = size[0] - fabs(y[2]);
+        inset[0] = size[1] - gr_chain_distance(&part->chain, y, n), inset[1] = size[0] - fabs(y[2]);
         const int ends = edge_of_two(2, inset, (double[]){INFINITY, size[0]}, near);
         return inset[0] > inset[1] ? ends : ends | chain_edges(part, y, near);
     }
@@ -234,7 +229,7 @@ double gr_part_cover(const struct gr_part *part, double half[3])
         return size[1];
     case GR_PART_POLYGON:
     case GR_PART_REVOLVED:
-        for (int k = 0; k < 2 * part->shape[1]; k++) half[k % 2] = fmax(half[k % 2], fabs(part->sample[k]));
+        for (int k = 0; k < 2 * part->chain.n; k++) half[k % 2] = fmax(half[k % 2], fabs(part->chain.vertex[k]));
         half[2] = part->kind == GR_PART_REVOLVED ? half[1] : size[0];
         if (part->kind == GR_PART_REVOLVED) half[1] = half[0];
         return size[1];

@@ -2,6 +2,8 @@
  * infinite along z, the axis of a cylinder is z, and axes of capsules and of revolved chains lie in the plane of x and y. */
 #pragma once
 
+#include "body/chain.h"
+
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
 #define GR_PARTS(X)                       \
@@ -25,22 +27,23 @@ enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 #undef GR_X
 
 /* A part of a body, in body coordinates: a shape, or an operation on the results of the parts before it, which it takes
- * the place of. A union or an intersection is of the last shape[0] results; an offset moves the surface of the last one
+ * the place of. A union or an intersection is of the last results, as many as `operands`; an offset moves the surface of the last one
  * outwards; a shell is the wall along the outer side of its surface. The union of the results that are left is the body. */
 struct gr_part {
     int kind;
-    int inside;           /* 1: the solid is the outside of the surface, and the material is within */
-    double center[3];     /* m */
-    double rotation[9];   /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
+    int inside;            /* 1: the solid is the outside of the surface, and the material is within */
+    double center[3];      /* m */
+    double rotation[9];    /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
                              direction in which a polygon is extended, or the outward normal of a half-space */
-    double size[3];       /* m, may be infinite: half edges of a box or of the box of the samples; radius and half length of
+    double size[3];        /* m, may be infinite: half edges of a box or of the box of the samples; radius and half length of
                              a cylinder; radius of a capsule and half the distance of its two centers; radius of a torus
                              and of its tube; half length of a polygon; distance of an offset; half thickness of a shell.
                              The second of a polygon or revolved chain: 0 if it is closed, or half the thickness of the
                              wall along an open one */
-    int shape[3];         /* number of samples along each axis, equally spaced; {2, n, 1} for n vertices */
-    const double *sample; /* signed distances, m, x fastest, interpolated linearly; or vertices: (x, y) of a polygon, (r, z)
-                             of a revolved chain, m, anticlockwise */
+    int shape[3];          /* number of samples along each axis, equally spaced */
+    const double *sample;  /* signed distances, m, x fastest; interpolated linearly */
+    struct gr_chain chain; /* of a polygon, (x, y), or revolved, (r, z) */
+    int operands;
 };
 
 /* Edges of a surface that a place is near to: the angle within the solid is less than a straight one, or greater. */

@@ -10,7 +10,7 @@ static int is_operation(const struct gr_part *part) { return part->kind >= GR_PA
 static int operands(const struct gr_part *part)
 {
     if (!is_operation(part)) return 0;
-    return part->kind == GR_PART_UNION || part->kind == GR_PART_INTERSECTION ? part->shape[0] : 1;
+    return part->kind == GR_PART_UNION || part->kind == GR_PART_INTERSECTION ? part->operands : 1;
 }
 
 int gr_parts_lack_operands(const struct gr_part *parts, int n)
@@ -63,7 +63,7 @@ static inline struct result extreme(const struct result *r, int n, double sign, 
 /* The result of an operation on the last results. Convex edges of shapes become round where a surface moves outwards. */
 static inline struct result operate(const struct gr_part *part, const struct result *last, double near)
 {
-    const int n = part->shape[0], of_shape = !is_operation(part - 1);
+    const int n = part->operands, of_shape = !is_operation(part - 1);
     const double size = part->size[0];
     struct result out = *last;
     switch (part->kind) {

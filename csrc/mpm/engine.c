@@ -36,7 +36,7 @@ static int copy_bodies(struct gr_config *c)
     return error;
 }
 
-/* Copy the samples of the parts; call it after the parts themselves were copied. */
+/* Copy the samples and vertices of the parts; call it after the parts themselves were copied. */
 static int copy_samples(struct gr_config *c)
 {
     struct gr_part *parts = (struct gr_part *)c->parts;
@@ -44,7 +44,9 @@ static int copy_samples(struct gr_config *c)
     for (int k = 0; parts && k < c->n_parts; k++) {
         const int *n = parts[k].shape;
         const int64_t count = parts[k].sample ? (int64_t)n[0] * n[1] * n[2] : 0;
+        const int vertices = parts[k].chain.vertex ? parts[k].chain.n : 0;
         error |= gr_own((const void **)&parts[k].sample, sizeof(double) * (size_t)count);
+        error |= gr_own((const void **)&parts[k].chain.vertex, 2 * sizeof(double) * (size_t)vertices);
     }
     return error;
 }
@@ -257,7 +259,10 @@ void gr_engine_free(struct gr_engine *e)
     gr_feet_free(e->feet);
     gr_open_volume_free(e->open);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
-    for (int k = 0; e->config.parts && k < e->config.n_parts; k++) free((void *)e->config.parts[k].sample);
+    for (int k = 0; e->config.parts && k < e->config.n_parts; k++) {
+        free((void *)e->config.parts[k].sample);
+        free((void *)e->config.parts[k].chain.vertex);
+    }
     const void *owned[] = {e->config.gravity_times,
                            e->config.gravity_vectors,
                            e->config.walls,

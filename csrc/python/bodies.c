@@ -15,6 +15,7 @@ static int take_samples(PyArrayObject *array, struct gr_part *part)
         if (!(part->size[d] > 0 && part->size[d] < GR_LARGEST)) return gr_refuse("the box of samples must have a size");
         part->shape[d] = (int)n;
     }
+    part->sample = PyArray_DATA(array);
     return 0;
 }
 
@@ -34,7 +35,7 @@ static int take_vertices(PyArrayObject *array, struct gr_part *part)
         beside |= (closed || k + 1 < n) && (a[0] > 0 || b[0] > 0);
     }
     if (revolved && !beside) return gr_refuse("vertices of a revolved chain must not all lie on the axis");
-    part->shape[0] = 2, part->shape[1] = (int)n, part->shape[2] = 1;
+    part->chain = (struct gr_chain){vertex, (int)n, closed, revolved};
     return 0;
 }
 
@@ -43,9 +44,7 @@ static int take_array(PyObject *object, struct gr_part *part)
     const npy_intp any[3] = {-1, -1, -1};
     PyArrayObject *array = gr_array(object, "samples", NPY_DOUBLE, 3, any, 0);
     if (!array || gr_refuse_values("samples", array, -GR_LARGEST)) return -1;
-    if (part->kind == GR_PART_SAMPLED ? take_samples(array, part) : take_vertices(array, part)) return -1;
-    part->sample = PyArray_DATA(array);
-    return 0;
+    return part->kind == GR_PART_SAMPLED ? take_samples(array, part) : take_vertices(array, part);
 }
 
 /* A row (kind, inside, center[3], rotation[9], size[3]). */
@@ -65,10 +64,10 @@ static int take_part(const double *row, struct gr_part *part)
     memcpy(part->center, row + CENTER, sizeof part->center);
     memcpy(part->rotation, row + ROTATION, sizeof part->rotation);
     memcpy(part->size, row + SIZE, sizeof part->size);
-    memset(part->shape, 0, sizeof part->shape);
-    part->sample = NULL;
+    part->sample = part->chain.vertex = NULL;
+    part->operands = 0;
     if (part->kind == GR_PART_UNION || part->kind == GR_PART_INTERSECTION)
-        part->shape[0] = (int)fmin(part->size[0], GR_MAX_PARTS + 1);
+        part->operands = (int)fmin(part->size[0], GR_MAX_PARTS + 1);
     return 0;
 }
 

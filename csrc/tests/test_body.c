@@ -54,15 +54,14 @@ TEST(union_is_the_nearest)
 static struct gr_part chain(int kind, int n, const double *vertices)
 {
     struct gr_part out = part(kind, kind == GR_PART_POLYGON ? 1 : 0, 0, 0);
-    out.shape[0] = 2, out.shape[1] = n, out.shape[2] = 1;
-    out.sample = vertices;
+    out.chain = (struct gr_chain){vertices, n, 1, kind == GR_PART_REVOLVED};
     return out;
 }
 
 static struct gr_part operation(int kind, double size)
 {
     struct gr_part out = part(kind, size, 0, 0);
-    out.shape[0] = (int)size;
+    out.operands = (int)size;
     return out;
 }
 
@@ -83,7 +82,7 @@ TEST(distances_of_round_and_extended_shapes)
     check_distance(&tent, (double[]){0, 0, 6}, 2, (double[]){0, 0, 1});
     check_distance(&tent, (double[]){0, 0, 0.5}, -0.5, (double[]){0, 0, -1});
     check_distance(&tent, (double[]){0, 5.5, 4}, 4.4, (double[]){0, 0.8, 0.6});
-    wall.size[1] = 0.5; /* the line from the middle of the floor to the tip */
+    wall.chain.closed = 0, wall.size[1] = 0.5; /* the line from the middle of the floor to the tip */
     check_distance(&wall, (double[]){0, 0, 2}, 0.7, (double[]){-0.8, 0, -0.6});
     check_distance(&wall, (double[]){0, 2, 0}, -0.5, (double[]){0, 0, -1});
     CHECK_NEAR(gr_union_bound(&rod, 1, 3), 3, 0);
@@ -148,7 +147,7 @@ TEST(convex_edges_of_shapes)
     CHECK(!at_edge(&prism, 1, 2, 1, 0) && !at_edge(&prism, 1, 2, 0.5, 1)); /* the notch; the middle of an end */
     CHECK(at_edge(&tent, 1, 0, 0.05, 4 - 0.2 / 3) && at_edge(&tent, 1, 0, 2.95, 0));
     CHECK(!at_edge(&tent, 1, 0, 0, 0) && !at_edge(&tent, 1, 0, 1.5, 2));
-    wall.size[1] = 0.05; /* its tip is where it goes on as its mirror image */
+    wall.chain.closed = 0, wall.size[1] = 0.05; /* its tip is where it goes on as its mirror image */
     CHECK(at_edge(&wall, 1, 0, 3.05, 0) && !at_edge(&wall, 1, 0, 1, -0.05));
     wall.size[1] = 0.5;
     CHECK(!at_edge(&wall, 1, 0, 3.5, 0));

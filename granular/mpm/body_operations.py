@@ -70,7 +70,8 @@ class Union(Shape):
     """Several shapes as one; a bucket, for example, is a union of boxes.
 
     Its signed distance is the least of theirs. This is exact outside; where shapes overlap, the
-    depth is underestimated.
+    depth is underestimated. Shapes that go on as one surface should overlap rather than touch:
+    where they only touch, a point just below the surface is nearest to the face between them.
 
     Parameters
     ----------
