@@ -24,6 +24,10 @@
 #define OUT 0.1
 enum { OUT_INTERVAL = 8 };
 
+/* Surfaces that hold material whatever its velocity do so up to this distance, over r: rows of points lie at r, and noise
+ * must not decide. */
+#define HOLD 1.5
+
 /* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this; of their shape functions
  * at least this part has mass. */
 #define LEAST_FILLING 0.1
@@ -283,6 +287,7 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
                      double fall, struct gr_foot *foot)
 {
     const int dim = e->config.dim;
+    const int separating = pose->body->contact == GR_CONTACT_SEPARATING;
     double x[3] = {0}, at[3], into = 0;
     for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + place];
     const double phi = distance_on_side(e, cell, b, pose, x, foot->arm, foot->normal);
@@ -290,14 +295,18 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     if (phi < -DEEP * e->config.dx) return 0;
     const double filling = e->field[GR_FIELD_mass][place] * e->mass_scale;
     const double r = 0.5 * e->config.dx * (dim == 2 ? sqrt(filling) : cbrt(filling));
-    for (int d = 0; d < dim; d++)
-        into += (e->field[GR_FIELD_v][d * e->capacity + place] - e->body[b].v[d]) * foot->normal[d];
-    if (!(phi < r || phi + 2 * e->dt * (into - fall) < r)) return 0;
+    if (separating && !(phi < r)) {
+        const double *w = e->body[b].omega, *arm = foot->arm;
+        for (int d = 0; d < dim; d++) {
+            const double turning = w[(d + 1) % 3] * arm[(d + 2) % 3] - w[(d + 2) % 3] * arm[(d + 1) % 3];
+            into += (e->field[GR_FIELD_v][d * e->capacity + place] - e->body[b].v[d] - turning) * foot->normal[d];
+        }
+    }
+    if (!(phi < r) && (separating ? !(phi + 2 * e->dt * (into - fall) < r) : !(phi < HOLD * r))) return 0;
     foot->body = b;
-    foot->bound = phi > r ? (r - phi) / e->dt : 0;
+    foot->bound = separating && phi > r ? (r - phi) / e->dt : 0;
     foot->most = e->field[GR_FIELD_mass][place] * e->config.wave_speed;
     foot->place = place;
-    if (foot->bound < 0 && pose->body->contact != GR_CONTACT_SEPARATING) return 0;
     for (int d = 0; d < 3; d++) at[d] = x[d] - phi * foot->normal[d];
     if (is_at_edge(e, pose, at, foot->normal)) return 0;
     if (support(e, at, cell->side, LEAST_FILLING, foot)) {

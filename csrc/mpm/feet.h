@@ -6,7 +6,7 @@
  *
  *   r = (m/rho_c)^(1/dim)/2,
  *
- * or can fall below it within the next two steps. The impulses at all feet are found together (contact.c).
+ * or can fall below it within the next two steps; of sticky and bilateral surfaces, if it is below 1.5 r. The impulses at all feet are found together (contact.c).
  *
  * An impulse is at most m c_w, with the speed c_w of compression waves: a traction of about rho c_w^2. Where material is
  * pinched between surfaces that approach each other no impulse fulfils all conditions, and this alone bounds it.

@@ -56,14 +56,21 @@ def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
 
 
 def grid_of(scene):
-    """Engine after the grid stage of its first step, with random velocities of the points."""
+    """Simulation and nodes after the grid stage of its first step, and the nodes without bodies.
+
+    Velocities of the points are random.
+    """
     sim = gr.Simulation(scene, threads=1)
     held = sim.buffers["mass"][0] > 0
     size = (scene.grid.dim, held.sum())
     sim.buffers["v"][:, held] = np.random.default_rng(5).normal(size=size)
-    sim._engine.p2g()
-    sim._engine.grid()
-    return sim, sim._engine.nodes()
+    stored = sim.checkpoint()
+    del stored.arrays["bodies"]
+    free = gr.Simulation.from_checkpoint(scene.replace(bodies=()), stored, threads=1)
+    for engine in (sim._engine, free._engine):
+        engine.p2g()
+        engine.grid()
+    return sim, sim._engine.nodes(), free._engine.nodes()
 
 
 # ---- distance ----
@@ -124,8 +131,7 @@ def test_reaction_is_what_the_nodes_receive(shape, contact):
     """Impulse and angular impulse of the body, those of the nodes, and the forces at the feet."""
     body = moving(shape, contact)
     scene = scene_of(body, dim=shape.dim).replace(walls=())
-    sim, nodes = grid_of(scene)
-    _, free = grid_of(scene.replace(bodies=()))
+    sim, nodes, free = grid_of(scene)
     feet = feet_of(sim, nodes, body)
     assert np.abs(nodes["v"] - free["v"]).max() > 0.1
     assert np.allclose(nodes["w"] - free["w"], nodes["v"] - free["v"], rtol=0, atol=1e-13)
@@ -160,8 +166,8 @@ def test_conditions_of_contact_hold_at_the_feet(shape, contact):
     seen = np.isfinite(feet.slip[:, 0]) & (feet.distance > -0.5 * CELL) & feet.flat
     near = seen & (feet.distance < spacing)
     along = np.einsum("nd,nd->n", feet.slip, feet.normal)
-    push = DT * np.abs(feet.force[near]).max() / feet.mass.mean()  # velocity that contact makes
-    assert near.sum() > 10
+    push = DT * np.abs(feet.force).max() / feet.mass.mean()  # velocity that contact makes
+    assert near.any()
     tangential = np.linalg.norm(feet.force - feet.pressing[:, None] * feet.normal, axis=1)
     if contact == "sticky":
         assert np.abs(feet.slip[near]).max() < SLACK * push
@@ -171,7 +177,8 @@ def test_conditions_of_contact_hold_at_the_feet(shape, contact):
         assert np.abs(along[near]).max() < SLACK * push
         return
     assert np.all(feet.pressing[seen] >= 0)
-    assert along[near].min() > -SLACK * push
+    least = np.minimum((spacing - feet.distance) / DT, 0)
+    assert np.all(along[seen] > least[seen] - SLACK * push)
     pressed = near & (feet.pressing > 0)
     assert pressed.any()
     assert np.abs(along[pressed]).max() < SLACK * push
