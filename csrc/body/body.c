@@ -41,43 +41,6 @@ static double corner_distance(int n, const double beyond[], double (*face)[3], d
     return distance;
 }
 
-/* Signed distance by interpolation of the samples. Outside their box it is the value at the nearest point of the box
- * plus the distance to it, an upper bound. */
-static double sampled_distance(const struct gr_part *part, const double y[3], double normal[3])
-{
-    const int *n = part->shape;
-    double value = 0, slope[3] = {0}, share[3], out[3], length = 0;
-    int64_t first = 0, step[3] = {1, n[0], (int64_t)n[0] * n[1]};
-    for (int d = 0; d < 3; d++) {
-        const double at = fmax(-part->size[d], fmin(y[d], part->size[d]));
-        const double place = (at + part->size[d]) / (2 * part->size[d]) * (n[d] - 1);
-        const int cell = (int)fmin(place, n[d] - 2);
-        share[d] = place - cell;
-        first += cell * step[d];
-        out[d] = y[d] - at;
-        length += out[d] * out[d];
-    }
-    for (int corner = 0; corner < 8; corner++) {
-        double weight[3];
-        int64_t at = first;
-        for (int d = 0; d < 3; d++) {
-            weight[d] = corner >> d & 1 ? share[d] : 1 - share[d];
-            at += (corner >> d & 1) * step[d];
-        }
-        value += weight[0] * weight[1] * weight[2] * part->sample[at];
-        for (int d = 0; d < 3; d++)
-            slope[d] += (corner >> d & 1 ? 1 : -1) * weight[(d + 1) % 3] * weight[(d + 2) % 3] * part->sample[at];
-    }
-    double square = 0;
-    for (int d = 0; d < 3; d++) {
-        normal[d] = length > 0 ? fabs(value) * slope[d] * (n[d] - 1) / (2 * part->size[d]) + out[d]
-                               : slope[d] * (n[d] - 1) / (2 * part->size[d]);
-        square += normal[d] * normal[d];
-    }
-    for (int d = 0; d < 3; d++) normal[d] = square > 0 ? normal[d] / sqrt(square) : d == 2;
-    return value + sqrt(length);
-}
-
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3])
 {
     const double *r = part->rotation, *size = part->size;
@@ -88,7 +51,9 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
         local[0] = local[1] = 0, local[2] = 1;
         distance = y[2];
     } else if (part->kind == GR_PART_SAMPLED) {
-        distance = sampled_distance(part, y, local);
+        distance = gr_samples_distance(&part->samples, y, local);
+    } else if (part->kind == GR_PART_HEIGHT_MAP) {
+        distance = gr_height_map_distance(&part->map, y, local);
     } else if (part->kind == GR_PART_CYLINDER) {
         const double radius = sqrt(y[0] * y[0] + y[1] * y[1]);
         const double beyond[2] = {radius - size[0], fabs(y[2]) - size[1]};
@@ -124,7 +89,8 @@ int gr_part_edge_near(const struct gr_part *part, const double x[3], double near
     for (int d = 0; d < 3; d++)
         y[d] = r[d] * (x[0] - part->center[0]) + r[3 + d] * (x[1] - part->center[1]) + r[6 + d] * (x[2] - part->center[2]);
     if (part->kind == GR_PART_HALF_SPACE || part->inside) return 0;
-    if (part->kind == GR_PART_SAMPLED) return 1;
+    if (part->kind == GR_PART_SAMPLED) return gr_samples_edge_near(&part->samples, y, near);
+    if (part->kind == GR_PART_HEIGHT_MAP) return gr_height_map_edge_near(&part->map, y, near);
     if (part->kind == GR_PART_CYLINDER) {
         inset[0] = size[0] - sqrt(y[0] * y[0] + y[1] * y[1]), inset[1] = size[1] - fabs(y[2]);
         return is_near_two(2, inset, size, near);
@@ -161,7 +127,7 @@ double gr_union_distance(const struct gr_part *parts, int n, const double x[3], 
 
 double gr_part_bound(const struct gr_part *part, int dim)
 {
-    if (part->inside || part->kind == GR_PART_HALF_SPACE) return INFINITY;
+    if (part->inside || part->kind == GR_PART_HALF_SPACE || part->kind == GR_PART_HEIGHT_MAP) return INFINITY;
     double square = part->size[0] * part->size[0];
     const int sizes = part->kind == GR_PART_CYLINDER ? dim - 1 : dim;
     for (int k = 1; k < sizes; k++) square += part->size[k] * part->size[k];

@@ -2,10 +2,14 @@
  * along z, and the axis of a cylinder is z. */
 #pragma once
 
+#include "body/height_map.h"
+#include "body/samples.h"
+
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
 #define GR_PARTS(X) \
-    X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled)
+    X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled) \
+    X(GR_PART_HEIGHT_MAP, height_map)
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
 
 #define GR_X(constant, name) constant,
@@ -20,10 +24,10 @@ struct gr_part {
     double center[3];     /* m */
     double rotation[9];   /* row-major; its columns are the axes of the part. The third is the axis of a cylinder, or the
                              outward normal of a half-space */
-    double size[3];       /* half edges of a box or of the box of the samples; radius and half length of a cylinder; m,
+    double size[3];       /* half edges of a box or of a box about a sampled surface; radius and half length of a cylinder; m,
                              may be infinite */
-    int shape[3];         /* number of samples along each axis, equally spaced */
-    const double *sample; /* signed distances, m, x fastest; interpolated linearly */
+    struct gr_samples samples;
+    struct gr_height_map map;
 };
 
 /* Constant properties of a body. */
@@ -63,7 +67,7 @@ void gr_rotation_matrix(const double orientation[4], double matrix[9]);
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3]);
 
 /* True if x, a point of the surface of a part, is at one of its edges: nearer than `near` along the surface, or than a
- * quarter of the face. Always true for samples, whose edges are not known. */
+ * quarter of the face. */
 int gr_part_edge_near(const struct gr_part *part, const double x[3], double near);
 
 /* The same as gr_part_distance for a union of parts, as the minimum over them: exact outside; where parts overlap, a bound of the depth. */

@@ -6,28 +6,12 @@
 
 enum { KIND, INSIDE, CENTER, ROTATION = CENTER + 3, SIZE = ROTATION + 9, PART_NUMBERS = SIZE + 3 };
 
-/* Signed distances (z, y, x) of a sampled part. */
-static int take_samples(PyObject *object, struct gr_part *part)
-{
-    const npy_intp any[3] = {-1, -1, -1};
-    PyArrayObject *array = gr_array(object, "samples", NPY_DOUBLE, 3, any, 0);
-    if (!array || gr_refuse_values("samples", array, -GR_LARGEST)) return -1;
-    for (int d = 0; d < 3; d++) {
-        const npy_intp n = PyArray_DIM(array, 2 - d);
-        if (n < 2 || n > 4096) return gr_refuse("samples must be from 2 to 4096 along each axis");
-        if (!(part->size[d] > 0 && part->size[d] < GR_LARGEST)) return gr_refuse("the box of samples must have a size");
-        part->shape[d] = (int)n;
-    }
-    part->sample = PyArray_DATA(array);
-    return 0;
-}
-
-/* Rows (kind, inside, center[3], rotation[9], size[3]) of an array (n, 17), and the samples of those that have some, a
- * tuple. Returned: n, or -1. */
+/* Rows (kind, inside, center[3], rotation[9], size[3]) of an array (n, 17), and the tables of those that are sampled or
+ * height maps, a tuple. Returned: n, or -1. */
 static int take_parts(PyObject *object, PyObject *samples, int capacity, struct gr_part *out)
 {
     Py_ssize_t sampled = 0;
-    if (!PyTuple_Check(samples)) return gr_refuse("samples must be a tuple of arrays");
+    if (!PyTuple_Check(samples)) return gr_refuse("samples must be a tuple of tuples");
     const npy_intp shape[2] = {-1, PART_NUMBERS};
     PyArrayObject *array = gr_array(object, "parts", NPY_DOUBLE, 2, shape, 0);
     if (!array) return -1;
@@ -35,7 +19,7 @@ static int take_parts(PyObject *object, PyObject *samples, int capacity, struct 
     if (n < 1 || n > capacity) return gr_refuse("the bodies must have 1 to 256 parts in all, and each at least one");
     const double *row = PyArray_DATA(array);
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
-        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return gr_refuse("the kind of a part must be 0 to 3");
+        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return gr_refuse("the kind of a part must be 0 to %d", GR_PART_COUNT - 1);
         out[k].kind = (int)row[KIND];
         out[k].inside = row[INSIDE] != 0;
         for (int q = CENTER; q < SIZE; q++)
@@ -45,12 +29,11 @@ static int take_parts(PyObject *object, PyObject *samples, int capacity, struct 
         memcpy(out[k].center, row + CENTER, sizeof out[k].center);
         memcpy(out[k].rotation, row + ROTATION, sizeof out[k].rotation);
         memcpy(out[k].size, row + SIZE, sizeof out[k].size);
-        out[k].sample = NULL;
-        if (out[k].kind != GR_PART_SAMPLED) continue;
-        if (sampled == PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as sampled parts");
-        if (take_samples(PyTuple_GET_ITEM(samples, sampled++), &out[k])) return -1;
+        if (out[k].kind != GR_PART_SAMPLED && out[k].kind != GR_PART_HEIGHT_MAP) continue;
+        if (sampled == PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as parts with tables");
+        if (gr_take_tables(PyTuple_GET_ITEM(samples, sampled++), &out[k])) return -1;
     }
-    if (sampled != PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as sampled parts");
+    if (sampled != PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as parts with tables");
     return (int)n;
 }
 
