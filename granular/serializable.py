@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from dataclasses import replace as _replace
@@ -141,6 +143,10 @@ def _encode(value: Any) -> Any:
         return sorted(value)
     if isinstance(value, tuple):
         return [_encode(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        raw = zlib.compress(np.ascontiguousarray(value).tobytes(), 1)
+        text = base64.b64encode(raw).decode("ascii")
+        return {"type": "array", "dtype": value.dtype.str, "shape": value.shape, "data": text}
     if isinstance(value, Parameters):
         items = [[key, _encode(entry)] for key, entry in value.items()]
         return {"type": "Parameters", "items": items}
@@ -166,9 +172,29 @@ def _decode(value: Any) -> Any:
     tag = rest.pop("type")
     if tag == "float":
         return float(one_of("float", rest["value"], ("inf", "-inf")))
+    if tag == "array":
+        return _decode_array(**rest)
     if tag not in _PARTS:
         raise ValueError(f"type {tag!r} must be one of {list(_PARTS)}")
     return _PARTS[tag](**{name: _decode(entry) for name, entry in rest.items()})
+
+
+ARRAYS = ("<f8", "<f4", "<i4")
+"""Types of arrays in scenes."""
+
+
+def _decode_array(dtype: str, shape: list[int], data: str) -> np.ndarray:
+    kind = np.dtype(one_of("dtype", dtype, ARRAYS))
+    sizes = tuple(integer("shape", n, 0, 2**31) for n in shape)
+    size = math.prod(sizes) * kind.itemsize
+    stream = zlib.decompressobj()
+    try:
+        raw = stream.decompress(base64.b64decode(data, validate=True), size + 1)
+    except zlib.error as error:
+        raise ValueError(f"array: {error}") from error
+    if len(raw) != size:
+        raise ValueError(f"array of shape {sizes} must have {size} bytes, its data have other")
+    return np.frombuffer(raw, dtype=kind).reshape(sizes)
 
 
 def _refuse_constant(name: str) -> float:

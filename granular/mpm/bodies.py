@@ -28,24 +28,36 @@ from granular.checks import (
     truth,
     vector,
 )
+from granular.geometry import combined
 from granular.mpm.body_measures import are_endless, corners, extents, reach
+from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_shapes import (
     MOST_SHAPES,
     Box,
     Cylinder,
     HalfSpace,
-    Mesh,
     Shape,
     Union,
     padded,
     rotation_of,
     turned,
 )
+from granular.mpm.height_map import HeightMap
 
 if TYPE_CHECKING:
     from granular.geometry import Grid
 
-__all__ = ["Body", "BodyState", "Box", "Cylinder", "HalfSpace", "Mesh", "Motion", "Union"]
+__all__ = [
+    "Body",
+    "BodyState",
+    "Box",
+    "Cylinder",
+    "HalfSpace",
+    "HeightMap",
+    "Mesh",
+    "Motion",
+    "Union",
+]
 
 Array = NDArray[np.float64]
 
@@ -127,7 +139,7 @@ class Body:
 
     Parameters
     ----------
-    shape : Box, Cylinder, HalfSpace, Mesh or Union
+    shape : Box, Cylinder, HalfSpace, Mesh, HeightMap or Union
         Shape, in coordinates of the body.
     position : tuple of float, length dim
         Origin of these coordinates at the start [m].
@@ -157,7 +169,7 @@ class Body:
         Naming argument, value and allowed range.
     """
 
-    shape: Box | Cylinder | HalfSpace | Mesh | Union
+    shape: Shape
     position: tuple[float, ...]
     _: KW_ONLY
     rotation_deg: float | tuple[float, ...] = 0.0
@@ -171,7 +183,8 @@ class Body:
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
             raise TypeError(
-                f"shape = {self.shape!r} must be a Box, Cylinder, HalfSpace, Mesh or Union"
+                f"shape = {self.shape!r} must be a Box, Cylinder, HalfSpace, Mesh, HeightMap or "
+                "Union"
             )
         dim = self.shape.dim
         motion = Motion(velocity=((0.0,) * dim,)) if self.motion is None else self.motion
@@ -207,6 +220,9 @@ class Body:
         """Refuse a body that does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
+        for part in getattr(self.shape, "parts", (self.shape,)):
+            if isinstance(part, HeightMap):
+                part.check(name, self._corners_of(grid))
         reaches = self.extents()
         for axis in np.flatnonzero(grid.periodic):
             half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]
@@ -216,6 +232,13 @@ class Body:
                     f"motion, must be <= {half:.6g} m, half the period; or be endless along "
                     f"{letter} and turn about no other axis"
                 )
+
+    def _corners_of(self, grid: Grid) -> Array:
+        """Corners of the domain in coordinates of the body at the start, shape (2^dim, dim)."""
+        sides = np.stack([grid.lower, grid.upper], axis=1)
+        arms = np.zeros((2**self.dim, 3))
+        arms[:, : self.dim] = combined(list(sides)) - np.array(self.position)
+        return turned(self.rotation_deg).inv().apply(arms)[:, : self.dim]
 
     def extents(self) -> Array:
         """Distance of its surface from its position along x, y, z at most, in all its motion."""

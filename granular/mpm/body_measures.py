@@ -7,11 +7,16 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
-from granular.mpm.body_shapes import BOX, CYLINDER, HALF_SPACE, Array
+from granular.mpm.body_shapes import BOX, CYLINDER, HALF_SPACE, HEIGHT_MAP, Array
 
 __all__ = ["are_endless", "corners", "deepest", "extents", "reach", "thicknesses"]
 
+BEHIND = (HALF_SPACE, HEIGHT_MAP)
+"""Kinds of parts that are all that lies behind a surface without end."""
+MESH_TABLES = 5
+"""Number of tables of a mesh."""
 TINY = 1e-12
 """Largest cosine that is taken for that of a right angle."""
 
@@ -21,7 +26,7 @@ def reach(rows: Array, dim: int) -> float:
     farthest = 0.0
     for kind, inside, *numbers in rows:
         center, size = np.array(numbers[:3]), np.array(numbers[12:])
-        if inside or kind == HALF_SPACE:
+        if inside or kind in BEHIND:
             return math.inf
         extent = size[: dim - 1 if kind == CYLINDER else dim]
         farthest = max(farthest, float(np.linalg.norm(center) + np.linalg.norm(extent)))
@@ -71,7 +76,7 @@ def _placed(row: Array, dim: int, rotation: Array) -> tuple[Array, Array, Array,
 
 def _along(row: Array, dim: int, rotation: Array, direction: Array) -> float:
     """Largest distance of a part from the position along a direction, without turning."""
-    if row[1] or row[0] == HALF_SPACE:
+    if row[1] or row[0] in BEHIND:
         return math.inf
     center, axes, size, radius = _placed(row, dim, rotation)
     shares = abs(axes.T @ direction)
@@ -82,7 +87,7 @@ def _along(row: Array, dim: int, rotation: Array, direction: Array) -> float:
 
 def _swept(row: Array, dim: int, rotation: Array, about: Array, d: int) -> float:
     """The same along axis `d` in all turns about an axis; of an oblique cylinder, a bound."""
-    if row[1] or row[0] == HALF_SPACE:
+    if row[1] or row[0] in BEHIND:
         return math.inf
     center, axes, size, radius = _placed(row, dim, rotation)
     cosine, sine = abs(float(about[d])), float(np.linalg.norm(np.delete(about, d)))
@@ -111,9 +116,12 @@ def thicknesses(rows: Array, dim: int) -> tuple[float, float]:
     return box, cylinder
 
 
-def deepest(samples: Sequence[Array]) -> float:
-    """Least diameter [m], over the sampled shapes, of the largest ball inside; inf if none."""
-    return min((-2 * float(distance.min()) for distance in samples), default=math.inf)
+def deepest(samples: Sequence[tuple[NDArray, ...]]) -> float:
+    """Least diameter [m], over the meshes, of the largest ball inside; inf if none."""
+    meshes = [(tables[1], tables[3]) for tables in samples if len(tables) == MESH_TABLES]
+    return min(
+        (-2 * float(fine.min(initial=coarse.min())) for coarse, fine in meshes), default=math.inf
+    )
 
 
 def corners(rows: Array) -> Array:
@@ -133,7 +141,7 @@ def are_endless(rows: Array, along: Array) -> bool:
     for kind, _, *numbers in rows:
         matrix, size = np.array(numbers[3:12]).reshape(3, 3), numbers[12:]
         share = abs(matrix.T @ along)
-        if kind == HALF_SPACE:
+        if kind in BEHIND:
             endless = share[2] < 1e-12
         else:
             lengths = [0.0, 0.0, size[1]] if kind == CYLINDER else size

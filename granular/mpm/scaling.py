@@ -78,7 +78,8 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     rigid.Box: {"size": "length", "center": "length"},
     rigid.Cylinder: {"radius": "length", "length": "length", "center": "length"},
     rigid.HalfSpace: {"through": "length"},
-    rigid.Mesh: {"vertices": "length", "spacing": "length"},
+    rigid.Mesh: {"vertices": "length", "spacing": "length", "thickness": "length"},
+    rigid.HeightMap: {"z": "length", "spacing": "length", "origin": "length"},
     rigid.Union: {},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass"},
@@ -180,7 +181,7 @@ class Froude:
 
 
 def _times(value: Any, factor: float) -> Any:
-    """Multiply a number or nested tuples of numbers by a factor; None stays None."""
+    """Multiply a number, array or nested tuples of numbers by a factor; None stays None."""
     if value is None:
         return None
     if isinstance(value, tuple):

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from granular.mpm.bodies import split
-from granular.mpm.body_shapes import BOX, CYLINDER, Box, Cylinder, HalfSpace, Mesh, Union
+from granular.mpm.body_mesh import Mesh
+from granular.mpm.body_shapes import BOX, CYLINDER, Shape, Union
+from granular.mpm.height_map import HeightMap
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.merge import begin_poly_data, write_steps
 from granular.record.reader import Trajectory
@@ -20,6 +22,8 @@ Patches = tuple[Array, list[tuple[int, ...]]]
 
 SIDES = 64
 """Number of sides of the prism that represents a cylinder."""
+MOST_POSTS = 500
+"""Posts of a height map that are drawn along an axis at most."""
 SKIN = 0.02
 """Thickness at which unbounded 2D solids are drawn, in sizes of the grid."""
 
@@ -88,17 +92,47 @@ def _joined(meshes: list[Patches]) -> Patches:
     return np.concatenate([vertices for vertices, _ in meshes]), polygons
 
 
-def surface(shape: Box | Cylinder | HalfSpace | Mesh | Union, dim: int, size: float) -> Patches:
-    """Surface of a shape (of a union part by part) in the coordinates of its body."""
+def surface(shape: Shape, dim: int, size: float) -> Patches:
+    """Surface of a shape (of a union part by part) in the coordinates of its body.
+
+    Of a sheet its middle is drawn, of a height map the posts, or some of them if there are many.
+    """
     parts = shape.parts if isinstance(shape, Union) else (shape,)
-    return _joined(
-        [
-            (np.array(part.vertices), list(part.faces))
-            if isinstance(part, Mesh)
-            else _mesh(part.rows()[0], dim, size)
-            for part in parts
-        ]
-    )
+    return _joined([_surface_of(part, dim, size) for part in parts])
+
+
+def _surface_of(part: Shape, dim: int, size: float) -> Patches:
+    if isinstance(part, Mesh):
+        return part.vertices, [(a, b, c) for a, b, c in part.faces.tolist()]
+    if isinstance(part, HeightMap):
+        return _posts(part, size)
+    return _mesh(part.rows()[0], dim, size)
+
+
+def _posts(part: HeightMap, size: float) -> Patches:
+    """Quadrilaterals between posts; in 2D a strip below them."""
+    sides = [
+        np.unique(np.linspace(0, n - 1, min(n, MOST_POSTS)).round().astype(int))
+        for n in part.z.shape
+    ]
+    z = part.z[np.ix_(*sides)].astype(float)
+    *_, x = places = [
+        low + np.linspace(0, n - 1, n)[side] * (high - low) / (n - 1)
+        for low, high, n, side in zip(
+            part.origin[::-1], part.upper[::-1], part.z.shape, sides, strict=True
+        )
+    ]
+    if part.dim == 2:
+        rows = np.stack([z, z - SKIN * size])
+        vertices = np.stack([np.tile(x, 2), rows.ravel(), np.zeros(rows.size)], axis=1)
+    else:
+        rows = z
+        across, along = np.meshgrid(*places, indexing="ij")
+        vertices = np.stack([along.ravel(), across.ravel(), z.ravel()], axis=1)
+    index = np.arange(rows.size).reshape(rows.shape)
+    corners = (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
+    quads = np.stack([corner.ravel() for corner in corners], axis=1)
+    return vertices, [(a, b, c, d) for a, b, c, d in quads.tolist()]
 
 
 def _mesh(row: Array, dim: int, size: float) -> Patches:
