@@ -70,13 +70,13 @@ static void try_cell(const struct gr_height_map *map, int64_t i, int64_t j, cons
     for (int upper = 0; upper < 2; upper++) {
         double v[3][3], at[3], square = 0;
         triangle(map, i, j, upper, v);
-        const int part = gr_nearest_on_triangle((const double (*)[3])v, x, at);
+        const int part = gr_nearest_on_triangle((const double(*)[3])v, x, at);
         for (int k = 0; k < 3; k++) square += (x[k] - at[k]) * (x[k] - at[k]);
         if (!(square < best->square)) continue;
         best->square = square;
         best->on_face = part == GR_ON_FACE;
         memcpy(best->at, at, sizeof at);
-        up_normal((const double (*)[3])v, best->normal);
+        up_normal((const double(*)[3])v, best->normal);
     }
 }
 
@@ -97,7 +97,8 @@ static double from_cells(const struct gr_height_map *map, const int64_t from[2],
 {
     double square = square_off(range[0], range[1], x[2]);
     for (int d = 0; d < 2; d++)
-        square += square_off(map->low[d] + (double)from[d] * map->spacing[d], map->low[d] + (double)to[d] * map->spacing[d], x[d]);
+        square +=
+            square_off(map->low[d] + (double)from[d] * map->spacing[d], map->low[d] + (double)to[d] * map->spacing[d], x[d]);
     return square;
 }
 
@@ -113,7 +114,8 @@ static void try_tile(const struct gr_height_map *map, const int64_t tile[2], con
     }
     for (int64_t j = low[1]; j <= high[1]; j++)
         for (int64_t i = low[0]; i <= high[0]; i++) {
-            const double a = height(map, i, j), b = height(map, i + 1, j), c = height(map, i, j + 1), d = height(map, i + 1, j + 1);
+            const double a = height(map, i, j), b = height(map, i + 1, j), c = height(map, i, j + 1),
+                         d = height(map, i + 1, j + 1);
             const double range[2] = {fmin(fmin(a, b), fmin(c, d)), fmax(fmax(a, b), fmax(c, d))};
             const int64_t from[2] = {i, j}, to[2] = {i + 1, j + 1};
             if (from_cells(map, from, to, range, x) < best->square) try_cell(map, i, j, x, best);
@@ -140,7 +142,8 @@ static int levels_of(const struct gr_height_map *map, int64_t size[MOST_LEVELS][
     }
 }
 
-static double from_box(const struct gr_height_map *map, const int64_t size[2], int64_t first, struct box *box, const double x[3])
+static double from_box(const struct gr_height_map *map, const int64_t size[2], int64_t first, struct box *box,
+                       const double x[3])
 {
     int64_t from[2], to[2];
     for (int d = 0; d < 2; d++) {
@@ -189,7 +192,7 @@ static double height_at(const struct gr_height_map *map, const double x[3], int6
         share[d] = (x[d] - map->low[d]) / map->spacing[d] - (double)cell[d];
     }
     triangle(map, cell[0], cell[1], share[1] > share[0], v);
-    up_normal((const double (*)[3])v, n);
+    up_normal((const double(*)[3])v, n);
     for (int d = 0; d < 2; d++) high += n[d] * (v[0][d] - x[d]);
     return v[0][2] + high / n[2];
 }

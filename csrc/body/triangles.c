@@ -41,7 +41,8 @@ int gr_nearest_on_triangle(const double v[3][3], const double x[3], double neare
         const double all = area[0] + area[1] + area[2];
         s = area[1] / all, t = area[2] / all;
     }
-    for (int k = 0; k < 3; k++) nearest[k] = part == GR_ON_EDGE + 1 ? v[1][k] + t * (v[2][k] - v[1][k]) : v[0][k] + s * ab[k] + t * ac[k];
+    for (int k = 0; k < 3; k++)
+        nearest[k] = part == GR_ON_EDGE + 1 ? v[1][k] + t * (v[2][k] - v[1][k]) : v[0][k] + s * ab[k] + t * ac[k];
     if (part == GR_ON_VERTEX + 1 || part == GR_ON_VERTEX + 2)
         for (int k = 0; k < 3; k++) nearest[k] = v[part - GR_ON_VERTEX][k];
     return part;
@@ -160,7 +161,9 @@ static void set_axes(const double normal[3], double axis[3][3])
     const double length = sqrt(gr_dot(normal, normal));
     double unit[3] = {0, 0, 1}, along = 0;
     for (int k = 0; k < 3 && length > 0; k++) unit[k] = normal[k] / length;
-    const int least = fabs(unit[0]) < fabs(unit[1]) ? (fabs(unit[0]) < fabs(unit[2]) ? 0 : 2) : fabs(unit[1]) < fabs(unit[2]) ? 1 : 2;
+    const int least = fabs(unit[0]) < fabs(unit[1])   ? (fabs(unit[0]) < fabs(unit[2]) ? 0 : 2)
+                      : fabs(unit[1]) < fabs(unit[2]) ? 1
+                                                      : 2;
     for (int k = 0; k < 3; k++) axis[1][k] = (k == least) - unit[least] * unit[k];
     along = sqrt(gr_dot(axis[1], axis[1]));
     for (int k = 0; k < 3; k++) axis[0][k] = unit[k], axis[1][k] /= along;
@@ -275,7 +278,7 @@ static void try_face(const struct gr_triangles *t, int64_t f, const double x[3],
 {
     double v[3][3], at[3], square = 0;
     corners(t, f, v);
-    const int part = gr_nearest_on_triangle((const double (*)[3])v, x, at);
+    const int part = gr_nearest_on_triangle((const double(*)[3])v, x, at);
     for (int k = 0; k < 3; k++) square += (x[k] - at[k]) * (x[k] - at[k]);
     /* equal distances: the lowest index, so that the guess decides nothing */
     if (square > best->square || (square == best->square && f > best->face)) return;

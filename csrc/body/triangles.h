@@ -19,12 +19,12 @@ struct gr_triangle_box {
 /* A surface; its tables are borrowed, the rest is its own. */
 struct gr_triangles {
     int64_t n_vertices, n_faces;
-    const double *vertex;     /* n_vertices x 3, m */
-    const int32_t *face;      /* n_faces x 3 */
-    const int32_t *neighbour; /* n_faces x 3: the triangle beyond the edge from vertex k to the next; NULL: not closed */
-    double *normal;           /* n_vertices x 3: angle-weighted normals of a closed surface */
-    int32_t *order;           /* triangles leaf by leaf */
-    int64_t n_leaves;         /* a power of two */
+    const double *vertex;        /* n_vertices x 3, m */
+    const int32_t *face;         /* n_faces x 3 */
+    const int32_t *neighbour;    /* n_faces x 3: the triangle beyond the edge from vertex k to the next; NULL: not closed */
+    double *normal;              /* n_vertices x 3: angle-weighted normals of a closed surface */
+    int32_t *order;              /* triangles leaf by leaf */
+    int64_t n_leaves;            /* a power of two */
     struct gr_triangle_box *box; /* a complete binary tree, node 1 the root */
 };
 

@@ -13,7 +13,8 @@ static int refuse_floats(const char *name, PyArrayObject *array)
     const float *value = PyArray_DATA(array);
     const npy_intp n = PyArray_SIZE(array);
     for (npy_intp k = 0; k < n; k++)
-        if (!(fabsf(value[k]) < 1e30f)) return gr_refuse("%s[%lld] = %.9g must be finite", name, (long long)k, (double)value[k]);
+        if (!(fabsf(value[k]) < 1e30f))
+            return gr_refuse("%s[%lld] = %.9g must be finite", name, (long long)k, (double)value[k]);
     return 0;
 }
 
@@ -35,8 +36,8 @@ static int take_samples(PyObject *tables, struct gr_samples *s)
     const npy_intp any[3] = {-1, -1, -1}, fine_shape[4] = {-1, GR_CUBE_SIDE, GR_CUBE_SIDE, GR_CUBE_SIDE};
     PyObject *object[5];
     if (!PyTuple_Check(tables)) return gr_refuse("samples of a mesh must be a tuple");
-    if (!PyArg_ParseTuple(tables, "OOOOO;samples of a mesh are (lattice, coarse, block, fine, sharp)", &object[0], &object[1],
-                          &object[2], &object[3], &object[4]))
+    if (!PyArg_ParseTuple(tables, "OOOOO;samples of a mesh are (lattice, coarse, block, fine, sharp)", &object[0],
+                          &object[1], &object[2], &object[3], &object[4]))
         return -1;
     const double *lattice = take_lattice(object[0], 3, 1);
     PyArrayObject *block = lattice ? gr_array(object[2], "block", NPY_INT32, 3, any, 0) : NULL;
@@ -67,7 +68,8 @@ static int take_map(PyObject *tables, struct gr_height_map *map)
     PyObject *lattice_of, *heights, *ranges;
     const npy_intp any[2] = {-1, -1};
     if (!PyTuple_Check(tables)) return gr_refuse("samples of a height map must be a tuple");
-    if (!PyArg_ParseTuple(tables, "OOO;samples of a height map are (lattice, heights, ranges)", &lattice_of, &heights, &ranges))
+    if (!PyArg_ParseTuple(tables, "OOO;samples of a height map are (lattice, heights, ranges)", &lattice_of, &heights,
+                          &ranges))
         return -1;
     const double *lattice = take_lattice(lattice_of, 2, 2);
     if (!lattice) return -1;

@@ -35,6 +35,8 @@ BEND = 0.35
 
 A ball of four spacings has 0.25, an edge of 90 degrees 0.5 to 1.4, one of 30 degrees 0.26 to 0.5.
 """
+ON_SURFACE = 1e-3
+"""Depth in spacings down to which a sample counts as on the surface: floats are not exactly 0."""
 CHUNK = 100_000
 """Places between two looks at signals and the progress bar."""
 THIN = 2.0
@@ -369,7 +371,7 @@ def _sharp(
 ) -> NDArray[np.uint8]:
     """1 for samples just outside of the solid beside a convex edge, see `BEND`."""
     sharp, h = np.zeros(len(keys), dtype=np.uint8), mesh.spacing
-    chosen = np.flatnonzero((values >= 0) & (values < h))
+    chosen = np.flatnonzero((values > -ON_SURFACE * h) & (values < h))
     places = tables[0][:3] + h * _unravelled(keys[chosen], counts)
     row = row_of(SAMPLED, False, (0.0,) * 3, np.eye(3), np.full(3, h))[None]
     empty = (*tables, np.zeros(tables[3].shape, dtype=np.uint8))
