@@ -5,10 +5,11 @@
 
 #include "body/vector.h"
 
-/* Fine spacings by which coarse samples, interpolated, are too large at most. Along a straight line a distance rho has the
- * second derivative 1/rho at most, in two directions; coarse cells are GR_CUBE spacings wide, and rho is no less than that
- * in cells without a block: 2 GR_CUBE^2/(8 GR_CUBE). */
-#define COARSE_ERROR (GR_CUBE / 4.0)
+/* Spacings within which all samples are fine, and by which coarse ones, interpolated, are too large at most. Along a straight
+ * line a distance rho has the second derivative 1/rho at most, in two directions; coarse cells are GR_CUBE spacings wide, and
+ * rho is no less than the band in cells without a block: 2 GR_CUBE^2/(8 BAND). */
+#define BAND 6.0
+#define COARSE_ERROR (GR_CUBE * GR_CUBE / (4 * BAND))
 
 /* Linear interpolation in the cube of samples at `first`, and its slope per spacing. */
 static double interpolate(const float *first, const int64_t step[3], const double share[3], double slope[3])
@@ -30,7 +31,7 @@ static double interpolate(const float *first, const int64_t step[3], const doubl
     return value;
 }
 
-/* Block of the coarse cell `at`; NULL if it has none. The table is lent by the caller: a wrong number is none. */
+/* Block of the coarse cell `at`; NULL if it has none. The caller may write to the table: a wrong number is none. */
 static const float *block_at(const struct gr_samples *s, const int32_t at[3], int64_t *number)
 {
     *number = s->block[((int64_t)at[2] * s->n[1] + at[1]) * s->n[0] + at[0]];
@@ -72,7 +73,7 @@ static double within(const struct gr_samples *s, const double place[3], const in
         first += cell[d] * step[d];
     }
     const double value = interpolate(s->coarse + first, step, share, slope), margin = COARSE_ERROR * s->spacing;
-    return value < 0 ? fmin(value + margin, -margin) : fmax(value - margin, margin);
+    return value < 0 ? fmin(value + margin, -BAND * s->spacing) : fmax(value - margin, BAND * s->spacing);
 }
 
 double gr_samples_distance(const struct gr_samples *s, const double x[3], double normal[3])

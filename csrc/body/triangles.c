@@ -203,7 +203,7 @@ static void build_tree(struct gr_triangles *t)
         for (int k = 0; k < 3; k++) box->low[k] = INFINITY, box->high[k] = -INFINITY;
         const int64_t leaf = node - t->n_leaves;
         for (int64_t f = leaf < 0 ? 0 : first_of(t, leaf); leaf >= 0 && f < first_of(t, leaf + 1); f++)
-            for (int i = 0; i < 3; i++) include(box, t->vertex + 3 * (int64_t)t->face[3 * (int64_t)t->order[f] + i]);
+            for (int i = 0; i < 3; i++) include(box, t->corner + 9 * f + 3 * i);
         for (int corner = 0; node < t->n_leaves && corner < 16; corner++) {
             const struct gr_triangle_box *child = &t->box[2 * node + (corner >> 3)];
             double x[3] = {0};
@@ -224,9 +224,10 @@ int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *table
     while (t->n_leaves * LEAF < t->n_faces) t->n_leaves *= 2;
     t->box = calloc((size_t)t->n_leaves, 2 * sizeof *t->box);
     t->order = malloc(sizeof *t->order * (size_t)t->n_faces);
+    t->corner = malloc(sizeof *t->corner * 9 * (size_t)t->n_faces);
     struct middle *middle = malloc(sizeof *middle * (size_t)t->n_faces);
     t->normal = t->neighbour ? calloc((size_t)t->n_vertices, 3 * sizeof *t->normal) : NULL;
-    if (!t->box || !t->order || !middle || (t->neighbour && !t->normal)) {
+    if (!t->box || !t->order || !t->corner || !middle || (t->neighbour && !t->normal)) {
         free(middle);
         gr_triangles_free(t);
         *out = NULL;
@@ -239,7 +240,10 @@ int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *table
         middle[f].face = (int32_t)f;
     }
     put_in_order(t, middle, 0, t->n_leaves);
-    for (int64_t f = 0; f < t->n_faces; f++) t->order[f] = middle[f].face;
+    for (int64_t f = 0; f < t->n_faces; f++) {
+        t->order[f] = middle[f].face;
+        corners(t, t->order[f], (double(*)[3])(t->corner + 9 * f));
+    }
     free(middle);
     build_tree(t);
     if (t->normal) add_normals(t);
@@ -251,6 +255,7 @@ void gr_triangles_free(struct gr_triangles *t)
     if (!t) return;
     free(t->box);
     free(t->order);
+    free(t->corner);
     free(t->normal);
     free(t);
 }
@@ -270,25 +275,24 @@ static double from_box(const struct gr_triangle_box *box, const double x[3])
 /* What is nearest so far. */
 struct nearest {
     double square, at[3];
-    int64_t face;
+    int64_t place; /* of the triangle, in the order of the tree */
     int part;
 };
 
-static void try_face(const struct gr_triangles *t, int64_t f, const double x[3], struct nearest *best)
+static void try_face(const struct gr_triangles *t, int64_t place, const double x[3], struct nearest *best)
 {
-    double v[3][3], at[3], square = 0;
-    corners(t, f, v);
-    const int part = gr_nearest_on_triangle((const double(*)[3])v, x, at);
+    double at[3], square = 0;
+    const int part = gr_nearest_on_triangle((const double(*)[3])(t->corner + 9 * place), x, at);
     for (int k = 0; k < 3; k++) square += (x[k] - at[k]) * (x[k] - at[k]);
-    /* equal distances: the lowest index, so that the guess decides nothing */
-    if (square > best->square || (square == best->square && f > best->face)) return;
-    best->square = square, best->face = f, best->part = part;
+    /* equal distances: the first, so that the guess decides nothing */
+    if (square > best->square || (square == best->square && place > best->place)) return;
+    best->square = square, best->place = place, best->part = part;
     memcpy(best->at, at, sizeof at);
 }
 
 double gr_triangles_distance(const struct gr_triangles *t, const double x[3], int64_t *guess)
 {
-    struct nearest best = {.square = INFINITY, .face = t->n_faces};
+    struct nearest best = {.square = INFINITY, .place = t->n_faces};
     int64_t waiting[DEEPEST], node = 1;
     double bound[DEEPEST], n[3], sign = 0;
     int count = 0;
@@ -296,7 +300,7 @@ double gr_triangles_distance(const struct gr_triangles *t, const double x[3], in
     for (;;) {
         if (node >= t->n_leaves) {
             const int64_t end = first_of(t, node - t->n_leaves + 1);
-            for (int64_t f = first_of(t, node - t->n_leaves); f < end; f++) try_face(t, t->order[f], x, &best);
+            for (int64_t f = first_of(t, node - t->n_leaves); f < end; f++) try_face(t, f, x, &best);
         } else {
             const double low = from_box(&t->box[2 * node], x), high = from_box(&t->box[2 * node + 1], x);
             const int nearer = high < low;
@@ -311,9 +315,9 @@ double gr_triangles_distance(const struct gr_triangles *t, const double x[3], in
         if (!count) break;
         node = waiting[--count];
     }
-    *guess = best.face;
+    *guess = best.place;
     if (!t->neighbour) return sqrt(best.square);
-    normal_at(t, best.face, best.part, n);
+    normal_at(t, t->order[best.place], best.part, n);
     for (int k = 0; k < 3; k++) sign += n[k] * (x[k] - best.at[k]);
     return sign < 0 ? -sqrt(best.square) : sqrt(best.square);
 }

@@ -24,6 +24,7 @@ struct gr_triangles {
     const int32_t *neighbour;    /* n_faces x 3: the triangle beyond the edge from vertex k to the next; NULL: not closed */
     double *normal;              /* n_vertices x 3: angle-weighted normals of a closed surface */
     int32_t *order;              /* triangles leaf by leaf */
+    double *corner;              /* n_faces x 3 x 3: their vertices, m, in this order: what is near lies together */
     int64_t n_leaves;            /* a power of two */
     struct gr_triangle_box *box; /* a complete binary tree, node 1 the root */
 };
@@ -33,5 +34,5 @@ int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *table
 void gr_triangles_free(struct gr_triangles *t);
 
 /* Distance of x; negative within a closed surface (the sign of Baerentzen & Aanaes 2005, IEEE Trans. Vis. Comput. Graph. 11,
- * 243: by the angle-weighted normal of the nearest feature). `guess` is a triangle that is near, the nearest afterwards. */
+ * 243: by the angle-weighted normal of the nearest feature). `guess` is the place in this order of a triangle that is near, of the nearest afterwards. */
 double gr_triangles_distance(const struct gr_triangles *t, const double x[3], int64_t *guess);

@@ -1,4 +1,4 @@
-/* Products of vectors in space. */
+/* Products of vectors of three components. */
 #pragma once
 
 static inline double gr_dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }

@@ -18,29 +18,29 @@ static int refuse_floats(const char *name, PyArrayObject *array)
     return 0;
 }
 
-/* Numbers of a lattice: places, then distances > 0. */
-static const double *take_lattice(PyObject *object, int places, int distances)
+/* Numbers of a grid: places, then distances > 0. */
+static const double *take_grid(PyObject *object, int places, int distances)
 {
     const npy_intp shape[1] = {places + distances};
-    PyArrayObject *array = gr_array(object, "lattice", NPY_DOUBLE, 1, shape, 0);
-    if (!array || gr_refuse_values("lattice", array, -GR_LARGEST)) return NULL;
+    PyArrayObject *array = gr_array(object, "grid", NPY_DOUBLE, 1, shape, 0);
+    if (!array || gr_refuse_values("grid", array, -GR_LARGEST)) return NULL;
     const double *number = PyArray_DATA(array);
     for (int k = places; k < places + distances; k++)
         if (gr_refuse_number("spacing", number[k], 0)) return NULL;
     return number;
 }
 
-/* (lattice[4], coarse, block, fine, sharp), see body/samples.h. */
+/* (grid[4], coarse, block, fine, sharp), see body/samples.h. */
 static int take_samples(PyObject *tables, struct gr_samples *s)
 {
     const npy_intp any[3] = {-1, -1, -1}, fine_shape[4] = {-1, GR_CUBE_SIDE, GR_CUBE_SIDE, GR_CUBE_SIDE};
     PyObject *object[5];
     if (!PyTuple_Check(tables)) return gr_refuse("samples of a mesh must be a tuple");
-    if (!PyArg_ParseTuple(tables, "OOOOO;samples of a mesh are (lattice, coarse, block, fine, sharp)", &object[0],
+    if (!PyArg_ParseTuple(tables, "OOOOO;samples of a mesh are (grid, coarse, block, fine, sharp)", &object[0],
                           &object[1], &object[2], &object[3], &object[4]))
         return -1;
-    const double *lattice = take_lattice(object[0], 3, 1);
-    PyArrayObject *block = lattice ? gr_array(object[2], "block", NPY_INT32, 3, any, 0) : NULL;
+    const double *grid = take_grid(object[0], 3, 1);
+    PyArrayObject *block = grid ? gr_array(object[2], "block", NPY_INT32, 3, any, 0) : NULL;
     if (!block) return -1;
     npy_intp coarse_shape[3];
     for (int d = 0; d < 3; d++) {
@@ -54,25 +54,25 @@ static int take_samples(PyObject *tables, struct gr_samples *s)
     PyArrayObject *sharp = fine ? gr_array(object[4], "sharp", NPY_UINT8, 4, PyArray_DIMS(fine), 0) : NULL;
     if (!sharp || refuse_floats("coarse", coarse) || refuse_floats("fine", fine)) return -1;
     if (PyArray_DIM(fine, 0) > INT32_MAX) return gr_refuse("fine has too many blocks");
-    memcpy(s->low, lattice, sizeof s->low);
-    s->spacing = lattice[3];
+    memcpy(s->low, grid, sizeof s->low);
+    s->spacing = grid[3];
     s->n_blocks = (int32_t)PyArray_DIM(fine, 0);
     s->coarse = PyArray_DATA(coarse), s->block = PyArray_DATA(block);
     s->fine = PyArray_DATA(fine), s->sharp = PyArray_DATA(sharp);
     return 0;
 }
 
-/* (lattice[4], heights, ranges), see body/height_map.h; heights (x,) or (y, x). */
+/* (grid[4], heights, ranges), see body/height_map.h; heights (x,) or (y, x). */
 static int take_map(PyObject *tables, struct gr_height_map *map)
 {
-    PyObject *lattice_of, *heights, *ranges;
+    PyObject *grid_of, *heights, *ranges;
     const npy_intp any[2] = {-1, -1};
     if (!PyTuple_Check(tables)) return gr_refuse("samples of a height map must be a tuple");
-    if (!PyArg_ParseTuple(tables, "OOO;samples of a height map are (lattice, heights, ranges)", &lattice_of, &heights,
+    if (!PyArg_ParseTuple(tables, "OOO;samples of a height map are (grid, heights, ranges)", &grid_of, &heights,
                           &ranges))
         return -1;
-    const double *lattice = take_lattice(lattice_of, 2, 2);
-    if (!lattice) return -1;
+    const double *grid = take_grid(grid_of, 2, 2);
+    if (!grid) return -1;
     const int is_float = PyArray_CheckExact(heights) && PyArray_TYPE((PyArrayObject *)heights) == NPY_FLOAT;
     const int ndim = PyArray_CheckExact(heights) && PyArray_NDIM((PyArrayObject *)heights) == 1 ? 1 : 2;
     PyArrayObject *z = gr_array(heights, "heights", is_float ? NPY_FLOAT : NPY_DOUBLE, ndim, any, 0);
@@ -80,7 +80,7 @@ static int take_map(PyObject *tables, struct gr_height_map *map)
     for (int d = 0; d < 2; d++) {
         map->n[d] = d < ndim ? PyArray_DIM(z, ndim - 1 - d) : 2;
         if (map->n[d] < 2 || map->n[d] > INT32_MAX) return gr_refuse("heights must have two posts at least along each axis");
-        map->low[d] = lattice[d], map->spacing[d] = lattice[2 + d];
+        map->low[d] = grid[d], map->spacing[d] = grid[2 + d];
     }
     map->stride = ndim == 1 ? 0 : map->n[0];
     map->height = is_float ? NULL : PyArray_DATA(z);

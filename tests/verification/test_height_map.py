@@ -239,13 +239,13 @@ def test_bad_maps_are_refused(change, message):
 
 def test_core_refuses_bad_maps():
     shape, x = HeightMap(np.zeros((30, 40)), 0.1), np.zeros((2, 3))
-    rows, (lattice, z, ranges) = shape.rows(), shape.samples()[0]
+    rows, (grid, z, ranges) = shape.rows(), shape.samples()[0]
     for tables in (
-        (lattice, z), (lattice[:3], z, ranges), (lattice * 0, z, ranges), (lattice, z.T, ranges),
-        (lattice, z[:1], ranges), (lattice, z.astype(int), ranges), (lattice, z, ranges[:-1]),
-        (lattice, z, ranges * np.nan), (lattice, z * np.nan, ranges), (lattice, None, ranges),
-        (lattice, z[None], ranges), (lattice, z.astype(np.float32) + np.float32(np.inf), ranges),
-        [lattice, z, ranges],
+        (grid, z), (grid[:3], z, ranges), (grid * 0, z, ranges), (grid, z.T, ranges),
+        (grid, z[:1], ranges), (grid, z.astype(int), ranges), (grid, z, ranges[:-1]),
+        (grid, z, ranges * np.nan), (grid, z * np.nan, ranges), (grid, None, ranges),
+        (grid, z[None], ranges), (grid, z.astype(np.float32) + np.float32(np.inf), ranges),
+        [grid, z, ranges],
     ):  # fmt: skip
         with pytest.raises((TypeError, ValueError)):
             _core.body_distance(rows, (tables,), x)
