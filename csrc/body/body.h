@@ -7,9 +7,10 @@
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
-#define GR_PARTS(X) \
-    X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled) \
-    X(GR_PART_HEIGHT_MAP, height_map)
+#define GR_PARTS(X)                                                                             \
+    X(GR_PART_BOX, box)                                                                         \
+    X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled) \
+        X(GR_PART_HEIGHT_MAP, height_map)
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
 
 #define GR_X(constant, name) constant,
@@ -20,11 +21,11 @@ enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 /* A part of a body, in body coordinates. */
 struct gr_part {
     int kind;
-    int inside;           /* 1: the solid is the outside of the surface, and the material is within */
-    double center[3];     /* m */
-    double rotation[9];   /* row-major; its columns are the axes of the part. The third is the axis of a cylinder, or the
+    int inside;         /* 1: the solid is the outside of the surface, and the material is within */
+    double center[3];   /* m */
+    double rotation[9]; /* row-major; its columns are the axes of the part. The third is the axis of a cylinder, or the
                              outward normal of a half-space */
-    double size[3];       /* half edges of a box or of a box about a sampled surface; radius and half length of a cylinder; m,
+    double size[3];     /* half edges of a box or of a box about a sampled surface; radius and half length of a cylinder; m,
                              may be infinite */
     struct gr_samples samples;
     struct gr_height_map map;

@@ -19,7 +19,8 @@ static int take_parts(PyObject *object, PyObject *samples, int capacity, struct 
     if (n < 1 || n > capacity) return gr_refuse("the bodies must have 1 to 256 parts in all, and each at least one");
     const double *row = PyArray_DATA(array);
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
-        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return gr_refuse("the kind of a part must be 0 to %d", GR_PART_COUNT - 1);
+        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT))
+            return gr_refuse("the kind of a part must be 0 to %d", GR_PART_COUNT - 1);
         out[k].kind = (int)row[KIND];
         out[k].inside = row[INSIDE] != 0;
         for (int q = CENTER; q < SIZE; q++)

@@ -36,8 +36,8 @@ static int take_samples(PyObject *tables, struct gr_samples *s)
     const npy_intp any[3] = {-1, -1, -1}, fine_shape[4] = {-1, GR_CUBE_SIDE, GR_CUBE_SIDE, GR_CUBE_SIDE};
     PyObject *object[5];
     if (!PyTuple_Check(tables)) return gr_refuse("samples of a mesh must be a tuple");
-    if (!PyArg_ParseTuple(tables, "OOOOO;samples of a mesh are (grid, coarse, block, fine, sharp)", &object[0],
-                          &object[1], &object[2], &object[3], &object[4]))
+    if (!PyArg_ParseTuple(tables, "OOOOO;samples of a mesh are (grid, coarse, block, fine, sharp)", &object[0], &object[1],
+                          &object[2], &object[3], &object[4]))
         return -1;
     const double *grid = take_grid(object[0], 3, 1);
     PyArrayObject *block = grid ? gr_array(object[2], "block", NPY_INT32, 3, any, 0) : NULL;
@@ -68,8 +68,7 @@ static int take_map(PyObject *tables, struct gr_height_map *map)
     PyObject *grid_of, *heights, *ranges;
     const npy_intp any[2] = {-1, -1};
     if (!PyTuple_Check(tables)) return gr_refuse("samples of a height map must be a tuple");
-    if (!PyArg_ParseTuple(tables, "OOO;samples of a height map are (grid, heights, ranges)", &grid_of, &heights,
-                          &ranges))
+    if (!PyArg_ParseTuple(tables, "OOO;samples of a height map are (grid, heights, ranges)", &grid_of, &heights, &ranges))
         return -1;
     const double *grid = take_grid(grid_of, 2, 2);
     if (!grid) return -1;

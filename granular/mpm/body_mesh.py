@@ -23,7 +23,7 @@ __all__ = ["Mesh"]
 
 Array = NDArray[np.float64]
 Tables = tuple[NDArray, ...]
-"""Sampling grid (4,), coarse samples, blocks, fine samples and edges, as `csrc/body/samples.h` has it."""
+"""Grid (4,), coarse samples, blocks, fine samples and edges; see `csrc/body/samples.h`."""
 
 CUBE = 8
 """Spacings along an edge of a block; as in `csrc/body/samples.h`."""
