@@ -105,6 +105,7 @@ def fluidity_diffuse(
     faces: NDArray[np.uint8],
     dense: NDArray[np.bool_],
     g: NDArray[np.float64],
+    distance: NDArray[np.float64] | None,
     threads: int,
     isa: str,
 ) -> Diffusion: ...

@@ -229,9 +229,10 @@ static double bend_down(const struct gr_height_map *map, const int64_t at[2], in
     return atan2(rise, length) + atan2(fall, length);
 }
 
-int gr_height_map_edge_near(const struct gr_height_map *map, const double x[3], double near)
+int gr_height_map_edges(const struct gr_height_map *map, const double x[3], double near)
 {
     int64_t low[2], high[2], step[2], at[2];
+    int edges = 0;
     for (int d = 0; d < 2; d++) {
         step[d] = (int64_t)fmax(1, fmin(rint(near / (STEPS_NEAR * map->spacing[d])), (double)map->n[d]));
         low[d] = cell_of(map, d, x[d] - near);
@@ -240,6 +241,6 @@ int gr_height_map_edge_near(const struct gr_height_map *map, const double x[3], 
     for (at[1] = low[1]; at[1] <= high[1]; at[1] += step[1])
         for (at[0] = low[0]; at[0] <= high[0]; at[0] += step[0])
             for (int d = 0; d < 2; d++)
-                if (bend_down(map, at, d, step[d]) > EDGE_BEND) return 1;
-    return 0;
+                edges |= bend_down(map, at, d, step[d]) > EDGE_BEND ? 1 : bend_down(map, at, d, step[d]) < -EDGE_BEND ? 2 : 0;
+    return edges;
 }

@@ -24,5 +24,5 @@ int64_t gr_height_map_ranges(const int64_t n[2]);
  * its edge. */
 double gr_height_map_distance(const struct gr_height_map *map, const double x[3], double normal[3]);
 
-/* True if the surface bends convexly nearer to x than `near`, along either axis. */
-int gr_height_map_edge_near(const struct gr_height_map *map, const double x[3], double near);
+/* Edges nearer to x than `near`, by the bend along either axis: 1 for convex, 2 for concave ones. */
+int gr_height_map_edges(const struct gr_height_map *map, const double x[3], double near);

@@ -93,10 +93,11 @@ double gr_samples_distance(const struct gr_samples *s, const double x[3], double
     return all;
 }
 
-int gr_samples_edge_near(const struct gr_samples *s, const double x[3], double near)
+int gr_samples_edges(const struct gr_samples *s, const double x[3], double near)
 {
     double place[3], out[3];
     int32_t cell[3], low[3], high[3];
+    int edges = 0;
     const double reach = near / s->spacing + 1;
     locate(s, x, place, cell, out);
     for (int d = 0; d < 3; d++) {
@@ -111,7 +112,7 @@ int gr_samples_edge_near(const struct gr_samples *s, const double x[3], double n
                 int64_t number;
                 if (gr_dot(off, off) > reach * reach || !block_at(s, at, &number)) continue;
                 const int64_t in = ((k % GR_CUBE) * GR_CUBE_SIDE + j % GR_CUBE) * GR_CUBE_SIDE + i % GR_CUBE;
-                if (s->sharp[number * GR_CUBE_SIZE + in]) return 1;
+                edges |= s->sharp[number * GR_CUBE_SIZE + in] & 3;
             }
-    return 0;
+    return edges;
 }

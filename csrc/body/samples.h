@@ -14,12 +14,12 @@ struct gr_samples {
     const int32_t *block;   /* n[2] n[1] n[0]: the block of a cell, or -1 */
     int32_t n_blocks;
     const float *fine;    /* n_blocks x GR_CUBE_SIZE signed distances, m */
-    const uint8_t *sharp; /* n_blocks x GR_CUBE_SIZE: 1 at samples beside a convex edge */
+    const uint8_t *sharp; /* n_blocks x GR_CUBE_SIZE: 1 at samples beside a convex edge, 2 a concave one */
 };
 
 /* Signed distance and its gradient, a unit vector: linear between the samples. In cells without a block, and outside of
  * the grid, it is a lower bound of the distance; of the right sign. */
 double gr_samples_distance(const struct gr_samples *s, const double x[3], double normal[3]);
 
-/* True if a sample beside a convex edge is nearer than `near` and a spacing. */
-int gr_samples_edge_near(const struct gr_samples *s, const double x[3], double near);
+/* Edges beside samples nearer than `near` and a spacing: 1 for convex, 2 for concave ones. */
+int gr_samples_edges(const struct gr_samples *s, const double x[3], double near);

@@ -3,7 +3,6 @@
 
 #include "mpm/feet.h"
 #include "mpm/pose.h"
-#include "mpm/migrate.h"
 #include "mpm/walls.h"
 
 /* Sweeps end when the largest change of a velocity at a foot in a sweep is this part of the largest that contact makes in
@@ -42,25 +41,6 @@ static void place(const struct gr_engine *e, int b, struct moving *m)
     gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &m->pose);
 }
 
-/* The arm r = x - X from the nearest image of the body. */
-static void arm(const struct gr_engine *e, const struct moving *m, const double x[3], double r[3])
-{
-    for (int d = 0; d < 3; d++) r[d] = d < e->config.dim ? gr_pose_arm(&m->pose, x[d], d) : 0;
-}
-
-/* True if a point lies in a body.
- * Returned: then also the normal, in axes of the scene. */
-static int contains(const struct moving *m, const double r[3], double normal[3])
-{
-    const double bound = m->pose.body->bound;
-    double local[3], at[3];
-    if (r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > bound * bound) return 0;
-    gr_pose_in_body(&m->pose, r, at);
-    if (!(gr_union_distance(m->pose.parts, m->pose.body->n_parts, at, local) < 0)) return 0;
-    gr_pose_in_space(&m->pose, local, normal);
-    return 1;
-}
-
 double gr_bodies_speed(const struct gr_engine *e)
 {
     double fastest = 0;
@@ -77,45 +57,6 @@ double gr_bodies_speed(const struct gr_engine *e)
                                                  now->omega, sqrt(square)));
     }
     return fastest;
-}
-
-/* Set the gr_inside bits of the two copies of a double cell. They are separated if its centre faces the thin part. */
-static void mark_copies(int rough, const struct gr_facing *side, uint8_t *front, uint8_t *back)
-{
-    const int behind = side->mid < 0, beyond = rough ? GR_BEYOND_ROUGH : 0, body = *front & GR_INSIDE_BODY;
-    if (side->facing) {
-        *front = (uint8_t)(body | GR_SEPARATED | (behind ? beyond : 0));
-        *back = (uint8_t)(body | GR_SEPARATED | GR_BEHIND | (behind ? 0 : beyond));
-    } else {
-        *front = (uint8_t)(body | (behind ? GR_BEHIND : 0));
-        *back = GR_HIDDEN;
-    }
-}
-
-void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
-{
-    struct gr_fluidity *f = e->fluidity;
-    for (int64_t c = first; c < last; c++) {
-        const struct gr_cell *cell = &e->mesh.cell[c];
-        struct gr_facing side;
-        double x[3];
-        if (cell->side == -1) continue; /* set with its front */
-        uint8_t *inside = f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at), 0);
-        *inside = cell->side < 0 ? GR_BEHIND : 0;
-        gr_cell_position(e, cell->at, x);
-        for (int b = 0; b < e->config.n_bodies; b++) {
-            struct moving m;
-            double r[3], normal[3];
-            if (!e->config.bodies[b].rough) continue;
-            place(e, b, &m);
-            arm(e, &m, x, r);
-            if (contains(&m, r, normal)) *inside |= GR_INSIDE_BODY;
-        }
-        if (cell->side != 1) continue;
-        gr_nearest_thin(e, x, 1, &side);
-        mark_copies(e->config.bodies[side.body].rough, &side, inside,
-                    f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at), 1));
-    }
 }
 
 /* Velocity of the material at a foot relative to the surface. */
@@ -156,13 +97,13 @@ static double correct(struct gr_engine *e, struct gr_foot *foot, struct moving *
     slip(e, foot, m, u);
     const double along = u[0] * n[0] + u[1] * n[1] + u[2] * n[2];
     double pressing = foot->pressing + (foot->bound - along) / foot->normal_mobility;
-    if (body->contact == GR_CONTACT_SEPARATING && pressing < 0) pressing = 0;
+    pressing = fmin(fmax(pressing, body->contact == GR_CONTACT_SEPARATING ? 0 : -foot->most), foot->most);
     for (int d = 0; d < 3; d++) {
         tangential[d] = foot->impulse[d] - foot->pressing * n[d] - (u[d] - along * n[d]) / foot->mobility;
         square += tangential[d] * tangential[d];
     }
-    const double most = body->friction * fabs(pressing);
-    const double keep = body->contact == GR_CONTACT_STICKY || !(square > most * most) ? 1 : most / sqrt(square);
+    const double most = body->contact == GR_CONTACT_STICKY ? foot->most : body->friction * fabs(pressing);
+    const double keep = !(square > most * most) ? 1 : most / sqrt(square);
     for (int d = 0; d < e->config.dim; d++) {
         const double impulse = pressing * n[d] + keep * tangential[d];
         change[d] = impulse - foot->impulse[d];

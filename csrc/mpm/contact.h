@@ -9,9 +9,6 @@ void gr_bodies_start(struct gr_engine *e);
 /* Largest present speed of a body within the domain, m/s. */
 double gr_bodies_speed(const struct gr_engine *e);
 
-/* Mark which of the cells [first, last) have their centre in a rough body, for the fluidity grid. */
-void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last);
-
 /* Apply contact to the nodes about the feet of the points (feet.h), and the reaction to the bodies. Call it after the grid
  * stage. It is done by one thread, so that the sums have one order. The impulses J at the feet fulfil
  *

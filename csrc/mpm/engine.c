@@ -150,11 +150,11 @@ static int build_fluidity(struct gr_engine *e)
                                         .max_iterations = MAX_ITERATIONS,
                                         .two_sided = gr_list_thin(&e->config, 0) > 0,
                                         .face = nonlocal->face};
+    for (int b = 0; b < e->config.n_bodies; b++) config.rough_bodies |= e->config.bodies[b].rough;
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
     if (error) return error;
-    for (int b = 0; b < e->config.n_bodies; b++) e->fluidity->has_inside |= e->config.bodies[b].rough;
-    e->fluidity->has_inside |= e->fluidity->two_sided;
+    e->fluidity->has_inside = config.rough_bodies || config.two_sided;
     if (nonlocal->method == GR_DIFFUSION_COUNT) {
         const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
         nonlocal->method =

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
+#include "mpm/migrate.h"
 #include "mpm/pose.h"
 #include "mpm/shape.h"
 #include "mpm/walls.h"
@@ -15,9 +16,13 @@
 
 /* Points deeper in a body than this, in cells, were there from the beginning: the surface does not act on them. */
 #define DEEP 0.5
+
+/* Points that have slipped in at an edge by more than DEEPEST, and less than LOST, are moved out, in cells, by at most OUT
+ * in so many steps. */
+#define DEEPEST 0.1
 #define LOST 1.5
-#define DEEPEST 0.2
-#define OUT 0.02
+#define OUT 0.1
+enum { OUT_INTERVAL = 8 };
 
 /* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this; of their shape functions
  * at least this part has mass. */
@@ -66,6 +71,19 @@ static double distance(const struct gr_engine *e, const struct gr_pose *pose, co
     const double phi = gr_union_distance(pose->parts, pose->body->n_parts, at, local);
     gr_pose_in_space(pose, local, normal);
     return phi;
+}
+
+/* The same for a point of a cell. Points of double cells stay on their side of a thin body, however deep they are. */
+static double distance_on_side(const struct gr_engine *e, const struct gr_cell *cell, int b, const struct gr_pose *pose,
+                               const double x[3], double arm[3], double normal[3])
+{
+    struct gr_facing side;
+    const double phi = distance(e, pose, x, arm, normal);
+    if (!e->n_thin || !GR_IS_DOUBLE(cell)) return phi;
+    gr_nearest_thin(e, x, 1, &side);
+    if (side.body != b || !side.facing) return phi;
+    for (int d = 0; d < 3; d++) normal[d] = cell->side * side.normal[d];
+    return cell->side * side.mid - side.half;
 }
 
 static int reserve(struct gr_engine *e)
@@ -267,18 +285,8 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     const int dim = e->config.dim;
     double x[3] = {0}, at[3], into = 0;
     for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + place];
-    double phi = distance(e, pose, x, foot->arm, foot->normal);
-    if (e->n_thin && GR_IS_DOUBLE(cell)) {
-        struct gr_facing side;
-        gr_nearest_thin(e, x, 1, &side);
-        if (side.body == b && side.facing) { /* a point stays on its side, however deep it is */
-            phi = cell->side * side.mid - side.half;
-            for (int d = 0; d < 3; d++) foot->normal[d] = cell->side * side.normal[d];
-        }
-    }
-    if (phi > REACH * e->config.dx || phi < -LOST * e->config.dx) return 0;
-    if (phi < -DEEPEST * e->config.dx) /* a single point that slipped in at an edge is moved out, slowly */
-        for (int d = 0; d < dim; d++) e->field[GR_FIELD_x][d * e->capacity + place] += OUT * e->config.dx * foot->normal[d];
+    const double phi = distance_on_side(e, cell, b, pose, x, foot->arm, foot->normal);
+    if (phi > REACH * e->config.dx) return 0;
     if (phi < -DEEP * e->config.dx) return 0;
     const double filling = e->field[GR_FIELD_mass][place] * e->mass_scale;
     const double r = 0.5 * e->config.dx * (dim == 2 ? sqrt(filling) : cbrt(filling));
@@ -287,6 +295,7 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     if (!(phi < r || phi + 2 * e->dt * (into - fall) < r)) return 0;
     foot->body = b;
     foot->bound = phi > r ? (r - phi) / e->dt : 0;
+    foot->most = e->field[GR_FIELD_mass][place] * e->config.wave_speed;
     foot->place = place;
     if (foot->bound < 0 && pose->body->contact != GR_CONTACT_SEPARATING) return 0;
     for (int d = 0; d < 3; d++) at[d] = x[d] - phi * foot->normal[d];
@@ -347,5 +356,29 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
             if (n) start_from_force(e, n, &feet->foot[feet->n]);
             feet->n += n;
         }
+    }
+}
+
+void gr_feet_move_out(struct gr_engine *e)
+{
+    const struct gr_feet *feet = e->feet;
+    const double dx = e->config.dx;
+    struct gr_pose pose[GR_MAX_BODIES];
+    if (e->step % OUT_INTERVAL) return;
+    for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
+    for (int64_t k = 0; k < feet->n_near; k++) {
+        const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
+        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++)
+            for (int b = 0; b < e->config.n_bodies; b++) {
+                double x[3] = {0}, arm[3], normal[3];
+                if (!(feet->bodies[k] >> b & 1)) continue;
+                for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+                const double deep = -distance_on_side(e, cell, b, &pose[b], x, arm, normal) - DEEPEST * dx;
+                if (!(deep > 1e-9 * dx) || deep > (LOST - DEEPEST) * dx) continue;
+                for (int d = 0; d < e->config.dim; d++) x[d] += fmin(deep, OUT * dx) * normal[d];
+                if (!gr_replace_point(e, feet->near[k], s, x)) continue;
+                s--; /* another point has taken its place */
+                break;
+            }
     }
 }

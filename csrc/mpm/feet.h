@@ -8,6 +8,9 @@
  *
  * or can fall below it within the next two steps. The impulses at all feet are found together (contact.c).
  *
+ * An impulse is at most m c_w, with the speed c_w of compression waves: a traction of about rho c_w^2. Where material is
+ * pinched between surfaces that approach each other no impulse fulfils all conditions, and this alone bounds it.
+ *
  * Where the nodes about a foot have hardly any mass, a point acts at its own place instead: there is its own mass at
  * least. At convex edges the normal is not that of a face, and feet act on the faces beside the edge alone. */
 #pragma once
@@ -23,6 +26,7 @@ struct gr_foot {
     double arm[3], normal[3];         /* from the position of the body, m; out of the body */
     double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */
+    double most;                      /* impulse, N s */
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
 };
 
@@ -60,3 +64,7 @@ void gr_feet_find(struct gr_engine *e, const double g[3]);
 
 /* Keep the impulses of the feet as forces on their points. */
 void gr_feet_keep(struct gr_engine *e);
+
+/* Move points that have slipped into a body at one of its edges towards its surface. Call it when the points are in their
+ * cells, and before the sums of the cells that lost or gained points are made anew. */
+void gr_feet_move_out(struct gr_engine *e);

@@ -73,6 +73,24 @@ static double mean_gap(const struct gr_engine *e, int64_t id, const int64_t step
     return e->open ? sum / weights : sum;
 }
 
+/* Over-compression at a node in a body: the mean of that of the nodes about it that are open, so that it has no slope
+ * across the surface and points do not shift into the body. */
+static double excess_about(const struct gr_engine *e, int64_t id, const int64_t step[3][3])
+{
+    const int dim = e->config.dim;
+    double sum = 0, count = 0;
+    for (int c = 0; c < (dim == 3 ? 3 : 1); c++)
+        for (int b = 0; b < 3; b++)
+            for (int a = 0; a < 3; a++) {
+                const int64_t at = id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0);
+                const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, at) - 1;
+                const double *field = e->node_data + n * e->node_stride + GR_NODE_DENSITY(dim);
+                if (n < 0 || !(field[GR_NODE_OWN_GAP] > LEAST_GAP && field[GR_NODE_OWN_GAP] < GR_CLOSED_GAP)) continue;
+                sum += field[GR_NODE_EXCESS], count++;
+            }
+    return count > 0 ? sum / count : 0;
+}
+
 void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
 {
     const int dim = e->config.dim;
@@ -84,6 +102,7 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
         const int held = ends | gr_wall_now(e, e->mesh.node_code[n])->fixed;
         const int64_t cut = gr_open_place(e->open, id);
         const int closed = !(field[GR_NODE_OWN_GAP] < GR_CLOSED_GAP);
+        if (closed && e->open) field[GR_NODE_EXCESS] = excess_about(e, id, step);
         field[GR_NODE_GAP] = inside && !closed ? mean_gap(e, id, step) : 0;
         if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
             field[GR_NODE_WEIGHT] += 1 - exp(-(field[GR_NODE_OWN_GAP] + e->servo_strain));

@@ -7,6 +7,7 @@
 
 #include "mpm/contact.h"
 #include "mpm/feet.h"
+#include "mpm/fluidity_bodies.h"
 #include "mpm/open_volume.h"
 #include "core/piecewise.h"
 #include "core/team.h"
@@ -136,6 +137,7 @@ static void finish(struct run *run)
     if (e->watch) gr_add_wall_impulses(e);
     for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
     if (e->n_thin) gr_change_sides(e);
+    if (e->feet) gr_feet_move_out(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
     if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */

@@ -30,7 +30,8 @@ struct gr_split_pose {
 
 /* Position of a point relative to the nearest thin part. */
 struct gr_facing {
-    int body, facing;     /* facing: 1 if the point projects onto the thin part along its normal */
+    int body, part;       /* indices in the config */
+    int facing;           /* 1 if the point projects onto the thin part along its normal */
     double distance, mid; /* from the mid-surface of the thin part; from its mid-plane, positive towards the front; m */
     double half;          /* half thickness, m */
     double inset;         /* distance inside its edges, negative beyond them, m */

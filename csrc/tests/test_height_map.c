@@ -45,14 +45,14 @@ TEST(edges_of_a_map)
 {
     struct gr_height_map map = map_of(ridge);
     const double at[3] = {0.30, 0.3, 0}, off[3] = {0.2, 0.3, 0};
-    CHECK(gr_height_map_edge_near(&map, at, 0.0205));
-    CHECK(!gr_height_map_edge_near(&map, off, 0.02));
+    CHECK(gr_height_map_edges(&map, at, 0.0205) == 1);
+    CHECK(!gr_height_map_edges(&map, off, 0.02));
     map = map_of(trough);
-    CHECK(!gr_height_map_edge_near(&map, at, 0.05));
+    CHECK(gr_height_map_edges(&map, at, 0.05) == 2);
     map = map_of(hill);
-    CHECK(!gr_height_map_edge_near(&map, at, 0.08)); /* 0.35 cells of a radius of 1.1 cells */
+    CHECK(!gr_height_map_edges(&map, at, 0.08)); /* 0.35 cells of a radius of 1.1 cells */
     map = map_of(rounded);
-    CHECK(gr_height_map_edge_near(&map, at, 0.07)); /* posts finer than the edge do not make it smooth */
+    CHECK(gr_height_map_edges(&map, at, 0.07)); /* posts finer than the edge do not make it smooth */
 }
 
 TEST(samples_and_their_edges)
@@ -75,8 +75,8 @@ TEST(samples_and_their_edges)
     CHECK_NEAR(gr_samples_distance(&s, (double[]){2.5, 1, 1}, normal), 1.5, 1e-12);
     CHECK_NEAR(normal[0], 1, 1e-12);
     CHECK_NEAR(gr_samples_distance(&s, (double[]){8, 0, 3}, normal), 5, 1e-12); /* sqrt(4^2 + 3^2), of 7 */
-    CHECK(gr_samples_edge_near(&s, (double[]){1.5, 0, 0}, 0.6));
-    CHECK(!gr_samples_edge_near(&s, (double[]){1.5, 0, 0}, 0.4));
+    CHECK(gr_samples_edges(&s, (double[]){1.5, 0, 0}, 0.6));
+    CHECK(!gr_samples_edges(&s, (double[]){1.5, 0, 0}, 0.4));
     block[0] = -1;
     CHECK_NEAR(gr_samples_distance(&s, (double[]){-3.5, 0, 0}, normal), -6, 1e-12); /* no less than the band */
     block[0] = 7;                                                                   /* there is no such block */

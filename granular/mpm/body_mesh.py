@@ -16,7 +16,7 @@ from tqdm.auto import tqdm
 
 from granular import _core
 from granular.checks import positive, set_fields
-from granular.mpm.body_shapes import SAMPLED, row_of
+from granular.mpm.body_shapes import row_of
 from granular.mpm.body_tables import ArrayShape, real_array
 
 __all__ = ["Mesh"]
@@ -165,7 +165,7 @@ class Mesh(ArrayShape):
 
     def rows(self) -> Array:
         middle, half = self._box
-        return row_of(SAMPLED, False, tuple(middle), np.eye(3), half)[None]
+        return row_of("sampled", False, tuple(middle), np.eye(3), half)[None]
 
     def samples(self) -> tuple[Tables, ...]:
         return (_sampled(self),)
@@ -291,7 +291,7 @@ def _read_cache(digest: str) -> Tables | None:
     try:
         with np.load(path, allow_pickle=False) as stored:
             tables = tuple(stored[f"arr_{k}"] for k in range(5))
-        row = np.array([SAMPLED, 0, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 1, 1], dtype=float)[None]
+        row = row_of("sampled", False, (0.0,) * 3, np.eye(3), (1.0, 1.0, 1.0))[None]
         _core.body_distance(row, (tables,), np.zeros((1, 3)))
     except Exception:  # whatever is wrong with a file: it is written anew
         return None
@@ -375,13 +375,14 @@ def _cells_near(coarse: Array, reach: float) -> NDArray[np.int64]:
 def _sharp(
     mesh: Mesh, tables: Tables, keys: NDArray, values: NDArray, counts: NDArray
 ) -> NDArray[np.uint8]:
-    """1 for samples just outside of the solid beside a convex edge, see `BEND`."""
+    """1 for samples just outside beside a convex edge, 2 beside a concave one, see `BEND`."""
     sharp, h = np.zeros(len(keys), dtype=np.uint8), mesh.spacing
     chosen = np.flatnonzero((values > -ON_SURFACE * h) & (values < h))
     places = tables[0][:3] + h * _unravelled(keys[chosen], counts)
-    row = row_of(SAMPLED, False, (0.0,) * 3, np.eye(3), np.full(3, h))[None]
+    row = row_of("sampled", False, (0.0,) * 3, np.eye(3), np.full(3, h))[None]
     empty = (*tables, np.zeros(tables[3].shape, dtype=np.uint8))
     for axis in np.eye(3):
         sides = (_core.body_distance(row, (empty,), places + s * h * axis)[0] for s in (-1, 1))
-        sharp[chosen] |= sum(sides) - 2.0 * values[chosen] > BEND * h
+        bend = sum(sides) - 2.0 * values[chosen]
+        sharp[chosen] |= (bend > BEND * h) * np.uint8(1) | (bend < -BEND * h) * np.uint8(2)
     return sharp

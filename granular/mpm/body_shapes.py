@@ -1,6 +1,7 @@
 """Shapes of rigid bodies, each with its description for the core.
 
-In 2D a box is infinite along z and a cylinder is a disc.
+A 2D scene is a section of one that is endless along z: a box is infinite along z there, and a disc
+is a cylinder.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +24,16 @@ from granular.checks import (
     positive,
     set_fields,
     truth,
-    tuple_of,
     vector,
 )
 
-__all__ = ["Box", "Cylinder", "HalfSpace", "Shape", "Union"]
+__all__ = ["Box", "Cylinder", "HalfSpace", "Shape"]
 
 Array = NDArray[np.float64]
 
 MOST_SHAPES = 256
-BOX, CYLINDER, HALF_SPACE, SAMPLED, HEIGHT_MAP = (
-    _core.enumerations()["part"][name]
-    for name in ("box", "cylinder", "half_space", "sampled", "height_map")
-)
+PARTS = _core.enumerations()["part"]
+"""Number of each kind of part in the core."""
 
 
 def rotation_of(name: str, value: object, dim: int) -> float | tuple[float, ...]:
@@ -56,25 +55,33 @@ def padded(value: Sequence[float]) -> tuple[float, ...]:
 
 
 def row_of(
-    kind: int, inside: bool, center: Sequence[float], matrix: Array, size: Iterable
+    kind: str,
+    inside: bool = False,
+    center: Sequence[float] = (0.0, 0.0, 0.0),
+    matrix: Array | None = None,
+    size: Iterable[float] = (0.0, 0.0, 0.0),
 ) -> Array:
-    """Return the 17 numbers that describe a part for the core."""
-    return np.array([kind, inside, *padded(center), *matrix.ravel(), *size], dtype=float)
+    """Return the 17 numbers of a part: kind, inside, centre, rotation matrix, size."""
+    turn = np.eye(3) if matrix is None else matrix
+    return np.array([PARTS[kind], inside, *padded(center), *turn.ravel(), *size], dtype=float)
 
 
-def _axes_about(normal: Sequence[float]) -> Array:
-    """Rotation matrix whose third column is along `normal`."""
+def axes_about(normal: Sequence[float]) -> Array:
+    """Rotation matrix whose third column is along `normal`; in 2D the second one is along z."""
     third = np.array(padded(normal)) / np.linalg.norm(normal)
+    if len(normal) == 2:
+        return np.column_stack([[-third[1], third[0], 0.0], [0.0, 0.0, 1.0], third])
     first = np.cross(np.eye(3)[np.argmin(np.abs(third))], third)
     first /= np.linalg.norm(first)
     return np.column_stack([first, np.cross(third, first), third])
 
 
-def _direction(name: str, value: object, dim: int | None = None) -> tuple[float, ...]:
-    direction = vector(name, value, dim)
-    if not math.hypot(*direction) > 0:
-        raise ValueError(f"{name} = {direction} must not be zero")
-    return direction
+def direction(name: str, value: object, dim: int | None = None) -> tuple[float, ...]:
+    """Check a vector that must not be zero."""
+    found = vector(name, value, dim)
+    if not math.hypot(*found) > 0:
+        raise ValueError(f"{name} = {found} must not be zero")
+    return found
 
 
 class Shape(ABC):
@@ -89,9 +96,40 @@ class Shape(ABC):
     def rows(self) -> Array:
         """Return the description of the shape for the core, shape (parts, 17)."""
 
-    def samples(self) -> tuple[tuple[NDArray, ...], ...]:
-        """Return the tables of parts that have no formula, for the core."""
+    def samples(self) -> tuple[Any, ...]:
+        """Return the arrays of the rows that need one, in their order.
+
+        They are sampled signed distances [m], shape (z, y, x), negative inside, or the vertices [m]
+        of a polygon, shape (1, n, 2).
+        """
         return ()
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        """Signed distance to the surface, and the outward normal there.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, dim)
+            Positions [m] in coordinates of the body.
+
+        Returns
+        -------
+        distance : ndarray, shape (n,)
+            Distance [m], negative in the solid.
+        normal : ndarray, shape (n, dim)
+
+        Raises
+        ------
+        ValueError
+            If positions are not finite or have another dimension.
+        """
+        x = np.asarray(x, dtype=float)
+        if x.ndim != 2 or x.shape[1] != self.dim or not np.isfinite(x).all():
+            raise ValueError(f"x of shape {x.shape} must be finite of shape (n, {self.dim})")
+        places = np.zeros((len(x), 3))
+        places[:, : self.dim] = x
+        distance, normal = _core.body_distance(self.rows(), self.samples(), places)
+        return distance, np.ascontiguousarray(normal[:, : self.dim])
 
 
 @dataclass(frozen=True)
@@ -131,7 +169,7 @@ class Box(Shape):
     def rows(self) -> Array:
         half = [edge / 2 for edge in self.size] + [math.inf]
         matrix = turned(self.rotation_deg).as_matrix()
-        return row_of(BOX, False, self.center, matrix, half[:3])[None]
+        return row_of("box", False, self.center, matrix, half[:3])[None]
 
 
 @dataclass(frozen=True)
@@ -172,7 +210,7 @@ class Cylinder(Shape):
         if len(center) == 2 and (axis is not None or math.isfinite(length)):
             raise ValueError(f"axis = {axis} and length = {length} must be None and inf in 2D")
         if len(center) == 3:
-            axis = _direction("axis", axis, 3)
+            axis = direction("axis", axis, 3)
         set_fields(self, center=center, axis=axis, length=length)
         check_fields(self, positive, "radius")
         check_fields(self, truth, "inside")
@@ -182,9 +220,9 @@ class Cylinder(Shape):
         return len(self.center)
 
     def rows(self) -> Array:
-        matrix = np.eye(3) if self.axis is None else _axes_about(self.axis)
+        matrix = np.eye(3) if self.axis is None else axes_about(self.axis)
         size = (self.radius, self.length / 2, 0.0)
-        return row_of(CYLINDER, self.inside, self.center, matrix, size)[None]
+        return row_of("cylinder", self.inside, self.center, matrix, size)[None]
 
 
 @dataclass(frozen=True)
@@ -208,7 +246,7 @@ class HalfSpace(Shape):
     through: tuple[float, ...] = None  # type: ignore[assignment]  # a place once made
 
     def __post_init__(self) -> None:
-        normal = _direction("normal", self.normal)
+        normal = direction("normal", self.normal)
         through = (0.0,) * len(normal) if self.through is None else self.through
         set_fields(self, normal=normal, through=vector("through", through, len(normal)))
 
@@ -217,47 +255,5 @@ class HalfSpace(Shape):
         return len(self.normal)
 
     def rows(self) -> Array:
-        matrix = _axes_about(self.normal)
-        return row_of(HALF_SPACE, False, self.through, matrix, (0.0, 0.0, 0.0))[None]
-
-
-@dataclass(frozen=True)
-class Union(Shape):
-    """Several shapes as one; a bucket, for example, is a union of boxes.
-
-    Its signed distance is the least of theirs. This is exact outside; where shapes overlap, the
-    depth is underestimated.
-
-    Parameters
-    ----------
-    parts : sequence of shapes
-        At least one shape, all of one dimension; no unions.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    parts: tuple[Shape, ...]
-
-    def __post_init__(self) -> None:
-        parts = tuple_of("parts", self.parts, (Shape,))
-        if not 1 <= len(parts) <= MOST_SHAPES:
-            raise ValueError(f"parts: {len(parts)} shapes must be from 1 to {MOST_SHAPES}")
-        for i, part in enumerate(parts):
-            if isinstance(part, Union):
-                raise TypeError(f"parts[{i}] = {part} must not be a Union")
-            if part.dim != parts[0].dim:
-                raise ValueError(f"parts[{i}] = {part} must have dimension {parts[0].dim}")
-        set_fields(self, parts=parts)
-
-    @property
-    def dim(self) -> int:
-        return self.parts[0].dim
-
-    def rows(self) -> Array:
-        return np.concatenate([part.rows() for part in self.parts])
-
-    def samples(self) -> tuple[tuple[NDArray, ...], ...]:
-        return tuple(tables for part in self.parts for tables in part.samples())
+        matrix = axes_about(self.normal)
+        return row_of("half_space", False, self.through, matrix, (0.0, 0.0, 0.0))[None]

@@ -16,7 +16,6 @@ from granular.mpm.damping import damping
 from granular.mpm.limits import check_blades, check_overlaps, check_time_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
-from granular.seeding import seed_points
 
 __all__ = [
     "build",
@@ -192,12 +191,12 @@ def servo_arguments(
 def initial_points(scene: Scene) -> dict[str, NDArray]:
     """Return the fields of the points at the start, in the order of their ids.
 
-    Points are stress-free, except in lithostatic fills, which are in equilibrium: dp/dz = rho g
-    with rho = rho_c exp(p/K).
+    Points are stress-free, except in lithostatic fills, which are in equilibrium: the pressure
+    grows with the depth against gravity as dp/dz = rho g with rho = rho_c exp(p/K).
     """
     material = scene.material
-    points = seed_points(scene.grid, scene.fills, scene.seed, material.rho_c)
-    weight = -material.rho_c * scene.gravity.at(0.0)[-1] * points.depth
+    points = scene.points()
+    weight = material.rho_c * math.hypot(*scene.gravity.at(0.0)) * points.depth
     if weight.max() >= material.K:
         raise ValueError(f"K = {material.K} must exceed rho_c g depth = {weight.max()}")
     log_density = np.log(points.density / material.rho_c) - np.log1p(-weight / material.K)

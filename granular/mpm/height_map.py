@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import check_fields, finite, positive, sequence, set_fields, truth
-from granular.mpm.body_shapes import HEIGHT_MAP, row_of
+from granular.mpm.body_shapes import row_of
 from granular.mpm.body_tables import ArrayShape, real_array
 
 __all__ = ["HeightMap"]
@@ -138,7 +138,7 @@ class HeightMap(ArrayShape):
         # In 2D the third axis of the part, which is up, is y of the body.
         turn = np.eye(3) if self.dim == 3 else np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
         center = (0.0,) * 3
-        return row_of(HEIGHT_MAP, False, center, turn, (np.inf,) * 3)[None]
+        return row_of("height_map", False, center, turn, (np.inf,) * 3)[None]
 
     def samples(self) -> tuple[tuple[NDArray, ...], ...]:
         h = self._spacings

@@ -1,17 +1,15 @@
 """Rigid bodies in a run: the same bits for any number of threads and after a restart."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import granular as gr
-from granular.diagnostics import scene_warnings as warnings_of
 from granular.geometry import Box as Region
-from granular.geometry import Difference, Fill, Grid
+from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
 from granular.mpm.bodies import Body, Box, Cylinder, Motion, Union
+from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.walls import Wall
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
@@ -149,10 +147,10 @@ def test_images_of_bodies_are_looked_for_as_bodies_are(dim):
     length, edge = cell * cells, 4 * cell
     grid = gr.Grid((0.0,) * dim, cell, (cells,) * dim, periodic=(True,) * (dim - 1) + (False,))
     at_end = Body(Box((edge,) * dim), (0.0, *up, 1.0))
-    low, high = (length - 0.2, *up, 0.8), (length, *(0.3 for _ in up), 1.2)
+    high = (length, *(0.3 for _ in up), 1.2)
 
-    def made(lower, *bodies):
-        fills = (gr.Fill(gr.Box(lower, high), 4 if dim == 2 else 8),)
+    def made(x, *bodies):
+        fills = (gr.Fill(gr.Box((x, *up, 0.8), high), 4 if dim == 2 else 8),)
         return gr.Scene(
             name="images",
             grid=grid,
@@ -163,30 +161,13 @@ def test_images_of_bodies_are_looked_for_as_bodies_are(dim):
             bodies=bodies,
         )
 
-    def buried(scene):
-        return any("points within bodies[0]" in said for said in gr.scene_warnings(scene))
-
-    assert buried(made(low, at_end))
-    assert not buried(made((length - 0.2, *up, 1.15), at_end))
+    # The image reaches as far as the fill up, and two thirds along y.
+    points = (scene := made(length - 0.6, at_end)).points()
+    assert (distance_from_bodies(scene)(points.x)[0] > 0).all()
+    whole = made(length - 0.6).points().volume.sum()
+    assert points.volume.sum() == pytest.approx(whole * (1 - (2 / 3) ** (dim - 2) / 3))
     other = Body(Box((edge,) * dim), (length - 0.2, *up, 1.0))
     with pytest.raises(ValueError, match=r"bodies\[0\] and bodies\[1\] overlap: "):
-        gr.Simulation(made(low, at_end, other), threads=1)
+        gr.Simulation(made(length - 0.6, at_end, other), threads=1)
     beside = Body(Box((edge,) * dim), (length - edge, *up, 1.0))
-    gr.Simulation(made((length - 0.2, *up, 1.2 - cell), at_end, beside), threads=1)
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_bodies_in_the_midst_of_a_fill_are_warned_of(dim):
-    scene = scene_of(dim)
-    cell, up = scene.grid.cell, (0.2,) * (dim - 2)
-
-    def scene_warnings(height, fills=scene.fills):
-        body = Body(Box((4 * cell,) * dim), (0.4, *up, height))
-        return [d for d in warnings_of(scene.replace(bodies=(body,), fills=fills)) if "within" in d]
-
-    # half a cell deep, as a body that presses on the material
-    assert scene_warnings(0.4 + 1.2 * cell) == []
-    assert len(scene_warnings(0.2)) == 1
-    hole = Region((0.4 - 2 * cell, *(0.0,) * (dim - 2), 0.0), (0.4 + 2 * cell, *(0.4,) * (dim - 1)))
-    rest = replace(scene.fills[0], region=Difference(scene.fills[0].region, hole))
-    assert scene_warnings(0.2, (rest,)) == []
+    gr.Simulation(made(length - 0.8, at_end, beside), threads=1)

@@ -115,7 +115,7 @@ def test_flow_between_cylinders_in_2d():
 def test_no_slip_cylinders_hold_the_fluidity():
     """As in the figure: the fluidity should be 0 in the material held by an overlap."""
     material = beads(d=0.004)
-    profile, _ = turning(0.4, material, rough=True, overlap=0.0, **PLANE)
+    profile, _ = turning(0.4, material, rough=True, **PLANE)
     flow = couette_flow(0.1, 0.15, material, rate=1.0, pressure=5e3, walls="rough")
     assert error(profile, 1.0, flow).max() < 0.05
 
