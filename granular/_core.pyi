@@ -111,7 +111,7 @@ def fluidity_diffuse(
 ) -> Diffusion: ...
 def body_distance(
     parts: NDArray[np.float64],
-    samples: tuple[tuple[NDArray, ...], ...],
+    samples: tuple[Any, ...],
     x: NDArray[np.float64],
     /,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...

@@ -33,16 +33,17 @@ enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
  * outwards; a shell is the wall along the outer side of its surface. The union of the results that are left is the body. */
 struct gr_part {
     int kind;
-    int inside;           /* 1: the solid is the outside of the surface, and the material is within */
-    double center[3];     /* m */
-    double rotation[9];   /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
+    int inside;         /* 1: the solid is the outside of the surface, and the material is within */
+    double center[3];   /* m */
+    double rotation[9]; /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
                              direction in which a polygon is extended, or the outward normal of a half-space */
-    double size[3];       /* m, may be infinite: half edges of a box or of the box about a sampled surface; radius and half length of
+    double
+        size[3];  /* m, may be infinite: half edges of a box or of the box about a sampled surface; radius and half length of
                              a cylinder; radius of a capsule and half the distance of its two centers; radius of a torus
                              and of its tube; half length of a polygon; distance of an offset; half thickness of a shell.
                              The second of a polygon or revolved chain: 0 if it is closed, or half the thickness of the
                              wall along an open one */
-    int shape[3];         /* {2, n, 1} for n vertices */
+    int shape[3]; /* {2, n, 1} for n vertices */
     const double *sample; /* vertices: (x, y) of a polygon, (r, z) of a revolved chain, m, anticlockwise */
     struct gr_samples samples;
     struct gr_height_map map;

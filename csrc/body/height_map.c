@@ -241,6 +241,8 @@ int gr_height_map_edges(const struct gr_height_map *map, const double x[3], doub
     for (at[1] = low[1]; at[1] <= high[1]; at[1] += step[1])
         for (at[0] = low[0]; at[0] <= high[0]; at[0] += step[0])
             for (int d = 0; d < 2; d++)
-                edges |= bend_down(map, at, d, step[d]) > EDGE_BEND ? 1 : bend_down(map, at, d, step[d]) < -EDGE_BEND ? 2 : 0;
+                edges |= bend_down(map, at, d, step[d]) > EDGE_BEND    ? 1
+                         : bend_down(map, at, d, step[d]) < -EDGE_BEND ? 2
+                                                                       : 0;
     return edges;
 }

@@ -78,7 +78,8 @@ static int take_parts(PyObject *object, PyObject *samples, int capacity, struct 
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
         if (take_part(row, &out[k])) return -1;
         const int kind = out[k].kind;
-        if (kind != GR_PART_SAMPLED && kind != GR_PART_HEIGHT_MAP && kind != GR_PART_POLYGON && kind != GR_PART_REVOLVED) continue;
+        if (kind != GR_PART_SAMPLED && kind != GR_PART_HEIGHT_MAP && kind != GR_PART_POLYGON && kind != GR_PART_REVOLVED)
+            continue;
         if (taken == PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as parts that have some");
         if (take_array(PyTuple_GET_ITEM(samples, taken++), &out[k])) return -1;
     }
