@@ -1,6 +1,6 @@
 """The C core; its arrays are borrowed, never converted or copied."""
 
-from typing import Final, TypedDict, final
+from typing import Any, Final, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
