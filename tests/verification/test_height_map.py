@@ -194,6 +194,7 @@ def test_an_esri_grid_is_read(tmp_path):
             HeightMap.read(path)
 
 
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of affine, in rasterio
 def test_a_geotiff_is_read(tmp_path):
     rasterio = pytest.importorskip("rasterio")
     from rasterio.transform import from_origin
