@@ -21,7 +21,7 @@ __all__ = ["ComparedByContent", "Parameters", "Serializable", "register"]
 FORMAT = 1
 """Version of the JSON format; older versions are read, newer ones refused."""
 
-ARRAYS = ("<f8", "|b1")
+ARRAYS = ("<f8", "<f4", "<i4", "|b1")
 """Types of the arrays in the JSON."""
 MOST_BYTES = 2**34
 """Largest size of an array in the JSON."""
@@ -174,7 +174,7 @@ def _encode(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_encode(entry) for entry in value]
     if isinstance(value, np.ndarray):
-        packed = base64.b64encode(zlib.compress(value.tobytes())).decode()
+        packed = base64.b64encode(zlib.compress(value.tobytes(), 1)).decode()
         dtype = one_of("dtype", value.dtype.str, ARRAYS)
         return {"type": "array", "dtype": dtype, "shape": list(value.shape), "data": packed}
     if isinstance(value, Parameters):

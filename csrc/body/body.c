@@ -32,43 +32,6 @@ static double corner_distance(int n, const double beyond[], double (*face)[3], d
     return distance;
 }
 
-/* Signed distance by interpolation of the samples. Outside their box it is the value at the nearest point of the box
- * plus the distance to it, an upper bound. */
-static double sampled_distance(const struct gr_part *part, const double y[3], double normal[3])
-{
-    const int *n = part->shape;
-    double value = 0, slope[3] = {0}, share[3], out[3], length = 0;
-    int64_t first = 0, step[3] = {1, n[0], (int64_t)n[0] * n[1]};
-    for (int d = 0; d < 3; d++) {
-        const double at = fmax(-part->size[d], fmin(y[d], part->size[d]));
-        const double place = (at + part->size[d]) / (2 * part->size[d]) * (n[d] - 1);
-        const int cell = (int)fmin(place, n[d] - 2);
-        share[d] = place - cell;
-        first += cell * step[d];
-        out[d] = y[d] - at;
-        length += out[d] * out[d];
-    }
-    for (int corner = 0; corner < 8; corner++) {
-        double weight[3];
-        int64_t at = first;
-        for (int d = 0; d < 3; d++) {
-            weight[d] = corner >> d & 1 ? share[d] : 1 - share[d];
-            at += (corner >> d & 1) * step[d];
-        }
-        value += weight[0] * weight[1] * weight[2] * part->sample[at];
-        for (int d = 0; d < 3; d++)
-            slope[d] += (corner >> d & 1 ? 1 : -1) * weight[(d + 1) % 3] * weight[(d + 2) % 3] * part->sample[at];
-    }
-    double square = 0;
-    for (int d = 0; d < 3; d++) {
-        normal[d] = length > 0 ? fabs(value) * slope[d] * (n[d] - 1) / (2 * part->size[d]) + out[d]
-                               : slope[d] * (n[d] - 1) / (2 * part->size[d]);
-        square += normal[d] * normal[d];
-    }
-    for (int d = 0; d < 3; d++) normal[d] = square > 0 ? normal[d] / sqrt(square) : d == 2;
-    return value + sqrt(length);
-}
-
 /* Position in the axes of a part. */
 static void in_part(const struct gr_part *part, const double x[3], double y[3])
 {
@@ -145,7 +108,10 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
         distance = cylinder_distance(part, y, local);
         break;
     case GR_PART_SAMPLED:
-        distance = sampled_distance(part, y, local);
+        distance = gr_samples_distance(&part->samples, y, local);
+        break;
+    case GR_PART_HEIGHT_MAP:
+        distance = gr_height_map_distance(&part->map, y, local);
         break;
     case GR_PART_CAPSULE:
         distance = capsule_distance(part, y, local);
@@ -186,7 +152,9 @@ static int shape_edges(const struct gr_part *part, const double y[3], double nea
     double inset[3], n[2];
     switch (part->kind) {
     case GR_PART_SAMPLED:
-        return GR_EDGE_CONVEX | GR_EDGE_CONCAVE;
+        return gr_samples_edges(&part->samples, y, near);
+    case GR_PART_HEIGHT_MAP:
+        return gr_height_map_edges(&part->map, y, near);
     case GR_PART_CYLINDER:
         inset[0] = size[0] - from_axis(y), inset[1] = size[1] - fabs(y[2]);
         return edge_of_two(2, inset, size, near);

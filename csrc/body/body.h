@@ -3,6 +3,8 @@
 #pragma once
 
 #include "body/chain.h"
+#include "body/height_map.h"
+#include "body/samples.h"
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
@@ -10,6 +12,7 @@ enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
     X(GR_PART_BOX, box)                   \
     X(GR_PART_CYLINDER, cylinder)         \
     X(GR_PART_HALF_SPACE, half_space)     \
+    X(GR_PART_HEIGHT_MAP, height_map)     \
     X(GR_PART_SAMPLED, sampled)           \
     X(GR_PART_CAPSULE, capsule)           \
     X(GR_PART_TORUS, torus)               \
@@ -31,19 +34,20 @@ enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
  * outwards; a shell is the wall along the outer side of its surface. The union of the results that are left is the body. */
 struct gr_part {
     int kind;
-    int inside;            /* 1: the solid is the outside of the surface, and the material is within */
-    double center[3];      /* m */
-    double rotation[9];    /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
+    int inside;         /* 1: the solid is the outside of the surface, and the material is within */
+    double center[3];   /* m */
+    double rotation[9]; /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
                              direction in which a polygon is extended, or the outward normal of a half-space */
-    double size[3];        /* m, may be infinite: half edges of a box or of the box of the samples; radius and half length of
+    double
+        size[3]; /* m, may be infinite: half edges of a box or of the box about a sampled surface; radius and half length of
                              a cylinder; radius of a capsule and half the distance of its two centers; radius of a torus
                              and of its tube; half length of a polygon; distance of an offset; half thickness of a shell.
                              The second of a polygon or revolved chain: 0 if it is closed, or half the thickness of the
                              wall along an open one */
-    int shape[3];          /* number of samples along each axis, equally spaced */
-    const double *sample;  /* signed distances, m, x fastest; interpolated linearly */
     struct gr_chain chain; /* of a polygon, (x, y), or revolved, (r, z) */
-    int operands;
+    struct gr_samples samples;
+    struct gr_height_map map;
+    int operands; /* of a union or an intersection */
 };
 
 /* Edges of a surface that a place is near to: the angle within the solid is less than a straight one, or greater. */

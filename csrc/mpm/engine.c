@@ -36,21 +36,6 @@ static int copy_bodies(struct gr_config *c)
     return error;
 }
 
-/* Copy the samples and vertices of the parts; call it after the parts themselves were copied. */
-static int copy_samples(struct gr_config *c)
-{
-    struct gr_part *parts = (struct gr_part *)c->parts;
-    int error = GR_OK;
-    for (int k = 0; parts && k < c->n_parts; k++) {
-        const int *n = parts[k].shape;
-        const int64_t count = parts[k].sample ? (int64_t)n[0] * n[1] * n[2] : 0;
-        const int vertices = parts[k].chain.vertex ? parts[k].chain.n : 0;
-        error |= gr_own((const void **)&parts[k].sample, sizeof(double) * (size_t)count);
-        error |= gr_own((const void **)&parts[k].chain.vertex, 2 * sizeof(double) * (size_t)vertices);
-    }
-    return error;
-}
-
 static int copy_config(struct gr_engine *e)
 {
     struct gr_config *c = &e->config;
@@ -58,7 +43,6 @@ static int copy_config(struct gr_engine *e)
     error |= gr_own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
     error |= gr_own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
     error |= gr_own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
-    error |= copy_samples(c);
     error |= copy_bodies(c);
     error |= gr_map_own(&c->node_codes);
     error |= gr_map_own(&c->cell_flags);
@@ -259,10 +243,6 @@ void gr_engine_free(struct gr_engine *e)
     gr_feet_free(e->feet);
     gr_open_volume_free(e->open);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
-    for (int k = 0; e->config.parts && k < e->config.n_parts; k++) {
-        free((void *)e->config.parts[k].sample);
-        free((void *)e->config.parts[k].chain.vertex);
-    }
     const void *owned[] = {e->config.gravity_times,
                            e->config.gravity_vectors,
                            e->config.walls,

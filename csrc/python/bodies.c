@@ -6,19 +6,6 @@
 
 enum { KIND, INSIDE, CENTER, ROTATION = CENTER + 3, SIZE = ROTATION + 9, PART_NUMBERS = SIZE + 3 };
 
-/* Signed distances (z, y, x) of a sampled part. */
-static int take_samples(PyArrayObject *array, struct gr_part *part)
-{
-    for (int d = 0; d < 3; d++) {
-        const npy_intp n = PyArray_DIM(array, 2 - d);
-        if (n < 2 || n > 4096) return gr_refuse("samples must be from 2 to 4096 along each axis");
-        if (!(part->size[d] > 0 && part->size[d] < GR_LARGEST)) return gr_refuse("the box of samples must have a size");
-        part->shape[d] = (int)n;
-    }
-    part->sample = PyArray_DATA(array);
-    return 0;
-}
-
 /* Vertices of a polygon or of a chain that is revolved, (1, n, 2). */
 static int take_vertices(PyArrayObject *array, struct gr_part *part)
 {
@@ -39,12 +26,14 @@ static int take_vertices(PyArrayObject *array, struct gr_part *part)
     return 0;
 }
 
+/* Tables of a mesh or a height map, or an array of vertices. */
 static int take_array(PyObject *object, struct gr_part *part)
 {
+    if (part->kind == GR_PART_SAMPLED || part->kind == GR_PART_HEIGHT_MAP) return gr_take_tables(object, part);
     const npy_intp any[3] = {-1, -1, -1};
     PyArrayObject *array = gr_array(object, "samples", NPY_DOUBLE, 3, any, 0);
     if (!array || gr_refuse_values("samples", array, -GR_LARGEST)) return -1;
-    return part->kind == GR_PART_SAMPLED ? take_samples(array, part) : take_vertices(array, part);
+    return take_vertices(array, part);
 }
 
 /* A row (kind, inside, center[3], rotation[9], size[3]). */
@@ -64,7 +53,9 @@ static int take_part(const double *row, struct gr_part *part)
     memcpy(part->center, row + CENTER, sizeof part->center);
     memcpy(part->rotation, row + ROTATION, sizeof part->rotation);
     memcpy(part->size, row + SIZE, sizeof part->size);
-    part->sample = part->chain.vertex = NULL;
+    memset(&part->samples, 0, sizeof part->samples);
+    memset(&part->map, 0, sizeof part->map);
+    part->chain.vertex = NULL;
     part->operands = 0;
     if (part->kind == GR_PART_UNION || part->kind == GR_PART_INTERSECTION)
         part->operands = (int)fmin(part->size[0], GR_MAX_PARTS + 1);
@@ -75,7 +66,7 @@ static int take_part(const double *row, struct gr_part *part)
 static int take_parts(PyObject *object, PyObject *samples, int capacity, struct gr_part *out)
 {
     Py_ssize_t taken = 0;
-    if (!PyTuple_Check(samples)) return gr_refuse("samples must be a tuple of arrays");
+    if (!PyTuple_Check(samples)) return gr_refuse("samples must be a tuple");
     const npy_intp shape[2] = {-1, PART_NUMBERS};
     PyArrayObject *array = gr_array(object, "parts", NPY_DOUBLE, 2, shape, 0);
     if (!array) return -1;
@@ -85,7 +76,8 @@ static int take_parts(PyObject *object, PyObject *samples, int capacity, struct 
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
         if (take_part(row, &out[k])) return -1;
         const int kind = out[k].kind;
-        if (kind != GR_PART_SAMPLED && kind != GR_PART_POLYGON && kind != GR_PART_REVOLVED) continue;
+        if (kind != GR_PART_SAMPLED && kind != GR_PART_HEIGHT_MAP && kind != GR_PART_POLYGON && kind != GR_PART_REVOLVED)
+            continue;
         if (taken == PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as parts that have some");
         if (take_array(PyTuple_GET_ITEM(samples, taken++), &out[k])) return -1;
     }

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +28,9 @@ from granular.checks import (
     truth,
     vector,
 )
+from granular.geometry import combined
 from granular.mpm.body_measures import are_endless, extents, largest_speed, reach
+from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import (
     Complement,
     Difference,
@@ -43,13 +45,13 @@ from granular.mpm.body_shapes import (
     Box,
     Cylinder,
     HalfSpace,
-    Mesh,
     Shape,
     padded,
     rotation_of,
     turned,
 )
 from granular.mpm.body_solids import Capsule, Frustum, Sphere, Torus
+from granular.mpm.height_map import HeightMap
 
 if TYPE_CHECKING:
     from granular.geometry import Grid
@@ -64,6 +66,7 @@ __all__ = [
     "Difference",
     "Frustum",
     "HalfSpace",
+    "HeightMap",
     "Intersection",
     "Mesh",
     "Motion",
@@ -237,6 +240,9 @@ class Body:
         """Refuse a body that does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
+        for part in _parts_of(self.shape):
+            if isinstance(part, HeightMap):
+                part.check(name, self._corners_of(grid))
         reaches = self.extents()
         for axis in np.flatnonzero(grid.periodic):
             half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]
@@ -246,6 +252,13 @@ class Body:
                     f"motion, must be <= {half:.6g} m, half the period; or be endless along "
                     f"{letter} and turn about no other axis"
                 )
+
+    def _corners_of(self, grid: Grid) -> Array:
+        """Corners of the domain in coordinates of the body at the start, shape (2^dim, dim)."""
+        sides = np.stack([grid.lower, grid.upper], axis=1)
+        arms = np.zeros((2**self.dim, 3))
+        arms[:, : self.dim] = combined(list(sides)) - np.array(self.position)
+        return turned(self.rotation_deg).inv().apply(arms)[:, : self.dim]
 
     def extents(self) -> Array:
         """Distance of its surface from its position along x, y, z at most, in all its motion."""
@@ -311,6 +324,14 @@ class Body:
         normal = np.zeros((len(x), 3))
         normal[:, : self.dim] = along
         return distance, (turn.apply(normal) if len(x) else normal)[:, : self.dim]
+
+
+def _parts_of(shape: Shape) -> list[Shape]:
+    """Return the shapes that operations are made of, or the shape itself."""
+    held = [getattr(shape, field.name) for field in fields(shape)]  # type: ignore[arg-type]
+    inner = [x for x in held if isinstance(x, Shape)]
+    inner += [x for many in held if isinstance(many, tuple) for x in many if isinstance(x, Shape)]
+    return [part for one in inner for part in _parts_of(one)] if inner else [shape]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -19,7 +19,9 @@ __all__ = ["are_endless", "extents", "largest_speed", "reach", "thicknesses", "w
 TINY = 1e-12
 """Largest cosine that is taken for that of a right angle."""
 CHAINS = (PARTS["polygon"], PARTS["revolved"])
-ARRAYS = (PARTS["sampled"], *CHAINS)
+ARRAYS = (PARTS["sampled"], PARTS["height_map"], *CHAINS)
+BEHIND = (PARTS["half_space"], PARTS["height_map"])
+"""Kinds of parts that are all that lies behind a surface without end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +55,15 @@ class Cover:
         return self.radius, self.beyond
 
 
-def arrays_of(shape: Shape) -> list[Array | None]:
-    """Return the array of each row of a shape; None where it has none."""
+def arrays_of(shape: Shape) -> list[Any]:
+    """Return the array (or tables) of each row of a shape; None where it has none."""
     arrays = iter(shape.samples())
     return [next(arrays) if row[0] in ARRAYS else None for row in shape.rows()]
 
 
-def _cover(row: Array, array: Array | None, dim: int) -> Cover | None:
+def _cover(row: Array, array: Any, dim: int) -> Cover | None:
     """Cover of a part; None for operations and half-spaces."""
-    if operands(row) or row[0] == PARTS["half_space"]:
+    if operands(row) or row[0] in BEHIND:
         return None
     half, radius, beyond = np.array(row[14:]), 0.0, 0.0
     if row[0] == PARTS["cylinder"]:
@@ -234,7 +236,7 @@ def thicknesses(shape: Shape) -> tuple[float, float]:
     return float(box), float(other)
 
 
-def _thickness(row: Array, array: Array | None, dim: int) -> float:
+def _thickness(row: Array, array: Any, dim: int) -> float:
     kind, size = row[0], row[14:]
     if kind == PARTS["box"]:
         return 2 * float(size[:dim].min())
@@ -244,10 +246,10 @@ def _thickness(row: Array, array: Array | None, dim: int) -> float:
         return 2 * float(size[0])
     if kind == PARTS["torus"]:
         return 2 * float(size[1])
-    if array is None:
+    if array is None or kind == PARTS["height_map"]:
         return math.inf
     if kind == PARTS["sampled"]:
-        return -2 * float(array.min())
+        return -2 * float(min(array[1].min(), array[3].min(initial=math.inf)))
     across = 2 * (float(size[1]) or _inradius(row, array))
     return min(across, 2 * float(size[0])) if kind == PARTS["polygon"] else across
 
@@ -286,7 +288,7 @@ def are_endless(shape: Shape, along: Array) -> bool:
         kind, size = row[0], row[14:]
         if operands(row):
             continue
-        if kind == PARTS["half_space"]:
+        if kind in BEHIND:
             endless = share[2] < TINY
         else:
             lengths = [0.0, 0.0, size[1]] if kind == PARTS["cylinder"] else size

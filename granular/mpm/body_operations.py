@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -96,7 +97,7 @@ class Union(Shape):
     def rows(self) -> Array:
         return np.concatenate([part.rows() for part in self.parts])
 
-    def samples(self) -> tuple[Array, ...]:
+    def samples(self) -> tuple[Any, ...]:
         return _arrays(self.parts)
 
 
@@ -131,7 +132,7 @@ class Intersection(Shape):
         rows = np.concatenate([_joined(part) for part in self.parts])
         return _followed(rows, "intersection", len(self.parts))
 
-    def samples(self) -> tuple[Array, ...]:
+    def samples(self) -> tuple[Any, ...]:
         return _arrays(self.parts)
 
 
@@ -169,7 +170,7 @@ class Difference(Shape):
         rows = np.concatenate([_joined(self.shape), _inverted(self.without)])
         return _followed(rows, "intersection", 2)
 
-    def samples(self) -> tuple[Array, ...]:
+    def samples(self) -> tuple[Any, ...]:
         return _arrays((self.shape, self.without))
 
 
@@ -199,7 +200,7 @@ class Complement(Shape):
     def rows(self) -> Array:
         return _inverted(self.shape)
 
-    def samples(self) -> tuple[Array, ...]:
+    def samples(self) -> tuple[Any, ...]:
         return self.shape.samples()
 
 
@@ -242,7 +243,7 @@ class Offset(Shape):
             return _followed(_joined(self.shape), "offset", self.by)
         return _followed(_inverted(self.shape), "offset", -self.by, inside=True)
 
-    def samples(self) -> tuple[Array, ...]:
+    def samples(self) -> tuple[Any, ...]:
         return self.shape.samples()
 
 
@@ -283,5 +284,5 @@ class Shell(Shape):
         rows = _inverted(self.shape) if self.inward else _joined(self.shape)
         return _followed(rows, "shell", 0.5 * self.thickness)
 
-    def samples(self) -> tuple[Array, ...]:
+    def samples(self) -> tuple[Any, ...]:
         return self.shape.samples()

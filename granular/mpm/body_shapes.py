@@ -7,12 +7,10 @@ is a cylinder.
 from __future__ import annotations
 
 import math
-import os
 from abc import ABC, abstractmethod
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,20 +21,17 @@ from granular import _core
 from granular.checks import (
     check_fields,
     finite,
-    integer,
     positive,
     set_fields,
     truth,
     vector,
 )
-from granular.geometry import combined
 
-__all__ = ["Box", "Cylinder", "HalfSpace", "Mesh", "Shape"]
+__all__ = ["Box", "Cylinder", "HalfSpace", "Shape"]
 
 Array = NDArray[np.float64]
 
 MOST_SHAPES = 256
-MOST_SAMPLES = 2_000_000
 PARTS = _core.enumerations()["part"]
 """Number of each kind of part in the core."""
 
@@ -101,7 +96,7 @@ class Shape(ABC):
     def rows(self) -> Array:
         """Return the description of the shape for the core, shape (parts, 17)."""
 
-    def samples(self) -> tuple[Array, ...]:
+    def samples(self) -> tuple[Any, ...]:
         """Return the arrays of the rows that need one, in their order.
 
         They are sampled signed distances [m], shape (z, y, x), negative inside, or the vertices [m]
@@ -262,146 +257,3 @@ class HalfSpace(Shape):
     def rows(self) -> Array:
         matrix = axes_about(self.normal)
         return row_of("half_space", False, self.through, matrix, (0.0, 0.0, 0.0))[None]
-
-
-@dataclass(frozen=True)
-class Mesh(Shape):
-    """A closed surface of triangles in 3D, in coordinates of its body.
-
-    Its signed distance is sampled once on a sampling grid and interpolated linearly in between,
-    which rounds edges by about one spacing.
-
-    Parameters
-    ----------
-    vertices : sequence of k points
-        Vertices [m].
-    faces : sequence of triples of int
-        Indices of the vertices of each triangle, from 0 on, anticlockwise as seen from outside.
-    spacing : float
-        Spacing of the sampling grid [m], > 0; a quarter of a cell of the computational grid is
-        recommended. The force on a cube four cells wide that moves through a bed errs by a tenth
-        with half a cell and by 0.1 % with a quarter.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also for a surface that is not closed, not
-        oriented or inside out.
-    ModuleNotFoundError
-        When a body with this shape is used and trimesh or rtree is not installed: ``pip install
-        granular[meshes]``.
-    """
-
-    vertices: tuple[tuple[float, float, float], ...]
-    faces: tuple[tuple[int, int, int], ...]
-    _: KW_ONLY
-    spacing: float
-
-    def __post_init__(self) -> None:
-        vertices = tuple(vector(f"vertices[{i}]", v, 3) for i, v in enumerate(self.vertices))
-        last = len(vertices) - 1
-        faces = tuple(
-            tuple(integer(f"faces[{i}]", n, 0, last) for n in face)
-            for i, face in enumerate(self.faces)
-        )
-        for i, face in enumerate(faces):
-            if len(face) != 3 or len(set(face)) != 3:
-                raise ValueError(f"faces[{i}] = {face} must be three different vertices")
-        _refuse_open(faces)
-        x = np.array(vertices)[np.array(faces)]
-        volume = float(np.einsum("ni,ni->", x[:, 0], np.cross(x[:, 1], x[:, 2]))) / 6
-        if not volume > 0:
-            raise ValueError(
-                f"faces: they hold the volume {volume:.4g} m3, must be > 0: anticlockwise as seen "
-                "from outside"
-            )
-        spacing = positive("spacing", self.spacing)
-        size = np.ptp(x.reshape(-1, 3), axis=0)
-        if np.prod(size / spacing + 5) > MOST_SAMPLES or (size / spacing + 5).max() > 4096:
-            raise ValueError(
-                f"spacing = {spacing} must leave {MOST_SAMPLES} samples at most in a box of "
-                f"{size} m"
-            )
-        set_fields(self, vertices=vertices, faces=faces, spacing=spacing)
-
-    @classmethod
-    def read(cls, path: str | os.PathLike, *, spacing: float, scale: float = 1.0) -> Mesh:
-        """Read a surface from a file (STL, OBJ, PLY, ...) with lengths in units of `scale` metres.
-
-        Raises
-        ------
-        ModuleNotFoundError
-            If trimesh is not installed: ``pip install granular[meshes]``.
-        ValueError
-            As for `Mesh`, or if the file holds no surface.
-        """
-        surface = _trimesh().load_mesh(path)
-        if not len(getattr(surface, "faces", ())):
-            raise ValueError(f"path = {str(path)!r} must hold a surface of triangles")
-        scale = positive("scale", scale)
-        return cls(
-            tuple(tuple(scale * x for x in v) for v in surface.vertices.tolist()),
-            tuple(tuple(face) for face in surface.faces.tolist()),
-            spacing=spacing,
-        )
-
-    @property
-    def dim(self) -> int:
-        return 3
-
-    def rows(self) -> Array:
-        low, counts = self._sampling_grid()
-        half = 0.5 * self.spacing * (counts - 1)
-        return row_of("sampled", False, tuple(low + half), np.eye(3), half)[None]
-
-    def samples(self) -> tuple[Array, ...]:
-        return (_sampled(self),)
-
-    def _sampling_grid(self) -> tuple[Array, NDArray[np.int64]]:
-        """Lower corner, and number of samples along each axis.
-
-        The sampling grid extends two spacings beyond the surface.
-        """
-        x = np.array(self.vertices)
-        counts = np.ceil(np.ptp(x, axis=0) / self.spacing - 1e-9).astype(int) + 5
-        middle = 0.5 * (x.min(axis=0) + x.max(axis=0))
-        return middle - 0.5 * self.spacing * (counts - 1), counts
-
-
-def _refuse_open(faces: tuple[tuple[int, ...], ...]) -> None:
-    """Refuse a surface unless each edge belongs to two triangles, once in each direction."""
-    edges = Counter((face[k], face[(k + 1) % 3]) for face in faces for k in range(3))
-    for (a, b), count in edges.items():
-        if count != 1 or edges[b, a] != 1:
-            raise ValueError(
-                f"faces: the edge from vertex {a} to {b} belongs to {count + edges[b, a]} "
-                f"triangles ({count} in this direction), must be two, of opposite directions: the "
-                "surface must be closed"
-            )
-    if not edges:
-        raise ValueError("faces = () must hold a closed surface")
-
-
-def _trimesh() -> Any:
-    try:
-        import rtree  # noqa: F401
-        import trimesh
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{error}: triangle meshes need trimesh and rtree: pip install granular[meshes]"
-        ) from error
-    return trimesh
-
-
-@lru_cache(maxsize=16)
-def _sampled(mesh: Mesh) -> Array:
-    trimesh = _trimesh()
-    surface = trimesh.Trimesh(np.array(mesh.vertices), np.array(mesh.faces), process=False)
-    low, counts = mesh._sampling_grid()
-    axes = [start + mesh.spacing * np.arange(n) for start, n in zip(low, counts, strict=True)]
-    places = combined(axes)
-    parts = np.array_split(places, max(len(places) // 20000, 1))
-    inside = [trimesh.proximity.signed_distance(surface, part) for part in parts]
-    distance = -np.concatenate(inside).reshape(counts[::-1])
-    distance.flags.writeable = False
-    return distance

@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from granular.mpm.bodies import split
 from granular.mpm.body_measures import arrays_of
+from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import OPERATIONS, Union
-from granular.mpm.body_shapes import PARTS, Mesh, Shape
+from granular.mpm.body_shapes import PARTS, Shape
+from granular.mpm.height_map import HeightMap
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.merge import begin_poly_data, write_steps
 from granular.record.outlines import (
@@ -27,6 +29,8 @@ from granular.record.reader import Trajectory
 
 Array = NDArray[np.float64]
 
+MOST_POSTS = 500
+"""Posts of a height map that are drawn along an axis at most."""
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 
@@ -94,17 +98,48 @@ def _joined(meshes: list[Patches]) -> Patches:
 
 
 def surface(shape: Shape, dim: int, size: float) -> Patches:
-    """Surface of a shape (of a union part by part) in the coordinates of its body."""
+    """Surface of a shape (of a union part by part) in the coordinates of its body.
+
+    Of a sheet its middle is drawn, of a height map the posts, or some of them if there are many.
+    """
     if isinstance(shape, Union):
         return _joined([surface(part, dim, size) for part in shape.parts])
     if isinstance(shape, Mesh):
-        return np.array(shape.vertices), list(shape.faces)
+        return shape.vertices, [(a, b, c) for a, b, c in shape.faces.tolist()]
+    if isinstance(shape, HeightMap):
+        return _posts(shape, size)
     rows = shape.rows()
     hollow = [row[1] and row[0] != PARTS["cylinder"] for row in rows]
     if np.isin(rows[:, 0], OPERATIONS).any() or (dim == 2 and any(hollow)):
         return contoured(shape, size)
     parts = zip(rows, arrays_of(shape), strict=True)
     return _joined([_mesh(row, array, dim, size) for row, array in parts])
+
+
+def _posts(part: HeightMap, size: float) -> Patches:
+    """Quadrilaterals between posts; in 2D a strip below them."""
+    sides = [
+        np.unique(np.linspace(0, n - 1, min(n, MOST_POSTS)).round().astype(int))
+        for n in part.z.shape
+    ]
+    z = part.z[np.ix_(*sides)].astype(float)
+    *_, x = places = [
+        low + np.linspace(0, n - 1, n)[side] * (high - low) / (n - 1)
+        for low, high, n, side in zip(
+            part.origin[::-1], part.upper[::-1], part.z.shape, sides, strict=True
+        )
+    ]
+    if part.dim == 2:
+        rows = np.stack([z, z - SKIN * size])
+        vertices = np.stack([np.tile(x, 2), rows.ravel(), np.zeros(rows.size)], axis=1)
+    else:
+        rows = z
+        across, along = np.meshgrid(*places, indexing="ij")
+        vertices = np.stack([along.ravel(), across.ravel(), z.ravel()], axis=1)
+    index = np.arange(rows.size).reshape(rows.shape)
+    corners = (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
+    quads = np.stack([corner.ravel() for corner in corners], axis=1)
+    return vertices, [(a, b, c, d) for a, b, c, d in quads.tolist()]
 
 
 def _mesh(row: Array, array: Array | None, dim: int, size: float) -> Patches:
