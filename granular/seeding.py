@@ -81,7 +81,8 @@ def estimated_points(
 ) -> int:
     """Number of points of a fill, without making them: exact for few, else from samples.
 
-    The share of a region in the box around it is that of samples at the centres of equal parts.
+    The share of a region in the box around it is that of samples, one at random in each of equal
+    parts.
     """
     if isinstance(fill.region, Cloud):
         return len(fill.region.x)
@@ -96,6 +97,7 @@ def estimated_points(
         for low, high in zip(lower, upper, strict=True)
     ]
     x = combined(axes)
+    x += np.random.default_rng(0).uniform(-0.5, 0.5, x.shape) * ((upper - lower) / parts)
     open_ = distance(x)[0] > (LEAST_SHARE - 0.5) * spacing
     return round(sites * float((fill.region.contains(x) & open_).mean()))
 

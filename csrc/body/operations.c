@@ -163,7 +163,8 @@ static double bound(const struct gr_part *parts, int n, double growth,
     for (int k = 0; k < n; k++) {
         const struct gr_part *part = parts + k;
         struct bounds out = {INFINITY, INFINITY};
-        if (!is_operation(part) && part->kind != GR_PART_HALF_SPACE && part->kind != GR_PART_HEIGHT_MAP) out.solid = in_box(part, context);
+        if (!is_operation(part) && part->kind != GR_PART_HALF_SPACE && part->kind != GR_PART_HEIGHT_MAP)
+            out.solid = in_box(part, context);
         if (is_operation(part)) {
             const double size = part->size[0];
             out = stack[--count];

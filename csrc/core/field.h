@@ -6,7 +6,18 @@
 #pragma once
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_DAMPED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_TOUCHED, GR_HARDENING, GR_ELASTIC };
+enum gr_need {
+    GR_ALWAYS,
+    GR_AFFINE,
+    GR_SMOOTHED,
+    GR_DAMPED,
+    GR_NONLOCAL,
+    GR_BALANCED,
+    GR_SIDED,
+    GR_TOUCHED,
+    GR_HARDENING,
+    GR_ELASTIC
+};
 
 /* X(name, kind, needed by, unit, description) */
 #define GR_FIELDS(X)                                                                                              \

@@ -7,7 +7,7 @@ from typing import Any
 
 from granular.checks import finite, in_range, positive
 from granular.geometry import Cylinder as Upright
-from granular.geometry import Disc, Fill, Grid
+from granular.geometry import Disc, Fill, Grid, Region
 from granular.gravity import Gravity
 from granular.materials import Material, couette_beads
 from granular.mpm.bodies import Body, Cylinder, Motion
@@ -93,7 +93,7 @@ def couette(
     fill: dict[str, Any] = {"points_per_cell": count, "jitter": jitter}
     if flat:
         grid = Grid((-n * cell,) * 2, cell, (2 * n,) * 2)
-        around = Disc((0.0, 0.0), outer + cell)  # the cylinders cut the fill
+        around: Region = Disc((0.0, 0.0), outer + cell)  # the cylinders cut the fill
         if not isinstance(material, Material):
             raise TypeError(f"material = {material!r} must be a Material")
         # p = K ln(rho/rho_c)

@@ -74,7 +74,7 @@ class Feet:
     the feet, or of the points whose feet lie outside of the domain, `force` (n, 3) [N] that on the
     material, `pressing` (n,) its part along the normal, `flat` (n,) where the surface is flat
     within half a cell, `slip` (n, 3) [m/s] the velocity of the material relative to the surface,
-    NaN where there is not enough mass at all nodes.
+    NaN where there is not enough mass about the foot.
     """
 
     def __init__(self, sim, nodes, body, velocity, omega):
@@ -111,9 +111,11 @@ class Feet:
         number = number[shapes.node]
         mass = np.where(number >= 0, nodes["mass"][number], 0.0)
         mean = shapes.w @ mass
-        enough = np.all((mass >= 0.1 * mean[:, None]) | (shapes.w == 0), axis=1)
-        enough &= mean > 0.1 * sim.scene.material.rho_c * grid.cell**grid.dim
-        v = shapes.w @ np.pad(nodes["v"][number], ((0, 0), (0, 3 - body.dim)))
+        used = shapes.w * (mass > 0.1 * mean[:, None] * shapes.w)  # light nodes are left out
+        total = used.sum(axis=1)
+        enough = (total > 0.2) & (mean > 0.1 * sim.scene.material.rho_c * grid.cell**grid.dim)
+        v = used @ np.pad(nodes["v"][number], ((0, 0), (0, 3 - body.dim)))
+        v /= np.where(enough, total, 1.0)[:, None]
         surface = velocity + np.cross(omega, self.x[seen] - _space(body.position))
         out[seen] = np.where(enough[:, None], v - surface, np.nan)
         return out

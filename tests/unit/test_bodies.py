@@ -63,7 +63,7 @@ def grid_of(scene):
     sim = gr.Simulation(scene, threads=1)
     held = sim.buffers["mass"][0] > 0
     size = (scene.grid.dim, held.sum())
-    sim.buffers["v"][:, held] = np.random.default_rng(5).normal(size=size)
+    sim.buffers["v"][:, held] = np.random.default_rng(5).normal(scale=10.0, size=size)
     stored = sim.checkpoint()
     del stored.arrays["bodies"]
     free = gr.Simulation.from_checkpoint(scene.replace(bodies=()), stored, threads=1)

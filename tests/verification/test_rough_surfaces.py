@@ -12,7 +12,6 @@ import pytest
 from oracle_fluidity import ROUGH, diffuse, faces_of, random_parts
 
 import granular as gr
-from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import NGF
@@ -155,12 +154,15 @@ def turned_layer(angle_deg, offset, ratio, rows, width, threads=1):
         )
         for at in (-2 * CELL, w + 2 * CELL)
     )  # fmt: skip
-    corner = np.array([low[0] + 1, 0, low[1] + 1]) * CELL
-    filled = np.array([shape[0] - 2, 1, math.ceil(width * rows / (shape[0] - 2))])
+    # points in rows along the base, with the pressure of those above them
+    p = GRAINS.rho_c * 9.81 * math.cos(slope) * (height - z)
+    density = GRAINS.rho_c * np.exp(-np.log1p(-p / GRAINS.K))
+    x = base + s[:, None] * along + z[:, None] * normal + y[:, None] * np.eye(3)[1]
+    cloud = gr.Cloud(x, np.full(len(x), h**3), density=density)
     scene = gr.Scene(
         name="turned layer",
         grid=Grid((low[0] * CELL, 0.0, low[1] * CELL), CELL, shape, periodic=(False, True, False)),
-        fills=(Fill(Region(tuple(corner), tuple(corner + filled * CELL)), 8),),
+        fills=(Fill(cloud, 8),),
         material=grains_of(ratio, rows),
         scheme=gr.Scheme(fluidity=Fluidity(initial=1.0)),
         bodies=(Body(HalfSpace(tuple(normal)), tuple(base), contact="sticky", rough=True), *blocks),
@@ -169,20 +171,7 @@ def turned_layer(angle_deg, offset, ratio, rows, width, threads=1):
         ),
         duration=10.0,
     )
-    # points in rows along the base, with the pressure of those above them, in place of the fill
-    stored = gr.Simulation(scene, threads=1).checkpoint()
-    for name, values in stored.arrays.items():
-        if name not in ("bodies", "split"):
-            stored.arrays[name] = np.ascontiguousarray(values[..., : len(s)])
-    stored.scalars["n_points"] = len(s)
-    p = GRAINS.rho_c * 9.81 * math.cos(slope) * (height - z)
-    compression = -np.log1p(-p / GRAINS.K)
-    x = base + s[:, None] * along + z[:, None] * normal
-    stored.arrays["x"][:] = x.T + y * np.eye(3)[:, 1:2]
-    stored.arrays["stress"][:3] = -p
-    stored.arrays["log_density"][:] = compression
-    stored.arrays["mass"][:] = GRAINS.rho_c * h**3 * np.exp(compression)
-    return gr.Simulation.from_checkpoint(scene, stored, threads=threads), base, along, normal
+    return gr.Simulation(scene, threads=threads), base, along, normal
 
 
 def flow(until, angle_deg, offset, ratio, rows, width):
