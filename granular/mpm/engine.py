@@ -13,7 +13,7 @@ from granular.buffers import allocate
 from granular.materials import NGF
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
-from granular.mpm.limits import check_blades, check_overlaps, check_time_step
+from granular.mpm.limits import check_blades, check_time_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
 
@@ -121,7 +121,6 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     """
     check_time_step(scene)
     check_blades(scene)
-    check_overlaps(scene)
     grid, scheme = scene.grid, scene.scheme
     codes, rows = node_codes(scene)
     return _core.Engine(

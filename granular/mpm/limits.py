@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from itertools import combinations
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -12,22 +11,20 @@ from numpy.typing import NDArray
 
 from granular.geometry import Fill, combined
 from granular.materials import MuI
-from granular.mpm.body_distances import distances, nearest, periods
-from granular.mpm.body_measures import reach, thicknesses
+from granular.mpm.body_distances import distances
+from granular.mpm.body_measures import thicknesses
 from granular.mpm.walls import Solid, Wall
 from granular.regions import Cloud
 from granular.seeding import DEEPEST
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
-    from granular.mpm.bodies import Body
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 
 __all__ = [
     "REMEDIES",
     "check_blades",
-    "check_overlaps",
     "check_time_step",
     "courant_limit",
     "damps_by_step",
@@ -156,33 +153,6 @@ def check_blades(scene: Scene) -> None:
                 f"{scheme.transfer!r}: the material on its two sides would be coupled; "
                 'ParticleDensity() with "apic", "tpic" or "flip" separates them'
             )
-
-
-def check_overlaps(scene: Scene) -> None:
-    """Refuse bodies that overlap at the start: both would set the velocity of common nodes."""
-    most = 0.5 * scene.grid.cell
-    for (i, one), (j, other) in combinations(enumerate(scene.bodies), 2):
-        places = _places_about(scene, min(one, other, key=_reach))
-        both = np.maximum(distances(scene, one, places), distances(scene, other, places))
-        deep = -min(both, default=0.0)
-        if deep > most:
-            raise ValueError(
-                f"bodies[{i}] and bodies[{j}] overlap: a place is {deep:.3g} m within both at the "
-                f"start, must be at most {most:.3g} m, half a cell"
-            )
-
-
-def _places_about(scene: Scene, body: Body) -> NDArray[np.float64]:
-    """Centres of the cells of the domain that may lie within a body or an image of it, (n, 3)."""
-    grid, extent, axes = scene.grid, _reach(body), []
-    for axis, period in zip(range(grid.dim), periods(scene, body), strict=False):
-        middle = grid.lower[axis] + grid.cell * (np.arange(grid.shape[axis]) + 0.5)
-        axes.append(middle[abs(nearest(middle - body.position[axis], period)) <= extent])
-    return np.pad(combined(axes), ((0, 0), (0, 3 - body.dim)))
-
-
-def _reach(body: Body) -> float:
-    return reach(body.shape)
 
 
 def keeps_sides(scheme: Scheme) -> bool:
