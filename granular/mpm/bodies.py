@@ -157,7 +157,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body; it acts on the material at the nodes of the grid that lie within it.
+    """A rigid body; it acts on the material at its surface, where the points near it have feet.
 
     Parameters
     ----------
