@@ -121,7 +121,7 @@ def pool(shift, *, dim=2, height=0.15, turning=None, **body):
 def test_bodies_have_images(dim, options):
     """The result is independent of where the period ends and how often a body has passed it.
 
-    Shifts change the order of the feet, and by round-off which of the points of a regular lattice
+    Shifts change the order of the feet, and by round-off which of the points of a regular pattern
     have one: points at one distance from an edge, and on the faces of cells.
     """
     impulses = {}
