@@ -343,8 +343,8 @@ def _blades(scene: Scene) -> str | None:
         box, other = thicknesses(body.shape)
         if other < THIN * scene.grid.cell * (1 - 1e-9):
             return (
-                f"bodies[{i}] has a part of {other:.4g} m: below 2 cells the force on it depends on "
-                "its position in the grid, by a tenth, and what is behind it is coupled to it"
+                f"bodies[{i}] has a part of {other:.4g} m: below 2 cells the force on it depends "
+                "on its position in the grid, by a tenth, and what is behind it is coupled to it"
             )
         if box >= reach * scene.grid.cell * (1 - 1e-9):
             continue
