@@ -30,8 +30,10 @@ from granular.mpm.schemes import (
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
+from granular.regions import Cloud, Mask, Polygon
 from granular.simulation import Simulation, SimulationError
 from granular.state import State
+from granular.surfaces import Heights, Layer
 from granular.sweeping import sweep
 
 __version__ = "0.1.0"
@@ -48,6 +50,7 @@ __all__ = [
     "Body",
     "Box",
     "CellAveragedDensity",
+    "Cloud",
     "Cylinder",
     "Difference",
     "Disc",
@@ -58,10 +61,14 @@ __all__ = [
     "Gravity",
     "Grid",
     "HardeningDruckerPrager",
+    "Heights",
     "Intersection",
+    "Layer",
+    "Mask",
     "Motion",
     "MuI",
     "ParticleDensity",
+    "Polygon",
     "Scene",
     "Scheme",
     "Simulation",

@@ -1,6 +1,6 @@
 """The C core; its arrays are borrowed, never converted or copied."""
 
-from typing import Final, TypedDict, final
+from typing import Any, Final, TypedDict, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,21 +105,31 @@ def fluidity_diffuse(
     faces: NDArray[np.uint8],
     dense: NDArray[np.bool_],
     g: NDArray[np.float64],
+    distance: NDArray[np.float64] | None,
     threads: int,
     isa: str,
 ) -> Diffusion: ...
 def body_distance(
     parts: NDArray[np.float64],
-    samples: tuple[NDArray[np.float64], ...],
+    samples: tuple[Any, ...],
     x: NDArray[np.float64],
     /,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+def mesh_tree(
+    vertices: NDArray[np.float64],
+    faces: NDArray[np.int32],
+    neighbours: NDArray[np.int32] | None,
+    /,
+) -> object: ...
+def mesh_distance(tree: object, x: NDArray[np.float64], /) -> NDArray[np.float64]: ...
 def node_positions(
     basis: int, n_cells: int, periodic: bool, c0_lines: NDArray[np.int32], /
 ) -> NDArray[np.float64]: ...
 
 Array = NDArray[np.float64]
-BodyRow = tuple[Array, tuple[Array, ...], Array, Array, Array, int, int, int, float, float]
+BodyRow = tuple[
+    Array, tuple[tuple[NDArray, ...], ...], Array, Array, Array, int, int, int, float, float
+]
 """parts (k, 17), samples, pose (7,), motion (n, 7), extent (3,), contact, free, rough, friction,
 mass"""
 

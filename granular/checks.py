@@ -14,8 +14,10 @@ from numbers import Integral, Real
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 __all__ = [
+    "array",
     "ascending",
     "check_fields",
     "finite",
@@ -155,6 +157,32 @@ def sequence(name: str, value: object) -> tuple[Any, ...]:
     if isinstance(value, str) or not isinstance(value, (Sequence, np.ndarray)):
         raise TypeError(f"{name} = {value!r} must be a sequence, not {type(value).__name__}")
     return tuple(value)
+
+
+def array(name: str, value: Any, shape: Sequence[int | None], dtype: type = float) -> NDArray[Any]:
+    """Return a read-only copy of an array of finite numbers (or of bools) of a shape.
+
+    None in `shape` stands for any length.
+    """
+    try:
+        found = np.array(value)
+    except ValueError:
+        raise ValueError(f"{name} must be an array: its rows must be of one length") from None
+    kinds = "b" if dtype is bool else "fiu"
+    if found.dtype.kind not in kinds:
+        raise TypeError(f"{name} of {found.dtype} must be an array of {dtype.__name__}")
+    wanted = tuple("any" if n is None else n for n in shape)
+    fits = found.ndim == len(shape) and all(
+        n in (None, length) for n, length in zip(shape, found.shape, strict=True)
+    )
+    if not fits:
+        raise ValueError(f"{name} of shape {found.shape} must have the shape {wanted}")
+    if not np.isfinite(found).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
+        raise ValueError(f"{name}[{', '.join(map(str, place))}] must be a finite number")
+    found = np.ascontiguousarray(found, dtype=dtype)
+    found.setflags(write=False)
+    return found
 
 
 def ascending(name: str, value: object) -> tuple[float, ...]:

@@ -148,6 +148,83 @@ class Region(ABC):
         """Dimension, 2 or 3."""
         return len(self.bounds[0])
 
+    @property
+    def _box(self) -> tuple[Vector, Vector]:
+        """Corners of the box in which `depth` looks for the top."""
+        return self.bounds
+
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        """True for places, shape (n, dim) [m], whose squares the boundary is to cut.
+
+        For a region whose points follow its boundary these are all that are no farther from it
+        than `reach` [m], and some more. Of others squares count as a whole, by their centres.
+        """
+        return np.zeros(len(x), dtype=bool)
+
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Distance of places from the boundary that is to cut squares, and its inward normals.
+
+        The distance, shape (n,) [m], is positive inside and infinite without such a boundary. Near
+        to the boundary its error is of second order in the distance.
+        """
+        return np.full(len(x), np.inf), np.zeros_like(x)
+
+    def depth(
+        self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
+        """Distance of places from the top of the region above them.
+
+        The top is the last place of the region along a ray, even beyond gaps such as those below
+        an overhang: below a level surface the pressure is the same at one height.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, dim)
+            Places in the region [m].
+        up : ndarray, shape (dim,)
+            Direction, of length 1.
+        step : float
+            Distance at which the ray is looked at [m]; less is not resolved, but for the top, which
+            is then found by bisection.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Distance [m], >= 0.
+        """
+        # Rays begin where they enter the box around the region, so that those of a column are one.
+        lower, upper = np.array(self._box)
+        slack = step * 1e-6
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.where(up > 0, (upper - x) / up, np.where(up < 0, (lower - x) / up, np.inf))
+        length = np.maximum(ends.min(axis=1), 0.0) + slack
+        tops = x + length[:, None] * up
+        digits = np.rint(tops / slack)
+        _, first, of = np.unique(digits, axis=0, return_index=True, return_inverse=True)
+        down = self._first_inside(tops[first], -up, step, float(np.linalg.norm(upper - lower)))
+        return np.maximum(length - down[of.reshape(-1)], 0.0)
+
+    def _first_inside(
+        self, x: NDArray[np.float64], along: NDArray[np.float64], step: float, longest: float
+    ) -> NDArray[np.float64]:
+        """Distance at which rays from places outside enter the region [m]; inf if they do not."""
+        found = np.full(len(x), np.inf)
+        left = np.arange(len(x))
+        for n in range(math.ceil(longest / step) + 1):
+            hit = self._inside(x[left] + (n * step) * along)
+            found[left[hit]] = n * step
+            left = left[~hit]
+            if not len(left):
+                break
+        outside, inside = np.maximum(found - step, 0.0), found.copy()
+        some = np.isfinite(found)
+        for _ in range(40):
+            middle = 0.5 * (outside[some] + inside[some])
+            within = self._inside(x[some] + middle[:, None] * along)
+            inside[some] = np.where(within, middle, inside[some])
+            outside[some] = np.where(within, outside[some], middle)
+        return inside
+
     def contains(self, x: ArrayLike) -> NDArray[np.bool_]:
         """True for the positions `x`, shape (n, dim) [m], that lie inside; shape (n,).
 
@@ -183,6 +260,17 @@ class Box(Region):
 
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.all((x >= self.lower) & (x < self.upper), axis=1)
+
+    def depth(
+        self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
+        ends = [
+            ((self.upper if along > 0 else self.lower)[axis] - x[:, axis]) / along
+            for axis, along in enumerate(up.tolist())
+            if along
+        ]
+        least: NDArray[np.float64] = np.min(ends, axis=0)
+        return least
 
 
 @dataclass(frozen=True)
@@ -252,6 +340,16 @@ def _common_box(
     return tuple(map(low, lows)), tuple(map(high, highs))
 
 
+def least(
+    found: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least of several distances, and the normals that go with it."""
+    distances, normals = (np.array(part) for part in zip(*found, strict=True))
+    of = distances.argmin(axis=0)
+    every = np.arange(len(of))
+    return distances[of, every], normals[of, every]
+
+
 @dataclass(frozen=True)
 class Union(Region):
     """The points that lie in at least one of `regions`."""
@@ -264,6 +362,19 @@ class Union(Region):
     @property
     def bounds(self) -> tuple[Vector, Vector]:
         return _common_box(self.regions, min, max)
+
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        return np.any([region.cuts(x, reach) for region in self.regions], axis=0)
+
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        found = []
+        for region in self.regions:
+            away, inwards = region.distance(x)
+            # A region without such a boundary is infinitely far, inside or outside.
+            open_ = np.isinf(away) & ~region.contains(x)
+            found.append((np.where(open_, np.inf, -away), -inwards))
+        away, outwards = least(found)
+        return -away, -outwards
 
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.any([region.contains(x) for region in self.regions], axis=0)
@@ -285,6 +396,12 @@ class Intersection(Region):
     def bounds(self) -> tuple[Vector, Vector]:
         return _common_box(self.regions, max, min)
 
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        return np.any([region.cuts(x, reach) for region in self.regions], axis=0)
+
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        return least([region.distance(x) for region in self.regions])
+
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return np.all([region.contains(x) for region in self.regions], axis=0)
 
@@ -303,6 +420,14 @@ class Difference(Region):
     def bounds(self) -> tuple[Vector, Vector]:
         return self.region.bounds
 
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        return self.region.cuts(x, reach) | self.without.cuts(x, reach)
+
+    def distance(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        away, inwards = self.without.distance(x)
+        away = np.where(np.isinf(away), np.inf, -away)
+        return least([self.region.distance(x), (away, -inwards)])
+
     def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
         return self.region.contains(x) & ~self.without.contains(x)
 
@@ -311,10 +436,16 @@ class Difference(Region):
 class Fill:
     """Material that fills a region at the start, as points on a regular seeding lattice.
 
+    Points keep out of the bodies of a scene: where a body cuts the square (cube) of a site, the
+    point is at the centroid of the open part and has the volume of that part, so that the first row
+    follows the surface. Parts of less than a tenth go to a neighbour.
+
     Parameters
     ----------
     region : Region
-        Region to fill: every site of the seeding lattice that lies inside gets a point.
+        Region to fill: every site of the seeding lattice that lies inside gets a point. The
+        boundary of a `Polygon` or `Layer` cuts squares as bodies do. A `Cloud` holds the points
+        itself.
     points_per_cell : int
         Points in a full cell: q^2 in 2D, q^3 in 3D.
     density : float or None
@@ -325,9 +456,10 @@ class Fill:
         Amplitude of a random displacement, 0 to 1: it is uniform within +- jitter/2 point spacings
         along each axis.
     lithostatic : bool
-        If True, the material is in equilibrium with gravity from the start: each point has the
-        pressure of the material above it, up to the top of the region, and the density that goes
-        with this pressure. If False, it is stress-free.
+        If True, the material bears its weight from the start: each point has the
+        pressure of the depth below the top of the region above it, against gravity, and the density
+        that goes with this pressure. This is an equilibrium where the top is level. If False, the
+        material is stress-free.
 
     Raises
     ------

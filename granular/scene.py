@@ -61,11 +61,17 @@ class BaseScene(Serializable):
     @cached_property
     def n_points(self) -> int:
         """Number of points of the material at the start."""
-        return seeding.count_points(self.grid, self.fills)
+        return len(self.points().x)
 
     def points(self) -> seeding.Points:
         """Make the points of the material at the start; see `granular.seeding.seed_points`."""
-        return seeding.seed_points(self.grid, self.fills, self.seed, self.material.rho_c)
+        return seeding.seed_points(
+            self.grid, self.fills, self.seed, self.material.rho_c, **self._seeding()
+        )
+
+    def _seeding(self) -> dict[str, Any]:
+        """Further arguments of `granular.seeding.seed_points`."""
+        return {}
 
     @property
     def courant_limit(self) -> float:

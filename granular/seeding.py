@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
 from granular.geometry import MAX_COUNT, Fill, Grid, check_inside, combined
+from granular.open_parts import LEAST_SHARE, REACH, Distance, nowhere, open_parts
+from granular.regions import Cloud
 
-__all__ = ["Points", "count_points", "estimated_points", "seed_points"]
+__all__ = ["DEEPEST", "Points", "estimated_points", "seed_points"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +25,13 @@ class Points:
     Attributes
     ----------
     x, v : ndarray, shape (n, dim)
-        Position [m], velocity [m/s], in the order of the fills; within a fill the first axis varies
-        fastest.
+        Position [m], velocity [m/s], in the order of the fills; within a fill the first axis of the
+        seeding lattice varies fastest.
     volume, density : ndarray, shape (n,)
         Volume of the point [m^dim], density [kg/m3]; their product is its mass.
     depth : ndarray, shape (n,)
         Depth below the top of a lithostatic fill [m], which determines its pressure; 0 in others.
+        It is measured against gravity, up to the top of the region above the point.
     """
 
     x: NDArray[np.float64]
@@ -42,8 +45,8 @@ class Points:
             array.setflags(write=False)
 
 
-def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
-    """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest."""
+def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
+    """Sites of the seeding lattice about a region, shape (n, dim), the first axis fastest."""
     spacing = grid.cell / fill.points_per_axis
     axes = []
     for axis, (low, high) in enumerate(zip(*fill.region.bounds, strict=True)):
@@ -53,57 +56,133 @@ def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
         axes.append(origin + (np.arange(first, last) + 0.5) * spacing)
     if math.prod(len(sites) for sites in axes) > MAX_COUNT:
         raise ValueError(f"a fill of {fill.region} must have at most {MAX_COUNT} points")
-    x = combined(axes)
+    return combined(axes)
+
+
+def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
+    """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest.
+
+    Those of a cloud are its points.
+    """
+    if isinstance(fill.region, Cloud):
+        return fill.region.x
+    x = _lattice(grid, fill)
     return x[fill.region.contains(x)]
 
 
+DEEPEST = 0.25
+"""Largest depth of given points in a body [cells]. The contact moves such points out slowly."""
 SAMPLES = 200_000
 """Number of sites up to which `estimated_points` counts all; beyond, the number of samples."""
 
 
-def estimated_points(grid: Grid, fill: Fill) -> int:
+def estimated_points(
+    grid: Grid, fill: Fill, distance: Distance = nowhere, *, even: bool = False
+) -> int:
     """Number of points of a fill, without making them: exact for few, else from samples.
 
-    The share of a region in the box around it is that of samples at the centres of equal parts.
+    The share of a region in the box around it is that of samples, one at random in each of equal
+    parts.
     """
+    if isinstance(fill.region, Cloud):
+        return len(fill.region.x)
     spacing = grid.cell / fill.points_per_axis
     lower, upper = np.array(fill.region.bounds)
     sites = math.prod((upper - lower) / spacing)
     if sites <= SAMPLES:
-        return len(_sites(grid, fill))
+        return len(_seeded(grid, fill, distance, even)[0])
     parts = max(math.floor(SAMPLES ** (1.0 / grid.dim)), 1)
     axes = [
         low + (np.arange(parts) + 0.5) * ((high - low) / parts)
         for low, high in zip(lower, upper, strict=True)
     ]
-    return round(sites * float(fill.region.contains(combined(axes)).mean()))
+    x = combined(axes)
+    x += np.random.default_rng(0).uniform(-0.5, 0.5, x.shape) * ((upper - lower) / parts)
+    open_ = distance(x)[0] > (LEAST_SHARE - 0.5) * spacing
+    return round(sites * float((fill.region.contains(x) & open_).mean()))
 
 
-def _checked_sites(grid: Grid, fills: Sequence[Fill]) -> list[NDArray[np.float64]]:
-    """Sites of each fill; refuse fills that overlap, leave the grid or hold no point."""
+def _last(grid: Grid) -> NDArray[np.float64]:
+    """Last place of a grid [m]: its upper end does not belong to any cell."""
+    return np.nextafter(grid.upper, grid.lower)
+
+
+def _seeded(
+    grid: Grid, fill: Fill, distance: Distance, even: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Places and volumes of the points of a fill, before any jitter."""
+    region = fill.region
+    if isinstance(region, Cloud):
+        return np.clip(region.x, grid.lower, _last(grid)), region.volume
+    spacing = grid.cell / fill.points_per_axis
+    x = _lattice(grid, fill)
+    if not even and (distance is not nowhere or region.cuts(x, spacing * REACH).any()):
+        return open_parts(x, spacing, distance, region)
+    sites = x[region.contains(x)]
+    return sites, np.full(len(sites), spacing**grid.dim)
+
+
+def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
+    """Refuse fills that overlap or leave the grid, and given points deep in bodies."""
     if not fills:
         raise ValueError("fills = () must hold at least one Fill")
-    sites = []
     for i, fill in enumerate(fills):
         check_inside(f"fills[{i}]", grid, fill.region)
-        sites.append(_sites(grid, fill))
-        if not len(sites[-1]):
-            raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
+        if not isinstance(fill.region, Cloud):
+            continue
+        if fill.lithostatic and fill.region.density is not None:
+            raise ValueError(f"fills[{i}].region.density must be None in a lithostatic fill")
+        phi, _ = distance(fill.region.x)
+        if phi.min() < -DEEPEST * grid.cell:
+            place = tuple(fill.region.x[phi.argmin()].tolist())
+            raise ValueError(
+                f"fills[{i}].region has a point at {place} that is {-phi.min():.3g} m within a "
+                f"body, must be at most {DEEPEST * grid.cell:.3g} m, {DEEPEST} cells"
+            )
+    if len(fills) == 1:
+        return
+    sites = [_sites(grid, fill) for fill in fills]
     for i, j in permutations(range(len(fills)), 2):
         shared = fills[j].region.contains(sites[i])
         if shared.any():
             place = tuple(sites[i][shared.argmax()].tolist())
             raise ValueError(f"fills[{i}] and fills[{j}] must not overlap, as they do at {place}")
-    return sites
 
 
-def count_points(grid: Grid, fills: Sequence[Fill]) -> int:
-    """Number of material points that `seed_points` makes."""
-    return sum(len(sites) for sites in _checked_sites(grid, fills))
+def _jittered(
+    rng: np.random.Generator, grid: Grid, fill: Fill, x: NDArray[np.float64], distance: Distance
+) -> NDArray[np.float64]:
+    """Displace points at random, but none of them towards a body that is near."""
+    spacing = grid.cell / fill.points_per_axis
+    moved = x + rng.uniform(-0.5, 0.5, x.shape) * (fill.jitter * spacing)
+    moved = np.clip(moved, grid.lower, _last(grid))
+    if distance is nowhere:
+        return moved
+    least = np.minimum(distance(x)[0], 0.5 * spacing)
+    return np.where((distance(moved)[0] >= least)[:, None], moved, x)
 
 
-def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> Points:
-    """Fill regions with material points.
+def _carried(fill: Fill, rho_c: float) -> tuple[ArrayLike, ArrayLike]:
+    """Velocities [m/s] and densities [kg/m3] of the points of a fill."""
+    v: ArrayLike | None = fill.velocity
+    density: ArrayLike | None = fill.density
+    if isinstance(fill.region, Cloud):
+        v = fill.region.velocity if v is None else v
+        density = fill.region.density if density is None else density
+    return np.zeros(fill.region.dim) if v is None else v, rho_c if density is None else density
+
+
+def seed_points(
+    grid: Grid,
+    fills: Sequence[Fill],
+    seed: int,
+    rho_c: float,
+    *,
+    distance: Distance = nowhere,
+    up: Sequence[float] | None = None,
+    even: bool = False,
+) -> Points:
+    """Fill regions with material points, outside of bodies.
 
     Parameters
     ----------
@@ -113,6 +192,15 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
         Seed of the random jitter, >= 0; the same seed gives the same points.
     rho_c : float
         Density [kg/m3] of the fills whose `density` is None.
+    distance : callable, optional
+        Signed distance from bodies at places, shape (n,) [m], and normals, shape (n, dim). Squares
+        (cubes) of the seeding lattice that bodies cut get a point at the centroid of their open
+        part, with the volume of that part.
+    up : sequence of float, length dim, optional
+        Direction against gravity, of length 1, along which the depth is measured; the last axis by
+        default.
+    even : bool
+        If True, all points have the volume of a whole square of the seeding lattice.
 
     Returns
     -------
@@ -121,21 +209,22 @@ def seed_points(grid: Grid, fills: Sequence[Fill], seed: int, rho_c: float) -> P
     Raises
     ------
     ValueError
-        If fills overlap, extend beyond the grid, or hold no point.
+        If fills overlap, extend beyond the grid, or hold no point outside of bodies.
     """
     rng = np.random.default_rng(integer("seed", seed, 0))
     rho_c = positive("rho_c", rho_c)
+    above = np.eye(grid.dim)[-1] if up is None else np.array(up, dtype=float)
+    _check(grid, fills, distance)
     parts = []
-    # Rounding may put a site onto the upper end of the grid, which does not belong to any cell.
-    last = np.nextafter(grid.upper, grid.lower)
-    for fill, sites in zip(fills, _checked_sites(grid, fills), strict=True):
-        spacing = grid.cell / fill.points_per_axis
+    for i, fill in enumerate(fills):
+        x, volume = _seeded(grid, fill, distance, even)
+        if not len(x):
+            raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
         if fill.jitter:
-            moved = sites + rng.uniform(-0.5, 0.5, sites.shape) * (fill.jitter * spacing)
-            sites = np.clip(moved, grid.lower, last)
-        v = np.broadcast_to(fill.velocity or (0.0,) * grid.dim, sites.shape)
-        volume = np.full(len(sites), spacing**grid.dim)
-        density = np.full(len(sites), rho_c if fill.density is None else fill.density)
-        depth = (fill.region.bounds[1][-1] - sites[:, -1]) * fill.lithostatic
-        parts.append((sites, v, volume, density, depth))
+            x = _jittered(rng, grid, fill, x, distance)
+        step = 0.25 * grid.cell / fill.points_per_axis
+        depth = fill.region.depth(x, above, step) if fill.lithostatic else np.zeros(len(x))
+        v, density = _carried(fill, rho_c)
+        v, density = np.broadcast_to(v, x.shape), np.broadcast_to(density, volume.shape)
+        parts.append((x, v, volume, density, depth))
     return Points(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

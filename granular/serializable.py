@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
+import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from dataclasses import replace as _replace
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular.checks import integer, one_of
 
-__all__ = ["Parameters", "Serializable", "register"]
+__all__ = ["ComparedByContent", "Parameters", "Serializable", "register"]
 
 FORMAT = 1
 """Version of the JSON format; older versions are read, newer ones refused."""
+
+ARRAYS = ("<f8", "<f4", "<i4", "|b1")
+"""Types of the arrays in the JSON."""
+MOST_BYTES = 2**34
+"""Largest size of an array in the JSON."""
 
 Value = bool | int | float | str | None | tuple["Value", ...]
 
@@ -86,7 +94,8 @@ class Serializable:
         Raises
         ------
         TypeError
-            For a region or material of a class that is not registered.
+            For a region or material of a class that is not registered. Of a region of one's own
+            `Mask.of(region.contains, ...)` can be written.
         """
         return json.dumps({"format": FORMAT, "scene": _encode(self)}, allow_nan=False)
 
@@ -106,11 +115,34 @@ class Serializable:
             if integer("format", data["format"], 1) > FORMAT:
                 raise ValueError(f"format = {data['format']} is newer than {FORMAT}")
             scene = _decode(data["scene"])
-        except (TypeError, ValueError, KeyError, OverflowError, RecursionError) as error:
+        except (
+            TypeError,
+            ValueError,
+            KeyError,
+            OverflowError,
+            RecursionError,
+            zlib.error,
+        ) as error:
             raise ValueError(f"not the JSON of a scene: {error}") from error
         if not isinstance(scene, cls):
             raise ValueError(f"not the JSON of a scene but of {type(scene).__name__}")
         return scene
+
+
+class ComparedByContent:
+    """Base of dataclasses that hold arrays: equal if all fields are, arrays to the last bit."""
+
+    def _content(self) -> tuple[object, ...]:
+        values = arguments_of(self).values()
+        return tuple(
+            (v.shape, v.dtype.str, v.tobytes()) if isinstance(v, np.ndarray) else v for v in values
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, type(self)) and self._content() == other._content()
+
+    def __hash__(self) -> int:
+        return hash((type(self), self._content()))
 
 
 _PARTS: dict[str, type] = {"Parameters": Parameters}
@@ -141,12 +173,20 @@ def _encode(value: Any) -> Any:
         return sorted(value)
     if isinstance(value, tuple):
         return [_encode(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        packed = base64.b64encode(zlib.compress(value.tobytes(), 1)).decode()
+        dtype = one_of("dtype", value.dtype.str, ARRAYS)
+        return {"type": "array", "dtype": dtype, "shape": list(value.shape), "data": packed}
     if isinstance(value, Parameters):
         items = [[key, _encode(entry)] for key, entry in value.items()]
         return {"type": "Parameters", "items": items}
     kind = type(value)
     if kind not in _TAGS:
-        raise TypeError(f"{value!r} cannot be written: the class must be one of {list(_PARTS)}")
+        known = ", ".join(part.__name__ for part in _PARTS.values())
+        raise TypeError(
+            f"{value!r} cannot be written: its class must be one of {known}; for a region of your "
+            "own take granular.Mask.of(region.contains, lower, upper, spacing)"
+        )
     return {"type": _TAGS[kind]} | {n: _encode(entry) for n, entry in arguments_of(value).items()}
 
 
@@ -166,9 +206,25 @@ def _decode(value: Any) -> Any:
     tag = rest.pop("type")
     if tag == "float":
         return float(one_of("float", rest["value"], ("inf", "-inf")))
+    if tag == "array":
+        return _decode_array(**rest)
     if tag not in _PARTS:
         raise ValueError(f"type {tag!r} must be one of {list(_PARTS)}")
     return _PARTS[tag](**{name: _decode(entry) for name, entry in rest.items()})
+
+
+def _decode_array(dtype: str, shape: list[int], data: str) -> NDArray[Any]:
+    kind = np.dtype(one_of("dtype", dtype, ARRAYS))
+    counts = [integer("shape", n, 0, MOST_BYTES) for n in shape]
+    size = math.prod(counts) * kind.itemsize
+    if size > MOST_BYTES:
+        raise ValueError(f"shape = {shape} must have at most {MOST_BYTES} bytes")
+    inflater = zlib.decompressobj()
+    packed = base64.b64decode(data, validate=True)
+    unpacked = inflater.decompress(packed, size + 1)  # no more than this, whatever is in there
+    if len(unpacked) != size:
+        raise ValueError(f"data must hold {size} bytes for the shape {shape}")
+    return np.frombuffer(unpacked, dtype=kind).reshape(counts)
 
 
 def _refuse_constant(name: str) -> float:

@@ -1,22 +1,13 @@
-/* Geometry and motion of rigid bodies, and the contact rule (body.h). */
+/* Signed distances of the shapes that bodies are made of (body.h). */
 #include "body/body.h"
 
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
 
-#include "core/piecewise.h"
+#include "body/chain.h"
 
 static double dot(const double a[3], const double b[3]) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-void gr_rotation_matrix(const double o[4], double matrix[9])
-{
-    const double w = o[0], x = o[1], y = o[2], z = o[3];
-    const double m[9] = {1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
-                         2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
-                         2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
-    memcpy(matrix, m, sizeof m);
-}
 
 /* Signed distance of a point, from its signed distance `beyond` each of n pairs of parallel faces with the outward
  * normals `face`. */
@@ -41,172 +32,177 @@ static double corner_distance(int n, const double beyond[], double (*face)[3], d
     return distance;
 }
 
-/* Signed distance by interpolation of the samples. Outside their box it is the value at the nearest point of the box
- * plus the distance to it, an upper bound. */
-static double sampled_distance(const struct gr_part *part, const double y[3], double normal[3])
+/* Position in the axes of a part. */
+static void in_part(const struct gr_part *part, const double x[3], double y[3])
 {
-    const int *n = part->shape;
-    double value = 0, slope[3] = {0}, share[3], out[3], length = 0;
-    int64_t first = 0, step[3] = {1, n[0], (int64_t)n[0] * n[1]};
+    const double *r = part->rotation;
+    for (int d = 0; d < 3; d++)
+        y[d] = r[d] * (x[0] - part->center[0]) + r[3 + d] * (x[1] - part->center[1]) + r[6 + d] * (x[2] - part->center[2]);
+}
+
+static double from_axis(const double y[3]) { return sqrt(y[0] * y[0] + y[1] * y[1]); }
+
+static double prism_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    double face[2][3] = {{0}, {0, 0, y[2] < 0 ? -1 : 1}};
+    const double beyond[2] = {gr_chain_distance(&part->chain, y, face[0]) - part->size[1], fabs(y[2]) - part->size[0]};
+    return corner_distance(2, beyond, face, normal);
+}
+
+static double capsule_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    const double *size = part->size, rest = y[2] - fmax(-size[1], fmin(y[2], size[1]));
+    const double arm = sqrt(y[0] * y[0] + y[1] * y[1] + rest * rest), per_arm = arm > 0 ? 1 / arm : 0;
+    normal[0] = arm > 0 ? y[0] * per_arm : 1, normal[1] = y[1] * per_arm, normal[2] = rest * per_arm;
+    return arm - size[0];
+}
+
+/* Of a torus or a revolved chain: in the half-plane of the distance from the axis and the position along it. */
+static double revolved_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    const double radius = from_axis(y), per_radius = radius > 0 ? 1 / radius : 0;
+    double n[2], distance;
+    if (part->kind == GR_PART_REVOLVED) {
+        distance = gr_chain_distance(&part->chain, (double[]){radius, y[2]}, n) - part->size[1];
+    } else {
+        const double off = radius - part->size[0], arm = sqrt(off * off + y[2] * y[2]), per_arm = arm > 0 ? 1 / arm : 0;
+        distance = arm - part->size[1];
+        n[0] = arm > 0 ? off * per_arm : 1, n[1] = y[2] * per_arm;
+    }
+    normal[0] = radius > 0 ? n[0] * y[0] * per_radius : n[0];
+    normal[1] = n[0] * y[1] * per_radius;
+    normal[2] = n[1];
+    return distance;
+}
+
+static double box_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    double beyond[3], face[3][3] = {{0}};
     for (int d = 0; d < 3; d++) {
-        const double at = fmax(-part->size[d], fmin(y[d], part->size[d]));
-        const double place = (at + part->size[d]) / (2 * part->size[d]) * (n[d] - 1);
-        const int cell = (int)fmin(place, n[d] - 2);
-        share[d] = place - cell;
-        first += cell * step[d];
-        out[d] = y[d] - at;
-        length += out[d] * out[d];
+        beyond[d] = fabs(y[d]) - part->size[d];
+        face[d][d] = y[d] < 0 ? -1 : 1;
     }
-    for (int corner = 0; corner < 8; corner++) {
-        double weight[3];
-        int64_t at = first;
-        for (int d = 0; d < 3; d++) {
-            weight[d] = corner >> d & 1 ? share[d] : 1 - share[d];
-            at += (corner >> d & 1) * step[d];
-        }
-        value += weight[0] * weight[1] * weight[2] * part->sample[at];
-        for (int d = 0; d < 3; d++)
-            slope[d] += (corner >> d & 1 ? 1 : -1) * weight[(d + 1) % 3] * weight[(d + 2) % 3] * part->sample[at];
-    }
-    double square = 0;
-    for (int d = 0; d < 3; d++) {
-        normal[d] = length > 0 ? fabs(value) * slope[d] * (n[d] - 1) / (2 * part->size[d]) + out[d]
-                               : slope[d] * (n[d] - 1) / (2 * part->size[d]);
-        square += normal[d] * normal[d];
-    }
-    for (int d = 0; d < 3; d++) normal[d] = square > 0 ? normal[d] / sqrt(square) : d == 2;
-    return value + sqrt(length);
+    return corner_distance(3, beyond, face, normal);
+}
+
+static double cylinder_distance(const struct gr_part *part, const double y[3], double normal[3])
+{
+    const double radius = from_axis(y), beyond[2] = {radius - part->size[0], fabs(y[2]) - part->size[1]};
+    double face[2][3] = {{radius > 0 ? y[0] / radius : 1, radius > 0 ? y[1] / radius : 0, 0}, {0, 0, y[2] < 0 ? -1 : 1}};
+    return corner_distance(2, beyond, face, normal);
 }
 
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3])
 {
-    const double *r = part->rotation, *size = part->size;
-    double y[3], local[3], face[3][3] = {{0}}, distance;
-    for (int d = 0; d < 3; d++)
-        y[d] = r[d] * (x[0] - part->center[0]) + r[3 + d] * (x[1] - part->center[1]) + r[6 + d] * (x[2] - part->center[2]);
-    if (part->kind == GR_PART_HALF_SPACE) {
-        local[0] = local[1] = 0, local[2] = 1;
+    const double *r = part->rotation;
+    double y[3], local[3] = {0, 0, 1}, distance;
+    in_part(part, x, y);
+    switch (part->kind) {
+    case GR_PART_HALF_SPACE:
         distance = y[2];
-    } else if (part->kind == GR_PART_SAMPLED) {
-        distance = sampled_distance(part, y, local);
-    } else if (part->kind == GR_PART_CYLINDER) {
-        const double radius = sqrt(y[0] * y[0] + y[1] * y[1]);
-        const double beyond[2] = {radius - size[0], fabs(y[2]) - size[1]};
-        face[0][0] = radius > 0 ? y[0] / radius : 1;
-        face[0][1] = radius > 0 ? y[1] / radius : 0;
-        face[1][2] = y[2] < 0 ? -1 : 1;
-        distance = corner_distance(2, beyond, face, local);
-    } else {
-        double beyond[3];
-        for (int d = 0; d < 3; d++) {
-            beyond[d] = fabs(y[d]) - size[d];
-            face[d][d] = y[d] < 0 ? -1 : 1;
-        }
-        distance = corner_distance(3, beyond, face, local);
+        break;
+    case GR_PART_BOX:
+        distance = box_distance(part, y, local);
+        break;
+    case GR_PART_CYLINDER:
+        distance = cylinder_distance(part, y, local);
+        break;
+    case GR_PART_SAMPLED:
+        distance = gr_samples_distance(&part->samples, y, local);
+        break;
+    case GR_PART_HEIGHT_MAP:
+        distance = gr_height_map_distance(&part->map, y, local);
+        break;
+    case GR_PART_CAPSULE:
+        distance = capsule_distance(part, y, local);
+        break;
+    case GR_PART_POLYGON:
+        distance = prism_distance(part, y, local);
+        break;
+    default:
+        distance = revolved_distance(part, y, local);
     }
     const double sign = part->inside ? -1 : 1;
     for (int d = 0; d < 3; d++) normal[d] = sign * dot(r + 3 * d, local);
     return sign * distance;
 }
 
-double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3])
+/* The edge of a place at the distances `inset` within n pairs of faces of half lengths size: near two of them. */
+static int edge_of_two(int n, const double inset[], const double size[], double near)
 {
-    double nearest = gr_part_distance(parts, x, normal);
-    for (int k = 1; k < n; k++) {
-        double other[3];
-        const double distance = gr_part_distance(parts + k, x, other);
-        if (!(distance < nearest)) continue;
-        nearest = distance;
-        memcpy(normal, other, sizeof other);
+    int faces = 0;
+    double depth = INFINITY;
+    for (int d = 0; d < n; d++) depth = fmin(depth, inset[d]);
+    depth = fmax(depth, 0);
+    for (int d = 0; d < n; d++) faces += inset[d] < fmin(near, 0.5 * size[d]) + depth;
+    return faces > 1 ? GR_EDGE_CONVEX : 0;
+}
+
+/* Edges of a chain, or of the wall along it, which is round at its ends: sharp if it is thinner than twice `near`. */
+static int chain_edges(const struct gr_part *part, const double p[2], double near)
+{
+    const int edges = gr_chain_edges(&part->chain, p, near);
+    if (part->chain.closed || !edges) return edges;
+    return GR_EDGE_CONCAVE | (part->size[1] < near ? GR_EDGE_CONVEX : 0);
+}
+
+static int shape_edges(const struct gr_part *part, const double y[3], double near)
+{
+    const double *size = part->size;
+    double inset[3], n[2];
+    switch (part->kind) {
+    case GR_PART_SAMPLED:
+        return gr_samples_edges(&part->samples, y, near);
+    case GR_PART_HEIGHT_MAP:
+        return gr_height_map_edges(&part->map, y, near);
+    case GR_PART_CYLINDER:
+        inset[0] = size[0] - from_axis(y), inset[1] = size[1] - fabs(y[2]);
+        return edge_of_two(2, inset, size, near);
+    case GR_PART_BOX:
+        for (int d = 0; d < 3; d++) inset[d] = size[d] - fabs(y[d]);
+        return edge_of_two(3, inset, size, near);
+    case GR_PART_POLYGON: {
+        inset[0] = size[1] - gr_chain_distance(&part->chain, y, n), inset[1] = size[0] - fabs(y[2]);
+        const int ends = edge_of_two(2, inset, (double[]){INFINITY, size[0]}, near);
+        return inset[0] > inset[1] ? ends : ends | chain_edges(part, y, near);
     }
-    return nearest;
-}
-
-double gr_part_bound(const struct gr_part *part, int dim)
-{
-    if (part->inside || part->kind == GR_PART_HALF_SPACE) return INFINITY;
-    double square = part->size[0] * part->size[0];
-    const int sizes = part->kind == GR_PART_CYLINDER ? dim - 1 : dim;
-    for (int k = 1; k < sizes; k++) square += part->size[k] * part->size[k];
-    return sqrt(dot(part->center, part->center)) + sqrt(square);
-}
-
-/* Speed of a material point of the body; r is in body coordinates. */
-static double speed_at(const double rotation[9], const double r[3], const double v[3], const double w[3])
-{
-    double a[3], u[3];
-    for (int d = 0; d < 3; d++) a[d] = rotation[3 * d] * r[0] + rotation[3 * d + 1] * r[1] + rotation[3 * d + 2] * r[2];
-    u[0] = v[0] + w[1] * a[2] - w[2] * a[1];
-    u[1] = v[1] + w[2] * a[0] - w[0] * a[2];
-    u[2] = v[2] + w[0] * a[1] - w[1] * a[0];
-    return sqrt(dot(u, u));
-}
-
-/* The speed is a convex function of position: its maximum over a box is at a corner, and a cylinder lies in a box. */
-double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts, const double orientation[4],
-                        const double v[3], const double omega[3], double far)
-{
-    double rotation[9], fastest = 0;
-    gr_rotation_matrix(orientation, rotation);
-    if (!(body->bound < far)) return sqrt(dot(v, v)) + sqrt(dot(omega, omega)) * far;
-    for (int k = 0; k < body->n_parts; k++) {
-        const struct gr_part *part = parts + k;
-        const int cylinder = part->kind == GR_PART_CYLINDER;
-        const double size[3] = {part->size[0], part->size[cylinder ? 0 : 1], part->size[cylinder ? 1 : 2]};
-        for (int corner = 0; corner < 8; corner++) {
-            double r[3] = {part->center[0], part->center[1], part->center[2]};
-            for (int j = 0; j < 3; j++)
-                for (int d = 0; isfinite(size[j]) && d < 3; d++)
-                    r[d] += (corner >> j & 1 ? size[j] : -size[j]) * part->rotation[3 * d + j];
-            fastest = fmax(fastest, speed_at(rotation, r, v, omega));
-        }
-    }
-    return fastest;
-}
-
-void gr_motion_at(const struct gr_body *body, double t, double out[6])
-{
-    gr_piecewise(6, body->n_motion, body->motion, 7, body->motion + 1, 7, t, out);
-}
-
-void gr_motion_mean(const struct gr_body *body, double begin, double length, double out[6])
-{
-    const double end = begin + length;
-    double from = begin;
-    memset(out, 0, 6 * sizeof(double));
-    for (int k = 0; k <= body->n_motion && from < end; k++) { /* the interval that ends with row k */
-        const double to = k < body->n_motion ? fmin(body->motion[7 * k], end) : end;
-        double middle[6];
-        if (!(to > from)) continue;
-        gr_motion_at(body, from + (to - from) / 2, middle); /* linear in this interval: the mean */
-        for (int c = 0; c < 6; c++) out[c] += (to - from) / length * middle[c];
-        from = to;
+    case GR_PART_REVOLVED:
+        return chain_edges(part, (double[]){from_axis(y), y[2]}, near);
+    default:
+        return 0;
     }
 }
 
-void gr_turn(const double o[4], const double omega[3], double dt, double out[4])
+int gr_part_edges(const struct gr_part *part, const double x[3], double near)
 {
-    const double rate = sqrt(dot(omega, omega)), half = rate * dt / 2;
-    const double share = rate > 0 ? sin(half) / rate : 0;
-    const double w = cos(half), x = share * omega[0], y = share * omega[1], z = share * omega[2];
-    const double turned[4] = {w * o[0] - x * o[1] - y * o[2] - z * o[3], w * o[1] + x * o[0] + y * o[3] - z * o[2],
-                              w * o[2] - x * o[3] + y * o[0] + z * o[1], w * o[3] + x * o[2] - y * o[1] + z * o[0]};
-    double norm = 0;
-    for (int k = 0; k < 4; k++) norm += turned[k] * turned[k];
-    for (int k = 0; k < 4; k++) out[k] = turned[k] / sqrt(norm);
+    double y[3];
+    in_part(part, x, y);
+    const int edges = shape_edges(part, y, near);
+    return part->inside ? gr_edges_inverted(edges) : edges;
 }
 
-int gr_contact(const struct gr_body *body, const double n[3], const double surface[3], double v[3])
+double gr_part_cover(const struct gr_part *part, double half[3])
 {
-    double u[3], keep = 0;
-    for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
-    if (body->contact != GR_CONTACT_STICKY) {
-        const double into = dot(u, n);
-        if (body->contact == GR_CONTACT_SEPARATING && !(into < 0)) return 0;
-        for (int d = 0; d < 3; d++) u[d] -= into * n[d];
-        const double sliding = sqrt(dot(u, u)), lost = body->friction * fabs(into);
-        keep = lost < sliding ? 1 - lost / sliding : body->friction > 0 ? 0 : 1;
+    const double *size = part->size;
+    memset(half, 0, 3 * sizeof(double));
+    switch (part->kind) {
+    case GR_PART_CYLINDER:
+        half[0] = half[1] = size[0], half[2] = size[1];
+        return 0;
+    case GR_PART_CAPSULE:
+        half[2] = size[1];
+        return size[0];
+    case GR_PART_TORUS:
+        half[0] = half[1] = size[0];
+        return size[1];
+    case GR_PART_POLYGON:
+    case GR_PART_REVOLVED:
+        for (int k = 0; k < 2 * part->chain.n; k++) half[k % 2] = fmax(half[k % 2], fabs(part->chain.vertex[k]));
+        half[2] = part->kind == GR_PART_REVOLVED ? half[1] : size[0];
+        if (part->kind == GR_PART_REVOLVED) half[1] = half[0];
+        return size[1];
+    default:
+        memcpy(half, size, 3 * sizeof(double));
+        return 0;
     }
-    for (int d = 0; d < 3; d++) v[d] = surface[d] + keep * u[d];
-    return keep > 0 ? 1 : 2;
 }

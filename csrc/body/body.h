@@ -1,11 +1,27 @@
-/* Rigid bodies: signed distance, motion, and the effect of contact on a velocity. In 2D z is 0, boxes are infinite
- * along z, and the axis of a cylinder is z. */
+/* Rigid bodies: signed distance, motion, and the effect of contact on a velocity. In 2D z is 0, boxes and polygons are
+ * infinite along z, the axis of a cylinder is z, and axes of capsules and of revolved chains lie in the plane of x and y. */
 #pragma once
+
+#include "body/chain.h"
+#include "body/height_map.h"
+#include "body/samples.h"
 
 enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
 
-#define GR_PARTS(X) \
-    X(GR_PART_BOX, box) X(GR_PART_CYLINDER, cylinder) X(GR_PART_HALF_SPACE, half_space) X(GR_PART_SAMPLED, sampled)
+#define GR_PARTS(X)                       \
+    X(GR_PART_BOX, box)                   \
+    X(GR_PART_CYLINDER, cylinder)         \
+    X(GR_PART_HALF_SPACE, half_space)     \
+    X(GR_PART_HEIGHT_MAP, height_map)     \
+    X(GR_PART_SAMPLED, sampled)           \
+    X(GR_PART_CAPSULE, capsule)           \
+    X(GR_PART_TORUS, torus)               \
+    X(GR_PART_POLYGON, polygon)           \
+    X(GR_PART_REVOLVED, revolved)         \
+    X(GR_PART_UNION, union)               \
+    X(GR_PART_INTERSECTION, intersection) \
+    X(GR_PART_OFFSET, offset)             \
+    X(GR_PART_SHELL, shell)
 #define GR_CONTACTS(X) X(GR_CONTACT_STICKY, sticky) X(GR_CONTACT_SEPARATING, separating) X(GR_CONTACT_BILATERAL, bilateral)
 
 #define GR_X(constant, name) constant,
@@ -13,18 +29,30 @@ enum gr_part_kind { GR_PARTS(GR_X) GR_PART_COUNT };
 enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 #undef GR_X
 
-/* A part of a body, in body coordinates. */
+/* A part of a body, in body coordinates: a shape, or an operation on the results of the parts before it, which it takes
+ * the place of. A union or an intersection is of the last results, as many as `operands`; an offset moves the surface of the last one
+ * outwards; a shell is the wall along the outer side of its surface. The union of the results that are left is the body. */
 struct gr_part {
     int kind;
-    int inside;           /* 1: the solid is the outside of the surface, and the material is within */
-    double center[3];     /* m */
-    double rotation[9];   /* row-major; its columns are the axes of the part. The third is the axis of a cylinder, or the
-                             outward normal of a half-space */
-    double size[3];       /* half edges of a box or of the box of the samples; radius and half length of a cylinder; m,
-                             may be infinite */
-    int shape[3];         /* number of samples along each axis, equally spaced */
-    const double *sample; /* signed distances, m, x fastest; interpolated linearly */
+    int inside;         /* 1: the solid is the outside of the surface, and the material is within */
+    double center[3];   /* m */
+    double rotation[9]; /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
+                             direction in which a polygon is extended, or the outward normal of a half-space */
+    double
+        size[3]; /* m, may be infinite: half edges of a box or of the box about a sampled surface; radius and half length of
+                             a cylinder; radius of a capsule and half the distance of its two centers; radius of a torus
+                             and of its tube; half length of a polygon; distance of an offset; half thickness of a shell.
+                             The second of a polygon or revolved chain: 0 if it is closed, or half the thickness of the
+                             wall along an open one */
+    struct gr_chain chain; /* of a polygon, (x, y), or revolved, (r, z) */
+    struct gr_samples samples;
+    struct gr_height_map map;
+    int operands; /* of a union or an intersection */
 };
+
+/* Edges of a surface that a place is near to: the angle within the solid is less than a straight one, or greater. */
+enum { GR_EDGE_CONVEX = 1, GR_EDGE_CONCAVE = 2 };
+static inline int gr_edges_inverted(int edges) { return edges >> 1 | (edges & 1) << 1; }
 
 /* Constant properties of a body. */
 struct gr_body {
@@ -58,15 +86,34 @@ enum { GR_BODY_NUMBERS = sizeof(struct gr_body_state) / sizeof(double) };
 /* Row-major rotation matrix of a unit quaternion; its columns are the axes of the body. */
 void gr_rotation_matrix(const double orientation[4], double matrix[9]);
 
-/* Signed distance of x from the surface of one part, negative in the solid, and the outward normal, its gradient. If
+/* Signed distance of x from the surface of one shape, negative in the solid, and the outward normal, its gradient. If
  * several surface points are nearest, the normal is that of the first axis. All in body coordinates. */
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3]);
 
-/* The same for a union of parts, as the minimum over them: exact outside; where parts overlap, a bound of the depth. */
+/* The edges of a shape that x, a point of its surface, is near to: nearer than `near` along the surface, or than a quarter
+ * of the face. All of them for samples, whose edges are not known. */
+int gr_part_edges(const struct gr_part *part, const double x[3], double near);
+
+/* The shape lies within the returned distance of a box about its center with these half lengths along its axes; what is
+ * round, within the cylinder in that box. */
+double gr_part_cover(const struct gr_part *part, double half[3]);
+
+/* True if no operation takes part k of n: it is one of those whose union is the body. */
+int gr_part_is_whole(const struct gr_part *parts, int n, int k);
+
+/* True if an operation has fewer results before it than it takes. */
+int gr_parts_lack_operands(const struct gr_part *parts, int n);
+
+/* The same as gr_part_distance for all n parts of a body. Unions are the minimum: exact outside; where they overlap, a
+ * bound of the depth. Intersections are the maximum: exact inside, and a bound of the distance beyond their edges. */
 double gr_union_distance(const struct gr_part *parts, int n, const double x[3], double normal[3]);
 
-/* Radius about the origin of the body that contains the surface of a part in `dim` dimensions. */
-double gr_part_bound(const struct gr_part *part, int dim);
+/* True if x, a point of the surface of a body, may be at a convex edge of it: of its nearest shape, or one that an
+ * operation makes, by the planes that touch the two surfaces which meet there. */
+int gr_union_edge_near(const struct gr_part *parts, int n, const double x[3], double near);
+
+/* Radius about the origin of the body that contains it, in `dim` dimensions. */
+double gr_union_bound(const struct gr_part *parts, int n, int dim);
 
 /* Prescribed velocity and angular velocity at time t, and their exact means over [begin, begin + length]. */
 void gr_motion_at(const struct gr_body *body, double t, double out[6]);

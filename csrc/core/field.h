@@ -6,7 +6,18 @@
 #pragma once
 
 enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
-enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_DAMPED, GR_NONLOCAL, GR_BALANCED, GR_SIDED, GR_HARDENING, GR_ELASTIC };
+enum gr_need {
+    GR_ALWAYS,
+    GR_AFFINE,
+    GR_SMOOTHED,
+    GR_DAMPED,
+    GR_NONLOCAL,
+    GR_BALANCED,
+    GR_SIDED,
+    GR_TOUCHED,
+    GR_HARDENING,
+    GR_ELASTIC
+};
 
 /* X(name, kind, needed by, unit, description) */
 #define GR_FIELDS(X)                                                                                              \
@@ -24,6 +35,7 @@ enum gr_need { GR_ALWAYS, GR_AFFINE, GR_SMOOTHED, GR_DAMPED, GR_NONLOCAL, GR_BAL
     X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu in flow; 0 where stress-free")          \
     X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "increment of the fluidity by the law in the last substep")          \
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
+    X(contact_force, GR_VECTOR, GR_TOUCHED, "N", "force of the bodies in the last step; 0 away from them")        \
     X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")
 
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

@@ -49,7 +49,7 @@ static double total(const struct gr_fluidity *f, const double *partial)
     return sum;
 }
 
-/* Remove the links between cells that a body separates. On the faces of rough bodies g = 0. */
+/* Remove the links between cells that a body separates, and those to border cells, whose g is zero at the surface. */
 static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
 {
     const uint8_t *inside = f->inside;
@@ -57,16 +57,22 @@ static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
         for (int k = 0; k < 2 * links; k++) {
             const int64_t j = f->near[2 * links * (i / GR_PAGE) + k] + i % GR_PAGE;
             const int cut = f->link[k][i] ? gr_cut_of(inside[i], inside[j]) : GR_SIDE_LINKED;
-            if (cut == GR_SIDE_LINKED) continue;
-            f->weight[k][i] = 0;
-            f->rough[i] += cut == GR_SIDE_ROUGH ? 2 : 0;
+            if (cut != GR_SIDE_LINKED) f->weight[k][i] = 0;
         }
     for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
         struct gr_wrap *wrap = &f->wrap[k];
         const int cut = gr_cut_of(inside[wrap->to], inside[wrap->from]);
-        if (cut == GR_SIDE_LINKED) continue;
-        wrap->weight = 0;
-        f->rough[wrap->to] += cut == GR_SIDE_ROUGH ? 2 : 0;
+        if (cut != GR_SIDE_LINKED) wrap->weight = 0;
+    }
+}
+
+/* Coefficients of g itself of a chunk, from links to border cells; a border cell keeps its g. */
+static void drop_at_borders(const int links, struct gr_fluidity *f, int64_t chunk)
+{
+    for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++) {
+        if (f->inside[i] & GR_BORDER) f->rough[i] = 0;
+        if (!(f->inside[i] & GR_BESIDE_BORDER)) continue;
+        for (int k = 0; k < 2 * links; k++) f->rough[i] += f->drop[k][i];
     }
 }
 
@@ -94,6 +100,7 @@ static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
     for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++)
         f->wrap[k].weight = (double)(dense[f->wrap[k].to] & dense[f->wrap[k].from]);
     if (f->has_inside) cut_links(links, f, chunk);
+    if (f->rough_bodies) drop_at_borders(links, f, chunk);
 }
 
 /* L g of a block of cells, without the links of f->wrap. Differences are formed before products, so that a uniform
@@ -285,6 +292,13 @@ GR_PASSES(13)
     }
 static const struct passes passes_2 = GR_TABLE(2), passes_3 = GR_TABLE(3), passes_4 = GR_TABLE(4), passes_13 = GR_TABLE(13);
 
+static void extrapolate(void *context, int64_t c, int t)
+{
+    const struct diffusion *w = context;
+    (void)t;
+    gr_fluidity_extrapolate(w->f, c, w->g);
+}
+
 static int explicit_step(struct diffusion *w)
 {
     w->out = w->work[0];
@@ -355,6 +369,7 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
         f->error = call->method == GR_DIFFUSION_explicit   ? explicit_step(&w)
                    : call->method == GR_DIFFUSION_implicit ? implicit_step(&w)
                                                            : rkl2_step(&w);
+    if (f->rough_bodies) over_chunks(&w, extrapolate);
     f->iterations = w.iterations;
     f->clamped = 0;
     for (int64_t c = 0; c < f->n_chunks; c++) f->clamped += f->partial_clamped[c];

@@ -31,6 +31,7 @@ int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *c
     f->dim = config->dim;
     f->stencil = config->stencil;
     f->two_sided = config->two_sided;
+    f->rough_bodies = config->rough_bodies;
     f->n_cells = 1;
     for (int a = 0; a < f->dim; a++) {
         f->shape[a] = config->shape[a], f->periodic[a] = config->periodic[a];

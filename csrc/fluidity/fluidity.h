@@ -10,6 +10,9 @@
  * which is of second order in dx. Source: Dunatunga & Kamrin, Modelling silo clogging with nonlocal granular rheology,
  * eq. 2.1, 5.1 and 5.3. With the isotropic stencil the cells across edges and corners take part, see links.c.
  *
+ * At a rough body g = 0 on its surface, wherever this lies between the centres of cells, see border.c. Before each step the
+ * caller gives the distances of the centres from the surfaces.
+ *
  * Near a thin body a cell may have two values, one for each side: a copy of the cell represents the back. Before each
  * step the caller states which of them exchange (gr_cut_of).
  *
@@ -55,6 +58,7 @@ struct gr_fluidity_config {
     int dim, stencil;
     int64_t shape[3];           /* cells along each axis */
     int periodic[3], two_sided; /* two_sided: cells may have a copy for the back of a thin body */
+    int rough_bodies;           /* 1 if there may be border cells */
     double dx;                  /* m */
     double A, d, t0;            /* nonlocal amplitude, 1; grain diameter, m; time scale, s */
     double tolerance;           /* implicit: final residual over the first one, in the 2-norm */
@@ -67,16 +71,15 @@ enum gr_side { GR_SIDE_CLOSED, GR_SIDE_LINKED, GR_SIDE_ROUGH };
 
 /* Position of a cell relative to the bodies, as bits. A *separated* copy holds the fluidity of one side of a thin body,
  * the back if BEHIND is set. Any other cell has one value: BEHIND then tells on which side its centre is, and its copy
- * for the back is HIDDEN. BEYOND_ROUGH: the centre of a separated copy lies on the other side of a rough thin body. */
-enum gr_inside { GR_INSIDE_BODY = 1, GR_BEHIND = 2, GR_SEPARATED = 4, GR_HIDDEN = 8, GR_BEYOND_ROUGH = 16 };
+ * for the back is HIDDEN. BORDER: at a rough surface, see border.c; BESIDE_BORDER: linked to such a cell. */
+enum gr_inside { GR_BORDER = 1, GR_BEHIND = 2, GR_SEPARATED = 4, GR_HIDDEN = 8, GR_BESIDE_BORDER = 16 };
 
-/* Kind of the face between two cells, from their gr_inside bits. A separated copy exchanges only with its own side, so
- * that every cell has at most one partner behind a face. g = 0 at the surface of a rough body, and on the face nearest
- * to a rough thin body. */
+/* Kind of the face between two cells, from their gr_inside bits: rough to a border cell. A separated copy exchanges only
+ * with its own side, so that every cell has at most one partner behind a face. */
 static inline int gr_cut_of(uint8_t a, uint8_t b)
 {
     if (((a | b) & GR_HIDDEN) || (((a | b) & GR_SEPARATED) && ((a ^ b) & GR_BEHIND))) return GR_SIDE_CLOSED;
-    return (a ^ b) & (GR_INSIDE_BODY | GR_BEYOND_ROUGH) ? GR_SIDE_ROUGH : GR_SIDE_LINKED;
+    return (a | b) & GR_BORDER ? GR_SIDE_ROUGH : GR_SIDE_LINKED;
 }
 
 /* A link that is not at the usual distance in the arrays: across a periodic end, or to the other copy. It is listed for
@@ -96,7 +99,7 @@ enum {
 };
 
 struct gr_fluidity {
-    int dim, stencil, n_links, periodic[3], two_sided;
+    int dim, stencil, n_links, periodic[3], two_sided, rough_bodies;
     int64_t shape[3], stride[3], n_cells, box_pages; /* of the box */
     double dx, diffusivity, tolerance;               /* m, A^2 d^2/t0 in m^2/s, 1 */
     int64_t max_iterations;
@@ -122,8 +125,11 @@ struct gr_fluidity {
     uint8_t *dense;  /* 1 or 0 */
     int has_inside;  /* 1 if `inside` is used */
     uint8_t *inside; /* enum gr_inside */
-    double *g;       /* 1/s; zero where not dense. A step swaps this pointer: read it again afterwards. */
-    double *gain;    /* for use by the caller */
+    /* with rough bodies only (border.c): distance of the centre from the surface, of a border cell that of its points, in
+     * cells, >= 0; and per link and side (phi_i - phi_j)/phi_i to a border cell, else 0 */
+    double *distance, *drop[2 * GR_MOST_LINKS];
+    double *g;    /* 1/s; zero where not dense. A step swaps this pointer: read it again afterwards. */
+    double *gain; /* for use by the caller */
     /* work space of a step */
     double *weight[2 * GR_MOST_LINKS], *rough, *work[3]; /* weights of the links to both sides; coefficient of g itself;
                                                             vectors */
@@ -177,6 +183,33 @@ static inline int64_t gr_fluidity_place(const struct gr_fluidity *f, int64_t cel
     return ((int64_t)gr_table_get(&f->page_of, page) - 1) * GR_PAGE + cell % GR_PAGE;
 }
 
+/* pages.c: the same, -1 if it has none or `cell` is -1. */
+int64_t gr_fluidity_find(const struct gr_fluidity *f, int64_t cell, int back);
+
+/* pages.c: the cell of the box at an offset of at most one along each axis, if all sequences of steps along the axes that
+ * lead there are linked, else -1. */
+int64_t gr_fluidity_reach(const struct gr_fluidity *f, int64_t cell, const int offset[3]);
+
+/* border.c: give the distance of the centre of a cell from the surfaces of rough bodies, negative in a body, m, and that of
+ * the middle of its points, which is used for a border cell. All its links then lead to no border cell. */
+void gr_fluidity_set_distance(struct gr_fluidity *f, int64_t i, double phi, double of_points);
+
+/* border.c: then give the distance phi of the centre of the neighbour at link and side k = 2 link + side, which must be
+ * linked. */
+void gr_fluidity_set_link(struct gr_fluidity *f, int64_t i, int k, double phi);
+
+/* border.c: set g in the border cells of a chunk from that around them. */
+void gr_fluidity_extrapolate(const struct gr_fluidity *f, int64_t chunk, double *g);
+
+/* (phi_i - phi_j)/phi_i if link and side k of a cell lead to a border cell, else 0. */
+static inline double gr_fluidity_drop(const struct gr_fluidity *f, int64_t i, int k)
+{
+    return f->inside[i] & GR_BESIDE_BORDER ? f->drop[k][i] : 0;
+}
+
+/* links.c: half an upper bound of the eigenvalues of L for the isotropic stencil. */
+double gr_fluidity_stiffest(const struct gr_fluidity *f);
+
 /* links.c: set the weights of all links of a chunk for the isotropic stencil, from the dense cells. */
 void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk);
 
@@ -184,7 +217,7 @@ void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk);
  *
  * explicit: 2/lambda, with lambda an upper bound of the eigenvalues of A^2 d^2/(t0 dx^2) L. For the stencil of faces it
  * is Gershgorin's, lambda = 2 A^2 d^2/(t0 dx^2) (links + rough faces of a cell), which gives
- * dt < dx^2 t0/(2 dim A^2 d^2) in the bulk. For the isotropic stencil see links.c. rkl2: (s^2 + s - 2)/4 times that,
+ * dt < dx^2 t0/(2 dim A^2 d^2) in the bulk, and no less at rough bodies. For the isotropic stencil see links.c. rkl2: (s^2 + s - 2)/4 times that,
  * with the largest number s of stages. */
 double gr_fluidity_limit(const struct gr_fluidity *f, int method);
 

@@ -5,8 +5,7 @@
 /* Number of possible pages: those of the box, and those of copies for the back. */
 static int64_t all_pages(const struct gr_fluidity *f) { return f->two_sided ? 2 * f->box_pages : f->box_pages; }
 
-/* Place of a cell or of its copy for the back, -1 without one. */
-static int64_t place_of(const struct gr_fluidity *f, int64_t cell, int back)
+int64_t gr_fluidity_find(const struct gr_fluidity *f, int64_t cell, int back)
 {
     if (cell < 0 || (back && !f->two_sided)) return -1;
     return gr_table_get(&f->page_of, cell / GR_PAGE + (back ? f->box_pages : 0)) ? gr_fluidity_place(f, cell, back) : -1;
@@ -24,7 +23,7 @@ static int walk(const struct gr_fluidity *f, int axis, int side, int64_t *cell, 
     return 0;
 }
 
-/* Index of the cell at an offset, if all sequences of steps along the axes that lead there are linked, else -1. */
+/* gr_fluidity_reach for the cell at `at`. */
 static int64_t reach(const struct gr_fluidity *f, int64_t cell, const int64_t at[3], const int offset[3])
 {
     int64_t found = -1;
@@ -48,6 +47,13 @@ static void find_coordinates(const struct gr_fluidity *f, int64_t cell, int64_t 
         at[a] = cell % f->shape[a];
         cell /= f->shape[a];
     }
+}
+
+int64_t gr_fluidity_reach(const struct gr_fluidity *f, int64_t cell, const int offset[3])
+{
+    int64_t at[3];
+    find_coordinates(f, cell, at);
+    return reach(f, cell, at, offset);
 }
 
 /* Store the faces of the box. Two cells are linked if both say so.
@@ -95,8 +101,7 @@ int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
     const int most = read_faces(f, face);
     if (most < 0) return GR_ERR_MEMORY;
     f->stiffest = most;
-    /* for an unbounded grid, see links.c: fewer links only make it smaller */
-    if (f->stencil == GR_STENCIL_isotropic) f->stiffest = f->dim == 2 ? 8.0 / 3.0 : 46.0 / 15.0;
+    if (f->stencil == GR_STENCIL_isotropic) f->stiffest = gr_fluidity_stiffest(f);
     return GR_OK;
 }
 
@@ -110,7 +115,7 @@ static void forget(struct gr_fluidity *f)
 static int reserve(struct gr_fluidity *f, int64_t n)
 {
     const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
-    const int n_vectors = 7 + sides, n_maps = isotropic ? 2 : 2 + sides;
+    const int own = 7 + sides, n_vectors = own + (f->rough_bodies ? 1 + sides : 0), n_maps = isotropic ? 2 : 2 + sides;
     if (n > f->page_capacity || !f->doubles) {
         free(f->doubles), free(f->bytes), free(f->integers), free(f->places);
         f->page_capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
@@ -132,6 +137,10 @@ static int reserve(struct gr_fluidity *f, int64_t n)
     memset(f->bytes, 0, (size_t)(length * n_maps));
     for (int k = 0; k < 7; k++, at += length) *vectors[k] = at + GR_PAGE;
     for (int k = 0; k < sides; k++, at += length) f->weight[k] = at + GR_PAGE;
+    if (f->rough_bodies) {
+        f->distance = at + GR_PAGE, at += length;
+        for (int k = 0; k < sides; k++, at += length) f->drop[k] = at + GR_PAGE;
+    }
     for (int k = 0; k < 3; k++, at += pages) f->partial[k] = at;
     f->dense = (uint8_t *)f->bytes + GR_PAGE;
     f->inside = f->dense + length;
@@ -189,11 +198,12 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
     if (cell >= f->n_cells) return GR_OK;
     int64_t at[3];
     find_coordinates(f, cell, at);
-    if (f->other) f->other[i] = (int32_t)place_of(f, cell, !back);
+    if (f->other) f->other[i] = (int32_t)gr_fluidity_find(f, cell, !back);
     for (int k = 0; k < sides; k++) {
         const int8_t *o = f->offset[k / 2];
         const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
-        const int64_t to = reach(f, cell, at, offset), j = place_of(f, to, back), across = place_of(f, to, !back);
+        const int64_t to = reach(f, cell, at, offset), j = gr_fluidity_find(f, to, back),
+                      across = gr_fluidity_find(f, to, !back);
         if (f->beside) f->beside[i * sides + k] = (int32_t)(j < 0 ? across : j);
         if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->rough_walls[i] += 2;
         if (across >= 0 && to != cell && add_wrap(f, i, across, k)) return GR_ERR_MEMORY;

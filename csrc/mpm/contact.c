@@ -1,25 +1,20 @@
 /* Contact of rigid bodies with the nodes of the grid, and the motion of the bodies (contact.h). */
 #include "mpm/contact.h"
 
+#include "mpm/feet.h"
 #include "mpm/pose.h"
-#include "mpm/migrate.h"
 #include "mpm/walls.h"
 
-enum { MAX_SWEEPS = 50 };
-
-#define NO_CHANGE 1e-14 /* relative change of a velocity that is round-off */
+/* Sweeps end when the largest change of a velocity at a foot in a sweep is this part of the largest that contact makes in
+ * the step. As impulses start from those of the last step, that are few; more do not change the forces by 0.1 %. */
+#define TOLERANCE 1e-2
+enum { LEAST_SWEEPS = 2, MOST_SWEEPS = 20 };
 
 /* A body during a step, with the velocities of the step. */
 struct moving {
     struct gr_pose pose;
     int number;
     double v[3], omega[3];
-};
-
-/* Reaction of the nodes on a body: impulse, angular impulse, minus the derivative of the impulse with respect to the
- * velocity of the body, and the work on the nodes. */
-struct sums {
-    double impulse[3], angular[3], slope[3][3], work;
 };
 
 void gr_bodies_start(struct gr_engine *e)
@@ -46,45 +41,6 @@ static void place(const struct gr_engine *e, int b, struct moving *m)
     gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &m->pose);
 }
 
-/* The arm r = x - X from the nearest image of the body. */
-static void arm(const struct gr_engine *e, const struct moving *m, const double x[3], double r[3])
-{
-    for (int d = 0; d < 3; d++) r[d] = d < e->config.dim ? gr_pose_arm(&m->pose, x[d], d) : 0;
-}
-
-/* True if a point lies in a body.
- * Returned: then also the normal, in axes of the scene. */
-static int contains(const struct moving *m, const double r[3], double normal[3])
-{
-    const double bound = m->pose.body->bound;
-    double local[3], at[3];
-    if (r[0] * r[0] + r[1] * r[1] + r[2] * r[2] > bound * bound) return 0;
-    gr_pose_in_body(&m->pose, r, at);
-    if (!(gr_union_distance(m->pose.parts, m->pose.body->n_parts, at, local) < 0)) return 0;
-    gr_pose_in_space(&m->pose, local, normal);
-    return 1;
-}
-
-/* True if a node lies in the body. For a separated node of a thin part this includes all nodes behind the face of its
- * side.
- * Returned: also the arm r and the normal. */
-static int is_within(const struct gr_engine *e, int64_t node, const struct moving *m, double r[3], double normal[3])
-{
-    double x[3];
-    gr_node_position(e, node, x);
-    arm(e, m, x, r);
-    if (e->n_thin && e->mesh.duplicate[node] >= 0 && e->mesh.separated[node]) {
-        struct gr_facing side;
-        gr_nearest_thin(e, x, 1, &side);
-        const double front = e->mesh.duplicate[node] > node ? 1 : -1;
-        if (side.body == m->number && front * side.mid < side.half) {
-            for (int d = 0; d < 3; d++) normal[d] = front * side.normal[d];
-            return 1;
-        } /* else the node may still lie in another part */
-    }
-    return contains(m, r, normal);
-}
-
 double gr_bodies_speed(const struct gr_engine *e)
 {
     double fastest = 0;
@@ -103,183 +59,152 @@ double gr_bodies_speed(const struct gr_engine *e)
     return fastest;
 }
 
-/* Set the gr_inside bits of the two copies of a double cell. They are separated if its centre faces the thin part. */
-static void mark_copies(int rough, const struct gr_facing *side, uint8_t *front, uint8_t *back)
+/* Velocity of the material at a foot relative to the surface. */
+static void slip(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, double u[3])
 {
-    const int behind = side->mid < 0, beyond = rough ? GR_BEYOND_ROUGH : 0, body = *front & GR_INSIDE_BODY;
-    if (side->facing) {
-        *front = (uint8_t)(body | GR_SEPARATED | (behind ? beyond : 0));
-        *back = (uint8_t)(body | GR_SEPARATED | GR_BEHIND | (behind ? 0 : beyond));
-    } else {
-        *front = (uint8_t)(body | (behind ? GR_BEHIND : 0));
-        *back = GR_HIDDEN;
-    }
-}
-
-void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
-{
-    struct gr_fluidity *f = e->fluidity;
-    for (int64_t c = first; c < last; c++) {
-        const struct gr_cell *cell = &e->mesh.cell[c];
-        struct gr_facing side;
-        double x[3];
-        if (cell->side == -1) continue; /* set with its front */
-        uint8_t *inside = f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at), 0);
-        *inside = cell->side < 0 ? GR_BEHIND : 0;
-        gr_cell_position(e, cell->at, x);
-        for (int b = 0; b < e->config.n_bodies; b++) {
-            struct moving m;
-            double r[3], normal[3];
-            if (!e->config.bodies[b].rough) continue;
-            place(e, b, &m);
-            arm(e, &m, x, r);
-            if (contains(&m, r, normal)) *inside |= GR_INSIDE_BODY;
-        }
-        if (cell->side != 1) continue;
-        gr_nearest_thin(e, x, 1, &side);
-        mark_copies(e->config.bodies[side.body].rough, &side, inside,
-                    f->inside + gr_fluidity_place(f, gr_cell_id(e, cell->at), 1));
-    }
-}
-
-void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last)
-{
-    if (first == last) return; /* without nodes there is no array */
-    memset(e->touched + first, 0, (size_t)(last - first));
-    for (int b = 0; b < e->config.n_bodies; b++) {
-        struct moving m;
-        place(e, b, &m);
-        for (int64_t n = first; n < last; n++) {
-            double r[3], normal[3];
-            if (e->touched[n] || !(e->node_mass[n] > e->config.mass_cutoff)) continue;
-            e->touched[n] = (uint8_t)is_within(e, n, &m, r, normal);
-        }
-    }
-}
-
-static void add_slope(struct sums *sums, double mass, const double n[3], int held)
-{
-    for (int i = 0; i < 3; i++)
-        for (int j = 0; j < 3; j++) sums->slope[i][j] += mass * (held == 2 ? i == j : n[i] * n[j]);
-}
-
-/* Contact of one node. Components that a wall fixes stay fixed. The velocities are stored only if `keep` is set. */
-static void touch(struct gr_engine *e, int64_t node, const struct moving *m, struct sums *sums, int keep)
-{
-    const int dim = e->config.dim;
-    double r[3], n[3], v[3] = {0}, after[3], impulse[3] = {0};
-    if (!is_within(e, node, m, r, n)) return;
-    double *out = e->node_data + node * e->node_stride;
-    const double *w = m->omega, mass = e->node_mass[node];
-    const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[node]);
+    const double *r = foot->arm, *w = m->omega;
     const double surface[3] = {m->v[0] + w[1] * r[2] - w[2] * r[1], m->v[1] + w[2] * r[0] - w[0] * r[2],
                                m->v[2] + w[0] * r[1] - w[1] * r[0]};
-    memcpy(v, out, sizeof(double) * (size_t)dim);
-    memcpy(after, v, sizeof v);
-    const int held = gr_contact(m->pose.body, n, surface, after);
-    if (!held) return;
-    add_slope(sums, mass, n, held);
-    for (int d = 0; d < dim; d++) {
-        if (wall->fixed >> d & 1) after[d] = v[d];
-        impulse[d] = -mass * (after[d] - v[d]);
-        sums->impulse[d] += impulse[d];
-        sums->work -= impulse[d] * after[d]; /* points are moved and strained by the velocity after contact */
-        if (!keep) continue;
-        out[d] = after[d];
-        out[dim + d] += after[d] - v[d];
+    double v[4] = {0};
+    for (int i = 0; i < foot->n_nodes; i++) {
+        const struct gr_foot_node *node = &e->feet->node[foot->node[i]];
+        for (int d = 0; d < 4; d++) v[d] += foot->weight[i] * node->v[d];
     }
-    sums->angular[0] += r[1] * impulse[2] - r[2] * impulse[1];
-    sums->angular[1] += r[2] * impulse[0] - r[0] * impulse[2];
-    sums->angular[2] += r[0] * impulse[1] - r[1] * impulse[0];
+    for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
 }
 
-static void touch_all(struct gr_engine *e, const struct moving *m, struct sums *sums, int keep)
-{
-    memset(sums, 0, sizeof *sums);
-    for (int64_t n = 0; n < e->mesh.n_nodes; n++)
-        if (e->touched[n]) touch(e, n, m, sums, keep);
-}
-
-/* Solve a x = b in the components of `free`, for a symmetric positive definite a; the other components of x are 0. */
-static void solve(double a[3][3], double b[3], int free, double x[3])
-{
-    for (int i = 0; i < 3; i++) {
-        if (!(free >> i & 1)) continue;
-        for (int j = i + 1; j < 3; j++) {
-            if (!(free >> j & 1)) continue;
-            const double share = a[j][i] / a[i][i];
-            for (int k = i; k < 3; k++) a[j][k] -= share * a[i][k];
-            b[j] -= share * b[i];
-        }
-    }
-    for (int i = 2; i >= 0; i--) {
-        x[i] = 0;
-        if (!(free >> i & 1)) continue;
-        double rest = b[i];
-        for (int j = i + 1; j < 3; j++) rest -= a[i][j] * x[j];
-        x[i] = rest / a[i][i];
-    }
-}
-
-/* Find the free velocity components after the step. Backward Euler, because contact is stiff for a light body. */
-static void find_velocity(struct gr_engine *e, struct moving *m, const double before[3], const double g[3])
+/* Give the nodes about a foot, and its body, a change of its impulse. */
+static void push(struct gr_engine *e, const struct gr_foot *foot, const double impulse[3], struct moving *m)
 {
     const struct gr_body *body = m->pose.body;
-    const double dt = e->dt, mass = body->mass;
-    double scale = 0;
-    for (int d = 0; d < 3; d++) {
-        scale = fmax(scale, fabs(before[d]) + fabs(dt * g[d]));
-        if (body->free >> d & 1) m->v[d] = before[d] + dt * g[d];
-    }
-    for (int sweep = 0; sweep < MAX_SWEEPS; sweep++) {
-        struct sums sums;
-        double rest[3], change[3], largest = 0;
-        touch_all(e, m, &sums, 0);
-        for (int d = 0; d < 3; d++) {
-            rest[d] = sums.impulse[d] - mass * (m->v[d] - before[d] - dt * g[d]);
-            sums.slope[d][d] += mass;
-        }
-        solve(sums.slope, rest, body->free, change);
-        for (int d = 0; d < 3; d++) {
-            m->v[d] += change[d];
-            largest = fmax(largest, fabs(change[d]));
-            scale = fmax(scale, fabs(m->v[d]));
-        }
-        if (!(largest > NO_CHANGE * scale)) return;
+    double change[4] = {impulse[0], impulse[1], impulse[2], 0};
+    for (int d = 0; d < 3; d++)
+        if (body->free >> d & 1) m->v[d] -= impulse[d] / body->mass;
+    for (int i = 0; i < foot->n_nodes; i++) {
+        struct gr_foot_node *node = &e->feet->node[foot->node[i]];
+        for (int d = 0; d < 4; d++) node->v[d] += foot->weight[i] * node->mobility[d] * change[d];
     }
 }
 
-static void touch_body(struct gr_engine *e, int b, const double g[3])
+/* Change the impulse at a foot so that it fulfils the conditions of contact by itself.
+ * Changed: largest, at least the velocity that the impulse gives the foot.
+ * Returned: the velocity that its change gives the foot, m/s. */
+static double correct(struct gr_engine *e, struct gr_foot *foot, struct moving *m, double *largest)
 {
-    const double dt = e->dt;
+    const struct gr_body *body = m->pose.body;
+    const double *n = foot->normal;
+    double u[3], tangential[3], change[3] = {0}, square = 0, changed = 0, whole = 0;
+    slip(e, foot, m, u);
+    const double along = u[0] * n[0] + u[1] * n[1] + u[2] * n[2];
+    double pressing = foot->pressing + (foot->bound - along) / foot->normal_mobility;
+    pressing = fmin(fmax(pressing, body->contact == GR_CONTACT_SEPARATING ? 0 : -foot->most), foot->most);
+    for (int d = 0; d < 3; d++) {
+        tangential[d] = foot->impulse[d] - foot->pressing * n[d] - (u[d] - along * n[d]) / foot->mobility;
+        square += tangential[d] * tangential[d];
+    }
+    const double most = body->contact == GR_CONTACT_STICKY ? foot->most : body->friction * fabs(pressing);
+    const double keep = !(square > most * most) ? 1 : most / sqrt(square);
+    for (int d = 0; d < e->config.dim; d++) {
+        const double impulse = pressing * n[d] + keep * tangential[d];
+        change[d] = impulse - foot->impulse[d];
+        foot->impulse[d] = impulse;
+        changed += change[d] * change[d], whole += impulse * impulse;
+    }
+    foot->pressing = pressing;
+    push(e, foot, change, m);
+    *largest = fmax(*largest, foot->mobility * sqrt(whole));
+    return foot->mobility * sqrt(changed);
+}
+
+/* Store the velocities of the nodes after contact. */
+static void store(struct gr_engine *e)
+{
+    const int dim = e->config.dim;
+    for (int64_t k = 0; k < e->feet->n_nodes; k++) {
+        const struct gr_foot_node *node = &e->feet->node[k];
+        const int joined = e->n_thin && e->mesh.duplicate[node->n] >= 0 && !e->mesh.separated[node->n];
+        for (int copy = 0; copy <= joined; copy++) {
+            const int64_t n = copy ? e->mesh.duplicate[node->n] : node->n;
+            double *out = e->node_data + n * e->node_stride;
+            for (int d = 0; d < dim; d++) {
+                out[GR_NODE_VELOCITY + d] = node->v[d];
+                out[GR_NODE_UPDATE(dim) + d] += node->v[d] - node->before[d];
+            }
+        }
+    }
+}
+
+/* Add the reaction of a foot to its body: what the nodes received, without components that walls hold. */
+static void react(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, struct gr_body_state *next)
+{
+    double given[3] = {0}, u[3] = {0};
+    const double *r = foot->arm;
+    for (int i = 0; i < foot->n_nodes; i++) {
+        const struct gr_foot_node *node = &e->feet->node[foot->node[i]];
+        for (int d = 0; d < e->config.dim; d++) {
+            if (node->mobility[d] > 0) given[d] += foot->weight[i] * foot->impulse[d];
+            u[d] += foot->weight[i] * node->v[d];
+        }
+    }
+    (void)m;
+    for (int d = 0; d < 3; d++) {
+        next->impulse[d] -= given[d];
+        next->work += given[d] * u[d]; /* points are moved and strained by the velocity after contact */
+    }
+    next->angular_impulse[0] -= r[1] * given[2] - r[2] * given[1];
+    next->angular_impulse[1] -= r[2] * given[0] - r[0] * given[2];
+    next->angular_impulse[2] -= r[0] * given[1] - r[1] * given[0];
+}
+
+/* Start of the step for a body: the mean velocities of its motion, and gravity along free axes. */
+static void begin(struct gr_engine *e, int b, const double g[3], struct moving *m)
+{
+    double mean[6];
+    place(e, b, m);
+    gr_motion_mean(m->pose.body, e->time, e->dt, mean);
+    for (int d = 0; d < 3; d++) {
+        m->v[d] = m->pose.body->free >> d & 1 ? e->body[b].v[d] + e->dt * g[d] : mean[d];
+        m->omega[d] = mean[3 + d];
+    }
+}
+
+static void end(struct gr_engine *e, int b, const struct moving *m)
+{
+    double prescribed[6];
     const struct gr_body_state *now = &e->body[b];
     struct gr_body_state *next = &e->body_next[b];
-    struct moving m;
-    struct sums sums;
-    double mean[6], end[6];
-    place(e, b, &m);
-    gr_motion_mean(m.pose.body, e->time, dt, mean);
-    gr_motion_at(m.pose.body, e->time + dt, end);
-    memcpy(m.v, mean, sizeof m.v);
-    memcpy(m.omega, mean + 3, sizeof m.omega);
-    if (m.pose.body->free) find_velocity(e, &m, now->v, g);
-    touch_all(e, &m, &sums, 1);
-    *next = *now;
+    gr_motion_at(m->pose.body, e->time + e->dt, prescribed);
     for (int d = 0; d < 3; d++) {
-        const int free = m.pose.body->free >> d & 1;
-        next->v[d] = free ? now->v[d] + sums.impulse[d] / m.pose.body->mass + dt * g[d] : end[d];
-        next->x[d] = now->x[d] + dt * (free ? next->v[d] : mean[d]);
-        next->omega[d] = end[3 + d];
-        next->impulse[d] += sums.impulse[d];
-        next->angular_impulse[d] += sums.angular[d];
+        next->v[d] = m->pose.body->free >> d & 1 ? m->v[d] : prescribed[d];
+        next->x[d] = now->x[d] + e->dt * m->v[d];
+        next->omega[d] = prescribed[3 + d];
     }
-    next->work += sums.work;
-    gr_turn(now->orientation, m.omega, dt, next->orientation);
+    gr_turn(now->orientation, m->omega, e->dt, next->orientation);
 }
 
 void gr_bodies_touch(struct gr_engine *e, const double g[3])
 {
+    struct moving body[GR_MAX_BODIES];
     double gravity[3] = {0};
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
-    for (int b = 0; b < e->config.n_bodies; b++) touch_body(e, b, gravity);
+    for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, gravity, &body[b]);
+    gr_feet_find(e, gravity);
+    for (int64_t k = 0; k < e->feet->n; k++)
+        push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
+    double changed = INFINITY, largest = 0;
+    for (int sweep = 0; sweep < MOST_SWEEPS && (sweep < LEAST_SWEEPS || changed > TOLERANCE * largest); sweep++) {
+        changed = 0;
+        for (int64_t k = 0; k < e->feet->n; k++) {
+            struct gr_foot *foot = &e->feet->foot[sweep % 2 ? e->feet->n - 1 - k : k];
+            changed = fmax(changed, correct(e, foot, &body[foot->body], &largest));
+        }
+    }
+    store(e);
+    gr_feet_keep(e);
+    for (int b = 0; b < e->config.n_bodies; b++) e->body_next[b] = e->body[b];
+    for (int64_t k = 0; k < e->feet->n; k++) {
+        const struct gr_foot *foot = &e->feet->foot[k];
+        react(e, foot, &body[foot->body], &e->body_next[foot->body]);
+    }
+    for (int b = 0; b < e->config.n_bodies; b++) end(e, b, &body[b]);
 }

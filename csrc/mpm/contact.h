@@ -1,4 +1,4 @@
-/* Contact of rigid bodies with the nodes of the grid. */
+/* Contact of the material with rigid bodies, and their motion. */
 #pragma once
 
 #include "mpm/engine.h"
@@ -9,21 +9,14 @@ void gr_bodies_start(struct gr_engine *e);
 /* Largest present speed of a body within the domain, m/s. */
 double gr_bodies_speed(const struct gr_engine *e);
 
-/* Mark which of the cells [first, last) have their centre in a rough body, for the fluidity grid. */
-void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last);
-
-/* Find which of the nodes [first, last) with mass lie within a body, and store it in `touched`. Call it after
- * gr_grid_nodes. */
-void gr_bodies_find(struct gr_engine *e, int64_t first, int64_t last);
-
-/* Apply contact to the nodes that were found, and the reaction to the bodies. It is done by one thread, so that the
- * sums have one order:
+/* Apply contact to the nodes about the feet of the points (feet.h), and the reaction to the bodies. Call it after the grid
+ * stage. It is done by one thread, so that the sums have one order. The impulses J at the feet fulfil
  *
- *   v_i' <- contact rule (body/body.h) with the surface velocity V + omega x r, r = x_i - X;
- *   w_i changes as v_i' does, so that the points receive the whole impulse;
- *   P = -sum m_i (change of v_i'), and the same sum of r x P_i.
+ *   separating   J_n >= 0,  u_n >= b,  J_n (u_n - b) = 0,  |J_t| <= mu J_n, against u_t
+ *   bilateral    u_n = 0,  |J_t| <= mu |J_n|, against u_t
+ *   sticky       u = 0
  *
- * Free components of the velocity obey M (V' - V) = P(V') + M g dt. The equation is implicit, because P(V) would throw
- * about a body as light as the nodes that it touches; it is solved by Newton's method. Whatever error the iteration
- * leaves, V' receives exactly the impulse P. The state after the step goes to body_next. */
+ * with u = sum N_i v_i' - (V + omega x r) the velocity of the material relative to the surface and b its bound. They are
+ * found by sweeps of projected Gauss-Seidel over the feet, each of which changes v_i' by N_i J/m_i, and free components of
+ * V by -J/M. The points receive the change of v_i' as a whole. Components that walls hold stay as they are. */
 void gr_bodies_touch(struct gr_engine *e, const double g[3]);

@@ -7,6 +7,8 @@
 
 #include "core/memory.h"
 #include "mpm/contact.h"
+#include "mpm/feet.h"
+#include "mpm/open_volume.h"
 #include "mpm/wall_impulse.h"
 
 int gr_engine_uses(const struct gr_config *config, int field)
@@ -19,6 +21,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
                           [GR_NONLOCAL] = law->reaction != GR_LOCAL,
                           [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
+                          [GR_TOUCHED] = config->n_bodies > 0,
                           [GR_HARDENING] = law->hardens};
     return needed[gr_field_table[field].need];
 }
@@ -33,19 +36,6 @@ static int copy_bodies(struct gr_config *c)
     return error;
 }
 
-/* Copy the samples of the parts; call it after the parts themselves were copied. */
-static int copy_samples(struct gr_config *c)
-{
-    struct gr_part *parts = (struct gr_part *)c->parts;
-    int error = GR_OK;
-    for (int k = 0; parts && k < c->n_parts; k++) {
-        const int *n = parts[k].shape;
-        const int64_t count = parts[k].sample ? (int64_t)n[0] * n[1] * n[2] : 0;
-        error |= gr_own((const void **)&parts[k].sample, sizeof(double) * (size_t)count);
-    }
-    return error;
-}
-
 static int copy_config(struct gr_engine *e)
 {
     struct gr_config *c = &e->config;
@@ -53,7 +43,6 @@ static int copy_config(struct gr_engine *e)
     error |= gr_own((const void **)&c->gravity_vectors, sizeof(double) * (size_t)(c->n_gravity * c->dim));
     error |= gr_own((const void **)&c->walls, sizeof(struct gr_wall) * (size_t)c->n_walls);
     error |= gr_own((const void **)&c->parts, sizeof(struct gr_part) * (size_t)c->n_parts);
-    error |= copy_samples(c);
     error |= copy_bodies(c);
     error |= gr_map_own(&c->node_codes);
     error |= gr_map_own(&c->cell_flags);
@@ -161,11 +150,11 @@ static int build_fluidity(struct gr_engine *e)
                                         .max_iterations = MAX_ITERATIONS,
                                         .two_sided = gr_list_thin(&e->config, 0) > 0,
                                         .face = nonlocal->face};
+    for (int b = 0; b < e->config.n_bodies; b++) config.rough_bodies |= e->config.bodies[b].rough;
     for (int d = 0; d < config.dim; d++) config.shape[d] = e->axis[d].n_cells, config.periodic[d] = e->axis[d].periodic;
     const int error = gr_fluidity_new(&e->fluidity, &config);
     if (error) return error;
-    for (int b = 0; b < e->config.n_bodies; b++) e->fluidity->has_inside |= e->config.bodies[b].rough;
-    e->fluidity->has_inside |= e->fluidity->two_sided;
+    e->fluidity->has_inside = config.rough_bodies || config.two_sided;
     if (nonlocal->method == GR_DIFFUSION_COUNT) {
         const double limit = gr_fluidity_limit(e->fluidity, GR_DIFFUSION_explicit);
         nonlocal->method =
@@ -174,7 +163,7 @@ static int build_fluidity(struct gr_engine *e)
     return GR_OK;
 }
 
-static int build_bodies(struct gr_engine *e)
+static int build_bodies(struct gr_engine *e, int64_t n_nodes)
 {
     e->body = calloc((size_t)e->config.n_bodies, sizeof *e->body);
     e->body_next = calloc((size_t)e->config.n_bodies, sizeof *e->body_next);
@@ -184,7 +173,8 @@ static int build_bodies(struct gr_engine *e)
     if (!e->body || !e->body_next || !e->thin || !e->split) return GR_ERR_MEMORY;
     (void)gr_list_thin(&e->config, e->thin);
     gr_bodies_start(e);
-    return GR_OK;
+    const int uses_volume = e->config.smoothed || e->config.cell_averaged;
+    return gr_feet_new(e) || (uses_volume && gr_open_volume_new(e, n_nodes)) ? GR_ERR_MEMORY : GR_OK;
 }
 
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
@@ -222,7 +212,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
     if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
     error = list_solids(e);
-    if (!error && config->n_bodies) error = build_bodies(e);
+    if (!error && config->n_bodies) error = build_bodies(e, n_nodes);
     e->dt = config->dt;
     e->shift_dt = 1; /* until the first shift */
     e->shift_scale = -1;
@@ -250,8 +240,9 @@ void gr_engine_free(struct gr_engine *e)
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->fluidity);
     gr_watch_free(e->watch);
+    gr_feet_free(e->feet);
+    gr_open_volume_free(e->open);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
-    for (int k = 0; e->config.parts && k < e->config.n_parts; k++) free((void *)e->config.parts[k].sample);
     const void *owned[] = {e->config.gravity_times,
                            e->config.gravity_vectors,
                            e->config.walls,
@@ -274,7 +265,6 @@ void gr_engine_free(struct gr_engine *e)
                            e->substeps,
                            e->body,
                            e->body_next,
-                           e->touched,
                            e->thin,
                            e->split,
                            e->mesh.duplicate,

@@ -146,7 +146,8 @@ struct gr_engine {
     int sum_stride, density_sums, node_stride;
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
-    uint8_t *touched;                       /* per node: 1 if it lies within a body */
+    struct gr_feet *feet;                   /* where the material touches them (mpm/feet.h) */
+    struct gr_open_volume *open;            /* what they take of the nodes (mpm/open_volume.h); NULL if nothing uses it */
     int n_thin;
     struct gr_thin_part *thin;
     struct gr_split_pose *split;      /* per body */
@@ -261,6 +262,9 @@ void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], in
 /* grouping.c: group the points by cell, and keep their order within each. After GR_ERR_CAPACITY needed_capacity is the
  * capacity that is required. */
 int gr_regroup(struct gr_engine *e);
+
+/* Volume of a node of the grid over dx^dim, without what solid cells take of it. */
+double gr_node_volume(const struct gr_engine *e, int64_t id);
 
 /* step.c: the step and its stages. */
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads);

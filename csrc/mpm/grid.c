@@ -1,4 +1,5 @@
 /* The grid stage: nodal sums and the momentum balance (grid.h). */
+#include "mpm/open_volume.h"
 #include "mpm/grid.h"
 
 #include <math.h>
@@ -83,6 +84,12 @@ GR_INLINE double damping_of_node(const int dim, const struct gr_engine *e, const
     return e->keep_velocity * (share < 1 ? share : 1);
 }
 
+/* True if a body leaves hardly any volume to a node. */
+GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
+{
+    return e->open && e->mesh.node_volume[n] < GR_LEAST_OPEN && gr_open_place(e->open, e->mesh.node_id[n]) >= 0;
+}
+
 /* The grid stage for some nodes. */
 GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
                           const double g[3])
@@ -100,7 +107,7 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
         if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
             for (int q = 0; q < GR_NODE_FIELDS(dim, averages); q++) out[q] = 0;
             if (smoothed) out[GR_NODE_DAMPING(dim)] = 0;
-            if (averages) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_EMPTY_GAP;
+            if (averages) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = is_closed(e, n) ? GR_CLOSED_GAP : GR_EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
             if (e->watch) note_impulse(e, n, 0, 0);
             continue;
@@ -121,7 +128,12 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
         }
         if (e->config.xpic_order > 0) /* XPIC, pass r = 1: the increment plus order times v */
             for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (averages) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+        if (!averages) continue;
+        gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+        if (is_closed(e, n)) {
+            out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_CLOSED_GAP;
+            out[GR_NODE_DENSITY(dim) + GR_NODE_EXCESS] = 0;
+        }
     }
 }
 

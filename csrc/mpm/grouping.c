@@ -218,7 +218,6 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(e->node_data, capacity * e->node_stride + 2 * GR_LANES);
     GR_RESIZE(e->node_mass, capacity);
     GR_RESIZE(e->node_v, capacity * e->config.dim);
-    if (e->config.n_bodies) GR_RESIZE(e->touched, capacity);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
     if (e->n_thin) {
         GR_RESIZE(mesh->duplicate, capacity);
@@ -299,10 +298,8 @@ static int is_beyond(const struct gr_engine *e, const struct gr_cell *cell, int 
     return 0;
 }
 
-static void describe_node(struct gr_engine *e, int64_t n)
+double gr_node_volume(const struct gr_engine *e, int64_t id)
 {
-    struct gr_mesh *mesh = &e->mesh;
-    int64_t id = mesh->node_id[n];
     int32_t at[3] = {0};
     double volume = 1;
     for (int d = 0; d < e->config.dim; d++) {
@@ -310,8 +307,20 @@ static void describe_node(struct gr_engine *e, int64_t n)
         volume *= e->axis[d].node_integral[at[d]];
         id /= e->axis[d].n_nodes;
     }
+    return volume - gr_solid_volume(e, at);
+}
+
+static void describe_node(struct gr_engine *e, int64_t n)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    int64_t id = mesh->node_id[n];
+    int32_t at[3] = {0};
+    mesh->node_volume[n] = gr_node_volume(e, id);
+    for (int d = 0; d < e->config.dim; d++) {
+        at[d] = (int32_t)(id % e->axis[d].n_nodes);
+        id /= e->axis[d].n_nodes;
+    }
     mesh->node_code[n] = gr_map_get(&e->config.node_codes, at);
-    mesh->node_volume[n] = volume - gr_solid_volume(e, at);
     for (int i = 0; i < e->K; i++)
         mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride + (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim);
 }

@@ -214,3 +214,22 @@ void gr_change_sides(struct gr_engine *e)
         }
     }
 }
+
+int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const double x[3])
+{
+    struct gr_cell *cell = &e->mesh.cell[index];
+    double *record = e->pending + e->n_pending * e->n_components;
+    const int64_t id = e->id[slot];
+    int same = 1;
+    if (!cell->dirty) e->dirty[e->n_dirty++] = index;
+    cell->dirty = 1;
+    for (int d = 0; d < e->config.dim; d++) {
+        e->field[GR_FIELD_x][d * e->capacity + slot] = x[d];
+        same &= gr_locate(&e->axis[d], e->inv_dx, x[d]) == cell->at[d];
+    }
+    if (same) return 0;
+    pack(e, slot, record);
+    close_hole(e, cell, slot, record + e->n_components);
+    insert_migrant(e, cell, record, id);
+    return 1;
+}

@@ -63,3 +63,7 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n);
  * Given: x, and the cell `at` found for it; `from`, its old cell.
  * Returned: 1 if the point is inside now, 0 if it has left. */
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3]);
+
+/* Move the point at a place of a cell to x, and into another cell if it lies there.
+ * Returned: whether it has left its cell; another point may be at its place then. */
+int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const double x[3]);

@@ -1,10 +1,14 @@
 /* The nodal part of the smoothed density: gap, mean quadrature weight and residual force, from adjacent nodes. */
 #include "mpm/smoothed_density.h"
 
+#include "mpm/open_volume.h"
 #include "mpm/walls.h"
 
 /* Smallest gap of a node inside the material: that at the filling fraction 0.6. */
 #define LEAST_GAP -0.5
+
+/* Smallest open volume of a node near a body, over dx^dim, whose residual force is balanced. */
+#define LEAST_BALANCED 0.02
 
 /* Differences in node index to the adjacent nodes on both sides along each axis, and to the node itself. Beyond an end
  * there is no node, and the difference is 0.
@@ -34,6 +38,12 @@ static double gap_of(const struct gr_engine *e, int64_t id)
     return n < 0 ? -INFINITY : e->node_data[n * e->node_stride + GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP];
 }
 
+static double volume_of(const struct gr_engine *e, int64_t id)
+{
+    const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
+    return n < 0 ? 0 : e->mesh.node_volume[n];
+}
+
 /* True if the node and its face neighbours are full enough to lie inside the material. */
 static int is_inside(const struct gr_engine *e, int64_t id, const int64_t step[3][3])
 {
@@ -50,15 +60,35 @@ static double mean_gap(const struct gr_engine *e, int64_t id, const int64_t step
 {
     const int dim = e->config.dim;
     const double own = gap_of(e, id);
-    double sum = 0;
+    double sum = 0, weights = 0;
     for (int c = 0; c < (dim == 3 ? 3 : 1); c++)
         for (int b = 0; b < 3; b++)
             for (int a = 0; a < 3; a++) {
                 const double share = (a == 1 ? 0.5 : 0.25) * (b == 1 ? 0.5 : 0.25) * (dim == 2 ? 1.0 : c == 1 ? 0.5 : 0.25);
                 const double gap = gap_of(e, id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0));
-                sum += share * (gap > LEAST_GAP ? gap : own);
+                const double weight =
+                    e->open ? share * volume_of(e, id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0)) : share;
+                sum += weight * (gap > LEAST_GAP && gap < GR_CLOSED_GAP ? gap : own), weights += weight;
             }
-    return sum;
+    return e->open ? sum / weights : sum;
+}
+
+/* Over-compression at a node in a body: the mean of that of the nodes about it that are open, so that it has no slope
+ * across the surface and points do not shift into the body. */
+static double excess_about(const struct gr_engine *e, int64_t id, const int64_t step[3][3])
+{
+    const int dim = e->config.dim;
+    double sum = 0, count = 0;
+    for (int c = 0; c < (dim == 3 ? 3 : 1); c++)
+        for (int b = 0; b < 3; b++)
+            for (int a = 0; a < 3; a++) {
+                const int64_t at = id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0);
+                const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, at) - 1;
+                const double *field = e->node_data + n * e->node_stride + GR_NODE_DENSITY(dim);
+                if (n < 0 || !(field[GR_NODE_OWN_GAP] > LEAST_GAP && field[GR_NODE_OWN_GAP] < GR_CLOSED_GAP)) continue;
+                sum += field[GR_NODE_EXCESS], count++;
+            }
+    return count > 0 ? sum / count : 0;
 }
 
 void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
@@ -70,10 +100,16 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
         int64_t step[3][3];
         const int ends = around(e, id, step), inside = is_inside(e, id, step);
         const int held = ends | gr_wall_now(e, e->mesh.node_code[n])->fixed;
-        field[GR_NODE_GAP] = inside ? mean_gap(e, id, step) : 0;
-        if (inside) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
+        const int64_t cut = gr_open_place(e->open, id);
+        const int closed = !(field[GR_NODE_OWN_GAP] < GR_CLOSED_GAP);
+        if (closed && e->open) field[GR_NODE_EXCESS] = excess_about(e, id, step);
+        field[GR_NODE_GAP] = inside && !closed ? mean_gap(e, id, step) : 0;
+        if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
             field[GR_NODE_WEIGHT] += 1 - exp(-(field[GR_NODE_OWN_GAP] + e->servo_strain));
-        for (int d = 0; d < dim; d++)
-            if (!inside || held >> d & 1) field[GR_NODE_RESIDUAL + d] = 0;
+        const int kept = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED);
+        for (int d = 0; d < dim; d++) {
+            if (cut >= 0) field[GR_NODE_RESIDUAL + d] += e->open->slope[cut * dim + d];
+            if (!kept || held >> d & 1) field[GR_NODE_RESIDUAL + d] = 0;
+        }
     }
 }

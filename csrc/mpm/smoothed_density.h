@@ -12,6 +12,9 @@
 /* Gap 2 (phi - 1)/(phi + 1) - c of an empty node. */
 #define GR_EMPTY_GAP -2.0
 
+/* In place of the gap of a node that lies nearly all within a body: it counts as full, and says nothing else. */
+#define GR_CLOSED_GAP 1e3
+
 /* Compute the fields that an averaging needs, from the sums of a node with the mass m; stored in `out`. `strain` is that
  * by a wall that keeps a pressure (servo.h). */
 GR_INLINE void gr_describe_density(const int dim, const double *sum, double m, double cell_mass, double volume,

@@ -6,6 +6,9 @@
 #include <stdlib.h>
 
 #include "mpm/contact.h"
+#include "mpm/feet.h"
+#include "mpm/fluidity_bodies.h"
+#include "mpm/open_volume.h"
 #include "core/piecewise.h"
 #include "core/team.h"
 #include "kernels.h"
@@ -65,6 +68,10 @@ static int reserve_substeps(struct gr_engine *e)
 static int share_out(struct run *run)
 {
     struct gr_engine *e = run->e;
+    if (e->feet) {
+        e->feet->listed = 0; /* the mesh may be another */
+        if (gr_feet_list(e) || (e->open && gr_open_volumes(e))) return GR_ERR_MEMORY;
+    }
     const int64_t n_cells = e->mesh.n_cells, all = n_cells ? e->mesh.cell[n_cells - 1].offset : 0;
     const int chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
     int64_t points = 0, first[GR_MAX_CHUNKS + 1] = {0};
@@ -130,10 +137,13 @@ static void finish(struct run *run)
     if (e->watch) gr_add_wall_impulses(e);
     for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
     if (e->n_thin) gr_change_sides(e);
+    if (e->feet) gr_feet_move_out(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
     if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
-    if (!e->n_pending && !e->disconnected) return;
+    if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
+    if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e)) e->error = GR_ERR_MEMORY;
+    if (e->error || (!e->n_pending && !e->disconnected)) return;
     e->error = gr_regroup(e);
     if (!e->error) e->error = share_out(run);
 }
@@ -142,7 +152,6 @@ static void grid_nodes(struct run *run, int64_t first, int64_t last)
 {
     if (run->e->n_thin) gr_split_nodes(run->e, first, last);
     gr_grid_nodes(run->e, first, last, run->gravity);
-    if (run->e->config.n_bodies) gr_bodies_find(run->e, first, last);
 }
 
 static void p2g_listed(struct run *run, int64_t first, int64_t last)

@@ -11,11 +11,13 @@ static double thin_cells(const struct gr_config *config) { return config->basis 
 #define REACH 2.75
 #define FOLLOW 1.0
 
-/* Axis across a thin part; -1 if the part is not thin. */
-static int axis_across(const struct gr_config *config, const struct gr_part *part)
+/* Axis across a thin part; -1 if the part is not thin. What operations make of a box is not one. */
+static int axis_across(const struct gr_config *config, const struct gr_body *body, int number)
 {
+    const struct gr_part *part = &config->parts[number], *first = &config->parts[body->first_part];
     int axis = 0;
-    if (part->kind != GR_PART_BOX) return -1;
+    if (part->kind != GR_PART_BOX || part->inside) return -1;
+    if (!gr_part_is_whole(first, body->n_parts, number - body->first_part)) return -1;
     for (int d = 1; d < config->dim; d++)
         if (part->size[d] < part->size[axis]) axis = d;
     return 2 * part->size[axis] < thin_cells(config) * config->dx * (1 - 1e-9) ? axis : -1;
@@ -32,7 +34,7 @@ int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin)
             for (int d = 0; d < 3; d++) middle[d] += config->parts[body->first_part + k].center[d] / body->n_parts;
         for (int k = body->first_part; k < body->first_part + body->n_parts; k++) {
             const struct gr_part *part = &config->parts[k];
-            const int axis = axis_across(config, part);
+            const int axis = axis_across(config, body, k);
             double out = 0;
             if (axis < 0) continue;
             for (int d = 0; d < 3; d++) out += (part->center[d] - middle[d]) * part->rotation[3 * d + axis];
@@ -65,6 +67,7 @@ static void look(const struct gr_engine *e, const struct gr_thin_part *thin, con
         side->facing = 0;
     }
     side->body = thin->body;
+    side->part = thin->part;
     side->mid = thin->front * y[thin->axis];
     side->distance = sqrt(square + side->mid * side->mid);
     side->half = part->size[thin->axis];
@@ -132,6 +135,20 @@ void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
+double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose)
+{
+    const struct gr_body_state *now = &e->body[b];
+    double moved = 0, turned = 0, same = 0, far = 0;
+    for (int d = 0; d < 3; d++) moved += (now->x[d] - pose->x[d]) * (now->x[d] - pose->x[d]);
+    for (int d = 0; d < 4; d++) same += now->orientation[d] * pose->orientation[d];
+    for (int d = 0; d < 4; d++) {
+        const double change = now->orientation[d] - (same < 0 ? -1 : 1) * pose->orientation[d];
+        turned += change * change;
+    }
+    for (int d = 0; d < e->config.dim; d++) far += e->axis[d].length * e->axis[d].length;
+    return sqrt(moved) + 2 * sqrt(turned) * fmin(e->config.bodies[b].bound, sqrt(far));
+}
+
 int gr_follow_bodies(struct gr_engine *e)
 {
     int followed = 0;
@@ -139,17 +156,7 @@ int gr_follow_bodies(struct gr_engine *e)
         const int b = e->thin[k].body;
         const struct gr_body_state *now = &e->body[b];
         struct gr_split_pose *split = &e->split[b];
-        double moved = 0, turned = 0, same = 0;
-        for (int d = 0; d < 3; d++) moved += (now->x[d] - split->x[d]) * (now->x[d] - split->x[d]);
-        for (int d = 0; d < 4; d++) same += now->orientation[d] * split->orientation[d];
-        for (int d = 0; d < 4; d++) {
-            const double change = now->orientation[d] - (same < 0 ? -1 : 1) * split->orientation[d];
-            turned += change * change;
-        }
-        double far = 0; /* the arm of an unbounded thin part is at most the diagonal of the domain */
-        for (int d = 0; d < e->config.dim; d++) far += e->axis[d].length * e->axis[d].length;
-        const double arm = fmin(e->config.bodies[b].bound, sqrt(far));
-        if (!(sqrt(moved) + 2 * sqrt(turned) * arm > FOLLOW * e->config.dx)) continue;
+        if (!(gr_body_moved(e, b, split) > FOLLOW * e->config.dx)) continue;
         memcpy(split->x, now->x, sizeof split->x);
         memcpy(split->orientation, now->orientation, sizeof split->orientation);
         followed = 1;

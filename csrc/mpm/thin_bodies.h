@@ -30,7 +30,8 @@ struct gr_split_pose {
 
 /* Position of a point relative to the nearest thin part. */
 struct gr_facing {
-    int body, facing;     /* facing: 1 if the point projects onto the thin part along its normal */
+    int body, part;       /* indices in the config */
+    int facing;           /* 1 if the point projects onto the thin part along its normal */
     double distance, mid; /* from the mid-surface of the thin part; from its mid-plane, positive towards the front; m */
     double half;          /* half thickness, m */
     double inset;         /* distance inside its edges, negative beyond them, m */
@@ -57,6 +58,10 @@ int gr_point_side(const struct gr_engine *e, const double x[3], int current);
 
 /* Decide which duplicates among the nodes [first, last) are separated from their partners now. */
 void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last);
+
+/* Bound of the distance by which the material points of a body have moved from a pose, within the domain, m: the arm of
+ * an unbounded body is at most the diagonal of the domain. */
+double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose);
 
 /* Let the poses `split` follow bodies that have moved.
  * Returned: 1 if they did; the points must then be regrouped. */

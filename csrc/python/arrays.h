@@ -88,6 +88,11 @@ PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject 
 /* bodies.c: those of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass) */
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
 
+/* surfaces.c: tables of a part that is sampled or a height map; they are borrowed. And functions of the module. */
+int gr_take_tables(PyObject *tables, struct gr_part *part);
+PyObject *gr_python_mesh_tree(PyObject *module, PyObject *args);
+PyObject *gr_python_mesh_distance(PyObject *module, PyObject *args);
+
 /* A row for each body that begins with its position and orientation: as an array (bodies, numbers), and from one. */
 PyObject *gr_python_poses(const struct gr_engine *e, const void *rows, int numbers);
 int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name, void *rows, int numbers);

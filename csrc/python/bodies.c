@@ -6,28 +6,67 @@
 
 enum { KIND, INSIDE, CENTER, ROTATION = CENTER + 3, SIZE = ROTATION + 9, PART_NUMBERS = SIZE + 3 };
 
-/* Signed distances (z, y, x) of a sampled part. */
-static int take_samples(PyObject *object, struct gr_part *part)
+/* Vertices of a polygon or of a chain that is revolved, (1, n, 2). */
+static int take_vertices(PyArrayObject *array, struct gr_part *part)
 {
-    const npy_intp any[3] = {-1, -1, -1};
-    PyArrayObject *array = gr_array(object, "samples", NPY_DOUBLE, 3, any, 0);
-    if (!array || gr_refuse_values("samples", array, -GR_LARGEST)) return -1;
-    for (int d = 0; d < 3; d++) {
-        const npy_intp n = PyArray_DIM(array, 2 - d);
-        if (n < 2 || n > 4096) return gr_refuse("samples must be from 2 to 4096 along each axis");
-        if (!(part->size[d] > 0 && part->size[d] < GR_LARGEST)) return gr_refuse("the box of samples must have a size");
-        part->shape[d] = (int)n;
+    const npy_intp n = PyArray_DIM(array, 1);
+    const double *vertex = PyArray_DATA(array);
+    const int closed = !(part->size[1] > 0), revolved = part->kind == GR_PART_REVOLVED;
+    int beside = 0; /* the axis */
+    if (PyArray_DIM(array, 0) != 1 || PyArray_DIM(array, 2) != 2 || n < 2 + closed || n > 4096)
+        return gr_refuse("vertices must have the shape (1, n, 2), n from 2 (closed chains 3) to 4096");
+    for (npy_intp k = 0; k < n; k++) {
+        const double *a = vertex + 2 * k, *b = vertex + 2 * ((k + 1) % n), x = b[0] - a[0], y = b[1] - a[1];
+        if ((closed || k + 1 < n) && !(x * x + y * y > 0)) return gr_refuse("vertices that follow must be different");
+        if (revolved && !(a[0] >= 0)) return gr_refuse("vertices of a revolved chain must have r >= 0");
+        beside |= (closed || k + 1 < n) && (a[0] > 0 || b[0] > 0);
     }
-    part->sample = PyArray_DATA(array);
+    if (revolved && !beside) return gr_refuse("vertices of a revolved chain must not all lie on the axis");
+    part->chain = (struct gr_chain){vertex, (int)n, closed, revolved};
     return 0;
 }
 
-/* Rows (kind, inside, center[3], rotation[9], size[3]) of an array (n, 17), and the samples of those that have some, a
- * tuple. Returned: n, or -1. */
+/* Tables of a mesh or a height map, or an array of vertices. */
+static int take_array(PyObject *object, struct gr_part *part)
+{
+    if (part->kind == GR_PART_SAMPLED || part->kind == GR_PART_HEIGHT_MAP) return gr_take_tables(object, part);
+    const npy_intp any[3] = {-1, -1, -1};
+    PyArrayObject *array = gr_array(object, "samples", NPY_DOUBLE, 3, any, 0);
+    if (!array || gr_refuse_values("samples", array, -GR_LARGEST)) return -1;
+    return take_vertices(array, part);
+}
+
+/* A row (kind, inside, center[3], rotation[9], size[3]). */
+static int take_part(const double *row, struct gr_part *part)
+{
+    if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT))
+        return gr_refuse("the kind of a part must be 0 to %d", GR_PART_COUNT - 1);
+    part->kind = (int)row[KIND];
+    part->inside = row[INSIDE] != 0;
+    for (int q = CENTER; q < SIZE; q++)
+        if (!(fabs(row[q]) < GR_LARGEST)) return gr_refuse("center and rotation of a part must be finite");
+    for (int q = SIZE; q < PART_NUMBERS; q++) {
+        const int endless = part->kind < GR_PART_SAMPLED || (part->kind == GR_PART_POLYGON && q == SIZE);
+        if (!(row[q] >= 0)) return gr_refuse("the size of a part must not be negative");
+        if (!endless && !(row[q] < GR_LARGEST)) return gr_refuse("the size of a part of this kind must be finite");
+    }
+    memcpy(part->center, row + CENTER, sizeof part->center);
+    memcpy(part->rotation, row + ROTATION, sizeof part->rotation);
+    memcpy(part->size, row + SIZE, sizeof part->size);
+    memset(&part->samples, 0, sizeof part->samples);
+    memset(&part->map, 0, sizeof part->map);
+    part->chain.vertex = NULL;
+    part->operands = 0;
+    if (part->kind == GR_PART_UNION || part->kind == GR_PART_INTERSECTION)
+        part->operands = (int)fmin(part->size[0], GR_MAX_PARTS + 1);
+    return 0;
+}
+
+/* Rows of an array (n, 17), and a tuple of the samples or vertices of those that have some. Returned: n, or -1. */
 static int take_parts(PyObject *object, PyObject *samples, int capacity, struct gr_part *out)
 {
-    Py_ssize_t sampled = 0;
-    if (!PyTuple_Check(samples)) return gr_refuse("samples must be a tuple of arrays");
+    Py_ssize_t taken = 0;
+    if (!PyTuple_Check(samples)) return gr_refuse("samples must be a tuple");
     const npy_intp shape[2] = {-1, PART_NUMBERS};
     PyArrayObject *array = gr_array(object, "parts", NPY_DOUBLE, 2, shape, 0);
     if (!array) return -1;
@@ -35,22 +74,15 @@ static int take_parts(PyObject *object, PyObject *samples, int capacity, struct 
     if (n < 1 || n > capacity) return gr_refuse("the bodies must have 1 to 256 parts in all, and each at least one");
     const double *row = PyArray_DATA(array);
     for (npy_intp k = 0; k < n; k++, row += PART_NUMBERS) {
-        if (!(row[KIND] >= 0 && row[KIND] < GR_PART_COUNT)) return gr_refuse("the kind of a part must be 0 to 3");
-        out[k].kind = (int)row[KIND];
-        out[k].inside = row[INSIDE] != 0;
-        for (int q = CENTER; q < SIZE; q++)
-            if (!(fabs(row[q]) < GR_LARGEST)) return gr_refuse("center and rotation of a part must be finite");
-        for (int q = SIZE; q < PART_NUMBERS; q++)
-            if (!(row[q] >= 0)) return gr_refuse("the size of a part must not be negative");
-        memcpy(out[k].center, row + CENTER, sizeof out[k].center);
-        memcpy(out[k].rotation, row + ROTATION, sizeof out[k].rotation);
-        memcpy(out[k].size, row + SIZE, sizeof out[k].size);
-        out[k].sample = NULL;
-        if (out[k].kind != GR_PART_SAMPLED) continue;
-        if (sampled == PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as sampled parts");
-        if (take_samples(PyTuple_GET_ITEM(samples, sampled++), &out[k])) return -1;
+        if (take_part(row, &out[k])) return -1;
+        const int kind = out[k].kind;
+        if (kind != GR_PART_SAMPLED && kind != GR_PART_HEIGHT_MAP && kind != GR_PART_POLYGON && kind != GR_PART_REVOLVED)
+            continue;
+        if (taken == PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as parts that have some");
+        if (take_array(PyTuple_GET_ITEM(samples, taken++), &out[k])) return -1;
     }
-    if (sampled != PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as sampled parts");
+    if (taken != PyTuple_GET_SIZE(samples)) return gr_refuse("samples must be as many as parts that have some");
+    if (gr_parts_lack_operands(out, (int)n)) return gr_refuse("an operation must have enough parts before it");
     return (int)n;
 }
 
@@ -103,9 +135,7 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
     if (body->rough != 0 && body->rough != 1) return gr_refuse("rough must be 0 or 1");
     if (body->free < 0 || body->free >> c->dim) return gr_refuse("free must have a bit for each axis at most");
     if (gr_refuse_number("friction", body->friction, 1) || gr_refuse_number("mass", body->mass, !body->free)) return -1;
-    body->bound = 0;
-    for (int k = 0; k < body->n_parts; k++)
-        body->bound = fmax(body->bound, gr_part_bound(&parts[body->first_part + k], c->dim));
+    body->bound = gr_union_bound(&parts[body->first_part], body->n_parts, c->dim);
     return 0;
 }
 

@@ -16,6 +16,7 @@ struct gr_object {
     const struct gr_field_info *fields;
     int n_fields, components[GR_MAX_FIELDS];   /* 0 components: the engine does not carry the field */
     PyArrayObject *buffers[GR_MAX_FIELDS + 1]; /* the borrowed arrays, the ids last */
+    PyObject *borrowed;                        /* what else the engine borrows from; may be NULL */
     int is_bound, busy;
 };
 

@@ -15,16 +15,19 @@ static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_di
 }
 
 /* Shape and maps of the grid; dim is that of `g`. */
-static int take_grid(struct gr_fluidity_config *c, PyObject *periodic, PyObject *objects[3], PyArrayObject *arrays[3])
+static int take_grid(struct gr_fluidity_config *c, PyObject *periodic, PyObject *const objects[4], PyArrayObject *arrays[4])
 {
-    static const char *const names[] = {"g", "dense", "faces"};
+    static const char *const names[] = {"g", "dense", "faces", "distance"};
     c->dim = PyArray_CheckExact(objects[0]) && PyArray_NDIM((PyArrayObject *)objects[0]) == 3 ? 3 : 2;
     npy_intp shape[4] = {2 * c->dim, -1, -1, -1};
     if (!(arrays[0] = gr_array(objects[0], names[0], NPY_DOUBLE, c->dim, shape + 1, 1))) return -1;
     for (int a = 0; a < c->dim; a++) shape[1 + a] = PyArray_DIM(arrays[0], a);
+    c->rough_bodies = objects[3] != Py_None;
+    if (c->rough_bodies && !(arrays[3] = gr_array(objects[3], names[3], NPY_DOUBLE, c->dim, shape + 1, 0))) return -1;
     if (!(arrays[1] = gr_array(objects[1], names[1], NPY_BOOL, c->dim, shape + 1, 0)) ||
         !(arrays[2] = gr_array(objects[2], names[2], NPY_UINT8, c->dim + 1, shape, 0)) ||
-        gr_refuse_overlap(arrays, names, 3) || gr_refuse_values("g", arrays[0], 0))
+        gr_refuse_overlap(arrays, names, 3 + c->rough_bodies) || gr_refuse_values("g", arrays[0], 0) ||
+        (c->rough_bodies && gr_refuse_values(names[3], arrays[3], -1e60)))
         return -1;
     if (!PyArray_SIZE(arrays[0])) return gr_refuse("g has no cells");
     c->face = PyArray_DATA(arrays[2]);
@@ -60,9 +63,24 @@ static PyObject *raise_diffusion(int error, const struct gr_fluidity *f, const s
     return NULL;
 }
 
+/* Give the distances of all cells from a rough surface. Those of the points of a border cell are the same. */
+static void set_distances(struct gr_fluidity *f, const double *distance)
+{
+    f->has_inside = 1;
+    for (int64_t i = 0; i < f->n_cells; i++) {
+        gr_fluidity_set_distance(f, i, distance[i], distance[i]);
+        for (int k = 0; k < 2 * f->n_links; k++) {
+            const int8_t *o = f->offset[k / 2];
+            const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
+            const int64_t j = gr_fluidity_reach(f, i, offset);
+            if (j >= 0 && j != i) gr_fluidity_set_link(f, i, k, distance[j]);
+        }
+    }
+}
+
 /* The diffusion on a grid made for it, in place; g is left alone where it fails. */
 static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels, const struct gr_diffusion_call *call,
-                         PyArrayObject *const arrays[3], int threads)
+                         PyArrayObject *const arrays[4], int threads)
 {
     const size_t bytes = (size_t)f->n_cells * sizeof(double);
     const npy_bool *dense = PyArray_DATA(arrays[1]);
@@ -70,6 +88,7 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
     if (error) return gr_raise(error, NULL);
     memcpy(f->g, PyArray_DATA(arrays[0]), bytes);
     for (int64_t i = 0; i < f->n_cells; i++) f->dense[i] = dense[i] != 0;
+    if (f->rough_bodies) set_distances(f, PyArray_DATA(arrays[3]));
     Py_BEGIN_ALLOW_THREADS
     error = gr_fluidity_run(f, kernels->diffuse, call, threads);
     Py_END_ALLOW_THREADS
@@ -81,18 +100,19 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 
 PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",      "dt",  "steps", "tolerance",
-                            "max_iterations", "periodic", "faces", "dense", "g", "threads", "isa", NULL};
+    static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",       "dt",      "steps", "tolerance",
+                            "max_iterations", "periodic", "faces", "dense", "g", "distance", "threads", "isa",   NULL};
     struct gr_fluidity_config config = {0};
     struct gr_diffusion_call call = {0};
     const char *method, *stencil, *isa;
     long long steps, max_iterations;
     int threads;
-    PyObject *periodic, *objects[3];
-    PyArrayObject *arrays[3];
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOis:fluidity_diffuse", names, &method, &stencil,
+    PyObject *periodic, *objects[4];
+    PyArrayObject *arrays[4] = {NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOOis:fluidity_diffuse", names, &method, &stencil,
                                      &config.dx, &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance,
-                                     &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &threads, &isa))
+                                     &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &objects[3],
+                                     &threads, &isa))
         return NULL;
     call.steps = steps, config.max_iterations = max_iterations;
     const struct gr_kernels *kernels = gr_take_kernels(isa);

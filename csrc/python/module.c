@@ -57,9 +57,10 @@ static PyMethodDef functions[] = {
      "after diffusion and shear rate before the step."},
     {"fluidity_diffuse", (PyCFunction)(void (*)(void))gr_python_fluidity_diffuse, METH_VARARGS | METH_KEYWORDS,
      "fluidity_diffuse(*, method, stencil, dx, A, d, t0, dt, steps, tolerance, max_iterations, periodic, faces, dense, g,"
-     " threads, isa)\n--\n\n"
+     " distance, threads, isa)\n--\n\n"
      "Steps of t0 g' = A^2 d^2 lap g over the dense cells of a grid, in place: g and dense (ny, nx) or (nz, ny, nx),\n"
      "faces (2 dim, ...) at the low and high side of x, y, z: 0 linked, 1 open, 2 rough (g = 0 on it).\n"
+     "distance (like g): of the centres from a rough surface, m, negative behind it; or None.\n"
      "method: explicit, implicit or rkl2. Returns iterations, clamped (cells), limit (s)."},
     {"hencky_update", gr_python_hencky_update, METH_VARARGS,
      "hencky_update(flow, parameters, dt, gradient, log_density, stress, g, shear_rate, isa)\n--\n\n"
@@ -68,6 +69,11 @@ static PyMethodDef functions[] = {
     {"body_distance", gr_python_body_distance, METH_VARARGS,
      "body_distance(parts, samples, x)\n--\n\n(distance (n,), outward normal (n, 3)) of places x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
      "rotation[9], size[3])."},
+    {"mesh_tree", gr_python_mesh_tree, METH_VARARGS,
+     "mesh_tree(vertices, faces, neighbours)\n--\n\nTree of triangles (n, 3) of vertices (k, 3); neighbours (n, 3) beyond the edges from vertex\n"
+     "i to i + 1 of a closed surface, or None."},
+    {"mesh_distance", gr_python_mesh_distance, METH_VARARGS,
+     "mesh_distance(tree, x)\n--\n\nExact distance (n,) of places x (n, 3) from triangles, negative within a closed surface."},
     {"scheme_numbers", gr_python_scheme_numbers, METH_NOARGS,
      "scheme_numbers()\n--\n\n{group: [(name, default, range, unit, doc)]}: the numbers of schemes, of the diffusion of the\n"
      "fluidity and of the densities."},

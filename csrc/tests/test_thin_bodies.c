@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-#include "mpm/contact.h"
+#include "mpm/fluidity_bodies.h"
 #include "mpm/migrate.h"
 #include "tests/check.h"
 #include "tests/scene.h"
@@ -181,7 +181,8 @@ TEST(split_follows)
     scene_free(&t.scene);
 }
 
-/* The copies of the double cells whose centres face the thin part have a fluidity of their own. */
+/* The copies of the double cells whose centres face the thin part have a fluidity of their own, with distances from the
+ * face on their side: at -0.70 of the front and at -0.72 of the back. */
 TEST(fluidity_has_two_sides)
 {
     struct thin t;
@@ -201,8 +202,11 @@ TEST(fluidity_has_two_sides)
         CHECK(gr_cells_of_fluidity(e, cell) == (facing ? 1 : 2) && gr_cells_of_fluidity(e, cell + 1) == facing);
         if (!facing) continue;
         CHECK(!(e->fluidity->inside[first] & GR_BEHIND) && (e->fluidity->inside[second] & GR_BEHIND));
-        CHECK(!!(e->fluidity->inside[first] & GR_BEYOND_ROUGH) == !front);
-        CHECK(!!(e->fluidity->inside[second] & GR_BEYOND_ROUGH) == front);
+        CHECK(!!(e->fluidity->inside[first] & GR_BORDER) == !front);
+        CHECK(!!(e->fluidity->inside[second] & GR_BORDER) == (cell->at[0] >= 2));
+        if (cell->at[0] == 1) CHECK_NEAR(gr_fluidity_drop(e->fluidity, second, 1), 0.1 / 0.13, 1e-12);
+        if (cell->at[0] == 3) CHECK_NEAR(gr_fluidity_drop(e->fluidity, first, 0), 2, 1e-12);
+        if (cell->at[0] == 4) CHECK_NEAR(gr_fluidity_drop(e->fluidity, first, 0), 0, 0);
     }
     scene_free(&t.scene);
 }
@@ -221,6 +225,5 @@ TEST(bodies_in_empty_space)
     CHECK_NEAR(t.scene.engine->body[0].x[0], -0.6, 1e-12);
     CHECK(gr_p2g(t.scene.engine, gr_kernels_select("")) == GR_OK);
     CHECK(gr_grid(t.scene.engine, gr_kernels_select("")) == GR_OK);
-    gr_bodies_find(t.scene.engine, 0, 0);
     scene_free(&t.scene);
 }

@@ -10,6 +10,7 @@ import numpy as np
 
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
+from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -207,7 +208,7 @@ def _size(scene: AnyScene) -> tuple[int, float]:
         return points, _BASE_MEMORY + particles * _SPH_MEMORY[scene.dim]
     points, memory = 0, float(_BASE_MEMORY)
     for fill in scene.fills:
-        count = estimated_points(scene.grid, fill)
+        count = estimated_points(scene.grid, fill, distance_from_bodies(scene))
         points += count
         memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / fill.points_per_cell)
     if scene.material.has_fluidity:
@@ -218,7 +219,7 @@ def _size(scene: AnyScene) -> tuple[int, float]:
 def _sph_particles(scene: SphScene) -> int:
     """Number of particles of the material and of the gas."""
     gas = () if scene.gas is None else scene.gas.fills
-    return sum(estimated_points(scene.grid, fill) for fill in (*scene.fills, *gas))
+    return sum(estimated_points(scene.grid, fill, even=True) for fill in (*scene.fills, *gas))
 
 
 def _wall_particles(scene: SphScene) -> int:

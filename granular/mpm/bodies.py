@@ -1,14 +1,14 @@
 """Rigid bodies that move through the material: shapes by signed distance, motions, contact.
 
-In 2D a box is infinite along z and a cylinder is a disc; masses, forces and torques are per metre
-of depth.
+A 2D scene is a section of one that is endless along z: a disc is a cylinder there; masses, forces
+and torques are per metre of depth.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,24 +28,58 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.mpm.body_measures import are_endless, corners, extents, reach
+from granular.geometry import combined
+from granular.mpm.body_measures import are_endless, extents, largest_speed, reach
+from granular.mpm.body_mesh import Mesh
+from granular.mpm.body_operations import (
+    Complement,
+    Difference,
+    Intersection,
+    Offset,
+    Shell,
+    Union,
+)
+from granular.mpm.body_sections import Polygon, Prism, Revolve
 from granular.mpm.body_shapes import (
     MOST_SHAPES,
     Box,
     Cylinder,
     HalfSpace,
-    Mesh,
     Shape,
-    Union,
     padded,
     rotation_of,
     turned,
 )
+from granular.mpm.body_solids import Capsule, Frustum, Sphere, Torus
+from granular.mpm.height_map import HeightMap
 
 if TYPE_CHECKING:
     from granular.geometry import Grid
 
-__all__ = ["Body", "BodyState", "Box", "Cylinder", "HalfSpace", "Mesh", "Motion", "Union"]
+__all__ = [
+    "Body",
+    "BodyState",
+    "Box",
+    "Capsule",
+    "Complement",
+    "Cylinder",
+    "Difference",
+    "Frustum",
+    "HalfSpace",
+    "HeightMap",
+    "Intersection",
+    "Mesh",
+    "Motion",
+    "Offset",
+    "Polygon",
+    "Prism",
+    "Revolve",
+    "Shape",
+    "Shell",
+    "Sphere",
+    "Torus",
+    "Union",
+]
 
 Array = NDArray[np.float64]
 
@@ -123,12 +157,12 @@ class Motion:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body; it acts on the material at the nodes of the grid that lie within it.
+    """A rigid body; it acts on the material at its surface, where the points near it have feet.
 
     Parameters
     ----------
-    shape : Box, Cylinder, HalfSpace, Mesh or Union
-        Shape, in coordinates of the body.
+    shape : Shape
+        One of the shapes of this module, such as a `Box`, in coordinates of the body.
     position : tuple of float, length dim
         Origin of these coordinates at the start [m].
     rotation_deg : float or tuple of 3 floats
@@ -143,8 +177,9 @@ class Body:
     friction : float
         Coulomb friction coefficient, >= 0; must be 0 for "sticky".
     rough : bool
-        Boundary condition of the fluidity of a nonlocal law on the faces of cells nearest to the
-        surface: if True the fluidity is 0, as at a no-slip wall; if False its normal derivative is.
+        Boundary condition of the fluidity of a nonlocal law: if True the fluidity is 0 at the
+        surface, as at a no-slip wall; if False its normal derivative is 0, on the faces of cells
+        nearest to the surface.
     free : str
         Axes along which gravity and the forces of the material move the body instead of its
         `motion`, such as "z" or "xy"; its initial velocity is that of its `motion`.
@@ -157,7 +192,7 @@ class Body:
         Naming argument, value and allowed range.
     """
 
-    shape: Box | Cylinder | HalfSpace | Mesh | Union
+    shape: Shape
     position: tuple[float, ...]
     _: KW_ONLY
     rotation_deg: float | tuple[float, ...] = 0.0
@@ -170,9 +205,7 @@ class Body:
 
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
-            raise TypeError(
-                f"shape = {self.shape!r} must be a Box, Cylinder, HalfSpace, Mesh or Union"
-            )
+            raise TypeError(f"shape = {self.shape!r} must be a shape of granular.bodies")
         dim = self.shape.dim
         motion = Motion(velocity=((0.0,) * dim,)) if self.motion is None else self.motion
         if not isinstance(motion, Motion):
@@ -207,6 +240,9 @@ class Body:
         """Refuse a body that does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
+        for part in _parts_of(self.shape):
+            if isinstance(part, HeightMap):
+                part.check(name, self._corners_of(grid))
         reaches = self.extents()
         for axis in np.flatnonzero(grid.periodic):
             half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]
@@ -217,24 +253,30 @@ class Body:
                     f"{letter} and turn about no other axis"
                 )
 
+    def _corners_of(self, grid: Grid) -> Array:
+        """Corners of the domain in coordinates of the body at the start, shape (2^dim, dim)."""
+        sides = np.stack([grid.lower, grid.upper], axis=1)
+        arms = np.zeros((2**self.dim, 3))
+        arms[:, : self.dim] = combined(list(sides)) - np.array(self.position)
+        return turned(self.rotation_deg).inv().apply(arms)[:, : self.dim]
+
     def extents(self) -> Array:
         """Distance of its surface from its position along x, y, z at most, in all its motion."""
         turning = self.motion.rows()[:, 4:]
-        return extents(self.shape.rows(), self.dim, turned(self.rotation_deg).as_matrix(), turning)
+        return extents(self.shape, turned(self.rotation_deg).as_matrix(), turning)
 
     def _is_endless(self, axis: np.intp) -> bool:
         """True if the body is infinite along an axis, and stays so in its motion."""
         along = turned(self.rotation_deg).inv().apply(np.eye(3)[axis])
         turning = np.delete(self.motion.rows()[:, 4:], axis, axis=1)
-        return not turning.any() and are_endless(self.shape.rows(), along)
+        return not turning.any() and are_endless(self.shape, along)
 
     def largest_speed(self, grid: Grid) -> float:
         """Upper bound on the speed [m/s] of its points in the domain, from its motion."""
-        rows, motion = self.shape.rows(), self.motion.rows()
-        if math.isfinite(reach(rows, self.dim)):
-            arms = turned(self.rotation_deg).apply(corners(rows))
-            places = motion[:, None, 1:4] + np.cross(motion[:, None, 4:], arms)
-            return float(np.linalg.norm(places, axis=2).max())
+        motion = self.motion.rows()
+        if math.isfinite(reach(self.shape)):
+            rotation = turned(self.rotation_deg).as_matrix()
+            return largest_speed(self.shape, rotation, motion[:, 1:4], motion[:, 4:])
         lower, size = np.array(grid.lower), np.array(grid.shape) * grid.cell
         near = np.array(self.position) - lower
         far = np.linalg.norm(np.maximum(abs(near), abs(size - near)))
@@ -277,9 +319,19 @@ class Body:
         arm = np.zeros((len(x), 3))
         arm[:, : self.dim] = x - np.array(self.position)
         turn = turned(self.rotation_deg)
-        local = np.ascontiguousarray(turn.inv().apply(arm)) if len(x) else arm
-        distance, normal = _core.body_distance(self.shape.rows(), self.shape.samples(), local)
+        local = turn.inv().apply(arm) if len(x) else arm
+        distance, along = self.shape.distance(local[:, : self.dim])
+        normal = np.zeros((len(x), 3))
+        normal[:, : self.dim] = along
         return distance, (turn.apply(normal) if len(x) else normal)[:, : self.dim]
+
+
+def _parts_of(shape: Shape) -> list[Shape]:
+    """Return the shapes that operations are made of, or the shape itself."""
+    held = [getattr(shape, field.name) for field in fields(shape)]  # type: ignore[arg-type]
+    inner = [x for x in held if isinstance(x, Shape)]
+    inner += [x for many in held if isinstance(many, tuple) for x in many if isinstance(x, Shape)]
+    return [part for one in inner for part in _parts_of(one)] if inner else [shape]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

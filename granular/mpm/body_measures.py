@@ -3,38 +3,131 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from granular.mpm.body_shapes import BOX, CYLINDER, HALF_SPACE, Array
+from granular import _core
+from granular.mpm.body_operations import operands
+from granular.mpm.body_shapes import PARTS, Array, Shape, row_of
 
-__all__ = ["are_endless", "corners", "deepest", "extents", "reach", "thicknesses"]
+__all__ = ["are_endless", "extents", "largest_speed", "reach", "thicknesses", "whole_parts"]
 
 TINY = 1e-12
 """Largest cosine that is taken for that of a right angle."""
+CHAINS = (PARTS["polygon"], PARTS["revolved"])
+ARRAYS = (PARTS["sampled"], PARTS["height_map"], *CHAINS)
+BEHIND = (PARTS["half_space"], PARTS["height_map"])
+"""Kinds of parts that are all that lies behind a surface without end."""
 
 
-def reach(rows: Array, dim: int) -> float:
-    """Radius about the position of the body that contains the surface [m]; may be infinite."""
-    farthest = 0.0
-    for kind, inside, *numbers in rows:
-        center, size = np.array(numbers[:3]), np.array(numbers[12:])
-        if inside or kind == HALF_SPACE:
-            return math.inf
-        extent = size[: dim - 1 if kind == CYLINDER else dim]
-        farthest = max(farthest, float(np.linalg.norm(center) + np.linalg.norm(extent)))
-    return farthest
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Box with rounded edges that contains a part.
+
+    The part lies within `beyond` of the sums of a point of a box and one of a disc about the third
+    axis.
+    """
+
+    center: Array
+    axes: Array
+    """As columns."""
+    half: Array
+    """Half lengths of the box along the axes, may be infinite."""
+    radius: float
+    """Of the disc."""
+    beyond: float
+
+    def turned(self, rotation: Array) -> Cover:
+        """Return the same after a rotation about the origin."""
+        return Cover(rotation @ self.center, rotation @ self.axes, self.half, *self._radii())
+
+    def flat(self) -> Cover:
+        """Return its section in 2D, of what is endless along z."""
+        half = self.half.copy()
+        half[2] = 0.0 if math.isinf(half[2]) else half[2]
+        return Cover(self.center, self.axes, half, *self._radii())
+
+    def _radii(self) -> tuple[float, float]:
+        return self.radius, self.beyond
 
 
-def extents(rows: Array, dim: int, rotation: Array, turning: Array) -> Array:
+def arrays_of(shape: Shape) -> list[Any]:
+    """Return the array (or tables) of each row of a shape; None where it has none."""
+    arrays = iter(shape.samples())
+    return [next(arrays) if row[0] in ARRAYS else None for row in shape.rows()]
+
+
+def _cover(row: Array, array: Any, dim: int) -> Cover | None:
+    """Cover of a part; None for operations and half-spaces."""
+    if operands(row) or row[0] in BEHIND:
+        return None
+    half, radius, beyond = np.array(row[14:]), 0.0, 0.0
+    if row[0] == PARTS["cylinder"]:
+        half, radius = np.array([0.0, 0.0, row[15]]), row[14]
+    elif row[0] == PARTS["capsule"]:
+        half, beyond = np.array([0.0, 0.0, row[15]]), row[14]
+    elif row[0] == PARTS["torus"]:
+        half, radius, beyond = np.zeros(3), row[14], row[15]
+    elif array is not None and row[0] in CHAINS:
+        first, second = abs(array[0]).max(axis=0)
+        half, beyond = np.array([first, second, row[14]]), row[15]
+        if row[0] == PARTS["revolved"]:
+            half, radius = np.array([0.0, 0.0, second]), first
+    cover = Cover(row[2:5], row[5:14].reshape(3, 3), half, float(radius), float(beyond))
+    return cover.flat() if dim == 2 else cover
+
+
+def _folded(
+    shape: Shape, of_cover: Callable[[Cover], Any], growth: float, join: Callable = np.maximum
+) -> Any:
+    """Bound in a shape of a convex function that grows by `growth` a metre at most.
+
+    It follows from bounds in the covers of the parts: of a union the greater of two, of an
+    intersection the lesser. Of each result the bounds in the solid and in the rest are kept, as a
+    difference contains the rest of what is taken away.
+    """
+    stack: list[tuple[Any, Any]] = []
+    for row, array in zip(shape.rows(), arrays_of(shape), strict=True):
+        cover = _cover(row, array, shape.dim)
+        solid, rest = (math.inf if cover is None else of_cover(cover)), math.inf
+        if count := operands(row):
+            taken, stack = stack[-count:], stack[:-count]
+            solid, rest = taken[0]
+            union = row[0] == PARTS["union"]
+            for other, other_rest in taken[1:]:
+                solid = (join if union else np.minimum)(solid, other)
+                rest = (np.minimum if union else join)(rest, other_rest)
+            if row[0] == PARTS["offset"]:
+                solid = solid + growth * row[14]
+            if row[0] == PARTS["shell"]:
+                solid, rest = np.minimum(solid + 2 * growth * row[14], rest), math.inf
+        stack.append((rest, solid) if row[1] else (solid, rest))
+    bound = stack[0][0]
+    for solid, _ in stack[1:]:
+        bound = join(bound, solid)
+    return bound
+
+
+def reach(shape: Shape) -> float:
+    """Radius about the position of the body that contains the solid [m]; may be infinite."""
+
+    def farthest(cover: Cover) -> float:
+        around = math.hypot(float(np.linalg.norm(cover.half)), cover.radius)
+        return float(np.linalg.norm(cover.center)) + around + cover.beyond
+
+    return float(_folded(shape, farthest, 1.0))
+
+
+def extents(shape: Shape, rotation: Array, turning: Array) -> Array:
     """Largest distances from the position of a body to its surface along x, y and z [m].
 
     Parameters
     ----------
-    rows : ndarray, shape (parts, 17)
-    dim : int
+    shape : Shape
     rotation : ndarray, shape (3, 3)
         Rotation of the body at the start.
     turning : ndarray, shape (k, 3)
@@ -49,96 +142,160 @@ def extents(rows: Array, dim: int, rotation: Array, turning: Array) -> Array:
     """
     turns = turning[turning.any(axis=1)]
     if not len(turns):
-        return np.array([max(_along(row, dim, rotation, e) for row in rows) for e in np.eye(3)])
+
+        def along(cover: Cover) -> Array:
+            placed = cover.turned(rotation)
+            return np.array([_along(placed, e) for e in np.eye(3)])
+
+        return np.full(3, _folded(shape, along, 1.0))
     about = turns[0] / np.linalg.norm(turns[0])
     if np.linalg.norm(np.cross(turns, about), axis=1).max() > TINY * np.linalg.norm(turns):
-        return np.full(3, reach(rows, dim))
-    return np.array([max(_swept(row, dim, rotation, about, d) for row in rows) for d in range(3)])
+        return np.full(3, reach(shape))
+
+    def swept(cover: Cover) -> Array:
+        placed = cover.turned(rotation)
+        return np.array([_swept(placed, about, d) for d in range(3)])
+
+    return np.full(3, _folded(shape, swept, 1.0))
 
 
-def _placed(row: Array, dim: int, rotation: Array) -> tuple[Array, Array, Array, float]:
-    """Centre and axes (as columns) of a part at the start, half lengths along them, and a radius.
-
-    A cylinder is its axis and the radius about it.
-    """
-    size, radius = np.array(row[14:]), 0.0
-    if row[0] == CYLINDER:
-        size, radius = np.array([0.0, 0.0, row[15]]), float(row[14])
-    if dim == 2:
-        size[2] = 0.0
-    return rotation @ row[2:5], rotation @ row[5:14].reshape(3, 3), size, radius
-
-
-def _along(row: Array, dim: int, rotation: Array, direction: Array) -> float:
-    """Largest distance of a part from the position along a direction, without turning."""
-    if row[1] or row[0] == HALF_SPACE:
-        return math.inf
-    center, axes, size, radius = _placed(row, dim, rotation)
-    shares = abs(axes.T @ direction)
+def _along(cover: Cover, e: Array) -> float:
+    """Largest distance of a cover from the position along a direction, without turning."""
+    shares, half = abs(cover.axes.T @ e), cover.half.copy()
     shares[shares <= TINY] = 0.0
-    size[shares == 0.0] = 0.0  # no product of zero and infinity
-    return float(abs(center @ direction) + size @ shares + radius * math.hypot(*shares[:2]))
+    half[shares == 0.0] = 0.0  # no product of zero and infinity
+    box = float(abs(cover.center @ e) + half @ shares)
+    return box + cover.radius * math.hypot(*shares[:2]) + cover.beyond
 
 
-def _swept(row: Array, dim: int, rotation: Array, about: Array, d: int) -> float:
-    """The same along axis `d` in all turns about an axis; of an oblique cylinder, a bound."""
-    if row[1] or row[0] == HALF_SPACE:
-        return math.inf
-    center, axes, size, radius = _placed(row, dim, rotation)
+def _swept(cover: Cover, about: Array, d: int) -> float:
+    """The same along axis `d` in all turns about an axis; of an oblique disc, a bound."""
+    half = cover.half.copy()
     cosine, sine = abs(float(about[d])), float(np.linalg.norm(np.delete(about, d)))
 
     def far(places: Array) -> Array:
         off = np.linalg.norm(np.cross(places, about), axis=-1)
         return cosine * abs(places @ about) + sine * off
 
-    size[far(axes.T) <= TINY] = 0.0  # an axis of rotation that is endless along itself
-    if not np.isfinite(size).all():
+    half[far(cover.axes.T) <= TINY] = 0.0  # an axis of rotation that is endless along itself
+    if not np.isfinite(half).all():
         return math.inf
     signs = np.array(list(product((-1, 1), repeat=3)))
-    tilt = float(np.linalg.norm(np.cross(axes[:, 2], about)))
-    return float(far(center + signs * size @ axes.T).max() + radius * (cosine * tilt + sine))
+    tilt = float(np.linalg.norm(np.cross(cover.axes[:, 2], about)))
+    box = float(far(cover.center + signs * half @ cover.axes.T).max())
+    return box + cover.radius * (cosine * tilt + sine) + cover.beyond
 
 
-def thicknesses(rows: Array, dim: int) -> tuple[float, float]:
-    """Least edge of the boxes and least diameter or length of the cylinders [m]; inf if none."""
-    box = cylinder = math.inf
-    for kind, inside, *numbers in rows:
-        size = numbers[12:]
-        if kind == BOX:
-            box = min(box, *(2 * edge for edge in size[:dim]))
-        elif kind == CYLINDER and not inside:
-            cylinder = min(cylinder, 2 * size[0], 2 * size[1])
-    return box, cylinder
+def largest_speed(shape: Shape, rotation: Array, velocity: Array, turning: Array) -> float:
+    """Bound on the speed [m/s] of the points of a body, `rotation` being that at the start.
 
-
-def deepest(samples: Sequence[Array]) -> float:
-    """Least diameter [m], over the sampled shapes, of the largest ball inside; inf if none."""
-    return min((-2 * float(distance.min()) for distance in samples), default=math.inf)
-
-
-def corners(rows: Array) -> Array:
-    """Corners of boxes around the parts, shape (8 parts, 3); infinite extents count as 0."""
-    found = []
+    Velocities and angular velocities have the shape (k, 3). The speed is a convex function of
+    position: its maximum over a box is at a corner.
+    """
     signs = np.array(list(product((-1, 1), repeat=3)))
-    for kind, _, *numbers in rows:
-        center, matrix, size = np.array(numbers[:3]), np.array(numbers[3:12]), numbers[12:]
-        half = np.array([size[0], size[0], size[1]] if kind == CYLINDER else size)
-        half[~np.isfinite(half)] = 0.0
-        found.append(center + signs * half @ matrix.reshape(3, 3).T)
-    return np.concatenate(found)
+    fastest = float(np.linalg.norm(turning, axis=1).max())
+
+    def in_box(cover: Cover) -> float:
+        placed = cover.turned(rotation)
+        half = placed.half + np.array([placed.radius, placed.radius, 0.0])
+        endless = np.isinf(half)
+        if np.cross(turning[:, None], placed.axes.T[endless]).any():
+            return math.inf
+        half[endless] = 0.0
+        arms = placed.center + signs * half @ placed.axes.T
+        speeds = velocity[:, None] + np.cross(turning[:, None], arms)
+        return float(np.linalg.norm(speeds, axis=2).max()) + fastest * placed.beyond
+
+    return float(_folded(shape, in_box, fastest))
 
 
-def are_endless(rows: Array, along: Array) -> bool:
-    """True if all parts are infinite along a direction."""
-    for kind, _, *numbers in rows:
-        matrix, size = np.array(numbers[3:12]).reshape(3, 3), numbers[12:]
-        share = abs(matrix.T @ along)
-        if kind == HALF_SPACE:
-            endless = share[2] < 1e-12
+def whole_parts(rows: Array) -> list[slice]:
+    """Return the rows of each part whose union is the body, with those it is made of."""
+    parts: list[slice] = []
+    for k, row in enumerate(rows):
+        count = operands(row)
+        first = parts[-count].start if count else k
+        parts = [*parts[: len(parts) - count], slice(first, k + 1)]
+    return parts
+
+
+def thicknesses(shape: Shape) -> tuple[float, float]:
+    """Least edge [m] of its boxes, whose two sides are kept apart, and thickness of the others.
+
+    The thickness is the diameter of the largest ball in a part, or in one that an operation takes;
+    inf if there is none.
+    """
+    rows, arrays = shape.rows(), arrays_of(shape)
+    boxes = [part.start for part in whole_parts(rows) if part.stop == part.start + 1]
+    boxes = [k for k in boxes if rows[k, 0] == PARTS["box"] and not rows[k, 1]]
+    box = min((2 * rows[k, 14 : 14 + shape.dim].min() for k in boxes), default=math.inf)
+    other = math.inf
+    for k in range(len(rows) - 1, -1, -1):
+        if k not in boxes and not rows[k, 1]:
+            other = min(other, _thickness(rows[k], arrays[k], shape.dim))
+    return float(box), float(other)
+
+
+def _thickness(row: Array, array: Any, dim: int) -> float:
+    kind, size = row[0], row[14:]
+    if kind == PARTS["box"]:
+        return 2 * float(size[:dim].min())
+    if kind == PARTS["cylinder"]:
+        return 2 * float(size[:2].min())
+    if kind == PARTS["capsule"] or kind == PARTS["shell"]:
+        return 2 * float(size[0])
+    if kind == PARTS["torus"]:
+        return 2 * float(size[1])
+    if array is None or kind == PARTS["height_map"]:
+        return math.inf
+    if kind == PARTS["sampled"]:
+        return -2 * float(min(array[1].min(), array[3].min(initial=math.inf)))
+    across = 2 * (float(size[1]) or _inradius(row, array))
+    return min(across, 2 * float(size[0])) if kind == PARTS["polygon"] else across
+
+
+def _inradius(row: Array, array: Array) -> float:
+    """Radius [m] of the largest circle in a polygon or in the section of a solid of revolution.
+
+    It touches the surface: the largest circles that touch it at some places are found by bisection.
+    """
+    revolved = row[0] == PARTS["revolved"]
+    own = row_of("revolved" if revolved else "polygon", size=(0.0 if revolved else math.inf, 0, 0))
+    a, b = array[0], np.roll(array[0], -1, axis=0)
+    edge = b - a
+    if revolved:
+        kept = (a[:, 0] > 0) | (b[:, 0] > 0)
+        a, edge = a[kept], edge[kept]
+    share = (np.arange(count := max(64 // len(a), 1)) + 0.5)[:, None, None] / count
+    start = (a + share * edge).reshape(-1, 2)
+    inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1)[:, None]
+    inward = np.tile(inward, (count, 1))
+    low, high = np.zeros(len(start)), np.full(len(start), np.linalg.norm(np.ptp(array[0], axis=0)))
+    for _ in range(40):
+        radius = 0.5 * (low + high)
+        at = np.zeros((len(start), 3))
+        at[:, [0, 2] if revolved else [0, 1]] = start + radius[:, None] * inward
+        depth = -_core.body_distance(own[None], (array,), at)[0]
+        touches = depth > radius * (1 - 1e-9)
+        low, high = np.where(touches, radius, low), np.where(touches, high, radius)
+    return float(low.max())
+
+
+def are_endless(shape: Shape, along: Array) -> bool:
+    """True if a shape is the same everywhere along a direction."""
+    for row in shape.rows():
+        share = abs(row[5:14].reshape(3, 3).T @ along)
+        kind, size = row[0], row[14:]
+        if operands(row):
+            continue
+        if kind in BEHIND:
+            endless = share[2] < TINY
         else:
-            lengths = [0.0, 0.0, size[1]] if kind == CYLINDER else size
+            lengths = [0.0, 0.0, size[1]] if kind == PARTS["cylinder"] else size
+            if kind == PARTS["polygon"]:
+                lengths = [0.0, 0.0, size[0]]
             endless = any(
-                s > 1 - 1e-12 and length == math.inf
+                s > 1 - TINY and length == math.inf
                 for s, length in zip(share, lengths, strict=True)
             )
         if not endless:

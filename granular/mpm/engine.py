@@ -13,10 +13,9 @@ from granular.buffers import allocate
 from granular.materials import NGF
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
-from granular.mpm.limits import check_blades, check_overlaps, check_time_step
+from granular.mpm.limits import check_blades, check_time_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
-from granular.seeding import seed_points
 
 __all__ = [
     "build",
@@ -122,7 +121,6 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
     """
     check_time_step(scene)
     check_blades(scene)
-    check_overlaps(scene)
     grid, scheme = scene.grid, scene.scheme
     codes, rows = node_codes(scene)
     return _core.Engine(
@@ -192,12 +190,12 @@ def servo_arguments(
 def initial_points(scene: Scene) -> dict[str, NDArray]:
     """Return the fields of the points at the start, in the order of their ids.
 
-    Points are stress-free, except in lithostatic fills, which are in equilibrium: dp/dz = rho g
-    with rho = rho_c exp(p/K).
+    Points are stress-free, except in lithostatic fills, which are in equilibrium: the pressure
+    grows with the depth against gravity as dp/dz = rho g with rho = rho_c exp(p/K).
     """
     material = scene.material
-    points = seed_points(scene.grid, scene.fills, scene.seed, material.rho_c)
-    weight = -material.rho_c * scene.gravity.at(0.0)[-1] * points.depth
+    points = scene.points()
+    weight = material.rho_c * math.hypot(*scene.gravity.at(0.0)) * points.depth
     if weight.max() >= material.K:
         raise ValueError(f"K = {material.K} must exceed rho_c g depth = {weight.max()}")
     log_density = np.log(points.density / material.rho_c) - np.log1p(-weight / material.K)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import geometry, materials
+from granular import geometry, materials, regions, surfaces
 from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.mpm import bodies as rigid
@@ -37,6 +37,7 @@ POWERS = {
     "acceleration": 0.0,
     "density": 0.0,
     "stress": 1.0,
+    "volume": 3.0,
     "mass": 3.0,
     "force": 3.0,
     "impulse": 3.5,
@@ -47,7 +48,7 @@ POWERS = {
     "none": 0.0,
 }
 """Power of the ratio of lengths with which a quantity scales in 3D."""
-_PLANE = ("mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
+_PLANE = ("volume", "mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
 """Quantities that are per metre of depth in 2D, where their power is less by one."""
 
 _UNITS = {"1/s": "rate", "s": "time"}
@@ -59,6 +60,7 @@ def _of_units(kind: type[Density | Scheme]) -> dict[str, str]:
 
 
 _MATERIAL = {"E": "stress", "d": "length", "t0": "time"}
+_SECTION = {"center": "length", "thickness": "length"}
 _MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Grid: {"lower": "length", "cell": "length"},
@@ -69,6 +71,11 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Union: {},
     geometry.Intersection: {},
     geometry.Difference: {},
+    surfaces.Heights: {"z": "length", "lower": "length", "spacing": "length"},
+    surfaces.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
+    regions.Polygon: {"vertices": "length", "span": "length"},
+    regions.Mask: {"lower": "length", "spacing": "length"},
+    regions.Cloud: {"x": "length", "volume": "volume", "velocity": "velocity"},
     **{law: _MATERIAL for law in materials.Material.__subclasses__()},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     Wall: {"at": "length", "span": "length", "opens_at": "time", **_MOVING},
@@ -78,8 +85,21 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     rigid.Box: {"size": "length", "center": "length"},
     rigid.Cylinder: {"radius": "length", "length": "length", "center": "length"},
     rigid.HalfSpace: {"through": "length"},
-    rigid.Mesh: {"vertices": "length", "spacing": "length"},
+    rigid.Mesh: {"vertices": "length", "spacing": "length", "thickness": "length"},
+    rigid.HeightMap: {"z": "length", "spacing": "length", "origin": "length"},
+    rigid.Sphere: {"radius": "length", "center": "length"},
+    rigid.Capsule: {"radius": "length", "length": "length", "center": "length"},
+    rigid.Torus: {"radius": "length", "tube": "length", "center": "length"},
+    rigid.Frustum: {**_SECTION, "radii": "length", "length": "length"},
+    rigid.Polygon: {**_SECTION, "vertices": "length"},
+    rigid.Prism: {**_SECTION, "vertices": "length", "length": "length"},
+    rigid.Revolve: {**_SECTION, "profile": "length"},
     rigid.Union: {},
+    rigid.Intersection: {},
+    rigid.Difference: {},
+    rigid.Complement: {},
+    rigid.Offset: {"by": "length"},
+    rigid.Shell: {"thickness": "length"},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass"},
     Scene: {"duration": "time"},
@@ -172,7 +192,7 @@ class Froude:
         return kind(
             **{
                 name: _times(value, self.factor(quantities[name], dim=dim))
-                if name in quantities
+                if name in quantities and not is_dataclass(value)
                 else self._scaled(value, dim)
                 for name, value in values.items()
             }

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple
 
-from granular import geometry
+import numpy as np
+
+from granular import geometry, regions, surfaces
 from granular.checks import check_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
@@ -14,7 +17,9 @@ from granular.materials import Material
 from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.bodies import Body
+from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_shapes import Shape
+from granular.mpm.body_tables import ArrayShape
 from granular.mpm.node_codes import c0_lines, check_c0_lines
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, default
 from granular.mpm.walls import Solid, SpongeLayer, Wall
@@ -55,7 +60,8 @@ class Scene(BaseScene):
         Time to simulate [s], > 0.
     sponge_layers : sequence of SpongeLayer
     bodies : sequence of Body
-        Rigid bodies. Fills should leave out their volume; otherwise points begin inside them.
+        Rigid bodies. Fills leave out their volume: points begin outside of them and follow their
+        surfaces, see `granular.Fill`.
     seed : int
         Seed of the jitter of the points, >= 0.
     parameters : mapping
@@ -107,11 +113,11 @@ class Scene(BaseScene):
         if self.scheme.fluidity.reconnect_fluidity and self.material.elasticity != "hencky":
             raise ValueError('reconnect_fluidity = True must go with elasticity = "hencky"')
         if any(fill.lithostatic for fill in self.fills):
-            *level, down = self.gravity.at(0.0)
-            if any(level) or down > 0:
+            along = self.gravity.at(0.0)[np.array(self.grid.periodic)]
+            if along.any():
                 raise ValueError(
-                    f"gravity = {self.gravity} must point down the last axis at t = 0 for "
-                    "lithostatic fills"
+                    f"gravity = {self.gravity} must have no component along a periodic axis at "
+                    "t = 0 for lithostatic fills"
                 )
         self._check_servos()
         if self.scheme.transfer == "xpic" and any(getattr(w, "velocity", None) for w in self.walls):
@@ -119,6 +125,12 @@ class Scene(BaseScene):
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = c0_lines(self.grid, self.walls, axis)
             check_c0_lines(self.scheme.basis, n, periodic, lines)
+
+    def _seeding(self) -> dict[str, Any]:
+        gravity = self.gravity.at(0.0)
+        size = math.hypot(*gravity)
+        up = tuple((-gravity / size).tolist()) if size else None
+        return {"distance": distance_from_bodies(self), "up": up}
 
     @property
     def servos(self) -> list[Servo]:
@@ -162,7 +174,17 @@ register(
     Scene,
     Grid,
     Fill,
-    *geometry.Region.__subclasses__(),
+    geometry.Box,
+    geometry.Disc,
+    geometry.Cylinder,
+    geometry.Union,
+    geometry.Intersection,
+    geometry.Difference,
+    regions.Cloud,
+    regions.Mask,
+    regions.Polygon,
+    surfaces.Heights,
+    surfaces.Layer,
     *Material.__subclasses__(),
     Fluidity,
     *DENSITIES.values(),
@@ -174,4 +196,8 @@ register(
     Body,
     rigid.Motion,
 )
-register(*Shape.__subclasses__(), prefix="bodies.")
+register(
+    *(kind for kind in Shape.__subclasses__() if kind is not ArrayShape),
+    *ArrayShape.__subclasses__(),
+    prefix="bodies.",
+)

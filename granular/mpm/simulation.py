@@ -13,15 +13,19 @@ from granular.checks import truth
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
+from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses
 from granular.record import Checkpoint
+from granular.seeding import DEEPEST
 from granular.state import State
 
 __all__ = ["Simulation"]
 
-CARRIED = frozenset({"affine", "density_gradient", "shift_velocity", "damping", "g_gain", "side"})
+CARRIED = frozenset(
+    {"affine", "density_gradient", "shift_velocity", "damping", "g_gain", "side", "contact_force"}
+)
 """Fields that a scheme carries from step to step.
 
 Checkpoints hold them, frames do not: they would become larger by two thirds, and no measure needs
@@ -191,6 +195,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         if state.n and any(isinstance(wall, Solid) for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
             found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
+        if state.n and self.scene.bodies:
+            phi, _ = distance_from_bodies(self.scene, self.bodies)(state.x)
+            within = phi < -DEEPEST * self.scene.grid.cell
+            found["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
         return found
 
     # ---- restart ----

@@ -9,20 +9,28 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from granular.mpm.bodies import split
-from granular.mpm.body_shapes import BOX, CYLINDER, Box, Cylinder, HalfSpace, Mesh, Union
+from granular.mpm.body_measures import arrays_of
+from granular.mpm.body_mesh import Mesh
+from granular.mpm.body_operations import OPERATIONS, Union
+from granular.mpm.body_shapes import PARTS, Shape
+from granular.mpm.height_map import HeightMap
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.merge import begin_poly_data, write_steps
+from granular.record.outlines import (
+    SIDES,
+    SKIN,
+    Patches,
+    contoured,
+    extended,
+    revolved,
+    thickened,
+)
 from granular.record.reader import Trajectory
 
 Array = NDArray[np.float64]
-Patches = tuple[Array, list[tuple[int, ...]]]
-"""Vertices, shape (n, 3), and polygons as tuples of indices of vertices."""
 
-SIDES = 64
-"""Number of sides of the prism that represents a cylinder."""
-SKIN = 0.02
-"""Thickness at which unbounded 2D solids are drawn, in sizes of the grid."""
-
+MOST_POSTS = 500
+"""Posts of a height map that are drawn along an axis at most."""
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
 
 
@@ -32,9 +40,10 @@ def write_bodies(
     """Write the surfaces of all bodies at all frames, as VTKHDF PolyData.
 
     The times are those of the record. ParaView reads the points from the record and the bodies from
-    this file: open both. The cell data "body" is the index of the body. Cylinders are drawn as
-    prisms of 64 sides. Unbounded shapes end at a distance of one size of the grid. In 2D the
-    surfaces are flat.
+    this file: open both. The cell data "body" is the index of the body. What is round has 64
+    sides; what operations make is drawn by its signed distance on a grid of 64 intervals, which
+    cuts off edges and leaves out walls thinner than that. Unbounded shapes end at a distance of one
+    size of the grid. In 2D the surfaces are flat.
 
     Parameters
     ----------
@@ -88,30 +97,82 @@ def _joined(meshes: list[Patches]) -> Patches:
     return np.concatenate([vertices for vertices, _ in meshes]), polygons
 
 
-def surface(shape: Box | Cylinder | HalfSpace | Mesh | Union, dim: int, size: float) -> Patches:
-    """Surface of a shape (of a union part by part) in the coordinates of its body."""
-    parts = shape.parts if isinstance(shape, Union) else (shape,)
-    return _joined(
-        [
-            (np.array(part.vertices), list(part.faces))
-            if isinstance(part, Mesh)
-            else _mesh(part.rows()[0], dim, size)
-            for part in parts
-        ]
-    )
+def surface(shape: Shape, dim: int, size: float) -> Patches:
+    """Surface of a shape (of a union part by part) in the coordinates of its body.
+
+    Of a sheet its middle is drawn, of a height map the posts, or some of them if there are many.
+    """
+    if isinstance(shape, Union):
+        return _joined([surface(part, dim, size) for part in shape.parts])
+    if isinstance(shape, Mesh):
+        return shape.vertices, [(a, b, c) for a, b, c in shape.faces.tolist()]
+    if isinstance(shape, HeightMap):
+        return _posts(shape, size)
+    rows = shape.rows()
+    hollow = [row[1] and row[0] != PARTS["cylinder"] for row in rows]
+    if np.isin(rows[:, 0], OPERATIONS).any() or (dim == 2 and any(hollow)):
+        return contoured(shape, size)
+    parts = zip(rows, arrays_of(shape), strict=True)
+    return _joined([_mesh(row, array, dim, size) for row, array in parts])
 
 
-def _mesh(row: Array, dim: int, size: float) -> Patches:
+def _posts(part: HeightMap, size: float) -> Patches:
+    """Quadrilaterals between posts; in 2D a strip below them."""
+    sides = [
+        np.unique(np.linspace(0, n - 1, min(n, MOST_POSTS)).round().astype(int))
+        for n in part.z.shape
+    ]
+    z = part.z[np.ix_(*sides)].astype(float)
+    *_, x = places = [
+        low + np.linspace(0, n - 1, n)[side] * (high - low) / (n - 1)
+        for low, high, n, side in zip(
+            part.origin[::-1], part.upper[::-1], part.z.shape, sides, strict=True
+        )
+    ]
+    if part.dim == 2:
+        rows = np.stack([z, z - SKIN * size])
+        vertices = np.stack([np.tile(x, 2), rows.ravel(), np.zeros(rows.size)], axis=1)
+    else:
+        rows = z
+        across, along = np.meshgrid(*places, indexing="ij")
+        vertices = np.stack([along.ravel(), across.ravel(), z.ravel()], axis=1)
+    index = np.arange(rows.size).reshape(rows.shape)
+    corners = (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
+    quads = np.stack([corner.ravel() for corner in corners], axis=1)
+    return vertices, [(a, b, c, d) for a, b, c, d in quads.tolist()]
+
+
+def _mesh(row: Array, array: Array | None, dim: int, size: float) -> Patches:
     """Surface of a shape, given by its 17 numbers, in the coordinates of its body."""
     kind, inside, center, turn = row[0], bool(row[1]), row[2:5], row[5:14].reshape(3, 3)
     half = np.where(np.isfinite(row[14:17]), row[14:17], size)
-    if kind == BOX:
+    if kind == PARTS["box"]:
         vertices, faces = _box(half, dim)
-    elif kind == CYLINDER:
+    elif kind == PARTS["cylinder"]:
         vertices, faces = _cylinder(half[0], half[1], inside, dim, size)
-    else:  # the normal is the third axis
+    elif kind == PARTS["half_space"]:  # the normal is the third axis
         vertices, faces = _half_space(turn, dim, size)
+    elif kind == PARTS["polygon"]:
+        vertices, faces = extended(_outline(kind, half, array), half[0], dim)
+    else:
+        vertices, faces = revolved(_outline(kind, half, array), dim)
     return vertices @ turn.T + center, faces
+
+
+def _outline(kind: float, size: Array, array: Array | None) -> Array:
+    """Outline of a polygon, or (r, z) of what is round, shape (n, 2)."""
+    if array is not None and size[1] > 0:
+        return thickened(array[0], size[1], radial=kind == PARTS["revolved"])
+    if array is not None:
+        return array[0]
+    if kind == PARTS["torus"]:
+        angle = 2 * np.pi * np.arange(SIDES) / SIDES
+        return np.stack([size[0] + size[1] * np.cos(angle), size[1] * np.sin(angle)], axis=1)
+    angle = np.pi * (np.arange(SIDES // 2 + 1) / (SIDES // 2) - 0.5)
+    side = np.where(angle > 0, size[1], -size[1])
+    ends = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle) + side], axis=1)
+    ends[[0, -1], 0] = 0.0
+    return ends
 
 
 def _box(half: Array, dim: int) -> Patches:

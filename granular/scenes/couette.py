@@ -7,7 +7,7 @@ from typing import Any
 
 from granular.checks import finite, in_range, positive
 from granular.geometry import Cylinder as Upright
-from granular.geometry import Difference, Disc, Fill, Grid
+from granular.geometry import Disc, Fill, Grid, Region
 from granular.gravity import Gravity
 from granular.materials import Material, couette_beads
 from granular.mpm.bodies import Body, Cylinder, Motion
@@ -31,7 +31,6 @@ def couette(
     height: float = 0.1,
     omega: float = 0.025,
     pressure: float | None = None,
-    overlap: float = 0.5,
     rough: bool = False,
     cell: float = 0.004,
     points_per_cell: int | None = None,
@@ -55,11 +54,9 @@ def couette(
     either modulus. There are 8 points per cell, as the paper's 4 are not a cube. The paper's steps
     of 1e-4 s are twice as long as elastic waves allow at 10 MPa.
 
-    Only the nodes inside a cylinder move with it, and these begin half a cell within it on the
-    average. Cylinders of their true radii (``overlap=0``) therefore slip, by an eighth of the speed
-    in the paper's cells. Unless `rough` is true, the cylinders do not affect the fluidity: compare
-    with `granular.theory.couette_quasi_static` and ``walls="smooth"``. The remaining error is
-    described in the documentation, page "Three dimensions".
+    Unless `rough` is true, the cylinders do not affect the fluidity: compare with
+    `granular.theory.couette_quasi_static` and ``walls="smooth"``. The remaining error is described
+    in the documentation, page "Three dimensions".
 
     With a `pressure` the flow is 2D: a slice without gravity that is everywhere under that pressure
     at the start. This is the case that the theory solves. The ring is closed on every side, and
@@ -76,8 +73,6 @@ def couette(
         Angular velocity of the inner cylinder [rad/s].
     pressure : float or None
         Initial pressure of the 2D flow [Pa]; None for 3D.
-    overlap : float
-        Cells by which the cylinders reach into the material, 0 to 1.
     rough : bool
         If true, the fluidity is 0 at the cylinders; otherwise the cylinders do not affect it.
     points_per_cell, jitter
@@ -87,7 +82,7 @@ def couette(
     {common}; also if the gap has less than 4 cells.
     """
     cell, inner, outer = positive("cell", cell), positive("inner", inner), positive("outer", outer)
-    n_z, overlap = whole_cells("height", height, cell), in_range("overlap", overlap, 0.0, 1.0)
+    n_z = whole_cells("height", height, cell)
     positive("gravity", gravity)
     if outer - inner < 4 * cell:
         raise ValueError(f"outer = {outer} must exceed inner = {inner} by 4 cells of {cell}")
@@ -98,7 +93,7 @@ def couette(
     fill: dict[str, Any] = {"points_per_cell": count, "jitter": jitter}
     if flat:
         grid = Grid((-n * cell,) * 2, cell, (2 * n,) * 2)
-        ring = Difference(*(Disc((0.0, 0.0), r) for r in (outer, inner)))
+        around: Region = Disc((0.0, 0.0), outer + cell)  # the cylinders cut the fill
         if not isinstance(material, Material):
             raise TypeError(f"material = {material!r} must be a Material")
         # p = K ln(rho/rho_c)
@@ -107,18 +102,18 @@ def couette(
         )
     else:
         grid = Grid((-n * cell, -n * cell, 0.0), cell, (2 * n, 2 * n, n_z + HEADROOM))
-        ring = Difference(*(Upright((0.0,) * 3, r, n_z * cell) for r in (outer, inner)))
+        around = Upright((0.0,) * 3, outer + cell, n_z * cell)
         fill["lithostatic"] = True
     return Scene(
         name="couette",
         grid=grid,
-        fills=(Fill(ring, **fill),),
+        fills=(Fill(around, **fill),),
         material=material,
         scheme=scheme,
         walls=() if flat else (Wall(2, 0.0, kind="free_slip"),),
         bodies=(
-            _cylinder(inner + overlap * cell, dim, finite("omega", omega), rough=rough),
-            _cylinder(outer - overlap * cell, dim, 0.0, rough=rough, inside=True),
+            _cylinder(inner, dim, finite("omega", omega), rough=rough),
+            _cylinder(outer, dim, 0.0, rough=rough, inside=True),
         ),
         gravity=Gravity((0.0,), ((0.0, 0.0),)) if flat else gravity_down(3, gravity),
         duration=duration,

@@ -189,7 +189,7 @@ class Gas:
 
     def points(self, grid: Grid, seed: int) -> seeding.Points:
         """Gas particles at the start; see `granular.seeding.seed_points`."""
-        return seeding.seed_points(grid, self.fills, seed, self.density)
+        return seeding.seed_points(grid, self.fills, seed, self.density, even=True)
 
     def for_core(self, dim: int, rho0: float, wall_volume: float) -> tuple[dict, NDArray]:
         """Data for the core: parameters, and jets as rows (lower, upper, velocity)."""

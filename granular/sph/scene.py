@@ -12,6 +12,7 @@ import numpy as np
 from granular.checks import check_fields, tuple_of
 from granular.geometry import AXES, Fill, Grid
 from granular.gravity import Gravity
+from granular.regions import Cloud
 from granular.scene import BaseScene
 from granular.serializable import Parameters, register
 from granular.sph import limits
@@ -120,6 +121,8 @@ class Scene(BaseScene):
         for i, fill in enumerate(self.fills):
             if fill.points_per_cell != 1:
                 raise ValueError(f"fills[{i}].points_per_cell = {fill.points_per_cell} must be 1")
+            if isinstance(fill.region, Cloud):
+                raise ValueError(f"fills[{i}].region must not be a Cloud: particles have one mass")
             if fill.density is not None or fill.lithostatic:
                 raise ValueError(
                     f"fills[{i}] must have the density of the material and no weight on it"
@@ -164,6 +167,9 @@ class Scene(BaseScene):
         """Mass of a particle [kg, in 2D kg/m], with which the seeding lattice has density rho0."""
         weight = seeding_weight(self.dim, self.numerics.smoothing)
         return self.material.rho0 * self.grid.cell**self.dim / weight
+
+    def _seeding(self) -> dict[str, Any]:
+        return {"even": True}
 
     def wall_points(self) -> dict[str, np.ndarray]:
         """Wall particles at the start; see `granular.sph.walls.wall_points`."""

@@ -53,7 +53,7 @@ def diffuse_arguments(shape=(3, 4)):
         "dt": 1e-3, "steps": 2,
         "tolerance": 1e-8, "max_iterations": 100, "periodic": (True, False, True)[: len(shape)],
         "faces": np.zeros((2 * len(shape), *shape), np.uint8), "dense": np.ones(shape, bool),
-        "g": np.ones(shape), "threads": 1, "isa": "",
+        "g": np.ones(shape), "distance": np.full(shape, 0.005), "threads": 1, "isa": "",
     }  # fmt: skip
 
 
@@ -66,7 +66,7 @@ CALLS = {
     "nonlocal": (_core.law_update, nonlocal_arguments, (5, 6, 10)),
     "fluidity": (_core.fluidity_update, fluidity_arguments, (2, 3, 4, 5)),
     "hencky": (_core.hencky_update, hencky_arguments, (3, 4)),
-    "diffuse": (_core.fluidity_diffuse, diffuse_arguments, ("faces", "dense")),
+    "diffuse": (_core.fluidity_diffuse, diffuse_arguments, ("faces", "dense", "distance")),
 }
 """Function, its arguments, and the places of the arrays that are only read."""
 
@@ -85,10 +85,10 @@ def test_wrong_arrays_are_refused(name, place, how):
     given = arguments()
     given[place] = spoiled(given[place], how)
     fine = ["read-only"]
-    if name == "diffuse":
+    if name == "diffuse" and place != "distance":
         fine += ["swapped", "unaligned"]  # byte order does not matter to single bytes
-    if (name, place) == ("nonlocal", 10):
-        fine += ["none"]  # without a fluidity the law is in its local phase
+    if (name, place) in (("nonlocal", 10), ("diffuse", "distance")):
+        fine += ["none"]  # without a fluidity the law is in its local phase; no rough surface
     if place in read and how in fine:
         call(function, given)
         return
@@ -184,7 +184,9 @@ def test_fluidity_diffuse_survives_any_number(data):
     fill(data, chosen["g"])
     fill(data, chosen["dense"].view(np.uint8), st.integers(0, 255))
     fill(data, chosen["faces"], st.integers(0, 3))
+    fill(data, chosen["distance"])
     legal = (chosen["faces"] < 3).all() and ((chosen["g"] >= 0) & (chosen["g"] <= 1e60)).all()
+    legal &= (abs(chosen["distance"]) <= 1e60).all()
     try:
         _core.fluidity_diffuse(**chosen)
     except DOCUMENTED:

@@ -115,7 +115,6 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("silo_3d", {"slot": 0.25}, ValueError, "slot = 0.25 must be less than length = 0.25"),
         ("silo_3d", {"slot": 0.02}, ValueError, "slot = 0.02 must be a whole number of cells"),
         ("couette", {"outer": 0.11}, ValueError, "outer = 0.11 must exceed inner = 0.0999 by 4"),
-        ("couette", {"overlap": 1.5}, ValueError, "overlap = 1.5"),
         ("couette", {"omega": math.inf}, ValueError, "omega = inf"),
         ("excavation", {"depth": 0.15}, ValueError, "depth = 0.15 must be less than soil = 0.15"),
         ("excavation", {"travel": 1.3}, ValueError, "must be less than length = 1.6"),

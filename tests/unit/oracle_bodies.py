@@ -1,7 +1,10 @@
-"""Plain reference for rigid bodies: distances, contact, and one step of free motion."""
+"""Plain reference for rigid bodies: distances, and the feet of points on their surfaces."""
+
+from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import brentq
+from oracle_shapes import Shapes
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from granular.mpm.bodies import Box, Cylinder, Union
@@ -55,54 +58,73 @@ def gradient(shape, x, h=1e-6):
     return out / np.linalg.norm(out)
 
 
-def contact(body, normal, surface, v):
-    """Velocity of the material after contact with the body."""
-    u = v - surface
-    into = u @ normal
-    if body.contact == "sticky":
-        return surface
-    if body.contact == "separating" and into >= 0:
-        return v
-    along = u - into * normal
-    sliding = np.linalg.norm(along)
-    share = max(0.0, 1 - body.friction * abs(into) / sliding) if sliding else 1.0
-    return surface + share * along
+def at_its_place(body, state):
+    """The body where it is now, in 2D or 3D."""
+    turn = np.eye(3)
+    turn[: body.dim, : body.dim] = state.rotation
+    vector = Rotation.from_matrix(turn).as_rotvec(degrees=True)
+    angle = vector[2] if body.dim == 2 else tuple(vector)
+    return replace(body, position=tuple(state.position), rotation_deg=angle)
 
 
-def step(body, nodes, velocity, omega, gravity, dt):
-    """Velocities of the nodes after contact, impulse, angular impulse, velocity of the body.
+class Feet:
+    """Feet of the points of a simulation on a body, with what acts there.
 
-    A free component, of which there is at most one, is integrated by backward Euler: the velocity
-    is the root of M (V' - V) - P(V') - M g dt.
+    `distance` (n,) [m] and `normal` (n, 3) are those of the points, `x` (n, 3) [m] the places of
+    the feet, or of the points whose feet lie outside of the domain, `force` (n, 3) [N] that on the
+    material, `pressing` (n,) its part along the normal, `flat` (n,) where the surface is flat
+    within half a cell, `slip` (n, 3) [m/s] the velocity of the material relative to the surface,
+    NaN where there is not enough mass about the foot.
     """
-    turn = _turn(body.rotation_deg)
-    arms = np.array([_space(x) for x in nodes["x"]]) - _space(body.position)
-    local = turn.inv().apply(arms)
-    within = [
-        i for i, x in enumerate(local) if nodes["mass"][i] > 0 and distance(body.shape, x) < 0
-    ]
-    normals = {i: turn.apply(gradient(body.shape, local[i])) for i in within}
-    before = np.array([_space(v) for v in nodes["v"]])
 
-    def after(v_body):
-        out = before.copy()
-        for i in within:
-            surface = v_body + np.cross(omega, arms[i])
-            out[i] = contact(body, normals[i], surface, before[i])
+    def __init__(self, sim, nodes, body, velocity, omega):
+        buffers, dim, cell = sim.buffers, body.dim, sim.scene.grid.cell
+        held = buffers["mass"][0] > 0
+        place = buffers["x"][:, held].T
+        self.mass = buffers["mass"][0, held]
+        self.distance, self.normal = body.distance(place)
+        foot = place - self.distance[:, None] * self.normal
+        self.flat = np.ones(len(foot), dtype=bool)
+        for tangent in _tangents(self.normal):
+            for side in (-0.5, 0.5):
+                away = body.distance(foot + side * cell * tangent)[0]
+                self.flat &= abs(away) < 0.1 * cell
+        self.force = np.pad(buffers["contact_force"][:, held].T, ((0, 0), (0, 3 - dim)))
+        self.normal = np.pad(self.normal, ((0, 0), (0, 3 - dim)))
+        grid = sim.scene.grid
+        inside = np.all((foot >= grid.lower) & (foot <= grid.upper), axis=1)
+        self.x = np.pad(np.where(inside[:, None], foot, place), ((0, 0), (0, 3 - dim)))
+        self.pressing = np.einsum("nd,nd->n", self.force, self.normal)
+        self.slip = self._slip(sim, nodes, foot, body, np.array(velocity), np.array(omega))
+
+    def _slip(self, sim, nodes, foot, body, velocity, omega):
+        out = np.full((len(foot), 3), np.nan)
+        grid = sim.scene.grid
+        away = 1.5 * grid.cell if sim.scene.walls else 0.0  # walls act nearer to them
+        seen = np.all((foot > np.add(grid.lower, away)) & (foot < grid.upper), axis=1)
+        seen &= (self.distance > -0.5 * grid.cell) & (self.distance < 1.5 * grid.cell)
+        shapes = Shapes(sim.scene, foot[seen])
+        places = np.full((int(np.prod(shapes.counts)), body.dim), np.inf)
+        places[shapes.node] = foot[seen][0] + shapes.r[0]
+        number = np.full(len(places), -1)  # of each node of the grid among the active ones
+        number[cKDTree(places).query(nodes["x"])[1]] = np.arange(len(nodes["x"]))
+        number = number[shapes.node]
+        mass = np.where(number >= 0, nodes["mass"][number], 0.0)
+        mean = shapes.w @ mass
+        used = shapes.w * (mass > 0.1 * mean[:, None] * shapes.w)  # light nodes are left out
+        total = used.sum(axis=1)
+        enough = (total > 0.2) & (mean > 0.1 * sim.scene.material.rho_c * grid.cell**grid.dim)
+        v = used @ np.pad(nodes["v"][number], ((0, 0), (0, 3 - body.dim)))
+        v /= np.where(enough, total, 1.0)[:, None]
+        surface = velocity + np.cross(omega, self.x[seen] - _space(body.position))
+        out[seen] = np.where(enough[:, None], v - surface, np.nan)
         return out
 
-    def impulses(v_body):
-        return -nodes["mass"][:, None] * (after(v_body) - before)
 
-    v_new = np.array(velocity, dtype=float)
-    if body.free:
-        axis = "xyz".index(body.free)
-
-        def rest(value):
-            v_new[axis] = value
-            change = value - velocity[axis] - gravity[axis] * dt
-            return body.mass * change - impulses(v_new).sum(axis=0)[axis]
-
-        v_new[axis] = brentq(rest, -10, 10, xtol=1e-14)
-    impulse = impulses(v_new)
-    return after(v_new), impulse.sum(axis=0), np.cross(arms, impulse).sum(axis=0), v_new
+def _tangents(normal):
+    if normal.shape[1] == 2:
+        return [np.stack([-normal[:, 1], normal[:, 0]], axis=1)]
+    other = np.eye(3)[np.abs(normal).argmin(axis=1)]
+    first = np.cross(normal, other)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return [first, np.cross(normal, first)]

@@ -96,7 +96,9 @@ def step(method, L, k, g, ratio=None):
     return vectors @ (growth * (vectors.T @ g))
 
 
-def diffuse(g, *, faces=None, dense=None, periodic=None, threads=1, isa="", **numbers):
+def diffuse(
+    g, *, faces=None, dense=None, periodic=None, distance=None, threads=1, isa="", **numbers
+):
     """Apply `_core.fluidity_diffuse` to a copy of g; return the copy and the report."""
     g = g.copy()
     given = {
@@ -109,6 +111,7 @@ def diffuse(g, *, faces=None, dense=None, periodic=None, threads=1, isa="", **nu
         faces=faces_of(g.shape) if faces is None else faces,
         dense=np.ones(g.shape, dtype=bool) if dense is None else dense,
         periodic=(False,) * g.ndim if periodic is None else periodic,
+        distance=distance,
         threads=threads,
         isa=isa,
         **given,

@@ -56,13 +56,21 @@ def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
 
 
 def grid_of(scene):
-    """Engine after the grid stage of its first step, with random velocities of the points."""
+    """Simulation and nodes after the grid stage of its first step, and the nodes without bodies.
+
+    Velocities of the points are random.
+    """
     sim = gr.Simulation(scene, threads=1)
-    v = sim.buffers["v"]
-    v[:] = np.random.default_rng(5).normal(size=v.shape)
-    sim._engine.p2g()
-    sim._engine.grid()
-    return sim, sim._engine.nodes()
+    held = sim.buffers["mass"][0] > 0
+    size = (scene.grid.dim, held.sum())
+    sim.buffers["v"][:, held] = np.random.default_rng(5).normal(scale=10.0, size=size)
+    stored = sim.checkpoint()
+    del stored.arrays["bodies"]
+    free = gr.Simulation.from_checkpoint(scene.replace(bodies=()), stored, threads=1)
+    for engine in (sim._engine, free._engine):
+        engine.p2g()
+        engine.grid()
+    return sim, sim._engine.nodes(), free._engine.nodes()
 
 
 # ---- distance ----
@@ -88,41 +96,95 @@ def test_distance_turns_with_the_body():
     assert np.allclose(normal[:2], [[0, 1], [1, 0]], rtol=0, atol=1e-15)
 
 
-# ---- contact at the nodes ----
+# ---- contact at the feet of the points ----
+
+SLACK = 0.1
+"""Error of velocities over that which contact makes; the sweeps end at changes of a hundredth."""
+
+CONTACTS = ["sticky", "separating", "bilateral"]
 
 
-@pytest.mark.parametrize("contact", ["sticky", "separating", "bilateral"])
-@pytest.mark.parametrize("shape", SHAPES)
-def test_contact_of_all_nodes(shape, contact):
+def moving(shape, contact, **options):
+    """A body with a velocity and a rotation amid the material."""
     dim = shape.dim
     turning = (1.5,) if dim == 2 else ((0.4, -1.5, 0.3),)
     motion = Motion(velocity=((0.3, -0.4, 0.2)[:dim],), angular_velocity=turning)
-    friction = 0.0 if contact == "sticky" else 0.4
     place = (0.33, 0.21, 0.22) if dim == 3 else (0.33, 0.24)
     turned = 15.0 if dim == 2 else (15.0, 5.0, -10.0)
+    friction = 0.0 if contact == "sticky" else 0.4
     meets = {"motion": motion, "contact": contact, "friction": friction}
-    body = Body(shape, place, rotation_deg=turned, **meets)
-    scene = scene_of(body, dim=dim)
-    sim, nodes = grid_of(scene)
-    _, free = grid_of(scene.replace(bodies=()))
+    return Body(shape, place, rotation_deg=turned, **meets, **options)
+
+
+def feet_of(sim, nodes, body):
+    """Feet of the points on the only body, which moves with its prescribed mean velocity."""
     omega = np.zeros(3)
-    omega[2 if dim == 2 else slice(None)] = turning[0]
-    velocity = np.pad(motion.velocity[0], (0, 3 - dim))
-    v, *_ = oracle_bodies.step(body, free, velocity, omega, np.zeros(3), DT)
-    # fixed by walls, which act before the bodies
-    fixed = (free["v"] == 0) & (free["mass"][:, None] > 0)
-    v = np.where(fixed, 0, v[:, :dim])
-    assert np.abs(v - free["v"]).max() > 0.1
-    assert np.allclose(nodes["v"], v, rtol=0, atol=1e-8)
+    omega[2 if body.dim == 2 else slice(None)] = body.motion.angular_velocity[0]
+    velocity = np.pad(body.motion.velocity[0], (0, 3 - body.dim))
+    now = oracle_bodies.at_its_place(body, sim.bodies[0])
+    return oracle_bodies.Feet(sim, nodes, now, velocity, omega)
+
+
+@pytest.mark.parametrize("contact", CONTACTS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_reaction_is_what_the_nodes_receive(shape, contact):
+    """Impulse and angular impulse of the body, those of the nodes, and the forces at the feet."""
+    body = moving(shape, contact)
+    scene = scene_of(body, dim=shape.dim).replace(walls=())
+    sim, nodes, free = grid_of(scene)
+    feet = feet_of(sim, nodes, body)
+    assert np.abs(nodes["v"] - free["v"]).max() > 0.1
     assert np.allclose(nodes["w"] - free["w"], nodes["v"] - free["v"], rtol=0, atol=1e-13)
+    given = (nodes["mass"][:, None] * (nodes["v"] - free["v"])).sum(axis=0)
+    force = feet.force.sum(axis=0)[: shape.dim]
+    size = DT * np.abs(feet.force).sum()
+    assert np.allclose(given, DT * force, rtol=0, atol=1e-12 * size)
+    torque = np.cross(feet.x - np.pad(body.position, (0, 3 - shape.dim)), feet.force).sum(axis=0)
     sim._engine.g2p()
     state = sim.bodies[0]
-    impulse = -nodes["mass"][:, None] * (nodes["v"] - free["v"])
-    assert np.allclose(state.impulse, impulse.sum(axis=0), rtol=0, atol=1e-10)
-    arms = np.pad(nodes["x"] - np.array(body.position), ((0, 0), (0, 3 - dim)))
-    torque = np.cross(arms, np.pad(impulse, ((0, 0), (0, 3 - dim)))).sum(axis=0)
-    torque = torque[2] if dim == 2 else torque
-    assert np.allclose(state.angular_impulse, torque, rtol=0, atol=1e-10)
+    assert np.allclose(state.impulse, -given, rtol=0, atol=1e-12 * size)
+    torque = torque[2] if shape.dim == 2 else torque
+    own_place = np.isnan(feet.slip[:, 0])  # points with little mass about their feet
+    slack = DT * np.linalg.norm(feet.force[own_place] * feet.distance[own_place, None])
+    atol = 1e-12 * size + slack
+    assert np.allclose(state.angular_impulse, -DT * torque, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("contact", CONTACTS)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_conditions_of_contact_hold_at_the_feet(shape, contact):
+    """In a flow about a moving body, to the tolerance of the sweeps."""
+    body = moving(shape, contact)
+    sim = gr.Simulation(scene_of(body, dim=shape.dim), threads=1)
+    sim.step(30)
+    before = oracle_bodies.at_its_place(body, sim.bodies[0])
+    sim._engine.p2g()
+    sim._engine.grid()
+    feet = feet_of(sim, sim._engine.nodes(), body)
+    assert before.position == pytest.approx(sim.bodies[0].position)
+    spacing = 0.5 * (feet.mass / sim.scene.material.rho_c) ** (1 / shape.dim)
+    seen = np.isfinite(feet.slip[:, 0]) & (feet.distance > -0.5 * CELL) & feet.flat
+    near = seen & (feet.distance < spacing)
+    along = np.einsum("nd,nd->n", feet.slip, feet.normal)
+    push = DT * np.abs(feet.force).max() / feet.mass.mean()  # velocity that contact makes
+    assert near.any()
+    tangential = np.linalg.norm(feet.force - feet.pressing[:, None] * feet.normal, axis=1)
+    if contact == "sticky":
+        assert np.abs(feet.slip[near]).max() < SLACK * push
+        return
+    assert np.all(tangential[seen] <= 0.4 * abs(feet.pressing[seen]) * (1 + 1e-9))
+    if contact == "bilateral":
+        assert np.abs(along[near]).max() < SLACK * push
+        return
+    assert np.all(feet.pressing[seen] >= 0)
+    least = np.minimum((spacing - feet.distance) / DT, 0)
+    assert np.all(along[seen] > least[seen] - SLACK * push)
+    pressed = near & (feet.pressing > 0)
+    assert pressed.any()
+    assert np.abs(along[pressed]).max() < SLACK * push
+    sliding = feet.slip - along[:, None] * feet.normal
+    fast = pressed & (np.linalg.norm(sliding, axis=1) > SLACK * push)
+    assert np.allclose(tangential[fast], 0.4 * feet.pressing[fast], rtol=1e-6)
 
 
 @pytest.mark.parametrize("mass", [1.0, 1e5])
@@ -133,19 +195,26 @@ def test_free_body_takes_up_the_impulse(contact, mass):
     body = Body(
         Box((0.31, 0.25)), (0.31, 0.27), motion=motion, contact=contact, free="y", mass=mass
     )
-    scene = scene_of(body)
-    sim, nodes = grid_of(scene)
-    _, free = grid_of(scene.replace(bodies=()))
-    gravity = np.array([0, -9.8, 0])
-    v, impulse, _, velocity = oracle_bodies.step(
-        body, free, (0.2, -0.5, 0.0), np.zeros(3), gravity, DT
-    )
-    assert np.allclose(nodes["v"], v[:, :2], rtol=0, atol=1e-8)
+    sim = gr.Simulation(scene_of(body), threads=1)
+    sim.step(30)
+    before = sim.bodies[0]
+    sim._engine.p2g()
+    sim._engine.grid()
+    now = oracle_bodies.at_its_place(body, before)
+    feet = oracle_bodies.Feet(sim, sim._engine.nodes(), now, np.zeros(3), np.zeros(3))
     sim._engine.g2p()
-    state = sim.bodies[0]
-    assert np.allclose(state.velocity, velocity[:2], rtol=0, atol=1e-8)
-    assert np.allclose(state.impulse, impulse[:2], rtol=1e-8, atol=1e-8)
-    assert mass * (state.velocity[1] + 0.5 + 9.8 * DT) == pytest.approx(state.impulse[1], rel=1e-10)
+    after = sim.bodies[0]
+    gained = mass * (after.velocity[1] - before.velocity[1] + 9.8 * DT)
+    assert gained == pytest.approx(after.impulse[1] - before.impulse[1], rel=1e-9)
+    slip = feet.slip - [0.2, after.velocity[1], 0.0]
+    near = np.isfinite(slip[:, 0]) & feet.flat & (abs(feet.distance) < 0.25 * CELL)
+    push = DT * np.abs(feet.force).max() / feet.mass.mean()
+    assert near.sum() > 5
+    along = np.einsum("nd,nd->n", slip, feet.normal)[near]
+    if contact == "sticky":
+        assert np.abs(slip[near]).max() < SLACK * push
+    else:
+        assert along.min() > -SLACK * push
 
 
 # ---- motion ----
@@ -224,7 +293,9 @@ def test_work_of_a_piston_is_the_energy_of_what_it_presses(contact):
     )
     sim = gr.Simulation(scene, threads=1).run(monitor=False)
     held = gr.measure.energy(sim.state)
-    assert held.elastic == pytest.approx(1e5 * 0.01**2 / 2 * 0.1, rel=0.02)
+    # The piston takes a tenth of the last of ten cells, whose two rows of points stay: their stress
+    # is a tenth too low, and the energy 2 %.
+    assert held.elastic == pytest.approx(1e5 * 0.01**2 / 2 * 0.1, rel=0.03)
     assert sim.bodies[0].work == pytest.approx(held.elastic + held.kinetic, rel=1e-3)
 
 
@@ -325,7 +396,7 @@ def test_core_refuses_bad_rows():
         with pytest.raises((TypeError, ValueError)):
             sim._engine.restore_bodies(bad)
     without = gr.Simulation(scene.replace(bodies=()), threads=1).checkpoint()
-    with pytest.raises(ValueError, match="bodies"):
+    with pytest.raises(ValueError, match="does not hold contact_force"):
         gr.Simulation.from_checkpoint(scene, without)
     rows = BOX.rows()
     columns, values = [0, 0, 0, 2, 5, 14, 14], [3.0, 4.0, -1.0, np.inf, np.nan, -1.0, np.nan]
@@ -357,7 +428,7 @@ def test_extents_are_those_of_all_orientations_of_a_motion(seed):
             row[14:] = row[14], row[14], row[15]
         places = row[2:5] + (sides * row[14:]) @ row[5:14].reshape(3, 3).T
         swept = max_over_turns(start.apply(places), turns)
-        found = extents(shape.rows(), 3, start.as_matrix(), np.array([about, 2 * about]))
+        found = extents(shape, start.as_matrix(), np.array([about, 2 * about]))
         assert (found >= swept - 1e-12).all()
         assert (found <= swept + (slack if about.any() else 1e-2)).all()
 
@@ -369,11 +440,11 @@ def max_over_turns(places, turns):
 
 
 def test_infinite_extents_stay_along_their_axis():
-    axle = Cylinder(0.1, center=(0, 0, 0), axis=(0, 1, 0)).rows()
+    axle = Cylinder(0.1, center=(0, 0, 0), axis=(0, 1, 0))
     rest, about_y, about_z = np.zeros((1, 3)), np.eye(3)[[1]], np.eye(3)[[2]]
-    assert extents(axle, 3, np.eye(3), rest) == pytest.approx([0.1, np.inf, 0.1])
-    assert extents(axle, 3, np.eye(3), about_y) == pytest.approx([0.1, np.inf, 0.1])
-    assert extents(axle, 3, np.eye(3), about_z) == pytest.approx([np.inf, np.inf, 0.1])
+    assert extents(axle, np.eye(3), rest) == pytest.approx([0.1, np.inf, 0.1])
+    assert extents(axle, np.eye(3), about_y) == pytest.approx([0.1, np.inf, 0.1])
+    assert extents(axle, np.eye(3), about_z) == pytest.approx([np.inf, np.inf, 0.1])
     both = np.concatenate([about_y, about_z])
-    assert np.isinf(extents(axle, 3, np.eye(3), both)).all()
-    assert extents(Box((1.0, 2.0)).rows(), 2, np.eye(3), rest)[:2] == pytest.approx([0.5, 1.0])
+    assert np.isinf(extents(axle, np.eye(3), both)).all()
+    assert extents(Box((1.0, 2.0)), np.eye(3), rest)[:2] == pytest.approx([0.5, 1.0])

@@ -2,14 +2,31 @@
 
 import numpy as np
 import pytest
+from oracle_body_shapes import SOLIDS
 from paraview_reader import as_array, paraview
+from scipy.stats import qmc
 
 import granular as gr
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Mesh, Motion, Union
+from granular.mpm.bodies import (
+    Body,
+    Box,
+    Capsule,
+    Complement,
+    Cylinder,
+    Difference,
+    Frustum,
+    HalfSpace,
+    Mesh,
+    Motion,
+    Polygon,
+    Revolve,
+    Sphere,
+    Union,
+)
 from granular.record.surfaces import surface
 
 
@@ -117,3 +134,43 @@ def test_what_is_refused(recorded, tmp_path):
         record.write_bodies(tmp_path / "b.vtkhdf", overwrite=True)
     with recorded(2, ()) as record, pytest.raises(ValueError, match="must have bodies"):
         record.write_bodies(tmp_path / "c.vtkhdf")
+
+
+HOLLOW = Difference(Box((0.3, 0.3, 0.2)), Sphere(0.1, center=(0.05, 0.0, 0.1)))
+RING = Revolve([(0.1, 0), (0.2, 0.1)], center=(0.0, 0.0), axis=(0.3, 1.0), thickness=0.04)
+FLAT = {
+    "polygon": Polygon([(0, 0), (0.3, 0), (0.3, 0.3), (0.15, 0.1), (0, 0.3)], rotation_deg=20.0),
+    "wall": Polygon([(-0.2, 0.2), (0, 0), (0.3, 0.1)], thickness=0.05),
+    "hopper": Frustum((0.05, 0.2), 0.3, center=(0.0, 0.0), axis=(0.2, 1.0), thickness=0.04),
+    "ring": RING,
+    "capsule": Capsule(0.1, 0.2, center=(0.1, 0.1), axis=(1.0, 1.0)),
+    "vessel": Difference(Box((0.5, 0.5)), Union((RING, Cylinder(0.1, center=(0.15, 0.1))))),
+}
+DRAWN = {name: solid.shape for name, solid in SOLIDS.items()} | FLAT | {"hollow": HOLLOW}
+
+
+@pytest.mark.parametrize("shape", DRAWN.values(), ids=DRAWN)
+def test_what_is_drawn_is_the_surface_of_the_solid(shape):
+    """Its vertices lie on it, and it encloses the volume (in 2D it has the area) of the solid."""
+    dim = shape.dim
+    vertices, polygons = surface(shape, dim, 2.0)
+    distance = shape.distance(np.ascontiguousarray(vertices[:, :dim]))[0]
+    inner = dim == 2 and shape is FLAT["vessel"]  # its area is made of small cells
+    assert (distance.max() if inner else abs(distance).max()) < 1e-9
+    triangles = np.array([(p[0], *p[k : k + 2]) for p in polygons for k in range(1, len(p) - 1)])
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    drawn = (
+        np.cross(b - a, c - a)[:, 2] / 2
+        if dim == 2
+        else np.einsum("nd,nd->n", a, np.cross(b, c)) / 6
+    )
+    x = qmc.Sobol(dim, rng=1).random_base2(18) - 0.5
+    share = (shape.distance(x)[0] < 0).mean()
+    found = abs(drawn).sum() if dim == 2 else abs(drawn.sum())
+    assert found == pytest.approx(share, rel=0.01)
+
+
+def test_unbounded_solids_are_drawn_as_a_skin():
+    vertices, polygons = surface(Complement(FLAT["polygon"]), 2, 1.0)
+    distance = Complement(FLAT["polygon"]).distance(np.ascontiguousarray(vertices[:, :2]))[0]
+    assert distance.max() < 1e-9 and distance.min() > -0.06 and len(polygons) > 100

@@ -96,9 +96,12 @@ PLANE = {"outer": 0.15, "height": 0.08, "cell": 0.004, "pressure": 5e3, "omega":
 
 
 def test_flow_between_cylinders_in_2d():
-    """Grains and cells of 4 mm, as in the paper: within 3 % of the wall's speed, with the tail."""
+    """Grains and cells of 4 mm, as in the paper: within 3 % of the wall's speed, with the tail.
+
+    At the beginning, as the pressure of a closed ring falls: by 6 % until then.
+    """
     material = beads(d=0.004)
-    profile, torque = turning(0.4, material, **PLANE)
+    profile, torque = turning(0.2, material, **PLANE)
     smooth, rough = (
         couette_flow(0.1, 0.15, material, rate=1.0, pressure=5e3, walls=walls)
         for walls in ("smooth", "rough")
@@ -109,13 +112,16 @@ def test_flow_between_cylinders_in_2d():
     assert tail(profile.r, profile.omega) == pytest.approx(tail(smooth.r, smooth.omega), rel=0.15)
     # steady: the two cylinders have equal and opposite moments
     assert torque[0] == pytest.approx(-torque[1], rel=0.02)
+    # in cells of 2 mm within 1 %
+    moment = 2 * np.pi * 0.1**2 * smooth.mu_wall * 5e3
+    assert torque[1] == pytest.approx(moment, rel=0.04)
 
 
 @pytest.mark.slow
 def test_no_slip_cylinders_hold_the_fluidity():
     """As in the figure: the fluidity should be 0 in the material held by an overlap."""
     material = beads(d=0.004)
-    profile, _ = turning(0.4, material, rough=True, overlap=0.0, **PLANE)
+    profile, _ = turning(0.4, material, rough=True, **PLANE)
     flow = couette_flow(0.1, 0.15, material, rate=1.0, pressure=5e3, walls="rough")
     assert error(profile, 1.0, flow).max() < 0.05
 

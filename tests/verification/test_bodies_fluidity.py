@@ -15,6 +15,10 @@ from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall
 
 CELL, HEIGHT, BELOW = 0.01, 8, 3
+TIME_STEP = 1e-4
+SWEEPS = 1e-2
+"""Error of contact: sweeps over the feet end when they change velocities by less than this part of
+what contact changes in the step (csrc/mpm/contact.c)."""
 GRAINS = NGF(
     E=1e6, mu_s=0.38, mu_2=0.64, I0=0.28, d=5e-3, rho_s=2450.0, A=0.5, t0=1e-3
 )  # fmt: skip
@@ -37,7 +41,7 @@ def layer(dim, stencil, elasticity, **scene):
         fills=(Fill(Region((*lower, 0.0), (*upper, HEIGHT * CELL)), 2**dim, lithostatic=True),),
         material=GRAINS.replace(elasticity=elasticity),
         scheme=gr.Scheme(
-            basis="linear", transfer="apic", density=gr.ParticleDensity(), dt=1e-4,
+            basis="linear", transfer="apic", density=gr.ParticleDensity(), dt=TIME_STEP,
             fluidity=Fluidity(method="implicit", stencil=stencil, initial=1.0),
         ),
         gravity=Gravity((0.0, 1e-6), (down, tuple(tilted))),
@@ -55,7 +59,11 @@ def flow(scene):
 @pytest.mark.parametrize("stencil", ["faces", "isotropic"])
 @pytest.mark.parametrize(("dim", "elasticity"), [(2, "hypoelastic"), (3, "hencky")])
 def test_a_no_slip_body_is_a_no_slip_wall(dim, elasticity, stencil):
-    """On common nodes and faces a no-slip body acts as a no-slip wall; a free-slip body differs."""
+    """On common nodes and faces a rough body acts as a no-slip wall; a smooth one differs.
+
+    Contact holds the velocity at the base to a part of what gravity adds in a step. The fluidity
+    follows the flow, with the same relative error.
+    """
     up = (0.0,) * (dim - 1) + (1.0,)
     ground = HalfSpace(up, (0.0,) * (dim - 1) + (1e-9,))
     wall = flow(layer(dim, stencil, elasticity, walls=(Wall(dim - 1, 0.0, kind="no_slip"),)))
@@ -63,11 +71,14 @@ def test_a_no_slip_body_is_a_no_slip_wall(dim, elasticity, stencil):
     for rough in (True, False):
         ground_body = Body(ground, (0.0,) * dim, contact="sticky", rough=rough)
         body[rough] = flow(layer(dim, stencil, elasticity, below=BELOW, bodies=(ground_body,)))
-    assert wall.v[:, 0].max() > 0.03
+    fastest = wall.v[:, 0].max()
+    error = SWEEPS * 9.8 * TIME_STEP / fastest
+    assert fastest > 0.03
+    assert error < 3e-4
     for name in ("v", "g"):
         reference, found = (getattr(state, name) for state in (wall, body[True]))
-        np.testing.assert_allclose(found, reference, rtol=0, atol=1e-9 * abs(reference).max())
-        assert abs(getattr(body[False], name) - reference).max() > 0.01 * abs(reference).max()
+        np.testing.assert_allclose(found, reference, rtol=0, atol=error * abs(reference).max())
+        assert abs(getattr(body[False], name) - reference).max() > 0.1 * abs(reference).max()
 
 
 # ---- periodic directions ----
@@ -108,16 +119,20 @@ def pool(shift, *, dim=2, height=0.15, turning=None, **body):
     ],
 )
 def test_bodies_have_images(dim, options):
-    """The result is independent of where the period ends and how often a body has passed it."""
-    impulses = []
+    """The result is independent of where the period ends and how often a body has passed it.
+
+    Shifts change the order of the feet, and by round-off which of the points of a regular pattern
+    have one: points at one distance from an edge, and on the faces of cells.
+    """
+    impulses = {}
     for shift in (0, 2, -3, 30):
         sim = gr.Simulation(pool(shift, dim=dim, **options), threads=1)
         sim.step(60)  # before round-off decides whether a point is disconnected
-        impulses.append(np.append(sim.bodies[0].impulse, sim.bodies[0].angular_impulse))
+        impulses[shift] = np.append(sim.bodies[0].impulse, sim.bodies[0].angular_impulse)
     assert np.linalg.norm(impulses[0][:dim]) > 0.1
-    for impulse in impulses[1:]:
+    for shift in (30, 2, -3):
         np.testing.assert_allclose(
-            impulse, impulses[0], rtol=0, atol=1e-10 * abs(impulses[0]).max()
+            impulses[shift], impulses[0], rtol=0, atol=0.01 * abs(impulses[0]).max()
         )
 
 

@@ -160,7 +160,12 @@ def test_bits_do_not_depend_on_threads_or_restarts(dim):
 
 
 def behind(g, dim, place, turned_deg, stencil, thin_bodies=1, **body):
-    """Fluidity behind a thin body in a bed, after steps with that in front of it held at `g`."""
+    """Fluidity behind a thin body in a bed, after steps with that in front of it held at `g`.
+
+    The steps are so short that nothing moves: contact ends its sweeps when all feet are right, on
+    whatever side, and so carries motion in front over by a part of its error.
+    """
+    dt = 1e-9
     rotation = turned_deg if dim == 2 else (0.0, turned_deg, 0.6 * turned_deg)
     middle = (0.15,) * (dim - 1) + (place * CELL,)
     size = (1.0,) * (dim - 1) + (0.2 * CELL,)
@@ -169,8 +174,8 @@ def behind(g, dim, place, turned_deg, stencil, thin_bodies=1, **body):
     scene = layers(endless(dim), dim=dim).replace(
         grid=Grid((0.0,) * dim, CELL, (6,) * (dim - 1) + (12,)),
         fills=(Fill(Region((0.0,) * dim, (0.3,) * (dim - 1) + (0.5,)), 4**dim, lithostatic=True),),
-        material=NONLOCAL,
-        scheme=scheme(fluidity=fluidity),
+        material=NONLOCAL.replace(t0=2.5 * dt),
+        scheme=scheme(fluidity=fluidity, dt=dt),
         bodies=(thin_body,) * thin_bodies,
         gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
     )
@@ -183,7 +188,9 @@ def behind(g, dim, place, turned_deg, stencil, thin_bodies=1, **body):
     return sim.state.g[~before[:-1]]
 
 
-@pytest.mark.parametrize(("rough", "stencil"), [(False, "isotropic"), (True, "faces")])
+@pytest.mark.parametrize(
+    ("rough", "stencil"), [(False, "isotropic"), (True, "faces"), (True, "isotropic")]
+)
 @pytest.mark.parametrize(
     ("dim", "place", "turned_deg"),
     [(2, 5.0, 0.0), (2, 5.25, 0.0), (2, 5.5, 0.0), (2, 5.75, 0.0), (2, 5.3, 25.0), (3, 5.3, 20.0)],
@@ -194,7 +201,7 @@ def test_fluidity_does_not_pass(dim, place, turned_deg, rough, stencil):
     assert quiet.max() > 0.01
     np.testing.assert_allclose(loud, quiet, rtol=1e-5, atol=1e-9)
     held = behind(100.0, dim, place, turned_deg, stencil, thin_bodies=0)
-    assert held.max() > 10.0
+    assert held.max() > 10.0 * quiet.max()
 
 
 def test_what_is_not_held_is_told():
@@ -207,9 +214,7 @@ def test_what_is_not_held_is_told():
     rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
     pebble = Body(small_mesh(0.12), (0.1, 0.1, 0.3))
     for body in (rod, pebble):
-        with pytest.warns(
-            gr.StabilityWarning, match=r"bodies\[0\] has a cylinder or mesh of 0.0(4|692)"
-        ):
+        with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] has a part of 0.0(4|692)"):
             gr.Simulation(layers(endless(body.dim), dim=body.dim).replace(bodies=(body,)))
 
 

@@ -1,0 +1,393 @@
+/* Contact points of the material with the surfaces of bodies (feet.h). */
+#include "mpm/feet.h"
+
+#include <stdlib.h>
+
+#include "core/memory.h"
+#include "mpm/migrate.h"
+#include "mpm/pose.h"
+#include "mpm/shape.h"
+#include "mpm/walls.h"
+
+/* Distances in cells: a point has its foot nearer than this, at Courant numbers up to 1/2; bodies may move so far before
+ * the cells near them are listed again. */
+#define REACH 1.5
+#define FOLLOW 0.5
+
+/* Points deeper in a body than this, in cells, were there from the beginning: the surface does not act on them. */
+#define DEEP 0.5
+
+/* Points that have slipped in at an edge by more than DEEPEST, and less than LOST, are moved out, in cells, by at most OUT
+ * in so many steps. */
+#define DEEPEST 0.1
+#define LOST 1.5
+#define OUT 0.1
+enum { OUT_INTERVAL = 8 };
+
+/* Surfaces that hold material whatever its velocity do so up to this distance, over r: rows of points lie at r, and noise
+ * must not decide. */
+#define HOLD 1.5
+
+/* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this; of their shape functions
+ * at least this part has mass. */
+#define LEAST_FILLING 0.1
+#define LEAST_SUM 0.2
+
+/* A node is left out if its mass is less than this part of the mean mass at the foot times its shape function: it would
+ * take up the impulse alone. */
+#define LEAST_SHARE 0.1
+
+/* Where walls hold more than the rest of the mobility of a foot, they act there, and not the body. */
+#define LEAST_MOBILE 0.1
+
+/* A foot is at a convex edge if the surface recedes by more than EDGE_FALL of a step of EDGE_STEP cells along a tangent. */
+#define EDGE_NEAR 0.35
+#define EDGE_STEP 0.5
+#define EDGE_FALL 0.3
+
+int gr_feet_new(struct gr_engine *e)
+{
+    e->feet = calloc(1, sizeof *e->feet);
+    if (!e->feet) return GR_ERR_MEMORY;
+    e->feet->pose = calloc((size_t)e->config.n_bodies, sizeof *e->feet->pose);
+    return e->feet->pose ? GR_OK : GR_ERR_MEMORY;
+}
+
+void gr_feet_free(struct gr_feet *feet)
+{
+    if (!feet) return;
+    free(feet->foot);
+    free(feet->node);
+    free(feet->number);
+    free(feet->near);
+    free(feet->bodies);
+    free(feet->pose);
+    free(feet);
+}
+
+/* Signed distance of x from a body, and the normal in axes of the scene. */
+static double distance(const struct gr_engine *e, const struct gr_pose *pose, const double x[3], double arm[3],
+                       double normal[3])
+{
+    double local[3], at[3];
+    for (int d = 0; d < 3; d++) arm[d] = d < e->config.dim ? gr_pose_arm(pose, x[d], d) : 0;
+    gr_pose_in_body(pose, arm, at);
+    const double phi = gr_union_distance(pose->parts, pose->body->n_parts, at, local);
+    gr_pose_in_space(pose, local, normal);
+    return phi;
+}
+
+/* The same for a point of a cell. Points of double cells stay on their side of a thin body, however deep they are. */
+static double distance_on_side(const struct gr_engine *e, const struct gr_cell *cell, int b, const struct gr_pose *pose,
+                               const double x[3], double arm[3], double normal[3])
+{
+    struct gr_facing side;
+    const double phi = distance(e, pose, x, arm, normal);
+    if (!e->n_thin || !GR_IS_DOUBLE(cell)) return phi;
+    gr_nearest_thin(e, x, 1, &side);
+    if (side.body != b || !side.facing) return phi;
+    for (int d = 0; d < 3; d++) normal[d] = cell->side * side.normal[d];
+    return cell->side * side.mid - side.half;
+}
+
+static int reserve(struct gr_engine *e)
+{
+    struct gr_feet *feet = e->feet;
+    int64_t most = 0;
+    for (int64_t k = 0; k < feet->n_near; k++)
+        most += (int64_t)e->mesh.cell[feet->near[k]].capacity * __builtin_popcountll(feet->bodies[k]);
+    if (most > feet->capacity) {
+        feet->capacity = 0;
+        GR_RESIZE(feet->foot, most + most / 2);
+        feet->capacity = most + most / 2;
+    }
+    if (e->mesh.n_nodes > feet->node_capacity) {
+        const int64_t n = e->mesh.node_capacity;
+        feet->node_capacity = 0;
+        GR_RESIZE(feet->node, n);
+        GR_RESIZE(feet->number, n);
+        memset(feet->number, 0, sizeof *feet->number * (size_t)n);
+        feet->node_capacity = n;
+    }
+    return GR_OK;
+}
+
+int gr_feet_list(struct gr_engine *e)
+{
+    struct gr_feet *feet = e->feet;
+    const double dx = e->config.dx, near = (REACH + FOLLOW + 0.5 * sqrt(e->config.dim)) * dx;
+    struct gr_pose pose[GR_MAX_BODIES];
+    int moved = !feet->listed;
+    for (int b = 0; b < e->config.n_bodies && !moved; b++) moved = gr_body_moved(e, b, &feet->pose[b]) > FOLLOW * dx;
+    if (!moved) return GR_OK;
+    if (e->mesh.n_cells > feet->near_capacity) {
+        feet->near_capacity = 0;
+        GR_RESIZE(feet->near, e->mesh.cell_capacity);
+        GR_RESIZE(feet->bodies, e->mesh.cell_capacity);
+        feet->near_capacity = e->mesh.cell_capacity;
+    }
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        memcpy(feet->pose[b].x, e->body[b].x, sizeof feet->pose[b].x);
+        memcpy(feet->pose[b].orientation, e->body[b].orientation, sizeof feet->pose[b].orientation);
+        gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
+    }
+    feet->n_near = 0;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        uint64_t bodies = 0;
+        double x[3], arm[3], normal[3];
+        gr_cell_position(e, e->mesh.cell[c].at, x);
+        for (int b = 0; b < e->config.n_bodies; b++)
+            if (distance(e, &pose[b], x, arm, normal) < near) bodies |= (uint64_t)1 << b;
+        if (!bodies) continue;
+        feet->near[feet->n_near] = c;
+        feet->bodies[feet->n_near++] = bodies;
+    }
+    feet->listed = 1;
+    return reserve(e);
+}
+
+/* True if the surface recedes from the tangent plane of a foot at a distance of half a cell: a convex edge or a vertex. */
+static int is_at_edge(const struct gr_engine *e, const struct gr_pose *pose, const double foot[3], const double n[3])
+{
+    const int dim = e->config.dim;
+    const double step = EDGE_STEP * e->config.dx;
+    double tangent[2][3] = {{-n[1], n[0], 0}, {0}}, arm[3], normal[3], local[3];
+    for (int d = 0; d < 3; d++) arm[d] = d < dim ? gr_pose_arm(pose, foot[d], d) : 0;
+    gr_pose_in_body(pose, arm, local);
+    if (!gr_union_edge_near(pose->parts, pose->body->n_parts, local, EDGE_NEAR * e->config.dx)) return 0;
+    if (dim == 3) {
+        const int least = fabs(n[0]) < fabs(n[1]) ? (fabs(n[0]) < fabs(n[2]) ? 0 : 2) : fabs(n[1]) < fabs(n[2]) ? 1 : 2;
+        double square = 0;
+        for (int d = 0; d < 3; d++) tangent[0][d] = (d == least) - n[least] * n[d];
+        for (int d = 0; d < 3; d++) square += tangent[0][d] * tangent[0][d];
+        for (int d = 0; d < 3; d++) tangent[0][d] /= sqrt(square);
+        for (int d = 0; d < 3; d++)
+            tangent[1][d] = n[(d + 1) % 3] * tangent[0][(d + 2) % 3] - n[(d + 2) % 3] * tangent[0][(d + 1) % 3];
+    }
+    for (int t = 0; t < dim - 1; t++) {
+        double fall = 0;
+        for (int side = -1; side < 2; side += 2) {
+            double x[3];
+            for (int d = 0; d < 3; d++) x[d] = foot[d] + side * step * tangent[t][d];
+            fall += fmax(distance(e, pose, x, arm, normal), 0);
+        }
+        if (fall > EDGE_FALL * step) return 1;
+    }
+    return 0;
+}
+
+/* The node of the mesh with this index in the whole grid on a side of thin bodies, -1 if it is not active. Of two
+ * duplicates that are not separated the first. */
+static int64_t node_on_side(const struct gr_engine *e, int64_t id, int side)
+{
+    const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
+    if (n < 0 || !e->n_thin || e->mesh.duplicate[n] < 0) return n;
+    return n + (side < 0 && e->mesh.separated[n]);
+}
+
+static double mass_of(const struct gr_engine *e, int64_t n)
+{
+    const int joined = e->n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n];
+    return e->node_mass[n] + (joined ? e->node_mass[e->mesh.duplicate[n]] : 0);
+}
+
+/* Shape functions at x, and the indices of their nodes in the whole grid.
+ * Returned: their number; 0 if x lies outside of the domain. */
+static int shapes_at(const struct gr_engine *e, const double x[3], double weight[GR_MAX_NODES], int64_t id[GR_MAX_NODES])
+{
+    const int dim = e->config.dim, basis = e->config.basis, k = gr_nodes_1d(basis);
+    double w[3][3];
+    const struct gr_axis_cell *cell[3];
+    for (int d = 0; d < dim; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        double place = x[d] - axis->origin;
+        if (axis->periodic) place -= axis->length * floor(place / axis->length);
+        int64_t at = gr_locate(axis, e->inv_dx, axis->origin + place);
+        if (at < 0 || at >= axis->n_cells) {
+            if (!axis->periodic && fabs(place - 0.5 * axis->length) > 0.5 * axis->length + 1e-9 * e->config.dx) return 0;
+            at = at < 0 ? 0 : axis->n_cells - 1;
+        }
+        cell[d] = &axis->cell[at];
+        vd value[3], slope[3];
+        gr_shape_1d(basis, cell[d], e->config.lambda, v_set((axis->origin + place - cell[d]->edge) * e->inv_dx), value,
+                    slope);
+        for (int a = 0; a < k; a++) w[d][a] = value[a][0];
+    }
+    for (int i = 0; i < e->K; i++) {
+        const int part[3] = {i % k, i / k % k, i / (k * k)};
+        weight[i] = 1, id[i] = 0;
+        for (int d = dim - 1; d >= 0; d--) {
+            weight[i] *= w[d][part[d]];
+            id[i] = id[i] * e->axis[d].n_nodes + cell[d]->node[part[d]];
+        }
+    }
+    return e->K;
+}
+
+/* The number of a node among those of the feet. */
+static int32_t number_of(struct gr_engine *e, int64_t n)
+{
+    struct gr_feet *feet = e->feet;
+    if (feet->number[n]) return feet->number[n] - 1;
+    const int dim = e->config.dim, fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
+    struct gr_foot_node *node = &feet->node[feet->n_nodes];
+    const double mobility = 1 / mass_of(e, n);
+    memset(node, 0, sizeof *node);
+    node->n = n;
+    for (int d = 0; d < dim; d++) {
+        node->before[d] = node->v[d] = e->node_data[n * e->node_stride + GR_NODE_VELOCITY + d];
+        node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
+    }
+    return (feet->number[n] = (int32_t)++feet->n_nodes) - 1;
+}
+
+/* Set nodes, weights and mobilities of a foot that acts at x.
+ * Returned: whether it can act there. */
+static int support(struct gr_engine *e, const double x[3], int side, double least_filling, struct gr_foot *foot)
+{
+    int64_t id[GR_MAX_NODES];
+    const int dim = e->config.dim, n = shapes_at(e, x, foot->weight, id);
+    const struct gr_body *body = &e->config.bodies[foot->body];
+    double sum = 0, mass = 0, along[3] = {0}, unheld = 0;
+    int64_t node[GR_MAX_NODES];
+    int used = 0;
+    for (int i = 0; i < n; i++) {
+        node[i] = foot->weight[i] > 0 ? node_on_side(e, id[i], side) : -1;
+        if (node[i] < 0) continue;
+        mass += foot->weight[i] * mass_of(e, node[i]);
+    }
+    const double least = fmax(LEAST_SHARE * mass, e->config.mass_cutoff);
+    for (int i = 0; i < n; i++) {
+        const double weight = foot->weight[i];
+        if (node[i] < 0 || !(mass_of(e, node[i]) > least * weight)) continue;
+        sum += weight;
+        node[used] = node[i], foot->weight[used++] = weight;
+    }
+    if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
+    foot->n_nodes = used;
+    for (int i = 0; i < used; i++) {
+        foot->weight[i] /= sum;
+        foot->node[i] = number_of(e, node[i]);
+        unheld += foot->weight[i] * foot->weight[i] / mass_of(e, node[i]);
+        for (int d = 0; d < dim; d++)
+            along[d] += foot->weight[i] * foot->weight[i] * e->feet->node[foot->node[i]].mobility[d];
+    }
+    foot->normal_mobility = foot->mobility = 0;
+    for (int d = 0; d < dim; d++) {
+        const double all = along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
+        foot->normal_mobility += foot->normal[d] * foot->normal[d] * all;
+        foot->mobility = fmax(foot->mobility, all);
+    }
+    return foot->normal_mobility > LEAST_MOBILE * unheld;
+}
+
+/* Find the foot of the point at `place` on a body.
+ * Returned: whether it has one. */
+static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t place, int b, const struct gr_pose *pose,
+                     double fall, struct gr_foot *foot)
+{
+    const int dim = e->config.dim;
+    const int separating = pose->body->contact == GR_CONTACT_SEPARATING;
+    double x[3] = {0}, at[3], into = 0;
+    for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + place];
+    const double phi = distance_on_side(e, cell, b, pose, x, foot->arm, foot->normal);
+    if (phi > REACH * e->config.dx) return 0;
+    if (phi < -DEEP * e->config.dx) return 0;
+    const double filling = e->field[GR_FIELD_mass][place] * e->mass_scale;
+    const double r = 0.5 * e->config.dx * (dim == 2 ? sqrt(filling) : cbrt(filling));
+    if (separating && !(phi < r)) {
+        const double *w = e->body[b].omega, *arm = foot->arm;
+        for (int d = 0; d < dim; d++) {
+            const double turning = w[(d + 1) % 3] * arm[(d + 2) % 3] - w[(d + 2) % 3] * arm[(d + 1) % 3];
+            into += (e->field[GR_FIELD_v][d * e->capacity + place] - e->body[b].v[d] - turning) * foot->normal[d];
+        }
+    }
+    if (!(phi < r) && (separating ? !(phi + 2 * e->dt * (into - fall) < r) : !(phi < HOLD * r))) return 0;
+    foot->body = b;
+    foot->bound = separating && phi > r ? (r - phi) / e->dt : 0;
+    foot->most = e->field[GR_FIELD_mass][place] * e->config.wave_speed;
+    foot->place = place;
+    for (int d = 0; d < 3; d++) at[d] = x[d] - phi * foot->normal[d];
+    if (is_at_edge(e, pose, at, foot->normal)) return 0;
+    if (support(e, at, cell->side, LEAST_FILLING, foot)) {
+        for (int d = 0; d < 3; d++) foot->arm[d] -= phi * foot->normal[d];
+        return 1;
+    }
+    return support(e, x, cell->side, 0, foot);
+}
+
+/* Start the impulses of the n feet of a point. */
+static void start_from_force(const struct gr_engine *e, int n, struct gr_foot *foot)
+{
+    const double *force = e->field[GR_FIELD_contact_force] + foot->place;
+    for (int k = 0; k < n; k++, foot++) {
+        const struct gr_body *body = &e->config.bodies[foot->body];
+        double before[3] = {0};
+        for (int d = 0; d < e->config.dim; d++) before[d] = e->dt * force[d * e->capacity];
+        foot->pressing = 0;
+        for (int d = 0; d < 3; d++) foot->pressing += before[d] * foot->normal[d];
+        if (body->contact == GR_CONTACT_SEPARATING) foot->pressing = fmax(foot->pressing, 0);
+        for (int d = 0; d < 3; d++) foot->impulse[d] = foot->pressing * foot->normal[d];
+        if (n > 1 || !(foot->pressing != 0)) continue;
+        memcpy(foot->impulse, before, sizeof before);
+    }
+}
+
+void gr_feet_keep(struct gr_engine *e)
+{
+    const struct gr_feet *feet = e->feet;
+    for (int d = 0; d < e->config.dim; d++) {
+        double *force = e->field[GR_FIELD_contact_force] + d * e->capacity;
+        for (int64_t k = 0; k < feet->n_near; k++) {
+            const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
+            memset(force + cell->offset, 0, sizeof(double) * (size_t)cell->count);
+        }
+        for (int64_t k = 0; k < feet->n; k++) force[feet->foot[k].place] += e->inv_dt * feet->foot[k].impulse[d];
+    }
+}
+
+void gr_feet_find(struct gr_engine *e, const double g[3])
+{
+    struct gr_feet *feet = e->feet;
+    struct gr_pose pose[GR_MAX_BODIES];
+    double fall = 0;
+    for (int d = 0; d < e->config.dim; d++) fall += g[d] * g[d];
+    fall = 2 * e->dt * sqrt(fall);
+    for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
+    for (int64_t k = 0; k < feet->n_nodes; k++) feet->number[feet->node[k].n] = 0;
+    feet->n = feet->n_nodes = 0;
+    for (int64_t k = 0; k < feet->n_near; k++) {
+        const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
+        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++) {
+            int n = 0;
+            for (int b = 0; b < e->config.n_bodies; b++)
+                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, &pose[b], fall, &feet->foot[feet->n + n]);
+            if (n) start_from_force(e, n, &feet->foot[feet->n]);
+            feet->n += n;
+        }
+    }
+}
+
+void gr_feet_move_out(struct gr_engine *e)
+{
+    const struct gr_feet *feet = e->feet;
+    const double dx = e->config.dx;
+    struct gr_pose pose[GR_MAX_BODIES];
+    if (e->step % OUT_INTERVAL) return;
+    for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
+    for (int64_t k = 0; k < feet->n_near; k++) {
+        const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
+        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++)
+            for (int b = 0; b < e->config.n_bodies; b++) {
+                double x[3] = {0}, arm[3], normal[3];
+                if (!(feet->bodies[k] >> b & 1)) continue;
+                for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+                const double deep = -distance_on_side(e, cell, b, &pose[b], x, arm, normal) - DEEPEST * dx;
+                if (!(deep > 1e-9 * dx) || deep > (LOST - DEEPEST) * dx) continue;
+                for (int d = 0; d < e->config.dim; d++) x[d] += fmin(deep, OUT * dx) * normal[d];
+                if (!gr_replace_point(e, feet->near[k], s, x)) continue;
+                s--; /* another point has taken its place */
+                break;
+            }
+    }
+}

@@ -1,0 +1,70 @@
+/* Contact points of the material with the surfaces of bodies.
+ *
+ * A material point near a body touches it at its foot, the nearest point x_s = x - phi n of the surface, with phi the
+ * signed distance and n the outward normal. There the velocity of the material is interpolated from the nodes. A point
+ * takes part if its distance is below r, half the spacing of points,
+ *
+ *   r = (m/rho_c)^(1/dim)/2,
+ *
+ * or can fall below it within the next two steps; of sticky and bilateral surfaces, if it is below 1.5 r. The impulses at all feet are found together (contact.c).
+ *
+ * An impulse is at most m c_w, with the speed c_w of compression waves: a traction of about rho c_w^2. Where material is
+ * pinched between surfaces that approach each other no impulse fulfils all conditions, and this alone bounds it.
+ *
+ * Where the nodes about a foot have hardly any mass, a point acts at its own place instead: there is its own mass at
+ * least. At convex edges the normal is not that of a face, and feet act on the faces beside the edge alone. */
+#pragma once
+
+#include "mpm/engine.h"
+
+/* A foot. Nodes are numbered in gr_feet; the shape functions of those with mass are normalised to the sum 1. */
+struct gr_foot {
+    int body, n_nodes;
+    int64_t place; /* of the point in its arrays */
+    int32_t node[GR_MAX_NODES];
+    double weight[GR_MAX_NODES];
+    double arm[3], normal[3];         /* from the position of the body, m; out of the body */
+    double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
+    double bound;                     /* of the velocity along the normal, m/s: <= 0 */
+    double most;                      /* impulse, N s */
+    double impulse[3], pressing;      /* on the material, N s; its part along the normal */
+};
+
+/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component, and its place in the mesh. */
+struct gr_foot_node {
+    double v[4], mobility[4], before[4];
+    int64_t n;
+};
+
+struct gr_feet {
+    struct gr_foot *foot;
+    int64_t n, capacity;
+    struct gr_foot_node *node;
+    int64_t n_nodes, node_capacity;
+    int32_t *number; /* per node of the mesh: its number + 1 among those of the feet, 0 for none */
+    int64_t number_capacity;
+    int64_t *near;    /* cells near a body, ascending */
+    uint64_t *bodies; /* of these: bit b: body b */
+    int64_t n_near, near_capacity;
+    struct gr_split_pose *pose; /* of the bodies, when these cells were listed */
+    int listed;
+};
+
+int gr_feet_new(struct gr_engine *e);
+void gr_feet_free(struct gr_feet *feet);
+
+/* List the cells near bodies, unless the list still holds: the mesh is the same and no body has moved far. It does not
+ * bear on the results.
+ * Returned: 0 or GR_ERR_MEMORY. */
+int gr_feet_list(struct gr_engine *e);
+
+/* Find the feet of this step. Call it after the grid stage. The impulses start from those of the last step, which the
+ * points have kept as forces: of a point with several feet, each has the part of the force along its normal. */
+void gr_feet_find(struct gr_engine *e, const double g[3]);
+
+/* Keep the impulses of the feet as forces on their points. */
+void gr_feet_keep(struct gr_engine *e);
+
+/* Move points that have slipped into a body at one of its edges towards its surface. Call it when the points are in their
+ * cells, and before the sums of the cells that lost or gained points are made anew. */
+void gr_feet_move_out(struct gr_engine *e);

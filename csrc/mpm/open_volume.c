@@ -1,0 +1,192 @@
+/* What bodies take of the volume of the nodes near their surface (open_volume.h). */
+#include "mpm/open_volume.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "core/memory.h"
+#include "mpm/pose.h"
+
+/* Cells deeper in a body than this, in cells, have no node that material reaches: it is never deeper than a quarter. */
+#define DEEP 4.0
+
+/* Subdivisions of a cut cell along each axis. */
+enum { PARTS_2D = 8, PARTS_3D = 4, MOST_PARTS = 8 };
+
+int gr_open_volume_new(struct gr_engine *e, int64_t n_nodes)
+{
+    e->open = calloc(1, sizeof *e->open);
+    if (!e->open) return GR_ERR_MEMORY;
+    e->open->pose = calloc((size_t)e->config.n_bodies, sizeof *e->open->pose);
+    return e->open->pose ? gr_table_new(&e->open->place, n_nodes) : GR_ERR_MEMORY;
+}
+
+void gr_open_volume_free(struct gr_open_volume *open)
+{
+    if (!open) return;
+    gr_table_free(&open->place);
+    free(open->solid);
+    free(open->slope);
+    free(open->id);
+    free(open->pose);
+    free(open);
+}
+
+/* Signed distance from the nearest body, and its normal. */
+static double distance(const struct gr_engine *e, const struct gr_pose *pose, const double x[3], double normal[3])
+{
+    double nearest = INFINITY;
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        double arm[3] = {0}, local[3], n[3];
+        for (int d = 0; d < e->config.dim; d++) arm[d] = gr_pose_arm(&pose[b], x[d], d);
+        gr_pose_in_body(&pose[b], arm, local);
+        const double phi = gr_union_distance(pose[b].parts, pose[b].body->n_parts, local, n);
+        if (!(phi < nearest)) continue;
+        nearest = phi;
+        gr_pose_in_space(&pose[b], n, normal);
+    }
+    return nearest;
+}
+
+/* Place of a node, a new one if it has none; -1 without memory. */
+static int64_t place_of(struct gr_engine *e, int64_t id)
+{
+    struct gr_open_volume *open = e->open;
+    const int dim = e->config.dim;
+    int64_t k = gr_open_place(open, id);
+    if (k >= 0) return k;
+    if (open->n == open->capacity) {
+        const int64_t n = 2 * open->capacity + 256;
+        void *solid = realloc(open->solid, sizeof(double) * (size_t)n);
+        if (solid) open->solid = solid;
+        void *slope = realloc(open->slope, sizeof(double) * (size_t)(n * dim));
+        if (slope) open->slope = slope;
+        void *ids = realloc(open->id, sizeof(int64_t) * (size_t)n);
+        if (ids) open->id = ids;
+        if (!solid || !slope || !ids) return -1;
+        open->capacity = n;
+    }
+    k = open->n++;
+    open->id[k] = id;
+    open->solid[k] = 0;
+    for (int d = 0; d < dim; d++) open->slope[k * dim + d] = 0;
+    return gr_table_set(&open->place, id, (int32_t)(k + 1)) ? -1 : k;
+}
+
+/* Solid share of each part of a cell; the normal is n where the distance is linear. */
+static void solid_parts(const struct gr_engine *e, const struct gr_pose *pose, const int32_t at[3], int parts, double *share)
+{
+    const int dim = e->config.dim, parts_z = dim == 3 ? parts : 1;
+    const double size = e->config.dx / parts;
+    for (int k = 0; k < parts_z; k++)
+        for (int j = 0; j < parts; j++)
+            for (int i = 0; i < parts; i++) {
+                const double part[3] = {i + 0.5, j + 0.5, k + 0.5};
+                double x[3] = {0}, n[3] = {0}, width = 0;
+                for (int d = 0; d < dim; d++) x[d] = e->axis[d].cell[at[d]].edge + part[d] * size;
+                const double phi = distance(e, pose, x, n);
+                for (int d = 0; d < dim; d++) width += fabs(n[d]);
+                *share++ = fmax(0, fmin(1, 0.5 - phi / (size * width)));
+            }
+}
+
+/* Integrals over a part of a cell of the shape functions of one axis, and of their derivatives. */
+static void integrate_1d(const struct gr_axis_cell *cell, int nodes, double from, double to, double value[3],
+                         double slope[3])
+{
+    for (int a = 0; a < nodes; a++) {
+        const double *c = cell->coefficient[a];
+        value[a] = to * (c[0] + to * (c[1] / 2 + to * c[2] / 3)) - from * (c[0] + from * (c[1] / 2 + from * c[2] / 3));
+        slope[a] = to * (c[1] + to * c[2]) - from * (c[1] + from * c[2]);
+    }
+}
+
+/* Add the solid part of a cell to its nodes. */
+static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32_t at[3])
+{
+    const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis), parts = dim == 2 ? PARTS_2D : PARTS_3D;
+    double share[MOST_PARTS * MOST_PARTS], value[3][MOST_PARTS][3], slope[3][MOST_PARTS][3]; /* 8^2 = 4^3 */
+    double solid[GR_MAX_NODES] = {0}, gradient[GR_MAX_NODES][3] = {{0}};
+    solid_parts(e, pose, at, parts, share);
+    for (int d = 0; d < dim; d++)
+        for (int p = 0; p < parts; p++)
+            integrate_1d(&e->axis[d].cell[at[d]], k, (double)p / parts, (p + 1.0) / parts, value[d][p], slope[d][p]);
+    for (int p = 0; p < (dim == 2 ? parts * parts : parts * parts * parts); p++) {
+        const int of[3] = {p % parts, p / parts % parts, p / (parts * parts)};
+        for (int i = 0; share[p] > 0 && i < e->K; i++) {
+            const int node[3] = {i % k, i / k % k, i / (k * k)};
+            double whole = share[p];
+            for (int d = 0; d < dim; d++) whole *= value[d][of[d]][node[d]];
+            solid[i] += whole;
+            for (int d = 0; d < dim; d++) {
+                double part = share[p];
+                for (int j = 0; j < dim; j++) part *= j == d ? slope[j][of[j]][node[j]] : value[j][of[j]][node[j]];
+                gradient[i][d] += part;
+            }
+        }
+    }
+    for (int i = 0; i < e->K; i++) {
+        const int node[3] = {i % k, i / k % k, i / (k * k)};
+        int64_t id = 0;
+        for (int d = dim - 1; d >= 0; d--) id = id * e->axis[d].n_nodes + e->axis[d].cell[at[d]].node[node[d]];
+        const int64_t place = place_of(e, id);
+        if (place < 0) return GR_ERR_MEMORY;
+        e->open->solid[place] += solid[i];
+        for (int d = 0; d < dim; d++) e->open->slope[place * dim + d] += gradient[i][d];
+    }
+    return GR_OK;
+}
+
+/* Add the solid cells of a box of n cells from `at` on: by halves, leaving out those without a surface near. */
+static int add_box(struct gr_engine *e, const struct gr_pose *pose, const int32_t at[3], const int32_t n[3])
+{
+    const double dx = e->config.dx;
+    double x[3] = {0}, normal[3], square = 0;
+    int longest = 0;
+    for (int d = 0; d < e->config.dim; d++) {
+        x[d] = e->axis[d].cell[at[d]].edge + 0.5 * n[d] * dx;
+        square += 0.25 * n[d] * n[d];
+        if (n[d] > n[longest]) longest = d;
+    }
+    const double phi = distance(e, pose, x, normal), radius = sqrt(square) * dx;
+    if (phi > radius || phi < -radius - DEEP * dx) return GR_OK;
+    if (n[longest] == 1) return add_cell(e, pose, at);
+    int32_t low[3], high[3], first[3];
+    memcpy(low, n, sizeof low), memcpy(high, n, sizeof high), memcpy(first, at, sizeof first);
+    low[longest] = n[longest] / 2;
+    high[longest] = n[longest] - low[longest];
+    first[longest] += low[longest];
+    return add_box(e, pose, at, low) || add_box(e, pose, first, high) ? GR_ERR_MEMORY : GR_OK;
+}
+
+/* Set the volume of a node of the mesh. */
+static void set_volume(struct gr_engine *e, int64_t n)
+{
+    const int64_t place = gr_open_place(e->open, e->mesh.node_id[n]);
+    const double volume = gr_node_volume(e, e->mesh.node_id[n]);
+    e->mesh.node_volume[n] = place < 0 ? volume : fmax(volume - e->open->solid[place], 0);
+}
+
+int gr_open_volumes(struct gr_engine *e)
+{
+    struct gr_open_volume *open = e->open;
+    struct gr_pose pose[GR_MAX_BODIES];
+    const int32_t first[3] = {0};
+    int32_t all[3] = {1, 1, 1};
+    int same = open->known;
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        same &= gr_body_moved(e, b, &open->pose[b]) == 0;
+        memcpy(open->pose[b].x, e->body[b].x, sizeof open->pose[b].x);
+        memcpy(open->pose[b].orientation, e->body[b].orientation, sizeof open->pose[b].orientation);
+        gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
+    }
+    if (!same) {
+        gr_table_clear(&open->place);
+        open->n = 0;
+        for (int d = 0; d < e->config.dim; d++) all[d] = e->axis[d].n_cells;
+        if (add_box(e, pose, first, all)) return GR_ERR_MEMORY;
+        open->known = 1;
+    }
+    for (int64_t n = 0; n < e->mesh.n_nodes; n++) set_volume(e, n);
+    return GR_OK;
+}

@@ -1,0 +1,36 @@
+/* What bodies take of the volume of the nodes near their surface.
+ *
+ * The density correction compares the mass of a node with its volume, and the residual force with zero. Near a body both
+ * are those of the open part of the support of the node, outside of the bodies:
+ *
+ *   V_i = V_i0 - s_i,  s_i = int S_i,   E_i -> E_i + G_i,  G_i = int grad S_i,   over the solid, lengths in cells.
+ *
+ * A uniform pressure then is in balance with its traction on the surface. */
+#pragma once
+
+#include "mpm/engine.h"
+
+/* Nodes with less open volume than this, over dx^dim, say nothing about the density. */
+#define GR_LEAST_OPEN 0.1
+
+/* Integrals over the bodies for the nodes near their surfaces. */
+struct gr_open_volume {
+    struct gr_table place;      /* of a node of the grid: its place + 1, 0 for none */
+    double *solid, *slope;      /* s_i; G_i, dim numbers */
+    int64_t *id, n, capacity;   /* the nodes */
+    struct gr_split_pose *pose; /* of the bodies, when the integrals were computed */
+    int known;
+};
+
+int gr_open_volume_new(struct gr_engine *e, int64_t n_nodes);
+void gr_open_volume_free(struct gr_open_volume *open);
+
+/* Compute the integrals for the present poses, unless they are those of before, and the volumes of the nodes.
+ * Returned: 0 or GR_ERR_MEMORY. */
+int gr_open_volumes(struct gr_engine *e);
+
+/* Place of a node of the grid in the tables, -1 if no body is near. */
+static inline int64_t gr_open_place(const struct gr_open_volume *open, int64_t id)
+{
+    return open ? (int64_t)gr_table_get(&open->place, id) - 1 : -1;
+}

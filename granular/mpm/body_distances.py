@@ -1,0 +1,91 @@
+"""Distances of places from the bodies of a scene and from their images in periodic directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from granular import _core
+from granular.mpm.body_shapes import padded, turned
+from granular.open_parts import Distance, nowhere
+
+if TYPE_CHECKING:
+    from granular.mpm.bodies import Body, BodyState
+    from granular.mpm.scene import Scene
+
+__all__ = ["distance_from_bodies", "distances", "nearest", "periods"]
+
+
+def periods(scene: Scene, body: Body) -> NDArray[np.float64]:
+    """Periods [m] with which a body has images along x, y and z; inf without images.
+
+    As in the core, there are none along axes on which the body reaches farther than half a period.
+    """
+    grid, periods = scene.grid, np.full(3, np.inf)
+    lengths = grid.cell * np.array(grid.shape)
+    reaches = body.extents()[: grid.dim]
+    repeats = np.array(grid.periodic) & (2 * reaches <= lengths)
+    periods[: grid.dim][repeats] = lengths[repeats]
+    return periods
+
+
+def nearest(arms: NDArray[np.floating], period: float | NDArray[np.float64]) -> NDArray[np.float64]:
+    """Distances from a body, or vectors, as from its nearest image."""
+    finite = np.where(np.isfinite(period), period, 0.0)
+    nearest: NDArray[np.float64] = arms - finite * np.rint(arms / period)
+    return nearest
+
+
+def distances(scene: Scene, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Signed distances [m] of places (n, 3) from a body, or its nearest image, at the start."""
+    return _from_body(scene, body, places, turned(body.rotation_deg), padded(body.position))[0]
+
+
+def _from_body(
+    scene: Scene,
+    body: Body,
+    places: NDArray[np.float64],
+    turn: Rotation,
+    position: Sequence[float],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""
+    own = turn.inv().apply(nearest(places - position, periods(scene, body)))
+    rows, samples = body.shape.rows(), body.shape.samples()
+    distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(own))
+    return distance, turn.apply(normal)
+
+
+def distance_from_bodies(scene: Scene, states: Sequence[BodyState] = ()) -> Distance:
+    """Make the function of the distance of places (n, dim) from the nearest body, and its normal.
+
+    Bodies are where the `states` have them, or where they are at the start.
+    """
+    if not scene.bodies:
+        return nowhere
+    dim = scene.dim
+    poses = [(turned(body.rotation_deg), body.position) for body in scene.bodies]
+    if states:
+        poses = []
+        for state in states:
+            matrix = np.eye(3)
+            matrix[:dim, :dim] = state.rotation
+            poses.append((Rotation.from_matrix(matrix), tuple(state.position)))
+
+    def distance(
+        x: NDArray[np.float64],
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        least, normal = nowhere(x)
+        if not len(x):
+            return least, normal
+        places = np.pad(x, ((0, 0), (0, 3 - dim)))
+        for body, (turn, position) in zip(scene.bodies, poses, strict=True):
+            found, away = _from_body(scene, body, places, turn, padded(position))
+            nearer = found < least
+            least[nearer], normal[nearer] = found[nearer], away[nearer, :dim]
+        return least, normal
+
+    return distance

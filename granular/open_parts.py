@@ -1,0 +1,218 @@
+"""Open parts of the squares (cubes) of a seeding lattice that bodies cut.
+
+Where a body cuts a square, its point lies at the centroid of the part outside of the body, and has
+the volume of that part: on a level floor half its own thickness off it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from granular.geometry import Region
+
+__all__ = ["Distance", "nowhere", "open_parts", "plane_cut"]
+
+Array = NDArray[np.float64]
+Distance = Callable[[Array], tuple[Array, Array]]
+"""Signed distances of places from the nearest surface, negative in the solid, and its normals."""
+
+LEVELS = 3
+"""Number of times that a cut square is halved: the parts that are integrated are its eighths."""
+LEAST_SHARE = 0.1
+"""Least share of a square that is a point by itself; less is merged with a neighbour.
+
+In a bed at rest on planes at 17 and 40 degrees, at three offsets, the pressure in the first half
+cell is 0.8 to 4 % above that of the depth with this share, 0.5 to 5 % with 0.2 and 0.3, and 3 to
+11 % with 0.5.
+"""
+OPPOSITE = -0.5
+"""Cosine of the angle between normals below which two places count as on two sides of a body."""
+NEIGHBOURS = 8
+"""Nearest points among which the neighbour of a small part is looked for."""
+LEAST_NORMAL = 1e-3
+"""Least component of a normal in the closed form for the part of a cube above a plane."""
+REACH = 0.5 * np.sqrt(3.0)
+"""Distance of the corners of a cube of edge 1 from its centre; for a square a bound."""
+CHUNK = 1000
+"""Squares that are cut at a time, for the sake of memory."""
+CORNERS = {dim: np.array(list(product((-0.5, 0.5), repeat=dim))) for dim in (2, 3)}
+"""Corners of a square (cube) of edge 1 about the origin."""
+
+
+def plane_cut(distance: Array, normal: Array, edge: float) -> tuple[Array, Array]:
+    """Share of squares (cubes) above a plane, and the distance of its centroid from the plane.
+
+    With w_i = |n_i| h the height of the corners above the lowest is a sum of some w_i, and with t
+    the height of the plane below the highest corner the k-th moment of the height over the part is
+
+        (1/prod w_i) sum_S (-1)^|S| max(0, t - sum_S w_i)^(dim + k)/((dim + 1) ... (dim + k) dim!),
+
+    summed over all sets S of axes.
+
+    Parameters
+    ----------
+    distance : ndarray, shape (n,)
+        Height of the centre above the plane [m].
+    normal : ndarray, shape (n, dim)
+        Unit normal of the plane.
+    edge : float
+        Edge of the squares [m].
+
+    Returns
+    -------
+    share : ndarray, shape (n,)
+    height : ndarray, shape (n,)
+        Height of the centroid of the part above the plane [m]; 0 where there is none.
+    """
+    dim = normal.shape[1]
+    # Small components are raised, as the sum would be lost in round-off.
+    width = np.maximum(np.abs(normal), LEAST_NORMAL) * edge
+    above = distance + 0.5 * width.sum(axis=1)
+    share, moment = np.zeros_like(above), np.zeros_like(above)
+    for corner in product((0, 1), repeat=dim):
+        part = np.maximum(above - width @ np.array(corner), 0.0)
+        sign = (-1) ** sum(corner)
+        share += sign * part**dim
+        moment += sign * part ** (dim + 1) / (dim + 1)
+    scale = np.prod(width, axis=1) * (2 if dim == 2 else 6)
+    share = np.clip(share / scale, 0.0, 1.0)
+    some = share > 0
+    height = np.where(some, moment / scale / np.where(some, share, 1.0), 0.0)
+    return share, np.clip(height, 0.0, width.sum(axis=1))
+
+
+def _pieces(
+    centres: Array, edge: float, distance: Distance, region: Region, mixed: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    """Open pieces of cut squares: index of the square, place, volume, and normal of the body.
+
+    Of `mixed` squares, which the boundary of the region cuts, all pieces are eighths.
+    """
+    dim = centres.shape[1]
+    owner, found = np.arange(len(centres)), []
+    for _ in range(LEVELS):
+        edge *= 0.5
+        centres = (centres[:, None] + edge * CORNERS[dim]).reshape(-1, dim)
+        owner = np.repeat(owner, 2**dim)
+        phi, normal = distance(centres)
+        reach = REACH * edge
+        whole = (phi >= reach) & ~mixed[owner]
+        found.append((owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole]))
+        left = (phi > -reach) & ~whole
+        owner, centres, phi, normal = owner[left], centres[left], phi[left], normal[left]
+    plane, across = phi, normal
+    if mixed.any():
+        within, inwards = region.distance(centres)
+        nearer = (within < phi) & mixed[owner]
+        plane = np.where(nearer, within, phi)
+        across = np.where(nearer[:, None], inwards, normal)
+    # Beyond the corners of a piece the plane does not matter.
+    plane = np.clip(plane, -edge * dim, edge * dim)
+    share, height = plane_cut(plane, across, edge)
+    at = centres + (height - plane)[:, None] * across
+    found.append((owner, at, share * edge**dim, normal))
+    index = np.concatenate([part[0] for part in found])
+    at, volume, normal = (np.concatenate([part[k] for part in found]) for k in (1, 2, 3))
+    inside = region.contains(at) & (volume > 0)
+    return index[inside], at[inside], volume[inside], normal[inside]
+
+
+def _grouped(
+    owner: NDArray[np.int64], at: Array, volume: Array, normal: Array
+) -> tuple[NDArray[np.int64], Array, Array]:
+    """Sum the pieces of each square, those on two sides of a thin body apart."""
+    _, first, of = np.unique(owner, return_index=True, return_inverse=True)
+    away = (np.einsum("ij,ij->i", normal, normal[first][of]) < OPPOSITE).astype(np.int64)
+    keys, of = np.unique(2 * owner + away, return_inverse=True)
+    total: Array = np.bincount(of, volume).astype(np.float64)
+    middle = [np.bincount(of, volume * x) / total for x in at.T]
+    return (keys // 2).astype(np.int64), np.stack(middle, axis=1), total
+
+
+def _merged(x: Array, volume: Array, edge: float, distance: Distance) -> tuple[Array, Array]:
+    """Merge small parts with the nearest point on the same side, if there is any."""
+    small = volume < LEAST_SHARE * edge ** x.shape[1]
+    stay = np.ones(len(x), dtype=bool)
+    kept = np.flatnonzero(~small)
+    if not small.any() or not len(kept):
+        return x, volume
+    count = min(NEIGHBOURS, len(kept))
+    gaps, order = cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
+    normal, others = distance(x[small])[1], kept[order]
+    facing = distance(x[others.ravel()])[1].reshape(*others.shape, -1)
+    cosine = np.einsum("ij,ikj->ik", normal, facing)
+    suits = (gaps < 1.5 * edge) & (cosine > OPPOSITE)
+    taken = np.flatnonzero(suits.any(axis=1))
+    target = others[taken, suits[taken].argmax(axis=1)]
+    source = np.flatnonzero(small)[taken]
+    moment, total = x * volume[:, None], volume.copy()
+    np.add.at(moment, target, moment[source])
+    np.add.at(total, target, volume[source])
+    changed = np.unique(target)
+    x = x.copy()
+    x[changed] = moment[changed] / total[changed, None]
+    stay[source] = False
+    return x[stay], total[stay]
+
+
+def nowhere(x: Array) -> tuple[Array, Array]:
+    """Return the distance from no body at all."""
+    return np.full(len(x), np.inf), np.zeros_like(x)
+
+
+def open_parts(
+    sites: Array,
+    edge: float,
+    distance: Distance,
+    region: Region,
+) -> tuple[Array, Array]:
+    """Places and volumes of the points of a region that bodies are in.
+
+    Parameters
+    ----------
+    sites : ndarray, shape (n, dim)
+        Centres [m] of the squares of the seeding lattice that may be in the region.
+    edge : float
+        Edge of the squares [m].
+    distance : Distance
+        Distances from the bodies.
+    region : Region
+
+    Returns
+    -------
+    x : ndarray, shape (k, dim)
+        The sites of whole squares, and centroids of the open parts of cut ones [m], in the order of
+        the squares.
+    volume : ndarray, shape (k,)
+        Volumes [m^dim]. Those of parts below `LEAST_SHARE` are added to a neighbour.
+    """
+    dim, phi = sites.shape[1], distance(sites)[0]
+    reach = REACH * edge
+    mixed = region.cuts(sites, reach) & (phi > -reach)
+    cut = np.flatnonzero((np.abs(phi) < reach) | mixed)
+    whole = (phi >= reach) & ~mixed
+    whole[whole] = region.contains(sites[whole])
+    clear = np.flatnonzero(whole)
+    parts = [(clear, sites[clear], np.full(len(clear), edge**dim))]
+    for begin in range(0, len(cut), CHUNK):
+        some = cut[begin : begin + CHUNK]
+        owner, *pieces = _pieces(sites[some], edge, distance, region, mixed[some])
+        parts.append(_grouped(some[owner], *pieces))
+    owner, x, volume = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    order = np.argsort(owner, kind="stable")
+    x = _moved_out(x[order], edge, distance)
+    return _merged(x, volume[order], edge, distance)
+
+
+def _moved_out(x: Array, edge: float, distance: Distance) -> Array:
+    """Move centroids within a body out, as they may be where an edge of it ends in a square."""
+    phi, normal = distance(x)
+    least = 0.5 * LEAST_SHARE * edge
+    within = phi < 0
+    x[within] += (least - phi[within])[:, None] * normal[within]
+    return x

@@ -1,0 +1,262 @@
+"""Regions from polygons and masks, and points given one by one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from granular.checks import (
+    array,
+    check_fields,
+    one_of,
+    positive,
+    set_fields,
+    vector,
+)
+from granular.geometry import AXES, MAX_COUNT, Region, combined, least
+from granular.serializable import ComparedByContent
+
+__all__ = ["Cloud", "Mask", "Polygon"]
+
+Array = NDArray[np.float64]
+Vector = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Polygon(Region):
+    """A polygon in 2D, or a prism in 3D whose cross-section it is.
+
+    Parameters
+    ----------
+    vertices : sequence of pairs of float
+        Corners in order [m], at least 3. In 3D they are coordinates along the two other axes.
+        Where edges cross, a place is inside if a ray from it meets an odd number of edges.
+    span : tuple of 2 floats, optional
+        Ends along `axis` [m], which make a prism; none in 2D.
+    axis : {"x", "y", "z"}
+        Axis of a prism.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    vertices: tuple[tuple[float, float], ...]
+    span: tuple[float, float] | None = None
+    axis: str = "y"
+
+    def __post_init__(self) -> None:
+        corners = array("vertices", self.vertices, (None, 2))
+        if len(corners) < 3 or not np.all(np.ptp(corners, axis=0) > 0):
+            raise ValueError("vertices must be at least 3, not in a line along an axis")
+        set_fields(self, vertices=tuple(map(tuple, corners.tolist())))
+        one_of("axis", self.axis, AXES)
+        if self.span is not None:
+            low, high = vector("span", self.span, 2)
+            if not high > low:
+                raise ValueError(f"span = {(low, high)} must have its low end first")
+            set_fields(self, span=(low, high))
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        low, high = np.min(self.vertices, axis=0), np.max(self.vertices, axis=0)
+        if self.span is not None:
+            at = AXES.index(self.axis)
+            low, high = (
+                np.insert(end, at, s) for end, s in zip((low, high), self.span, strict=True)
+            )
+        return tuple(low.tolist()), tuple(high.tolist())
+
+    def _nearest(self, x: Array) -> tuple[Array, Array]:
+        """Distance of places from the surface, without sign, and vectors from it [m]."""
+        flat = x
+        vectors = []
+        if self.span is not None:
+            at = AXES.index(self.axis)
+            flat = np.delete(x, at, axis=1)
+            for end in self.span:
+                arm = np.zeros_like(x)
+                arm[:, at] = x[:, at] - end
+                vectors.append(arm)
+        corners = np.array(self.vertices)
+        for start, end in zip(np.roll(corners, 1, axis=0), corners, strict=True):
+            along = end - start
+            size = float(along @ along)
+            share = np.clip((flat - start) @ along / size, 0.0, 1.0) if size else np.zeros(len(x))
+            arm = flat - start - share[:, None] * along
+            vectors.append(arm if self.span is None else np.insert(arm, at, 0.0, axis=1))
+        return least([(np.linalg.norm(arm, axis=1), arm) for arm in vectors])
+
+    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+        near: NDArray[np.bool_] = self._nearest(x)[0] <= reach
+        return near
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        away, arm = self._nearest(x)
+        sign = np.where(self._inside(x), 1.0, -1.0)
+        tiny = np.finfo(float).tiny
+        return sign * away, arm * (sign / np.maximum(away, tiny))[:, None]
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        inside = np.zeros(len(x), dtype=bool)
+        flat, among = x, np.ones(len(x), dtype=bool)
+        if self.span is not None:
+            at = AXES.index(self.axis)
+            among = (x[:, at] >= self.span[0]) & (x[:, at] < self.span[1])
+            flat = np.delete(x, at, axis=1)
+        before = self.vertices[-1]
+        for corner in self.vertices:
+            (x0, y0), (x1, y1) = before, corner
+            if y0 != y1:
+                crosses = (y0 > flat[:, 1]) != (y1 > flat[:, 1])
+                inside ^= crosses & (flat[:, 0] < x0 + (flat[:, 1] - y0) * ((x1 - x0) / (y1 - y0)))
+            before = corner
+        return inside & among
+
+
+@dataclass(frozen=True, eq=False)
+class Mask(ComparedByContent, Region):
+    """The squares (cubes) of a regular grid that are marked.
+
+    Parameters
+    ----------
+    inside : array_like of bool, shape (n_x, n_y) or (n_x, n_y, n_z)
+        True for the squares of the region; at least one.
+    lower : tuple of float, length dim
+        Lower corner of the first square [m].
+    spacing : float
+        Edge of a square [m], > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    inside: NDArray[np.bool_]
+    lower: Vector
+    spacing: float
+
+    def __post_init__(self) -> None:
+        check_fields(self, vector, "lower")
+        check_fields(self, positive, "spacing")
+        check_fields(self, array, "inside", shape=(None,) * len(self.lower), dtype=bool)
+        if not self.inside.any():
+            raise ValueError(f"inside of shape {self.inside.shape} must be True somewhere")
+
+    @classmethod
+    def of(
+        cls, function: Callable[[Array], ArrayLike], lower: Any, upper: Any, spacing: float
+    ) -> Self:
+        """Sample a function of places, shape (n, dim) [m], that is True inside, shape (n,).
+
+        A function cannot be written into a record, its samples can; so can those of the
+        `contains` of a region of one's own. With the spacing of the seeding lattice, from the
+        corner of a cell on, they are exact at its sites.
+        """
+        low = vector("lower", lower)
+        high = vector("upper", upper, len(low))
+        step = positive("spacing", spacing)
+        counts = [math.ceil((b - a) / step - 1e-9) for a, b in zip(low, high, strict=True)]
+        if min(counts) < 1:
+            raise ValueError(f"upper = {high} must exceed lower = {low}")
+        if math.prod(counts) > MAX_COUNT:
+            raise ValueError(f"spacing = {step} must make at most {MAX_COUNT} squares")
+        x = combined([a + step * (np.arange(n) + 0.5) for a, n in zip(low, counts, strict=True)])
+        inside = np.asarray(function(x), dtype=bool)
+        if inside.shape != (len(x),):
+            raise ValueError(f"function returned the shape {inside.shape}, must be ({len(x)},)")
+        return cls(inside.reshape(counts, order="F"), low, step)
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        marked = np.nonzero(self.inside)
+        ends = [
+            (low + int(at.min()) * self.spacing, low + (int(at.max()) + 1) * self.spacing)
+            for low, at in zip(self.lower, marked, strict=True)
+        ]
+        lower, upper = zip(*ends, strict=True)
+        return lower, upper
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        place = np.floor((x - self.lower) / self.spacing)
+        among = np.all((place >= 0) & (place < self.inside.shape), axis=1)
+        found = np.zeros(len(x), dtype=bool)
+        found[among] = self.inside[tuple(place[among].astype(np.int64).T)]
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud(ComparedByContent, Region):
+    """Points given one by one; as a region, the squares (cubes) of their volumes about them.
+
+    A `Fill` of a cloud has just these points. Its `points_per_cell` then only says how dense they
+    are about.
+
+    Parameters
+    ----------
+    x : array_like, shape (n, dim)
+        Positions [m].
+    volume : float or array_like, shape (n,)
+        Volumes [m^dim], > 0. The mass of a point is its volume times its density.
+    velocity : array_like, shape (n, dim), optional
+        Velocities [m/s]; that of the fill by default.
+    density : array_like, shape (n,), optional
+        Densities [kg/m3], > 0; that of the fill by default.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    x: Array
+    volume: Array
+    velocity: Array | None = None
+    density: Array | None = None
+
+    def __post_init__(self) -> None:
+        x = array("x", self.x, (None, None))
+        if not len(x) or x.shape[1] not in (2, 3):
+            raise ValueError(f"x of shape {x.shape} must be (n, 2) or (n, 3) with n >= 1")
+        if np.ndim(self.volume) == 0:
+            set_fields(self, volume=np.full(len(x), positive("volume", self.volume)))
+        set_fields(self, x=x)
+        check_fields(self, array, "volume", shape=(len(x),))
+        check_fields(self, array, "density", shape=(len(x),), optional=True)
+        check_fields(self, array, "velocity", shape=x.shape, optional=True)
+        for name in ("volume", "density"):
+            values = getattr(self, name)
+            if values is not None and not (values > 0).all():
+                raise ValueError(f"{name}: the least is {values.min()}, must be > 0")
+
+    @property
+    def _half(self) -> Array:
+        """Half the edges of the squares of the points [m], shape (n,)."""
+        half: Array = 0.5 * self.volume ** (1.0 / self.x.shape[1])
+        return half
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        return tuple(self.x.min(axis=0).tolist()), tuple(self.x.max(axis=0).tolist())
+
+    @property
+    def _box(self) -> tuple[Vector, Vector]:
+        half = self._half[:, None]
+        lower, upper = (self.x - half).min(axis=0), (self.x + half).max(axis=0)
+        return tuple(lower.tolist()), tuple(upper.tolist())
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        half = self._half
+        # The nearest by the largest component; of squares of one size, it is the one around.
+        gap, nearest = cKDTree(self.x).query(x, p=np.inf, distance_upper_bound=half.max())
+        found = np.isfinite(gap)
+        found[found] = gap[found] < half[nearest[found]]
+        return found

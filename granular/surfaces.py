@@ -1,0 +1,325 @@
+"""Surfaces by their heights, and layers on them.
+
+Functions and bodies are sampled when a surface is made, so that it can be written into a record.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Any, Protocol, Self, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from granular.checks import (
+    array,
+    check_fields,
+    finite,
+    positive,
+    set_fields,
+    vector,
+)
+from granular.geometry import MAX_COUNT, Region, combined, least
+from granular.serializable import ComparedByContent
+
+__all__ = ["Heights", "Layer"]
+
+Array = NDArray[np.float64]
+Vector = tuple[float, ...]
+
+MOST_ROUNDS = 2000
+"""Steps by the distance from a body after which a search for its surface from above gives up."""
+
+
+@runtime_checkable
+class Surface(Protocol):
+    """Something with a height."""
+
+    def height(self, x: ArrayLike) -> Array:
+        """Height [m] at horizontal places, shape (n, dim - 1) [m]; shape (n,)."""
+
+
+@runtime_checkable
+class Solid(Protocol):
+    """Something with a signed distance, such as a `granular.Body`."""
+
+    @property
+    def position(self) -> tuple[float, ...]:
+        """A place from which its surface is looked for [m]."""
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        """Signed distance [m], shape (n,), and outward normal, shape (n, dim)."""
+
+
+Source = float | Callable[..., ArrayLike] | Surface | Solid
+
+
+def _level(name: str, value: object, dim: int | None = None) -> Vector:
+    """Return a horizontal place as a tuple of 1 or 2 floats; a number is one in 2D."""
+    if isinstance(value, (int, float, np.number)):
+        value = (value,)
+    count = len(value) if isinstance(value, (Sequence, np.ndarray)) else 0
+    if count not in ((1, 2) if dim is None else (dim,)):
+        wanted = "1 or 2 numbers" if dim is None else f"{dim} numbers"
+        raise ValueError(f"{name} = {value!r} must be {wanted}")
+    return vector(name, value, count)
+
+
+@dataclass(frozen=True, eq=False)
+class Heights(ComparedByContent):
+    """A surface by its heights on a regular grid, linear (bilinear) in between.
+
+    Beyond the grid it continues at the height of its edge.
+
+    Parameters
+    ----------
+    z : array_like, shape (n_x,) in 2D, (n_x, n_y) in 3D
+        Heights [m], at least 2 along each axis.
+    lower : tuple of float, length dim - 1
+        Place of the first height [m].
+    spacing : float
+        Distance between heights along each axis [m], > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    z: Array
+    lower: Vector
+    spacing: float
+
+    def __post_init__(self) -> None:
+        check_fields(self, _level, "lower")
+        check_fields(self, positive, "spacing")
+        check_fields(self, array, "z", shape=(None,) * len(self.lower))
+        if min(self.z.shape) < 2:
+            raise ValueError(f"z of shape {self.z.shape} must have at least 2 heights each way")
+
+    @classmethod
+    def of(cls, source: Source, lower: Any, upper: Any, spacing: float) -> Self:
+        """Sample a surface.
+
+        Parameters
+        ----------
+        source : float, callable, body, or object with a method ``height(x)``
+            A callable takes the arrays x (and y) and returns heights [m]. Of a body it is the
+            uppermost surface above its position, or below if the position is in the open.
+        lower, upper : float or tuple of float, length dim - 1
+            Ends between which it is sampled [m].
+        spacing : float
+            Distance between samples [m].
+
+        Raises
+        ------
+        ValueError
+            Also if a body has no surface above or below a place.
+        """
+        low = _level("lower", lower)
+        high = _level("upper", upper, len(low))
+        step = positive("spacing", spacing)
+        if not all(a < b for a, b in zip(low, high, strict=True)):
+            raise ValueError(f"upper = {high} must exceed lower = {low}")
+        counts = [
+            max(math.ceil((b - a) / step - 1e-9), 1) + 1 for a, b in zip(low, high, strict=True)
+        ]
+        if math.prod(counts) > MAX_COUNT:
+            raise ValueError(f"spacing = {step} must make at most {MAX_COUNT} heights")
+        x = combined([a + step * np.arange(n) for a, n in zip(low, counts, strict=True)])
+        z = np.array(np.broadcast_to(_heights_of(source, x), len(x)), dtype=float)
+        return cls(z.reshape(counts, order="F"), low, step)
+
+    @property
+    def steepest(self) -> float:
+        """Bound of the slope of the surface: the tangent of its angle with the horizontal."""
+        slopes = [np.abs(np.diff(self.z, axis=axis)).max() for axis in range(self.z.ndim)]
+        return math.hypot(*slopes) / self.spacing
+
+    def slope(self, x: ArrayLike) -> Array:
+        """Slopes of the surface at horizontal places, shape (n, dim - 1)."""
+        small = 1e-3 * self.spacing
+        x = np.asarray(x, dtype=float)
+        slopes = [
+            (self.height(x + small * e) - self.height(x - small * e)) / (2 * small)
+            for e in np.eye(len(self.lower))
+        ]
+        return np.stack(slopes, axis=1)
+
+    def height(self, x: ArrayLike) -> Array:
+        """Heights [m] at horizontal places, shape (n, dim - 1) [m]; shape (n,)."""
+        place = (np.asarray(x, dtype=float) - self.lower) / self.spacing
+        last = np.array(self.z.shape) - 1
+        place = np.clip(place, 0.0, last)
+        first = np.minimum(place.astype(np.int64), last - 1)
+        share = place - first
+        if len(last) == 1:
+            (i,), (s,) = first.T, share.T
+            return (1 - s) * self.z[i] + s * self.z[i + 1]
+        (i, j), (s, t) = first.T, share.T
+        low = (1 - s) * self.z[i, j] + s * self.z[i + 1, j]
+        high = (1 - s) * self.z[i, j + 1] + s * self.z[i + 1, j + 1]
+        return (1 - t) * low + t * high
+
+
+def _heights_of(source: Source, x: Array) -> ArrayLike:
+    if isinstance(source, Surface):
+        return source.height(x)
+    if isinstance(source, Solid):
+        return _uppermost(source, x)
+    if callable(source):
+        return source(*x.T)
+    return finite("source", source)
+
+
+def _uppermost(body: Solid, x: Array) -> Array:
+    """Height of the uppermost surface of a body above or below its position, at places (n, d - 1).
+
+    From places in the solid the search goes up in growing steps, and from the open down by the
+    distance from the surface, which no step can cross.
+    """
+    z = np.full(len(x), body.position[-1])
+
+    def above() -> Array:
+        return body.distance(np.column_stack([x, z]))[0]
+
+    rise = 1.0
+    while (solid := above() <= 0).any():
+        z[solid] += rise
+        rise *= 2
+        if rise > 1e9:
+            raise ValueError(
+                f"the body must have a surface above {tuple(x[solid.argmax()].tolist())}"
+            )
+    for _ in range(MOST_ROUNDS):
+        phi = above()
+        z -= phi
+        if phi.max() < 1e-10:
+            return z
+        if z.min() < -1e9:
+            raise ValueError(f"the body must have a surface below {tuple(x[z.argmin()].tolist())}")
+    raise ValueError(f"the surface of the body is too steep at {tuple(x[phi.argmax()].tolist())}")
+
+
+@dataclass(frozen=True, eq=False)
+class Layer(ComparedByContent, Region):
+    """The places above a surface by less than a thickness, measured vertically.
+
+    Parameters
+    ----------
+    on : float, Heights, callable, body, or object with a method ``height(x)``
+        Surface at the bottom [m]; see `Heights.of`.
+    thickness : float, Heights, callable or array_like
+        Thickness [m], >= 0. An array holds the values from `lower` on, at distances `spacing`.
+    lower, upper : float or tuple of float, length dim - 1
+        Horizontal ends [m].
+    spacing : float, optional
+        Distance at which what is no number and no `Heights` is sampled [m]: at most that of the
+        seeding lattice is recommended.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    on: float | Heights
+    thickness: float | Heights
+    lower: Vector
+    upper: Vector
+    _: KW_ONLY
+    spacing: float | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self, _level, "lower")
+        check_fields(self, _level, "upper", dim=len(self.lower))
+        check_fields(self, positive, "spacing", optional=True)
+        for axis, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
+            if not high > low:
+                raise ValueError(f"upper[{axis}] = {high} must exceed lower[{axis}] = {low}")
+        set_fields(self, on=self._sampled("on"), thickness=self._sampled("thickness"))
+        thickness = self.thickness
+        least = thickness.z.min() if isinstance(thickness, Heights) else thickness
+        most = thickness.z.max() if isinstance(thickness, Heights) else thickness
+        if not least >= 0 or not most > 0:
+            raise ValueError(f"thickness must be >= 0 and somewhere > 0, is {least} to {most}")
+
+    def _sampled(self, name: str) -> float | Heights:
+        value = getattr(self, name)
+        if isinstance(value, (int, float, np.number)) and not isinstance(value, bool):
+            return finite(name, value)
+        if isinstance(value, Heights):
+            if len(value.lower) != len(self.lower):
+                raise ValueError(f"{name} must have heights along {len(self.lower)} axes")
+            return value
+        if self.spacing is None:
+            raise ValueError(f"spacing = None must be a number where {name} is to be sampled")
+        if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
+            return Heights(np.asarray(value), self.lower, self.spacing)
+        if not (callable(value) or isinstance(value, (Surface, Solid))):
+            raise TypeError(f"{name} = {value!r} must be a number, an array, a function or a body")
+        return Heights.of(value, self.lower, self.upper, self.spacing)
+
+    @property
+    def bounds(self) -> tuple[Vector, Vector]:
+        on, thickness = self.on, self.thickness
+        bottom = on.z if isinstance(on, Heights) else np.array(on)
+        extra = thickness.z if isinstance(thickness, Heights) else np.array(thickness)
+        alike = (
+            not isinstance(on, Heights)
+            or not isinstance(thickness, Heights)
+            or (on.lower, on.spacing, on.z.shape)
+            == (thickness.lower, thickness.spacing, thickness.z.shape)
+        )
+        top = (bottom + extra).max() if alike else bottom.max() + extra.max()
+        return (*self.lower, float(bottom.min())), (*self.upper, float(top))
+
+    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+        low, high = self._ends(x)
+        parts = [part for part in (self.on, self.thickness) if isinstance(part, Heights)]
+        margin = reach * math.hypot(1.0, sum(part.steepest for part in parts))
+        z, level = x[:, -1], x[:, :-1]
+        bottom, top = np.abs(z - low) <= margin, np.abs(z - high) <= margin
+        gaps = np.minimum(np.abs(level - self.lower), np.abs(level - self.upper))
+        sides = (gaps <= reach).any(axis=1) & (z >= low - margin) & (z <= high + margin)
+        found: NDArray[np.bool_] = bottom | top | sides
+        return found
+
+    def distance(self, x: Array) -> tuple[Array, Array]:
+        level = x[:, :-1]
+        found = []
+        slope = np.zeros_like(level)
+        for sign, z, part in zip((1, -1), self._ends(x), (self.on, self.thickness), strict=True):
+            if isinstance(part, Heights):
+                slope = slope + part.slope(level)
+            upwards = np.column_stack([-slope, np.ones(len(x))])
+            size = np.linalg.norm(upwards, axis=1)
+            found.append((sign * (x[:, -1] - z) / size, sign * upwards / size[:, None]))
+        for axis, ends in enumerate(zip(self.lower, self.upper, strict=True)):
+            for sign, end in zip((1, -1), ends, strict=True):
+                inwards = np.zeros_like(x)
+                inwards[:, axis] = sign
+                found.append((sign * (x[:, axis] - end), inwards))
+        return least(found)
+
+    def _ends(self, x: Array) -> tuple[Array, Array]:
+        level = x[:, :-1]
+        low, extra = (
+            part.height(level) if isinstance(part, Heights) else np.full(len(x), part)
+            for part in (self.on, self.thickness)
+        )
+        return low, low + extra
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        low, high = self._ends(x)
+        level = np.all((x[:, :-1] >= self.lower) & (x[:, :-1] < self.upper), axis=1)
+        inside: NDArray[np.bool_] = level & (x[:, -1] >= low) & (x[:, -1] < high)
+        return inside
+
+    def depth(self, x: Array, up: Array, step: float) -> Array:
+        if up[-1] < 1.0:
+            return super().depth(x, up, step)
+        below: Array = np.maximum(self._ends(x)[1] - x[:, -1], 0.0)
+        return below
