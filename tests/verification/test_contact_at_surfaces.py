@@ -1,0 +1,176 @@
+"""Contact at the surfaces of bodies through the grid: blocks on slopes, layers, buoyancy."""
+
+import math
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.mpm.bodies import Body, Cylinder, HalfSpace
+
+G, RHO, CELL = 9.81, 1500.0, 0.01
+
+pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+
+
+def axes(turned_deg, dim=2):
+    """Directions along and out of a plane that is turned about y against the grid."""
+    c, s = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
+    middle = (0.0,) * (dim - 2)
+    return np.array([c, *middle, s]), np.array([-s, *middle, c])
+
+
+def block(turned_deg, offset, friction, dim, slope_deg=20.0):
+    """An elastic block, 0.1 m by 0.06 m, on a plane; gravity is at an angle to the normal."""
+    (t, n), slope = axes(turned_deg, dim), math.radians(slope_deg)
+    origin = np.array([0.15, *(0.02,) * (dim - 2), 0.08]) + offset * CELL * n
+    size, h = (20, 1, 12) if dim == 2 else (20, 8, 12), CELL / 2
+    a, y, b = (c.ravel() for c in np.meshgrid(*((np.arange(k) + 0.5) * h for k in size)))
+    x = origin + a[:, None] * t + b[:, None] * n
+    if dim == 3:
+        x[:, 1] += y
+    p = RHO * G * math.cos(slope) * (12 * h - b)
+    material = gr.Elastic(E=1e6, nu=0.3, rho_c=RHO)
+    cloud = gr.Cloud(x, np.full(len(x), h**dim), density=RHO * np.exp(p / material.K))
+    along = G * (math.sin(slope) * t - math.cos(slope) * n)
+    return gr.Scene(
+        name="block",
+        grid=gr.Grid((0.0,) * dim, CELL, (34, *(8,) * (dim - 2), 34)),
+        fills=(gr.Fill(cloud, 2**dim),),
+        material=material,
+        gravity=gr.Gravity((0.0,), (tuple(along),)),
+        duration=1.0,
+        bodies=(Body(HalfSpace(tuple(n)), tuple(origin), friction=friction),),
+    )
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.2])
+@pytest.mark.parametrize(
+    ("dim", "turned_deg", "offset"),
+    [(2, 0.0, 0.25), (2, 17.0, 0.0), (2, 40.0, 0.5), (3, 17.0, 0.25)],
+)
+def test_block_slides_down_a_slope(dim, turned_deg, offset, friction):
+    """Its acceleration is that of the forces measured, and g (sin - mu cos) on the mean."""
+    scene, slope = block(turned_deg, offset, friction, dim), math.radians(20)
+    t, n = axes(turned_deg, dim)
+    sim = gr.Simulation(scene, threads=1)
+    mass = sim.state.mass.sum()
+    sim.run(until=0.05)
+    time, before, v = sim.time, sim.bodies[0].impulse, sim.state.mass @ sim.state.v / mass
+    sim.run(until=0.2)
+    span = sim.time - time
+    gained = (sim.state.mass @ sim.state.v / mass - v) / span
+    force = -(sim.bodies[0].impulse - before) / span / mass
+    assert gained @ t == pytest.approx(G * math.sin(slope) + force @ t, rel=1e-9)
+    # all points slide: the measured friction is mu times the measured normal force
+    assert -force @ t == pytest.approx(friction * (force @ n), abs=1e-3 * G)
+    # plainly, as the block bounces: its mean normal force is within 2.5 % of its weight
+    wanted = G * (math.sin(slope) - friction * math.cos(slope))
+    assert gained @ t == pytest.approx(wanted, abs=0.01 * G)
+
+
+def layer(turned_deg, offset, rows=12, width=8):
+    """A layer that flows along the periodic y down 25 degrees, on a plane that is turned about y.
+
+    It starts with the steady profile of the law. Returned: the scene, a point of the base, the
+    normal, and the largest speed.
+    """
+    (t, n), slope, h = axes(turned_deg, 3), math.radians(25.0), CELL / 2
+    height, long = rows * CELL, width * CELL
+    a, y, b = (
+        c.ravel() for c in np.meshgrid(*((np.arange(2 * k) + 0.5) * h for k in (width, 1, rows)))
+    )
+    base = np.array([height + 6 * CELL, 0.0, 6 * CELL]) + offset * CELL * n
+    material = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
+    p = RHO * G * math.cos(slope) * (height - b)
+    profile = gr.theory.bagnold_profile(b, 25.0, height, material, G)
+    x = base + a[:, None] * t + b[:, None] * n + y[:, None] * np.eye(3)[1]
+    cloud = gr.Cloud(
+        x,
+        np.full(len(x), h**3),
+        velocity=profile[:, None] * np.eye(3)[1],
+        density=RHO * np.exp(p / material.K),
+    )
+    sides = [
+        Body(HalfSpace(tuple(sign * t)), tuple(base + at * t)) for at, sign in ((0, 1), (long, -1))
+    ]
+    cells = math.ceil((height + long) / CELL) + 14
+    scene = gr.Scene(
+        name="layer",
+        grid=gr.Grid((0.0,) * 3, CELL, (cells, 1, cells), periodic=(False, True, False)),
+        fills=(gr.Fill(cloud, 8),),
+        material=material,
+        gravity=gr.Gravity(
+            (0.0,), (tuple(G * (math.sin(slope) * np.eye(3)[1] - math.cos(slope) * n)),)
+        ),
+        duration=5.0,
+        bodies=(Body(HalfSpace(tuple(n)), tuple(base), contact="sticky"), *sides),
+    )
+    return scene, base, n, profile.max()
+
+
+@pytest.mark.parametrize(
+    ("turned_deg", "offset", "wall"),
+    [
+        (0.0, 0.0, True),
+        (17.0, 0.0, False),
+        (45.0, 0.25, False),
+        *(
+            pytest.param(*case, False, marks=pytest.mark.slow)
+            for case in ((0.0, 0.0), (10.0, 0.25), (30.0, 0.5))
+        ),
+    ],
+)
+def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
+    """The flow stays the steady one of the law, as on a wall on a grid line.
+
+    With E = 1e6 it is 0.9 % too fast for any base, because of the normal stresses.
+    """
+    scene, base, n, fastest = layer(turned_deg, offset)
+    if wall:
+        _, *sides = scene.bodies
+        no_slip = gr.Wall(2, base[2], kind="no_slip")
+        scene = scene.replace(bodies=tuple(sides), walls=(no_slip,))
+    sim = gr.Simulation(scene, threads=1)
+    before = sim.state
+    sim.run(until=1.0)
+    speeds = []
+    for state in (before, sim.state):
+        row = np.floor((state.x - base) @ n / CELL).astype(int).clip(0, 11)
+        flux = np.bincount(row, state.mass * state.v[:, 1], 12)
+        speeds.append(flux / np.bincount(row, state.mass, 12) / fastest)
+    assert sim.state.mass @ sim.state.v[:, 1] == pytest.approx(
+        1.009 * before.mass @ before.v[:, 1], rel=0.017
+    )
+    assert np.abs(speeds[1] - speeds[0]).max() < 0.03
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.25, 0.25), (0.5, 0.1)])
+@pytest.mark.parametrize("cells", [4, pytest.param(8, marks=pytest.mark.slow)])
+def test_buoyancy_of_a_disc(cells, offset):
+    """Material with hardly any friction weighs on a disc as a fluid does, at first.
+
+    Later the stress creeps with the noise of the points: the force is 0.93 to 1.12 at 0.4 s.
+    """
+    radius, height = 0.04, 0.24
+    cell = radius / cells
+    center = (0.16 + offset[0] * cell, 0.12 + offset[1] * cell)
+    disc = Body(Cylinder(radius, center=(0.0, 0.0)), center)
+    shape = (round(0.32 / cell), round(0.3 / cell))
+    walls = [gr.Wall(axis, at, kind="free_slip") for axis, at in ((0, 0.0), (0, 0.32), (1, 0.0))]
+    scene = gr.Scene(
+        name="buoyancy",
+        grid=gr.Grid((0.0, 0.0), cell, shape),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.32, height)), 4, lithostatic=True),),
+        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.01, mu_2=0.02),
+        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        walls=tuple(walls),
+        bodies=(disc,),
+        duration=1.0,
+    )
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.1)
+    force = sim.bodies[0].impulse / sim.time
+    weight = RHO * G * math.pi * radius**2
+    assert force[1] == pytest.approx(weight, rel=0.05)
+    assert abs(force[0]) < 0.02 * weight
