@@ -40,10 +40,13 @@ enum { OUT_INTERVAL = 8 };
 /* Where walls hold more than the rest of the mobility of a foot, they act there, and not the body. */
 #define LEAST_MOBILE 0.1
 
-/* A foot is at a convex edge if the surface recedes by more than EDGE_FALL of a step of EDGE_STEP cells along a tangent. */
-#define EDGE_NEAR 0.35
-#define EDGE_STEP 0.5
+/* A foot is at a convex edge if this is nearer than EDGE_NEAR, in cells. The surface recedes there by more than EDGE_FALL of
+ * a step of EDGE_STEP along a tangent. With 0.75 slots 8 cells wide discharge as without end in fineness within 4 %, 1 %
+ * on the mean, and a blade two cells deep is pushed back with that force within 1 %; with 0.65, 3 % less and 5 % more;
+ * with 0.35, 11 % less and 31 % more. */
+#define EDGE_NEAR 0.75
 #define EDGE_FALL 0.3
+#define EDGE_STEP (EDGE_NEAR / (1 - EDGE_FALL))
 
 int gr_feet_new(struct gr_engine *e)
 {
@@ -146,7 +149,7 @@ int gr_feet_list(struct gr_engine *e)
     return reserve(e);
 }
 
-/* True if the surface recedes from the tangent plane of a foot at a distance of half a cell: a convex edge or a vertex. */
+/* True if the surface recedes from the tangent plane of a foot nearby: a convex edge or a vertex. */
 static int is_at_edge(const struct gr_engine *e, const struct gr_pose *pose, const double foot[3], const double n[3])
 {
     const int dim = e->config.dim;
