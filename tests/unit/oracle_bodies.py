@@ -72,8 +72,8 @@ class Feet:
 
     `distance` (n,) [m] and `normal` (n, 3) are those of the points, `x` (n, 3) [m] the places of
     the feet, or of the points whose feet lie outside of the domain, `force` (n, 3) [N] that on the
-    material, `pressing` (n,) its part along the normal, `flat` (n,) where the surface is flat
-    within half a cell, `slip` (n, 3) [m/s] the velocity of the material relative to the surface,
+    material, `pressing` (n,) its part along the normal, `flat` (n,) where the surface has no edge
+    within a cell, `slip` (n, 3) [m/s] the velocity of the material relative to the surface,
     NaN where there is not enough mass about the foot.
     """
 
@@ -86,9 +86,9 @@ class Feet:
         foot = place - self.distance[:, None] * self.normal
         self.flat = np.ones(len(foot), dtype=bool)
         for tangent in _tangents(self.normal):
-            for side in (-0.5, 0.5):
+            for side in (-1.2, 1.2):
                 away = body.distance(foot + side * cell * tangent)[0]
-                self.flat &= abs(away) < 0.1 * cell
+                self.flat &= abs(away) < 0.3 * cell
         self.force = np.pad(buffers["contact_force"][:, held].T, ((0, 0), (0, 3 - dim)))
         self.normal = np.pad(self.normal, ((0, 0), (0, 3 - dim)))
         grid = sim.scene.grid

@@ -92,7 +92,7 @@ def _driven_blade(transfer):
 
 @pytest.mark.parametrize(
     ("made", "transfer", "begin"),
-    [(_pushed_box, "apic", 1), (_driven_blade, "apic", 1330), (_driven_blade, "tpic", 1330)],
+    [(_pushed_box, "apic", 1), (_driven_blade, "apic", 1500), (_driven_blade, "tpic", 1500)],
 )
 def test_momentum_with_walls_and_gravity(made, transfer, begin):
     """In each step change = weight + walls - force on the body, to round-off.
