@@ -207,9 +207,10 @@ def test_free_body_takes_up_the_impulse(contact, mass):
     gained = mass * (after.velocity[1] - before.velocity[1] + 9.8 * DT)
     assert gained == pytest.approx(after.impulse[1] - before.impulse[1], rel=1e-9)
     slip = feet.slip - [0.2, after.velocity[1], 0.0]
-    near = np.isfinite(slip[:, 0]) & feet.flat & (abs(feet.distance) < 0.25 * CELL)
+    spacing = 0.5 * np.sqrt(feet.mass / sim.scene.material.rho_c)
+    near = np.isfinite(slip[:, 0]) & feet.flat & (abs(feet.distance) < spacing)
     push = DT * np.abs(feet.force).max() / feet.mass.mean()
-    assert near.sum() > 5
+    assert near.any()
     along = np.einsum("nd,nd->n", slip, feet.normal)[near]
     if contact == "sticky":
         assert np.abs(slip[near]).max() < SLACK * push
