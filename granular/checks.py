@@ -27,6 +27,7 @@ __all__ = [
     "non_negative",
     "one_of",
     "positive",
+    "real_array",
     "sequence",
     "set_fields",
     "spans",
@@ -183,6 +184,28 @@ def array(name: str, value: Any, shape: Sequence[int | None], dtype: type = floa
     found = np.ascontiguousarray(found, dtype=dtype)
     found.setflags(write=False)
     return found
+
+
+def real_array(name: str, value: object, *, float32: bool = False) -> NDArray[Any]:
+    """Return a read-only C-contiguous array of floats; without a copy where it is one already.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it does not hold numbers, or numbers that are not finite; the first is named.
+    """
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{name} of dtype {array.dtype} must hold real numbers")
+    keep = float32 and array.dtype == np.float32
+    array = np.ascontiguousarray(array, dtype=np.float32 if keep else np.float64).view()
+    array.flags.writeable = False
+    if not np.isfinite(array).all():
+        first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(f"{name}{list(first)} = {array[first]} must be finite")
+    if array.size and max(abs(float(array.min())), abs(float(array.max()))) > 1e30:
+        raise ValueError(f"{name} reaches from {array.min()} to {array.max()}, must be below 1e30")
+    return array
 
 
 def ascending(name: str, value: object) -> tuple[float, ...]:

@@ -121,7 +121,7 @@ class Polygon(Region):
         return inside & among
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mask(ComparedByContent, Region):
     """The squares (cubes) of a regular grid that are marked.
 
@@ -193,7 +193,7 @@ class Mask(ComparedByContent, Region):
         return found
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Cloud(ComparedByContent, Region):
     """Points given one by one; as a region, the squares (cubes) of their volumes about them.
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import math
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from dataclasses import replace as _replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -132,17 +134,33 @@ class Serializable:
 class ComparedByContent:
     """Base of dataclasses that hold arrays: equal if all fields are, arrays to the last bit."""
 
-    def _content(self) -> tuple[object, ...]:
-        values = arguments_of(self).values()
-        return tuple(
-            (v.shape, v.dtype.str, v.tobytes()) if isinstance(v, np.ndarray) else v for v in values
-        )
+    @cached_property
+    def digest(self) -> str:
+        """Digest of all that is in the fields."""
+        told = hashlib.blake2b(type(self).__name__.encode(), digest_size=20)
+        for name, value in arguments_of(self).items():
+            if isinstance(value, np.ndarray):
+                told.update(f"{name}{value.dtype.str}{value.shape}".encode())
+                told.update(np.ascontiguousarray(value).data)
+            else:
+                content = value.digest if isinstance(value, ComparedByContent) else repr(value)
+                told.update(f"{name}={content}".encode())
+        return told.hexdigest()
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, type(self)) and self._content() == other._content()
+        if type(other) is not type(self):
+            return NotImplemented
+        return self is other or self.digest == other.digest
 
     def __hash__(self) -> int:
-        return hash((type(self), self._content()))
+        return hash(self.digest)
+
+    def __repr__(self) -> str:
+        told = []
+        for name, value in arguments_of(self).items():
+            is_array = isinstance(value, np.ndarray)
+            told.append(f"{name}=array of {value.shape}" if is_array else f"{name}={value!r}")
+        return f"{type(self).__name__}({', '.join(told)})"
 
 
 _PARTS: dict[str, type] = {"Parameters": Parameters}

@@ -67,7 +67,7 @@ def _level(name: str, value: object, dim: int | None = None) -> Vector:
     return vector(name, value, count)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Heights(ComparedByContent):
     """A surface by its heights on a regular grid, linear (bilinear) in between.
 
@@ -203,7 +203,7 @@ def _uppermost(body: Solid, x: Array) -> Array:
     raise ValueError(f"the surface of the body is too steep at {tuple(x[phi.argmax()].tolist())}")
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Layer(ComparedByContent, Region):
     """The places above a surface by less than a thickness, measured vertically.
 

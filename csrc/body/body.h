@@ -1,4 +1,4 @@
-/* Rigid bodies: signed distance, motion, and the effect of contact on a velocity. In 2D z is 0, boxes and polygons are
+/* Rigid bodies: signed distance, and motion. In 2D z is 0, boxes and polygons are
  * infinite along z, the axis of a cylinder is z, and axes of capsules and of revolved chains lie in the plane of x and y. */
 #pragma once
 
@@ -115,6 +115,10 @@ int gr_union_edge_near(const struct gr_part *parts, int n, const double x[3], do
 /* Radius about the origin of the body that contains it, in `dim` dimensions. */
 double gr_union_bound(const struct gr_part *parts, int n, int dim);
 
+/* True if a rotation about an axis through the origin, given by a vector, leaves the surface as it is: all shapes are round
+ * about that axis. A sphere, whose axis is any, counts as round about its own and that to its centre alone. */
+int gr_union_is_round(const struct gr_part *parts, int n, const double axis[3]);
+
 /* Prescribed velocity and angular velocity at time t, and their exact means over [begin, begin + length]. */
 void gr_motion_at(const struct gr_body *body, double t, double out[6]);
 void gr_motion_mean(const struct gr_body *body, double begin, double length, double out[6]);
@@ -126,12 +130,3 @@ double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts,
 
 /* Rotate an orientation by the constant angular velocity omega for dt, exactly. */
 void gr_turn(const double orientation[4], const double omega[3], double dt, double out[4]);
-
-/* Effect of contact with a surface of velocity `surface` and outward unit normal n on the velocity v; u = v - surface:
- *
- *   sticky      u' = 0
- *   separating  u' = u_t max(0, 1 - mu |u_n|/|u_t|) where u_n < 0, else u' = u
- *   bilateral   as separating with u_n < 0, whatever the sign of u_n
- *
- * Returned: 0 if v is unchanged, 1 if only the normal component is held (or friction slides), 2 if all components are. */
-int gr_contact(const struct gr_body *body, const double n[3], const double surface[3], double v[3]);

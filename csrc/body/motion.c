@@ -48,18 +48,3 @@ void gr_turn(const double o[4], const double omega[3], double dt, double out[4])
     for (int k = 0; k < 4; k++) norm += turned[k] * turned[k];
     for (int k = 0; k < 4; k++) out[k] = turned[k] / sqrt(norm);
 }
-
-int gr_contact(const struct gr_body *body, const double n[3], const double surface[3], double v[3])
-{
-    double u[3], keep = 0;
-    for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
-    if (body->contact != GR_CONTACT_STICKY) {
-        const double into = dot(u, n);
-        if (body->contact == GR_CONTACT_SEPARATING && !(into < 0)) return 0;
-        for (int d = 0; d < 3; d++) u[d] -= into * n[d];
-        const double sliding = sqrt(dot(u, u)), lost = body->friction * fabs(into);
-        keep = lost < sliding ? 1 - lost / sliding : body->friction > 0 ? 0 : 1;
-    }
-    for (int d = 0; d < 3; d++) v[d] = surface[d] + keep * u[d];
-    return keep > 0 ? 1 : 2;
-}

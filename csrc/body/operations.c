@@ -256,3 +256,27 @@ double gr_largest_speed(const struct gr_body *body, const struct gr_part *parts,
     if (!(body->bound < far)) return length(v) + length(omega) * far;
     return bound(parts, body->n_parts, length(omega), speed_of, &m);
 }
+
+/* True if two vectors have one direction, or opposite ones, or one is zero; to the round-off of many steps. */
+static int are_parallel(const double a[3], const double b[3])
+{
+    double cross = 0, aa = 0, bb = 0;
+    for (int d = 0; d < 3; d++) {
+        const double c = a[(d + 1) % 3] * b[(d + 2) % 3] - a[(d + 2) % 3] * b[(d + 1) % 3];
+        cross += c * c, aa += a[d] * a[d], bb += b[d] * b[d];
+    }
+    return cross <= 1e-18 * aa * bb;
+}
+
+int gr_union_is_round(const struct gr_part *parts, int n, const double axis[3])
+{
+    for (int k = 0; k < n; k++) {
+        const double *r = parts[k].rotation, own[3] = {r[2], r[5], r[8]};
+        const int kind = parts[k].kind;
+        const int round =
+            kind == GR_PART_CYLINDER || kind == GR_PART_CAPSULE || kind == GR_PART_TORUS || kind == GR_PART_REVOLVED;
+        if (is_operation(parts + k)) continue;
+        if (!round || !are_parallel(own, axis) || !are_parallel(parts[k].center, axis)) return 0;
+    }
+    return 1;
+}

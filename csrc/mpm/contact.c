@@ -1,4 +1,4 @@
-/* Contact of rigid bodies with the nodes of the grid, and the motion of the bodies (contact.h). */
+/* Contact of the material with rigid bodies, and the motion of the bodies (contact.h). */
 #include "mpm/contact.h"
 
 #include "mpm/feet.h"
@@ -13,7 +13,6 @@ enum { LEAST_SWEEPS = 2, MOST_SWEEPS = 20 };
 /* A body during a step, with the velocities of the step. */
 struct moving {
     struct gr_pose pose;
-    int number;
     double v[3], omega[3];
 };
 
@@ -37,7 +36,6 @@ void gr_bodies_start(struct gr_engine *e)
 
 static void place(const struct gr_engine *e, int b, struct moving *m)
 {
-    m->number = b;
     gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &m->pose);
 }
 
@@ -135,7 +133,7 @@ static void store(struct gr_engine *e)
 }
 
 /* Add the reaction of a foot to its body: what the nodes received, without components that walls hold. */
-static void react(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, struct gr_body_state *next)
+static void react(const struct gr_engine *e, const struct gr_foot *foot, struct gr_body_state *next)
 {
     double given[3] = {0}, u[3] = {0};
     const double *r = foot->arm;
@@ -146,7 +144,6 @@ static void react(const struct gr_engine *e, const struct gr_foot *foot, const s
             u[d] += foot->weight[i] * node->v[d];
         }
     }
-    (void)m;
     for (int d = 0; d < 3; d++) {
         next->impulse[d] -= given[d];
         next->work += given[d] * u[d]; /* points are moved and strained by the velocity after contact */
@@ -204,7 +201,7 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3])
     for (int b = 0; b < e->config.n_bodies; b++) e->body_next[b] = e->body[b];
     for (int64_t k = 0; k < e->feet->n; k++) {
         const struct gr_foot *foot = &e->feet->foot[k];
-        react(e, foot, &body[foot->body], &e->body_next[foot->body]);
+        react(e, foot, &e->body_next[foot->body]);
     }
     for (int b = 0; b < e->config.n_bodies; b++) end(e, b, &body[b]);
 }

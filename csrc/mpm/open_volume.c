@@ -17,8 +17,7 @@ int gr_open_volume_new(struct gr_engine *e, int64_t n_nodes)
 {
     e->open = calloc(1, sizeof *e->open);
     if (!e->open) return GR_ERR_MEMORY;
-    e->open->pose = calloc((size_t)e->config.n_bodies, sizeof *e->open->pose);
-    return e->open->pose ? gr_table_new(&e->open->place, n_nodes) : GR_ERR_MEMORY;
+    return gr_table_new(&e->open->place, n_nodes);
 }
 
 void gr_open_volume_free(struct gr_open_volume *open)
@@ -28,7 +27,6 @@ void gr_open_volume_free(struct gr_open_volume *open)
     free(open->solid);
     free(open->slope);
     free(open->id);
-    free(open->pose);
     free(open);
 }
 
@@ -101,10 +99,11 @@ static void integrate_1d(const struct gr_axis_cell *cell, int nodes, double from
     }
 }
 
-/* Add the solid part of a cell to its nodes. */
-static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32_t at[3])
+/* Add the solid part of a cell to its nodes. A cell that is `whole` in the solid is one part. */
+static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32_t at[3], int whole)
 {
-    const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis), parts = dim == 2 ? PARTS_2D : PARTS_3D;
+    const int dim = e->config.dim, k = gr_basis_nodes_1d(e->config.basis);
+    const int parts = whole ? 1 : dim == 2 ? PARTS_2D : PARTS_3D;
     double share[MOST_PARTS * MOST_PARTS], value[3][MOST_PARTS][3], slope[3][MOST_PARTS][3]; /* 8^2 = 4^3 */
     double solid[GR_MAX_NODES] = {0}, gradient[GR_MAX_NODES][3] = {{0}};
     solid_parts(e, pose, at, parts, share);
@@ -115,9 +114,9 @@ static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32
         const int of[3] = {p % parts, p / parts % parts, p / (parts * parts)};
         for (int i = 0; share[p] > 0 && i < e->K; i++) {
             const int node[3] = {i % k, i / k % k, i / (k * k)};
-            double whole = share[p];
-            for (int d = 0; d < dim; d++) whole *= value[d][of[d]][node[d]];
-            solid[i] += whole;
+            double product = share[p];
+            for (int d = 0; d < dim; d++) product *= value[d][of[d]][node[d]];
+            solid[i] += product;
             for (int d = 0; d < dim; d++) {
                 double part = share[p];
                 for (int j = 0; j < dim; j++) part *= j == d ? slope[j][of[j]][node[j]] : value[j][of[j]][node[j]];
@@ -150,7 +149,7 @@ static int add_box(struct gr_engine *e, const struct gr_pose *pose, const int32_
     }
     const double phi = distance(e, pose, x, normal), radius = sqrt(square) * dx;
     if (phi > radius || phi < -radius - DEEP * dx) return GR_OK;
-    if (n[longest] == 1) return add_cell(e, pose, at);
+    if (n[longest] == 1) return add_cell(e, pose, at, phi < -radius);
     int32_t low[3], high[3], first[3];
     memcpy(low, n, sizeof low), memcpy(high, n, sizeof high), memcpy(first, at, sizeof first);
     low[longest] = n[longest] / 2;
@@ -167,20 +166,17 @@ static void set_volume(struct gr_engine *e, int64_t n)
     e->mesh.node_volume[n] = place < 0 ? volume : fmax(volume - e->open->solid[place], 0);
 }
 
-int gr_open_volumes(struct gr_engine *e)
+int gr_open_volumes(struct gr_engine *e, int follow)
 {
     struct gr_open_volume *open = e->open;
     struct gr_pose pose[GR_MAX_BODIES];
     const int32_t first[3] = {0};
     int32_t all[3] = {1, 1, 1};
-    int same = open->known;
     for (int b = 0; b < e->config.n_bodies; b++) {
-        same &= gr_body_moved(e, b, &open->pose[b]) == 0;
-        memcpy(open->pose[b].x, e->body[b].x, sizeof open->pose[b].x);
-        memcpy(open->pose[b].orientation, e->body[b].orientation, sizeof open->pose[b].orientation);
-        gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
+        if (follow && gr_follow_body(e, b, 0)) open->known = 0;
+        gr_pose_at(e, b, e->split[b].x, e->split[b].orientation, &pose[b]);
     }
-    if (!same) {
+    if (!open->known) {
         gr_table_clear(&open->place);
         open->n = 0;
         for (int d = 0; d < e->config.dim; d++) all[d] = e->axis[d].n_cells;

@@ -70,7 +70,7 @@ static int share_out(struct run *run)
     struct gr_engine *e = run->e;
     if (e->feet) {
         e->feet->listed = 0; /* the mesh may be another */
-        if (gr_feet_list(e) || (e->open && gr_open_volumes(e))) return GR_ERR_MEMORY;
+        if (gr_feet_list(e) || (e->open && gr_open_volumes(e, 0))) return GR_ERR_MEMORY;
     }
     const int64_t n_cells = e->mesh.n_cells, all = n_cells ? e->mesh.cell[n_cells - 1].offset : 0;
     const int chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
@@ -142,7 +142,7 @@ static void finish(struct run *run)
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
     if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
     if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
-    if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e)) e->error = GR_ERR_MEMORY;
+    if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;
     if (e->error || (!e->n_pending && !e->disconnected)) return;
     e->error = gr_regroup(e);
     if (!e->error) e->error = share_out(run);

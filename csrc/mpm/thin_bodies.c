@@ -138,28 +138,33 @@ void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last)
 double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose)
 {
     const struct gr_body_state *now = &e->body[b];
-    double moved = 0, turned = 0, same = 0, far = 0;
+    const struct gr_body *body = &e->config.bodies[b];
+    const double *p = pose->orientation, *q = now->orientation;
+    double moved = 0, far = 0;
     for (int d = 0; d < 3; d++) moved += (now->x[d] - pose->x[d]) * (now->x[d] - pose->x[d]);
-    for (int d = 0; d < 4; d++) same += now->orientation[d] * pose->orientation[d];
-    for (int d = 0; d < 4; d++) {
-        const double change = now->orientation[d] - (same < 0 ? -1 : 1) * pose->orientation[d];
-        turned += change * change;
-    }
     for (int d = 0; d < e->config.dim; d++) far += e->axis[d].length * e->axis[d].length;
-    return sqrt(moved) + 2 * sqrt(turned) * fmin(e->config.bodies[b].bound, sqrt(far));
+    /* axis of the rotation since then, in axes of the body, times the sine of half its angle */
+    const double axis[3] = {p[0] * q[1] - p[1] * q[0] - p[2] * q[3] + p[3] * q[2],
+                            p[0] * q[2] - p[2] * q[0] - p[3] * q[1] + p[1] * q[3],
+                            p[0] * q[3] - p[3] * q[0] - p[1] * q[2] + p[2] * q[1]};
+    const double sine = fmin(1, sqrt(axis[0] * axis[0] + axis[1] * axis[1] + axis[2] * axis[2]));
+    const int same = !(sine > 0) || gr_union_is_round(e->config.parts + body->first_part, body->n_parts, axis);
+    return sqrt(moved) + (same ? 0 : 2 * asin(sine) * fmin(body->bound, sqrt(far)));
+}
+
+int gr_follow_body(struct gr_engine *e, int b, double far)
+{
+    const struct gr_body_state *now = &e->body[b];
+    struct gr_split_pose *split = &e->split[b];
+    if (!(gr_body_moved(e, b, split) > far)) return 0;
+    memcpy(split->x, now->x, sizeof split->x);
+    memcpy(split->orientation, now->orientation, sizeof split->orientation);
+    return 1;
 }
 
 int gr_follow_bodies(struct gr_engine *e)
 {
     int followed = 0;
-    for (int k = 0; k < e->n_thin; k++) {
-        const int b = e->thin[k].body;
-        const struct gr_body_state *now = &e->body[b];
-        struct gr_split_pose *split = &e->split[b];
-        if (!(gr_body_moved(e, b, split) > FOLLOW * e->config.dx)) continue;
-        memcpy(split->x, now->x, sizeof split->x);
-        memcpy(split->orientation, now->orientation, sizeof split->orientation);
-        followed = 1;
-    }
+    for (int k = 0; k < e->n_thin; k++) followed |= gr_follow_body(e, e->thin[k].body, FOLLOW * e->config.dx);
     return followed;
 }

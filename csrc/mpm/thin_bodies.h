@@ -59,10 +59,14 @@ int gr_point_side(const struct gr_engine *e, const double x[3], int current);
 /* Decide which duplicates among the nodes [first, last) are separated from their partners now. */
 void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last);
 
-/* Bound of the distance by which the material points of a body have moved from a pose, within the domain, m: the arm of
- * an unbounded body is at most the diagonal of the domain. */
+/* Bound of the distance by which the surface of a body has moved from a pose, within the domain, m: the arm of an unbounded
+ * body is at most the diagonal of the domain; what is round about the axis of its rotation has not moved by that. */
 double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose);
 
-/* Let the poses `split` follow bodies that have moved.
+/* Let the pose `split` of a body follow if the body has moved farther.
+ * Returned: 1 if it did. */
+int gr_follow_body(struct gr_engine *e, int b, double far);
+
+/* Let the poses `split` of thin bodies follow.
  * Returned: 1 if they did; the points must then be regrouped. */
 int gr_follow_bodies(struct gr_engine *e);

@@ -308,7 +308,7 @@ static PyMethodDef methods[] = {
     {"restore_bodies", (PyCFunction)engine_restore_bodies, METH_O,
      "restore_bodies(state)\n--\n\nSet the state of the bodies, as bodies() gave it."},
     {"split", (PyCFunction)engine_split, METH_NOARGS,
-     "split()\n--\n\nPoses at which the cells about thin bodies are double, (n, 7): position, orientation (quaternion)."},
+     "split()\n--\n\nPoses at which the cells about thin bodies are double and open volumes are computed, (n, 7): position, orientation (quaternion)."},
     {"restore_split", (PyCFunction)engine_restore_split, METH_O,
      "restore_split(poses)\n--\n\nSet these poses, as split() gave them."},
     {"watch_walls", (PyCFunction)engine_watch_walls, METH_VARARGS,

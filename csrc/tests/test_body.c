@@ -175,27 +175,19 @@ TEST(convex_edges_of_operations)
     CHECK(at_edge(corner, 3, 1, 1.02, 0) && !at_edge(corner, 3, 1, 3.95, 0));
 }
 
-static void check_contact(int rule, double friction, double un, double ut, double un_after, double ut_after, int held)
+TEST(what_is_round_about_an_axis)
 {
-    const struct gr_body body = {.contact = rule, .friction = friction};
-    const double n[3] = {0, 1, 0}, surface[3] = {10, 20, 30};
-    double v[3] = {10 + ut, 20 + un, 30};
-    CHECK(gr_contact(&body, n, surface, v) == held);
-    CHECK_NEAR(v[0], 10 + ut_after, 1e-14);
-    CHECK_NEAR(v[1], 20 + un_after, 1e-14);
-    CHECK_NEAR(v[2], 30, 1e-14);
-}
-
-TEST(rules_of_contact)
-{
-    check_contact(GR_CONTACT_STICKY, 0, 1, 3, 0, 0, 2);
-    check_contact(GR_CONTACT_SEPARATING, 0.5, 1, 3, 1, 3, 0);    /* leaves */
-    check_contact(GR_CONTACT_SEPARATING, 0.5, -1, 3, 0, 2.5, 1); /* slides */
-    check_contact(GR_CONTACT_SEPARATING, 0.5, -7, 3, 0, 0, 2);   /* is held */
-    check_contact(GR_CONTACT_SEPARATING, 0, -7, 3, 0, 3, 1);
-    check_contact(GR_CONTACT_SEPARATING, 0, -7, 0, 0, 0, 1);
-    check_contact(GR_CONTACT_BILATERAL, 0.5, 1, -3, 0, -2.5, 1);
-    check_contact(GR_CONTACT_BILATERAL, 0.5, -1, 3, 0, 2.5, 1);
+    const double z[3] = {0, 0, 1e-3}, x[3] = {1, 0, 0};
+    struct gr_part parts[3] = {part(GR_PART_CYLINDER, 1, 1, 0), part(GR_PART_CAPSULE, 1, 2, 0), operation(GR_PART_UNION, 2)};
+    memset(parts[0].center, 0, sizeof parts[0].center);
+    memset(parts[1].center, 0, sizeof parts[1].center);
+    CHECK(gr_union_is_round(parts, 3, z) && !gr_union_is_round(parts, 3, x));
+    parts[1].center[2] = 7; /* on the axis */
+    CHECK(gr_union_is_round(parts, 3, z));
+    parts[1].center[0] = 1e-3;
+    CHECK(!gr_union_is_round(parts, 3, z));
+    parts[0] = part(GR_PART_BOX, 1, 1, 1);
+    CHECK(!gr_union_is_round(parts, 1, z));
 }
 
 TEST(motion_is_integrated_exactly)

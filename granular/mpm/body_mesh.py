@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from tqdm.auto import tqdm
 
 from granular import _core
-from granular.checks import positive, set_fields
-from granular.mpm.body_shapes import row_of
-from granular.mpm.body_tables import ArrayShape, real_array
+from granular.checks import positive, real_array, set_fields
+from granular.mpm.body_shapes import Shape, row_of
+from granular.serializable import ComparedByContent
 
 __all__ = ["Mesh"]
 
@@ -53,7 +53,7 @@ LEAST_SIGNS = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mesh(ArrayShape):
+class Mesh(ComparedByContent, Shape):
     """A surface of triangles in 3D, in coordinates of its body: closed, or a sheet.
 
     Its signed distance is exact (Baerentzen & Aanaes 2005) at the places of a sampling grid and

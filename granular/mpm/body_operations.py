@@ -67,7 +67,24 @@ def _shape(name: str, value: object, dim: int | None = None) -> Shape:
 
 
 @dataclass(frozen=True)
-class Union(Shape):
+class Joined(Shape):
+    """A shape made of several ones."""
+
+    parts: tuple[Shape, ...]
+
+    def __post_init__(self) -> None:
+        check_fields(self, _parts, "parts")
+
+    @property
+    def dim(self) -> int:
+        return self.parts[0].dim
+
+    def samples(self) -> tuple[Any, ...]:
+        return _arrays(self.parts)
+
+
+@dataclass(frozen=True)
+class Union(Joined):
     """Several shapes as one; a bucket, for example, is a union of boxes.
 
     Its signed distance is the least of theirs. This is exact outside; where shapes overlap, the
@@ -85,24 +102,12 @@ class Union(Shape):
         Naming argument, value and allowed range.
     """
 
-    parts: tuple[Shape, ...]
-
-    def __post_init__(self) -> None:
-        check_fields(self, _parts, "parts")
-
-    @property
-    def dim(self) -> int:
-        return self.parts[0].dim
-
     def rows(self) -> Array:
         return np.concatenate([part.rows() for part in self.parts])
 
-    def samples(self) -> tuple[Any, ...]:
-        return _arrays(self.parts)
-
 
 @dataclass(frozen=True)
-class Intersection(Shape):
+class Intersection(Joined):
     """The common part of several shapes; a wedge, for example, is that of two half-spaces.
 
     Its signed distance is the greatest of theirs. This is exact inside and beside the faces; beyond
@@ -119,21 +124,9 @@ class Intersection(Shape):
         Naming argument, value and allowed range.
     """
 
-    parts: tuple[Shape, ...]
-
-    def __post_init__(self) -> None:
-        check_fields(self, _parts, "parts")
-
-    @property
-    def dim(self) -> int:
-        return self.parts[0].dim
-
     def rows(self) -> Array:
         rows = np.concatenate([_joined(part) for part in self.parts])
         return _followed(rows, "intersection", len(self.parts))
-
-    def samples(self) -> tuple[Any, ...]:
-        return _arrays(self.parts)
 
 
 @dataclass(frozen=True)
@@ -175,7 +168,21 @@ class Difference(Shape):
 
 
 @dataclass(frozen=True)
-class Complement(Shape):
+class Altered(Shape):
+    """A shape made of one other."""
+
+    shape: Shape
+
+    @property
+    def dim(self) -> int:
+        return self.shape.dim
+
+    def samples(self) -> tuple[Any, ...]:
+        return self.shape.samples()
+
+
+@dataclass(frozen=True)
+class Complement(Altered):
     """All that is outside of a shape: a vessel, with the material inside the shape.
 
     Parameters
@@ -188,24 +195,15 @@ class Complement(Shape):
         If `shape` is none.
     """
 
-    shape: Shape
-
     def __post_init__(self) -> None:
         check_fields(self, _shape, "shape")
-
-    @property
-    def dim(self) -> int:
-        return self.shape.dim
 
     def rows(self) -> Array:
         return _inverted(self.shape)
 
-    def samples(self) -> tuple[Any, ...]:
-        return self.shape.samples()
-
 
 @dataclass(frozen=True)
-class Offset(Shape):
+class Offset(Altered):
     """A shape whose surface is moved along its normals.
 
     Outwards, convex edges become round with the radius `by`, and concave ones stay sharp;
@@ -224,7 +222,6 @@ class Offset(Shape):
         Naming argument, value and allowed range.
     """
 
-    shape: Shape
     _: KW_ONLY
     by: float
 
@@ -234,21 +231,14 @@ class Offset(Shape):
         if self.by == 0:
             raise ValueError("by = 0.0 must not be 0")
 
-    @property
-    def dim(self) -> int:
-        return self.shape.dim
-
     def rows(self) -> Array:
         if self.by > 0:
             return _followed(_joined(self.shape), "offset", self.by)
         return _followed(_inverted(self.shape), "offset", -self.by, inside=True)
 
-    def samples(self) -> tuple[Any, ...]:
-        return self.shape.samples()
-
 
 @dataclass(frozen=True)
-class Shell(Shape):
+class Shell(Altered):
     """The wall along the surface of a shape, which is closed: a vessel with an outer side.
 
     Parameters
@@ -266,7 +256,6 @@ class Shell(Shape):
         Naming argument, value and allowed range.
     """
 
-    shape: Shape
     _: KW_ONLY
     thickness: float
     inward: bool = False
@@ -276,13 +265,6 @@ class Shell(Shape):
         check_fields(self, positive, "thickness")
         check_fields(self, truth, "inward")
 
-    @property
-    def dim(self) -> int:
-        return self.shape.dim
-
     def rows(self) -> Array:
         rows = _inverted(self.shape) if self.inward else _joined(self.shape)
         return _followed(rows, "shell", 0.5 * self.thickness)
-
-    def samples(self) -> tuple[Any, ...]:
-        return self.shape.samples()

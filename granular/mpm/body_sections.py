@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 
@@ -103,8 +104,22 @@ def chain_rows(
     return row[None], np.ascontiguousarray((x - middle)[None])
 
 
+class Section(Shape):
+    """A shape given by the vertices of a section."""
+
+    @abstractmethod
+    def _row(self) -> tuple[Array, Array]:
+        """Row for the core, and the vertices."""
+
+    def rows(self) -> Array:
+        return self._row()[0]
+
+    def samples(self) -> tuple[Array, ...]:
+        return (self._row()[1],)
+
+
 @dataclass(frozen=True)
-class Polygon(Shape):
+class Polygon(Section):
     """A polygon in 2D, or the wall along a line of straight pieces, in coordinates of its body.
 
     Parameters
@@ -152,15 +167,9 @@ class Polygon(Shape):
             half_thickness=0.5 * (self.thickness or 0.0),
         )
 
-    def rows(self) -> Array:
-        return self._row()[0]
-
-    def samples(self) -> tuple[Array, ...]:
-        return (self._row()[1],)
-
 
 @dataclass(frozen=True)
-class Prism(Shape):
+class Prism(Section):
     """A polygon extended along an axis in 3D, in coordinates of its body.
 
     Parameters
@@ -217,15 +226,9 @@ class Prism(Shape):
             half_thickness=0.5 * (self.thickness or 0.0),
         )
 
-    def rows(self) -> Array:
-        return self._row()[0]
-
-    def samples(self) -> tuple[Array, ...]:
-        return (self._row()[1],)
-
 
 @dataclass(frozen=True)
-class Revolve(Shape):
+class Revolve(Section):
     """A solid of revolution: a profile turned about an axis, in coordinates of its body.
 
     In 2D it is the section through the axis: the profile and its mirror image. A silo with its
@@ -272,9 +275,3 @@ class Revolve(Shape):
         half = 0.5 * (self.thickness or 0.0)
         axes = axes_about(self.axis)
         return chain_rows("revolved", self.profile, self.center, axes, half_thickness=half)
-
-    def rows(self) -> Array:
-        return self._row()[0]
-
-    def samples(self) -> tuple[Array, ...]:
-        return (self._row()[1],)

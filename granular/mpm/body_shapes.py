@@ -11,6 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
+from inspect import isabstract
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from granular.checks import (
     vector,
 )
 
-__all__ = ["Box", "Cylinder", "HalfSpace", "Shape"]
+__all__ = ["Box", "Cylinder", "HalfSpace", "Shape", "shape_kinds"]
 
 Array = NDArray[np.float64]
 
@@ -130,6 +131,12 @@ class Shape(ABC):
         places[:, : self.dim] = x
         distance, normal = _core.body_distance(self.rows(), self.samples(), places)
         return distance, np.ascontiguousarray(normal[:, : self.dim])
+
+
+def shape_kinds(base: type[Shape] = Shape) -> list[type[Shape]]:
+    """Classes of shapes that can be made."""
+    kinds = [] if isabstract(base) else [base]
+    return kinds + [kind for below in base.__subclasses__() for kind in shape_kinds(below)]
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import check_fields, finite, positive, sequence, set_fields, truth
-from granular.mpm.body_shapes import row_of
-from granular.mpm.body_tables import ArrayShape, real_array
+from granular.checks import (
+    check_fields,
+    finite,
+    positive,
+    real_array,
+    sequence,
+    set_fields,
+    truth,
+)
+from granular.mpm.body_shapes import Shape, row_of
+from granular.serializable import ComparedByContent
 
 __all__ = ["HeightMap"]
 
@@ -26,7 +34,7 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class HeightMap(ArrayShape):
+class HeightMap(ComparedByContent, Shape):
     """All that lies below a surface given by heights, in coordinates of its body.
 
     The last axis is up. In 3D the surface is made of two triangles between each four posts, split

@@ -18,8 +18,7 @@ from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
-from granular.mpm.body_shapes import Shape
-from granular.mpm.body_tables import ArrayShape
+from granular.mpm.body_shapes import shape_kinds
 from granular.mpm.node_codes import c0_lines, check_c0_lines
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, default
 from granular.mpm.walls import Solid, SpongeLayer, Wall
@@ -196,8 +195,4 @@ register(
     Body,
     rigid.Motion,
 )
-register(
-    *(kind for kind in Shape.__subclasses__() if kind is not ArrayShape),
-    *ArrayShape.__subclasses__(),
-    prefix="bodies.",
-)
+register(*shape_kinds(), prefix="bodies.")

