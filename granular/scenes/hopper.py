@@ -38,6 +38,7 @@ def hopper(
     jitter: float = 0.0,
     opens_at: float = 0.1,
     gravity: float = 9.8,
+    ramp: float = 0.0,
     duration: float = 4.0,
     material: Material = softer_beads,
     scheme: Scheme = schemes.default,
@@ -50,8 +51,10 @@ def hopper(
     free-slip symmetry planes. Its walls are two bodies: ``bodies[0]`` is the inclined wall and
     ``bodies[1]`` the wall of the bin, so that `measure.body_force` tells the forces on them. The
     opening is at elevation 0, closed by a free-slip lid until `opens_at`. Below it the material
-    falls freely, as the underside of the hopper recedes, and leaves the domain. The fill begins
-    under its own weight, at the pressure of its depth.
+    falls freely, as the underside of the hopper recedes, and leaves the domain. Without a `ramp`
+    the fill begins at the pressure of its depth, in equilibrium without any friction of the walls.
+    With a `ramp` it is stress-free at first; as gravity grows it settles along the walls, whose
+    friction then bears a part of the weight (`theory.janssen_pressure`).
 
     Jenike (1964, "Storage and flow of solids", Bulletin 123 of the Utah Engineering Experiment
     Station) tells which hoppers empty in mass flow, where all the material moves:
@@ -78,6 +81,9 @@ def hopper(
         See `granular.geometry.Fill`; by default 2 along an edge of a cell.
     opens_at : float
         Time at which the lid opens [s].
+    gravity, ramp : float
+        Magnitude [m/s2], and the time in which it is reached from zero [s]; 0 for a fill that is
+        under its own weight from the start.
     {common}.
     """
     dim, cell = integer("dim", dim, 2, 3), positive("cell", cell)
@@ -99,9 +105,8 @@ def hopper(
         open_sides={"xyz"[across] + "-"},
         points_per_cell=2**dim if points_per_cell is None else points_per_cell,
         jitter=jitter,
-        lithostatic=True,
+        lithostatic=non_negative("ramp", ramp) == 0.0,
     )
-    lid = (0.0, enough_cells(inner, cell) * cell)
     return Scene(
         name="hopper",
         **filled,
@@ -109,13 +114,8 @@ def hopper(
         scheme=scheme,
         walls=(
             *(Wall(axis, 0.0, kind="free_slip") for axis in range(across)),
-            Wall(
-                across,
-                0.0,
-                kind="free_slip",
-                span=(lid,) * across,
-                opens_at=non_negative("opens_at", opens_at),
-            ),
+            # As wide as the domain: an end within it would be a line across the material.
+            Wall(across, 0.0, kind="free_slip", opens_at=non_negative("opens_at", opens_at)),
         ),
         bodies=_walls(
             inner,
@@ -126,7 +126,7 @@ def hopper(
             dim=dim,
             friction=non_negative("friction", friction),
         ),
-        gravity=gravity_down(dim, gravity),
+        gravity=gravity_down(dim, gravity, ramp),
         duration=duration,
         seed=seed,
         parameters={"half": True} if dim == 2 else {"quarter": True},
