@@ -62,7 +62,7 @@ def drum_flow(
     *,
     radius: float | None = None,
     omega: float | None = None,
-    slip: float = 0.05,
+    slip: float = 0.02,
     sections: int | None = None,
 ) -> DrumFlow:
     """Slope, and thickness, speed and flux of the flowing layer, in sections over the drum.
@@ -80,8 +80,10 @@ def drum_flow(
         abs(omega) (R^2 - s^2 - n_b^2)/2.
 
     For a thin layer on a half-filled drum this is omega (R^2 - s^2)/2 (Elperin & Vikhansky 1998,
-    Europhys. Lett. 42, 619; Orpe & Khakhar 2001, Phys. Rev. E 64, 031302). Both agree only if the
-    flow is steady, keeps its density and does not slip at the wall.
+    Europhys. Lett. 42, 619; Orpe & Khakhar 2001, Phys. Rev. E 64, 031302). While the slope still
+    grows, less flows down: the volume (at rho_c) by which the material beyond the section grows
+    from the first frame to the last, over the time between them, is taken off the balance. Flux
+    and balance agree only if material keeps its density and does not slip at the wall.
 
     Parameters
     ----------
@@ -128,7 +130,10 @@ def drum_flow(
     depth = math.prod(c * cell for c in scene.grid.shape[1:-1])
     per_area = len(frames) * scene.material.rho_c * (2 * R / count) * depth
     rows = _layers(mass / per_area, moment / per_area, R=R, omega=turning, slip=share)
-    s, surface, thickness, flux, top, balance = rows
+    s, surface, base, thickness, flux, top = rows
+    lifted = 0.5 * abs(turning) * (R**2 - s**2 - base**2)
+    stored = _growth(frames[0], frames[-1], along * math.copysign(1.0, turning), s)
+    stored /= scene.material.rho_c * depth
     return DrumFlow(
         slope_deg=math.degrees(slopes.mean()),
         slope_spread_deg=math.degrees(slopes.std(ddof=1)) if len(slopes) > 1 else math.nan,
@@ -138,7 +143,7 @@ def drum_flow(
         speed=flux / thickness,
         surface_speed=top,
         flux=flux,
-        balance=balance,
+        balance=lifted - stored,
         frames=len(frames),
     )
 
@@ -170,8 +175,24 @@ def _slope(state: State, radius: float) -> float:
     return math.atan(float(np.polyfit(middles, level, 1)[0]))
 
 
+def _growth(first: State, last: State, up: Array, s: Array) -> Array:
+    """Rate at which the mass beyond sections at s grows, on the side to which `up` points."""
+    span = last.time - first.time
+    if not span > 0:
+        return np.zeros_like(s)
+    sign = math.copysign(1.0, up[0])
+
+    def beyond(state: State) -> Array:
+        place = np.asarray(state.x, dtype=float)[:, [0, -1]] @ up
+        order = np.argsort(place)
+        total = np.append(np.cumsum(np.asarray(state.mass, dtype=float)[order][::-1])[::-1], 0.0)
+        return total[np.searchsorted(place[order], sign * s)]
+
+    return (beyond(last) - beyond(first)) / span
+
+
 def _layers(height: Array, flow: Array, *, R: float, omega: float, slip: float) -> list[Array]:
-    """Middle, surface, thickness, flux, speed at the surface and balance of each section.
+    """Middle, surface, base, thickness, flux and speed at the surface of each section.
 
     `height` and `flow` are the thickness and the flux up the slope of each bin, at rho_c.
     """
@@ -195,10 +216,10 @@ def _layers(height: Array, flow: Array, *, R: float, omega: float, slip: float) 
             (
                 s,
                 n[filled[-1]] + spacing / 2,
+                base * spacing - R,
                 height[k, base:].sum(),
                 -sign * flow[k, base:].sum(),
                 -sign * velocity[k, filled[-1]],
-                0.5 * abs(omega) * (R**2 - s**2 - (base * spacing - R) ** 2),
             )
         )
     return list(np.array(rows, dtype=float).reshape(-1, 6).T)
