@@ -69,9 +69,10 @@ def drum_flow(
 
     A frame's surface is the level to which the mass of a column about one cell wide fills it above
     the wall at rho_c. The slope is that of the straight line by least squares through the columns
-    with abs(x) < radius/2. Sections are bins of s of one cell, bins of n in them half a cell. Relative to the rotation of the drum, material slips
-    down the slope by ``u = omega (-n) - v_s`` (for omega > 0). The flowing layer is all above the
-    highest bin in which abs(u) is less than `slip` times its value at the surface.
+    with abs(x) < radius/2. Sections are bins of s of one cell, bins of n in them half a cell.
+    Relative to the rotation of the drum, material slips down the slope by ``u = omega (-n) - v_s``
+    (for omega > 0). The flowing layer is all above the highest bin in which abs(u) is less than
+    `slip` times its value at the surface.
 
     In steady flow as much goes down through a section as goes up. Below the layer, from the wall at
     ``n = -sqrt(R^2 - s^2)`` to its base at n_b, the bed turns with the drum, so that the flux of
@@ -154,7 +155,7 @@ def _known(parameters: object, name: str, given: float | None) -> float:
         return given
     if name not in parameters:  # type: ignore[operator]
         raise ValueError(f"{name} = None: the scene has no parameter {name}, give it")
-    return parameters[name]  # type: ignore[index, no-any-return]
+    return parameters[name]  # type: ignore[index]
 
 
 def _slope(state: State, radius: float) -> float:

@@ -10,6 +10,7 @@ from granular.checks import positive
 from granular.measure.averaging_grid import Array, mean_of, require_points, sums_of
 from granular.measure.opening import each_state
 from granular.mpm.body_distances import distance_from_bodies
+from granular.mpm.scene import Scene
 from granular.typing import States
 
 MASS_FLOW_INDEX = 0.3
@@ -69,8 +70,7 @@ def hopper_flow(states: States, *, reach: float = 1.0) -> HopperFlow:
     reach = positive("reach", reach)
     frames = list(each_state(states))
     scene = frames[0].scene
-    bodies = getattr(scene, "bodies", ())
-    if not bodies:
+    if not isinstance(scene, Scene) or not scene.bodies:
         raise ValueError(f"scene {scene.name!r} has no bodies, which are the walls of a hopper")
     from_walls = distance_from_bodies(scene)
     cell, upper = scene.grid.cell, scene.grid.upper[-1]
@@ -90,4 +90,5 @@ def hopper_flow(states: States, *, reach: float = 1.0) -> HopperFlow:
     wall, axis = (mean_of(moment, mass) for mass, moment in sums)
     with np.errstate(divide="ignore", invalid="ignore"):
         index = np.where(axis > 0, wall / axis, np.nan)
-    return HopperFlow(z=(np.arange(count) + 0.5) * cell, wall=wall, axis=axis, index=index)
+    z = np.linspace(0.5, count - 0.5, count) * cell
+    return HopperFlow(z=z, wall=wall, axis=axis, index=index)
