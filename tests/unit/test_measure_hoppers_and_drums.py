@@ -35,7 +35,7 @@ def test_flow_of_a_drum(sign):
     assert flow.thickness[middle] == pytest.approx(0.05, abs=0.004)
     assert flow.surface[middle] == pytest.approx(0.0, abs=1e-12)
     flux = (20.0 - OMEGA) * 0.05**2 / 2
-    # The points lie on a lattice at 25 degrees: a section has a row of four more or less.
+    # Rows of points are at 25 degrees to the sections: these have four points more or less.
     assert flow.flux[middle] == pytest.approx(flux, rel=0.05)
     assert flow.flux[middle].mean() == pytest.approx(flux, rel=0.01)
     assert flow.flux == pytest.approx(flow.thickness * flow.speed)
