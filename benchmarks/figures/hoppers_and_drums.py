@@ -52,10 +52,12 @@ def hoppers(cell: float) -> plot.Picture:
     picture = plot.Picture(figsize=(12, 4), layout="constrained")
     axes = picture.subplots(1, 4, width_ratios=(0.7, 0.7, 1.3, 1.3))
     for ax, angle in zip(axes, (15.0, 40.0), strict=False):
-        extent = ((0.0, 0.22), (-0.04, 0.6))
+        extent = ((0.0, 0.22), (-0.04, 0.55))
         title = f"{angle:g} deg, friction 0.5"
         state = found[angle, 0.5][0]
-        plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), extent=extent, title=title)
+        plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), extent=extent, title=title, bar=False)
+        rise = (WIDTH - ORIFICE) / 2 / math.tan(math.radians(angle))
+        ax.plot([ORIFICE / 2, WIDTH / 2, WIDTH / 2], [0.0, rise, max(rise, 0.55)], "k-")
     effective = gr.theory.earth_pressure(0.5).coaxial_deg
     flat = gr.theory.rose_tanaka_factor(ANGLES, 45.0)
     for k, friction in enumerate(FRICTIONS):
@@ -67,7 +69,7 @@ def hoppers(cell: float) -> plot.Picture:
         scaled = np.array(rates) / (1500.0 * math.sqrt(9.8) * ORIFICE**1.5)
         axes[3].plot(ANGLES, scaled, "o-", color=colour)
         print(friction, "limit", round(limit, 1), np.round(indices, 3), np.round(scaled, 3))
-    level = scaled[-1] / flat[-1]
+    level = np.exp(np.mean(np.log(scaled / flat)))  # the reference says how it falls, not how much
     axes[3].plot(ANGLES, level * flat, "k--", label="Rose & Tanaka, 45 deg")
     axes[2].axhline(0.3, color="0.6", linewidth=0.8)
     axes[2].set(xlabel="half angle [deg]", ylabel="least index of mass flow", ylim=(0, 1))
@@ -99,8 +101,11 @@ def drums(cell: float) -> plot.Picture:
         froude.append(scene.parameters["froude"])
         if omega == 1.0:
             title = "speed, omega = 1 rad/s"
-            plot.frame(states[-1], "speed", ax=axes[0], title=title, limits=(0.0, 0.3))
-            R = scene.parameters["radius"]
+            extent = ((-0.105, 0.105), (-0.105, 0.105))
+            options = {"title": title, "limits": (0.0, 0.3), "extent": extent}
+            plot.frame(states[-1], "speed", ax=axes[0], **options)
+            R, turn = scene.parameters["radius"], np.linspace(0.0, 2 * np.pi, 200)
+            axes[0].plot(R * np.cos(turn), R * np.sin(turn), "k-")
             axes[2].plot(flow.s, flow.flux, "o", label="thickness x speed")
             axes[2].plot(flow.s, flow.balance, "k-", label="balance of mass")
             axes[2].plot(flow.s, 0.5 * omega * (R**2 - flow.s**2), "k:", label="of a thin layer")
