@@ -33,6 +33,8 @@ READY = {
     "column_collapse": {"cell": 0.05, "points_per_cell": 4},
     "silo": {"cell": 0.05, "jitter": 0.3},
     "hourglass": {"fill_height": 0.1, "drop": 0.2},
+    "hopper": {"cell": 0.025, "opens_at": 0.0},
+    "rotating_drum": {"cell": 0.02, "width": 0.04},
     "incline": {"columns": 3, "jitter": 0.4},
     "slug": {"cell": 0.03},
     "cylinder_collapse": {"cell": 0.1},

@@ -30,6 +30,8 @@ from granular.measure.discharge import MassHistory as MassHistory
 from granular.measure.discharge import beverloo as beverloo
 from granular.measure.discharge import discharge as discharge
 from granular.measure.discharge import mass_history as mass_history
+from granular.measure.drum import DrumFlow as DrumFlow
+from granular.measure.drum import drum_flow as drum_flow
 from granular.measure.energy import Energy as Energy
 from granular.measure.energy import EnergyBudget as EnergyBudget
 from granular.measure.energy import energy as energy
@@ -47,6 +49,8 @@ from granular.measure.heap import Surface as Surface
 from granular.measure.heap import repose_angle as repose_angle
 from granular.measure.heap import runout as runout
 from granular.measure.heap import surface as surface
+from granular.measure.hopper import HopperFlow as HopperFlow
+from granular.measure.hopper import hopper_flow as hopper_flow
 from granular.measure.kinetic import MassBalance as MassBalance
 from granular.measure.kinetic import StressFreeError as StressFreeError
 from granular.measure.kinetic import mass_balance_error as mass_balance_error

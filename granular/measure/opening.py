@@ -78,7 +78,10 @@ class Opening:
 
 
 def modelled_share(scene: AnyScene) -> float:
-    """Part of the full silo that a scene models: 1, or 1/2 if its parameter ``half`` is true."""
+    """Part of the full silo that a scene models: 1/4 or 1/2 if its parameter ``quarter`` or
+    ``half`` is true, otherwise 1."""
+    if scene.parameters.get("quarter", False):
+        return 0.25
     return 0.5 if scene.parameters.get("half", False) else 1.0
 
 

@@ -15,8 +15,10 @@ from granular.scenes._registry import METHODS, SceneFunction, functions
 from granular.scenes.column_collapse import column_collapse, cylinder_collapse
 from granular.scenes.couette import couette
 from granular.scenes.excavation import excavation, excavator
+from granular.scenes.hopper import hopper
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
+from granular.scenes.rotating_drum import rotating_drum
 from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
 from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
@@ -36,6 +38,7 @@ __all__ = [
     "excavation",
     "excavator",
     "fluidised_bed",
+    "hopper",
     "hourglass",
     "incline",
     "incline_sph",
@@ -43,6 +46,7 @@ __all__ = [
     "jet_on_bed",
     "names",
     "registry",
+    "rotating_drum",
     "silo",
     "silo_3d",
     "slug",

@@ -24,6 +24,10 @@ from granular.theory.hencky import HenckyColumn as HenckyColumn
 from granular.theory.hencky import StandingWave as StandingWave
 from granular.theory.hencky import hencky_column as hencky_column
 from granular.theory.hencky import standing_wave as standing_wave
+from granular.theory.hopper import hourglass_rate as hourglass_rate
+from granular.theory.hopper import janssen_pressure as janssen_pressure
+from granular.theory.hopper import mass_flow_limit as mass_flow_limit
+from granular.theory.hopper import rose_tanaka_factor as rose_tanaka_factor
 from granular.theory.incline import InclineTransient as InclineTransient
 from granular.theory.incline import bagnold_mean as bagnold_mean
 from granular.theory.incline import bagnold_profile as bagnold_profile

@@ -15,6 +15,7 @@ NOT_ABOVE_ZERO = {
     *("angle_deg", "jitter", "A", "omega", "overlap", "rake_deg", "friction"),
     *("settle", "slope_deg", "opens_at", "slip", "slug.headroom", "column_collapse.ramp"),
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
+    *("hopper.ramp", "rotating_drum.width"),
 }
 """Numbers that may be 0 or less in all scenes, or in one."""
 CASES = [

@@ -45,7 +45,8 @@ COARSE = {"couette": {"cell": 0.02}, "excavation": {"cell": 0.025}}
 
 MPM = (
     *("chute_ngf", "clogging_silo", "column_collapse", "couette", "cylinder_collapse"),
-    *("excavation", "excavator", "hourglass", "incline", "silo", "silo_3d", "slug", "wheel"),
+    *("excavation", "excavator", "hopper", "hourglass", "incline", "rotating_drum", "silo"),
+    *("silo_3d", "slug", "wheel"),
 )
 SPH = (
     *("column_collapse", "column_collapse_sph", "fluidised_bed", "incline_sph"),
@@ -73,7 +74,9 @@ DERIVED = {
     "chute_ngf": {"columns_across": 0},
     "column_collapse": {"cell": 0.0125, "lip": pytest.approx(142 * 0.0125), "half": True},
     "cylinder_collapse": {"lip": pytest.approx(47 * 0.0125), "quarter": True},
+    "hopper": {"half": True},
     "hourglass": {"width": 1.0, "half": True},
+    "rotating_drum": {"froude": pytest.approx(0.1 / 5.0)},
     "silo": {"half": True},
     "slug": {"wall_at": pytest.approx(91 * 0.0083)},
     "column_collapse_sph": {
@@ -149,6 +152,10 @@ def test_keywords_of_the_scene_come_before_those_of_its_material():
 NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
 
 
+SOFTER = ("hopper", "rotating_drum")
+"""Scenes of `glass_beads` with another E."""
+
+
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
 @pytest.mark.parametrize("name", scenes.names("mpm"))
 def test_every_scene_is_whole(name, basis):
@@ -161,7 +168,7 @@ def test_every_scene_is_whole(name, basis):
     scene = make(scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7, **coarse)
     assert Scene.from_json(scene.to_json()) == scene
     grains = inspect.signature(make).parameters["material"].default
-    assert (grains is materials.glass_beads) == (name not in NONLOCAL)
+    assert (grains is materials.glass_beads) == (name not in (*NONLOCAL, *SOFTER))
     if name == "clogging_silo":
         grains = grains.replace(A=1.0, d=0.14)
     assert scene.material == grains and scene.seed == 7
@@ -258,6 +265,46 @@ def test_sloped_hourglass():
     assert rows[codes.dense()[10, -1] - 1].fixed & 1  # the side wall reaches down to the base
     steep = scenes.hourglass(kind="sloped", slope_deg=60.0)
     assert mass(steep) < mass(scene) < mass(scenes.hourglass(kind="sloped", slope_deg=20.0))
+
+
+def test_hopper():
+    """Half a plane hopper and a quarter of a conical one: what the walls leave of the fill."""
+    rise = 0.2 / math.tan(math.radians(30))
+    flat = scenes.hopper()
+    section = (0.05 + 0.25) / 2 * rise + 0.25 * (0.6 - rise)
+    assert flat.points().volume.sum() == pytest.approx(section, rel=2e-3)
+    cone = scenes.hopper(dim=3, cell=0.025)
+    volume = rise / 3 * (0.05**2 + 0.05 * 0.25 + 0.25**2) + 0.25**2 * (0.6 - rise)
+    assert cone.points().volume.sum() == pytest.approx(math.pi / 4 * volume, rel=5e-3)
+    for scene, side in ((flat, "y-"), (cone, "z-")):
+        assert scene.grid.open_sides == {side} and scene.grid.lower[-1] == -4 * scene.grid.cell
+        assert [w.opens_at for w in scene.walls[scene.dim - 1 :]] == [0.1]
+        x = np.zeros((2, scene.dim))
+        x[:, 0], x[:, -1] = (0.1, 0.24), (0.1, 0.5)
+        gaps = np.array([body.distance(x)[0] for body in scene.bodies]).min(axis=0)
+        inclined = 0.1 * math.sin(math.radians(30)) - 0.05 * math.cos(math.radians(30))
+        assert gaps == pytest.approx([inclined, 0.01])
+    history = gr.measure.mass_history([gr.Simulation(cone).state])
+    assert history.share == 0.25
+    assert history.mass[0] == pytest.approx(1500.0 * math.pi * volume, rel=0.01)
+    assert not scenes.hopper(ramp=0.1).fills[0].lithostatic and flat.fills[0].lithostatic
+
+
+@pytest.mark.parametrize("fraction", [0.2, 0.5, 0.7])
+def test_rotating_drum(fraction):
+    flat = scenes.rotating_drum(fill_fraction=fraction)
+    assert flat.points().volume.sum() == pytest.approx(fraction * math.pi * 0.01, rel=1e-3)
+    slice_ = scenes.rotating_drum(fill_fraction=fraction, width=0.02, cell=0.01)
+    assert slice_.grid.periodic == (False, True, False)
+    volume = fraction * math.pi * 0.01 * 0.02
+    assert slice_.points().volume.sum() == pytest.approx(volume, rel=5e-3)
+    (drum,) = slice_.bodies
+    # at larger x it moves up, as in 2D
+    assert np.cross(drum.motion.angular_velocity[0], (0.1, 0.0, 0.0))[2] > 0
+    assert flat.bodies[0].motion.angular_velocity == (1.0,)
+    assert drum.contact == "sticky" and drum.rough
+    smooth = scenes.rotating_drum(friction=0.3).bodies[0]
+    assert (smooth.contact, smooth.friction, smooth.rough) == ("separating", 0.3, False)
 
 
 def test_incline():
