@@ -17,6 +17,7 @@ from granular.scenes.couette import couette
 from granular.scenes.excavation import excavation, excavator
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
+from granular.scenes.landslide import landslide
 from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
 from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
@@ -41,6 +42,7 @@ __all__ = [
     "incline_sph",
     "inclined_collapse",
     "jet_on_bed",
+    "landslide",
     "names",
     "registry",
     "silo",
