@@ -32,7 +32,7 @@ def landslide(
     *,
     angle_deg: float = 35.0,
     slope: float = 1.0,
-    flat: float = 1.2,
+    flat: float = 1.6,
     bend: float = 0.3,
     width: float = 1.0,
     length: float = 0.4,
