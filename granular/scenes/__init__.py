@@ -18,6 +18,7 @@ from granular.scenes.excavation import excavation, excavator
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
 from granular.scenes.landslide import landslide
+from granular.scenes.obstacle import obstacle
 from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
 from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
@@ -44,6 +45,7 @@ __all__ = [
     "jet_on_bed",
     "landslide",
     "names",
+    "obstacle",
     "registry",
     "silo",
     "silo_3d",

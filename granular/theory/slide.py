@@ -114,7 +114,12 @@ def spreading_cap(
     # The last time alone would be an empty interval if it were 0.
     end = max(float(t[-1]), 1e-9)
     solved = solve_ivp(
-        lambda _, y: (y[1], push / y[0] ** 2), (0.0, end), (L0, 0.0), t_eval=t, rtol=1e-9, atol=1e-12
+        lambda _, y: (y[1], push / y[0] ** 2),
+        (0.0, end),
+        (L0, 0.0),
+        t_eval=t,
+        rtol=1e-9,
+        atol=1e-12,
     )
     pull = g * (math.sin(angle) - mu * math.cos(angle))
     return SpreadingCap(times=t, centre=0.5 * pull * t**2, half_length=solved.y[0])

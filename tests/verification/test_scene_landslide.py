@@ -10,7 +10,7 @@ from granular import theory
 
 ANGLE = math.radians(35.0)
 PULL = 9.81 * (math.sin(ANGLE) - 0.3 * math.cos(ANGLE))
-SMALL = {"cell": 0.05, "slope": 0.7, "flat": 0.4, "bend": 0.1, "width": 0.4, "length": 0.3}
+SMALL = {"cell": 0.05, "slope": 0.7, "flat": 0.4, "bend": 0.1, "width": 0.5, "length": 0.4}
 
 
 def slid(scene, times):
