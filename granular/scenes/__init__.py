@@ -19,6 +19,7 @@ from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
 from granular.scenes.landslide import landslide
 from granular.scenes.obstacle import obstacle
+from granular.scenes.penetration import penetration
 from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
 from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
@@ -46,6 +47,7 @@ __all__ = [
     "landslide",
     "names",
     "obstacle",
+    "penetration",
     "registry",
     "silo",
     "silo_3d",
