@@ -13,6 +13,7 @@ from typing import Any
 from granular.checks import one_of
 from granular.scenes._registry import METHODS, SceneFunction, functions
 from granular.scenes.column_collapse import column_collapse, cylinder_collapse
+from granular.scenes.conveyor import conveyor
 from granular.scenes.couette import couette
 from granular.scenes.excavation import excavation, excavator
 from granular.scenes.hourglass import hourglass
@@ -34,6 +35,7 @@ __all__ = [
     "clogging_silo",
     "column_collapse",
     "column_collapse_sph",
+    "conveyor",
     "couette",
     "cylinder_collapse",
     "excavation",
