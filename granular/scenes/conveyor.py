@@ -51,7 +51,8 @@ def conveyor(
     good; `granular.measure.discharge` and `mass_history` count them.
 
     What has come to ride on the belt has its velocity, so that it carries rho h speed, h the
-    thickness behind the gate, which is nearly the opening.
+    thickness behind the gate, which is nearly the opening. The top of a layer is drawn along by its
+    own friction mu only, within about speed^2/(2 g (mu cos(angle) - sin(angle))) of the gate.
 
     Parameters
     ----------

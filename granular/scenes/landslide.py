@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import array, finite, in_range, integer, non_negative, positive, vector
-from granular.geometry import Fill, Grid
+from granular.geometry import MAX_COUNT, Fill, Grid
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, HeightMap
@@ -151,12 +151,14 @@ def _ground(
         )
     h = cell / 2
     before, behind = (enough_cells(of[name], cell) for name in ("slope", "flat"))
+    across = enough_cells(of["width"] / 2, cell) if dim == 3 else 0
+    if (2 * (before + behind) + 1) * (4 * across + 1) > MAX_COUNT:
+        raise ValueError(f"cell = {cell} must make at most {MAX_COUNT} posts of the terrain")
     x = h * np.arange(-2 * before, 2 * behind + 1)
     on_arc = of["bend"] - np.sqrt(of["bend"] ** 2 - np.clip(x - tangent, -of["bend"], 0.0) ** 2)
     z = np.where(x < -tangent * math.cos(angle), -x * math.tan(angle), on_arc)
     if dim == 2:
         return HeightMap(z, h, origin=(-before * cell,))
-    across = enough_cells(of["width"] / 2, cell)
     whole = np.tile(z, (4 * across + 1, 1))
     return HeightMap(whole, h, origin=(-before * cell, -across * cell))
 
