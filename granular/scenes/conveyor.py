@@ -92,7 +92,7 @@ def conveyor(
         (-n_stock * cell, *level, -BELOW * cell),
         cell,
         (n_stock + n_run, *side, n_z + BELOW + HEADROOM),
-        open_sides={"x+"},
+        open_sides=frozenset({"x+"}),
     )
     fill = Filled((grid.lower[0], *level, 0.0), (0.0, *(n * cell for n in side), n_z * cell))
     # The gate ends above the grid and beyond its sides.

@@ -213,7 +213,9 @@ def _layer(ground: HeightMap, thickness: Array) -> Layer:
     spacing = ground.spacing if isinstance(ground.spacing, tuple) else (ground.spacing,)
     if len(set(spacing)) > 1:
         raise ValueError(f"terrain: its spacing = {spacing} must be the same along x and y")
-    part, lower, upper = [], [], []
+    part: list[slice] = []
+    lower: list[float] = []
+    upper: list[float] = []
     for axis, x in enumerate(_posts(ground)):
         along = thickness.ndim - 1 - axis
         others = tuple(k for k in range(thickness.ndim) if k != along)

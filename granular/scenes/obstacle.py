@@ -107,7 +107,7 @@ def obstacle(
         (-n_x * cell, *(0.0,) * len(side), -BELOW * cell),
         cell,
         (n_x + enough_cells(reach, cell), *side, enough_cells(top, cell) + BELOW),
-        open_sides={"x+"},
+        open_sides=frozenset({"x+"}),
     )
     moving = (non_negative("speed", speed), *(0.0,) * (dim - 1))
     count = 2**dim if points_per_cell is None else points_per_cell

@@ -125,8 +125,9 @@ def _shape(kind: str, radius: float, cone_deg: float, shaft: float, dim: int) ->
     up = (*level, 1.0)
     cone = in_range("cone_deg", cone_deg, 0.0, 180.0, open_low=True, open_high=True)
     if one_of("kind", kind, ("ball", "cone")) == "ball":
-        at = (*level, radius)
-        return Cylinder(radius, center=at) if dim == 2 else Sphere(radius, center=at)
+        if dim == 2:
+            return Cylinder(radius, center=(0.0, radius))
+        return Sphere(radius, center=(0.0, 0.0, radius))
     tip = radius / math.tan(math.radians(cone) / 2)
     middle = (*level, tip + shaft / 2)
     rod: Shape = (
