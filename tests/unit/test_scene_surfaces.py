@@ -59,7 +59,7 @@ def test_landslide_on_terrain_of_ones_own(tmp_path):
     assert read.bodies == scene.bodies
     with pytest.raises(ValueError, match="at = None must be a place on the terrain"):
         scenes.landslide(terrain=HeightMap(z, 0.1))
-    with pytest.raises(ValueError, match="spacing = .* must be the same along x and y"):
+    with pytest.raises(ValueError, match=r"spacing = .* must be the same along x and y"):
         scenes.landslide(terrain=HeightMap(z, (0.1, 0.2)), release=release)
 
 
