@@ -1,4 +1,4 @@
-"""What a belt carries: its own velocity, and rho h u."""
+"""Material on a belt: it has its velocity, and rho h u pass."""
 
 import math
 

@@ -31,9 +31,9 @@ def test_a_bed_at_rest_presses_as_its_depth(cell):
 def test_a_fast_layer_is_turned_by_its_momentum_flux():
     """All of the momentum along the bed ends at a smooth wall, tall enough that the layer is turned
     by 90 degrees: rho h v^2, less what is stored in the heap at its foot. The first contact, until
-    0.05 s, is that of elastic waves, rho c h v, three times as much. Waves go on: single frames
-    are off by a third, the mean over 0.15 s by 3 % with these cells and 13 % with twice as large
-    ones; 20 % are asked for.
+    0.05 s, is that of an elastic wave, whose pressure is of the order of rho c v. Waves go on:
+    single frames are off by a third, the mean over 0.15 s by less than 1 % with these cells and by
+    5 to 13 % with twice as large ones; 20 % are asked for.
     """
     jet = {"angle_deg": 0.0, "gap": 0.02, "length": 1.0, "friction": 0.0, "speed": 4.0}
     scene = gr.scenes.obstacle(gravity=0.5, tall=0.6, headroom=0.4, behind=0.2, **jet)
