@@ -93,7 +93,8 @@ def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHist
         x, mass = np.asarray(state.x), np.asarray(state.mass)
         order = np.argsort(x[:, 0], kind="stable")
         held = np.cumsum(mass[order]) - 0.5 * mass[order]
-        ends = np.interp((share * held[-1], (1.0 - share) * held[-1]), held, x[order, 0])
+        total = float(mass.sum())
+        ends = np.interp((share * total, (1.0 - share) * total), held, x[order, 0])
         means = [np.average(part, axis=0, weights=mass) for part in (x, np.asarray(state.v))]
         rows.append((state.time, *ends, *means))
     if len(rows) < 2:

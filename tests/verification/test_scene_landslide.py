@@ -10,7 +10,7 @@ from granular import theory
 
 ANGLE = math.radians(35.0)
 PULL = 9.81 * (math.sin(ANGLE) - 0.3 * math.cos(ANGLE))
-SMALL = {"cell": 0.05, "slope": 0.7, "flat": 0.4, "bend": 0.1, "width": 0.5, "length": 0.4}
+SMALL = {"cell": 0.05, "points_per_cell": 1, "slope": 0.7, "flat": 0.4, "bend": 0.1, "width": 0.5}
 
 
 def slid(scene, times):
@@ -24,20 +24,23 @@ def slid(scene, times):
 
 @pytest.mark.filterwarnings("ignore::granular.diagnostics.StabilityWarning")
 @pytest.mark.parametrize(
-    "given", [{"cell": 0.02}, {"dim": 3, "thickness": 0.1, **SMALL}], ids=["2D", "3D"]
+    ("given", "spread"),
+    [({"cell": 0.02}, 1e-3), ({"dim": 3, "thickness": 0.1, **SMALL}, 0.02)],
+    ids=["2D", "3D"],
 )
-def test_on_the_plane_friction_is_that_of_the_base(given):
+def test_on_the_plane_friction_is_that_of_the_base(given, spread):
     """All that slides on a plane feels mu N there, whatever flows inside and however it falls onto
     the plane: the momentum along it plus mu times that across it grows as that of a block.
 
-    The sweeps of the contact hold this within 1e-5. In the first 0.1 s there is less friction: the
-    shear stress at the base is built up by elastic waves, and in 3D a cap that spreads has some of
-    its friction across the slope.
+    In 2D the sweeps of the contact hold this within 1e-5. In 3D a cap that spreads has some of its
+    friction across the slope, so that it can only be faster: by 1.3 % here. In the first 0.1 s there
+    is less friction, as the shear stress at the base is built up by elastic waves.
     """
     found = slid(gr.scenes.landslide(**given), (0.1, 0.2))
     along, across = (math.cos(ANGLE), -math.sin(ANGLE)), (math.sin(ANGLE), math.cos(ANGLE))
     momentum = found.velocity[:, [0, -1]] @ (np.array(along) + 0.3 * np.array(across))
-    assert np.diff(momentum)[1] / np.diff(found.times)[1] == pytest.approx(PULL, rel=1e-3)
+    rate = np.diff(momentum)[1] / np.diff(found.times)[1]
+    assert 1 - 1e-3 < rate / PULL < 1 + spread
     assert PULL < momentum[1] / found.times[1] < 1.05 * PULL
 
 
