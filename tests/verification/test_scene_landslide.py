@@ -33,8 +33,8 @@ def test_on_the_plane_friction_is_that_of_the_base(given, spread):
     the plane: the momentum along it plus mu times that across it grows as that of a block.
 
     In 2D the sweeps of the contact hold this within 1e-5. In 3D a cap that spreads has some of its
-    friction across the slope, so that it can only be faster: by 1.3 % here. In the first 0.1 s there
-    is less friction, as the shear stress at the base is built up by elastic waves.
+    friction across the slope, so that it can only be faster: by 1.3 % here. In the first 0.1 s
+    there is less friction, as the shear stress at the base is built up by elastic waves.
     """
     found = slid(gr.scenes.landslide(**given), (0.1, 0.2))
     along, across = (math.cos(ANGLE), -math.sin(ANGLE)), (math.sin(ANGLE), math.cos(ANGLE))
