@@ -48,7 +48,7 @@ def penetration(
     free_slip.
 
     The force, `granular.measure.body_force`, does not depend on the speed while the inertial number
-    is small. That on a ball grows linearly with the depth; that on a cone, as long as its shaft is
+    is small. That on a disc grows linearly with the depth; that on a cone, as long as its shaft is
     above the bed, with the square (2D) or cube (3D) of the depth z, because nothing but z has a
     length then. Feet keep away from sharp edges, so that a cone of 60 degrees acts as if it were
     deeper by a cell; one of 120 degrees does not.
