@@ -45,6 +45,10 @@ READY = {
     "excavation": {"cell": 0.025},
     "wheel": {},
     "excavator": {"cell": 0.025},
+    "landslide": {"cell": 0.04},
+    "obstacle": {"cell": 0.05},
+    "penetration": {"cell": 0.04},
+    "conveyor": {"cell": 0.05},
 }
 """Ready-made MPM scenes, coarse."""
 

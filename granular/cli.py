@@ -33,6 +33,8 @@ BY_SCENE, UNSET = "chosen by the scene", "none"
 
 OWN_OPTIONS = ("material", "scheme", "numerics")
 """Arguments of scene functions that have options of their own."""
+ARRAYS = ("release",)
+"""Arguments of scene functions that are arrays, which only Python can give."""
 
 _Keyword = tuple[str, Callable[[str], Any], Any]
 """Name, converter from text, and default of a keyword."""
@@ -225,7 +227,7 @@ def _keywords(function: Callable[..., Any]) -> list[_Keyword]:
     return [
         (name, _converter(hints[name]), default)
         for name, default in own_keywords(inspect.signature(function)).items()
-        if name not in OWN_OPTIONS
+        if name not in (*OWN_OPTIONS, *ARRAYS)
     ]
 
 

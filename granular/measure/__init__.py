@@ -68,5 +68,9 @@ from granular.measure.profiles import inertial_number as inertial_number
 from granular.measure.profiles import profile as profile
 from granular.measure.profiles import scaled_inertial_number as scaled_inertial_number
 from granular.measure.profiles import velocity_profile as velocity_profile
+from granular.measure.slide import Deposit as Deposit
+from granular.measure.slide import SlideHistory as SlideHistory
+from granular.measure.slide import deposit as deposit
+from granular.measure.slide import slide_history as slide_history
 from granular.measure.stress import friction as friction
 from granular.measure.wall import wall_force as wall_force

@@ -13,11 +13,15 @@ from typing import Any
 from granular.checks import one_of
 from granular.scenes._registry import METHODS, SceneFunction, functions
 from granular.scenes.column_collapse import column_collapse, cylinder_collapse
+from granular.scenes.conveyor import conveyor
 from granular.scenes.couette import couette
 from granular.scenes.excavation import excavation, excavator
 from granular.scenes.hopper import hopper
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
+from granular.scenes.landslide import landslide
+from granular.scenes.obstacle import obstacle
+from granular.scenes.penetration import penetration
 from granular.scenes.rotating_drum import rotating_drum
 from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
@@ -33,6 +37,7 @@ __all__ = [
     "clogging_silo",
     "column_collapse",
     "column_collapse_sph",
+    "conveyor",
     "couette",
     "cylinder_collapse",
     "excavation",
@@ -44,7 +49,10 @@ __all__ = [
     "incline_sph",
     "inclined_collapse",
     "jet_on_bed",
+    "landslide",
     "names",
+    "obstacle",
+    "penetration",
     "registry",
     "rotating_drum",
     "silo",

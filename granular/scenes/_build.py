@@ -9,6 +9,7 @@ from typing import Any
 from granular.checks import in_range, integer, non_negative, positive
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
+from granular.materials import glass_beads
 from granular.mpm.schemes import Fluidity, ParticleDensity, Scheme
 from granular.mpm.walls import Wall
 
@@ -18,8 +19,16 @@ ROUND_OFF = 1e-9
 HEADROOM = 4
 """Empty cells above the initial surface of scenes whose material only falls."""
 
+MARGIN = 3
+"""Cells of the grid beyond the surface of a body that holds the material, as splines extend over
+two nodes."""
+
 SETTLE = 0.5
 """Time in which the particles of SPH settle before walls open [s]."""
+
+soft_beads = glass_beads.replace(E=1e6)
+"""Material of scenes whose boundaries are bodies: the time steps are thirty times those of
+`glass_beads`, and p/E is below 0.002 in a bed 0.1 m deep."""
 
 reconnected = Scheme(fluidity=Fluidity(floor=1e-6, reconnect_fluidity=True))
 """Scheme of the scenes of Haeri & Skonieczny 2021. Due to the floor of the fluidity, material that

@@ -12,11 +12,8 @@ from granular.mpm.bodies import Body, Revolve
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, block, enough_cells, gravity_down, whole_cells
+from granular.scenes._build import HEADROOM, MARGIN, block, enough_cells, gravity_down, whole_cells
 from granular.scenes._registry import scene_function
-
-MARGIN = 3
-"""Cells between the bin's wall and the end of the grid, as splines extend over two nodes."""
 
 DROP = 4
 """Cells below the opening, through which the material falls before it leaves."""

@@ -9,19 +9,14 @@ from scipy.optimize import brentq
 
 from granular.checks import finite, in_range, non_negative, positive
 from granular.geometry import Fill, Grid
-from granular.materials import Material, glass_beads
+from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Cylinder, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.regions import Polygon
-from granular.scenes._build import cells_across, enough_cells, gravity_down
+from granular.scenes._build import MARGIN, cells_across, enough_cells, gravity_down, soft_beads
 from granular.scenes._registry import scene_function
-
-MARGIN = 3
-"""Cells between the drum and the ends of the grid, as splines extend over two nodes."""
-
-softer_beads = glass_beads.replace(E=glass_beads.E / 1000)
 
 
 @scene_function("mpm")
@@ -37,7 +32,7 @@ def rotating_drum(
     jitter: float = 0.0,
     gravity: float = 9.8,
     duration: float = 4.0,
-    material: Material = softer_beads,
+    material: Material = soft_beads,
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,

@@ -51,6 +51,10 @@ from granular.theory.layer_waves import layer_waves as layer_waves
 from granular.theory.runout import RUNOUT_LAWS as RUNOUT_LAWS
 from granular.theory.runout import Piece as Piece
 from granular.theory.runout import RunoutLaw as RunoutLaw
+from granular.theory.slide import SpreadingCap as SpreadingCap
+from granular.theory.slide import block_runout as block_runout
+from granular.theory.slide import sliding_earth_pressure as sliding_earth_pressure
+from granular.theory.slide import spreading_cap as spreading_cap
 from granular.theory.stopping import stopping_angle as stopping_angle
 from granular.theory.stopping import stopping_height as stopping_height
 from granular.theory.stopping import stopping_shape as stopping_shape

@@ -12,10 +12,12 @@ from granular.materials import MuI
 from granular.mpm.scene import Scene
 
 NOT_ABOVE_ZERO = {
-    *("angle_deg", "jitter", "A", "omega", "overlap", "rake_deg", "friction"),
+    *("angle_deg", "jitter", "A", "omega", "rake_deg", "friction"),
     *("settle", "slope_deg", "opens_at", "slip", "slug.headroom", "column_collapse.ramp"),
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
     *("hopper.ramp", "rotating_drum.width"),
+    *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
+    *("obstacle.speed", "obstacle.gap", "obstacle.width"),
 }
 """Numbers that may be 0 or less in all scenes, or in one."""
 CASES = [
@@ -115,6 +117,30 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("cylinder_collapse", {"lip": 0.1}, ValueError, "lip = 0.1 must not be less than radius"),
         ("silo_3d", {"slot": 0.25}, ValueError, "slot = 0.25 must be less than length = 0.25"),
         ("silo_3d", {"slot": 0.02}, ValueError, "slot = 0.02 must be a whole number of cells"),
+        (
+            "landslide",
+            {"bend": 5.0},
+            ValueError,
+            "bend = 5.0 must end within the slope and the flat",
+        ),
+        (
+            "landslide",
+            {"angle_deg": 90.0},
+            ValueError,
+            r"angle_deg = 90.0 must be in \(0.0, 90.0\)",
+        ),
+        ("landslide", {"at": (9.0,)}, ValueError, r"at = \(9.0,\) with length = 0.4 must keep"),
+        ("landslide", {"at": (0.0, 0.0)}, ValueError, r"at = \(0.0, 0.0\) must be 1 numbers"),
+        ("landslide", {"dim": 4}, ValueError, "dim = 4 must be"),
+        ("landslide", {"terrain": 3}, TypeError, "terrain = 3 must be a HeightMap, a path or None"),
+        ("landslide", {"release": np.ones(3)}, ValueError, "release of shape"),
+        ("obstacle", {"kind": "tree"}, ValueError, "kind = 'tree' must be one of 'wall'"),
+        ("obstacle", {"width": 0.1, "across": 0.2}, ValueError, "across = 0.2 must be <= width"),
+        ("penetration", {"kind": "rod"}, ValueError, "kind = 'rod' must be one of 'ball'"),
+        ("penetration", {"duration": 9.0}, ValueError, "duration = 9.0 must be so short"),
+        ("penetration", {"diameter": 0.8}, ValueError, "diameter = 0.8 must be less than width"),
+        ("conveyor", {"opening": 0.3}, ValueError, r"opening = 0.3 must be in \(0.0, 0.3\)"),
+        ("conveyor", {"gate": 0.8}, ValueError, "gate = 0.8 must be less than run = 0.8"),
         ("couette", {"outer": 0.11}, ValueError, "outer = 0.11 must exceed inner = 0.0999 by 4"),
         ("couette", {"omega": math.inf}, ValueError, "omega = inf"),
         ("excavation", {"depth": 0.15}, ValueError, "depth = 0.15 must be less than soil = 0.15"),

@@ -45,6 +45,7 @@ PROFILE = [
 LINEAR = (spoilt(rheology="linear_mu_I"), 'rheology = "linear_mu_I" must be "mu_I"')
 LAYER = {"angle_deg": 27.0, "height": 0.02, "material": GRAINS, "cells": 20}
 COUETTE = {"inner": 0.0999, "outer": 0.2001, "material": GRAINS}
+CAP = {"times": [0.1], "angle_deg": 35.0, "mu": 0.3, "half_length": 0.2, "thickness": 0.05}
 WAVE = {"x": 0.0, "t": 0.0, "length": 1.0, "amplitude": 1e-3, "material": GRAINS}
 CASES = [
     ("stopping_height", CHUTE | {"angle_deg": 25.0}, [
@@ -145,6 +146,29 @@ CASES = [
     ]),
     ("beverloo_rate", {"orifice": 0.1, "rho": 1500.0}, [
         ({name: -1.0}, name) for name in ("orifice", "rho", "C", "k", "d", "gravity", "exponent")
+    ]),
+    ("sliding_earth_pressure", {"mu": 0.4, "base": 0.3}, [
+        ({"mu": 0.0}, "mu = 0.0"),
+        ({"mu": 1.0}, "mu = 1.0"),
+        ({"base": -0.1}, "base = -0.1"),
+        ({"base": nan}, "base = nan"),
+    ]),
+    ("spreading_cap", CAP, [
+        ({"times": [0.2, 0.1]}, "times must be ascending"),
+        ({"times": []}, "times must be ascending"),
+        ({"angle_deg": 90.0}, "angle_deg = 90.0"),
+        ({"mu": 0.8}, "mu = 0.8"),
+        ({"half_length": 0.0}, "half_length = 0.0"),
+        ({"thickness": -1.0}, "thickness = -1.0"),
+        ({"K": 0.0}, "K = 0.0"),
+        ({"gravity": inf}, "gravity = inf"),
+    ]),
+    ("block_runout", {"angle_deg": 35.0, "bend": 0.3, "mu": 0.3, "distance": 1.0}, [
+        ({"angle_deg": 0.0}, "angle_deg = 0.0"),
+        ({"bend": -0.1}, "bend = -0.1"),
+        ({"mu": 0.0}, "mu = 0.0"),
+        ({"distance": 0.05}, "distance = 0.05"),
+        ({"distance": 0.08, "mu": 0.69}, "distance = 0.08 must be more"),
     ]),
     ("layer_waves", {"angle_deg": 25.0, "height": 0.2, "wavelength": 0.1, "cells": 10,
                      "material": SimpleNamespace(**(vars(GRAINS) | {"mu_2": 0.6435}))}, [

@@ -44,9 +44,9 @@ COARSE = {"couette": {"cell": 0.02}, "excavation": {"cell": 0.025}}
 """Coarse cells for scenes that have very many by default."""
 
 MPM = (
-    *("chute_ngf", "clogging_silo", "column_collapse", "couette", "cylinder_collapse"),
-    *("excavation", "excavator", "hopper", "hourglass", "incline", "rotating_drum", "silo"),
-    *("silo_3d", "slug", "wheel"),
+    *("chute_ngf", "clogging_silo", "column_collapse", "conveyor", "couette"),
+    *("cylinder_collapse", "excavation", "excavator", "hopper", "hourglass", "incline"),
+    *("landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d", "slug", "wheel"),
 )
 SPH = (
     *("column_collapse", "column_collapse_sph", "fluidised_bed", "incline_sph"),
@@ -150,9 +150,7 @@ def test_keywords_of_the_scene_come_before_those_of_its_material():
 
 
 NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
-
-
-SOFTER = ("hopper", "rotating_drum")
+SOFT = ("conveyor", "hopper", "landslide", "obstacle", "penetration", "rotating_drum")
 """Scenes of `glass_beads` with another E."""
 
 
@@ -168,7 +166,7 @@ def test_every_scene_is_whole(name, basis):
     scene = make(scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7, **coarse)
     assert Scene.from_json(scene.to_json()) == scene
     grains = inspect.signature(make).parameters["material"].default
-    assert (grains is materials.glass_beads) == (name not in (*NONLOCAL, *SOFTER))
+    assert (grains is materials.glass_beads) == (name not in (*NONLOCAL, *SOFT))
     if name == "clogging_silo":
         grains = grains.replace(A=1.0, d=0.14)
     assert scene.material == grains and scene.seed == 7

@@ -1,0 +1,134 @@
+"""Landslides: front, centre and speed over time, and the deposit."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from granular.checks import in_range
+from granular.measure.averaging_grid import Array, require_points
+from granular.state import State
+
+SHARE = 0.99
+"""Default share of the mass behind the front, and before the rear."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SlideHistory:
+    """A slide at several times, by its mass in the domain.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        Times [s].
+    front, rear : ndarray, shape (k,)
+        Places x behind which, and before which, the share of the mass lies [m].
+    centre : ndarray, shape (k, dim)
+        Centre of mass [m].
+    velocity : ndarray, shape (k, dim)
+        Velocity of the centre of mass [m/s].
+    front_speed : ndarray, shape (k,)
+        Rate of change of `front` [m/s], by central differences.
+    """
+
+    times: Array
+    front: Array
+    rear: Array
+    centre: Array
+    velocity: Array
+    front_speed: Array
+
+    @property
+    def energy_line(self) -> float:
+        """Drop of the centre of mass from first to last over its horizontal distance.
+
+        The drop pays the friction. For a block that rides on its friction alone it is the friction
+        coefficient; bends and what is dissipated inside make it more.
+        """
+        way = self.centre[-1] - self.centre[0]
+        return float(-way[-1] / np.linalg.norm(way[:-1]))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Deposit:
+    """Thickness of the material on the ground, over the columns of cells.
+
+    Attributes
+    ----------
+    axes : tuple of ndarray
+        Centres of the columns along x, and y in 3D [m].
+    thickness : ndarray, shape (n_x,) or (n_x, n_y)
+        Vertical thickness that the mass of a column would have at rho_c [m].
+    area : float
+        Length (2D) or area (3D) of the columns with at least a quarter of a cell [m, m2].
+    highest : float
+        Largest thickness [m].
+    """
+
+    axes: tuple[Array, ...]
+    thickness: Array
+    area: float
+    highest: float
+
+
+def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHistory:
+    """Front, rear, centre and speed of a slide at the times of several states.
+
+    Parameters
+    ----------
+    states : iterable of State
+        At least two, such as a record.
+    share : float
+        Share of the mass behind the front, 0.5 < share < 1.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a wrong share, fewer than two states or an empty one.
+    """
+    share = in_range("share", share, 0.5, 1.0, open_low=True, open_high=True)
+    rows = []
+    for state in states:
+        require_points(state)
+        x, mass = np.asarray(state.x), np.asarray(state.mass)
+        order = np.argsort(x[:, 0], kind="stable")
+        held = np.cumsum(mass[order]) - 0.5 * mass[order]
+        total = float(mass.sum())
+        ends = np.interp((share * total, (1.0 - share) * total), held, x[order, 0])
+        means = [np.average(part, axis=0, weights=mass) for part in (x, np.asarray(state.v))]
+        rows.append((state.time, *ends, *means))
+    if len(rows) < 2:
+        raise ValueError(f"states must be at least 2, are {len(rows)}")
+    times, front, rear, centre, velocity = (np.array(part) for part in zip(*rows, strict=True))
+    return SlideHistory(
+        times=times,
+        front=front,
+        rear=rear,
+        centre=centre,
+        velocity=velocity,
+        front_speed=np.gradient(front, times),
+    )
+
+
+def deposit(state: State) -> Deposit:
+    """Thickness of the material over the columns of cells, whatever it lies on.
+
+    Raises
+    ------
+    ValueError
+        If the state is empty.
+    """
+    require_points(state)
+    grid = state.scene.grid
+    levels = range(grid.dim - 1)
+    edges = [grid.lower[k] + grid.cell * np.arange(grid.shape[k] + 1) for k in levels]
+    x = np.asarray(state.x)[:, : grid.dim - 1]
+    mass, _ = np.histogramdd(x, bins=edges, weights=np.asarray(state.mass))
+    column = grid.cell ** (grid.dim - 1)
+    thickness = mass / (state.scene.material.rho_c * column)
+    return Deposit(
+        axes=tuple(0.5 * (edge[:-1] + edge[1:]) for edge in edges),
+        thickness=thickness,
+        area=float(np.count_nonzero(thickness >= grid.cell / 4) * column),
+        highest=float(thickness.max()),
+    )
