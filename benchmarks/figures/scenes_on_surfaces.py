@@ -96,7 +96,7 @@ def landslide(cell: float) -> plot.Picture:
     stops = theory.block_runout(angle_deg=35.0, bend=0.3, mu=0.3, distance=-start)
     ax.axhline(stops, color="black", lw=0.6)
     ax.set(xlabel="t [s]", ylabel="x [m]")
-    ax.legend(fontsize="small", ncols=2)
+    ax.legend(fontsize="small", loc="upper left")
     error = 100 * (found.centre[-1, 0] / stops - 1)
     print(
         f"landslide {cell}: stops at {found.centre[-1, 0]:.4f}, block {stops:.4f} ({error:.2f} %)"

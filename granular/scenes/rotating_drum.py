@@ -26,7 +26,7 @@ def rotating_drum(
     width: float = 0.0,
     fill_fraction: float = 0.5,
     omega: float = 1.0,
-    friction: float | None = None,
+    friction: float | None = 0.7,
     cell: float = 0.005,
     points_per_cell: int | None = None,
     jitter: float = 0.0,
@@ -60,7 +60,9 @@ def rotating_drum(
         Angular velocity [rad/s], counter-clockwise for an observer at smaller y. The Froude number
         ``omega**2 radius/gravity`` is added to the parameters.
     friction : float or None
-        Coefficient of Coulomb friction of the drum; None for a wall that material sticks to.
+        Coefficient of Coulomb friction of the drum. The default exceeds that of the grains, so that
+        material that is pressed to the drum does not slip. None for a wall that material sticks to:
+        it holds single points and carries them round.
     points_per_cell, jitter
         See `granular.geometry.Fill`; by default 2 along an edge of a cell.
     {common}.

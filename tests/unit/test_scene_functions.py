@@ -300,7 +300,9 @@ def test_rotating_drum(fraction):
     # at larger x it moves up, as in 2D
     assert np.cross(drum.motion.angular_velocity[0], (0.1, 0.0, 0.0))[2] > 0
     assert flat.bodies[0].motion.angular_velocity == (1.0,)
-    assert drum.contact == "sticky" and drum.rough
+    assert drum.contact == "separating" and not drum.rough
+    held = scenes.rotating_drum(friction=None).bodies[0]
+    assert held.contact == "sticky" and held.rough
     smooth = scenes.rotating_drum(friction=0.3).bodies[0]
     assert (smooth.contact, smooth.friction, smooth.rough) == ("separating", 0.3, False)
 
