@@ -1,14 +1,62 @@
 """Sphinx: `pip install '.[docs]' && sphinx-build -W docs docs/_build`."""
 
-from importlib.metadata import version as _version
+import sys
+from pathlib import Path
+
+import granular
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+for module in ("bodies", "scaling", "schemes"):  # Sphinx imports modules by their public names
+    sys.modules[f"granular.{module}"] = getattr(granular, module)
 
 project = "granular"
 copyright = "2026, The granular developers"
 author = "The granular developers"
-release = version = _version("granular")
+release = version = granular.__version__
 
-extensions = ["myst_parser"]
-myst_enable_extensions = ["dollarmath"]
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_design",
+    "linked_names",
+    "generated_tables",
+]
+exclude_patterns = ["_build", "_ext"]
+templates_path = ["_templates"]
+html_static_path = ["_static"]
+html_css_files = ["granular.css"]
+
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build"]
+default_role = "py:obj"  # `Scene` in a docstring is a link where there is such a thing
+
+autosummary_generate = True
+autosummary_ignore_module_all = False
+autodoc_member_order = "groupwise"
+autodoc_typehints = "none"  # docstrings name the types, with their shapes and units
+autodoc_preserve_defaults = True
+python_maximum_signature_line_length = 88
+python_use_unqualified_type_names = True
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+toc_object_entries_show_parents = "hide"
+
+html_theme = "pydata_sphinx_theme"
 html_title = f"granular {release}"
+html_theme_options = {
+    "navbar_align": "left",
+    "header_links_before_dropdown": 6,
+    "navigation_with_keys": False,
+    "show_prev_next": True,
+    "show_toc_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": ["sphinx-version"],
+    "pygments_light_style": "default",
+    "pygments_dark_style": "github-dark",
+}
+html_sidebars = {"index": []}
