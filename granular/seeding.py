@@ -103,9 +103,9 @@ def estimated_points(
 
 
 def most_points(grid: Grid, fill: Fill) -> int:
-    """Bound of the number of points of a fill: the squares of its lattice in the box around it.
+    """Bound of the number of points of a fill: the squares in the box around it, twice.
 
-    Twice as many, as a thin body may part a square into two points.
+    They are those of the seeding lattice; a thin body may part one into two points.
     """
     if isinstance(fill.region, Cloud):
         return len(fill.region.x)

@@ -267,7 +267,7 @@ def check_memory(scene: AnyScene, force: bool = False) -> None:
     if force:
         return
     if isinstance(scene, Scene):
-        # What is enough for all squares of the lattices is, without a count of the open ones.
+        # If there is memory for all squares of the seeding lattices, the open ones need no count.
         counts = [most_points(scene.grid, fill) for fill in scene.fills]
         if _memory(scene, counts) <= available:
             return
