@@ -47,7 +47,7 @@ def parser_of_command() -> argparse.ArgumentParser:
     """Parser of the command; made before autodoc changes signatures that it is made from."""
     from granular import cli
 
-    return cli._parser()
+    return cli._parser([])
 
 
 def number(value: float | None) -> str:
@@ -108,9 +108,7 @@ class CommandHelp(SphinxDirective):
     def run(self) -> list[nodes.Node]:
         parser = parser_of_command()
         for word in self.arguments:
-            (commands,) = (
-                a for a in parser._actions if isinstance(a, argparse._SubParsersAction)
-            )
+            (commands,) = (a for a in parser._actions if isinstance(a, argparse._SubParsersAction))
             parser = commands.choices[word]
         parser.formatter_class = lambda prog: argparse.HelpFormatter(prog, width=96)
         text = parser.format_help()
