@@ -1,7 +1,8 @@
-"""Docstrings for Sphinx: bars of absolute values, and the text below a module's constant."""
+"""What autodoc shows: short defaults, bars of absolute values, docstrings of constants."""
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from typing import Any
@@ -35,6 +36,47 @@ def process(_: Sphinx, what: str, name: str, value: Any, __: Any, lines: list[st
     lines[:] = [line if "``" in line else re.sub(r"(?<!\\)\|", r"\\|", line) for line in lines]
 
 
+class Shown:
+    """A default value that is shown as a text."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+def short(value: Any) -> Any:
+    """A default value: the name of a ready material or scheme, and long ones without arguments."""
+    import granular
+
+    for module in (granular.schemes, granular.materials, granular.sph):
+        for name, known in vars(module).items():
+            if value is known and not inspect.isclass(value):
+                return Shown(f"{module.__name__.rpartition('.')[2]}.{name}")
+    if len(repr(value)) > 40:
+        return Shown(f"{type(value).__name__}(...)")
+    return value
+
+
+def shorten(_: Sphinx, what: str, __: str, value: Any, ___: Any, text: str, ____: Any) -> Any:
+    """Signature of a function or class without types, and with defaults in short."""
+    if what not in ("function", "class", "method") or not text or len(text) < 60:
+        return None
+    try:
+        found = inspect.signature(value)
+    except (TypeError, ValueError):
+        return None
+    empty = inspect.Parameter.empty
+    parameters = [
+        p.replace(annotation=empty, default=p.default if p.default is empty else short(p.default))
+        for p in found.parameters.values()
+        if p.name != "self"
+    ]
+    return str(inspect.Signature(parameters)), None
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", process, priority=100)  # before numpydoc
+    app.connect("autodoc-process-signature", shorten)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,4 +1,4 @@
-"""Links from `gr.Name` in running text to the reference; a name that does not exist is a warning."""
+"""Links from `gr.Name` in running text to the reference; unknown names are warnings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ log = logging.getLogger(__name__)
 
 
 def is_known(name: str) -> bool:
-    """Whether an attribute of the package has this dotted name."""
+    """True if the package has an attribute of this dotted name."""
     import granular
 
     found: Any = granular

@@ -115,7 +115,7 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:[.,]\d+)*(?:e-?\d+)?")
 
 
 def paragraphs(page):
-    """Paragraphs and items of lists; without code, formulas, tables, pictures and targets of links."""
+    """Paragraphs and items of lists, without code, formulas, tables and targets of links."""
     text = re.sub(r"^```.*?^```$", "\n", page.read_text(), flags=re.M | re.S)
     text = re.sub(r"\$\$.*?\$\$", "", text, flags=re.S)
     text = re.sub(r"\$[^$]*\$|`[^`]*`|\]\([^)]*\)", "", text)
