@@ -95,7 +95,7 @@ def _complain(error: BaseException, code: int) -> int:
 # ---- commands and options ----
 
 
-def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+def _parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     """Parser of the command; a file of a scene among the words is one of its scenes."""
     from granular import __version__
 

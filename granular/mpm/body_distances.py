@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular import _core
 from granular.mpm.body_shapes import padded, turned
@@ -49,7 +49,7 @@ def _from_body(
     scene: Scene,
     body: Body,
     places: NDArray[np.float64],
-    turn: Rotation,
+    turn: scipy.spatial.transform.Rotation,
     position: Sequence[float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""
@@ -73,7 +73,9 @@ def distance_from_bodies(scene: Scene, states: Sequence[BodyState] = ()) -> Dist
         for state in states:
             matrix = np.eye(3)
             matrix[:dim, :dim] = state.rotation
-            poses.append((Rotation.from_matrix(matrix), tuple(state.position)))
+            poses.append(
+                (scipy.spatial.transform.Rotation.from_matrix(matrix), tuple(state.position))
+            )
 
     def distance(
         x: NDArray[np.float64],

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular.mpm.bodies import split
 from granular.mpm.body_measures import arrays_of
@@ -84,7 +84,9 @@ def write_bodies(
 
 def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
     """Vertices of a body at every frame, shape (frames, n, 3)."""
-    turn = Rotation.from_quat(pose["quaternion"][:, [1, 2, 3, 0]]).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_quat(
+        pose["quaternion"][:, [1, 2, 3, 0]]
+    ).as_matrix()
     return np.einsum("fij,nj->fni", turn, vertices) + pose["position"][:, None]
 
 
