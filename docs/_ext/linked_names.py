@@ -50,6 +50,28 @@ class LinkNames(SphinxPostTransform):
                 log.warning("the package has no gr.%s", name, location=literal)
 
 
+def find(app: Sphinx, env: Any, node: nodes.Element, content: nodes.Node) -> nodes.Node | None:
+    """Link of a name that a docstring writes from the top of the package, such as `measure.phase`.
+
+    A name with a capital alone, such as `Trajectory`, is that of the first class of this name.
+    """
+    target = node.get("reftarget", "")
+    if node.get("refdomain") != "py" or not target:
+        return None
+    objects = env.get_domain("py").objects
+    names = [f"granular.{target.removeprefix('gr.')}"]
+    if target[:1].isupper():
+        names += sorted(name for name in objects if name.endswith(f".{target}"))
+    for name in names:
+        if name in objects:
+            found = objects[name]
+            return make_refnode(
+                app.builder, node["refdoc"], found.docname, found.node_id, content.deepcopy()
+            )
+    return None
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("missing-reference", find)
     app.add_post_transform(LinkNames)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
