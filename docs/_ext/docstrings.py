@@ -1,4 +1,4 @@
-"""What autodoc shows: short defaults, bars of absolute values, docstrings of constants."""
+"""Show short defaults, bars of absolute values and docstrings of constants in autodoc."""
 
 from __future__ import annotations
 

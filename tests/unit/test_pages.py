@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import types
+import warnings
 from pathlib import Path
 
 import matplotlib
@@ -106,6 +107,7 @@ def test_code_of_guides_runs(page, tmp_path, monkeypatch):
         assert run.returncode == 0, run.stderr
         return
     matplotlib.use("Agg")
+    warnings.simplefilter("error")  # those of stability, too; pytest restores the filters
     exec(compile(code, str(page), "exec"), {"__name__": "__main__"})
 
 
