@@ -7,6 +7,9 @@
 /* Put before a loop over blocks to prevent unrolling: an unrolled loop would first copy all its input to the stack. */
 #define GR_ROLLED _Pragma("GCC unroll 1")
 
+/* Put before a loop over the nodes of a cell, or over the axes, so that places in it are known when it is compiled. */
+#define GR_UNROLLED _Pragma("GCC unroll 27")
+
 struct gr_shape {
     vd xi[3];   /* local coordinate in the cell */
     vd w[3][3]; /* value, by axis and node */
@@ -26,7 +29,7 @@ GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; 
 
 GR_INLINE struct gr_frame gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell)
 {
-    struct gr_frame frame = {0};
+    struct gr_frame frame; /* what is beyond dim is not used */
     frame.inv_dx = v_set(e->inv_dx);
     frame.lambda = e->config.lambda;
     for (int d = 0; d < dim; d++) {
@@ -91,8 +94,12 @@ GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const i
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     for (int q = 0; !nodal && q < n_fields; q += GR_W) {
         vd m[GR_MAX_NODES];
+        GR_UNROLLED
         for (int i = 0; i < K; i++) m[i] = v_load(mode + i * stride + q);
-        for (int d = 0, step = 1; d < dim; d++, step *= k)
+        GR_UNROLLED
+        for (int d = 0; d < dim; d++) {
+            const int step = d == 0 ? 1 : d == 1 ? k : k * k;
+            GR_UNROLLED
             for (int i = 0; i < K; i++) {
                 if (i / step % k) continue; /* not the first node of a line along d */
                 const vd n0 = m[i], n1 = m[i + step], n2 = k == 3 ? m[i + 2 * step] : n1;
@@ -105,6 +112,8 @@ GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const i
                 m[i + step] = v_set(-2.0) * low;
                 m[i + 2 * step] = v_fma(v_set(gr_high(frame->axis[d])), n2 - n1, low);
             }
+        }
+        GR_UNROLLED
         for (int i = 0; i < K; i++) v_store(mode + i * stride + q, m[i]);
     }
 }
