@@ -25,7 +25,7 @@ extensions = [
     "generated_tables",
     "linked_names",
 ]
-exclude_patterns = ["_build", "_ext"]
+exclude_patterns = ["_build", "_ext", "paper"]
 templates_path = ["_templates"]
 html_static_path = ["_static"]
 html_css_files = ["granular.css"]

@@ -61,8 +61,12 @@ def short(value: Any) -> Any:
 
 def shorten(_: Sphinx, what: str, __: str, value: Any, ___: Any, text: str, ____: Any) -> Any:
     """Signature of a function or class without types, and with defaults in short."""
-    if what not in ("function", "class", "method") or not text or len(text) < 60:
+    if what not in ("function", "class", "method") or not text or len(text) < 20:
         return None
+    import granular.mpm
+
+    if value is granular.Simulation:  # its own only dispatches to the method of the scene
+        value = granular.mpm.Simulation
     try:
         found = inspect.signature(value)
     except (TypeError, ValueError):
