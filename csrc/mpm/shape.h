@@ -7,9 +7,6 @@
 /* Put before a loop over blocks to prevent unrolling: an unrolled loop would first copy all its input to the stack. */
 #define GR_ROLLED _Pragma("GCC unroll 1")
 
-/* Put before a loop over the nodes of a cell, or over the axes, so that places in it are known when it is compiled. */
-#define GR_UNROLLED _Pragma("GCC unroll 27")
-
 struct gr_shape {
     vd xi[3];   /* local coordinate in the cell */
     vd w[3][3]; /* value, by axis and node */
