@@ -84,20 +84,18 @@ def chute_scene(
     if wall is None and turned_deg == 0.0:
         bodies = (plane(n, through, **base),)
     elif wall is None:
-        # A body acts by its nearest image alone, and so not on what is far along the diagonal:
-        # there the second one stands. For the same reason the package refuses bodies that reach
-        # farther than half a period.
+        # Bodies that reach farther than half a period have no images: each period has its own.
         bodies = tuple(
             Body(
                 Box((math.inf, 4 * CELL), center=(0.0, -2 * CELL)),
-                tuple(through + share * CELL * periods),
+                (through[0], through[1] + up * CELL * periods[1]),
                 rotation_deg=math.degrees(math.atan2(t[1], t[0])),
                 **base,
             )
-            for share in (0.0, 0.5)
+            for up in (-1, 0, 1)
         )
     walls = () if wall is None else (gr.Wall(1, float(through[1]), kind=wall, **base),)
-    with mock.patch.object(Body, "check", lambda *_: None):  # see the bodies above
+    with mock.patch.object(Body, "check", lambda *_: None):  # it asks for images
         scene = gr.Scene(
             name="chute",
             grid=gr.Grid((0.0, 0.0), CELL, tuple(periods), periodic=(True, turned_deg != 0.0)),
@@ -167,7 +165,8 @@ def incline_lines(found: dict[str, Numbers]) -> list[Line]:
         "slides": "friction 0.4, on which it slides",
     }
     for kind, text in texts.items():
-        reference = found.get(f"{kind}, wall", found.get(f"{kind}, 0 deg, 0"))
+        # A Coulomb wall of the grid is less accurate than a body along the grid.
+        reference = found.get(f"{kind}, wall" if kind == "no_slip" else f"{kind}, 0 deg, 0")
         if reference is None:
             continue
         for turned in PERIODS:

@@ -35,15 +35,20 @@ WINDOWS = 8
 """Windows of time in which a body crosses a cell."""
 
 
-def _spikes(forces: Array, cells: int = 1) -> float:
-    """Largest difference of a force from its mean over the crossing of cells about it.
+def _spikes(name: str, values: Array) -> Numbers:
+    """Largest differences of values in eighths of a cell from those of the cell about them.
 
-    Relative to the mean of all.
+    Relative to the mean of all. `name_crossing`: of the mean over all cells crossed of each eighth,
+    which is what the grid makes; what changes from cell to cell averages out.
     """
-    over = WINDOWS * cells
-    means = np.convolve(forces, np.full(over, 1 / over), mode="valid")
-    middle = forces[over // 2 : over // 2 + len(means)]
-    return float(np.abs(middle - means).max() / abs(forces.mean()))
+    mean = abs(values.mean())
+    about = np.convolve(values, np.full(WINDOWS, 1 / WINDOWS), mode="valid")
+    off = values[WINDOWS // 2 : WINDOWS // 2 + len(about)] - about
+    eighths = off[: len(off) // WINDOWS * WINDOWS].reshape(-1, WINDOWS).mean(axis=0)
+    return {
+        f"{name}_spike": float(np.abs(off).max() / mean),
+        f"{name}_crossing": float(np.abs(eighths).max() / mean),
+    }
 
 
 def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbers:
@@ -74,23 +79,26 @@ def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbe
         bodies=bodies,
     )
     run = Run(scene)
-    lowest = above < CELL / 2
-    weight_above = RHO * G * (height - CELL / 4)
-    pressures: list[float] = []
+    lowest = [above < CELL / 2, above < CELL]
+    weights = [RHO * G * float(height - above[some].mean()) for some in lowest]
+    pressures: list[list[float]] = []
 
     def look(sim: Any) -> None:
-        pressures.append(float(sim.state.p[lowest].mean()) / weight_above)
+        p = [float(sim.state.p[some].mean()) for some in lowest]
+        pressures.append([a / b for a, b in zip(p, weights, strict=True)])
 
     run.to(until, CELL / speed / WINDOWS, look)
     since = 2 * CELL / speed
     forces = -run.forces(since)[:, 0] @ n / (G * float(run.sim.state.mass.sum()))
-    first = np.array(pressures[2 * WINDOWS :])
+    first, cell = np.array(pressures[2 * WINDOWS :]).T
     moved = (run.sim.state.x - x) - run.sim.time * way
     return {
         "force": float(forces.mean()),
-        "force_spike": float(np.abs(forces / forces.mean() - 1).max()),
+        **_spikes("force", forces),
         "pressure": float(first.mean()),
-        "pressure_spike": float(np.abs(first / first.mean() - 1).max()),
+        **_spikes("pressure", first),
+        "pressure_cell": float(cell.mean()),
+        **_spikes("pressure_cell", cell),
         "moved": float(np.linalg.norm(moved, axis=1).max()) / CELL,
         "deepest": run.deepest,
     }
@@ -118,7 +126,7 @@ def drum(omega: float, cell: float, turns: float) -> Numbers:
     forces = -run.forces(until / 2)[:, 0, 1] / weight
     return {
         "force": float(forces.mean()),
-        "force_spike": float(np.abs(forces / forces.mean() - 1).max()),
+        **_spikes("force", forces),
         "deepest": run.deepest,
     }
 
@@ -157,19 +165,13 @@ def blade(offset: float, rake_deg: float, speed: float, crossed: float) -> Numbe
     window = CELL / speed / WINDOWS
     run.to(0.1 + ramp, window)
     run.to(0.1 + ramp + crossed * CELL / speed, window)
-    forward = -run.forces(0.1 + ramp + 2 * CELL / speed)[:, 0, 0]
+    forward = run.forces(0.1 + ramp + 2 * CELL / speed)[:, 0, 0]
+    scale = -0.5 * RHO * G * (deep - begin[1]) ** 2
     return {
-        "force": float(forward.mean()),
-        "spike": _spikes(forward),
-        "cell_to_cell": _spikes(np.repeat(_over_cells(forward), WINDOWS), 3),
+        "force": float(forward.mean() / scale),
+        **_spikes("force", forward),
         "deepest": run.deepest,
     }
-
-
-def _over_cells(forces: Array) -> Array:
-    """Mean force of each cell crossed."""
-    count = len(forces) // WINDOWS
-    return forces[: count * WINDOWS].reshape(count, WINDOWS).mean(axis=1)
 
 
 def blade_cases(quick: bool) -> Cases:
@@ -183,30 +185,29 @@ def blade_cases(quick: bool) -> Cases:
     }
 
 
-def _lines(found: dict[str, Numbers], texts: dict[str, str]) -> list[Line]:
-    return [within(text, (v[name] for v in found.values()), 0.15) for name, text in texts.items()]
+QUANTITIES = {
+    "force": "force",
+    "pressure": "pressure of the first row",
+    "pressure_cell": "pressure of the first two rows",
+}
+
+
+def _lines(found: dict[str, Numbers]) -> list[Line]:
+    lines = []
+    for name, text in QUANTITIES.items():
+        some = [v for v in found.values() if name in v]
+        if some:
+            crossing = (v[f"{name}_crossing"] for v in some)
+            spike = (v[f"{name}_spike"] for v in some)
+            lines += [
+                within(f"{text} in an eighth of a cell, mean over the cells", crossing, 0.15),
+                within(f"{text} in an eighth of a cell, each by itself", spike, 0.15),
+            ]
+    return lines
 
 
 ROWS = {
-    "box": Row(
-        "Box that carries a bed through the grid",
-        box_cases,
-        partial(
-            _lines,
-            texts={
-                "force_spike": "force on its base in an eighth of a cell, off its mean",
-                "pressure_spike": "pressure of the first row, off its mean",
-            },
-        ),
-    ),
-    "drum": Row(
-        "Drum that turns",
-        drum_cases,
-        partial(_lines, texts={"force_spike": "force in an eighth of a cell, off its mean"}),
-    ),
-    "blade": Row(
-        "Blade in a bed, 2D",
-        blade_cases,
-        partial(_lines, texts={"spike": "force in an eighth of a cell, off that of its cell"}),
-    ),
+    "box": Row("Box that carries a bed through the grid", box_cases, _lines),
+    "drum": Row("Drum that turns", drum_cases, _lines),
+    "blade": Row("Blade in a bed, 2D", blade_cases, _lines),
 }

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, Cylinder, Sphere
+from granular.mpm.bodies import Body, Box, Cylinder, Offset, Sphere
 from surfaces.rows import (
     CELL,
     OFFSETS,
@@ -85,11 +85,12 @@ def bed(turned_deg: float, offset: float, until: float, **options: Any) -> Numbe
     along, above = (start.x - base) @ t / CELL, (start.x - base) @ n / CELL
     middle = abs(along - 10) < 5
     first, top = middle & (above < 0.5), middle & (above > 9.5)
-    weight_above = RHO * G * CELL * float((10 - above[first]).mean())
+    weight_above = RHO * G * CELL * (10 - above[first])
+    volume = start.volume[first]
     means: list[float] = []
 
     def look(sim: Any) -> None:
-        means.append(float(sim.state.p[first].mean() / weight_above))
+        means.append(float(volume @ sim.state.p[first] / (volume @ weight_above)))
 
     run.to(until, until / 40, look)
     rise = ((run.sim.state.x - start.x) @ n)[top] / CELL
@@ -239,7 +240,22 @@ def hydrostatic(depth: float | Array) -> Any:
     return -slippery.K * np.log1p(-RHO * G * np.asarray(depth) / slippery.K)
 
 
-def in_a_bed(bodies: tuple[Body, ...], size: tuple[float, ...], cell: float) -> gr.Scene:
+def displaced(volume: float, depth: float) -> float:
+    """Weight of a volume of that fluid at a depth [N]."""
+    return volume * G * RHO * math.exp(float(hydrostatic(depth)) / slippery.K)
+
+
+def spans(until: float) -> tuple[tuple[str, float, float], ...]:
+    """Two parts of a run, the first quarter of its time and the rest: name, begin and end [s]."""
+    return ("early", 0.0, until / 4), ("late", until / 4, until)
+
+
+WHEN = {"early": "0 to 0.1 s", "late": "0.1 to 0.4 s"}
+
+
+def in_a_bed(
+    bodies: tuple[Body, ...], size: tuple[float, ...], cell: float, material: Any = slippery
+) -> gr.Scene:
     """Nearly a fluid at rest in a box between smooth walls, with bodies in it."""
     dim, level = len(size), size[-1]
     shape = tuple(round(side / cell) for side in size[:-1])
@@ -248,7 +264,7 @@ def in_a_bed(bodies: tuple[Body, ...], size: tuple[float, ...], cell: float) -> 
         name="in_a_bed",
         grid=gr.Grid((0.0,) * dim, cell, (*shape, round(level / cell) + 4)),
         fills=(gr.Fill(gr.Box((0.0,) * dim, size), 2**dim, lithostatic=True),),
-        material=slippery,
+        material=material,
         gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-G,),)),
         walls=(*walls, gr.Wall(dim - 1, 0.0, kind="free_slip")),
         bodies=bodies,
@@ -256,7 +272,7 @@ def in_a_bed(bodies: tuple[Body, ...], size: tuple[float, ...], cell: float) -> 
     )
 
 
-def plate(turned_deg: float, offset: float, cells: int, until: float) -> Numbers:
+def plate(turned_deg: float, offset: float, cells: int, until: float, mu: float = 0.01) -> Numbers:
     """Forces on the two faces of a plate 0.16 m long and 4 cells thick, over those of a fluid.
 
     It is two bodies that overlap, so that the force on each face is known.
@@ -265,10 +281,10 @@ def plate(turned_deg: float, offset: float, cells: int, until: float) -> Numbers
     center = np.array([0.16, 0.16]) + offset * cell
     shapes = [Box((length, 3 * cell), center=(0.0, side * cell / 2)) for side in (1, -1)]
     bodies = tuple(Body(shape, tuple(center), rotation_deg=turned_deg) for shape in shapes)
-    run = Run(in_a_bed(bodies, (0.32, height), cell))
+    run = Run(in_a_bed(bodies, (0.32, height), cell, slippery.replace(mu_s=mu, mu_2=2 * mu)))
     _, n = axes(turned_deg)
     numbers: Numbers = {}
-    for name, since, to in (("early", 0.0, until / 4), ("late", until / 4, until)):
+    for name, since, to in spans(until):
         run.to(to, until / 40)
         for face, force, side in zip(("upper", "lower"), run.force(since), (1, -1), strict=True):
             depth = height - float((center + side * 2 * cell * n)[1])
@@ -277,25 +293,57 @@ def plate(turned_deg: float, offset: float, cells: int, until: float) -> Numbers
     return {**numbers, "deepest": run.deepest}
 
 
+def rounded_plate(turned_deg: float, offset: float, cells: int, until: float) -> Numbers:
+    """Upward force on such a plate with edges rounded by 1.95 cells, over the weight displaced."""
+    cell, height = 0.16 / cells, 0.32
+    radius, center = 1.95 * cell, np.array([0.16, 0.16]) + offset * cell
+    sides = (0.16 - 2 * radius, 4 * cell - 2 * radius)
+    body = Body(Offset(Box(sides), by=radius), tuple(center), rotation_deg=turned_deg)
+    run = Run(in_a_bed((body,), (0.32, height), cell))
+    area = 0.16 * 4 * cell - (4 - math.pi) * radius**2
+    weight = displaced(area, height - center[1])
+    numbers: Numbers = {}
+    for name, since, to in spans(until):
+        run.to(to, until / 40)
+        up = run.force(since)[0] / weight
+        numbers |= {name: float(up[1]), f"sideways_{name}": float(up[0])}
+    return {**numbers, "deepest": run.deepest}
+
+
 def plate_cases(quick: bool) -> Cases:
     if quick:
         return {"8 cells": partial(plate, 17.0, 0.25, 8, 0.04)}
-    return {
+    cases: Cases = {
         f"{cells} cells, {name_of(turned, offset)}": partial(plate, turned, offset, cells, 0.4)
         for cells in (8, 16, 32)
         for turned in TURNS
         for offset in (OFFSETS if cells < 32 else (0.25,))
     }
+    for turned in TURNS:
+        for offset in OFFSETS:
+            name = name_of(turned, offset)
+            cases[f"mu 0.1, {name}"] = partial(plate, turned, offset, 16, 0.4, 0.1)
+            cases[f"rounded, {name}"] = partial(rounded_plate, turned, offset, 16, 0.4)
+    return cases
 
 
 def plate_lines(found: dict[str, Numbers]) -> list[Line]:
     lines = []
-    for cells in (8, 16, 32):
-        some = [v for name, v in found.items() if name.startswith(f"{cells} cells")]
-        for when, text in (("early", "0 to 0.1 s"), ("late", "0.1 to 0.4 s")):
+    kinds = {f"{cells} cells": f"sharp edges, {cells} cells" for cells in (8, 16, 32)}
+    kinds["mu 0.1"] = "sharp edges, 16 cells, internal friction 0.1"
+    for start, text in kinds.items():
+        some = [v for name, v in found.items() if name.startswith(start)]
+        for when, span in WHEN.items():
             if some:
                 values = [v[f"{face}_{when}"] for v in some for face in ("upper", "lower")]
-                lines.append(spread(f"force on a face of {cells} cells, {text}", values, 1.0, 0.02))
+                lines.append(spread(f"force on a face, {text}, {span}", values, 1.0, 0.02))
+    some = [v for name, v in found.items() if name.startswith("rounded")]
+    for when, span in WHEN.items():
+        if some:
+            values = [v[when] for v in some]
+            lines.append(
+                spread(f"buoyancy, edges rounded by 2 cells, 16 cells, {span}", values, 1.0, 0.05)
+            )
     return lines
 
 
@@ -308,15 +356,12 @@ def buoyancy(dim: int, cells: int, offset: float, until: float) -> Numbers:
     shape = Cylinder(radius, center=(0.0,) * 2) if dim == 2 else Sphere(radius, center=(0.0,) * 3)
     run = Run(in_a_bed((Body(shape, tuple(center)),), size, cell))
     volume = math.pi * radius**2 if dim == 2 else 4 / 3 * math.pi * radius**3
-    depth = size[-1] - center[-1]
-    weight = volume * G * RHO * math.exp(float(hydrostatic(depth)) / slippery.K)
-    run.to(until / 4, until / 40)
-    early = run.force(0.0)[0] / weight
-    run.to(until, until / 40)
-    late = run.force(until / 4)[0] / weight
-    side = float(np.abs(early[:-1]).max())
-    up = {"early": float(early[-1]), "late": float(late[-1])}
-    return {**up, "sideways": side, "deepest": run.deepest}
+    weight = displaced(volume, size[-1] - center[-1])
+    numbers: Numbers = {}
+    for name, since, to in spans(until):
+        run.to(to, until / 40)
+        numbers[name] = float(run.force(since)[0][-1] / weight)
+    return {**numbers, "deepest": run.deepest}
 
 
 def buoyancy_cases(quick: bool) -> Cases:
@@ -334,10 +379,10 @@ def buoyancy_lines(found: dict[str, Numbers]) -> list[Line]:
     lines = []
     for kind in ("disc, 4", "disc, 8", "sphere, 4", "sphere, 6"):
         some = [v for name, v in found.items() if name.startswith(f"{kind} cells")]
-        for when, text in (("early", "0 to 0.1 s"), ("late", "0.1 to 0.4 s")):
+        for when, span in WHEN.items():
             if some:
                 values = [v[when] for v in some]
-                lines.append(spread(f"{kind} cells in radius, {text}", values, 1.0, 0.05))
+                lines.append(spread(f"{kind} cells in radius, {span}", values, 1.0, 0.05))
     return lines
 
 
