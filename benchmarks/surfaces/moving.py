@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -200,14 +201,23 @@ def _lines(found: dict[str, Numbers]) -> list[Line]:
             crossing = (v[f"{name}_crossing"] for v in some)
             spike = (v[f"{name}_spike"] for v in some)
             lines += [
-                within(f"{text} in an eighth of a cell, mean over the cells", crossing, 0.15),
-                within(f"{text} in an eighth of a cell, each by itself", spike, 0.15),
+                within(f"{text}, mean over the cells crossed", crossing, 0.15),
+                within(f"{text}, each cell by itself", spike, 0.15),
             ]
     return lines
 
 
+def box_lines(found: dict[str, Numbers]) -> list[Line]:
+    """Lines of boxes that are turned against the grid, and of those along it."""
+    lines = []
+    for text, along in (("17 and 40 deg", False), ("along the grid", True)):
+        some = {name: v for name, v in found.items() if (", 0 deg" in name) == along}
+        lines += [replace(line, quantity=f"{text}: {line.quantity}") for line in _lines(some)]
+    return lines
+
+
 ROWS = {
-    "box": Row("Box that carries a bed through the grid", box_cases, _lines),
+    "box": Row("Box that carries a bed through the grid", box_cases, box_lines),
     "drum": Row("Drum that turns", drum_cases, _lines),
     "blade": Row("Blade in a bed, 2D", blade_cases, _lines),
 }

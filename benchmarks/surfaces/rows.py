@@ -50,7 +50,11 @@ def within(quantity: str, values: Iterable[float], limit: float, unit: str = "%"
     """Line that asks the largest size of some numbers to be at most a limit, as a percentage."""
     largest = max(abs(value) for value in values)
     factor = 100.0 if unit == "%" else 1.0
-    text = f"{factor * largest:.2g} {unit}"
+    text = (
+        f"{factor * largest:.1g} {unit}"
+        if largest < 0.1 * limit
+        else f"{factor * largest:.2g} {unit}"
+    )
     return Line(quantity, f"{factor * limit:g} {unit}", text, largest <= limit)
 
 
@@ -58,7 +62,7 @@ def spread(quantity: str, values: Iterable[float], expected: float, limit: float
     """Line that asks for numbers about a value, of which the least and the largest are told."""
     found = list(values)
     off = max(abs(value / expected - 1.0) for value in found)
-    text = f"{min(found):.4g} to {max(found):.4g}"
+    text = f"{min(found):.3f} to {max(found):.3f}"
     return Line(quantity, f"{expected:g} within {100 * limit:g} %", text, off <= limit)
 
 
