@@ -35,6 +35,9 @@ Cases = dict[str, Callable[[], Numbers]]
 WINDOWS = 8
 """Windows of time in which a body crosses a cell."""
 
+PARTICLE = gr.Scheme(density=gr.ParticleDensity())
+"""The default scheme without the density correction."""
+
 
 def _spikes(name: str, values: Array) -> Numbers:
     """Largest differences of values in eighths of a cell from those of the cell about them.
@@ -137,12 +140,17 @@ def drum_cases(quick: bool) -> Cases:
         return {"quick": partial(drum, 2.0, 0.01, 0.05)}
     return {
         f"{omega:g} rad/s, cells of {1e3 * cell:g} mm": partial(drum, omega, cell, 0.5)
-        for omega in (0.5, 2.0)
-        for cell in (0.01, 0.005)
+        for omega, cell in ((0.5, 0.01), (2.0, 0.01), (2.0, 0.005))
     }
 
 
-def blade(offset: float, rake_deg: float, speed: float, crossed: float) -> Numbers:
+def blade(
+    offset: float,
+    rake_deg: float,
+    speed: float,
+    crossed: float,
+    scheme: gr.Scheme = gr.schemes.default,
+) -> Numbers:
     """Force on a blade 4 cells thick and 5 cells deep in a bed of 12 cells, 2D."""
     long, deep, ramp = 0.6, 12 * CELL, 0.05
     begin = np.array([0.15, deep - 5 * CELL]) + offset * CELL
@@ -160,6 +168,7 @@ def blade(offset: float, rake_deg: float, speed: float, crossed: float) -> Numbe
             *(gr.Wall(0, at, kind="free_slip") for at in (0.0, long)),
         ),
         bodies=(body,),
+        scheme=scheme,
         duration=10.0,
     )
     run = Run(scene)
@@ -178,12 +187,25 @@ def blade(offset: float, rake_deg: float, speed: float, crossed: float) -> Numbe
 def blade_cases(quick: bool) -> Cases:
     if quick:
         return {"quick": partial(blade, 0.0, 0.0, 0.4, 6)}
+    schemes = {"default": gr.schemes.default, "particle": PARTICLE}
     return {
-        f"{speed:g} m/s, rake {rake:g} deg, {offset:g}": partial(blade, offset, rake, speed, 14)
-        for speed in (0.05, 0.2)
+        f"{name}, {speed:g} m/s, rake {rake:g} deg, {offset:g}": partial(
+            blade, offset, rake, speed, 14, scheme
+        )
+        for name, scheme in schemes.items()
+        for speed in ((0.05, 0.2) if name == "default" else (0.2,))
         for rake in TURNS
         for offset in OFFSETS
     }
+
+
+def blade_lines(found: dict[str, Numbers]) -> list[Line]:
+    """Lines of blades by the density that a scheme has."""
+    lines = []
+    for text, name in (("default scheme", "default"), ("`ParticleDensity`", "particle")):
+        some = {k: v for k, v in found.items() if k.startswith(name)}
+        lines += [replace(line, quantity=f"{text}: {line.quantity}") for line in _lines(some)]
+    return lines or _lines(found)
 
 
 QUANTITIES = {
@@ -219,5 +241,5 @@ def box_lines(found: dict[str, Numbers]) -> list[Line]:
 ROWS = {
     "box": Row("Box that carries a bed through the grid", box_cases, box_lines),
     "drum": Row("Drum that turns", drum_cases, _lines),
-    "blade": Row("Blade in a bed, 2D", blade_cases, _lines),
+    "blade": Row("Blade in a bed, 2D", blade_cases, blade_lines),
 }

@@ -99,8 +99,8 @@ def slot_cases(quick: bool) -> Cases:
     if quick:
         return {"6 cells, 17 deg, 0": partial(slot, 17.0, 0.0, 6)}
     cases: Cases = {}
-    for cells in (8, 12, 16, 24):
-        for turned in TURNS if cells < 24 else (17.0,):
+    for cells in (8, 16):
+        for turned in TURNS:
             for offset in OFFSETS if cells == 8 else (0.25,):
                 name = f"{cells} cells, {name_of(turned, offset)}"
                 cases[name] = partial(slot, turned, offset, cells)
@@ -172,8 +172,8 @@ def hole_cases(quick: bool) -> Cases:
     if quick:
         return {"6 cells, 0 deg, 0": partial(hole, 0.0, 6)}
     cases: Cases = {f"8 cells, {name_of(0.0, a)}": partial(hole, a, 8) for a in OFFSETS}
-    cases |= {f"{k} cells, {name_of(0.0, 0.25)}": partial(hole, 0.25, k) for k in (12, 16)}
     cases[f"8 cells, {name_of(17.0, 0.25)}"] = partial(hole, 0.25, 8, 17.0)
+    cases |= {f"{k} cells, {name_of(0.0, 0.25)}": partial(hole, 0.25, k) for k in (12, 16)}
     return cases
 
 
