@@ -319,6 +319,10 @@ def couette_lines(found: dict[str, Numbers]) -> list[Line]:
             if math.isinf(limit):
                 line = Line(line.quantity, "converges", line.measured, None)
             lines.append(line)
+    own = [v["inner"] / v["first"] for v in found.values() if "inner" in v]
+    if own:
+        what = "torque on the inner one with the pressure of the ring there, d/1, d/2, d/3"
+        lines.append(Line(what, "", ", ".join(f"{value:.3f}" for value in own), None))
     return lines
 
 

@@ -177,12 +177,12 @@ def hole_cases(quick: bool) -> Cases:
     return cases
 
 
-def width_lines(found: dict[str, Numbers], exponent: float, what: str) -> list[Line]:
-    """Lines on the width as which an opening acts, relative to the finest cells and their trend.
+def width_lines(found: dict[str, Numbers], exponent: float, what: str, limit: str) -> list[Line]:
+    """Lines on the width as which an opening acts.
 
-    The rate goes with a power of the width, so that an opening in cells of dx acts as
-    W (Q/Q_0)^(1/exponent). Q_0 is that without end in fineness, by a line over dx through the
-    widths of openings that were measured with several sizes of cells.
+    The rate goes with a power of the width, so that an opening acts as W (Q/Q_0)^(1/exponent). Q_0
+    is the rate in the finest cells if `limit` is "finest"; if it is "line", that without end in
+    fineness, by a line over dx through the widths of openings in several sizes of cells.
     """
     sizes = {name: int(name.split(" cells")[0]) for name in found}
     wide = {name: v["rate"] ** (1 / exponent) for name, v in found.items()}
@@ -190,21 +190,30 @@ def width_lines(found: dict[str, Numbers], exponent: float, what: str) -> list[L
     trend = [name for name in found if places.count(name.split(", ", 1)[1]) > 1]
     if not trend:
         return []
-    _, limit = np.polyfit([1 / sizes[name] for name in trend], [wide[name] for name in trend], 1)
+    if limit == "line":
+        inverse = [1 / sizes[name] for name in trend]
+        exact = float(np.polyfit(inverse, [wide[name] for name in trend], 1)[1])
+    else:
+        exact = float(np.mean([wide[k] for k in found if sizes[k] == max(sizes.values())]))
     lines = []
     for cells in sorted(set(sizes.values())):
-        off = [cells * (wide[name] / limit - 1) for name in found if sizes[name] == cells]
-        text = f"{min(off):+.2f} to {max(off):+.2f} cells"
-        met = max(map(abs, off)) <= 0.1
-        lines.append(Line(f"{what} of {cells} cells acts wider by", "0.1 cells", text, met))
+        if limit == "line" or cells < max(sizes.values()):
+            off = [cells * (wide[name] / exact - 1) for name in found if sizes[name] == cells]
+            text = f"{min(off):+.2f} to {max(off):+.2f} cells"
+            met = max(map(abs, off)) <= 0.1
+            lines.append(Line(f"{what} of {cells} cells acts wider by", "0.1 cells", text, met))
     return lines
 
 
 ROWS = {
     "slot": Row(
-        "Slot between two plates, 2D", slot_cases, partial(width_lines, exponent=1.5, what="slot")
+        "Slot between two plates, 2D",
+        slot_cases,
+        partial(width_lines, exponent=1.5, what="slot", limit="finest"),
     ),
     "hole": Row(
-        "Round hole in a plate, 3D", hole_cases, partial(width_lines, exponent=2.5, what="hole")
+        "Round hole in a plate, 3D",
+        hole_cases,
+        partial(width_lines, exponent=2.5, what="hole", limit="line"),
     ),
 }
