@@ -7,9 +7,6 @@
 /* Put before a loop over blocks to prevent unrolling: an unrolled loop would first copy all its input to the stack. */
 #define GR_ROLLED _Pragma("GCC unroll 1")
 
-/* Put before a loop over the nodes of a cell, or over the axes, so that places in it are known when it is compiled. */
-#define GR_UNROLLED _Pragma("GCC unroll 27")
-
 struct gr_shape {
     vd xi[3];   /* local coordinate in the cell */
     vd w[3][3]; /* value, by axis and node */
@@ -27,16 +24,15 @@ struct gr_frame {
 GR_INLINE int gr_power(int k, int dim) { return dim == 2 ? k * k : k * k * k; }
 GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
-GR_INLINE struct gr_frame gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell)
+/* Look up the frame of a cell. Beyond the dimension nothing is set, and nothing is used. */
+GR_INLINE void gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell, struct gr_frame *frame)
 {
-    struct gr_frame frame; /* what is beyond dim is not used */
-    frame.inv_dx = v_set(e->inv_dx);
-    frame.lambda = e->config.lambda;
+    frame->inv_dx = v_set(e->inv_dx);
+    frame->lambda = e->config.lambda;
     for (int d = 0; d < dim; d++) {
-        frame.axis[d] = &e->axis[d].cell[cell->at[d]];
-        frame.edge[d] = v_set(frame.axis[d]->edge);
+        frame->axis[d] = &e->axis[d].cell[cell->at[d]];
+        frame->edge[d] = v_set(frame->axis[d]->edge);
     }
-    return frame;
 }
 
 /* Whatever its knots, a quadratic B-spline on a cell is low (1 - xi)^2, 1 - low (1 - xi)^2 - high xi^2, or high xi^2. */
