@@ -3,6 +3,8 @@
 import sys
 from pathlib import Path
 
+import numpydoc.xref
+
 import granular
 
 sys.path.insert(0, str(Path(__file__).parent / "_ext"))
@@ -41,6 +43,18 @@ autodoc_typehints = "none"  # docstrings name the types, with their shapes and u
 python_maximum_signature_line_length = 88
 python_use_unqualified_type_names = True
 numpydoc_show_class_members = False
+numpydoc_xref_param_type = True  # `MeanForce` among the types of a docstring is a link, and
+numpydoc_xref_ignore = "all"  # so are the classes below and nothing else
+numpydoc.xref.DEFAULT_LINKS.clear()  # these lead to the sites of Python and NumPy
+numpydoc_xref_aliases = {
+    name: f"{module.__name__}.{name}"
+    for module in (
+        *(granular.grain_scale.friction_law, granular.grain_scale.inference, granular.sph),
+        *(granular.economy, granular.theory, granular.measure, granular.materials, granular),
+    )
+    for name, value in vars(module).items()
+    if isinstance(value, type) and value.__module__.startswith("granular.")
+}
 toc_object_entries_show_parents = "hide"
 
 html_theme = "pydata_sphinx_theme"
