@@ -28,7 +28,6 @@ from granular.state import State
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene as MpmScene
     from granular.mpm.simulation import Simulation as MpmSimulation
-    from granular.sph.gas import GasState
     from granular.sph.scene import Scene as SphScene
     from granular.sph.simulation import Simulation as SphSimulation
     from granular.typing import AnyScene
@@ -187,7 +186,7 @@ class Simulation:
         """Return the impulses on the walls for a frame; none for a method that has none."""
         return None
 
-    def _extra_state(self) -> dict[str, GasState]:
+    def _extra_state(self) -> dict[str, Any]:
         """Return what a state of the method has besides the fields of its points."""
         return {}
 
@@ -249,11 +248,11 @@ class Simulation:
     def _snapshot(self, kept: bool = False) -> State:
         return self._state_of(self._fields(kept), **self._extra_state())
 
-    def _state_of(self, fields: dict[str, NDArray], gas: GasState | None = None) -> State:
+    def _state_of(self, fields: dict[str, NDArray], **extra: Any) -> State:
         """Make a state of the present time, step and time step from fields."""
         scalars = self._engine.scalars()
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
-        return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, gas=gas)
+        return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, **extra)
 
     # ---- stepping ----
 

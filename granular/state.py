@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from granular.notebook import table
 
 if TYPE_CHECKING:
+    from granular.mpm.bodies import BodyState
     from granular.sph.gas import GasState
     from granular.typing import AnyScene
 
@@ -40,6 +41,14 @@ class State:
         Each is an attribute of the state.
     gas : GasState, optional
         The particles of the gas, for a scene with a gas; other states have no such attribute.
+    bodies : sequence of BodyState, optional
+        Positions, rotations and impulses of the rigid bodies of the scene, in their order; by
+        default those at the start.
+
+    Raises
+    ------
+    ValueError
+        If `bodies` are not as many as those of the scene.
     """
 
     gas: GasState
@@ -53,6 +62,7 @@ class State:
         dt: float,
         fields: Mapping[str, Array],
         gas: GasState | None = None,
+        bodies: Sequence[BodyState] = (),
     ) -> None:
         self.scene = scene
         self.time = float(time)
@@ -63,6 +73,12 @@ class State:
             array.flags.writeable = False
         if gas is not None:
             self.gas = gas
+        described = getattr(scene, "bodies", ())
+        if bodies and len(bodies) != len(described):
+            raise ValueError(
+                f"bodies: {len(bodies)} must be as many as those of the scene, {len(described)}"
+            )
+        self.bodies = tuple(bodies) or tuple(body.at_start() for body in described)
 
     def __getattr__(self, name: str) -> Array:
         try:

@@ -11,15 +11,14 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
 from numpy.typing import NDArray
 from PIL import Image
 from tqdm.auto import tqdm
 
 from granular.checks import in_range, integer
-from granular.plot.canvas import Extent, View, color_bar, diameter, figure_of, scenery, show_at
+from granular.plot.canvas import Extent, View, color_bar, figure_of
 from granular.plot.fields import Brush
-from granular.plot.frame import new_axes
+from granular.plot.frame import Drawing, beside, fitted_extent, new_axes
 from granular.record import Trajectory
 from granular.state import State
 
@@ -96,7 +95,7 @@ def movie(
         sample[0],
         brush,
         seen,
-        extent=seen.extent(sample) if extent is None else extent,
+        extent=fitted_extent(sample, seen) if extent is None else extent,
         size=size,
         dpi=integer("dpi", dpi, 20, 600),
     )
@@ -131,7 +130,7 @@ def check_movie(path: str | os.PathLike[str], *, overwrite: bool = False) -> Pat
 
 
 class _Stage:
-    """Canvas of movies: fixed parts are drawn once, points are written straight into its pixels."""
+    """Canvas of movies: fixed parts are drawn once, and only the others again for each frame."""
 
     def __init__(
         self,
@@ -143,58 +142,28 @@ class _Stage:
         size: float | None,
         dpi: int,
     ) -> None:
-        self._brush, self._view = brush, view
         self._ax = ax = new_axes(extent)
         figure = figure_of(ax)
         figure.set_dpi(dpi)
         self._canvas = FigureCanvasAgg(figure)
         view.set_up(ax, extent, state.scene.grid.cell)
-        self._parts = scenery(ax, state.scene, view)
         self._title = ax.set_title("t = 0 s")
-        color_bar(figure, ScalarMappable(brush.norm, brush.cmap), brush, ax=ax)
+        color_bar(figure, brush, ax=ax, location=beside(extent))
         self._canvas.draw()  # the layout is computed with everything in it
-        self._moving = [*(artist for artist, _, _ in self._parts), self._title]
+        box = ax.get_window_extent()
+        pixels = math.ceil(max(box.width, box.height))
+        self._drawing = Drawing(ax, state, brush, view, extent, size=size, pixels=pixels)
+        self._moving = [*self._drawing.artists, self._title]
         for artist in self._moving:
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)
-        self._stamp = self._disc(diameter(state) if size is None else size)
-
-    def _disc(self, size: float) -> NDArray[np.intp]:
-        """Pixels (row, column) of a point relative to its upper left pixel, shape (k, 2)."""
-        left, right = self._ax.get_xlim()
-        pixels = size * self._ax.get_window_extent().width / (right - left)
-        self._across = max(1, math.ceil(pixels - 0.2))
-        side = np.arange(self._across)
-        grid = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
-        off = grid - (self._across - 1) / 2
-        # Small points are squares: a disc of three pixels would be a cross.
-        return grid[(off**2).sum(axis=1) <= (self._across / 2 + 0.3) ** 2]
-
-    def _stamp_points(self, state: State) -> None:
-        pixels = np.asarray(self._canvas.buffer_rgba())
-        height, width = pixels.shape[:2]
-        box = self._ax.get_window_extent()
-        place = self._ax.transData.transform(self._view.places(state))
-        # Matplotlib counts from the lower edge, pixels from the upper one.
-        place = np.stack([height - place[:, 1], place[:, 0]], axis=1) - self._across / 2
-        at = np.rint(place).astype(np.intp)[:, None, :] + self._stamp
-        row, column = at[..., 0], at[..., 1]
-        inside = (column > box.x0) & (column < box.x1 - 1)
-        inside &= (row > height - box.y1) & (row < height - box.y0 - 1)
-        # `places` orders the points from back to front; of equal indices the last one remains.
-        values = self._brush.paint(state)[self._view.order(state)]
-        colors = self._brush.cmap(self._brush.norm(values), bytes=True)
-        flat = pixels.reshape(height * width, 4)
-        which = np.nonzero(inside)
-        flat[row[which] * width + column[which]] = colors[which[0]]
 
     def shot(self, state: State) -> NDArray[np.uint8]:
         """Draw a state; return its pixels, shape (height, width, 3), height and width even."""
         self._canvas.restore_region(self._background)
-        self._stamp_points(state)
         self._title.set_text(f"t = {state.time:.3f} s")
-        show_at(self._parts, state.time)
+        self._drawing.update(state)
         for artist in self._moving:
             self._ax.draw_artist(artist)
         pixels = np.asarray(self._canvas.buffer_rgba())

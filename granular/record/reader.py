@@ -17,6 +17,7 @@ from granular.record.layout import RecordError, format_of, reading
 
 if TYPE_CHECKING:
     from granular.diagnostics import Health
+    from granular.mpm.bodies import BodyState
     from granular.sph.gas import GasState
     from granular.state import State
     from granular.typing import AnyScene
@@ -149,11 +150,22 @@ class Trajectory:
         from granular.state import State
 
         scene, fields = self.scene, self._contents.read(frame)
-        gas = {"gas": self._gas(frame.gas)} if frame.gas else {}
+        extra: dict[str, Any] = {"gas": self._gas(frame.gas)} if frame.gas else {}
+        if getattr(scene, "bodies", ()):
+            extra["bodies"] = self._body_states(frame)
         with reading(self.path):
             return State(
-                scene=scene, time=frame.time, step=frame.step, dt=frame.dt, fields=fields, **gas
+                scene=scene, time=frame.time, step=frame.step, dt=frame.dt, fields=fields, **extra
             )
+
+    def _body_states(self, frame: Frame) -> "list[BodyState]":
+        # Imported here: a record need not have bodies.
+        from granular.mpm.bodies import NUMBERS, state_of
+
+        names = names_of(BODY, len(self.scene.bodies), NUMBERS)
+        with reading(self.path):
+            rows = np.array([frame.samples[name] for name in names]).reshape(-1, NUMBERS)
+        return [state_of(row, self.scene.dim) for row in rows]
 
     def _gas(self, frame: Frame) -> "GasState":
         # Imported here: only records with gas need it.

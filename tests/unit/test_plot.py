@@ -11,8 +11,10 @@ from PIL import Image
 
 import granular as gr
 from granular import plot
-from granular.plot.canvas import OUTLET_STYLE, WALL_STYLES, View, scenery
+from granular.plot.canvas import View
 from granular.plot.fields import PHASES, Brush, values
+from granular.plot.material import Material, Raster
+from granular.plot.scenery import OUTLET_STYLE, WALL_STYLES, scenery
 
 SOFT = gr.materials.glass_beads.replace(E=1e5)
 
@@ -63,17 +65,64 @@ def test_points_without_a_value_are_masked(state):
     assert Brush.fitted([state], mu).paint(state).mask.sum() == 3
 
 
-def test_frame_draws_every_point_where_it_is_in_its_true_size(state):
+def test_a_frame_has_axes_a_bar_and_a_title(state):
     figure = plot.frame(state, "p")
     assert isinstance(figure, Figure)
-    ax = figure.axes[0]
-    (points,) = ax.collections
-    assert np.array_equal(points.get_offsets(), state.x)
-    # 4 points per cell of 0.05 m are 0.025 m apart; overlapping discs leave no gaps.
-    assert points.get_widths()[0] == pytest.approx(np.sqrt(2) * 0.025)
-    assert ax.get_title() == "t = 0.5 s"
+    assert figure.axes[0].get_title() == "t = 0.5 s"
     assert figure.axes[1].get_ylabel() == "pressure [Pa]"
     assert figure._repr_png_().startswith(b"\x89PNG")
+
+
+def material_of(state, extent, view=None, **options):
+    view = View(state.dim) if view is None else view
+    brush = Brush.fitted([state], np.zeros(state.n), limits=(0.0, 1.0))
+    return Material(Figure().add_subplot(), state, brush, view, extent, **options)
+
+
+WHOLE = ((-0.05, 0.5), (-0.05, 0.5))
+
+
+def test_material_covers_the_area_of_its_volume_without_gaps(state):
+    """A square column of 0.2 m beside the plane of symmetry x = 0, on the floor y = 0."""
+    material = material_of(state, WHOLE)
+    shown, pixel = material.rows(state), material.raster.pixel
+    (left, _), (bottom, _) = WHOLE
+    row, column = np.nonzero(shown >= 0)
+    x, y = left + (column + 0.5) * pixel, bottom + (row + 0.5) * pixel
+    within = (x > 0) & (y > 0)
+    assert within.sum() * pixel**2 == pytest.approx(state.volume.sum(), rel=0.03)
+    inner = shown[(row.min() + row.max()) // 2, column.min() : column.max() - 1]
+    assert (inner >= 0).all()
+    # Each place has the colour of the nearest point.
+    away = np.linalg.norm(
+        np.column_stack([x, y])[within] - state.x[shown[row, column][within]], axis=1
+    )
+    assert away.max() < 0.025 * np.sqrt(0.5) + 2 * pixel
+
+
+def test_gaps_are_closed_and_single_points_are_discs_of_their_volume():
+    raster = Raster(((0.0, 1.0), (0.0, 1.0)), 0.002)
+    spacing, radius = 0.05, 0.05 / np.sqrt(np.pi)
+    strings = np.array([[x, y] for x in np.arange(0.1, 0.5, 0.01) for y in (0.2, 0.28, 0.36)])
+    flying = np.array([[0.8, 0.8]])
+    shown = raster.area(np.concatenate([strings, flying]), radius, 0.06)
+    alone = shown == len(strings)
+    assert alone.sum() * 0.002**2 == pytest.approx(spacing**2, rel=0.05)
+    # strings a gap of 0.08 apart are one area, whose surface is `radius` from its points
+    columns = shown[:, 100:240]
+    edge = np.nonzero(columns.any(axis=1) & (columns >= 0).all(axis=1))[0]
+    assert np.diff(edge).max() == 1
+    assert edge[[0, -1]] * 0.002 == pytest.approx([0.2 - radius, 0.36 + radius], abs=0.006)
+    apart = raster.area(strings, radius, 0.03)[:, 150]
+    assert (np.diff(np.nonzero(apart >= 0)[0]) > 1).sum() == 2
+
+
+def test_points_are_discs_of_a_given_size(state):
+    material = material_of(state, WHOLE, size=0.01)
+    area = (material.rows(state) >= 0).sum() * material.raster.pixel**2
+    assert area == pytest.approx(state.n * np.pi * 0.005**2, rel=0.1)
+    with pytest.raises(ValueError, match=r"size = 0.0"):
+        plot.frame(state, size=0.0)
 
 
 def test_frame_into_given_axes_leaves_pyplot_alone(state):
@@ -138,18 +187,27 @@ def solid():
 
 
 def test_a_projection_has_the_nearest_points_on_top(solid):
-    (points,) = plot.frame(solid, solid.x[:, 1], bar=False).axes[0].collections
-    depth = np.asarray(points.get_array())
-    assert len(depth) == solid.n
-    assert (np.diff(depth) <= 0).all()
+    material = material_of(solid, View(3).extent([solid]))
+    shown = material.rows(solid)
+    # the nearest in each pixel, by a search through all points
+    raster, radius = material.raster, material._radius
+    for row, column in np.argwhere(shown >= 0)[::4001]:
+        place = raster.origin + (np.array([column, row]) + 0.5) * raster.pixel
+        away = abs(solid.x[:, ::2] - place).max(axis=1)
+        sure = np.linalg.norm(solid.x[:, ::2] - place, axis=1) < radius - 2 * raster.pixel
+        assert away[shown[row, column]] <= radius + 2 * raster.pixel
+        assert solid.x[shown[row, column], 1] <= solid.x[sure, 1].min(initial=np.inf)
 
 
 def test_a_slice_has_the_points_within(solid):
-    figure = plot.frame(solid, "p", view=(0, 1), slab=(0.0, 0.03), bar=False)
-    (points,) = figure.axes[0].collections
-    inside = solid.x[solid.x[:, 2] <= 0.03]
-    assert 0 < len(inside) < solid.n
-    assert sorted(map(tuple, points.get_offsets())) == sorted(map(tuple, inside[:, :2]))
+    view = View(3, (0, 1), (0.0, 0.03))
+    shown = material_of(solid, view.extent([solid]), view).rows(solid)
+    inside = solid.x[:, 2] <= 0.03
+    assert 0 < inside.sum() < solid.n
+    assert set(np.unique(shown)) - {-1} <= set(np.flatnonzero(inside))
+    # a whole section of the cylinder, or the half of it that is simulated
+    middle = shown[tuple(slice(n // 8, n // 3) for n in shown.shape)]
+    assert (middle >= 0).mean() > 0.9
 
 
 NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
@@ -180,7 +238,8 @@ def falling(n=4):
 
 def test_movie_has_a_picture_for_each_frame_that_moves(tmp_path):
     states = falling()
-    path = plot.movie(states, tmp_path / "a.gif", color="speed", fps=20)
+    square = ((0.0, 0.4), (0.0, 0.4))
+    path = plot.movie(states, tmp_path / "a.gif", color="speed", fps=20, extent=square)
     with Image.open(path) as gif:
         assert gif.n_frames == len(states)
         assert gif.info["duration"] == 50
