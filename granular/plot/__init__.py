@@ -21,4 +21,5 @@ from granular.plot.friction import scaling_of_dilation as scaling_of_dilation
 from granular.plot.friction import scaling_of_dissipation as scaling_of_dissipation
 from granular.plot.movie import check_movie as check_movie
 from granular.plot.movie import movie as movie
+from granular.plot.scene import scene as scene
 from granular.plot.view_3d import view as view

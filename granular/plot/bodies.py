@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import contourpy
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from granular.mpm.body_distances import distance_at
 from granular.mpm.body_measures import thicknesses
 from granular.plot.canvas import Extent, View
-from granular.state import State
+from granular.typing import AnyScene
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
@@ -65,9 +65,7 @@ class Section:
         self.level = max(0.0, 0.75 * step - 0.5 * thickness)
 
     def _at(self, x: NDArray, y: NDArray, pose: BodyState) -> Array:
-        return distance_at(
-            self._scene, self._body, self._view.in_space(self._scene.grid, x, y), pose
-        )
+        return distance_at(self._scene, self._body, self._view.in_space(self._scene, x, y), pose)
 
     def distances(self, pose: BodyState) -> Array:
         """Distances [m] at the nodes, shape (y, x); far from the surface only their sign holds."""
@@ -121,7 +119,8 @@ class Bodies:
     ----------
     ax : Axes
         Axes to draw into.
-    state : State
+    scene : Scene
+    poses : sequence of BodyState
     view : View
     extent : ((left, right), (bottom, top))
         Region to draw [m].
@@ -130,23 +129,28 @@ class Bodies:
     """
 
     def __init__(
-        self, ax: Axes, state: State, view: View, extent: Extent, intervals: int = INTERVALS
+        self,
+        ax: Axes,
+        scene: AnyScene,
+        poses: Sequence[BodyState],
+        view: View,
+        extent: Extent,
+        intervals: int = INTERVALS,
     ) -> None:
-        scene = cast("Scene", state.scene)
-        self._poses: list[BodyState | None] = [None] * len(state.bodies)
+        self._poses: list[BodyState | None] = [None] * len(poses)
         # Points that lie behind one another are not hidden by what is in the middle of them.
         filled = dict(STYLE, zorder=1.0 if view.projects else 2.5)
         self.artists: list[PathPatch] = []
         self._sections = []
         for body in getattr(scene, "bodies", ()):
-            self._sections.append(Section(scene, body, view, extent, intervals))
+            self._sections.append(Section(cast("Scene", scene), body, view, extent, intervals))
             self.artists.append(PathPatch(Path(np.zeros((0, 2))), **cast(Any, filled)))
             ax.add_patch(self.artists[-1])
-        self.update(state)
+        self.update(poses)
 
-    def update(self, state: State) -> None:
-        """Show the bodies where they are in another state."""
-        for k, (pose, before) in enumerate(zip(state.bodies, self._poses, strict=True)):
+    def update(self, poses: Sequence[BodyState]) -> None:
+        """Show the bodies in other poses."""
+        for k, (pose, before) in enumerate(zip(poses, self._poses, strict=True)):
             if before is None or _has_moved(pose, before):
                 self.artists[k].set_path(self._sections[k].outline(pose))
                 self._poses[k] = pose
@@ -159,10 +163,17 @@ def _has_moved(pose: BodyState, before: BodyState) -> bool:
     )
 
 
-def boxes_of_bodies(state: State, view: View) -> Iterator[Extent]:
-    """Boxes of the surfaces of bodies that close within the domain, in the plane of a picture."""
-    scene = cast("Scene", state.scene)
+def boxes_of_bodies(
+    scene: AnyScene, poses: Sequence[BodyState], view: View, beyond: float = 0.0
+) -> Iterator[Extent]:
+    """Boxes of the surfaces of bodies in the plane of a picture that close within the domain.
+
+    They may also reach `beyond` the domain, in lengths of its longer side.
+    """
     grid = scene.grid
-    whole = tuple((grid.lower[axis], grid.upper[axis]) for axis in (view.across, view.up))
-    for body, pose in zip(getattr(scene, "bodies", ()), state.bodies, strict=True):
-        yield from Section(scene, body, view, (whole[0], whole[1]), COARSE).boxes(pose)
+    ends = [(grid.lower[axis], grid.upper[axis]) for axis in (view.across, view.up)]
+    more = beyond * max(high - low for low, high in ends)
+    (left, right), (bottom, top) = ends
+    region = (left - more, right + more), (bottom - more, top + more)
+    for body, pose in zip(getattr(scene, "bodies", ()), poses, strict=True):
+        yield from Section(cast("Scene", scene), body, view, region, COARSE).boxes(pose)

@@ -12,9 +12,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from granular.checks import finite, integer
-from granular.geometry import AXES, Grid
+from granular.geometry import AXES
+from granular.mpm.walls import Wall
 from granular.plot.fields import Brush
 from granular.state import State
+from granular.typing import AnyScene
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
 
@@ -26,6 +28,17 @@ class Picture(Figure):
         data = io.BytesIO()
         self.savefig(data, format="png", dpi=100)
         return data.getvalue()
+
+
+def is_symmetry(scene: AnyScene, wall: Wall) -> bool:
+    """True for a wall that is the plane of symmetry of a scene of which a part is simulated."""
+    cut = scene.parameters.get("half") or scene.parameters.get("quarter")
+    return (
+        bool(cut)
+        and wall.kind == "free_slip"
+        and wall.axis < scene.grid.dim - 1
+        and (wall.at == 0.0)
+    )
 
 
 class View:
@@ -72,16 +85,24 @@ class View:
         """True if points of different depths lie behind one another."""
         return self.depth is not None and self.slab is None
 
-    def in_space(self, grid: Grid, x: NDArray, y: NDArray) -> NDArray[np.float64]:
+    def in_space(self, scene: AnyScene, x: NDArray, y: NDArray) -> NDArray[np.float64]:
         """Positions [m], shape (n, dim), of places in the picture.
 
-        In 3D they are in the section halfway through the slab, or without one through the domain.
+        In 3D they are in the section halfway through the slab; without one they are in
+        the plane of symmetry, or if there is none halfway through the domain.
         """
+        grid = scene.grid
         places = np.empty((len(x), grid.dim))
         places[:, self.across], places[:, self.up] = x, y
         if self.depth is not None:
             ends = self.slab or (grid.lower[self.depth], grid.upper[self.depth])
-            places[:, self.depth] = 0.5 * (ends[0] + ends[1])
+            at = 0.5 * (ends[0] + ends[1])
+            if self.slab is None and any(
+                isinstance(wall, Wall) and wall.axis == self.depth and is_symmetry(scene, wall)
+                for wall in scene.walls
+            ):
+                at = 1e-6 * grid.cell  # on the side of the material
+            places[:, self.depth] = at
         return places
 
     @property

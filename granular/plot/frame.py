@@ -69,8 +69,8 @@ def frame(
         bodies that close within the domain.
     view : (int, int), optional
         In 3D, the axes to the right and up. The points are projected as discs; nearer points (at
-        the low end of the third axis) cover farther ones. Bodies are drawn behind them, in the
-        section halfway through the domain.
+        the low end of the third axis) cover farther ones. Bodies are drawn behind them, in
+        the section of the plane of symmetry, or if there is none halfway through the domain.
     slab : (low, high), optional
         In 3D, draw only the slice of material between these coordinates along the third axis [m],
         and the section of the bodies halfway through it.
@@ -94,18 +94,20 @@ def frame(
     )
     seen = View(state.dim, view, slab)
     box = fitted_extent([state], seen) if extent is None else extent
+    side = "right"
     if ax is None:
-        ax = new_axes(box)
+        ax, side = new_axes(box), beside(box)
     Drawing(ax, state, brush, seen, box, size=size)
     ax.set_title(f"t = {state.time:.3g} s" if title is None else title)
     if bar:
-        color_bar(figure_of(ax), brush, ax=ax, location=beside(box))
+        color_bar(figure_of(ax), brush, ax=ax, location=side)
     return figure_of(ax)
 
 
 def fitted_extent(states: Sequence[State], view: View) -> Extent:
     """Extent of the material and of the bodies of all states."""
-    return view.extent(states, [box for state in states for box in boxes_of_bodies(state, view)])
+    boxes = [boxes_of_bodies(state.scene, state.bodies, view) for state in states]
+    return view.extent(states, [box for of_state in boxes for box in of_state])
 
 
 def beside(extent: Extent) -> str:
@@ -158,7 +160,7 @@ class Drawing:
             positive("size", size)
         view.set_up(ax, extent, state.scene.grid.cell)
         self._parts = scenery(ax, state.scene, view)
-        self._bodies = Bodies(ax, state, view, extent, pixels)
+        self._bodies = Bodies(ax, state.scene, state.bodies, view, extent, pixels)
         self._material = Material(ax, state, brush, view, extent, size=size, pixels=pixels)
         show_at(self._parts, state.time)
 
@@ -171,7 +173,7 @@ class Drawing:
     def update(self, state: State) -> None:
         """Show another state."""
         self._material.update(state)
-        self._bodies.update(state)
+        self._bodies.update(state.bodies)
         show_at(self._parts, state.time)
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from granular.geometry import Grid
 from granular.mpm.walls import Solid, Wall
-from granular.plot.canvas import View
+from granular.plot.canvas import View, is_symmetry
 from granular.sph.walls import Wall as LayerWall
 from granular.typing import AnyScene
 
@@ -23,20 +23,13 @@ WALL_STYLES = {
     "coulomb": {"color": "black", "linewidth": 2.5, "linestyle": (0, (3, 1))},
 }
 SYMMETRY_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (5, 3))}
+BLOCK = "#9a9a9a"
+"""Colour of blocks and of walls of particles."""
 OUTLET_STYLE = {"color": "#1a8f3c", "linewidth": 1.5, "linestyle": (0, (1, 1.5))}
 
 
-def _is_symmetry(scene: AnyScene, wall: Wall) -> bool:
-    cut = scene.parameters.get("half") or scene.parameters.get("quarter")
-    return (
-        bool(cut)
-        and wall.kind == "free_slip"
-        and wall.axis < scene.grid.dim - 1
-        and (wall.at == 0.0)
-    )
-
-
-def _line(scene: AnyScene, wall: Wall, view: View, style: dict[str, Any]) -> Line2D:
+def line_of(scene: AnyScene, wall: Wall, view: View, style: dict[str, Any]) -> Line2D:
+    """Line of a flat wall in a picture."""
     other = view.up if wall.axis == view.across else view.across
     ends = wall.extent(scene.grid, other)
     at = (wall.at, wall.at)
@@ -44,17 +37,17 @@ def _line(scene: AnyScene, wall: Wall, view: View, style: dict[str, Any]) -> Lin
     return Line2D(x, y, solid_capstyle="butt", zorder=3, **style)
 
 
-def _block(
+def block(
     ax: Axes, lower: Sequence[float] | NDArray, upper: Sequence[float] | NDArray, view: View
 ) -> Artist:
+    """Draw a block between two corners."""
     x, y = lower[view.across], lower[view.up]
     size = upper[view.across] - x, upper[view.up] - y
     # Faces of abutting blocks must not show as seams.
-    block = Rectangle((x, y), *size, facecolor="#9a9a9a", edgecolor="#9a9a9a", zorder=1)
-    return ax.add_patch(block)
+    return ax.add_patch(Rectangle((x, y), *size, facecolor=BLOCK, edgecolor=BLOCK, zorder=1))
 
 
-def _layers(ax: Axes, grid: Grid, wall: LayerWall, view: View) -> tuple[Artist, float, float]:
+def layers(ax: Axes, grid: Grid, wall: LayerWall, view: View) -> tuple[Artist, float, float]:
     """Draw a wall of an SPH scene, see `granular.sph.Wall`."""
     lower, upper = np.array(wall.box("wall", grid))
     ends = (
@@ -62,7 +55,7 @@ def _layers(ax: Axes, grid: Grid, wall: LayerWall, view: View) -> tuple[Artist, 
         np.where(np.isinf(upper), grid.upper, upper),
     )
     moves = wall.moves_from if any(wall.velocity or ()) else math.inf
-    return _block(ax, *ends, view), -math.inf, min(moves, wall.until)
+    return block(ax, *ends, view), -math.inf, min(moves, wall.until)
 
 
 def scenery(ax: Axes, scene: AnyScene, view: View) -> list[tuple[Artist, float, float]]:
@@ -80,17 +73,17 @@ def scenery(ax: Axes, scene: AnyScene, view: View) -> list[tuple[Artist, float, 
     parts: list[tuple[Artist, float, float]] = []
     for wall in scene.walls:
         if isinstance(wall, Solid):
-            parts.append((_block(ax, wall.lower, wall.upper, view), -math.inf, math.inf))
+            parts.append((block(ax, wall.lower, wall.upper, view), -math.inf, math.inf))
         elif wall.axis not in (view.across, view.up):
             continue
         elif isinstance(wall, LayerWall):
-            parts.append(_layers(ax, scene.grid, wall, view))
+            parts.append(layers(ax, scene.grid, wall, view))
         else:
-            style = SYMMETRY_STYLE if _is_symmetry(scene, wall) else WALL_STYLES[wall.kind]
-            line = ax.add_line(_line(scene, wall, view, style))
+            style = SYMMETRY_STYLE if is_symmetry(scene, wall) else WALL_STYLES[wall.kind]
+            line = ax.add_line(line_of(scene, wall, view, style))
             parts.append((line, -math.inf, wall.opens_at))
             if wall.opens_at < math.inf:
-                outlet = ax.add_line(_line(scene, wall, view, OUTLET_STYLE))
+                outlet = ax.add_line(line_of(scene, wall, view, OUTLET_STYLE))
                 parts.append((outlet, wall.opens_at, math.inf))
     return parts
 

@@ -28,9 +28,13 @@ def start(scene):
     return gr.State(scene=scene, time=0.0, step=0, dt=1.0, fields={"x": scene.points().x})
 
 
+def drawing(state, view, extent):
+    return Bodies(Figure().add_subplot(), state.scene, state.bodies, view, extent)
+
+
 def areas(state, view=None, extent=EXTENT):
     """Area of each body in the extent, from its outline with holes."""
-    drawn = Bodies(Figure().add_subplot(), state, view or View(state.dim), extent)
+    drawn = drawing(state, view or View(state.dim), extent)
     return [area_of(artist.get_path()) for artist in drawn.artists]
 
 
@@ -65,10 +69,10 @@ def test_bodies_are_where_they_are_at_the_time():
         Body(Box((0.1, 0.3)), (0.2, 0.3), motion=gate), Body(Box((0.1, 0.1)), (0.8, 0.2))
     )
     sim = gr.Simulation(scene, threads=1)
-    drawn = Bodies(Figure().add_subplot(), sim.state, View(2), EXTENT)
+    drawn = drawing(sim.state, View(2), EXTENT)
     kept = [artist.get_path() for artist in drawn.artists]
     sim.run(until=0.1)
-    drawn.update(sim.state)
+    drawn.update(sim.state.bodies)
     moved, still = (artist.get_path() for artist in drawn.artists)
     assert still is kept[1]  # made once
     middle = moved.vertices[:-1].mean(axis=0)
@@ -121,7 +125,7 @@ def test_the_section_of_a_ball_is_halfway_through_the_slab():
 def test_a_picture_shows_all_of_a_body_that_closes_within_the_domain():
     drum = Body(Cylinder(0.45, center=(0.0, 0.0), inside=True), (0.5, 0.5))
     state = start(scene_of(drum, Body(HalfSpace((0.0, 1.0)), (0.0, 0.1))))
-    (box,) = boxes_of_bodies(state, View(2))
+    (box,) = boxes_of_bodies(state.scene, state.bodies, View(2))
     assert np.ravel(box) == pytest.approx([0.05, 0.95, 0.05, 0.95], abs=0.005)
     ax = plot.frame(gr.Simulation(state.scene, threads=1).state).axes[0]
     assert ax.get_xlim()[0] < 0.05 < 0.95 < ax.get_xlim()[1]
