@@ -97,14 +97,14 @@ class State:
         return self.fields["x"].shape[1]
 
     @cached_property
-    def rho(self) -> Array:
+    def density(self) -> Array:
         """Density of the points [kg/m3], shape (n,)."""
         return self.scene.material.rho_c * np.exp(self.log_density)
 
     @cached_property
     def volume(self) -> Array:
         """Volume of the points [m3, per metre of depth in 2D], shape (n,)."""
-        return self.mass / self.rho
+        return self.mass / self.density
 
     @cached_property
     def quadrature_volume(self) -> Array:
@@ -119,26 +119,33 @@ class State:
         return self.volume
 
     @cached_property
-    def p(self) -> Array:
+    def speed(self) -> Array:
+        """Speed of the points [m/s], shape (n,)."""
+        return np.linalg.norm(self.v, axis=1)
+
+    @cached_property
+    def pressure(self) -> Array:
         """Pressure -tr(stress)/3 [Pa], compression positive, shape (n,)."""
         return -self.stress[:, :3].sum(axis=1) / 3.0
 
     @cached_property
-    def tau(self) -> Array:
+    def shear_stress(self) -> Array:
         """Equivalent shear stress sqrt(s:s/2) of the deviator s [Pa], shape (n,) (eq. 2.10)."""
-        deviator = self.stress[:, :3] + self.p[:, None]
+        deviator = self.stress[:, :3] + self.pressure[:, None]
         square = 0.5 * (deviator**2).sum(axis=1) + (self.stress[:, 3:] ** 2).sum(axis=1)
         return np.sqrt(square)
 
     @cached_property
     def mu(self) -> Array:
-        """Friction coefficient tau/p, shape (n,); nan where the pressure is not positive."""
-        return np.divide(self.tau, self.p, out=np.full(self.n, np.nan), where=self.p > 0)
+        """Friction coefficient, shear stress by pressure, shape (n,); nan unless that is > 0."""
+        return np.divide(
+            self.shear_stress, self.pressure, out=np.full(self.n, np.nan), where=self.pressure > 0
+        )
 
     @cached_property
     def dense(self) -> NDArray[np.bool_]:
         """True for points under pressure, shape (n,)."""
-        return self.p > 0
+        return self.pressure > 0
 
     def __repr__(self) -> str:
         return f"State({self.scene.name}, t = {self.time:.6g} s, step {self.step}, {self.n} points)"

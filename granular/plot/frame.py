@@ -49,8 +49,8 @@ def frame(
     state : State
     color : str or array_like, shape (n,)
         A field: stored ("shear_rate", "log_density", ...), a component ("v_x", "stress_xy"),
-        derived ("p", "tau", "mu", "rho", "dense", ...), measured ("speed", "phase",
-        "nodal_density", "inertial_number", ...), or one number per point.
+        derived ("pressure", "shear_stress", "mu", "density", "dense", ...), measured ("speed",
+        "phase", "nodal_density", "inertial_number", ...), or one number per point.
     ax : Axes, optional
         Axes to draw into; by default those of a new figure.
     limits : (low, high), optional

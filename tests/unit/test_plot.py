@@ -43,14 +43,14 @@ def state():
 
 @pytest.mark.parametrize(
     ("color", "expected"),
-    [("p", 600.0), ("speed", 5.0), ("v_y", -4.0), ("stress_xy", 40.0), ("rho", 1500.0)],
+    [("pressure", 600.0), ("speed", 5.0), ("v_y", -4.0), ("stress_xy", 40.0), ("density", 1500.0)],
 )
 def test_values_by_name(state, color, expected):
     assert values(state, color) == pytest.approx(np.full(state.n, expected))
 
 
 def test_smoothing_keeps_a_uniform_field(state):
-    assert values(state, "p", smooth=True) == pytest.approx(np.full(state.n, 600.0))
+    assert values(state, "pressure", smooth=True) == pytest.approx(np.full(state.n, 600.0))
 
 
 def test_rates_have_a_logarithmic_scale_on_which_zero_is_the_low_end(state):
@@ -60,13 +60,21 @@ def test_rates_have_a_logarithmic_scale_on_which_zero_is_the_low_end(state):
     assert np.asarray(brush.norm(brush.paint(still))) == pytest.approx(np.zeros(state.n))
 
 
+def test_a_signed_field_has_a_scale_symmetric_about_zero(state):
+    v = np.column_stack([np.linspace(-1.0, 3.0, state.n), np.zeros(state.n)])
+    brush = Brush.fitted([moved(state.scene, v=v)], "v_x")
+    assert brush.norm.vmin == -brush.norm.vmax == pytest.approx(-3.0, rel=0.02)
+    assert brush.quantity.title == "velocity along x [m/s]"
+    assert Brush.fitted([moved(state.scene, v=0 * v)], "v_y").norm.vmax == 1.0
+
+
 def test_points_without_a_value_are_masked(state):
     mu = np.where(np.arange(state.n) < 3, np.nan, 0.4)
     assert Brush.fitted([state], mu).paint(state).mask.sum() == 3
 
 
 def test_a_frame_has_axes_a_bar_and_a_title(state):
-    figure = plot.frame(state, "p")
+    figure = plot.frame(state, "pressure")
     assert isinstance(figure, Figure)
     assert figure.axes[0].get_title() == "t = 0.5 s"
     assert figure.axes[1].get_ylabel() == "pressure [Pa]"

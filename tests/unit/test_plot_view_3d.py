@@ -42,7 +42,7 @@ def test_points_and_bodies_are_there(sim, tmp_path):
     }.items():
         source = sim if name == "all" else sim.state
         path = gr.plot.view(
-            source, tmp_path / f"{name}.png", "p", camera="xz", window=(320, 240), **options
+            source, tmp_path / f"{name}.png", "pressure", camera="xz", window=(320, 240), **options
         )
         picture = pixels(path)
         assert picture.shape == (240, 320, 3)

@@ -87,7 +87,7 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
     rows = _rectangular("columns", columns)
     flat = [state for states in columns for state in states]
     rate = Brush.fitted(flat, "shear_rate", limits=limits)
-    pressure = Brush.fitted([states[-1] for states in columns], "p", smooth=True)
+    pressure = Brush.fitted([states[-1] for states in columns], "pressure", smooth=True)
     extents = [View(2).extent(states) for states in columns]
     widest = max(right - left for (left, right), _ in extents)
     panels = [Panel(e, zoom=widest / (e[0][1] - e[0][0])) for e in extents]
