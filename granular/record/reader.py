@@ -18,6 +18,7 @@ from granular.record.layout import RecordError, format_of, reading
 if TYPE_CHECKING:
     from granular.diagnostics import Health
     from granular.mpm.bodies import BodyState
+    from granular.plot import Movie
     from granular.sph.gas import GasState
     from granular.state import State
     from granular.typing import AnyScene
@@ -120,6 +121,13 @@ class Trajectory:
         from granular.record.surfaces import write_bodies
 
         return write_bodies(self, path, overwrite=overwrite)
+
+    def movie(self, path: str | os.PathLike[str] | None = None, **options: Any) -> "Movie":
+        """Make a movie of these frames, which plays in a notebook; see `granular.plot.movie`."""
+        # Imported here: reading a record needs no pictures.
+        from granular.plot import movie
+
+        return movie(self, path, **options)
 
     def health(self) -> "Health":
         """Judge the run by the samples of the monitors at these frames."""

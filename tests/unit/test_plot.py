@@ -1,6 +1,8 @@
 """Pictures: values and scales, positions of what is drawn, movies."""
 
+import base64
 import stat
+import sys
 
 import numpy as np
 import pytest
@@ -134,8 +136,6 @@ def test_points_are_discs_of_a_given_size(state):
 
 
 def test_frame_into_given_axes_leaves_pyplot_alone(state):
-    import sys
-
     ax = Figure().add_subplot()
     assert plot.frame(state, ax=ax, bar=False, title="here") is ax.figure
     assert ax.get_title() == "here"
@@ -267,7 +267,7 @@ def test_movie_has_a_picture_for_each_frame_that_moves(tmp_path):
     assert np.diff(middle) == pytest.approx(np.full(3, np.diff(middle).mean()), abs=1.5)
     assert middle[1] - middle[0] > 5
     assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
-    assert stat.S_IMODE(path.stat().st_mode) & 0o400
+    assert stat.S_IMODE(path.path.stat().st_mode) & 0o400
 
 
 def test_movie_of_a_domain_that_empties(tmp_path):
@@ -309,8 +309,34 @@ def test_an_existing_movie_is_kept(tmp_path):
 
 def test_mp4_without_ffmpeg_says_so(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(ValueError, match="needs ffmpeg"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(ValueError, match=r"needs ffmpeg.*pip install 'granular\[movies\]'"):
         plot.movie(falling(2), tmp_path / "a.mp4")
+    assert plot.movie(falling(2)).content.startswith(b"GIF89a")
+
+
+def test_mp4_of_the_extra_plays_in_a_notebook(tmp_path, monkeypatch):
+    pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    made = plot.movie(falling(3))
+    assert made.content[4:8] == b"ftyp"
+    html = made._repr_html_()
+    assert html.startswith("<video controls")
+    assert base64.b64encode(made.content).decode() in html
+    with pytest.raises(ValueError, match="in memory"):
+        open(made)
+    kept = plot.movie(falling(3), tmp_path / "a.mp4")
+    assert kept.path == tmp_path / "a.mp4"
+    assert len(kept.content) > 1000
+
+
+def test_a_gif_of_a_record_plays_in_a_notebook(tmp_path):
+    sim = gr.Simulation(small(), threads=1).run(until=0.1, every=0.05, save=tmp_path / "a.h5")
+    record = gr.open(sim.record)
+    made = record.movie(tmp_path / "a.gif", color="speed")
+    assert made._repr_html_().startswith("<img alt='movie' src='data:image/gif;base64,R0lGODlh")
+    with Image.open(made) as gif:
+        assert gif.n_frames == len(record) == 3
 
 
 @pytest.fixture
@@ -330,7 +356,7 @@ def ffmpeg(tmp_path, monkeypatch):
 def test_mp4_hands_all_pictures_to_ffmpeg(tmp_path, ffmpeg):
     ffmpeg('for last; do :; done; cat > "$last"; echo "$@" >> "$last"')
     path = plot.movie(falling(3), tmp_path / "a.mp4", fps=30)
-    raw, _, words = path.read_bytes().rpartition(b"-y ")
+    raw, _, words = path.content.rpartition(b"-y ")
     width, height = map(int, words.split(b"-s ")[1].split()[0].split(b"x"))
     assert b"-r 30" in words
     assert width % 2 == height % 2 == 0
