@@ -1,6 +1,6 @@
 """Pictures and movies with matplotlib: figures are objects, no global state is changed.
 
-`view` draws 3D pictures with pyvista, if it is installed.
+`view` and `view_movie` draw in 3D with pyvista, if it is installed.
 """
 
 from granular.plot import dunatunga_kamrin_2015 as dunatunga_kamrin_2015
@@ -24,3 +24,4 @@ from granular.plot.friction import scaling_of_dissipation as scaling_of_dissipat
 from granular.plot.movie import movie as movie
 from granular.plot.scene import scene as scene
 from granular.plot.view_3d import view as view
+from granular.plot.view_3d import view_movie as view_movie
