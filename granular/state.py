@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 __all__ = ["State"]
 
 Array = NDArray[np.float64]
+
+STANDARD = ("pressure", "shear_stress", "density", "speed")
+"""Derived quantities that are exported unless others are asked for."""
 
 
 class State:
@@ -146,6 +149,47 @@ class State:
     def dense(self) -> NDArray[np.bool_]:
         """True for points under pressure, shape (n,)."""
         return self.pressure > 0
+
+    def to_dataframe(self, fields: Collection[str] = STANDARD) -> Any:
+        """Return a table of pandas with one row per point, indexed by id.
+
+        Its columns are the stored fields, x, y, v_x, stress_xy and so on, and derived quantities.
+        Its `attrs` are the name of the scene, time and step.
+
+        Parameters
+        ----------
+        fields : collection of str
+            Derived quantities, of `granular.measure.derived`.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If pandas is not installed: ``pip install 'granular[tables]'``.
+        TypeError, ValueError
+            If there is no such quantity, or the scene has not what it takes.
+        """
+        from granular.record.export import dataframe
+
+        return dataframe(self, fields)
+
+    def to_pyvista(self, fields: Collection[str] = STANDARD) -> Any:
+        """Return a `pyvista.MultiBlock` of "material" and "gas" (points), "body0", "body1", ...
+
+        Parameters
+        ----------
+        fields : collection of str
+            Derived quantities besides the stored fields, of `granular.measure.derived`.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If pyvista is not installed: ``pip install 'granular[pictures3d]'``.
+        TypeError, ValueError
+            If there is no such quantity, or the scene has not what it takes.
+        """
+        from granular.record.export import blocks
+
+        return blocks(self, fields)
 
     def __repr__(self) -> str:
         return f"State({self.scene.name}, t = {self.time:.6g} s, step {self.step}, {self.n} points)"

@@ -1,7 +1,7 @@
 """Colours of a picture: values, names, units and scales."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular import measure
 from granular.checks import finite
+from granular.measure.derived import DERIVED, derived
 from granular.state import State
 
 Array = NDArray[np.float64]
@@ -83,19 +84,13 @@ QUANTITIES |= {
 """Known fields; other stored fields are labelled by their name."""
 
 _COMPONENTS = {"v": ("x", "y", "z"), "stress": ("xx", "yy", "zz", "xy", "yz", "xz")}
-_MEASURED: dict[str, Callable[[State], Any]] = {
-    "phase": measure.phase,
-    "nodal_density": measure.nodal_density,
-    "inertial_number": measure.inertial_number,
-    "scaled_inertial_number": measure.scaled_inertial_number,
-}
 
 
 def names(state: State) -> list[str]:
     """Names of the fields that a state can be coloured by."""
     plain = [name for name, field in state.fields.items() if field.ndim == 1]
     wanted = [name for name in QUANTITIES if _component(state, name) is not None or "_" not in name]
-    return sorted({*plain, *wanted, *_MEASURED, "shear_rate", "log_density"})
+    return sorted({*plain, *wanted, *DERIVED, "shear_rate", "log_density"})
 
 
 def _component(state: State, name: str) -> Array | None:
@@ -133,8 +128,8 @@ def values(state: State, color: str | ArrayLike, *, smooth: bool = False) -> Arr
 
 
 def _by_name(state: State, name: str) -> Any:
-    if name in _MEASURED:
-        return _MEASURED[name](state)
+    if name in DERIVED:
+        return derived(state, name)
     column = _component(state, name)
     return getattr(state, name, None) if column is None else column
 

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
@@ -14,6 +14,7 @@ from granular.record.checkpoint import Checkpoint
 from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
 from granular.record.layout import RecordError, format_of, reading
+from granular.state import STANDARD
 
 if TYPE_CHECKING:
     from granular.diagnostics import Health
@@ -128,6 +129,33 @@ class Trajectory:
         from granular.plot import movie
 
         return movie(self, path, **options)
+
+    def to_xarray(self, fields: Collection[str] = STANDARD) -> Any:
+        """Return a `xarray.Dataset` of these frames, all in memory.
+
+        Fields of points have the dimensions time and id, and are nan where a point is not there any
+        more; those of a gas begin with "gas_", the motion and impulses of bodies with "body_", and
+        what monitors measured with "sample_". For a part of the frames, slice the record.
+
+        Parameters
+        ----------
+        fields : collection of str
+            Derived quantities besides the stored fields, of `granular.measure.derived`.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If xarray is not installed: ``pip install 'granular[tables]'``.
+        TypeError, ValueError
+            If there are no frames or no such quantity, or the scene has not what it takes.
+        """
+        from granular.record.export import dataset
+
+        return dataset(self, fields)
+
+    def to_pyvista(self, i: int = -1, fields: Collection[str] = STANDARD) -> Any:
+        """Return frame `i` as a `pyvista.MultiBlock`; see `granular.State.to_pyvista`."""
+        return self[i].to_pyvista(fields)
 
     def health(self) -> "Health":
         """Judge the run by the samples of the monitors at these frames."""
