@@ -131,7 +131,8 @@ def _add_run(commands: Any) -> None:
             choices = ("default", "cell_averaged", "dunatunga_kamrin_2015")
             scene.add_argument("--scheme", choices=choices, help="default that of the scene")
         _add_run_options(scene, "default 1/60")
-        scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
+        text = "HDF5 record, for ParaView ending in .vtkhdf"
+        scene.add_argument("-o", "--output", metavar="FILE", required=True, help=text)
         text = "run even if the estimated memory exceeds that of the machine"
         scene.add_argument("--force", action="store_true", help=text)
         scene.add_argument("--picture", metavar="PNG", help="picture of the last state")

@@ -68,8 +68,8 @@ def frame(
         Region that is shown [m]; by default it contains all the material, and all surfaces of
         bodies that close within the domain.
     view : (int, int), optional
-        In 3D, the axes to the right and up. The points are projected as discs; nearer points (at
-        the low end of the third axis) cover farther ones. Bodies are drawn behind them, in
+        In 3D, the axes to the right and up. The points are projected as discs, with the gaps
+        closed; nearer points (at the low end of the third axis) cover farther ones. Bodies are drawn behind them, in
         the section of the plane of symmetry, or if there is none halfway through the domain.
     slab : (low, high), optional
         In 3D, draw only the slice of material between these coordinates along the third axis [m],

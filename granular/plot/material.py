@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -112,39 +113,56 @@ class Raster:
         points, and a single point is a disc.
         """
         radius = max(radius, 0.8 * self.pixel)  # a point shows at least as one pixel
-        reach = max(reach, radius)
-        pad = math.ceil(reach / self.pixel) + 1
-        shape = tuple(n + 2 * pad for n in self.counts)
-        shown = np.full(shape, -1, dtype=np.intp)
-        row, column = (at + pad for at in self._places(x))
-        inside = (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
-        shown[row[inside], column[inside]] = np.flatnonzero(inside)
-        core = slice(pad, pad + self.counts[0]), slice(pad, pad + self.counts[1])
-        if not inside.any():
-            return shown[core]
-        away, (i, j) = ndimage.distance_transform_edt(shown < 0, return_indices=True)
-        near = away * self.pixel <= reach
-        # Beyond the padded pixels there may be more material: no edge there.
-        depth = ndimage.distance_transform_edt(near) if not near.all() else np.inf
-        filled = depth * self.pixel > reach - radius
-        filled |= away * self.pixel <= radius
-        return np.where(filled, shown[i, j], -1)[core]
+        shown = self._blank(max(reach, radius))
+        row, column = (at + shown.pad for at in self._places(x))
+        rows, columns = shown.pixels.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        shown.pixels[row[inside], column[inside]] = np.flatnonzero(inside)
+        return shown.closed(radius / self.pixel, max(reach, radius) / self.pixel)
 
-    def discs(self, x: Array, radius: float) -> Rows:
-        """Show a disc for each point; later ones cover earlier ones."""
+    def discs(self, x: Array, radius: float, reach: float = 0.0) -> Rows:
+        """Show a disc for each point; later ones cover earlier ones.
+
+        Gaps between discs are closed as in `area` if the reach exceeds the radius.
+        """
+        shown = self._blank(max(reach - radius, 0.0))
         across = max(1, math.ceil(2 * radius / self.pixel - 0.2))
         side = np.arange(across) - (across - 1) / 2
         off = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
         # Small points are squares: a disc of three pixels would be a cross.
         off = off[(off**2).sum(axis=1) <= (across / 2 + 0.3) ** 2]
-        shown = np.full(self.counts, -1, dtype=np.intp)
-        at = (x - self.origin)[:, None, ::-1] / self.pixel + off
+        at = (x - self.origin)[:, None, ::-1] / self.pixel + off + shown.pad
         at = np.floor(at).astype(np.intp)
-        inside = ((at >= 0) & (at < self.counts)).all(axis=2)
-        flat = shown.reshape(-1)
+        inside = ((at >= 0) & (at < shown.pixels.shape)).all(axis=2)
+        flat = shown.pixels.reshape(-1)
         # Of equal indices the last one remains.
-        flat[(at @ [self.counts[1], 1])[inside]] = np.nonzero(inside)[0]
-        return shown
+        flat[(at @ [shown.pixels.shape[1], 1])[inside]] = np.nonzero(inside)[0]
+        return shown.closed(0.0, (reach - radius) / self.pixel)
+
+    def _blank(self, beyond: float) -> _Padded:
+        """Pixels that show nothing, with a margin beyond the region [m]."""
+        pad = math.ceil(beyond / self.pixel) + 1
+        return _Padded(np.full(tuple(n + 2 * pad for n in self.counts), -1, dtype=np.intp), pad)
+
+
+@dataclass(frozen=True, eq=False)
+class _Padded:
+    """Pixels with a margin around them, in which there may be material too."""
+
+    pixels: Rows
+    pad: int
+
+    def closed(self, radius: float, reach: float) -> Rows:
+        """Close gaps narrower than twice the reach; what is shown grows by a radius [pixels]."""
+        shown, pad = self.pixels, self.pad
+        core = (slice(pad, -pad), slice(pad, -pad))
+        if (shown < 0).all() or reach <= 0.0:
+            return shown[core]
+        away, (i, j) = ndimage.distance_transform_edt(shown < 0, return_indices=True)
+        near = away <= reach
+        depth = ndimage.distance_transform_edt(near) if not near.all() else np.inf
+        filled = (depth > reach - radius) | (away <= radius)
+        return np.where(filled, shown[i, j], -1)[core]
 
 
 class Material:
@@ -161,8 +179,8 @@ class Material:
     extent : ((left, right), (bottom, top))
         Region to draw [m].
     size : float, optional
-        Diameter of points that are drawn as discs [m]. By default they are drawn as an area, except
-        where 3D points lie behind one another.
+        Diameter of points that are drawn as discs [m]. By default they are an area, or where 3D
+        points lie behind one another discs of which the nearest are seen, with the gaps closed.
     pixels : int
         Pixels along the longer side of the region.
     """
@@ -180,7 +198,8 @@ class Material:
     ) -> None:
         self.brush, self.view = brush, view
         spacing = spacing_of(state)
-        if size is None and view.projects:
+        self._closes = size is None and view.projects
+        if self._closes:
             size = math.sqrt(2) * spacing  # the diagonal, without gaps
         self._is_area = size is None
         self._radius = disc_radius(spacing, state.dim) if size is None else 0.5 * size
@@ -208,7 +227,7 @@ class Material:
             order, x = np.concatenate([order, order[own]]), np.concatenate([x, images])
             shown = self.raster.area(x, self._radius, self._reach)
         else:
-            shown = self.raster.discs(x, self._radius)
+            shown = self.raster.discs(x, self._radius, self._reach if self._closes else 0.0)
         return np.where(shown < 0, -1, order[shown] if len(order) else -1)
 
     def update(self, state: State) -> None:
