@@ -30,6 +30,23 @@ class Picture(Figure):
         return data.getvalue()
 
 
+def checked_extent(extent: object) -> Extent:
+    """Check the region that a picture shows.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is not ((left, right), (bottom, top)), finite and ascending.
+    """
+    ends = np.asarray(extent)
+    if ends.shape != (2, 2) or ends.dtype.kind not in "iuf" or not np.isfinite(ends).all():
+        raise ValueError(f"extent = {extent!r} must be ((left, right), (bottom, top)), finite")
+    (left, right), (bottom, top) = ends.astype(float).tolist()
+    if not (left < right and bottom < top):
+        raise ValueError(f"extent = {extent!r} must have left < right and bottom < top")
+    return (left, right), (bottom, top)
+
+
 def is_symmetry(scene: AnyScene, wall: Wall) -> bool:
     """True for a wall that is the plane of symmetry of a scene of which a part is simulated."""
     cut = scene.parameters.get("half") or scene.parameters.get("quarter")

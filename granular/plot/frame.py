@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from granular.checks import positive
 from granular.plot.bodies import Bodies, boxes_of_bodies
-from granular.plot.canvas import Extent, Picture, View, color_bar, figure_of
+from granular.plot.canvas import Extent, Picture, View, checked_extent, color_bar, figure_of
 from granular.plot.fields import Brush
 from granular.plot.material import PIXELS, Material
 from granular.plot.scenery import scenery, show_at
@@ -49,8 +49,8 @@ def frame(
     state : State
     color : str or array_like, shape (n,)
         A field: stored ("shear_rate", "log_density", ...), a component ("v_x", "stress_xy"),
-        derived ("pressure", "shear_stress", "mu", "density", "dense", ...), measured ("speed",
-        "phase", "nodal_density", "inertial_number", ...), or one number per point.
+        or derived ("pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
+        "dense", ..., see `granular.measure.derived`), or one number per point.
     ax : Axes, optional
         Axes to draw into; by default those of a new figure.
     limits : (low, high), optional
@@ -69,8 +69,9 @@ def frame(
         bodies that close within the domain.
     view : (int, int), optional
         In 3D, the axes to the right and up. The points are projected as discs, with the gaps
-        closed; nearer points (at the low end of the third axis) cover farther ones. Bodies are drawn behind them, in
-        the section of the plane of symmetry, or if there is none halfway through the domain.
+        closed; nearer points (at the low end of the third axis) cover farther ones. Bodies are
+        drawn behind them, in the section of the plane of symmetry, or if there is none halfway
+        through the domain.
     slab : (low, high), optional
         In 3D, draw only the slice of material between these coordinates along the third axis [m],
         and the section of the bodies halfway through it.
@@ -89,11 +90,13 @@ def frame(
     TypeError, ValueError
         Naming argument, value and allowed range.
     """
+    if not isinstance(state, State):
+        raise TypeError(f"state = {state!r} must be a State, such as `simulation.state`")
     brush = Brush.fitted(
         [state], color, limits=limits, log=log, cmap=cmap, label=label, smooth=smooth
     )
     seen = View(state.dim, view, slab)
-    box = fitted_extent([state], seen) if extent is None else extent
+    box = fitted_extent([state], seen) if extent is None else checked_extent(extent)
     side = "right"
     if ax is None:
         ax, side = new_axes(box), beside(box)

@@ -9,7 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 
 from granular.checks import integer
-from granular.plot.canvas import Extent, View, color_bar, figure_of
+from granular.plot.canvas import Extent, View, checked_extent, color_bar, figure_of
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import Brush
 from granular.plot.frame import Drawing, beside, fitted_extent, new_axes
@@ -83,7 +83,7 @@ def movie(
         sample[0],
         brush,
         seen,
-        extent=fitted_extent(sample, seen) if extent is None else extent,
+        extent=fitted_extent(sample, seen) if extent is None else checked_extent(extent),
         size=size,
         dpi=integer("dpi", dpi, 20, 600),
     )

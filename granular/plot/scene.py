@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from granular.geometry import AXES, Fill
 from granular.mpm.walls import Solid, Wall
 from granular.plot.bodies import STYLE, Bodies, boxes_of_bodies
-from granular.plot.canvas import Extent, Picture, View, figure_of, is_symmetry
+from granular.plot.canvas import Extent, Picture, View, checked_extent, figure_of, is_symmetry
 from granular.plot.scenery import (
     BLOCK,
     OUTLET_STYLE,
@@ -87,7 +87,7 @@ def scene(
     if isinstance(scene, State) or not hasattr(scene, "fills"):
         raise TypeError(f"scene = {scene!r} must be a scene; a state is drawn by plot.frame")
     seen, grid = View(scene.dim, view, slab), scene.grid
-    box = _whole(scene, seen) if extent is None else extent
+    box = _whole(scene, seen) if extent is None else checked_extent(extent)
     is_own = ax is None
     if ax is None:
         (left, right), (bottom, top) = box

@@ -227,6 +227,9 @@ NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
         *(({"color": color}, "one number for each") for color in NO_NUMBER),
         *(({"limits": (low, 1.0)}, "limits = ") for low in (1.0, 2.0, 0.0, -1.0)),
         ({"cmap": "mud"}, "cmap = 'mud'"),
+        ({"extent": ((1.0, 0.0), (0.0, 1.0))}, "must have left < right"),
+        ({"extent": (0.0, 1.0)}, "extent = "),
+        ({"extent": ((0.0, np.inf), (0.0, 1.0))}, "extent = "),
         ({"view": (0, 0)}, "two different"),
         ({"view": (0, 5)}, "view"),
         ({"slab": (1.0, 0.0)}, "low"),
@@ -235,6 +238,11 @@ NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
 def test_bad_options_are_refused(state, solid, options, message):
     with pytest.raises(ValueError, match=message):
         plot.frame(solid if {"view", "slab"} & options.keys() else state, **options)
+
+
+def test_only_a_state_is_drawn(state):
+    with pytest.raises(TypeError, match=r"such as `simulation.state`"):
+        plot.frame(gr.Simulation(state.scene, threads=1))
 
 
 def falling(n=4):
