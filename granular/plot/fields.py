@@ -178,6 +178,9 @@ class Brush:
             return cls(color, quantity, Normalize(0.0, 1.0), PHASES, smooth)
         every = np.concatenate(found) if found else np.zeros(0)
         low, high = _checked(limits, quantity.log) if limits else _limits(every, quantity)
+        if quantity.signed and low != -high:
+            # Its middle would not be zero.
+            quantity = replace(quantity, cmap=Quantity.cmap)
         norm = LogNorm(low, high) if quantity.log else Normalize(low, high)
         colors = (_colormap(cmap or quantity.cmap)).with_extremes(bad=MISSING)
         return cls(color, quantity, norm, colors, smooth)

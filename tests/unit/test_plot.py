@@ -68,6 +68,10 @@ def test_a_signed_field_has_a_scale_symmetric_about_zero(state):
     assert brush.norm.vmin == -brush.norm.vmax == pytest.approx(-3.0, rel=0.02)
     assert brush.quantity.title == "velocity along x [m/s]"
     assert Brush.fitted([moved(state.scene, v=0 * v)], "v_y").norm.vmax == 1.0
+    assert (brush.cmap.name, Brush.fitted([state], "v_x", limits=(0, 1)).cmap.name) == (
+        "coolwarm",
+        "viridis",
+    )
 
 
 def test_points_without_a_value_are_masked(state):
