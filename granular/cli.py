@@ -159,7 +159,8 @@ def _add_run(commands: Any, words: Sequence[str]) -> None:
 def _add_recording(scene: Any) -> None:
     """Add the options of a run of any scene."""
     _add_run_options(scene, "default 1/60")
-    scene.add_argument("-o", "--output", metavar="FILE", required=True, help="HDF5 record")
+    text = "HDF5 record, for ParaView ending in .vtkhdf"
+    scene.add_argument("-o", "--output", metavar="FILE", required=True, help=text)
     text = "change a number of the scene, such as scheme.cfl=0.3 or bodies.0.friction=0.4"
     scene.add_argument("--set", action="append", default=[], metavar="PLACE=VALUE", help=text)
     text = "run even if the estimated memory exceeds that of the machine"
