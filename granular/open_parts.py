@@ -10,8 +10,8 @@ from collections.abc import Callable
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from granular.geometry import Region
 
@@ -87,30 +87,43 @@ def plane_cut(distance: Array, normal: Array, edge: float) -> tuple[Array, Array
 
 
 def _pieces(
-    centres: Array, edge: float, distance: Distance, region: Region, mixed: NDArray[np.bool_]
+    centres: Array,
+    edge: float,
+    distance: Distance,
+    region: Region,
+    phi: Array,
+    normal: Array,
+    mixed: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], Array, Array, Array]:
     """Open pieces of cut squares: index of the square, place, volume, and normal of the body.
 
-    Of `mixed` squares, which the boundary of the region cuts, all pieces are eighths.
+    Given are the signed distances `phi` of the squares from the body, the normals there, and which
+    squares are `mixed`, so that the boundary of the region cuts them.
     """
     dim = centres.shape[1]
     owner, found = np.arange(len(centres)), []
     for _ in range(LEVELS):
         edge *= 0.5
-        centres = (centres[:, None] + edge * CORNERS[dim]).reshape(-1, dim)
-        owner = np.repeat(owner, 2**dim)
-        phi, normal = distance(centres)
         reach = REACH * edge
-        whole = (phi >= reach) & ~mixed[owner]
+        centres = (centres[:, None] + edge * CORNERS[dim]).reshape(-1, dim)
+        owner, phi = np.repeat(owner, 2**dim), np.repeat(phi, 2**dim)
+        mixed = np.repeat(mixed, 2**dim)
+        normal = np.repeat(normal, 2**dim, axis=0)
+        # The centre of a piece is at most `reach` away from that of what it is a part of.
+        near = np.abs(phi) < 2 * reach
+        phi[near], normal[near] = distance(centres[near])
+        mixed[mixed] = region.cuts(centres[mixed], reach)
+        whole = (phi >= reach) & ~mixed
         found.append((owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole]))
         left = (phi > -reach) & ~whole
-        owner, centres, phi, normal = owner[left], centres[left], phi[left], normal[left]
-    plane, across = phi, normal
+        owner, centres, mixed = owner[left], centres[left], mixed[left]
+        phi, normal = phi[left], normal[left]
+    plane, across = phi.copy(), normal.copy()
     if mixed.any():
-        within, inwards = region.distance(centres)
-        nearer = (within < phi) & mixed[owner]
-        plane = np.where(nearer, within, phi)
-        across = np.where(nearer[:, None], inwards, normal)
+        within, inwards = region.distance(centres[mixed])
+        nearer = within < phi[mixed]
+        plane[mixed] = np.where(nearer, within, phi[mixed])
+        across[mixed] = np.where(nearer[:, None], inwards, normal[mixed])
     # Beyond the corners of a piece the plane does not matter.
     plane = np.clip(plane, -edge * dim, edge * dim)
     share, height = plane_cut(plane, across, edge)
@@ -142,7 +155,7 @@ def _merged(x: Array, volume: Array, edge: float, distance: Distance) -> tuple[A
     if not small.any() or not len(kept):
         return x, volume
     count = min(NEIGHBOURS, len(kept))
-    gaps, order = cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
+    gaps, order = scipy.spatial.cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
     normal, others = distance(x[small])[1], kept[order]
     facing = distance(x[others.ravel()])[1].reshape(*others.shape, -1)
     cosine = np.einsum("ij,ikj->ik", normal, facing)
@@ -191,7 +204,8 @@ def open_parts(
     volume : ndarray, shape (k,)
         Volumes [m^dim]. Those of parts below `LEAST_SHARE` are added to a neighbour.
     """
-    dim, phi = sites.shape[1], distance(sites)[0]
+    dim = sites.shape[1]
+    phi, normal = distance(sites)
     reach = REACH * edge
     mixed = region.cuts(sites, reach) & (phi > -reach)
     cut = np.flatnonzero((np.abs(phi) < reach) | mixed)
@@ -201,7 +215,9 @@ def open_parts(
     parts = [(clear, sites[clear], np.full(len(clear), edge**dim))]
     for begin in range(0, len(cut), CHUNK):
         some = cut[begin : begin + CHUNK]
-        owner, *pieces = _pieces(sites[some], edge, distance, region, mixed[some])
+        owner, *pieces = _pieces(
+            sites[some], edge, distance, region, phi[some], normal[some], mixed[some]
+        )
         parts.append(_grouped(some[owner], *pieces))
     owner, x, volume = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     order = np.argsort(owner, kind="stable")

@@ -15,7 +15,7 @@ from granular.geometry import MAX_COUNT, Fill, Grid, check_inside, combined
 from granular.open_parts import LEAST_SHARE, REACH, Distance, nowhere, open_parts
 from granular.regions import Cloud
 
-__all__ = ["DEEPEST", "Points", "estimated_points", "seed_points"]
+__all__ = ["DEEPEST", "Points", "estimated_points", "most_points", "seed_points"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +100,18 @@ def estimated_points(
     x += np.random.default_rng(0).uniform(-0.5, 0.5, x.shape) * ((upper - lower) / parts)
     open_ = distance(x)[0] > (LEAST_SHARE - 0.5) * spacing
     return round(sites * float((fill.region.contains(x) & open_).mean()))
+
+
+def most_points(grid: Grid, fill: Fill) -> int:
+    """Bound of the number of points of a fill: the squares in the box around it, twice.
+
+    They are those of the seeding lattice; a thin body may part one into two points.
+    """
+    if isinstance(fill.region, Cloud):
+        return len(fill.region.x)
+    spacing = grid.cell / fill.points_per_axis
+    lower, upper = np.array(fill.region.bounds)
+    return 2 * math.prod((np.ceil((upper - lower) / spacing) + 1).astype(np.int64).tolist())
 
 
 def _last(grid: Grid) -> NDArray[np.float64]:

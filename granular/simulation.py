@@ -22,7 +22,7 @@ from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
 from granular.record.layout import reading
 from granular.record.session import Session
-from granular.record.settings import fields_to_store, settings_of, usable_isa
+from granular.record.settings import check_alike, fields_to_store, settings_of, usable_isa
 from granular.running import EVERY, check_interval, interruptible, next_frame, progress_bar
 from granular.state import State
 
@@ -467,13 +467,25 @@ class Simulation:
 
     @classmethod
     def resume(
-        cls, path: str | os.PathLike, *, threads: int | None = None, isa: str | None = None
+        cls,
+        path: str | os.PathLike,
+        *,
+        scene: AnyScene | None = None,
+        threads: int | None = None,
+        isa: str | None = None,
     ) -> Self:
         """Continue a record from its checkpoint, bitwise as if the run had never stopped.
 
         Parameters
         ----------
         path : path
+        scene : Scene or SphScene, optional
+            A changed scene with which the run goes on, such as
+            ``gr.open(path).scene.replace(gravity=...)``: other gravity, numbers of the material or
+            the scheme, walls, motions of bodies. The grid, the laws, and how many walls and bodies
+            there are must be as before. The stress of a hypoelastic material stays what it is, that
+            of a Hencky material follows from its strain. The record of the run is left as it is:
+            name another one in `run`.
         threads : int, optional
             See `Simulation`.
         isa : str, optional
@@ -486,6 +498,8 @@ class Simulation:
             If there is no such record.
         RecordError
             If the file is damaged or holds no checkpoint, or one that does not fit its scene.
+        ValueError
+            If the points of the record do not fit into the changed scene.
 
         Warns
         -----
@@ -497,16 +511,19 @@ class Simulation:
             integer("threads", threads, 1, _core.MAX_THREADS)
         _core.build_info(default_isa() if isa is None else isa)  # refuses one it does not know
         with open_trajectory(path) as record:
+            if scene is not None:
+                check_alike(record.scene, scene)
             method, checkpoint = cls._of(record.scene), record.checkpoint()
             with reading(record.path, "the run cannot be resumed"):
                 every, recorded, stored = settings_of(record.path, record.provenance)
                 if isa is None:
                     isa = usable_isa(recorded, record.path)
-                self = method._restored(record.scene, checkpoint, threads, isa)
-                past = record.series["step"] <= self.steps
-                self._monitor.recall({name: v[past] for name, v in record.samples.items()})
+                self = method._restored(scene or record.scene, checkpoint, threads, isa)
+                if scene is None:
+                    past = record.series["step"] <= self.steps
+                    self._monitor.recall({name: v[past] for name, v in record.samples.items()})
         self._every, self._stored = every, stored
-        self._session.path = Path(path)
+        self._session.path = None if scene is not None else Path(path)
         return self
 
     def __repr__(self) -> str:

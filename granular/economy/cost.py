@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,7 +15,7 @@ from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.seeding import estimated_points
+from granular.seeding import estimated_points, most_points
 
 if TYPE_CHECKING:
     from granular.sph.scene import Scene as SphScene
@@ -206,14 +207,19 @@ def _size(scene: AnyScene) -> tuple[int, float]:
         points = _sph_particles(scene)
         particles = points + _wall_particles(scene)
         return points, _BASE_MEMORY + particles * _SPH_MEMORY[scene.dim]
-    points, memory = 0, float(_BASE_MEMORY)
-    for fill in scene.fills:
-        count = estimated_points(scene.grid, fill, distance_from_bodies(scene))
-        points += count
+    distance = distance_from_bodies(scene)
+    counts = [estimated_points(scene.grid, fill, distance) for fill in scene.fills]
+    return sum(counts), _memory(scene, counts)
+
+
+def _memory(scene: Scene, counts: Sequence[int]) -> float:
+    """Memory of a scene with so many points in its fills [bytes]."""
+    memory = float(_BASE_MEMORY)
+    for fill, count in zip(scene.fills, counts, strict=True):
         memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / fill.points_per_cell)
     if scene.material.has_fluidity:
         memory += _FACE_MEMORY * 2 * scene.dim * math.prod(scene.grid.shape)
-    return points, memory
+    return memory
 
 
 def _sph_particles(scene: SphScene) -> int:
@@ -257,9 +263,16 @@ def check_memory(scene: AnyScene, force: bool = False) -> None:
     ValueError
         Naming the number of points, the cells, and the memory needed and available.
     """
-    points, memory = _size(scene)
     available = machine.available_memory()
-    if force or memory <= available:
+    if force:
+        return
+    if isinstance(scene, Scene):
+        # If there is memory for all squares of the seeding lattices, the open ones need no count.
+        counts = [most_points(scene.grid, fill) for fill in scene.fills]
+        if _memory(scene, counts) <= available:
+            return
+    points, memory = _size(scene)
+    if memory <= available:
         return
     cells = " x ".join(map(str, scene.grid.shape))
     raise ValueError(

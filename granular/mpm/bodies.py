@@ -12,8 +12,8 @@ from dataclasses import KW_ONLY, dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular import _core
 from granular.checks import (
@@ -395,7 +395,7 @@ def state_of(numbers: Array, dim: int) -> BodyState:
     """Return the state of one body from its 20 numbers."""
     parts = split(numbers, dim)
     w, x, y, z = parts.pop("quaternion")
-    rotation = Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]
+    rotation = scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]
     return BodyState(rotation=rotation, **parts)
 
 

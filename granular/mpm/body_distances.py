@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular import _core
 from granular.mpm.body_shapes import padded, turned
@@ -53,19 +53,19 @@ def distance_at(
     return _from_body(scene, body, places, *_placed(pose))[0]
 
 
-def _placed(pose: BodyState) -> tuple[Rotation, tuple[float, ...]]:
+def _placed(pose: BodyState) -> tuple[scipy.spatial.transform.Rotation, tuple[float, ...]]:
     """Rotation and position of a body in 3D."""
     matrix = np.eye(3)
     dim = len(pose.position)
     matrix[:dim, :dim] = pose.rotation
-    return Rotation.from_matrix(matrix), padded(tuple(pose.position))
+    return scipy.spatial.transform.Rotation.from_matrix(matrix), padded(tuple(pose.position))
 
 
 def _from_body(
     scene: Scene,
     body: Body,
     places: NDArray[np.float64],
-    turn: Rotation,
+    turn: scipy.spatial.transform.Rotation,
     position: Sequence[float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""

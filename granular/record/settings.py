@@ -5,16 +5,49 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from granular import _core
 from granular.buffers import default_isa
 from granular.checks import positive
 from granular.measure.derived import check_derived, derived
+from granular.mpm.scene import Scene as MpmScene
 from granular.record.layout import RecordError
 from granular.running import EVERY
 from granular.state import State
 
-__all__ = ["fields_to_store", "settings_of", "usable_isa"]
+if TYPE_CHECKING:
+    from granular.typing import AnyScene
+
+__all__ = ["check_alike", "fields_to_store", "settings_of", "usable_isa"]
+
+
+def _kind(scene: AnyScene) -> dict[str, object]:
+    """Parts of a scene that determine what its checkpoints hold."""
+    found: dict[str, object] = {
+        "grid": scene.grid,
+        "material": type(scene.material).__name__,
+        "walls": len(scene.walls),
+    }
+    if isinstance(scene, MpmScene):
+        found |= {
+            "material.elasticity": scene.material.elasticity,
+            "scheme.basis": scene.scheme.basis,
+            "scheme.transfer": scene.scheme.transfer,
+            "scheme.density": type(scene.scheme.density).__name__,
+            "bodies": len(scene.bodies),
+        }
+    return found
+
+
+def check_alike(before: AnyScene, scene: AnyScene) -> None:
+    """Refuse a scene into which the points of another one do not fit."""
+    if type(scene) is not type(before):
+        raise TypeError(f"scene = {scene!r} must be a scene of the method {before.method!r}")
+    now = _kind(scene)
+    for name, part in _kind(before).items():
+        if now[name] != part:
+            raise ValueError(f"scene: {name} = {now[name]} must be {part}, as in the record")
 
 
 def settings_of(path: Path, provenance: object) -> tuple[float, str | None, tuple[str, ...]]:

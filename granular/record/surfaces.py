@@ -5,8 +5,8 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular.geometry import Grid
 from granular.mpm.bodies import Body, BodyState, split
@@ -94,7 +94,9 @@ def placed_surface(grid: Grid, body: Body, pose: BodyState) -> Patches:
 
 def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
     """Vertices of a body at every frame, shape (frames, n, 3)."""
-    turn = Rotation.from_quat(pose["quaternion"][:, [1, 2, 3, 0]]).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_quat(
+        pose["quaternion"][:, [1, 2, 3, 0]]
+    ).as_matrix()
     return np.einsum("fij,nj->fni", turn, vertices) + pose["position"][:, None]
 
 

@@ -16,6 +16,7 @@ from granular.scenes.column_collapse import column_collapse, cylinder_collapse
 from granular.scenes.conveyor import conveyor
 from granular.scenes.couette import couette
 from granular.scenes.excavation import excavation, excavator
+from granular.scenes.files import SceneFile, changed, read_scene, template
 from granular.scenes.hopper import hopper
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
@@ -32,7 +33,9 @@ from granular.scenes.sph_slump import slump_sph
 from granular.scenes.wheel import wheel
 
 __all__ = [
+    "SceneFile",
     "SceneFunction",
+    "changed",
     "chute_ngf",
     "clogging_silo",
     "column_collapse",
@@ -53,12 +56,14 @@ __all__ = [
     "names",
     "obstacle",
     "penetration",
+    "read_scene",
     "registry",
     "rotating_drum",
     "silo",
     "silo_3d",
     "slug",
     "slump_sph",
+    "template",
     "wheel",
 ]
 

@@ -104,6 +104,7 @@ def hourglass(
     Parameters
     ----------
     kind : {"flat", "sloped"}
+        Divider with the opening: level, or a staircase that slopes towards it.
     orifice_radius : float
         Half the width of the opening [m], whole cells.
     width : float or None

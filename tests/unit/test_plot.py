@@ -1,6 +1,7 @@
 """Pictures: values and scales, positions of what is drawn, movies."""
 
 import base64
+import os
 import stat
 import sys
 
@@ -336,7 +337,7 @@ def test_mp4_of_the_extra_plays_in_a_notebook(tmp_path, monkeypatch):
     assert html.startswith("<video controls")
     assert base64.b64encode(made.content).decode() in html
     with pytest.raises(ValueError, match="in memory"):
-        open(made)
+        os.fspath(made)
     kept = plot.movie(falling(3), tmp_path / "a.mp4")
     assert kept.path == tmp_path / "a.mp4"
     assert len(kept.content) > 1000

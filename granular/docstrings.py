@@ -1,0 +1,56 @@
+"""Descriptions of arguments from docstrings, for help and files of scenes."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+__all__ = ["described"]
+
+_HEAD = re.compile(r"^\**(\w[\w, *]*?)(?: : .*)?$")
+
+_SEE = "See `"
+
+
+def described(documented: object, *others: object) -> dict[str, str]:
+    """Descriptions of the arguments of a function or class, each in one line.
+
+    The arguments of the classes that a class is derived from are included.
+
+    Parameters
+    ----------
+    documented : function or class
+        Its docstring has a section "Parameters" in the style of NumPy.
+    *others : function or class
+        Where descriptions are looked up of which the docstring says: see there.
+    """
+    found: dict[str, str] = {}
+    for part in reversed(getattr(documented, "__mro__", (documented,))):
+        for name, text in _parameters(inspect.cleandoc(part.__doc__ or "")).items():
+            if name not in found or not text.startswith(_SEE):
+                found[name] = text
+    elsewhere: dict[str, str] = {}
+    for other in others:
+        elsewhere |= {name: text for name, text in described(other).items() if text}
+    return {
+        name: elsewhere.get(name, "") if text.startswith(_SEE) else text
+        for name, text in found.items()
+    }
+
+
+def _parameters(doc: str) -> dict[str, str]:
+    """Names and descriptions of the section "Parameters" of a docstring."""
+    _, _, section = doc.partition("Parameters\n----------\n")
+    found: dict[str, str] = {}
+    names: list[str] = []
+    lines: list[str] = []
+    # A line that is underlined begins the next section.
+    for line in [*re.split(r"\n\n?\w+\n---+", section)[0].splitlines(), "end"]:
+        head = _HEAD.match(line)
+        if head is None:
+            lines.append(line.strip())
+            continue
+        text = " ".join(filter(None, lines))
+        found |= dict.fromkeys(names, text)
+        names, lines = head[1].replace("*", "").split(", "), []
+    return found

@@ -1,0 +1,311 @@
+"""Scenes as files: TOML with the numbers of a scene function, or JSON with a whole scene."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+import textwrap
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any, cast
+
+from granular import materials
+from granular.checks import one_of
+from granular.docstrings import described
+from granular.geometry import Fill
+from granular.materials import Material
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import CellAveragedDensity, ParticleDensity, Scheme, SmoothedDensity
+from granular.scene import BaseScene
+from granular.scenes._registry import functions, own_keywords
+from granular.scenes.incline import incline
+from granular.sph.gas import Gas
+from granular.typing import AnyScene
+
+__all__ = ["SUFFIXES", "SceneFile", "changed", "read_scene", "template"]
+
+SUFFIXES = (".toml", ".json")
+"""Ends of the names of files of scenes."""
+SECTIONS = ("scene", "arguments", "material", "scheme", "run")
+"""Keys of a TOML file of a scene."""
+RUN = {
+    "until": "Time at which the run stops [s]; by default the duration of the scene.",
+    "every": "Time between frames [s].",
+    "threads": "Number of threads; by default as many as are worth it.",
+}
+"""Keys of the section "run", and what they mean."""
+PARTS = ("material", "scheme", "numerics", "method", "release")
+"""Arguments of scene functions that have a section of their own, or that only Python can give."""
+DENSITIES = {kind.name: kind for kind in (SmoothedDensity, CellAveragedDensity, ParticleDensity)}
+EXPLAINED = (Fill, Scene, Gas, incline)
+"""Where docstrings of scene functions refer to."""
+WIDTH = 100
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """A scene that was read from a file, and how it is to be run.
+
+    Attributes
+    ----------
+    scene : Scene or SphScene
+    run : dict
+        Values of `until`, `every` and `threads`, as far as the file has them.
+    """
+
+    scene: AnyScene
+    run: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read_scene(path: str | Path) -> SceneFile:
+    """Read a scene from a file.
+
+    A TOML file names a scene function and gives its arguments (`granular new` writes one with all
+    of them). A JSON file is what `Scene.to_json` returns.
+
+    Parameters
+    ----------
+    path : path
+        Its name ends in ".toml" or ".json".
+
+    Raises
+    ------
+    OSError
+        If the file cannot be read.
+    TypeError, ValueError
+        Naming the file and what in it is wrong.
+    """
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        raise ValueError(f"path = {str(path)!r} must end in one of {', '.join(SUFFIXES)}")
+    text = path.read_text(encoding="utf-8")
+    try:
+        if path.suffix == ".json":
+            return SceneFile(cast("AnyScene", BaseScene.from_json(text)))
+        return _from_tables(tomllib.loads(text))
+    except TypeError as error:
+        raise TypeError(f"{path}: {error}") from error
+    except ValueError as error:  # among them that the text is no TOML
+        raise ValueError(f"{path}: {error}") from error
+
+
+def _from_tables(tables: Mapping[str, Any]) -> SceneFile:
+    """Make the scene that a TOML file describes."""
+    _known("the file", tables, SECTIONS)
+    if "scene" not in tables:
+        raise ValueError('scene = "..." must name a scene, see `granular list`')
+    function = functions[one_of("scene", tables["scene"], tuple(functions))]
+    sections = {name: tables.get(name, {}) for name in SECTIONS[1:]}
+    for name, section in sections.items():
+        if not isinstance(section, dict):
+            raise TypeError(f"{name} = {section!r} must be a table, [{name}]")
+    _known("[run]", sections["run"], tuple(RUN))
+    own = own_keywords(inspect.signature(function))
+    _known("[arguments]", sections["arguments"], [name for name in own if name not in PARTS])
+    given = {name: _plain(value) for name, value in sections["arguments"].items()}
+    given |= _material(own["material"], sections["material"])
+    if sections["scheme"]:
+        if "scheme" not in own:
+            raise ValueError(f"[scheme] must not be given: {function.__name__} has no scheme")
+        given["scheme"] = _scheme(own["scheme"], sections["scheme"])
+    return SceneFile(function(**given), sections["run"])
+
+
+def _known(where: str, given: Mapping[str, Any], names: Sequence[str]) -> None:
+    for name in given:
+        if name not in names:
+            raise ValueError(f"{where} has {name!r}, must be one of {', '.join(names)}")
+
+
+def _plain(value: Any) -> Any:
+    """Lists as tuples."""
+    return tuple(_plain(part) for part in value) if isinstance(value, list) else value
+
+
+def _material(default: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """Keywords for the material: numbers of that of the scene, or another one with its law."""
+    rest = dict(numbers)
+    law = rest.pop("law", None)
+    if law is None:
+        _known("[material]", rest, ["law", *(part.name for part in fields(default))])
+        return rest
+    laws = {kind.__name__: kind for kind in vars(materials).values() if _is_law(kind)}
+    kind = laws[one_of("law", law, tuple(laws))]
+    _known("[material]", rest, [part.name for part in fields(kind)])
+    return {"material": kind(**rest)}
+
+
+def _is_law(kind: object) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Material) and kind is not Material
+
+
+def _scheme(default: Scheme, numbers: Mapping[str, Any]) -> Scheme:
+    """Scheme of the file: changes of that of the scene."""
+    rest = {name: value for name, value in numbers.items() if not isinstance(value, dict)}
+    parts = {name: value for name, value in numbers.items() if isinstance(value, dict)}
+    _known("[scheme]", numbers, [part.name for part in fields(Scheme)])
+    if "density" in parts:
+        kind = type(default.density)
+        if "name" in parts["density"]:
+            kind = DENSITIES[one_of("name", parts["density"].pop("name"), tuple(DENSITIES))]
+        _known("[scheme.density]", parts["density"], [part.name for part in fields(kind)])
+        rest["density"] = kind(**parts["density"])
+    if "fluidity" in parts:
+        names = [part.name for part in fields(default.fluidity)]
+        _known("[scheme.fluidity]", parts["fluidity"], names)
+        rest["fluidity"] = default.fluidity.replace(**parts["fluidity"])
+    return default.replace(**rest)
+
+
+def changed(scene: AnyScene, assignments: Sequence[str]) -> AnyScene:
+    """Return a scene with some of its numbers changed, wherever they are.
+
+    Parameters
+    ----------
+    scene : Scene or SphScene
+    assignments : sequence of str
+        Each ``place=value``, with the place in the JSON of the scene, its parts joined by dots and
+        counted from 0 in lists, such as ``scheme.cfl=0.3`` or ``bodies.0.friction=0.4``; the value
+        as in TOML.
+
+    Raises
+    ------
+    ValueError
+        Naming what cannot be changed.
+    """
+    if not assignments:
+        return scene
+    data = json.loads(scene.to_json())
+    for assignment in assignments:
+        place, equals, text = assignment.partition("=")
+        if not equals:
+            raise ValueError(f"{assignment!r} must be PLACE=VALUE, such as scheme.cfl=0.3")
+        *way, last = place.strip().split(".")
+        part: Any = data["scene"]
+        for name in way:
+            part = part[_key(place, part, name)]
+        part[_key(place, part, last)] = _value(text.strip())
+    return type(scene).from_json(json.dumps(data))
+
+
+def _key(place: str, part: Any, name: str) -> str | int:
+    """Key of a part of a scene, in a dictionary or a list."""
+    if isinstance(part, list):
+        if not name.isdecimal() or int(name) >= len(part):
+            raise ValueError(f"{place}: {name!r} must be a number from 0 to {len(part) - 1}")
+        return int(name)
+    known = [key for key in part if key != "type"] if isinstance(part, dict) else []
+    if name not in known:
+        raise ValueError(f"{place}: {name!r} must be one of {', '.join(known) or 'nothing'}")
+    return name
+
+
+def _value(text: str) -> Any:
+    """Value of an assignment; what is no TOML is a word."""
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+    if isinstance(value, float) and math.isinf(value):
+        return {"type": "float", "value": str(value)}
+    return value
+
+
+# ---- the file that a user fills in ----
+
+
+def template(name: str) -> str:
+    """Return a TOML file of a scene, with all numbers, their defaults, and what they mean.
+
+    Parameters
+    ----------
+    name : str
+        Of the scene function.
+
+    Raises
+    ------
+    ValueError
+        If there is no such scene.
+    """
+    function = functions[one_of("name", name, tuple(functions))]
+    summary = (inspect.getdoc(function) or "").partition("\n\n")[0]
+    own = own_keywords(inspect.signature(function))
+    lines = [*_comment(summary), "#", f"# granular run {name}.toml -o {name}.h5", ""]
+    lines += [f'scene = "{name}"', "", "[arguments]"]
+    arguments = {key: value for key, value in own.items() if key not in PARTS}
+    lines += _entries(arguments, described(function, *EXPLAINED))
+    material = own["material"]
+    kind = type(material)
+    lines += ["", "[material]"]
+    lines += _comment(
+        f'Another law is chosen by law = "...", with all of its numbers; here '
+        f"{kind.__name__}, {_first_line(kind)}"
+    )
+    lines += _entries(_numbers(material, own, function().material), described(kind))
+    scheme = own.get("scheme")
+    if scheme is not None:
+        lines += ["", "[scheme]"]
+        lines += _entries(_own_numbers(scheme), described(Scheme), shown=False)
+        lines += ["", "[scheme.density]"]
+        lines += _comment(_first_line(type(scheme.density)))
+        density = _own_numbers(scheme.density)
+        lines += _entries(density, described(type(scheme.density)), shown=False)
+    lines += ["", "[run]", *_entries(dict.fromkeys(RUN), RUN)]
+    return "\n".join(lines) + "\n"
+
+
+def _numbers(material: Any, own: Mapping[str, Any], used: object) -> dict[str, Any]:
+    """Numbers of a material; None for those that follow from others or that the scene sets."""
+    given = material.arguments() if isinstance(material, Material) else vars(material)
+    names = [part.name for part in fields(material) if part.name not in own]
+    kept = type(used) is not type(material)  # the material of another method is made from this one
+    return {
+        name: given.get(name) if kept or getattr(used, name) == getattr(material, name) else None
+        for name in names
+    }
+
+
+def _first_line(documented: object) -> str:
+    return (inspect.getdoc(documented) or "").partition("\n")[0]
+
+
+def _own_numbers(part: Any) -> dict[str, Any]:
+    """Values of the fields of a scheme or density, without parts of it."""
+    found = {entry.name: getattr(part, entry.name) for entry in fields(part)}
+    return {
+        key: value
+        for key, value in found.items()
+        if not hasattr(value, "replace") or isinstance(value, str)
+    }
+
+
+def _entries(
+    values: Mapping[str, Any], texts: Mapping[str, str], *, shown: bool = True
+) -> Iterator[str]:
+    """Lines of a section; what has no default, or is not `shown`, is commented out."""
+    for name, value in values.items():
+        yield ""
+        yield from _comment(texts.get(name, ""))
+        written = _written(value)
+        mark = "" if shown and written else "# "
+        yield f"{mark}{name} = {written or '...'}"
+
+
+def _comment(text: str) -> list[str]:
+    return [f"# {line}" for line in textwrap.wrap(" ".join(text.split()), WIDTH - 2)]
+
+
+def _written(value: Any) -> str:
+    """Value as TOML writes it; empty for None and what TOML cannot write."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value)
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_written, value))}]"
+    return ""

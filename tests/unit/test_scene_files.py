@@ -1,0 +1,153 @@
+"""Scenes as files, and two records beside each other."""
+
+import json
+
+import pytest
+
+import granular as gr
+from granular import cli, scenes
+from granular.comparing import compare
+from granular.scenes.files import changed, read_scene, template
+
+
+@pytest.fixture
+def file(tmp_path):
+    """Function that writes a file of a scene."""
+
+    def write(text, name="scene.toml"):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", scenes.names())
+def test_the_template_of_a_scene_is_that_scene(name, file):
+    text = template(name)
+    assert read_scene(file(text)).scene == scenes.registry[name]()
+    # What is commented out is the default as well, and each number says what it means.
+    lines = text.splitlines()
+    for k, line in enumerate(lines):
+        words = line.removeprefix("# ").split(" = ")
+        if len(words) == 2 and words[0].isidentifier() and not words[1].endswith("..."):
+            lines[k] = line.removeprefix("# ")
+            assert words[0] == "scene" or lines[k - 1].startswith("# "), line
+    assert read_scene(file("\n".join(lines))).scene == scenes.registry[name]()
+
+
+def test_a_file_changes_what_it_names(file):
+    path = file(
+        """
+        scene = "slug"
+        arguments = {center = [0.3, 0.5], radius = 0.1}
+        material = {law = "DruckerPrager", E = 1e6, mu = 0.5}
+        run = {until = 0.2, threads = 1}
+        [scheme]
+        cfl = 0.3
+        density = {name = "smoothed", relaxation = 0.1}
+        fluidity = {substeps = 2}
+        """
+    )
+    found = read_scene(path)
+    material = gr.materials.DruckerPrager(E=1e6, mu=0.5)
+    scheme = gr.Scheme(
+        cfl=0.3, density=gr.SmoothedDensity(relaxation=0.1), fluidity=gr.Fluidity(substeps=2)
+    )
+    assert found.scene == scenes.slug(
+        center=(0.3, 0.5), radius=0.1, material=material, scheme=scheme
+    )
+    assert found.run == {"until": 0.2, "threads": 1}
+    whole = file(found.scene.to_json(), "scene.json")
+    assert read_scene(whole).scene == found.scene
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("", "must name a scene"),
+        ('scene = "heap"', "scene = 'heap'"),
+        ("scene = [1", "scene.toml"),
+        ('scene = "silo"\nduration = 1', "the file has 'duration'"),
+        ('scene = "silo"\narguments = 3', "arguments = 3 must be a table"),
+        ('scene = "silo"\narguments.orifise = 1', "[arguments] has 'orifise'"),
+        ('scene = "silo"\narguments.orifice = "wide"', "orifice = 'wide'"),
+        ('scene = "silo"\narguments.orifice = 3', "orifice = 3"),
+        ('scene = "silo"\nmaterial.mu = 3', "[material] has 'mu'"),
+        ('scene = "silo"\nmaterial.mu_s = -1', "mu_s = -1"),
+        ('scene = "silo"\nmaterial.law = "Sand"', "law = 'Sand'"),
+        ('scene = "silo"\nmaterial = {law = "Elastic", mu_s = 1}', "[material] has 'mu_s'"),
+        ('scene = "silo"\nscheme.order = 2', "[scheme] has 'order'"),
+        ('scene = "silo"\nscheme.density.beta = 2', "[scheme.density] has 'beta'"),
+        ('scene = "silo"\nscheme.density.name = "mean"', "name = 'mean'"),
+        ('scene = "slump_sph"\nscheme.cfl = 0.2', "slump_sph has no scheme"),
+        ('scene = "silo"\nrun.stop = 2', "[run] has 'stop'"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(text, named, file):
+    with pytest.raises((TypeError, ValueError)) as error:
+        read_scene(file(text))
+    assert named in str(error.value) and "scene.toml" in str(error.value)
+
+
+def test_other_files_are_refused(file):
+    with pytest.raises(ValueError, match=r"must end in one of \.toml, \.json"):
+        read_scene("scene.yaml")
+    with pytest.raises(ValueError, match=r"scene\.json: not the JSON of a scene"):
+        read_scene(file("{}", "scene.json"))
+
+
+def test_numbers_anywhere_in_a_scene():
+    scene = scenes.rotating_drum()
+    found = changed(
+        scene,
+        ["scheme.cfl=0.3", "bodies.0.friction = 0.4", "bodies.0.rough=true", "duration=1"],
+    )
+    assert found.scheme.cfl == 0.3 and found.duration == 1.0
+    assert found.bodies[0].friction == 0.4 and found.bodies[0].rough
+    assert changed(scene, ["walls=[]"]) == scene
+    opened = changed(scenes.silo(), ["walls.3.opens_at=inf"]).walls[3]
+    assert opened.opens_at == float("inf")
+    for wrong, named in (
+        ("scheme.cfl", "must be PLACE=VALUE"),
+        ("scheme.cfk=1", "'cfk' must be one of flip_decay"),
+        ("bodies.1.friction=1", "'1' must be a number from 0 to 0"),
+        ("duration.x=1", "'x' must be one of nothing"),
+        ("scheme.cfl=2", "cfl = 2"),
+    ):
+        with pytest.raises(ValueError) as error:
+            changed(scene, [wrong])
+        assert named in str(error.value)
+
+
+def test_the_command_makes_runs_and_compares(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", "column_collapse"]) == 0
+    text = capsys.readouterr().out
+    for old, new in (("# cell = ...", "cell = 0.05"), ("# until = ...", "until = 0.02")):
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "a.toml").write_text(text.replace("E = 1000000000.0", "E = 1e5"))
+    run = ["run", "a.toml", "--quiet", "--threads", "1"]
+    assert cli.main([*run, "-o", "a.h5"]) == 0
+    assert cli.main([*run, "-o", "b.h5"]) == 0
+    assert cli.main([*run, "-o", "c.h5", "--set", "scheme.cfl=0.25"]) == 0
+    capsys.readouterr()
+    assert cli.main(["compare", "a.h5", "b.h5"]) == 0
+    assert "all frames are equal to the last bit" in capsys.readouterr().out
+    assert cli.main(["compare", "a.h5", "c.h5"]) == 1
+    said = capsys.readouterr().out
+    assert "scheme.cfl: 0.5 | 0.25" in said and "kinetic energy [J]" in said
+    found = compare("a.h5", "c.h5")
+    assert found.numbers == (("scheme.cfl", 0.5, 0.25),) and not found.same_bits
+    rows = {name: (a, b) for name, a, b in found.results}
+    assert rows["points"][0] == rows["points"][1]
+    assert rows["mean pressure [Pa]"][0] == pytest.approx(rows["mean pressure [Pa]"][1], rel=0.3)
+    with gr.open("a.h5") as record:
+        assert found.time == record.times[-1]
+        assert json.loads(record.scene.to_json())["scene"]["material"]["E"] == 1e5
+
+
+def test_completion_knows_scenes_and_files(capsys):
+    assert cli.main(["completion", "bash"]) == 0
+    assert "column_collapse" in capsys.readouterr().out
