@@ -117,6 +117,7 @@ def drums(cell: float) -> plot.Picture:
         axes[1].text(froude[0], math.degrees(math.atan(mu)) + 0.2, text)
     axes[1].set(xlabel="Froude number omega^2 R/g", ylabel="slope of the surface [deg]")
     axes[2].set(xlabel="s [m]", ylabel="flux [m2/s]")
+    axes[2].locator_params(axis="x", nbins=5)
     axes[2].legend()
     return picture
 
