@@ -273,7 +273,7 @@ def couette(fineness: float, omega: float, until: float) -> Numbers:
     def look(sim: Any) -> None:
         state = sim.state
         ring = np.digitize(np.hypot(*state.x.T), edges[1:-1])
-        sums = np.bincount(ring, state.p * state.volume) / np.bincount(ring, state.volume)
+        sums = np.bincount(ring, state.pressure * state.volume) / np.bincount(ring, state.volume)
         seen.append(sums)
 
     run.to(until / 2, until / 20)

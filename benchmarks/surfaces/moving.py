@@ -88,7 +88,7 @@ def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbe
     pressures: list[list[float]] = []
 
     def look(sim: Any) -> None:
-        p = [float(sim.state.p[some].mean()) for some in lowest]
+        p = [float(sim.state.pressure[some].mean()) for some in lowest]
         pressures.append([a / b for a, b in zip(p, weights, strict=True)])
 
     run.to(until, CELL / speed / WINDOWS, look)

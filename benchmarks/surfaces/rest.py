@@ -90,7 +90,7 @@ def bed(turned_deg: float, offset: float, until: float, **options: Any) -> Numbe
     means: list[float] = []
 
     def look(sim: Any) -> None:
-        means.append(float(volume @ sim.state.p[first] / (volume @ weight_above)))
+        means.append(float(volume @ sim.state.pressure[first] / (volume @ weight_above)))
 
     run.to(until, until / 40, look)
     rise = ((run.sim.state.x - start.x) @ n)[top] / CELL

@@ -95,6 +95,8 @@ STATE = (
     ("work", 1),
 )
 """Name and length of the parts of a body's state in the core; quaternions have the scalar first."""
+NUMBERS = sum(length for _, length in STATE)
+"""Length of a body's state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,6 +284,12 @@ class Body:
         far = np.linalg.norm(np.maximum(abs(near), abs(size - near)))
         speed, turning = (np.linalg.norm(motion[:, k : k + 3], axis=1) for k in (1, 4))
         return float((speed + far * turning).max())
+
+    def at_start(self) -> BodyState:
+        """Return the state of the body at the start of a run."""
+        moving = self.motion.rows()[0, 1:]
+        numbers = [*self.row()[2], *moving, *np.zeros(NUMBERS - 13)]
+        return state_of(np.array(numbers), self.dim)
 
     def row(self) -> _core.BodyRow:
         """Return the description of the body for the core."""

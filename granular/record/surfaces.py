@@ -8,7 +8,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from granular.mpm.bodies import split
+from granular.geometry import Grid
+from granular.mpm.bodies import Body, BodyState, split
 from granular.mpm.body_measures import arrays_of
 from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import OPERATIONS, Union
@@ -80,6 +81,15 @@ def write_bodies(
     with h5py.File(path, "w" if overwrite else "x", libver=LIBVER) as file:
         _write(file.create_group("VTKHDF"), record.times, points, polygons, owner)
     return path
+
+
+def placed_surface(grid: Grid, body: Body, pose: BodyState) -> Patches:
+    """Surface of a body in a pose, in the coordinates of the scene, in 2D at z = 0."""
+    far = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
+    vertices, polygons = surface(body.shape, grid.dim, far)
+    turn, position = np.eye(3), np.zeros(3)
+    turn[: grid.dim, : grid.dim], position[: grid.dim] = pose.rotation, pose.position
+    return vertices @ turn.T + position, polygons
 
 
 def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
