@@ -45,9 +45,9 @@ def table_of(header: Row, rows: Iterable[Row]) -> nodes.table:
 @cache
 def parser_of_command() -> argparse.ArgumentParser:
     """Parser of the command; made before autodoc changes signatures that it is made from."""
-    from granular import cli
+    from granular.cli.parser import command_parser
 
-    return cli._parser([])
+    return command_parser()
 
 
 def number(value: float | None) -> str:
