@@ -32,8 +32,9 @@ def text_below(name: str, value: Any) -> list[str]:
 def process(_: Sphinx, what: str, name: str, value: Any, __: Any, lines: list[str]) -> None:
     if what == "data":
         lines[:] = text_below(name, value)
-    # |x| is an absolute value, not a substitution of reStructuredText
+    # |x| is an absolute value and not a substitution, x_ the begin of a name and not a target
     lines[:] = [line if "``" in line else re.sub(r"(?<!\\)\|", r"\\|", line) for line in lines]
+    lines[:] = [line if "`" in line else re.sub(r"(?<=\w)_(?!\w)", r"\\_", line) for line in lines]
 
 
 class Shown:
