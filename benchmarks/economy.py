@@ -5,9 +5,9 @@
 Runs each case with one thread and appends a row to the table: the numbers of
 `granular.verify.quantities`, processor time, steps, points moved. Cases that the table already has
 are left out, so that the script can be stopped and started again. The laws of `gr.economy` in
-docs/economy.md are fits to this table. "held" is the stiffness whose decay rates [1/s] the scheme
-keeps; without it the rates vary with E. Many cases have cells twice as large as the paper's: they
-measure the effect of E, and a run at 1 GPa then takes an eighth of the time.
+docs/reports/economy.md are fits to this table. "held" is the stiffness whose decay rates [1/s] the
+scheme keeps; without it the rates vary with E. Many cases have cells twice as large as the paper's:
+they measure the effect of E, and a run at 1 GPa then takes an eighth of the time.
 """
 
 from __future__ import annotations

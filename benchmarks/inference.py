@@ -32,7 +32,7 @@ sys.path.append(str(Path(__file__).parents[1] / "tests" / "unit"))
 import grains
 
 RESULTS = Path(__file__).parent / "results" / "inference.json"
-FIGURE = Path(__file__).parents[1] / "docs" / "inference_speed.png"
+FIGURE = Path(__file__).parents[1] / "docs/pictures/inference_speed.png"
 LATTICES = ((12, 12), (24, 24), (46, 46), (73, 73), (7, 7, 7), (9, 9, 9), (12, 12, 12))
 QUICK = ((8, 8), (5, 5, 5))
 LARGEST_DENSE = 500

@@ -35,7 +35,7 @@ SCRIPTS = (
 
 LEAST = {"figure_2": 0.03, "figure_3": 0.13, "figure_11": 0.04}
 """Smallest tolerances that can be promised for run-outs (default scheme; both schemes) and for the
-slug, see docs/economy.md."""
+slug, see docs/reports/economy.md."""
 
 WITHOUT_RUNS = ("figure_13",)
 """Scripts that simulate nothing, so that no cost can be saved."""

@@ -1,6 +1,6 @@
 """Picture of a gas jet on a bed (Hurley, thesis, figure 6.2): material left, gas right.
 
-python benchmarks/sph_jet.py [--spacing 0.0125] [--to docs/sph_jet.png] [--record jet.h5]
+python benchmarks/sph_jet.py [--spacing 0.0125] [--to docs/pictures/sph_jet.png] [--record jet.h5]
 
 A record that exists is drawn as it is.
 """
@@ -41,7 +41,7 @@ def main() -> None:
     """Run the scene and draw it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spacing", type=float, default=0.0125, help="of the points [m]")
-    parser.add_argument("--to", default="docs/sph_jet.png")
+    parser.add_argument("--to", default="docs/pictures/sph_jet.png")
     parser.add_argument("--record", type=Path, default="jet.h5")
     given = parser.parse_args()
     if not given.record.exists():

@@ -1,4 +1,4 @@
-"""Tools in soil at affordable sizes: runs, records and the numbers of docs/three_d.md.
+"""Tools in soil at affordable sizes: runs, records and the numbers of docs/reports/three_d.md.
 
     python benchmarks/three_d.py wheel_20 excavation_5 --records build/three_d
 

@@ -75,6 +75,9 @@ class Simulation:
     force : bool
         Whether to try a scene that needs more memory than there is, by the estimate of
         `granular.economy.cost`.
+    wall_forces : bool
+        For the material point method: add up the impulses on walls and blocks, see
+        `granular.measure.wall_force`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Options, runs and saving, shared by the scripts of the figures. See docs/figures.md."""
+"""Options, runs and saving, shared by the scripts of the figures. See docs/reports/figures.md."""
 
 from __future__ import annotations
 

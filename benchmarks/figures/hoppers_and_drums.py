@@ -1,4 +1,4 @@
-"""Hoppers and drums beside their references: docs/hopper.png and docs/rotating_drum.png."""
+"""Hoppers and drums beside their references: hopper.png and rotating_drum.png of docs/pictures/."""
 
 from __future__ import annotations
 

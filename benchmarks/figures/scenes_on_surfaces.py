@@ -1,6 +1,7 @@
 """Landslide, obstacle, penetration and conveyor: a state of each, and numbers beside a reference.
 
-    python benchmarks/figures/scenes_on_surfaces.py [landslide obstacle ...] [--quick] [--out docs]
+    python benchmarks/figures/scenes_on_surfaces.py [landslide obstacle ...] [--quick]
+                                                   [--out docs/pictures]
 
 The whole takes a minute or two; --quick, with cells of twice the size, some seconds.
 """

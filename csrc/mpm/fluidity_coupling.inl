@@ -8,7 +8,8 @@
  * mass.
  *
  * If a step of diffusion is simply followed by a step of the law, the steady state of the two together is wrong.
- * Backward Euler adds g - k L g' with g' = g/(1 + k L), which is too little diffusion (docs/equations.md). The implicit
+ * Backward Euler adds g - k L g' with g' = g/(1 + k L), which is too little diffusion
+ * (docs/explanation/fluidity.md). The implicit
  * step is therefore balanced (Speth, Green, MacNamara & Strang 2013, SIAM J. Numer. Anal. 51). With r, the increment by
  * the law in the substep before, it solves (1 + k L) g' = g + r, and the law starts from g' - r. In a steady state this
  * is g - k L g, without error. r is limited to [-g, g/2], so that no g' is negative and a growing mode of the law does

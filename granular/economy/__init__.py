@@ -2,7 +2,7 @@
 
 `suggest` lists changes that make a scene cheaper (of stiffness, time step, resolution, dimension
 or law), each with a reason and an expected error. `apply` makes the cheaper scene, and `cost`
-estimates the cost of a run. docs/economy.md has the runs from which the numbers come.
+estimates the cost of a run. docs/reports/economy.md has the runs from which the numbers come.
 """
 
 from granular.economy.bias import held_decay

@@ -1,6 +1,6 @@
 """Errors due to softer grains: laws in dimensionless numbers, with measured prefactors.
 
-docs/economy.md derives each law and shows the runs from which the prefactors come.
+docs/reports/economy.md derives each law and shows the runs from which the prefactors come.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
     }
 )
 """Error laws by the names of the scene function and of the scheme that was measured. Cases that are
-missing were not measured, or did not converge; see docs/economy.md."""
+missing were not measured, or did not converge; see docs/reports/economy.md."""
 
 
 def with_numbers_of_default(scheme: Scheme) -> bool:

@@ -170,7 +170,7 @@ def _resolution(asked: _Asked) -> _Advice:
         return _Advice(
             "Cells and points are kept. Openings act wider by a part of a cell, and a front"
             " is told to a cell: other cells are another answer. Fewer points a cell: see"
-            " docs/economy.md."
+            " docs/reports/economy.md."
         )
     scheme, grains = scene.scheme, scene.material
     if not _flat(asked) or damps_by_step(scheme) or not isinstance(grains, MuI):

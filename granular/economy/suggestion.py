@@ -116,13 +116,13 @@ def scene_function(scene: Scene) -> Callable[..., Any] | None:
     functions take these as arguments.
     """
     alike = [n for n in names("mpm") if scene.name == n or scene.name.startswith(f"{n}_")]
-    if not alike:
-        return None
+    if not alike or "given" in scene.parameters.values():
+        return None  # "given" stands for an array or a map, which the parameters do not hold
     function = registry[max(alike, key=len)]
     try:
         made = function(**_arguments(scene, function))
-    except (TypeError, ValueError):
-        return None  # only the name is that of a ready-made scene
+    except (TypeError, ValueError, OSError):
+        return None  # only the name is that of a ready-made scene, or its terrain file is gone
     return function if made == scene else None
 
 

@@ -23,7 +23,7 @@ class StepBudget:
 
     Two identities follow from the scheme; this table does not enforce them. Their residuals tell
     how well they hold: the residual of the grid is round-off, and the residual of the strain is
-    the error of the time integration.
+    the error of the time integration::
 
         change of grid kinetic energy = internal + external + wall work + grid_residual
         change of elastic energy = -internal work - plastic_dissipation - disconnection_loss

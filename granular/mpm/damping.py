@@ -17,7 +17,8 @@ law becomes well posed.
 With a cell-averaged density the points of a cell share their stress, and differences of their
 velocities are noise of the sampling. Where they decay throughout at a rate that goes with c_w/dx,
 run-outs become shorter the stiffer the grains are. So they do only in slow flow, at a rate and up
-to an inertial number that were measured (`granular.CellAveragedDensity`, docs/accuracy_of_schemes).
+to an inertial number that were measured (`granular.CellAveragedDensity`;
+docs/reports/accuracy_of_schemes.md).
 """
 
 from __future__ import annotations

@@ -35,7 +35,9 @@ _ENUMERATIONS = _core.enumerations()
 _NUMBERS = _core.scheme_numbers()
 
 BASES = tuple(_ENUMERATIONS["basis"])
+"""Names of the shape functions that a `Scheme` may have."""
 TRANSFERS = tuple(_ENUMERATIONS["transfer"])
+"""Names of the transfers of velocity that a `Scheme` may have."""
 DIFFUSIONS = ("auto", *_ENUMERATIONS["diffusion"])
 STENCILS = tuple(_ENUMERATIONS["stencil"])
 

@@ -75,13 +75,13 @@ QUANTITIES: dict[str, Quantity] = {
     "volume": Quantity("volume", "m³"),
     "id": Quantity("id"),
 } | {f"stress_{ij}": Quantity(f"stress {ij}", "Pa") for ij in ("xx", "yy", "zz")}
+"""Known fields; other stored fields are labelled by their name."""
 QUANTITIES |= {
     f"v_{i}": Quantity(f"velocity along {i}", "m/s", cmap=SIGNED, signed=True) for i in "xyz"
 } | {
     f"stress_{ij}": Quantity(f"stress {ij}", "Pa", cmap=SIGNED, signed=True)
     for ij in ("xy", "yz", "xz")
 }
-"""Known fields; other stored fields are labelled by their name."""
 
 _COMPONENTS = {"v": ("x", "y", "z"), "stress": ("xx", "yy", "zz", "xy", "yz", "xz")}
 

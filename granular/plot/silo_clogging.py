@@ -17,6 +17,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "static": {"marker": "s", "color": "#8a8a8a"},
     "unsure": {"marker": "^", "color": "#e08214"},
 }
+"""Marker and colour of each verdict on a flow, as keywords of Matplotlib."""
 
 
 def phase_diagram(

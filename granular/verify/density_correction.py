@@ -279,7 +279,7 @@ def pushed(angle_deg: float, push: float, scheme: Scheme, points: int = 4) -> It
 
     It must be at rest after twice the time in which a block stops (`stop_time`), and still be at
     rest after five times that. E is 1e7 Pa: softer layers creep at 20 deg, because the law is
-    ill-posed there (see docs/limits.md).
+    ill-posed there (see docs/explanation/limits.md).
     """
     sim = layer(angle_deg, push=push, scheme=scheme, points=points, E=STIFF)
     stop = 0.1 + 2 * stop_time(angle_deg, push)

@@ -105,8 +105,8 @@ def economy_incline() -> Iterator[Row]:
 def economy_collapse() -> Iterator[Row]:
     """Columns of aspect 1, mean of three seedings: suggested at 3 % against E = 1 GPa.
 
-    No smaller error is promised, because single run-outs scatter by 1 to 4 % (docs/economy.md).
-    The bound allows for the standard errors of both means, 2 % together.
+    No smaller error is promised, because single run-outs scatter by 1 to 4 %
+    (docs/reports/economy.md). The bound allows for the standard errors of both means, 2 % together.
     """
     cheaper, full = [], []
     for seed in (1, 2, 3):
@@ -132,7 +132,8 @@ def economy_silo() -> Iterator[Row]:
 def economy_hourglass() -> Iterator[Row]:
     """Flat hourglass, 10 s, default scheme: suggested at 2 % against E = 1e8 Pa.
 
-    The slope is only reported, because seedings at the same E differ by as much (docs/economy.md).
+    The slope is only reported, because seedings at the same E differ by as much
+    (docs/reports/economy.md).
     """
     scene = published("hourglass", schemes.default)
     full = reference(scene, STIFF)

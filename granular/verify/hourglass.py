@@ -181,7 +181,7 @@ def _full(kind: str, scheme: Scheme, name: str, *, bound: bool) -> Iterator[Row]
     yield holds(f"mass is exact, {kind}, {name}", exact)
     if bound:
         yield holds(f"all points are there, {kind}, {name}", sim.n_points == inside)
-    else:  # linear shape functions eject single points, see docs/verification.md
+    else:  # linear shape functions eject single points, see docs/reports/verification.md
         yield beside(f"points lost, {kind}, {name}", str(inside - sim.n_points), "none")
     yield from heaps(sim.state, f"{kind}, {name}", bound=bound)
 

@@ -1,4 +1,7 @@
-"""Reference evaluation of the gas equations in plain NumPy, over all pairs; see docs/sph.md."""
+"""Reference evaluation of the gas equations in plain NumPy, over all pairs.
+
+The equations are in docs/explanation/sph.md.
+"""
 
 import numpy as np
 from oracle_sph import images, kernel

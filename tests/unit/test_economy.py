@@ -355,6 +355,13 @@ def test_suggestion_prints_as_a_table():
     assert len(suggestion[:2]) == 2
 
 
+def test_cost_of_a_scene_on_given_terrain():
+    """Its parameters do not hold the map, so that the scene counts as made by hand."""
+    ground = gr.bodies.HeightMap(np.linspace(0.5, 0.0, 21), 0.05)
+    scene = gr.scenes.landslide(terrain=ground, at=(0.3,), cell=0.025, thickness=0.15)
+    assert gr.economy.cost(scene).points == scene.n_points
+
+
 def test_cost_by_hand():
     scene = gr.scenes.column_collapse(scheme=gr.schemes.dunatunga_kamrin_2015)
     found = gr.economy.cost(scene)

@@ -16,7 +16,8 @@ ENGINE = ("csrc/", "granular/mpm/", "granular/diagnostics.py")
 OUTSIDE_GRAIN_SCALE = (
     *("csrc/", "granular/mpm/", "granular/scenes/", "granular/sph/", "granular/measure/"),
     *("granular/theory/", "granular/verify/", "granular/plot/", "granular/economy/"),
-    *("docs/scenes.md", "docs/kernels.md", "docs/tutorial.md", "docs/limits.md"),
+    *("docs/tutorials/", "docs/how-to/", "docs/reference/", "docs/explanation/core.md"),
+    *("docs/explanation/limits.md", "docs/reports/stability.md"),
 )
 
 WORDS = (

@@ -168,7 +168,7 @@ def test_the_update_of_velocities_adds_no_momentum():
 def test_an_orifice_of_twelve_cells():
     """Within 20 % of the default scheme, and of 5 % whatever the step.
 
-    With E = 1e7 it is 0.77 of the default (docs/accuracy_of_schemes.md).
+    With E = 1e7 it is 0.77 of the default (docs/reports/accuracy_of_schemes.md).
     """
     rate = discharge(orifice(SCHEME))
     assert rate == pytest.approx(discharge(orifice(gr.schemes.default)), rel=0.2)

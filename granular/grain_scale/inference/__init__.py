@@ -2,7 +2,7 @@
 
 This is the method of Hurley's thesis, chapters 2 and 3. `Packing` holds the measured data.
 `infer_static`, `infer_with_boundary` and `infer_dynamic` find the forces, and every `Inference`
-states how reliable they are. docs/inference.md has the equations and the limits.
+states how reliable they are. docs/reports/inference.md has the equations and the limits.
 """
 
 from granular.grain_scale.inference.dynamic import ParetoFront, infer_dynamic, pareto_front

@@ -1,0 +1,77 @@
+"""Links from `gr.Name` in running text to the reference; unknown names are warnings."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.transforms.post_transforms import SphinxPostTransform
+from sphinx.util import logging
+from sphinx.util.nodes import make_refnode
+
+NAME = re.compile(r"gr\.((?:\w+\.)*\w+)")
+log = logging.getLogger(__name__)
+
+
+def is_known(name: str) -> bool:
+    """True if the package has an attribute of this dotted name."""
+    import granular
+
+    found: Any = granular
+    for part in name.split("."):
+        fields = getattr(found, "__dataclass_fields__", {})
+        if not hasattr(found, part) and part not in fields:
+            return False
+        found = getattr(found, part, None)
+    return True
+
+
+class LinkNames(SphinxPostTransform):
+    """Make each `gr.Name` a link; arguments in brackets after it do not matter."""
+
+    default_priority = 5
+
+    def run(self, **_: Any) -> None:
+        domain = self.env.get_domain("py")
+        builder = self.app.builder
+        for literal in list(self.document.findall(nodes.literal)):
+            match = NAME.match(literal.astext())
+            if not match or isinstance(literal.parent, nodes.reference):
+                continue
+            name = match[1].split("(")[0]
+            found = domain.objects.get(f"granular.{name}")
+            if found is not None:
+                link = make_refnode(builder, self.env.docname, found.docname, found.node_id, [])
+                literal.replace_self(link)
+                link += literal
+            elif not is_known(name):
+                log.warning("the package has no gr.%s", name, location=literal)
+
+
+def find(app: Sphinx, env: Any, node: nodes.Element, content: nodes.Node) -> nodes.Node | None:
+    """Link of a name that a docstring writes from the top of the package, such as `measure.phase`.
+
+    A name with a capital alone, such as `Trajectory`, is that of the first class of this name.
+    """
+    target = node.get("reftarget", "")
+    if node.get("refdomain") != "py" or not target:
+        return None
+    objects = env.get_domain("py").objects
+    names = [f"granular.{target.removeprefix('gr.')}"]
+    if target[:1].isupper():
+        names += sorted(name for name in objects if name.endswith(f".{target}"))
+    for name in names:
+        if name in objects:
+            found = objects[name]
+            return make_refnode(
+                app.builder, node["refdoc"], found.docname, found.node_id, content.deepcopy()
+            )
+    return None
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.connect("missing-reference", find)
+    app.add_post_transform(LinkNames)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
