@@ -2,6 +2,7 @@
 
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
 
@@ -36,7 +37,11 @@ from granular.state import State
 from granular.surfaces import Heights, Layer
 from granular.sweeping import sweep
 
-__version__ = "0.1.0"
+try:
+    __version__ = version("granular")
+except PackageNotFoundError:  # compiled in the folder of the sources, not installed
+    __version__ = "unknown"
+del PackageNotFoundError, version
 
 
 def __getattr__(name: str) -> ModuleType:
