@@ -39,7 +39,7 @@ class BuildCore(build_ext):
     """Compile kernels.c for each instruction set and link it with the rest."""
 
     def accepts(self, flags: list[str], source: str) -> bool:
-        """Whether the compiler makes a program with these flags."""
+        """True if the compiler makes a program with these flags."""
         with tempfile.TemporaryDirectory() as folder:
             probe = Path(folder, "probe.c")
             probe.write_text(source)
