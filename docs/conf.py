@@ -10,5 +10,5 @@ release = version = _version("granular")
 extensions = ["myst_parser"]
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "paper"]
 html_title = f"granular {release}"
