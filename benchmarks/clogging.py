@@ -183,7 +183,7 @@ def pressure_noise(states: Sequence[gr.State]) -> float:
         cell = np.floor(state.x[dense] / state.scene.grid.cell).astype(int)
         _, which = np.unique(cell, axis=0, return_inverse=True)
         which = which.ravel()
-        p = state.p[dense]
+        p = state.pressure[dense]
         n = np.bincount(which)
         mean = np.bincount(which, p) / n
         deviation = np.sqrt(np.bincount(which, (p - mean[which]) ** 2) / n)
@@ -262,7 +262,7 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
     """
     at = min(STATIC_FRAME if ratio < 3 else FLOWING_FRAME, 0.9 * coarse.scene.duration)
     states = [window(record, at, 0.025) for record in (coarse, *fine)]
-    p = [gr.measure.frame_average(s, "p", weight="volume") for s in states]
+    p = [gr.measure.frame_average(s, "pressure", weight="volume") for s in states]
     W = coarse.scene.parameters["orifice"]
     found = pressure_difference(p[0], mean_field([coarsened(one) for one in p[1:]]), W)
     if ratio >= 3:

@@ -26,7 +26,7 @@ def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
     axes = figure.subplots(len(frames), 2, sharex=True, sharey=True)
     for (left, right), grains in zip(axes, frames, strict=True):
         gas, speed = grains.gas, np.linalg.norm(grains.v, axis=1)
-        above = (gas.p - ambient) / 1e3
+        above = (gas.pressure - ambient) / 1e3
         one = left.scatter(*grains.x.T, c=speed, s=4, vmin=0, vmax=2)
         two = right.scatter(*gas.x.T, c=above, s=4, vmin=-10, vmax=10, cmap="coolwarm")
         left.set_title(f"{1e3 * grains.time:.1f} ms")

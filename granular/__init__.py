@@ -2,9 +2,9 @@
 
 from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
     raise ImportError(
@@ -12,7 +12,8 @@ if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXT
         "the installed package: run Python in another folder, or install with `pip install -e .`"
     )
 
-from granular import economy, grain_scale, materials, measure, scenes, sph, theory
+import granular.mpm  # noqa: F401 (first, because it and the common modules know each other)
+from granular import materials
 from granular.buffers import show_config
 from granular.diagnostics import StabilityWarning, scene_warnings
 from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
@@ -37,16 +38,24 @@ from granular.state import State
 from granular.surfaces import Heights, Layer
 from granular.sweeping import sweep
 
-try:
-    __version__ = version("granular")
-except PackageNotFoundError:  # compiled in the folder of the sources, not installed
-    __version__ = "unknown"
-del PackageNotFoundError, version
+if TYPE_CHECKING:
+    from granular import economy, grain_scale, measure, plot, scenes, sph, theory
+
+    __version__: str
+
+LATER = ("economy", "grain_scale", "measure", "plot", "scenes", "sph", "theory")
+"""Subpackages that are imported when they are used first: some take longer than a small run."""
 
 
-def __getattr__(name: str) -> ModuleType:
-    if name == "plot":  # matplotlib takes longer to import than a small scene to run
-        return import_module("granular.plot")
+def __getattr__(name: str) -> ModuleType | str:
+    if name in LATER:
+        return import_module(f"granular.{name}")
+    if name == "__version__":
+        metadata = import_module("importlib.metadata")
+        try:
+            return str(metadata.version("granular"))
+        except metadata.PackageNotFoundError:  # compiled in the folder of the sources
+            return "unknown"
     raise AttributeError(f"module 'granular' has no attribute {name!r}")
 
 

@@ -143,5 +143,5 @@ def _summary(state: State) -> dict[str, float]:
         found[f"centre of mass, {axis} [m]"] = float(middle)
         found[f"farthest along {axis} [m]"] = float(end)
     found["kinetic energy [J]"] = 0.5 * float(mass @ np.sum(np.asarray(state.v) ** 2, axis=1))
-    found["mean pressure [Pa]"] = float(np.mean(state.p))
+    found["mean pressure [Pa]"] = float(np.mean(state.pressure))
     return found

@@ -1,11 +1,29 @@
-"""HTML tables that represent objects in a notebook."""
+"""HTML tables and pictures that represent objects in a notebook."""
 
 from __future__ import annotations
 
+import base64
 import html
+import io
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
-__all__ = ["table"]
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["embedded", "image", "table"]
+
+
+def embedded(content: bytes, kind: str) -> str:
+    """URL that holds the content of a file of a MIME type."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def image(figure: Figure) -> str:
+    """HTML of a picture that is part of the page."""
+    content = io.BytesIO()
+    figure.savefig(content, format="png", dpi=80)
+    return f"<img alt='picture' src='{embedded(content.getvalue(), 'image/png')}'>"
 
 
 def table(title: str, rows: Mapping[str, object]) -> str:

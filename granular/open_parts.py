@@ -10,8 +10,8 @@ from collections.abc import Callable
 from itertools import product
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from granular.geometry import Region
 
@@ -155,7 +155,7 @@ def _merged(x: Array, volume: Array, edge: float, distance: Distance) -> tuple[A
     if not small.any() or not len(kept):
         return x, volume
     count = min(NEIGHBOURS, len(kept))
-    gaps, order = cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
+    gaps, order = scipy.spatial.cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
     normal, others = distance(x[small])[1], kept[order]
     facing = distance(x[others.ravel()])[1].reshape(*others.shape, -1)
     cosine = np.einsum("ij,ikj->ik", normal, facing)

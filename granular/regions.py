@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from granular.checks import (
     array,
@@ -256,7 +256,9 @@ class Cloud(ComparedByContent, Region):
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         half = self._half
         # The nearest by the largest component; of squares of one size, it is the one around.
-        gap, nearest = cKDTree(self.x).query(x, p=np.inf, distance_upper_bound=half.max())
+        gap, nearest = scipy.spatial.cKDTree(self.x).query(
+            x, p=np.inf, distance_upper_bound=half.max()
+        )
         found = np.isfinite(gap)
         found[found] = gap[found] < half[nearest[found]]
         return found

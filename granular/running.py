@@ -9,7 +9,6 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tqdm.auto import tqdm
 
 from granular.checks import positive
 
@@ -63,12 +62,19 @@ class _Silent:
         self.n += amount
 
 
+def bar(**options: Any) -> Any:
+    """Progress bar of tqdm, as fits a terminal or a notebook."""
+    from tqdm.auto import tqdm  # takes longer to import than all other libraries
+
+    return tqdm(**options)
+
+
 def progress_bar(sim: Simulation, until: float, shown: bool) -> AbstractContextManager[Any]:
     """Progress bar of a run to the time `until` [s], or one that shows nothing."""
     if not shown:
         return nullcontext(_Silent())
     form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
-    return tqdm(total=until, initial=sim.time, desc=sim.scene.name, bar_format=form)
+    return bar(total=until, initial=sim.time, desc=sim.scene.name, bar_format=form)
 
 
 @contextmanager

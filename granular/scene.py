@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 from granular import geometry, seeding
 from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
-from granular.notebook import table
+from granular.notebook import image, table
 from granular.serializable import Parameters, Serializable
 
 __all__ = ["BaseScene"]
@@ -88,6 +88,9 @@ class BaseScene(Serializable):
         return self._limits.known_failures(self)
 
     def _repr_html_(self) -> str:
+        # Imported here: a scene that is not shown does not need matplotlib.
+        from granular.plot.scene import scene as picture_of
+
         rows: dict[str, object] = {
             "domain [m]": " x ".join(f"{n * self.grid.cell:g}" for n in self.grid.shape),
             "cells": " x ".join(map(str, self.grid.shape)) + f" of {self.grid.cell:g} m",
@@ -98,7 +101,9 @@ class BaseScene(Serializable):
             "material": type(self.material).__name__,
             "method": self._method_in_words(),
         }
-        return table(f"Scene {self.name}", rows | dict(self.parameters))
+        return table(f"Scene {self.name}", rows | dict(self.parameters)) + image(
+            picture_of(cast(Any, self))
+        )
 
     def _walls_in_words(self) -> str:
         return str(len(self.walls))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time as clock
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
@@ -17,18 +17,18 @@ from granular import _core
 from granular.buffers import default_isa
 from granular.checks import integer, positive, truth
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
+from granular.measure.derived import with_derived
 from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
 from granular.record.layout import reading
 from granular.record.session import Session
-from granular.record.settings import settings_of, usable_isa
+from granular.record.settings import check_alike, fields_to_store, settings_of, usable_isa
 from granular.running import EVERY, check_interval, interruptible, next_frame, progress_bar
 from granular.state import State
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene as MpmScene
     from granular.mpm.simulation import Simulation as MpmSimulation
-    from granular.sph.gas import GasState
     from granular.sph.scene import Scene as SphScene
     from granular.sph.simulation import Simulation as SphSimulation
     from granular.typing import AnyScene
@@ -149,6 +149,7 @@ class Simulation:
         self._chunk = 1
         self._session = Session()
         self._every = EVERY
+        self._stored: tuple[str, ...] = ()  # derived fields of frames
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
         self._told: set[str] = set()
@@ -187,7 +188,7 @@ class Simulation:
         """Return the impulses on the walls for a frame; none for a method that has none."""
         return None
 
-    def _extra_state(self) -> dict[str, GasState]:
+    def _extra_state(self) -> dict[str, Any]:
         """Return what a state of the method has besides the fields of its points."""
         return {}
 
@@ -249,11 +250,11 @@ class Simulation:
     def _snapshot(self, kept: bool = False) -> State:
         return self._state_of(self._fields(kept), **self._extra_state())
 
-    def _state_of(self, fields: dict[str, NDArray], gas: GasState | None = None) -> State:
+    def _state_of(self, fields: dict[str, NDArray], **extra: Any) -> State:
         """Make a state of the present time, step and time step from fields."""
         scalars = self._engine.scalars()
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
-        return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, gas=gas)
+        return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, **extra)
 
     # ---- stepping ----
 
@@ -281,6 +282,7 @@ class Simulation:
         *,
         save: str | os.PathLike | None = None,
         every: float | None = None,
+        fields: Collection[str] | None = None,
         overwrite: bool = False,
         progress: bool = False,
         hooks: tuple[Hook, ...] = (),
@@ -297,11 +299,17 @@ class Simulation:
             Time to stop at [s]; by default the duration of the scene. The last step is the first
             one at or past it.
         save : path, optional
-            HDF5 record to write. A simulation that was resumed continues its own record.
+            HDF5 record to write; ParaView opens it if its name ends in ".vtkhdf". A simulation
+            that was resumed continues its own record.
         every : float, optional
             Time between frames [s]; a frame is the first step at or past its time. By default the
             interval of the previous run, which is also stored in a record, and 1/60 s in the first
             run.
+        fields : collection of str, optional
+            Quantities that the frames of the record hold in addition, so that ParaView shows them
+            at once: "pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
+            "volume", "nodal_density", ..., see `granular.measure.derived`. Each makes frames larger
+            by a number per point. By default those of the previous run; none in the first run.
         overwrite : bool
             Whether an existing record may be replaced.
         progress : bool
@@ -341,7 +349,12 @@ class Simulation:
         until = self.scene.duration if until is None else positive("until", until)
         every = self._every if every is None else every
         self._every = every = check_interval(every, self.dt, max(until, self.time))
+        goes_on = save is None and self.record is not None
+        self._stored = fields_to_store(
+            fields, self._stored, goes_on=goes_on, state=lambda: self.state
+        )
         provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
+        provenance["fields"] = self._stored
         recorded = self._session.writer(
             save, self.scene, overwrite=overwrite, provenance=provenance
         )
@@ -378,6 +391,7 @@ class Simulation:
             if sampled:
                 samples = self._monitor.sample(state, self._indicators(state), self._work())
         if writer:
+            state.fields.update(with_derived(state, self._stored))
             writer.append(
                 state,
                 self.checkpoint(),
@@ -453,13 +467,25 @@ class Simulation:
 
     @classmethod
     def resume(
-        cls, path: str | os.PathLike, *, threads: int | None = None, isa: str | None = None
+        cls,
+        path: str | os.PathLike,
+        *,
+        scene: AnyScene | None = None,
+        threads: int | None = None,
+        isa: str | None = None,
     ) -> Self:
         """Continue a record from its checkpoint, bitwise as if the run had never stopped.
 
         Parameters
         ----------
         path : path
+        scene : Scene or SphScene, optional
+            A changed scene with which the run goes on, such as
+            ``gr.open(path).scene.replace(gravity=...)``: other gravity, numbers of the material or
+            the scheme, walls, motions of bodies. The grid, the laws, and how many walls and bodies
+            there are must be as before. The stress of a hypoelastic material stays what it is, that
+            of a Hencky material follows from its strain. The record of the run is left as it is:
+            name another one in `run`.
         threads : int, optional
             See `Simulation`.
         isa : str, optional
@@ -472,6 +498,8 @@ class Simulation:
             If there is no such record.
         RecordError
             If the file is damaged or holds no checkpoint, or one that does not fit its scene.
+        ValueError
+            If the points of the record do not fit into the changed scene.
 
         Warns
         -----
@@ -483,16 +511,19 @@ class Simulation:
             integer("threads", threads, 1, _core.MAX_THREADS)
         _core.build_info(default_isa() if isa is None else isa)  # refuses one it does not know
         with open_trajectory(path) as record:
+            if scene is not None:
+                check_alike(record.scene, scene)
             method, checkpoint = cls._of(record.scene), record.checkpoint()
             with reading(record.path, "the run cannot be resumed"):
-                every, recorded = settings_of(record.path, record.provenance)
+                every, recorded, stored = settings_of(record.path, record.provenance)
                 if isa is None:
                     isa = usable_isa(recorded, record.path)
-                self = method._restored(record.scene, checkpoint, threads, isa)
-                past = record.series["step"] <= self.steps
-                self._monitor.recall({name: v[past] for name, v in record.samples.items()})
-        self._every = every
-        self._session.path = Path(path)
+                self = method._restored(scene or record.scene, checkpoint, threads, isa)
+                if scene is None:
+                    past = record.series["step"] <= self.steps
+                    self._monitor.recall({name: v[past] for name, v in record.samples.items()})
+        self._every, self._stored = every, stored
+        self._session.path = None if scene is not None else Path(path)
         return self
 
     def __repr__(self) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,16 @@ from numpy.typing import NDArray
 from granular.notebook import table
 
 if TYPE_CHECKING:
+    from granular.mpm.bodies import BodyState
     from granular.sph.gas import GasState
     from granular.typing import AnyScene
 
 __all__ = ["State"]
 
 Array = NDArray[np.float64]
+
+STANDARD = ("pressure", "shear_stress", "density", "speed")
+"""Derived quantities that are exported unless others are asked for."""
 
 
 class State:
@@ -40,6 +44,14 @@ class State:
         Each is an attribute of the state.
     gas : GasState, optional
         The particles of the gas, for a scene with a gas; other states have no such attribute.
+    bodies : sequence of BodyState, optional
+        Positions, rotations and impulses of the rigid bodies of the scene, in their order; by
+        default those at the start.
+
+    Raises
+    ------
+    ValueError
+        If `bodies` are not as many as those of the scene.
     """
 
     gas: GasState
@@ -53,6 +65,7 @@ class State:
         dt: float,
         fields: Mapping[str, Array],
         gas: GasState | None = None,
+        bodies: Sequence[BodyState] = (),
     ) -> None:
         self.scene = scene
         self.time = float(time)
@@ -63,6 +76,12 @@ class State:
             array.flags.writeable = False
         if gas is not None:
             self.gas = gas
+        described = getattr(scene, "bodies", ())
+        if bodies and len(bodies) != len(described):
+            raise ValueError(
+                f"bodies: {len(bodies)} must be as many as those of the scene, {len(described)}"
+            )
+        self.bodies = tuple(bodies) or tuple(body.at_start() for body in described)
 
     def __getattr__(self, name: str) -> Array:
         try:
@@ -81,14 +100,14 @@ class State:
         return self.fields["x"].shape[1]
 
     @cached_property
-    def rho(self) -> Array:
+    def density(self) -> Array:
         """Density of the points [kg/m3], shape (n,)."""
         return self.scene.material.rho_c * np.exp(self.log_density)
 
     @cached_property
     def volume(self) -> Array:
         """Volume of the points [m3, per metre of depth in 2D], shape (n,)."""
-        return self.mass / self.rho
+        return self.mass / self.density
 
     @cached_property
     def quadrature_volume(self) -> Array:
@@ -103,26 +122,74 @@ class State:
         return self.volume
 
     @cached_property
-    def p(self) -> Array:
+    def speed(self) -> Array:
+        """Speed of the points [m/s], shape (n,)."""
+        return np.linalg.norm(self.v, axis=1)
+
+    @cached_property
+    def pressure(self) -> Array:
         """Pressure -tr(stress)/3 [Pa], compression positive, shape (n,)."""
         return -self.stress[:, :3].sum(axis=1) / 3.0
 
     @cached_property
-    def tau(self) -> Array:
+    def shear_stress(self) -> Array:
         """Equivalent shear stress sqrt(s:s/2) of the deviator s [Pa], shape (n,) (eq. 2.10)."""
-        deviator = self.stress[:, :3] + self.p[:, None]
+        deviator = self.stress[:, :3] + self.pressure[:, None]
         square = 0.5 * (deviator**2).sum(axis=1) + (self.stress[:, 3:] ** 2).sum(axis=1)
         return np.sqrt(square)
 
     @cached_property
     def mu(self) -> Array:
-        """Friction coefficient tau/p, shape (n,); nan where the pressure is not positive."""
-        return np.divide(self.tau, self.p, out=np.full(self.n, np.nan), where=self.p > 0)
+        """Friction coefficient, shear stress by pressure, shape (n,); nan unless that is > 0."""
+        return np.divide(
+            self.shear_stress, self.pressure, out=np.full(self.n, np.nan), where=self.pressure > 0
+        )
 
     @cached_property
     def dense(self) -> NDArray[np.bool_]:
         """True for points under pressure, shape (n,)."""
-        return self.p > 0
+        return self.pressure > 0
+
+    def to_dataframe(self, fields: Collection[str] = STANDARD) -> Any:
+        """Return a table of pandas with one row per point, indexed by id.
+
+        Its columns are the stored fields, x, y, v_x, stress_xy and so on, and derived quantities.
+        Its `attrs` are the name of the scene, time and step.
+
+        Parameters
+        ----------
+        fields : collection of str
+            Derived quantities, of `granular.measure.derived`.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If pandas is not installed: ``pip install 'granular[tables]'``.
+        TypeError, ValueError
+            If there is no such quantity, or the scene has not what it takes.
+        """
+        from granular.record.export import dataframe
+
+        return dataframe(self, fields)
+
+    def to_pyvista(self, fields: Collection[str] = STANDARD) -> Any:
+        """Return a `pyvista.MultiBlock` of "material" and "gas" (points), "body0", "body1", ...
+
+        Parameters
+        ----------
+        fields : collection of str
+            Derived quantities besides the stored fields, of `granular.measure.derived`.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If pyvista is not installed: ``pip install 'granular[pictures3d]'``.
+        TypeError, ValueError
+            If there is no such quantity, or the scene has not what it takes.
+        """
+        from granular.record.export import blocks
+
+        return blocks(self, fields)
 
     def __repr__(self) -> str:
         return f"State({self.scene.name}, t = {self.time:.6g} s, step {self.step}, {self.n} points)"

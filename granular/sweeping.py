@@ -23,10 +23,9 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol
 
-from tqdm.auto import tqdm
-
 from granular.checks import integer, positive
 from granular.record import RecordError, Trajectory, open_trajectory
+from granular.running import bar
 from granular.serializable import Serializable
 from granular.simulation import Simulation
 from granular.typing import AnyScene
@@ -180,13 +179,13 @@ def sweep(
         with suppress(RecordError, OSError):  # the run of this case will report it
             _stage(job)
     with (
-        tqdm(total=len(jobs), desc="sweep", unit="case", disable=not progress) as bar,
+        bar(total=len(jobs), desc="sweep", unit="case", disable=not progress) as done,
         _submitter(executor, workers, len(jobs)) as submit,
         closing(_outcomes(jobs, submit)) as outcomes,
     ):
         for index, outcome in outcomes:
             results._take(index, outcome)
-            bar.update()
+            done.update()
     if strict and results.errors:
         errors = list(results.errors.values())
         raise ExceptionGroup(f"{len(errors)} of {len(jobs)} cases failed", errors)

@@ -56,8 +56,6 @@ def hoppers(cell: float) -> plot.Picture:
         title = f"{angle:g} deg, friction 0.5"
         state = found[angle, 0.5][0]
         plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), extent=extent, title=title, bar=False)
-        rise = (WIDTH - ORIFICE) / 2 / math.tan(math.radians(angle))
-        ax.plot([ORIFICE / 2, WIDTH / 2, WIDTH / 2], [0.0, rise, max(rise, 0.55)], "k-")
     effective = gr.theory.earth_pressure(0.5).coaxial_deg
     flat = gr.theory.rose_tanaka_factor(ANGLES, 45.0)
     for k, friction in enumerate(FRICTIONS):
@@ -104,8 +102,7 @@ def drums(cell: float) -> plot.Picture:
             extent = ((-0.105, 0.105), (-0.105, 0.105))
             options = {"title": title, "limits": (0.0, 0.3), "extent": extent}
             plot.frame(states[-1], "speed", ax=axes[0], **options)
-            R, turn = scene.parameters["radius"], np.linspace(0.0, 2 * np.pi, 200)
-            axes[0].plot(R * np.cos(turn), R * np.sin(turn), "k-")
+            R = scene.parameters["radius"]
             axes[2].plot(flow.s, flow.flux, "o", label="thickness x speed")
             axes[2].plot(flow.s, flow.balance, "k-", label="balance of mass")
             axes[2].plot(flow.s, 0.5 * omega * (R**2 - flow.s**2), "k:", label="of a thin layer")
@@ -120,6 +117,7 @@ def drums(cell: float) -> plot.Picture:
         axes[1].text(froude[0], math.degrees(math.atan(mu)) + 0.2, text)
     axes[1].set(xlabel="Froude number omega^2 R/g", ylabel="slope of the surface [deg]")
     axes[2].set(xlabel="s [m]", ylabel="flux [m2/s]")
+    axes[2].locator_params(axis="x", nbins=5)
     axes[2].legend()
     return picture
 

@@ -119,7 +119,7 @@ def speed(state: gr.State) -> np.ndarray:
 
 
 def pressure(states: list[gr.State]) -> GridField:
-    return gr.measure.frame_average(states, "p", weight="volume")
+    return gr.measure.frame_average(states, "pressure", weight="volume")
 
 
 # ---- figures ----

@@ -42,16 +42,10 @@ def draw(
     color: str,
     limits: tuple[float, float],
     extent: tuple[tuple[float, float], tuple[float, float]],
-    moved: tuple[float, float] = (0.0, 0.0),
 ) -> None:
-    """Draw a state, and its bodies in grey; the first has moved."""
+    """Draw a state with its time to hundredths."""
     title = f"t = {state.time:.2f} s"
     plot.frame(state, color, ax=ax, limits=limits, extent=extent, title=title)
-    x, y = (np.linspace(*ends, 500) for ends in extent)
-    places = np.stack([part.ravel() for part in np.meshgrid(x, y)], axis=1)
-    for k, body in enumerate(state.scene.bodies):
-        distance = body.distance(places - np.array(moved) * (k == 0))[0].reshape(len(y), len(x))
-        ax.contourf(x, y, distance, levels=[-np.inf, 0.0], colors=["0.6"], zorder=0)
 
 
 def axes_of(count: int, height: float) -> tuple[plot.Picture, list]:
@@ -154,8 +148,7 @@ def penetration(cell: float) -> plot.Picture:
             mean, spread = (force[:, 1] / of)[deep].mean(), np.ptp((force[:, 1] / of)[deep])
             print(f"penetration {text} {size}: {mean:.3f}, range {spread:.3f}")
         if power == 1:
-            down = -0.1 * (scene.duration - 0.05)
-            draw(axes[0], states[-1], "speed", (0.0, 0.1), ((0.1, 0.54), (-0.25, 0.1)), (0.0, down))
+            draw(axes[0], states[-1], "speed", (0.0, 0.1), ((0.1, 0.54), (-0.25, 0.1)))
     axes[1].set(ylabel="F/(rho g z D)", ylim=(0, 12))
     axes[2].set(xlabel="depth z [mm]", ylabel="F/(rho g z$^2$)", ylim=(0, 50))
     for ax in axes[1:]:

@@ -10,6 +10,10 @@
 
 #define GR_INLINE static inline __attribute__((always_inline))
 
+/* Put before a loop over components, axes or the nodes of a cell (27 at most), so that all are known when it is compiled
+ * and what it works on stays in registers. */
+#define GR_UNROLLED _Pragma("GCC unroll 27")
+
 #define GR_LANES 8 /* every cell owns a multiple of this many places in the point arrays */
 
 #if defined(__AVX512F__)

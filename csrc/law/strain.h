@@ -22,8 +22,7 @@ struct gr_matrix {
 /* True if the component (i, j) is used: in 2D those that couple z to x or y are not. */
 #define GR_COUPLED(dim, i, j) ((dim) == 3 || ((i) == 2) == ((j) == 2))
 
-/* Loops over components, unrolled so that the components stay in registers. */
-#define GR_UNROLLED _Pragma("GCC unroll 16")
+/* Loops over components. */
 #define GR_EACH(dim, i, j) \
     GR_UNROLLED            \
     for (int i = 0; i < 3; i++) GR_UNROLLED for (int j = 0; j < 3; j++) if (GR_COUPLED(dim, i, j))

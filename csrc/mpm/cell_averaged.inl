@@ -62,7 +62,8 @@ GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engi
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int K = 1 << dim, rows = 1 + dim, stresses = dim == 2 ? 3 : 6, n_sums = K * rows + 2 + stresses;
     const int blocks = GR_BLOCKS(cell->count);
-    const struct gr_frame frame = gr_frame_of(dim, e, cell);
+    struct gr_frame frame;
+    gr_frame_of(dim, e, cell, &frame);
     double sum[MOST] = {0}, *out = e->sums + index * e->sum_stride;
     struct contribution contribution[CHUNK];
     vd acc[MOST];

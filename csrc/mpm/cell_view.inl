@@ -73,7 +73,7 @@ GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, co
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, smoothed)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
     const int carried = !smoothed && !cell_averaged && !(cell->flags >= GR_CELL_WALL && cell->count <= ALONE);
-    view->frame = gr_frame_of(dim, e, cell);
+    gr_frame_of(dim, e, cell, &view->frame);
     view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
     view->has_sponge = e->config.has_sponge;
     view->damping.of = NO_NODES;

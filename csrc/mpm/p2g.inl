@@ -165,7 +165,8 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim), blocks = GR_BLOCKS(cell->count);
-    const struct gr_frame frame = gr_frame_of(dim, e, cell);
+    struct gr_frame frame;
+    gr_frame_of(dim, e, cell, &frame);
     double *out = e->sums + index * e->sum_stride;
     struct contribution contribution[CHUNK];
     vd acc[GR_SUM_DAMPED(3) * GR_MAX_NODES + 2 + GR_SUMS];

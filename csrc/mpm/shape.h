@@ -24,16 +24,15 @@ struct gr_frame {
 GR_INLINE int gr_power(int k, int dim) { return dim == 2 ? k * k : k * k * k; }
 GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
-GR_INLINE struct gr_frame gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell)
+/* Look up the frame of a cell. Beyond the dimension nothing is set, and nothing is used. */
+GR_INLINE void gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell, struct gr_frame *frame)
 {
-    struct gr_frame frame = {0};
-    frame.inv_dx = v_set(e->inv_dx);
-    frame.lambda = e->config.lambda;
+    frame->inv_dx = v_set(e->inv_dx);
+    frame->lambda = e->config.lambda;
     for (int d = 0; d < dim; d++) {
-        frame.axis[d] = &e->axis[d].cell[cell->at[d]];
-        frame.edge[d] = v_set(frame.axis[d]->edge);
+        frame->axis[d] = &e->axis[d].cell[cell->at[d]];
+        frame->edge[d] = v_set(frame->axis[d]->edge);
     }
-    return frame;
 }
 
 /* Whatever its knots, a quadratic B-spline on a cell is low (1 - xi)^2, 1 - low (1 - xi)^2 - high xi^2, or high xi^2. */
@@ -91,8 +90,12 @@ GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const i
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     for (int q = 0; !nodal && q < n_fields; q += GR_W) {
         vd m[GR_MAX_NODES];
+        GR_UNROLLED
         for (int i = 0; i < K; i++) m[i] = v_load(mode + i * stride + q);
-        for (int d = 0, step = 1; d < dim; d++, step *= k)
+        GR_UNROLLED
+        for (int d = 0; d < dim; d++) {
+            const int step = d == 0 ? 1 : d == 1 ? k : k * k;
+            GR_UNROLLED
             for (int i = 0; i < K; i++) {
                 if (i / step % k) continue; /* not the first node of a line along d */
                 const vd n0 = m[i], n1 = m[i + step], n2 = k == 3 ? m[i + 2 * step] : n1;
@@ -105,6 +108,8 @@ GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const i
                 m[i + step] = v_set(-2.0) * low;
                 m[i + 2 * step] = v_fma(v_set(gr_high(frame->axis[d])), n2 - n1, low);
             }
+        }
+        GR_UNROLLED
         for (int i = 0; i < K; i++) v_store(mode + i * stride + q, m[i]);
     }
 }

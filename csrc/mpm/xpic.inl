@@ -7,7 +7,8 @@ GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, 
     const struct gr_cell *cell = &e->mesh.cell[index];
     const int K = gr_power(gr_nodes_1d(basis), dim), blocks = GR_BLOCKS(cell->count), nodal = basis == GR_UGIMP;
     const int rows = GR_SUM_DAMPED(dim);
-    const struct gr_frame frame = gr_frame_of(dim, e, cell);
+    struct gr_frame frame;
+    gr_frame_of(dim, e, cell, &frame);
     double mode[GR_LANES * GR_MAX_NODES], *out = e->sums + index * e->sum_stride;
     vd acc[GR_SUM_DAMPED(3) * GR_MAX_NODES + GR_SUMS], unused[3];
     for (int i = 0; i < K; i++)

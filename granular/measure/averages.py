@@ -168,7 +168,7 @@ def centre_line_pressure(
     where = opening_of(states[0], opening)
 
     def both(state: State) -> Array:
-        return np.stack([state.p, where.places(state)[:, 1]], axis=1)
+        return np.stack([state.pressure, where.places(state)[:, 1]], axis=1)
 
     field = frame_average(states, both, weight="volume")
     cell = states[0].scene.grid.cell

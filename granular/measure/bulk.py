@@ -82,7 +82,7 @@ class Bulk:
 
     def disconnected(self) -> float:
         """Share, by mass, of the stress-free points in the bulk; nan without a bulk."""
-        return self._mean((np.asarray(self.state.p) <= 0).astype(float))
+        return self._mean((np.asarray(self.state.pressure) <= 0).astype(float))
 
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.

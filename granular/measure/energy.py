@@ -100,7 +100,7 @@ def elastic_of(state: State) -> Array:
     """Elastic energy stored in every point [J], shape (n,)."""
     material = state.scene.material
     if hasattr(material, "stored_energy"):  # by an equation of state
-        return np.asarray(state.mass) * material.stored_energy(np.asarray(state.rho))
+        return np.asarray(state.mass) * material.stored_energy(np.asarray(state.density))
     stress = np.asarray(state.stress, dtype=float)
     density = deviator_squared(stress) / (4 * material.G) + pressure(stress) ** 2 / (2 * material.K)
     return np.asarray(state.quadrature_volume) * density
@@ -110,7 +110,7 @@ def plastic_power(state: State) -> float:
     """``sum V tau gdot`` [W] over the points (eq. 2.15); 0 for a law without a yield criterion."""
     if not state.scene.material.granular:
         return 0.0
-    return float(np.sum(state.quadrature_volume * state.tau * state.shear_rate))
+    return float(np.sum(state.quadrature_volume * state.shear_stress * state.shear_rate))
 
 
 def energy_budget(trajectory: Iterable[State]) -> EnergyBudget:

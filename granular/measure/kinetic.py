@@ -51,7 +51,7 @@ def packing_fraction(state: State, *, restitution: float, d: float | None = None
 
     number = inertial_number(state, d=d)
     pressed = np.isfinite(number)
-    phi = np.asarray(state.rho, dtype=float) / cast(MuI, state.scene.material).rho_s
+    phi = np.asarray(state.density, dtype=float) / cast(MuI, state.scene.material).rho_s
     steady = packing_fraction_of_inertial_number(np.where(pressed, number, 0.0), restitution)
     return np.where(pressed, steady, phi)
 
@@ -145,7 +145,7 @@ def stress_free_error(
 
 
 def _mean_pressure(state: State) -> float:
-    p, mass = np.asarray(state.p, dtype=float), np.asarray(state.mass, dtype=float)
+    p, mass = np.asarray(state.pressure, dtype=float), np.asarray(state.mass, dtype=float)
     dense = p > 0
     if not dense.any():
         raise ValueError("reference = None: no point is dense, give a pressure in Pa")

@@ -120,7 +120,7 @@ def mean_pressure_error(
     filled = cell_mass(state) >= FILLED * full
     top = uppermost(filled)
     axis = weight.ndim - 1
-    field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.p
+    field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.pressure
     mean = cell_average(state, field, weight="volume")
     own = tuple(mean.cells.T)
     deep = filled[own] & (top[own] - mean.cells[:, axis] >= depth_cells)

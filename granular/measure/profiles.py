@@ -260,6 +260,6 @@ def scaled_inertial_number(state: State) -> Array:
 
 
 def _rate_over_root_pressure(state: State) -> Array:
-    rate, p = np.asarray(state.shear_rate, dtype=float), np.asarray(state.p, dtype=float)
+    rate, p = np.asarray(state.shear_rate, dtype=float), np.asarray(state.pressure, dtype=float)
     root = np.sqrt(np.maximum(p, 0.0))
     return np.divide(rate, root, out=np.full_like(p, np.nan), where=root > 0)

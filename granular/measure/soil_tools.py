@@ -275,7 +275,7 @@ def strain_history(states: States) -> StrainHistory:
             rows.append([state.time, *[np.nan] * 4])
             continue
         compression = state.log_density[dense]
-        kirchhoff = state.tau[dense] * np.exp(-compression)
+        kirchhoff = state.shear_stress[dense] * np.exp(-compression)
         deviatoric = kirchhoff / (np.sqrt(2) * material.G)
         norm = np.hypot(deviatoric, compression / np.sqrt(3))
         m = state.mass[dense]

@@ -12,8 +12,8 @@ from dataclasses import KW_ONLY, dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular import _core
 from granular.checks import (
@@ -95,6 +95,8 @@ STATE = (
     ("work", 1),
 )
 """Name and length of the parts of a body's state in the core; quaternions have the scalar first."""
+NUMBERS = sum(length for _, length in STATE)
+"""Length of a body's state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,6 +285,12 @@ class Body:
         speed, turning = (np.linalg.norm(motion[:, k : k + 3], axis=1) for k in (1, 4))
         return float((speed + far * turning).max())
 
+    def at_start(self) -> BodyState:
+        """Return the state of the body at the start of a run."""
+        moving = self.motion.rows()[0, 1:]
+        numbers = [*self.row()[2], *moving, *np.zeros(NUMBERS - 13)]
+        return state_of(np.array(numbers), self.dim)
+
     def row(self) -> _core.BodyRow:
         """Return the description of the body for the core."""
         x, y, z, w = turned(self.rotation_deg).as_quat()
@@ -387,7 +395,7 @@ def state_of(numbers: Array, dim: int) -> BodyState:
     """Return the state of one body from its 20 numbers."""
     parts = split(numbers, dim)
     w, x, y, z = parts.pop("quaternion")
-    rotation = Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]
+    rotation = scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]
     return BodyState(rotation=rotation, **parts)
 
 

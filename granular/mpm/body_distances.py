@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular import _core
 from granular.mpm.body_shapes import padded, turned
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
     from granular.mpm.scene import Scene
 
-__all__ = ["distance_from_bodies", "distances", "nearest", "periods"]
+__all__ = ["distance_at", "distance_from_bodies", "distances", "nearest", "periods"]
 
 
 def periods(scene: Scene, body: Body) -> NDArray[np.float64]:
@@ -45,11 +45,27 @@ def distances(scene: Scene, body: Body, places: NDArray[np.float64]) -> NDArray[
     return _from_body(scene, body, places, turned(body.rotation_deg), padded(body.position))[0]
 
 
+def distance_at(
+    scene: Scene, body: Body, x: NDArray[np.float64], pose: BodyState
+) -> NDArray[np.float64]:
+    """Signed distances [m] of places (n, dim) from a body, or its nearest image, in a pose."""
+    places = np.pad(x, ((0, 0), (0, 3 - scene.dim)))
+    return _from_body(scene, body, places, *_placed(pose))[0]
+
+
+def _placed(pose: BodyState) -> tuple[scipy.spatial.transform.Rotation, tuple[float, ...]]:
+    """Rotation and position of a body in 3D."""
+    matrix = np.eye(3)
+    dim = len(pose.position)
+    matrix[:dim, :dim] = pose.rotation
+    return scipy.spatial.transform.Rotation.from_matrix(matrix), padded(tuple(pose.position))
+
+
 def _from_body(
     scene: Scene,
     body: Body,
     places: NDArray[np.float64],
-    turn: Rotation,
+    turn: scipy.spatial.transform.Rotation,
     position: Sequence[float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""
@@ -67,13 +83,9 @@ def distance_from_bodies(scene: Scene, states: Sequence[BodyState] = ()) -> Dist
     if not scene.bodies:
         return nowhere
     dim = scene.dim
-    poses = [(turned(body.rotation_deg), body.position) for body in scene.bodies]
-    if states:
-        poses = []
-        for state in states:
-            matrix = np.eye(3)
-            matrix[:dim, :dim] = state.rotation
-            poses.append((Rotation.from_matrix(matrix), tuple(state.position)))
+    poses = [_placed(state) for state in states] or [
+        (turned(body.rotation_deg), padded(body.position)) for body in scene.bodies
+    ]
 
     def distance(
         x: NDArray[np.float64],
@@ -83,7 +95,7 @@ def distance_from_bodies(scene: Scene, states: Sequence[BodyState] = ()) -> Dist
             return least, normal
         places = np.pad(x, ((0, 0), (0, 3 - dim)))
         for body, (turn, position) in zip(scene.bodies, poses, strict=True):
-            found, away = _from_body(scene, body, places, turn, padded(position))
+            found, away = _from_body(scene, body, places, turn, position)
             nearer = found < least
             least[nearer], normal[nearer] = found[nearer], away[nearer, :dim]
         return least, normal

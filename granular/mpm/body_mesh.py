@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from tqdm.auto import tqdm
 
 from granular import _core
 from granular.checks import positive, real_array, set_fields
 from granular.mpm.body_shapes import Shape, row_of
+from granular.running import bar
 from granular.serializable import ComparedByContent
 
 __all__ = ["Mesh"]
@@ -325,12 +325,12 @@ def _sample(mesh: Mesh) -> Tables:
 
     def distances(keys: NDArray, counts: NDArray, step: float, what: str) -> Array:
         out = np.empty(len(keys))
-        with tqdm(total=len(keys), desc=what, delay=2.0, disable=None) as bar:
+        with bar(total=len(keys), desc=what, delay=2.0, disable=None) as done:
             for begin in range(0, len(keys), CHUNK):
                 at = _unravelled(keys[begin : begin + CHUNK], counts)
                 places = np.ascontiguousarray(low + middle + step * at)
                 out[begin : begin + CHUNK] = _core.mesh_distance(tree, places) - half
-                bar.update(len(places))
+                done.update(len(places))
         return out
 
     coarse = distances(np.arange(np.prod(cells + 1)), cells + 1, CUBE * h, "coarse samples")

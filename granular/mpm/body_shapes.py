@@ -15,8 +15,8 @@ from inspect import isabstract
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular import _core
 from granular.checks import (
@@ -43,9 +43,9 @@ def rotation_of(name: str, value: object, dim: int) -> float | tuple[float, ...]
     return finite(name, value) if is_angle else vector(name, value, 3)
 
 
-def turned(rotation: float | tuple[float, ...]) -> Rotation:
+def turned(rotation: float | tuple[float, ...]) -> scipy.spatial.transform.Rotation:
     """Make a rotation from an angle or a rotation vector [degrees]; 0.0 is no rotation in 3D."""
-    return Rotation.from_rotvec(
+    return scipy.spatial.transform.Rotation.from_rotvec(
         (0.0, 0.0, rotation) if isinstance(rotation, float) else rotation, degrees=True
     )
 

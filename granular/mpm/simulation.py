@@ -246,6 +246,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _body_rows(self) -> NDArray:
         return self._engine.bodies()
 
+    def _extra_state(self) -> dict[str, tuple[rigid.BodyState, ...]]:
+        return {"bodies": self.bodies}
+
     def _wall_rows(self) -> NDArray:
         return self._engine.walls() if self._watches_walls else np.empty((0, 9))
 

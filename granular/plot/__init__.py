@@ -1,11 +1,13 @@
 """Pictures and movies with matplotlib: figures are objects, no global state is changed.
 
-`view` draws 3D pictures with pyvista, if it is installed.
+`view` and `view_movie` draw in 3D with pyvista, if it is installed.
 """
 
 from granular.plot import dunatunga_kamrin_2015 as dunatunga_kamrin_2015
 from granular.plot import silo_clogging as silo_clogging
 from granular.plot.canvas import Picture as Picture
+from granular.plot.encoding import Movie as Movie
+from granular.plot.encoding import check_movie as check_movie
 from granular.plot.fields import QUANTITIES as QUANTITIES
 from granular.plot.fields import Quantity as Quantity
 from granular.plot.forces import force_distances as force_distances
@@ -19,6 +21,7 @@ from granular.plot.friction import friction_by_law as friction_by_law
 from granular.plot.friction import friction_shares as friction_shares
 from granular.plot.friction import scaling_of_dilation as scaling_of_dilation
 from granular.plot.friction import scaling_of_dissipation as scaling_of_dissipation
-from granular.plot.movie import check_movie as check_movie
 from granular.plot.movie import movie as movie
+from granular.plot.scene import scene as scene
 from granular.plot.view_3d import view as view
+from granular.plot.view_3d import view_movie as view_movie

@@ -12,10 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular import measure
 from granular.checks import finite
+from granular.measure.derived import DERIVED, derived
 from granular.state import State
 
 Array = NDArray[np.float64]
 
+SIGNED = "coolwarm"
+"""Colour map of fields that are positive and negative; its middle is grey, not white."""
 DECADES = 4
 """Number of decades of a logarithmic scale."""
 PHASES = ListedColormap(["#e08214", "#2d5d8f"], name="phases")
@@ -38,6 +41,8 @@ class Quantity:
         Name of a matplotlib colour map.
     two : bool
         True for a field of two values: disconnected (0) or dense (1).
+    signed : bool
+        True for a field whose scale is symmetric about zero.
     """
 
     label: str
@@ -45,6 +50,7 @@ class Quantity:
     log: bool = False
     cmap: str = "viridis"
     two: bool = False
+    signed: bool = False
 
     @property
     def title(self) -> str:
@@ -54,41 +60,37 @@ class Quantity:
 
 QUANTITIES: dict[str, Quantity] = {
     "shear_rate": Quantity("equivalent plastic shear rate", "1/s", log=True, cmap="plasma"),
-    "p": Quantity("pressure", "Pa"),
-    "tau": Quantity("equivalent shear stress", "Pa"),
-    "mu": Quantity("friction tau/p", cmap="cividis"),
-    "rho": Quantity("density", "kg/m3", cmap="cividis"),
-    "nodal_density": Quantity("nodal density", "kg/m3", cmap="cividis"),
+    "pressure": Quantity("pressure", "Pa"),
+    "shear_stress": Quantity("equivalent shear stress", "Pa"),
+    "mu": Quantity("friction, shear stress/pressure", cmap="cividis"),
+    "density": Quantity("density", "kg/m³", cmap="cividis"),
+    "nodal_density": Quantity("nodal density", "kg/m³", cmap="cividis"),
     "log_density": Quantity("ln(rho/rho_c)", cmap="cividis"),
     "speed": Quantity("speed", "m/s"),
-    "v_x": Quantity("velocity along x", "m/s"),
-    "v_y": Quantity("velocity along y", "m/s"),
-    "v_z": Quantity("velocity along z", "m/s"),
     "inertial_number": Quantity("inertial number", log=True, cmap="plasma"),
     "scaled_inertial_number": Quantity("I/I0", log=True, cmap="plasma"),
     "dense": Quantity("phase by stress borne", two=True),
     "phase": Quantity("phase by nodal density", two=True),
     "mass": Quantity("mass", "kg"),
-    "volume": Quantity("volume", "m3"),
+    "volume": Quantity("volume", "m³"),
     "id": Quantity("id"),
-} | {f"stress_{ij}": Quantity(f"stress {ij}", "Pa") for ij in ("xx", "yy", "zz", "xy", "yz", "xz")}
+} | {f"stress_{ij}": Quantity(f"stress {ij}", "Pa") for ij in ("xx", "yy", "zz")}
+QUANTITIES |= {
+    f"v_{i}": Quantity(f"velocity along {i}", "m/s", cmap=SIGNED, signed=True) for i in "xyz"
+} | {
+    f"stress_{ij}": Quantity(f"stress {ij}", "Pa", cmap=SIGNED, signed=True)
+    for ij in ("xy", "yz", "xz")
+}
 """Known fields; other stored fields are labelled by their name."""
 
 _COMPONENTS = {"v": ("x", "y", "z"), "stress": ("xx", "yy", "zz", "xy", "yz", "xz")}
-_MEASURED = {
-    "speed": lambda state: np.linalg.norm(state.v, axis=1),
-    "phase": measure.phase,
-    "nodal_density": measure.nodal_density,
-    "inertial_number": measure.inertial_number,
-    "scaled_inertial_number": measure.scaled_inertial_number,
-}
 
 
 def names(state: State) -> list[str]:
     """Names of the fields that a state can be coloured by."""
     plain = [name for name, field in state.fields.items() if field.ndim == 1]
     wanted = [name for name in QUANTITIES if _component(state, name) is not None or "_" not in name]
-    return sorted({*plain, *wanted, *_MEASURED, "shear_rate", "log_density"})
+    return sorted({*plain, *wanted, *DERIVED, "shear_rate", "log_density"})
 
 
 def _component(state: State, name: str) -> Array | None:
@@ -126,8 +128,8 @@ def values(state: State, color: str | ArrayLike, *, smooth: bool = False) -> Arr
 
 
 def _by_name(state: State, name: str) -> Any:
-    if name in _MEASURED:
-        return _MEASURED[name](state)
+    if name in DERIVED:
+        return derived(state, name)
     column = _component(state, name)
     return getattr(state, name, None) if column is None else column
 
@@ -175,7 +177,10 @@ class Brush:
         if quantity.two:
             return cls(color, quantity, Normalize(0.0, 1.0), PHASES, smooth)
         every = np.concatenate(found) if found else np.zeros(0)
-        low, high = _checked(limits, quantity.log) if limits else _limits(every, quantity.log)
+        low, high = _checked(limits, quantity.log) if limits else _limits(every, quantity)
+        if quantity.signed and low != -high:
+            # Its middle would not be zero.
+            quantity = replace(quantity, cmap=Quantity.cmap)
         norm = LogNorm(low, high) if quantity.log else Normalize(low, high)
         colors = (_colormap(cmap or quantity.cmap)).with_extremes(bad=MISSING)
         return cls(color, quantity, norm, colors, smooth)
@@ -206,16 +211,19 @@ def _checked(limits: tuple[float, float], log: bool) -> tuple[float, float]:
     return low, high
 
 
-def _limits(found: Array, log: bool) -> tuple[float, float]:
+def _limits(found: Array, quantity: Quantity) -> tuple[float, float]:
     """Ends of a scale; the outermost 0.5 % of the points do not extend it."""
     found = found[np.isfinite(found)]
-    if log:
+    if quantity.log:
         found = found[found > 0]
         high = 10.0 ** math.ceil(math.log10(np.percentile(found, 99.5))) if len(found) else 1.0
         return high * 10.0**-DECADES, high
     if not len(found):
         return 0.0, 1.0
     low, high = np.percentile(found, (0.5, 99.5)).tolist()
+    if quantity.signed:
+        most = max(abs(low), abs(high)) or 1.0
+        return -most, most
     # A pressure or a speed begins at zero.
     low = 0.0 if 0.0 <= low < 0.5 * high else low
     return low, high if high > low else low + 1.0

@@ -5,15 +5,16 @@ figures are those of chapters 2 and 3 of Hurley's thesis.
 """
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
+from matplotlib.collections import EllipseCollection, LineCollection
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
 from granular.grain_scale.inference import ForceStatistics, Packing, ParetoFront
-from granular.plot.canvas import Picture, discs
+from granular.plot.canvas import Picture
 
 Array = NDArray[np.float64]
 
@@ -96,7 +97,7 @@ def _network(
 ) -> None:
     seen, size = _seen(packing, axes), 2 * packing.radii
     x = packing.centroids[:, seen]
-    discs(ax, size, x, facecolors=FACE, edgecolors=EDGE, linewidths=0.6)
+    _discs(ax, size, x, facecolors=FACE, edgecolors=EDGE, linewidths=0.6)
     # Lines join centroids; to a wall or a missing grain they end at the contact. Across a periodic
     # boundary a line has a gap, the nan.
     at = [packing.seen_from(side)[:, seen] for side in (0, 1)]
@@ -245,3 +246,17 @@ def force_distribution(statistics: Mapping[str, ForceStatistics]) -> Picture:
     ax.set(xlabel="force / mean", ylabel="share of contacts beyond")
     ax.legend(fontsize="small")
     return fig
+
+
+def _discs(ax: Axes, diameters: ArrayLike, places: ArrayLike, **style: Any) -> None:
+    """Draw discs of true size: diameters [m], positions of the middles [m], shape (n, 2)."""
+    artist = EllipseCollection(
+        diameters,
+        diameters,
+        np.zeros_like(diameters),
+        units="x",
+        offsets=places,
+        offset_transform=ax.transData,
+        **style,
+    )
+    ax.add_collection(artist, autolim=False)

@@ -1,25 +1,24 @@
 """A picture of one state."""
 
+from collections.abc import Sequence
+
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
 from granular.checks import positive
-from granular.plot.canvas import (
-    Extent,
-    Picture,
-    Points,
-    View,
-    color_bar,
-    figure_of,
-    scenery,
-    show_at,
-)
+from granular.plot.bodies import Bodies, boxes_of_bodies
+from granular.plot.canvas import Extent, Picture, View, checked_extent, color_bar, figure_of
 from granular.plot.fields import Brush
+from granular.plot.material import PIXELS, Material
+from granular.plot.scenery import scenery, show_at
 from granular.state import State
 
 WIDTH = 7.0
 """Width of a picture [inches]."""
+LOW = 0.4
+"""Height by width below which a picture has its colour bar below it."""
 
 
 def frame(
@@ -39,15 +38,19 @@ def frame(
     bar: bool = True,
     title: str | None = None,
 ) -> Figure:
-    """Draw the material points of a state, with walls, blocks and outlets.
+    """Draw the material of a state, with its bodies, walls, blocks and outlets.
+
+    The material is an area without gaps, in which each place has the colour of the nearest point;
+    its free surface is as far from the points as their volumes say, and a single point is a disc of
+    its volume. Bodies are drawn where they are at the time of the state.
 
     Parameters
     ----------
     state : State
     color : str or array_like, shape (n,)
         A field: stored ("shear_rate", "log_density", ...), a component ("v_x", "stress_xy"),
-        derived ("p", "tau", "mu", "rho", "dense", ...), measured ("speed", "phase",
-        "nodal_density", "inertial_number", ...), or one number per point.
+        or derived ("pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
+        "dense", ..., see `granular.measure.derived`), or one number per point.
     ax : Axes, optional
         Axes to draw into; by default those of a new figure.
     limits : (low, high), optional
@@ -60,14 +63,18 @@ def frame(
         Draw the field after mapping it to the nodes and back, as Dunatunga & Kamrin 2015 do with
         stresses (eqs. 4.1-4.3).
     size : float, optional
-        Diameter of a point [m]; by default the diagonal of the initial spacing.
+        Diameter of a point [m], to draw the points as discs.
     extent : ((left, right), (bottom, top)), optional
-        Region that is shown [m]; by default it contains all the material.
+        Region that is shown [m]; by default it contains all the material, and all surfaces of
+        bodies that close within the domain.
     view : (int, int), optional
-        In 3D, the axes to the right and up. The points are projected; nearer points (at the low end
-        of the third axis) cover farther ones.
+        In 3D, the axes to the right and up. The points are projected as discs, with the gaps
+        closed; nearer points (at the low end of the third axis) cover farther ones. Bodies are
+        drawn behind them, in the section of the plane of symmetry, or if there is none halfway
+        through the domain.
     slab : (low, high), optional
-        In 3D, draw only the slice of points between these coordinates along the third axis [m].
+        In 3D, draw only the slice of material between these coordinates along the third axis [m],
+        and the section of the bodies halfway through it.
     bar : bool
         True to add a colour bar.
     title : str, optional
@@ -83,35 +90,95 @@ def frame(
     TypeError, ValueError
         Naming argument, value and allowed range.
     """
+    if not isinstance(state, State):
+        raise TypeError(f"state = {state!r} must be a State, such as `simulation.state`")
     brush = Brush.fitted(
         [state], color, limits=limits, log=log, cmap=cmap, label=label, smooth=smooth
     )
     seen = View(state.dim, view, slab)
-    box = seen.extent([state]) if extent is None else extent
+    box = fitted_extent([state], seen) if extent is None else checked_extent(extent)
+    side = "right"
     if ax is None:
-        ax = new_axes(box)
-    points = draw(ax, state, brush, seen, box, size=size)
+        ax, side = new_axes(box), beside(box)
+    Drawing(ax, state, brush, seen, box, size=size)
     ax.set_title(f"t = {state.time:.3g} s" if title is None else title)
     if bar:
-        color_bar(figure_of(ax), points.artist, brush, ax=ax)
+        color_bar(figure_of(ax), brush, ax=ax, location=side)
     return figure_of(ax)
+
+
+def fitted_extent(states: Sequence[State], view: View) -> Extent:
+    """Extent of the material and of the bodies of all states."""
+    boxes = [boxes_of_bodies(state.scene, state.bodies, view) for state in states]
+    return view.extent(states, [box for of_state in boxes for box in of_state])
+
+
+def beside(extent: Extent) -> str:
+    """Side of a picture for the colour bar: below one that is long and low."""
+    (left, right), (bottom, top) = extent
+    return "right" if top - bottom > LOW * (right - left) else "bottom"
 
 
 def new_axes(extent: Extent) -> Axes:
     """Make the axes of a new figure whose shape suits the extent."""
     (left, right), (bottom, top) = extent
     ratio = (top - bottom) / (right - left)
-    # Besides the axes there are labels, the colour bar beside and the title above.
-    height = min(max((WIDTH - 1.6) * ratio + 0.9, 2.6), 9.0)
+    # Besides the axes there are labels and the title above, and the colour bar beside or below.
+    wide, high = (1.6, 0.9) if beside(extent) == "right" else (0.7, 1.5)
+    height = min(max((WIDTH - wide) * ratio + high, 1.9), 9.0)
     return Picture(figsize=(WIDTH, height), layout="compressed").add_subplot()
 
 
-def draw(
-    ax: Axes, state: State, brush: Brush, view: View, extent: Extent, *, size: float | None = None
-) -> Points:
-    """Draw the points and walls of a state into an axes."""
-    if size is not None:
-        positive("size", size)
-    view.set_up(ax, extent, state.scene.grid.cell)
-    show_at(scenery(ax, state.scene, view), state.time)
-    return Points(ax, state, brush, view, size=size)
+class Drawing:
+    """A state drawn in an axes: material, bodies and walls. It can show another state.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes to draw into.
+    state : State
+    brush : Brush
+        Colours of the material.
+    view : View
+    extent : ((left, right), (bottom, top))
+        Region to draw [m].
+    size : float, optional
+        Diameter of the points [m], if they are to be discs.
+    pixels : int
+        Pixels along the longer side of the region.
+    """
+
+    def __init__(
+        self,
+        ax: Axes,
+        state: State,
+        brush: Brush,
+        view: View,
+        extent: Extent,
+        *,
+        size: float | None = None,
+        pixels: int = PIXELS,
+    ) -> None:
+        if size is not None:
+            positive("size", size)
+        view.set_up(ax, extent, state.scene.grid.cell)
+        self._parts = scenery(ax, state.scene, view)
+        self._bodies = Bodies(ax, state.scene, state.bodies, view, extent, pixels)
+        self._material = Material(ax, state, brush, view, extent, size=size, pixels=pixels)
+        show_at(self._parts, state.time)
+
+    @property
+    def artists(self) -> list[Artist]:
+        """All artists, in the order in which they cover each other."""
+        walls = (artist for artist, _, _ in self._parts)
+        return sorted([*walls, self._material.artist, *self._bodies.artists], key=_height)
+
+    def update(self, state: State) -> None:
+        """Show another state."""
+        self._material.update(state)
+        self._bodies.update(state.bodies)
+        show_at(self._parts, state.time)
+
+
+def _height(artist: Artist) -> float:
+    return artist.get_zorder()

@@ -2,37 +2,24 @@
 
 import math
 import os
-import shutil
-import subprocess
-import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
 from numpy.typing import NDArray
-from PIL import Image
-from tqdm.auto import tqdm
 
-from granular.checks import in_range, integer
-from granular.plot.canvas import Extent, View, color_bar, diameter, figure_of, scenery, show_at
+from granular.checks import integer
+from granular.plot.canvas import Extent, View, checked_extent, color_bar, figure_of
+from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import Brush
-from granular.plot.frame import new_axes
+from granular.plot.frame import Drawing, beside, fitted_extent, new_axes
 from granular.record import Trajectory
 from granular.state import State
-
-SCANNED = 16
-"""Number of frames to which the colour scale and the extent are fitted."""
-MAX_FPS = {".gif": 50.0, ".mp4": 240.0}
-"""Largest frames per second. A GIF counts hundredths of a second, and viewers show a frame for at
-least two."""
 
 
 def movie(
     record: Sequence[State] | Trajectory,
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     *,
     color: str = "shear_rate",
     fps: float = 25.0,
@@ -47,16 +34,18 @@ def movie(
     dpi: int = 100,
     overwrite: bool = False,
     progress: bool = False,
-) -> Path:
-    """Write an animated GIF, or an MP4 if ffmpeg is installed, with every frame of a record.
+) -> Movie:
+    """Make an animated GIF or an MP4 with every frame of a record.
 
-    To leave out frames, slice the record: `movie(record[::2], ...)`.
+    MP4 needs ffmpeg: one of the system, or that of ``pip install 'granular[movies]'``. To leave out
+    frames, slice the record: `movie(record[::2], ...)`.
 
     Parameters
     ----------
     record : Trajectory or sequence of State
-    path : path
-        File to write, ending in .gif or .mp4. It appears when it is complete.
+    path : path, optional
+        File to write, ending in .gif or .mp4. It appears when it is complete. Without a path the
+        movie is kept in memory, for a notebook: as MP4 if there is an ffmpeg, else as GIF.
     color, limits, log, cmap, smooth, size, extent, view, slab
         As in `frame`, but `color` must be a name. Scale and extent are the same for all frames; by
         default they are fitted to 16 of them.
@@ -72,8 +61,8 @@ def movie(
 
     Returns
     -------
-    Path
-        Path of the file.
+    Movie
+        It plays where a notebook shows it; `path` is that of its file.
 
     Raises
     ------
@@ -84,54 +73,29 @@ def movie(
     RuntimeError
         If ffmpeg fails.
     """
-    path = check_movie(path, overwrite=overwrite)
-    fps = in_range("fps", fps, 0.0, MAX_FPS[path.suffix.lower()], open_low=True)
+    check_movie(path, fps=fps, overwrite=overwrite)
     if len(record) == 0:
         raise ValueError("record has 0 frames, a movie needs at least 1")
-    some = np.unique(np.linspace(0, len(record) - 1, SCANNED).astype(int))
-    sample = [record[int(i)] for i in some]
+    sample = [record[i] for i in sampled(len(record))]
     brush = Brush.fitted(sample, color, limits=limits, log=log, cmap=cmap, smooth=smooth)
     seen = View(sample[0].dim, view, slab)
     stage = _Stage(
         sample[0],
         brush,
         seen,
-        extent=seen.extent(sample) if extent is None else extent,
+        extent=fitted_extent(sample, seen) if extent is None else checked_extent(extent),
         size=size,
         dpi=integer("dpi", dpi, 20, 600),
     )
-    bar = tqdm(record, desc=path.name, unit="frame", disable=not progress)
-    with _replacing(path) as target:
-        if path.suffix.lower() == ".gif":
-            _write_gif(target, [stage.shot(s) for s in sample], (stage.shot(s) for s in bar), fps)
-        else:
-            _write_mp4(target, (stage.shot(s) for s in bar), fps)
-    return path
 
+    def shot(i: int) -> NDArray[np.uint8]:
+        return stage.shot(record[i])
 
-def check_movie(path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-    """Check that a movie can be written, before the work is done.
-
-    Raises
-    ------
-    FileExistsError, FileNotFoundError, ValueError
-        As `movie`; FileNotFoundError if the folder does not exist.
-    """
-    path = Path(path)
-    ending = path.suffix.lower()
-    if ending not in MAX_FPS:
-        raise ValueError(f"path = {str(path)!r} must end in .gif or .mp4")
-    if ending == ".mp4" and shutil.which("ffmpeg") is None:
-        raise ValueError(f"path = {str(path)!r} must end in .gif: .mp4 needs ffmpeg, not found")
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path.parent} is not a folder")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists already; overwrite=True replaces it")
-    return path
+    return make_movie(path, len(record), shot, fps=fps, overwrite=overwrite, progress=progress)
 
 
 class _Stage:
-    """Canvas of movies: fixed parts are drawn once, points are written straight into its pixels."""
+    """Canvas of movies: fixed parts are drawn once, and only the others again for each frame."""
 
     def __init__(
         self,
@@ -143,126 +107,30 @@ class _Stage:
         size: float | None,
         dpi: int,
     ) -> None:
-        self._brush, self._view = brush, view
         self._ax = ax = new_axes(extent)
         figure = figure_of(ax)
         figure.set_dpi(dpi)
         self._canvas = FigureCanvasAgg(figure)
         view.set_up(ax, extent, state.scene.grid.cell)
-        self._parts = scenery(ax, state.scene, view)
         self._title = ax.set_title("t = 0 s")
-        color_bar(figure, ScalarMappable(brush.norm, brush.cmap), brush, ax=ax)
+        color_bar(figure, brush, ax=ax, location=beside(extent))
         self._canvas.draw()  # the layout is computed with everything in it
-        self._moving = [*(artist for artist, _, _ in self._parts), self._title]
+        box = ax.get_window_extent()
+        pixels = math.ceil(max(box.width, box.height))
+        self._drawing = Drawing(ax, state, brush, view, extent, size=size, pixels=pixels)
+        self._moving = [*self._drawing.artists, self._title]
         for artist in self._moving:
             artist.set_animated(True)
         self._canvas.draw()
         self._background = self._canvas.copy_from_bbox(figure.bbox)
-        self._stamp = self._disc(diameter(state) if size is None else size)
-
-    def _disc(self, size: float) -> NDArray[np.intp]:
-        """Pixels (row, column) of a point relative to its upper left pixel, shape (k, 2)."""
-        left, right = self._ax.get_xlim()
-        pixels = size * self._ax.get_window_extent().width / (right - left)
-        self._across = max(1, math.ceil(pixels - 0.2))
-        side = np.arange(self._across)
-        grid = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
-        off = grid - (self._across - 1) / 2
-        # Small points are squares: a disc of three pixels would be a cross.
-        return grid[(off**2).sum(axis=1) <= (self._across / 2 + 0.3) ** 2]
-
-    def _stamp_points(self, state: State) -> None:
-        pixels = np.asarray(self._canvas.buffer_rgba())
-        height, width = pixels.shape[:2]
-        box = self._ax.get_window_extent()
-        place = self._ax.transData.transform(self._view.places(state))
-        # Matplotlib counts from the lower edge, pixels from the upper one.
-        place = np.stack([height - place[:, 1], place[:, 0]], axis=1) - self._across / 2
-        at = np.rint(place).astype(np.intp)[:, None, :] + self._stamp
-        row, column = at[..., 0], at[..., 1]
-        inside = (column > box.x0) & (column < box.x1 - 1)
-        inside &= (row > height - box.y1) & (row < height - box.y0 - 1)
-        # `places` orders the points from back to front; of equal indices the last one remains.
-        values = self._brush.paint(state)[self._view.order(state)]
-        colors = self._brush.cmap(self._brush.norm(values), bytes=True)
-        flat = pixels.reshape(height * width, 4)
-        which = np.nonzero(inside)
-        flat[row[which] * width + column[which]] = colors[which[0]]
 
     def shot(self, state: State) -> NDArray[np.uint8]:
         """Draw a state; return its pixels, shape (height, width, 3), height and width even."""
         self._canvas.restore_region(self._background)
-        self._stamp_points(state)
         self._title.set_text(f"t = {state.time:.3f} s")
-        show_at(self._parts, state.time)
+        self._drawing.update(state)
         for artist in self._moving:
             self._ax.draw_artist(artist)
         pixels = np.asarray(self._canvas.buffer_rgba())
         height, width = (n - n % 2 for n in pixels.shape[:2])
         return np.ascontiguousarray(pixels[:height, :width, :3])
-
-
-def _write_gif(
-    target: Path,
-    sample: Sequence[NDArray[np.uint8]],
-    shots: Iterator[NDArray[np.uint8]],
-    fps: float,
-) -> None:
-    # One palette for all frames, without dithering: pixels at rest do not change and cost nothing.
-    palette = Image.fromarray(np.concatenate(sample[:: max(1, len(sample) // 4)])).quantize(255)
-    frames = (
-        Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots
-    )
-    next(frames).save(
-        target,
-        format="GIF",
-        save_all=True,
-        append_images=frames,
-        duration=10 * round(100 / fps),
-        loop=0,
-    )
-
-
-def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> None:
-    first = next(shots)
-    height, width = first.shape[:2]
-    command = [
-        *("ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
-        *("-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-", "-an"),
-        *("-pix_fmt", "yuv420p", "-f", "mp4", str(target)),
-    ]
-    with tempfile.TemporaryFile() as messages:
-        process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=messages, bufsize=0)
-        try:
-            # If ffmpeg fails it closes its end of the pipe; its message is raised below.
-            assert process.stdin is not None
-            with suppress(BrokenPipeError), process.stdin as pipe:
-                pipe.write(first.tobytes())
-                for shot in shots:
-                    pipe.write(shot.tobytes())
-        except BaseException:
-            process.kill()
-            process.wait()
-            raise
-        if process.wait() != 0:
-            messages.seek(0)
-            said = messages.read().decode(errors="replace").strip().splitlines()
-            raise RuntimeError(f"ffmpeg failed: {said[-1] if said else 'without a word'}")
-
-
-@contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path that replaces `path` on success and is deleted on failure."""
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    target = Path(name)
-    try:
-        yield target
-        # mkstemp makes private files; the movie gets the permissions of any new file.
-        mask = os.umask(0)
-        os.umask(mask)
-        target.chmod(0o666 & ~mask)
-        target.replace(path)
-    except BaseException:
-        target.unlink(missing_ok=True)
-        raise

@@ -1,5 +1,6 @@
-"""Pictures of 3D states and their bodies, drawn off-screen by pyvista."""
+"""Pictures and movies of 3D states and their bodies, drawn off-screen by pyvista."""
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,20 +11,26 @@ from matplotlib.colors import LogNorm
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import in_range, integer, one_of
-from granular.mpm.bodies import BodyState, state_of
+from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import MISSING, Brush
+from granular.plot.volume import filled_volume, inside_slab
 from granular.record import Trajectory
 from granular.record.surfaces import surface
 from granular.simulation import Simulation
 from granular.state import State
 
 CAMERAS = ("iso", "xy", "xz", "yz", "yx", "zx", "zy")
+STYLES = ("surface", "points")
 TOOL = "#9aa0a6"
 """Colour of bodies."""
+GLOSS = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "specular_power": 20.0}
+"""Light on material and bodies: no part is black, and edges are seen."""
 BAR = {
-    "vertical": True, "position_x": 0.8, "position_y": 0.15, "height": 0.7, "width": 0.08,
-    "n_labels": 3, "fmt": "%.3g", "title_font_size": 14, "label_font_size": 12,
+    "vertical": True, "position_x": 0.86, "position_y": 0.15, "height": 0.7, "width": 0.06,
+    "n_labels": 3, "fmt": "%.3g", "title_font_size": 14, "label_font_size": 12, "color": "black",
 }  # fmt: skip
+
+Slab = tuple[str, float, float]
 
 
 def view(
@@ -32,8 +39,8 @@ def view(
     color: str | ArrayLike = "shear_rate",
     *,
     frame: int = -1,
-    bodies: Sequence[BodyState] | None = None,
-    slab: tuple[str, float, float] | None = None,
+    style: str = "surface",
+    slab: Slab | None = None,
     camera: str | tuple[float, float, float] = "iso",
     limits: tuple[float, float] | None = None,
     log: bool | None = None,
@@ -41,23 +48,25 @@ def view(
     opacity: float = 1.0,
     window: tuple[int, int] = (960, 720),
 ) -> Path:
-    """Draw 3D material points and bodies to a file, without opening a window.
+    """Draw a 3D state and its bodies to a file, without opening a window.
 
     Parameters
     ----------
     source : State, Simulation or Trajectory
-        State to draw; a simulation or a record also shows its bodies at their positions.
+        State to draw, with its bodies where they are.
     path : path
         PNG file to write.
     color, limits, log, cmap
         See `granular.plot.frame`.
     frame : int
         Frame of a record; by default the last one.
-    bodies : sequence of BodyState, optional
-        If `source` is a state: the poses of the bodies of its scene, in their order (`sim.bodies`).
-        Without them no body is drawn.
+    style : {"surface", "points"}
+        Draw the body of the material, up to its free surface, or its points as spheres. The free
+        surface is where the filling fraction is one half, after smoothing over 1.5 spacings of the
+        points; within a spacing or two of it single points are not seen.
     slab : (axis, low, high), optional
-        Draw only the slice of points between two coordinates [m] along the axis "x", "y" or "z".
+        Draw only the slice of material between two coordinates [m] along the axis "x", "y" or "z",
+        whose cut faces have the colours of the inside.
     camera : {"iso", "xy", "xz", "yz", "yx", "zx", "zy"} or (float, float, float)
         The axes to the right and up, or the direction from the middle to the eye, with z up.
     opacity : float
@@ -76,35 +85,165 @@ def view(
     TypeError, ValueError
         Naming argument, value and allowed range.
     """
-    pyvista = _pyvista()
-    state, poses = _look(source, frame, bodies)
-    size = tuple(integer(f"window[{k}]", n, 16) for k, n in enumerate(window))
+    state = _state_of(source, frame)
     brush = Brush.fitted([state], color, limits=limits, log=log, cmap=cmap)
-    solid = in_range("opacity", opacity, 0.0, 1.0)
-    seen = _within(state, slab)
-    plotter = pyvista.Plotter(off_screen=True, window_size=size)
+    stage = _Stage([state], brush, style, slab, camera, opacity, window)
     try:
-        if seen.any():
-            cloud = pyvista.PolyData(np.ascontiguousarray(state.x[seen]))
-            cloud[brush.quantity.title] = brush.paint(state).filled(np.nan)[seen]
-            plotter.add_mesh(
-                cloud,
-                clim=(brush.norm.vmin, brush.norm.vmax),
-                log_scale=isinstance(brush.norm, LogNorm),
-                cmap=brush.cmap,
-                nan_color=MISSING,
-                point_size=_pixels(state, min(size)),
-                render_points_as_spheres=True,
-                scalar_bar_args=BAR,
-            )
-        for mesh in _meshes(pyvista, state, poses):
-            plotter.add_mesh(mesh, color=TOOL, opacity=solid)
-        plotter.add_text(f"t = {state.time:.3g} s", font_size=10)
-        _aim(plotter, camera)
-        plotter.screenshot(str(path))
+        stage.show(state)
+        stage.plotter.screenshot(str(path))
     finally:
-        plotter.close()
+        stage.plotter.close()
     return Path(path)
+
+
+def view_movie(
+    record: Sequence[State] | Trajectory,
+    path: str | os.PathLike[str] | None = None,
+    color: str = "shear_rate",
+    *,
+    style: str = "surface",
+    slab: Slab | None = None,
+    camera: str | tuple[float, float, float] = "iso",
+    limits: tuple[float, float] | None = None,
+    log: bool | None = None,
+    cmap: str | None = None,
+    opacity: float = 1.0,
+    window: tuple[int, int] = (960, 720),
+    fps: float = 25.0,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Movie:
+    """Make a movie of 3D states as `view` draws them, with one camera and one scale of colours.
+
+    Parameters
+    ----------
+    record : Trajectory or sequence of State
+    path, fps, overwrite, progress
+        See `granular.plot.movie`.
+    color, style, slab, camera, limits, log, cmap, opacity, window
+        See `view`. Scale and camera are fitted to 16 of the frames.
+
+    Returns
+    -------
+    Movie
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pyvista is not installed.
+    FileExistsError, TypeError, ValueError
+        As `view` and `granular.plot.movie`.
+    """
+    check_movie(path, fps=fps, overwrite=overwrite)
+    if len(record) == 0:
+        raise ValueError("record has 0 frames, a movie needs at least 1")
+    sample = [_state_of(record[i], -1) for i in sampled(len(record))]
+    brush = Brush.fitted(sample, color, limits=limits, log=log, cmap=cmap)
+    stage = _Stage(sample, brush, style, slab, camera, opacity, window)
+    try:
+
+        def shot(i: int) -> NDArray[np.uint8]:
+            stage.show(record[i])
+            pixels = np.asarray(stage.plotter.screenshot(return_img=True))
+            height, width = (n - n % 2 for n in pixels.shape[:2])
+            return np.ascontiguousarray(pixels[:height, :width, :3])
+
+        return make_movie(path, len(record), shot, fps=fps, overwrite=overwrite, progress=progress)
+    finally:
+        stage.plotter.close()
+
+
+class _Stage:
+    """Plotter with a fixed camera, in which one state after the other is shown."""
+
+    def __init__(
+        self,
+        states: Sequence[State],
+        brush: Brush,
+        style: str,
+        slab: Slab | None,
+        camera: str | tuple[float, float, float],
+        opacity: float,
+        window: tuple[int, int],
+    ) -> None:
+        self._pyvista = _pyvista()
+        self._brush, self._slab = brush, _checked(slab)
+        self._style = one_of("style", style, STYLES)
+        self._opacity = in_range("opacity", opacity, 0.0, 1.0)
+        self._size = tuple(integer(f"window[{k}]", n, 16) for k, n in enumerate(window))
+        self._surfaces = _surfaces(self._pyvista, states[0])
+        direction = _direction(camera)
+        self.plotter = self._pyvista.Plotter(off_screen=True, window_size=self._size)
+        self.plotter.set_background("white")
+        low, high = self._bounds(states)
+        self._aim(camera, direction)
+        self.plotter.reset_camera(bounds=tuple(np.stack([low, high], axis=1).ravel()))
+        # The scale is at the right.
+        self.plotter.camera.SetWindowCenter(0.12, 0.0)
+
+    def _bounds(self, states: Sequence[State]) -> tuple[NDArray, NDArray]:
+        """Box of the material and of the bodies of some states."""
+        found = []
+        for state in states:
+            seen = state.x[inside_slab(state.x, self._slab)]
+            found += [seen] if len(seen) else []
+            found += [np.asarray(mesh.points) for mesh in self._placed(state)]
+        every = np.concatenate(found) if found else np.array([states[0].scene.grid.lower])
+        return every.min(axis=0), every.max(axis=0)
+
+    def _placed(self, state: State) -> list[Any]:
+        """Surfaces of the bodies in their poses."""
+        placed = []
+        for mesh, pose in zip(self._surfaces, state.bodies, strict=True):
+            placed.append(mesh.copy())
+            placed[-1].points = mesh.points @ pose.rotation.T + pose.position
+        return placed
+
+    def _aim(self, camera: str | tuple[float, float, float], direction: Any) -> None:
+        if direction is None:
+            self.plotter.camera_position = camera
+        else:
+            up = (0.0, 0.0, 1.0) if direction[:2].any() else (0.0, 1.0, 0.0)
+            self.plotter.view_vector(tuple(direction), viewup=up)
+
+    def show(self, state: State) -> None:
+        """Show a state in place of another one."""
+        plotter, brush = self.plotter, self._brush
+        plotter.clear_actors()
+        scale = {
+            "clim": (brush.norm.vmin, brush.norm.vmax),
+            "cmap": brush.cmap,
+            "nan_color": MISSING,
+            "log_scale": isinstance(brush.norm, LogNorm),
+            "scalar_bar_args": BAR | {"title": f"{brush.quantity.title}\n"},
+        }
+        mesh = self._material(state)
+        if mesh is not None:
+            points = {
+                "point_size": _pixels(state, min(self._size)),
+                "render_points_as_spheres": True,
+            }
+            options = points if self._style == "points" else {"smooth_shading": True} | GLOSS
+            if self._style == "surface":
+                options["split_sharp_edges"] = True
+            plotter.add_mesh(mesh, reset_camera=False, **scale, **options)
+        look = {"color": TOOL, "opacity": self._opacity, "reset_camera": False} | GLOSS
+        for body in self._placed(state):
+            plotter.add_mesh(body, smooth_shading=True, split_sharp_edges=True, **look)
+        plotter.add_text(f"t = {state.time:.3g} s", font_size=10, color="black", name="time")
+
+    def _material(self, state: State) -> Any:
+        """Mesh or points of the material with their values; None if there are none."""
+        values = self._brush.paint(state).filled(np.nan)
+        if self._style == "surface":
+            mesh = filled_volume(self._pyvista, state, values, self._brush, self._slab)
+            return None if mesh is None else mesh.extract_surface(algorithm="dataset_surface")
+        seen = inside_slab(state.x, self._slab)
+        if not seen.any():
+            return None
+        cloud = self._pyvista.PolyData(np.ascontiguousarray(state.x[seen]))
+        cloud[self._brush.quantity.title] = values[seen]
+        return cloud
 
 
 def _pixels(state: State, width: int) -> float:
@@ -114,14 +253,14 @@ def _pixels(state: State, width: int) -> float:
     return max(2.0, 1.2 * width * spacing / spread)
 
 
-def _meshes(pyvista: Any, state: State, poses: Sequence[BodyState]) -> list[Any]:
-    """Surfaces of the bodies in their poses."""
+def _surfaces(pyvista: Any, state: State) -> list[Any]:
+    """Surfaces of the bodies in their own coordinates."""
     grid, found = state.scene.grid, []
-    far = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
-    for body, pose in zip(state.scene.bodies, poses, strict=bool(poses)):
+    far = math.dist(grid.upper, grid.lower)
+    for body in getattr(state.scene, "bodies", ()):
         vertices, polygons = surface(body.shape, 3, far)
         faces = np.concatenate([(len(polygon), *polygon) for polygon in polygons])
-        found.append(pyvista.PolyData(vertices @ pose.rotation.T + pose.position, faces))
+        found.append(pyvista.PolyData(vertices, faces))
     return found
 
 
@@ -135,46 +274,33 @@ def _pyvista() -> Any:
     return pyvista
 
 
-def _look(
-    source: State | Simulation | Trajectory, frame: int, bodies: Sequence[BodyState] | None
-) -> tuple[State, Sequence[BodyState]]:
-    """Return the 3D state to draw, and the poses of its bodies."""
-    poses: Sequence[BodyState]
+def _state_of(source: State | Simulation | Trajectory, frame: int) -> State:
+    """Return the 3D state to draw."""
     if isinstance(source, Trajectory):
         state = source[integer("frame", frame, -len(source), len(source) - 1)]
-        poses = [state_of(numbers, state.dim) for numbers in source.bodies[frame]]
-    elif isinstance(source, Simulation):
-        state, poses = source.state, getattr(source, "bodies", ())
     else:
-        state, poses = source, () if bodies is None else tuple(bodies)
-        if poses and len(poses) != len(state.scene.bodies):
-            raise ValueError(
-                f"bodies: {len(poses)} must be as many as those of the scene, "
-                f"{len(state.scene.bodies)}"
-            )
+        state = source.state if isinstance(source, Simulation) else source
     if state.dim != 3:
         raise ValueError(f"source of dimension {state.dim} must have 3: see plot.frame")
-    return state, poses
+    return state
 
 
-def _within(state: State, slab: tuple[str, float, float] | None) -> NDArray[np.bool_]:
+def _checked(slab: Slab | None) -> Slab | None:
     if slab is None:
-        return np.ones(state.n, dtype=bool)
+        return None
     axis, low, high = slab
     one_of("slab[0]", axis, ("x", "y", "z"))
     if not low < high:
         raise ValueError(f"slab = {slab} must ascend")
-    along = state.x[:, "xyz".index(axis)]
-    return (along >= low) & (along <= high)
+    return slab
 
 
-def _aim(plotter: Any, camera: str | tuple[float, float, float]) -> None:
-    """Aim the camera."""
+def _direction(camera: str | tuple[float, float, float]) -> NDArray | None:
+    """Direction to the eye; None for a camera with a name."""
     if isinstance(camera, str):
-        plotter.camera_position = one_of("camera", camera, CAMERAS)
-        return
+        one_of("camera", camera, CAMERAS)
+        return None
     direction = np.asarray(camera, dtype=float)
     if direction.shape != (3,) or not np.isfinite(direction).all() or not direction.any():
         raise ValueError(f"camera = {camera} must be three finite numbers, not all 0")
-    up = (0.0, 0.0, 1.0) if direction[:2].any() else (0.0, 1.0, 0.0)
-    plotter.view_vector(tuple(direction), viewup=up)
+    return direction

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
@@ -14,9 +14,12 @@ from granular.record.checkpoint import Checkpoint
 from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
 from granular.record.layout import RecordError, format_of, reading
+from granular.state import STANDARD
 
 if TYPE_CHECKING:
     from granular.diagnostics import Health
+    from granular.mpm.bodies import BodyState
+    from granular.plot import Movie
     from granular.sph.gas import GasState
     from granular.state import State
     from granular.typing import AnyScene
@@ -120,6 +123,40 @@ class Trajectory:
 
         return write_bodies(self, path, overwrite=overwrite)
 
+    def movie(self, path: str | os.PathLike[str] | None = None, **options: Any) -> "Movie":
+        """Make a movie of these frames, which plays in a notebook; see `granular.plot.movie`."""
+        # Imported here: reading a record needs no pictures.
+        from granular.plot import movie
+
+        return movie(self, path, **options)
+
+    def to_xarray(self, fields: Collection[str] = STANDARD) -> Any:
+        """Return a `xarray.Dataset` of these frames, all in memory.
+
+        Fields of points have the dimensions time and id, and are nan where a point is not there any
+        more; those of a gas begin with "gas_", the motion and impulses of bodies with "body_", and
+        what monitors measured with "sample_". For a part of the frames, slice the record.
+
+        Parameters
+        ----------
+        fields : collection of str
+            Derived quantities besides the stored fields, of `granular.measure.derived`.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If xarray is not installed: ``pip install 'granular[tables]'``.
+        TypeError, ValueError
+            If there are no frames or no such quantity, or the scene has not what it takes.
+        """
+        from granular.record.export import dataset
+
+        return dataset(self, fields)
+
+    def to_pyvista(self, i: int = -1, fields: Collection[str] = STANDARD) -> Any:
+        """Return frame `i` as a `pyvista.MultiBlock`; see `granular.State.to_pyvista`."""
+        return self[i].to_pyvista(fields)
+
     def health(self) -> "Health":
         """Judge the run by the samples of the monitors at these frames."""
         # Imported here: reading a record does not need the whole package.
@@ -149,11 +186,22 @@ class Trajectory:
         from granular.state import State
 
         scene, fields = self.scene, self._contents.read(frame)
-        gas = {"gas": self._gas(frame.gas)} if frame.gas else {}
+        extra: dict[str, Any] = {"gas": self._gas(frame.gas)} if frame.gas else {}
+        if getattr(scene, "bodies", ()):
+            extra["bodies"] = self._body_states(frame)
         with reading(self.path):
             return State(
-                scene=scene, time=frame.time, step=frame.step, dt=frame.dt, fields=fields, **gas
+                scene=scene, time=frame.time, step=frame.step, dt=frame.dt, fields=fields, **extra
             )
+
+    def _body_states(self, frame: Frame) -> "list[BodyState]":
+        # Imported here: a record need not have bodies.
+        from granular.mpm.bodies import NUMBERS, state_of
+
+        names = names_of(BODY, len(self.scene.bodies), NUMBERS)
+        with reading(self.path):
+            rows = np.array([frame.samples[name] for name in names]).reshape(-1, NUMBERS)
+        return [state_of(row, self.scene.dim) for row in rows]
 
     def _gas(self, frame: Frame) -> "GasState":
         # Imported here: only records with gas need it.

@@ -3,19 +3,55 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from granular import _core
 from granular.buffers import default_isa
 from granular.checks import positive
+from granular.measure.derived import check_derived, derived
+from granular.mpm.scene import Scene as MpmScene
 from granular.record.layout import RecordError
 from granular.running import EVERY
+from granular.state import State
 
-__all__ = ["settings_of", "usable_isa"]
+if TYPE_CHECKING:
+    from granular.typing import AnyScene
+
+__all__ = ["check_alike", "fields_to_store", "settings_of", "usable_isa"]
 
 
-def settings_of(path: Path, provenance: object) -> tuple[float, str | None]:
-    """Time between frames [s] and instruction set of a record, from its provenance."""
+def _kind(scene: AnyScene) -> dict[str, object]:
+    """Parts of a scene that determine what its checkpoints hold."""
+    found: dict[str, object] = {
+        "grid": scene.grid,
+        "material": type(scene.material).__name__,
+        "walls": len(scene.walls),
+    }
+    if isinstance(scene, MpmScene):
+        found |= {
+            "material.elasticity": scene.material.elasticity,
+            "scheme.basis": scene.scheme.basis,
+            "scheme.transfer": scene.scheme.transfer,
+            "scheme.density": type(scene.scheme.density).__name__,
+            "bodies": len(scene.bodies),
+        }
+    return found
+
+
+def check_alike(before: AnyScene, scene: AnyScene) -> None:
+    """Refuse a scene into which the points of another one do not fit."""
+    if type(scene) is not type(before):
+        raise TypeError(f"scene = {scene!r} must be a scene of the method {before.method!r}")
+    now = _kind(scene)
+    for name, part in _kind(before).items():
+        if now[name] != part:
+            raise ValueError(f"scene: {name} = {now[name]} must be {part}, as in the record")
+
+
+def settings_of(path: Path, provenance: object) -> tuple[float, str | None, tuple[str, ...]]:
+    """Time between frames [s], instruction set and derived fields of a record."""
     if not isinstance(provenance, dict):
         raise RecordError(f"{path}: damaged record: its provenance must be an object of JSON")
     isa = provenance.get("isa")
@@ -23,9 +59,38 @@ def settings_of(path: Path, provenance: object) -> tuple[float, str | None]:
         every = positive("every", provenance.get("every", EVERY))
         if isa is not None and not isinstance(isa, str):
             raise TypeError(f"isa = {isa!r} must be a string")
+        fields = check_derived("fields", provenance.get("fields", ()))
     except (TypeError, ValueError) as error:
         raise RecordError(f"{path}: damaged record: {error}") from None
-    return every, isa
+    return every, isa, fields
+
+
+def fields_to_store(
+    given: object, before: tuple[str, ...], *, goes_on: bool, state: Callable[[], State]
+) -> tuple[str, ...]:
+    """Derived fields of the frames of a run: those `given`, or those of the run before it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are not names of `granular.measure.derived.DERIVED`, the scene has not what one
+        takes, or the run goes on with a record that has others.
+    """
+    if given is None:
+        return before
+    names = check_derived("fields", given)
+    if goes_on and names != before:
+        raise ValueError(f"fields = {names} must be None or those of the record, {before}")
+    if names:
+        first = state()
+        for name in names:
+            try:
+                derived(first, name)
+            except ValueError as error:
+                raise ValueError(
+                    f"fields: {name!r} needs more than the scene has: {error}"
+                ) from None
+    return names
 
 
 def usable_isa(isa: str | None, path: Path) -> str | None:

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
-from granular.mpm.bodies import split
+from granular.geometry import Grid
+from granular.mpm.bodies import Body, BodyState, split
 from granular.mpm.body_measures import arrays_of
 from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import OPERATIONS, Union
@@ -82,9 +83,20 @@ def write_bodies(
     return path
 
 
+def placed_surface(grid: Grid, body: Body, pose: BodyState) -> Patches:
+    """Surface of a body in a pose, in the coordinates of the scene, in 2D at z = 0."""
+    far = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
+    vertices, polygons = surface(body.shape, grid.dim, far)
+    turn, position = np.eye(3), np.zeros(3)
+    turn[: grid.dim, : grid.dim], position[: grid.dim] = pose.rotation, pose.position
+    return vertices @ turn.T + position, polygons
+
+
 def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
     """Vertices of a body at every frame, shape (frames, n, 3)."""
-    turn = Rotation.from_quat(pose["quaternion"][:, [1, 2, 3, 0]]).as_matrix()
+    turn = scipy.spatial.transform.Rotation.from_quat(
+        pose["quaternion"][:, [1, 2, 3, 0]]
+    ).as_matrix()
     return np.einsum("fij,nj->fni", turn, vertices) + pose["position"][:, None]
 
 

@@ -120,7 +120,7 @@ class TrajectoryWriter:
     Parameters
     ----------
     path
-        Path of the file, usually ``*.h5``; a symbolic link is followed.
+        Path of the file, usually ``*.vtkhdf``, which ParaView opens; a symbolic link is followed.
     scene
         The scene of the run.
     overwrite

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from scipy.optimize import brentq
+import scipy
 
 from granular.checks import finite, in_range, non_negative, positive
 from granular.geometry import Fill, Grid
@@ -122,4 +122,4 @@ def _level(fraction: float) -> float:
     def excess(h: float) -> float:
         return math.acos(-h) + h * math.sqrt(1.0 - h * h) - math.pi * fraction
 
-    return float(brentq(excess, -1.0, 1.0, xtol=1e-15))
+    return float(scipy.optimize.brentq(excess, -1.0, 1.0, xtol=1e-15))

@@ -214,7 +214,7 @@ class GasState:
     id : ndarray, (n,)
     x, v, a : ndarray, (n, dim)
         Position [m], within the period, velocity [m/s], acceleration [m/s2].
-    mass, rho, p, porosity : ndarray, (n,)
+    mass, density, pressure, porosity : ndarray, (n,)
         Mass [kg], density of the gas itself [kg/m3], pressure [Pa], local porosity of the grains.
     """
 
@@ -224,8 +224,8 @@ class GasState:
     v: NDArray[np.float64]
     a: NDArray[np.float64]
     mass: NDArray[np.float64]
-    rho: NDArray[np.float64]
-    p: NDArray[np.float64]
+    density: NDArray[np.float64]
+    pressure: NDArray[np.float64]
     porosity: NDArray[np.float64]
 
     def __post_init__(self) -> None:

@@ -182,8 +182,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
         first = self._rows.gas_first
         rows = slice(first, first + int(self._engine.scalars()["n_gas"]))
         fields = self._ordered(rows, ("x", "v", "a", "mass", "rho", "stress", "porosity"))
-        p = np.ascontiguousarray(-fields.pop("stress")[:, 0])
-        return {"gas": GasState(time=self.time, p=p, **fields)}
+        fields["density"] = fields.pop("rho")
+        fields["pressure"] = np.ascontiguousarray(-fields.pop("stress")[:, 0])
+        return {"gas": GasState(time=self.time, **fields)}
 
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         self._evaluate()

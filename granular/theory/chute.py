@@ -16,10 +16,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
-from scipy.linalg import solve_banded
-from scipy.sparse import csc_array, diags_array
 
 from granular.checks import in_range, integer, non_negative, positive
 from granular.materials import NGF
@@ -250,7 +248,7 @@ class Layer:
         """
         u = np.full(self.cells, self.growth / self.slope)
         for _ in range(100):
-            change = solve_banded((1, 1), self.jacobian(u), self.rate(u))
+            change = scipy.linalg.solve_banded((1, 1), self.jacobian(u), self.rate(u))
             u = u - change
             if np.max(np.abs(change)) <= 1e-12 * np.max(u):
                 return u
@@ -272,13 +270,15 @@ class Layer:
         if stops[-1] == 0.0 or scale == 0.0:
             return np.tile(u, (times.size, 1))
 
-        def jacobian(_: float, u: Array) -> csc_array:
+        def jacobian(_: float, u: Array) -> scipy.sparse.csc_array:
             bands = self.jacobian(u) / self.t0
-            return csc_array(
-                diags_array([bands[0, 1:], bands[1], bands[2, :-1]], offsets=[1, 0, -1])
+            return scipy.sparse.csc_array(
+                scipy.sparse.diags_array(
+                    [bands[0, 1:], bands[1], bands[2, :-1]], offsets=[1, 0, -1]
+                )
             )
 
-        found = solve_ivp(
+        found = scipy.integrate.solve_ivp(
             lambda _, u: self.rate(u) / self.t0,
             (0.0, stops[-1]),
             u,

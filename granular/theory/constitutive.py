@@ -11,9 +11,8 @@ from itertools import cycle, pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from granular.checks import finite, non_negative, one_of, positive
 from granular.materials import MuI
@@ -282,7 +281,7 @@ class _DensityHistory:
         self._gradient, self._edges, self._parts = gradient, breakpoints, []
         for a, b in pairwise(breakpoints):
             smooth = _one_sided(gradient, a, b)
-            part = solve_ivp(
+            part = scipy.integrate.solve_ivp(
                 lambda t, _, smooth=smooth: [-np.trace(smooth(t))],
                 (a, b),
                 [start],
@@ -314,7 +313,7 @@ class _DensityHistory:
             # The steps are short (1/16 of a smooth piece); a root is searched for in each.
             side = part.y[0] > level
             for k in np.flatnonzero(side[1:] != side[:-1]):
-                found.append(brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
+                found.append(scipy.optimize.brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
         return found
 
     def events(self) -> tuple[Event, ...]:
@@ -357,7 +356,7 @@ def _integrate(
 ) -> tuple[Array, Array]:
     """Stress at `times` and at the end of a dense piece."""
     wanted = np.append(times, span[1])
-    solution = solve_ivp(
+    solution = scipy.integrate.solve_ivp(
         lambda t, s: stress_rate(s, smooth(t), material),
         span,
         stress,

@@ -17,10 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.integrate import cumulative_trapezoid, solve_ivp
-from scipy.linalg import solve_banded
-from scipy.optimize import brentq
 
 from granular.checks import integer, one_of, positive
 from granular.materials import NGF
@@ -238,7 +236,7 @@ class _Gap:
         stops = end - self.x[::-1] if everywhere else [0.0, end]
         # The interpolation between steps is of lower order than the steps.
         longest = end / 400 if everywhere else math.inf
-        found = solve_ivp(
+        found = scipy.integrate.solve_ivp(
             rates, (0.0, end), start, "DOP853", stops, rtol=rtol, atol=1e-14, max_step=longest
         )
         if not found.success:
@@ -261,7 +259,7 @@ class _Gap:
                     f"no friction up to mu_wall = {self.friction(high):.6g} makes this flow "
                     f"in a gap of {self.r[-1] - self.r[0]:.6g} m with A d = {self.reach:.6g} m"
                 )
-        return brentq(excess, 0.0, high, xtol=1e-15, rtol=1e-13)
+        return scipy.optimize.brentq(excess, 0.0, high, xtol=1e-15, rtol=1e-13)
 
     def slowest_friction(self) -> float:
         """mu_w in the limit of slow flow."""
@@ -298,7 +296,7 @@ class _Gap:
     def turn(self, g: Array, mu_wall: float) -> Array:
         """Angular velocity [rad/s]: the integral of g mu from the outer cylinder inwards."""
         rate = (g * mu_wall * self.share)[::-1]
-        return cumulative_trapezoid(rate, dx=self.step, initial=0.0)[::-1]
+        return scipy.integrate.cumulative_trapezoid(rate, dx=self.step, initial=0.0)[::-1]
 
     def steady(self, mu_wall: float, sink: Array, rate: float) -> Array:
         """Positive g for a given mu_wall, by Newton's method.
@@ -321,7 +319,7 @@ class _Gap:
             residual = np.diff(bent) * across + (growth - sink * g) * g
             bands[1] = growth - 2 * sink * g - 2 * across
             g = g.copy()
-            change = solve_banded((1, 1), bands[:, inside], residual[inside])
+            change = scipy.linalg.solve_banded((1, 1), bands[:, inside], residual[inside])
             g[inside] -= change
             done = np.max(np.abs(change)) <= 1e-11 * np.max(g)
             if done or self.turn(g, mu_wall)[0] < 1e-3 * rate:

@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import lambertw
 
 from granular.checks import finite, integer, one_of, positive
 from granular.materials import Material
@@ -107,7 +107,7 @@ def hencky_column(
     M = K + 4 * G / 3
     weight = positive("rho_c", material.rho_c) * positive("gravity", gravity)
     load = weight * (height0 - Y) / M
-    q, q0 = lambertw(load).real, lambertw(weight * height0 / M).real
+    q, q0 = scipy.special.lambertw(load).real, scipy.special.lambertw(weight * height0 / M).real
 
     def integral(q: Array) -> Array:
         return q + np.square(q) / 2

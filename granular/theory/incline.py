@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_banded
 
 from granular.checks import in_range, integer, non_negative, positive
 from granular.materials import MuI
@@ -320,7 +320,7 @@ class _Layer:
             slope = p * self.span / (1 + flow) ** 2
             matrix = -step * self.bands * slope
             matrix[1] += per_z * (z > 0)
-            change = solve_banded((1, 1), matrix, residual)
+            change = scipy.linalg.solve_banded((1, 1), matrix, residual)
             z = z - change
             if not np.all(np.isfinite(z)):
                 return None

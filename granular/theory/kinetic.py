@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from granular.checks import finite, in_range, non_negative, positive
 from granular.materials import MuI
@@ -328,7 +328,7 @@ def coupled_shear(
         high = max(low, math.log(stiffness)) + 1
         while excess(high) > 0:
             high += 5
-        p = math.exp(brentq(excess, low, high, xtol=1e-14, rtol=1e-14))
+        p = math.exp(scipy.optimize.brentq(excess, low, high, xtol=1e-14, rtol=1e-14))
     return CoupledShear(p, flow(p) if p > 0 else JAMMED, -p / stiffness)
 
 

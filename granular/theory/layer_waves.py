@@ -10,9 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import eigvals
-from scipy.optimize import fsolve
 
 from granular.checks import integer, positive
 from granular.materials import MuI
@@ -86,7 +85,7 @@ def layer_waves(
         raise ValueError(f"angle_deg = {angle_deg} must be between {low:.4g} and {high:.4g}")
     g = gravity * math.cos(math.radians(angle_deg))
     system = _system(slope, g, height, material, 2 * math.pi / wavelength, cells)
-    s = eigvals(system)
+    s = scipy.linalg.eigvals(system)
     s = s[np.argsort(-s.real)]
     return LayerWaves(growth=s.real, frequency=-s.imag / (2 * math.pi))
 
@@ -106,7 +105,7 @@ def _steady(p: float, slope: float, material: MuI) -> tuple[Array, float]:
         rate = stress_rate(stress(q), np.array([[0.0, q[2] * plain], [0.0, 0.0]]), material)
         return rate[[0, 2, 3]] / (material.G * plain)
 
-    q = fsolve(unsteady, np.array([-1.0, -1.0, 1.0]), xtol=1e-9)
+    q = scipy.optimize.fsolve(unsteady, np.array([-1.0, -1.0, 1.0]), xtol=1e-9)
     return stress(q), float(q[2]) * plain
 
 

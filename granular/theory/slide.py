@@ -11,8 +11,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import solve_ivp
 
 from granular.checks import array, in_range, non_negative, positive
 
@@ -113,7 +113,7 @@ def spreading_cap(
     push = 2.0 * positive("K", K) * g * math.cos(angle) * h0 * L0
     # The last time alone would be an empty interval if it were 0.
     end = max(float(t[-1]), 1e-9)
-    solved = solve_ivp(
+    solved = scipy.integrate.solve_ivp(
         lambda _, y: (y[1], push / y[0] ** 2),
         (0.0, end),
         (L0, 0.0),

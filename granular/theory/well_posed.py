@@ -21,8 +21,8 @@ import math
 from typing import overload
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 
 from granular.checks import in_range, positive
 from granular.materials import MuI
@@ -76,7 +76,9 @@ def well_posed_range(material: MuI) -> tuple[float, float] | None:
     first, last = inside[0], inside[-1]
 
     def root(i: int) -> float:
-        return float(brentq(ill_posedness, *searched[i : i + 2], args=(material,), rtol=1e-12))
+        return float(
+            scipy.optimize.brentq(ill_posedness, *searched[i : i + 2], args=(material,), rtol=1e-12)
+        )
 
     return root(first - 1), root(last)
 
@@ -152,7 +154,9 @@ def short_wave_growth(mu: float, nu: float) -> float:
         return math.sqrt(half**2 - G * c * (c * (K + G / 3) - mu * K)) - half
 
     end = min(mu * K / (K + G / 3), 1.0)
-    best = minimize_scalar(lambda c: -squared(c), bounds=(0.0, end), method="bounded")
+    best = scipy.optimize.minimize_scalar(
+        lambda c: -squared(c), bounds=(0.0, end), method="bounded"
+    )
     return math.sqrt(-best.fun)
 
 

@@ -182,7 +182,7 @@ def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
     found = []
     for time in np.linspace(sim.time, until, frames + 1)[1:]:
         state = sim.run(until=float(time)).state
-        power = state.quadrature_volume * state.tau * state.shear_rate
+        power = state.quadrature_volume * state.shear_stress * state.shear_rate
         scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # stress-free: no power
         bad = (scaled > 0) & (ill_posedness(scaled, cast(MuI, state.scene.material)) > 0)
         found.append((power.sum(), power[bad].sum()))

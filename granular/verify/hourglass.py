@@ -131,7 +131,9 @@ def creep_slope(state: State) -> tuple[float, float]:
     field = np.stack([np.ones(layer.sum()), along - along.mean(), -depth[layer]], axis=1)
     _, D_xx, v_x_y = np.linalg.lstsq(field, state.v[layer] @ down, rcond=None)[0]
     _, v_y_x, D_yy = np.linalg.lstsq(field, state.v[layer] @ out, rcond=None)[0]
-    over = state.shear_rate[layer].mean() / (material.xi * np.sqrt(state.p[layer].mean()))  # I/I0
+    over = state.shear_rate[layer].mean() / (
+        material.xi * np.sqrt(state.pressure[layer].mean())
+    )  # I/I0
     mu = float(material.mu_s + (material.mu_2 - material.mu_s) * over / (1 + over))
     r = -(D_xx - D_yy) / abs(v_x_y + v_y_x)
     asked = np.arctan(mu / (np.sqrt(1 + r**2) - mu * r))

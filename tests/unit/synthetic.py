@@ -61,8 +61,8 @@ def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **f
     p = -stress[:, :3].sum(axis=1) / 3
     rate = np.broadcast_to(np.asarray(fields.get("shear_rate", 0.0), dtype=float), n)
     return SimpleNamespace(
-        scene=scene, time=time, n=n, dim=dim, x=x, v=v, stress=stress, mass=mass, rho=rho,
-        volume=mass / rho, quadrature_volume=mass / rho, p=p, dense=p > 0, shear_rate=rate,
+        scene=scene, time=time, n=n, dim=dim, x=x, v=v, stress=stress, mass=mass, density=rho,
+        volume=mass / rho, quadrature_volume=mass / rho, pressure=p, dense=p > 0, shear_rate=rate,
         id=np.arange(n) if ids is None else np.asarray(ids),
     )  # fmt: skip
 

@@ -63,6 +63,22 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
         assert f"{name} cannot be imported" in script.run(case, 1.0)["left_out"]
 
 
+def test_a_quick_table_of_bodies_is_written(module, tmp_path, capsys):
+    """Each row has lines with numbers; a second call measures nothing, and renews the page."""
+    script, out, page = module("bodies"), tmp_path / "table.json", tmp_path / "page.md"
+    script.main(["--quick", "--only", "bed", "box", "plate", "--out", str(out)])
+    assert len(capsys.readouterr().out.splitlines()) == 3
+    page.write_text(f"before\n{script.BEGIN}\nold\n{script.END}\nafter\n")
+    script.main(["--quick", "--only", "bed", "--out", str(out), "--page", str(page)])
+    assert capsys.readouterr().out == ""
+    table, text = json.loads(out.read_text()), page.read_text()
+    assert all(case["deepest"] < 0.25 for row in table["rows"].values() for case in row.values())
+    assert text.startswith("before") and text.endswith("after\n") and "old" not in text
+    for name in table["rows"]:
+        assert f"| **{script.ROWS[name].title}** |" in text
+    assert "nan" not in text and "inf" not in text
+
+
 @pytest.mark.slow
 def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     """The table has a time for each scheme and state, with one thread and with two."""

@@ -129,7 +129,7 @@ def test_common_modules_import_no_method_and_methods_not_each_other():
         return found and found[1]
 
     common = {n for n, p in _modules().items() if p.parent == ROOT / "granular"}
-    common -= {"granular", "granular.cli"}
+    common -= {"granular"}
     broken = [
         (name, wanted)
         for name, imported in _graph().items()

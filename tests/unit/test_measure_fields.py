@@ -92,8 +92,8 @@ def test_smoothing_takes_names_and_calms_a_checkerboard():
     p = 1000 + 500 * (-1.0) ** np.arange(points.n)
     noisy = state(points.scene, points.x, stress=isotropic(p))
     inside = (points.x[:, 1] > CELL) & (points.x[:, 1] < 0.4)
-    assert np.allclose(smooth(noisy, "p")[inside], 1000, rtol=1e-12)
-    assert np.allclose(smooth(noisy, "stress")[:, 0], -smooth(noisy, "p"))
+    assert np.allclose(smooth(noisy, "pressure")[inside], 1000, rtol=1e-12)
+    assert np.allclose(smooth(noisy, "stress")[:, 0], -smooth(noisy, "pressure"))
 
 
 @pytest.mark.parametrize("shape", [(6, 5), (4, 3, 5), (1, 6)])
@@ -170,8 +170,8 @@ def test_the_density_of_cells_and_its_percentile():
 
 def test_bad_fields_are_refused():
     points = box()
-    with pytest.raises(ValueError, match="field = 'pressure' is not"):
-        smooth(points, "pressure")
+    with pytest.raises(ValueError, match="field = 'force' is not"):
+        smooth(points, "force")
     with pytest.raises(ValueError, match=r"shape \(3,\)"):
         smooth(points, np.ones(3))
     with pytest.raises(ValueError, match="outside the grid along axis 1"):
@@ -179,7 +179,7 @@ def test_bad_fields_are_refused():
     refused(
         ("0 points", lambda: nodal_density(state(points.scene, np.empty((0, 2))))),
         ("at = 'cells'", lambda: nodal_density(points, at="cells")),
-        ("weight = 'number'", lambda: cell_average(points, "p", weight="number")),
+        ("weight = 'number'", lambda: cell_average(points, "pressure", weight="number")),
         ("q = 101", lambda: cell_density_percentile(points, q=101)),
         ("tolerance", lambda: phase(points, tolerance=-1.0)),
     )

@@ -90,7 +90,7 @@ def test_hydrostatic_pressure_has_no_error(shape):
 
 def test_a_box_at_rest_balances_by_its_normal_stress_and_not_by_its_pressure():
     points = pool()
-    weight = points.p
+    weight = points.pressure
     stress = isotropic(weight)
     # uniaxial strain: the sideways stress is nu/(1 - nu) of the weight, nu = 0.3
     stress[:, [0, 2]] *= 3 / 7

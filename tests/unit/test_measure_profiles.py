@@ -95,7 +95,7 @@ def test_inertial_numbers():
     d = 0.005
     I0 = XI * d * np.sqrt(RHO_S)
     flow = layer(grains=material(I0=I0, d=d))
-    expected = 3.0 * d * np.sqrt(RHO_S / flow.p)
+    expected = 3.0 * d * np.sqrt(RHO_S / flow.pressure)
     assert np.allclose(inertial_number(flow), expected)
     assert np.allclose(inertial_number(flow, d=2 * d), 2 * expected)
     assert np.allclose(inertial_number(flow) / I0, scaled_inertial_number(flow))
@@ -113,7 +113,7 @@ def test_bad_profiles_are_refused():
         ("component = 2", lambda: velocity_profile(flow, component=2)),
         ("bins = 0", lambda: velocity_profile(flow, bins=0)),
         ("0 points", lambda: scaled_inertial_number(state(flow.scene, np.empty((0, 2))))),
-        ("weight = 'count'", lambda: profile(flow, "p", weight="count")),
+        ("weight = 'count'", lambda: profile(flow, "pressure", weight="count")),
     )
 
 

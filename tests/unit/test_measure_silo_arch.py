@@ -64,14 +64,16 @@ def test_the_error_falls_with_the_spacing():
 def test_points_that_fall_do_not_count_even_if_they_bear_a_little():
     with_strays = arch_outline(jammed())
     points = jammed()
-    assert (points.p == 10).sum() == 1
-    assert points.x[points.p == 10, 1].max() < with_strays.y.max() - 2 * CELL
+    assert (points.pressure == 10).sum() == 1
+    assert points.x[points.pressure == 10, 1].max() < with_strays.y.max() - 2 * CELL
 
 
 def test_a_thin_arch_is_found_in_the_void():
     points = jammed()
     gap = parabola(points.x[:, 0])
-    shell = (points.x[:, 1] < gap + 2 * CELL) & (points.x[:, 0] < WIDTH / 2) & (points.p > 10)
+    shell = (
+        (points.x[:, 1] < gap + 2 * CELL) & (points.x[:, 0] < WIDTH / 2) & (points.pressure > 10)
+    )
     thin = state(points.scene, points.x[shell], stress=points.stress[shell], per_cell=16)
     assert np.allclose(arch_outline(thin).y, arch_outline(points).y)
 

@@ -1,6 +1,9 @@
 """Pictures: values and scales, positions of what is drawn, movies."""
 
+import base64
+import os
 import stat
+import sys
 
 import numpy as np
 import pytest
@@ -11,8 +14,10 @@ from PIL import Image
 
 import granular as gr
 from granular import plot
-from granular.plot.canvas import OUTLET_STYLE, WALL_STYLES, View, scenery
+from granular.plot.canvas import View
 from granular.plot.fields import PHASES, Brush, values
+from granular.plot.material import Material, Raster
+from granular.plot.scenery import OUTLET_STYLE, WALL_STYLES, scenery
 
 SOFT = gr.materials.glass_beads.replace(E=1e5)
 
@@ -41,14 +46,14 @@ def state():
 
 @pytest.mark.parametrize(
     ("color", "expected"),
-    [("p", 600.0), ("speed", 5.0), ("v_y", -4.0), ("stress_xy", 40.0), ("rho", 1500.0)],
+    [("pressure", 600.0), ("speed", 5.0), ("v_y", -4.0), ("stress_xy", 40.0), ("density", 1500.0)],
 )
 def test_values_by_name(state, color, expected):
     assert values(state, color) == pytest.approx(np.full(state.n, expected))
 
 
 def test_smoothing_keeps_a_uniform_field(state):
-    assert values(state, "p", smooth=True) == pytest.approx(np.full(state.n, 600.0))
+    assert values(state, "pressure", smooth=True) == pytest.approx(np.full(state.n, 600.0))
 
 
 def test_rates_have_a_logarithmic_scale_on_which_zero_is_the_low_end(state):
@@ -58,27 +63,84 @@ def test_rates_have_a_logarithmic_scale_on_which_zero_is_the_low_end(state):
     assert np.asarray(brush.norm(brush.paint(still))) == pytest.approx(np.zeros(state.n))
 
 
+def test_a_signed_field_has_a_scale_symmetric_about_zero(state):
+    v = np.column_stack([np.linspace(-1.0, 3.0, state.n), np.zeros(state.n)])
+    brush = Brush.fitted([moved(state.scene, v=v)], "v_x")
+    assert brush.norm.vmin == -brush.norm.vmax == pytest.approx(-3.0, rel=0.02)
+    assert brush.quantity.title == "velocity along x [m/s]"
+    assert Brush.fitted([moved(state.scene, v=0 * v)], "v_y").norm.vmax == 1.0
+    assert (brush.cmap.name, Brush.fitted([state], "v_x", limits=(0, 1)).cmap.name) == (
+        "coolwarm",
+        "viridis",
+    )
+
+
 def test_points_without_a_value_are_masked(state):
     mu = np.where(np.arange(state.n) < 3, np.nan, 0.4)
     assert Brush.fitted([state], mu).paint(state).mask.sum() == 3
 
 
-def test_frame_draws_every_point_where_it_is_in_its_true_size(state):
-    figure = plot.frame(state, "p")
+def test_a_frame_has_axes_a_bar_and_a_title(state):
+    figure = plot.frame(state, "pressure")
     assert isinstance(figure, Figure)
-    ax = figure.axes[0]
-    (points,) = ax.collections
-    assert np.array_equal(points.get_offsets(), state.x)
-    # 4 points per cell of 0.05 m are 0.025 m apart; overlapping discs leave no gaps.
-    assert points.get_widths()[0] == pytest.approx(np.sqrt(2) * 0.025)
-    assert ax.get_title() == "t = 0.5 s"
+    assert figure.axes[0].get_title() == "t = 0.5 s"
     assert figure.axes[1].get_ylabel() == "pressure [Pa]"
     assert figure._repr_png_().startswith(b"\x89PNG")
 
 
-def test_frame_into_given_axes_leaves_pyplot_alone(state):
-    import sys
+def material_of(state, extent, view=None, **options):
+    view = View(state.dim) if view is None else view
+    brush = Brush.fitted([state], np.zeros(state.n), limits=(0.0, 1.0))
+    return Material(Figure().add_subplot(), state, brush, view, extent, **options)
 
+
+WHOLE = ((-0.05, 0.5), (-0.05, 0.5))
+
+
+def test_material_covers_the_area_of_its_volume_without_gaps(state):
+    """A square column of 0.2 m beside the plane of symmetry x = 0, on the floor y = 0."""
+    material = material_of(state, WHOLE)
+    shown, pixel = material.rows(state), material.raster.pixel
+    (left, _), (bottom, _) = WHOLE
+    row, column = np.nonzero(shown >= 0)
+    x, y = left + (column + 0.5) * pixel, bottom + (row + 0.5) * pixel
+    within = (x > 0) & (y > 0)
+    assert within.sum() * pixel**2 == pytest.approx(state.volume.sum(), rel=0.03)
+    inner = shown[(row.min() + row.max()) // 2, column.min() : column.max() - 1]
+    assert (inner >= 0).all()
+    # Each place has the colour of the nearest point.
+    away = np.linalg.norm(
+        np.column_stack([x, y])[within] - state.x[shown[row, column][within]], axis=1
+    )
+    assert away.max() < 0.025 * np.sqrt(0.5) + 2 * pixel
+
+
+def test_gaps_are_closed_and_single_points_are_discs_of_their_volume():
+    raster = Raster(((0.0, 1.0), (0.0, 1.0)), 0.002)
+    spacing, radius = 0.05, 0.05 / np.sqrt(np.pi)
+    strings = np.array([[x, y] for x in np.arange(0.1, 0.5, 0.01) for y in (0.2, 0.28, 0.36)])
+    flying = np.array([[0.8, 0.8]])
+    shown = raster.area(np.concatenate([strings, flying]), radius, 0.06)
+    alone = shown == len(strings)
+    assert alone.sum() * 0.002**2 == pytest.approx(spacing**2, rel=0.05)
+    # strings a gap of 0.08 apart are one area, whose surface is `radius` from its points
+    columns = shown[:, 100:240]
+    edge = np.nonzero(columns.any(axis=1) & (columns >= 0).all(axis=1))[0]
+    assert np.diff(edge).max() == 1
+    assert edge[[0, -1]] * 0.002 == pytest.approx([0.2 - radius, 0.36 + radius], abs=0.006)
+    apart = raster.area(strings, radius, 0.03)[:, 150]
+    assert (np.diff(np.nonzero(apart >= 0)[0]) > 1).sum() == 2
+
+
+def test_points_are_discs_of_a_given_size(state):
+    material = material_of(state, WHOLE, size=0.01)
+    area = (material.rows(state) >= 0).sum() * material.raster.pixel**2
+    assert area == pytest.approx(state.n * np.pi * 0.005**2, rel=0.1)
+    with pytest.raises(ValueError, match=r"size = 0.0"):
+        plot.frame(state, size=0.0)
+
+
+def test_frame_into_given_axes_leaves_pyplot_alone(state):
     ax = Figure().add_subplot()
     assert plot.frame(state, ax=ax, bar=False, title="here") is ax.figure
     assert ax.get_title() == "here"
@@ -138,18 +200,27 @@ def solid():
 
 
 def test_a_projection_has_the_nearest_points_on_top(solid):
-    (points,) = plot.frame(solid, solid.x[:, 1], bar=False).axes[0].collections
-    depth = np.asarray(points.get_array())
-    assert len(depth) == solid.n
-    assert (np.diff(depth) <= 0).all()
+    material = material_of(solid, View(3).extent([solid]))
+    shown = material.rows(solid)
+    # the nearest in each pixel, by a search through all points
+    raster, radius = material.raster, material._radius
+    for row, column in np.argwhere(shown >= 0)[::4001]:
+        place = raster.origin + (np.array([column, row]) + 0.5) * raster.pixel
+        away = abs(solid.x[:, ::2] - place).max(axis=1)
+        sure = np.linalg.norm(solid.x[:, ::2] - place, axis=1) < radius - 2 * raster.pixel
+        assert away[shown[row, column]] <= radius + 2 * raster.pixel
+        assert solid.x[shown[row, column], 1] <= solid.x[sure, 1].min(initial=np.inf)
 
 
 def test_a_slice_has_the_points_within(solid):
-    figure = plot.frame(solid, "p", view=(0, 1), slab=(0.0, 0.03), bar=False)
-    (points,) = figure.axes[0].collections
-    inside = solid.x[solid.x[:, 2] <= 0.03]
-    assert 0 < len(inside) < solid.n
-    assert sorted(map(tuple, points.get_offsets())) == sorted(map(tuple, inside[:, :2]))
+    view = View(3, (0, 1), (0.0, 0.03))
+    shown = material_of(solid, view.extent([solid]), view).rows(solid)
+    inside = solid.x[:, 2] <= 0.03
+    assert 0 < inside.sum() < solid.n
+    assert set(np.unique(shown)) - {-1} <= set(np.flatnonzero(inside))
+    # a whole section of the cylinder, or the half of it that is simulated
+    middle = shown[tuple(slice(n // 8, n // 3) for n in shown.shape)]
+    assert (middle >= 0).mean() > 0.9
 
 
 NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
@@ -161,6 +232,9 @@ NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
         *(({"color": color}, "one number for each") for color in NO_NUMBER),
         *(({"limits": (low, 1.0)}, "limits = ") for low in (1.0, 2.0, 0.0, -1.0)),
         ({"cmap": "mud"}, "cmap = 'mud'"),
+        ({"extent": ((1.0, 0.0), (0.0, 1.0))}, "must have left < right"),
+        ({"extent": (0.0, 1.0)}, "extent = "),
+        ({"extent": ((0.0, np.inf), (0.0, 1.0))}, "extent = "),
         ({"view": (0, 0)}, "two different"),
         ({"view": (0, 5)}, "view"),
         ({"slab": (1.0, 0.0)}, "low"),
@@ -169,6 +243,11 @@ NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
 def test_bad_options_are_refused(state, solid, options, message):
     with pytest.raises(ValueError, match=message):
         plot.frame(solid if {"view", "slab"} & options.keys() else state, **options)
+
+
+def test_only_a_state_is_drawn(state):
+    with pytest.raises(TypeError, match=r"such as `simulation.state`"):
+        plot.frame(gr.Simulation(state.scene, threads=1))
 
 
 def falling(n=4):
@@ -180,7 +259,8 @@ def falling(n=4):
 
 def test_movie_has_a_picture_for_each_frame_that_moves(tmp_path):
     states = falling()
-    path = plot.movie(states, tmp_path / "a.gif", color="speed", fps=20)
+    square = ((0.0, 0.4), (0.0, 0.4))
+    path = plot.movie(states, tmp_path / "a.gif", color="speed", fps=20, extent=square)
     with Image.open(path) as gif:
         assert gif.n_frames == len(states)
         assert gif.info["duration"] == 50
@@ -200,7 +280,7 @@ def test_movie_has_a_picture_for_each_frame_that_moves(tmp_path):
     assert np.diff(middle) == pytest.approx(np.full(3, np.diff(middle).mean()), abs=1.5)
     assert middle[1] - middle[0] > 5
     assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
-    assert stat.S_IMODE(path.stat().st_mode) & 0o400
+    assert stat.S_IMODE(path.path.stat().st_mode) & 0o400
 
 
 def test_movie_of_a_domain_that_empties(tmp_path):
@@ -242,8 +322,34 @@ def test_an_existing_movie_is_kept(tmp_path):
 
 def test_mp4_without_ffmpeg_says_so(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(ValueError, match="needs ffmpeg"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(ValueError, match=r"needs ffmpeg.*pip install 'granular\[movies\]'"):
         plot.movie(falling(2), tmp_path / "a.mp4")
+    assert plot.movie(falling(2)).content.startswith(b"GIF89a")
+
+
+def test_mp4_of_the_extra_plays_in_a_notebook(tmp_path, monkeypatch):
+    pytest.importorskip("imageio_ffmpeg")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    made = plot.movie(falling(3))
+    assert made.content[4:8] == b"ftyp"
+    html = made._repr_html_()
+    assert html.startswith("<video controls")
+    assert base64.b64encode(made.content).decode() in html
+    with pytest.raises(ValueError, match="in memory"):
+        os.fspath(made)
+    kept = plot.movie(falling(3), tmp_path / "a.mp4")
+    assert kept.path == tmp_path / "a.mp4"
+    assert len(kept.content) > 1000
+
+
+def test_a_gif_of_a_record_plays_in_a_notebook(tmp_path):
+    sim = gr.Simulation(small(), threads=1).run(until=0.1, every=0.05, save=tmp_path / "a.h5")
+    record = gr.open(sim.record)
+    made = record.movie(tmp_path / "a.gif", color="speed")
+    assert made._repr_html_().startswith("<img alt='movie' src='data:image/gif;base64,R0lGODlh")
+    with Image.open(made) as gif:
+        assert gif.n_frames == len(record) == 3
 
 
 @pytest.fixture
@@ -263,7 +369,7 @@ def ffmpeg(tmp_path, monkeypatch):
 def test_mp4_hands_all_pictures_to_ffmpeg(tmp_path, ffmpeg):
     ffmpeg('for last; do :; done; cat > "$last"; echo "$@" >> "$last"')
     path = plot.movie(falling(3), tmp_path / "a.mp4", fps=30)
-    raw, _, words = path.read_bytes().rpartition(b"-y ")
+    raw, _, words = path.content.rpartition(b"-y ")
     width, height = map(int, words.split(b"-s ")[1].split()[0].split(b"x"))
     assert b"-r 30" in words
     assert width % 2 == height % 2 == 0

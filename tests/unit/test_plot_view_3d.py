@@ -5,8 +5,11 @@ import sys
 import matplotlib.image
 import numpy as np
 import pytest
+from PIL import Image
 
 import granular as gr
+from granular.plot.fields import Brush
+from granular.plot.volume import filled_volume
 
 
 @pytest.fixture(scope="module")
@@ -31,27 +34,76 @@ def parts(picture):
     return grey.mean(), (high - low > 0.15).mean()
 
 
-def test_points_and_bodies_are_there(sim, tmp_path):
+def test_material_and_bodies_are_there(sim, tmp_path):
     pytest.importorskip("pyvista")
-    shares = {}
-    for name, options in {
-        "all": {},
-        "state": {"bodies": sim.bodies},
-        "no_bodies": {"bodies": ()},
-        "slice": {"bodies": sim.bodies, "slab": ("x", 0.0, 0.2)},
-    }.items():
-        source = sim if name == "all" else sim.state
+    shares, alone = {}, gr.Simulation(sim.scene.replace(bodies=()), threads=1)
+    for name, source, options in (
+        ("all", sim, {}),
+        ("state", sim.state, {}),
+        ("no bodies", alone, {}),
+        ("clear", sim, {"opacity": 0.0}),
+        ("points", sim, {"style": "points"}),
+        ("slice", sim, {"slab": ("x", 0.0, 0.2)}),
+    ):
         path = gr.plot.view(
-            source, tmp_path / f"{name}.png", "p", camera="xz", window=(320, 240), **options
+            source, tmp_path / "a.png", "pressure", camera="xz", window=(320, 240), **options
         )
         picture = pixels(path)
         assert picture.shape == (240, 320, 3)
         shares[name] = parts(picture)
     assert shares["all"] == shares["state"]
-    # a blade of aspect ratio 1:9 in a quarter of the picture
-    assert shares["all"][0] > shares["no_bodies"][0] + 0.01
+    for less in ("no bodies", "clear"):
+        assert shares["all"][0] > shares[less][0] + 0.01
     assert shares["all"][1] > 0.05
+    assert shares["points"][1] == pytest.approx(shares["all"][1], rel=0.3)
     assert shares["slice"][1] < 0.8 * shares["all"][1]
+
+
+def test_the_surface_of_a_cylinder_is_where_its_volume_says():
+    pyvista = pytest.importorskip("pyvista")
+    errors = []
+    for cell in (0.04, 0.02):
+        start = alone_at(gr.Simulation(gr.scenes.cylinder_collapse(cell=cell), threads=1), 0.0)
+        values = np.full(start.n, 7.0)
+        brush = Brush.fitted([start], values, limits=(0.0, 10.0))
+        mesh = filled_volume(pyvista, start, values, brush, None)
+        errors.append(1 - mesh.volume / start.volume.sum())
+    assert 0 < errors[1] < 0.02
+    assert errors[0] / errors[1] > 2**1.8  # second order: edges are rounded
+    sides = np.array([[0.0, 0.2], [0.0, 0.2], [0.0, 0.1]])
+    assert np.reshape(mesh.bounds, (3, 2)) == pytest.approx(sides, abs=1e-3)
+    assert np.asarray(mesh[brush.quantity.title]) == pytest.approx(7.0)
+    top = 0.1
+    low = filled_volume(pyvista, start, values, brush, ("z", 0.0, 0.5 * top))
+    assert low.bounds[5] == pytest.approx(0.5 * top)
+    assert low.bounds[:4:2] == pytest.approx(mesh.bounds[:4:2])
+    assert filled_volume(pyvista, start, start.mass, brush, ("z", 5 * top, 6 * top)) is None
+
+
+def test_a_movie_has_a_picture_for_each_state(sim, tmp_path):
+    pytest.importorskip("pyvista")
+    states = [sim.state, alone_at(sim, 0.05), alone_at(sim, 0.1)]
+    made = gr.plot.view_movie(states, tmp_path / "a.gif", "speed", window=(161, 120))
+    with Image.open(made) as gif:
+        assert gif.size == (160, 120)
+        seen = []
+        for k in range(gif.n_frames):
+            gif.seek(k)
+            seen.append(np.asarray(gif.convert("RGB")))
+    assert len(seen) == 3
+    assert not np.array_equal(seen[0], seen[2])
+    with pytest.raises(FileExistsError):
+        gr.plot.view_movie(states, tmp_path / "a.gif")
+    with pytest.raises(ValueError, match="0 frames"):
+        gr.plot.view_movie([], tmp_path / "b.gif")
+
+
+def alone_at(sim, time):
+    """A state of the same scene, with its material lifted and a later time."""
+    state = sim.state
+    fields = {name: array.copy() for name, array in state.fields.items()}
+    fields["x"][:, 2] += time
+    return gr.State(scene=state.scene, time=time, step=1, dt=1e-4, fields=fields)
 
 
 def test_a_record_shows_its_bodies_where_they_were(tmp_path):
@@ -79,6 +131,7 @@ def test_a_record_shows_its_bodies_where_they_were(tmp_path):
         ({"camera": "up"}, ValueError, "camera = 'up'"),
         ({"camera": (0.0, 0.0, 0.0)}, ValueError, "camera = "),
         ({"window": (3, 100)}, ValueError, r"window\[0\] = 3"),
+        ({"style": "fog"}, ValueError, "style = 'fog'"),
         ({"opacity": 2.0}, ValueError, "opacity = 2.0"),
         ({"color": "none"}, ValueError, "color = 'none'"),
     ],
@@ -87,8 +140,6 @@ def test_bad_arguments_are_named(sim, tmp_path, options, error, message):
     pytest.importorskip("pyvista")
     with pytest.raises(error, match=message):
         gr.plot.view(sim, tmp_path / "x.png", **options)
-    with pytest.raises(ValueError, match="bodies: 2 must be as many"):
-        gr.plot.view(sim.state, tmp_path / "x.png", bodies=sim.bodies * 2)
 
 
 def test_2d_is_refused(tmp_path):

@@ -151,3 +151,16 @@ def test_the_command_makes_runs_and_compares(tmp_path, capsys, monkeypatch):
 def test_completion_knows_scenes_and_files(capsys):
     assert cli.main(["completion", "bash"]) == 0
     assert "column_collapse" in capsys.readouterr().out
+
+
+def test_a_record_as_a_page(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    gr.Simulation(scenes.slug(E=1e5, cell=0.1), threads=1).run(until=0.02, save="slug.h5")
+    assert cli.main(["open", "slug.h5", "-o", "slug.html"]) == 0
+    page = (tmp_path / "slug.html").read_text()
+    assert "base64," in page and "verdict: " in page and "slug" in page
+    assert cli.main(["open", "slug.h5", "-o", "slug.html"]) == 2
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    assert cli.main(["open", "slug.h5"]) == 0
+    assert opened[0].startswith("file://") and opened[0].endswith(".html")

@@ -133,7 +133,7 @@ def test_seeding_lattice_has_its_density(dim):
     """The kernel weights on the seeding lattice sum to one: the density is rho0 to round-off."""
     simulation, _ = seeded(dim, 8, periodic=True)
     simulation.step(0)
-    assert np.allclose(simulation.state.rho, simulation.scene.material.rho0, rtol=1e-12)
+    assert np.allclose(simulation.state.density, simulation.scene.material.rho0, rtol=1e-12)
     assert np.abs(simulation.state.a).max() < 1e-8
 
 
@@ -163,7 +163,7 @@ def test_force_of_a_linear_pressure(dim):
     state = simulation.state
     inside = in_the_middle(state, n)
     gradient = m.kappa * 1.5 * 1.02**0.5 * 1e-4 / DX
-    found = -(state.rho * state.a[:, -1])[inside]
+    found = -(state.density * state.a[:, -1])[inside]
     assert found == pytest.approx(gradient, rel=2e-3)
 
 
@@ -231,10 +231,10 @@ def test_time_step_is_that_of_its_limits():
     state, walls, h, m = simulation.state, simulation.walls, 0.012, simulation.scene.material
     dt = simulation.dt
     simulation.step(1)
-    ratio = np.concatenate([state.rho / m.rho0, walls.rho / (0.97 * m.rho0)])
+    ratio = np.concatenate([state.density / m.rho0, walls.density / (0.97 * m.rho0)])
     K = 1.5 * m.kappa
     G = 3 * K * (1 - 2 * m.nu) / (2 * (1 + m.nu))
-    c2 = (K * ratio**1.5 + 4 / 3 * G) / np.concatenate([state.rho, walls.rho])
+    c2 = (K * ratio**1.5 + 4 / 3 * G) / np.concatenate([state.density, walls.density])
     largest = math.sqrt((state.a**2).sum(axis=1).max())
     limits = (0.25 * h / math.sqrt(c2.max()), 0.25 * math.sqrt(h / largest))
     assert simulation.dt == pytest.approx(min(limits), rel=1e-12)

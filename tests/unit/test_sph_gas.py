@@ -73,7 +73,7 @@ def test_evaluation_agrees_with_the_plain_one(dim, permeable):
     ):
         parts[kind] = {name: by_id(simulation, name, first, n) for name in names}
     dry.step(0)
-    parts["grains"]["rho"] = dry.state.rho
+    parts["grains"]["rho"] = dry.state.density
     gravity = np.array(scene.gravity.vectors[0])
     mass, e, _, a, _, a_grains = evaluate(scene, *parts.values(), dry.state.a, dt, gravity)
     assert e.min() < 0.4 and e.max() == 1.0
@@ -82,7 +82,7 @@ def test_evaluation_agrees_with_the_plain_one(dim, permeable):
         gas, after = simulation.gas, simulation.state
         assert np.allclose(gas.porosity, e, rtol=1e-12)
         assert np.allclose(gas.mass, mass, rtol=1e-12)
-        assert np.allclose(gas.p, scene.gas.sound_speed**2 * gas.rho, rtol=1e-14)
+        assert np.allclose(gas.pressure, scene.gas.sound_speed**2 * gas.density, rtol=1e-14)
         assert np.allclose(gas.a, a, atol=1e-9 * np.abs(a).max())
         assert np.allclose(after.a, a_grains, atol=1e-9 * np.abs(a_grains).max())
 
@@ -95,10 +95,10 @@ def test_mass_is_exchanged_as_in_the_plain_evaluation():
     before = simulation.gas
     simulation.step(1)
     grains = simulation.state
-    points = {"x": simulation.gas.x, "v": simulation.gas.v, "rho": simulation.gas.rho}
+    points = {"x": simulation.gas.x, "v": simulation.gas.v, "rho": simulation.gas.density}
     none = {name: np.zeros((0, 2)) for name in ("x", "normal")}
     none |= {name: np.zeros(0) for name in ("porosity", "depth")}
-    still = {"x": grains.x, "v": grains.v, "rho": grains.rho}
+    still = {"x": grains.x, "v": grains.v, "rho": grains.density}
     gain = evaluate(
         scene, still, none, points, np.zeros_like(grains.a), simulation.dt, np.zeros(2)
     )[4]
@@ -155,7 +155,7 @@ def test_bits_do_not_depend_on_threads_or_a_restart(dim):
     assert one.counts["rebuilds"] > 2
     assert resumed.counts == one.counts and resumed.checkpoint().digest == one.checkpoint().digest
     for other in (three, resumed):
-        for name in ("x", "v", "a", "mass", "rho", "p", "porosity", "id"):
+        for name in ("x", "v", "a", "mass", "density", "pressure", "porosity", "id"):
             assert np.array_equal(getattr(one.gas, name), getattr(other.gas, name)), name
         for name in ("x", "v", "stress"):
             assert np.array_equal(getattr(one.state, name), getattr(other.state, name)), name
@@ -181,7 +181,7 @@ def test_gas_at_rest_stays():
     with_gas, without = sph.Simulation(scene), sph.Simulation(scene.replace(gas=None))
     for simulation in (with_gas, without):
         simulation.step(0)
-    assert np.allclose(with_gas.gas.p, 1e5, rtol=1e-13)
+    assert np.allclose(with_gas.gas.pressure, 1e5, rtol=1e-13)
     # but the solid is accelerated by its own pressure, which the gas resists
     assert np.abs(with_gas.state.a).max() <= np.abs(without.state.a).max() * (1 + 1e-6)
 
@@ -189,7 +189,7 @@ def test_gas_at_rest_stays():
 def test_snapshot_is_read_only_and_absent_without_gas():
     simulation = sph.Simulation(small_scene(2))
     with pytest.raises(ValueError, match="read-only"):
-        simulation.gas.p[0] = 1.0
+        simulation.gas.pressure[0] = 1.0
     assert math.isclose(simulation.gas.mass.sum(), simulation.gas.mass[::-1].sum())
     with pytest.raises(AttributeError, match="has no gas"):
         _ = sph.Simulation(scenes.incline_sph(height=0.03, columns=6)).gas

@@ -79,13 +79,13 @@ def test_a_record_goes_on_bitwise(dim, tmp_path):
     with gr.open(tmp_path / "a.h5") as record:
         assert record.scene == scene and record.finished
         assert same(record[-1], through.state)
-        assert np.isfinite(record[0].p).all()
+        assert np.isfinite(record[0].pressure).all()
         assert record.damage() == [] and len(record) >= 9
 
 
 # ---- gas ----
 
-GAS_FIELDS = {"id", "x", "v", "a", "mass", "rho", "p", "porosity"}
+GAS_FIELDS = {"id", "x", "v", "a", "mass", "density", "pressure", "porosity"}
 
 
 def blown(dim=2):
@@ -133,7 +133,7 @@ def test_frames_hold_the_gas(dim, tmp_path):
         assert all(same_gas(f.gas, g) for f, g in zip(record, seen, strict=True))
         assert same_gas(record[-1].gas, through.gas) and same_gas(through.state.gas, through.gas)
         with pytest.raises(ValueError, match="read-only"):
-            record[-1].gas.p[0] = 0.0
+            record[-1].gas.pressure[0] = 0.0
     assert info(path)["format"] == 2
 
 
@@ -155,7 +155,7 @@ def test_damaged_gas_is_found(tmp_path):
     path = tmp_path / "a.h5"
     gr.Simulation(blown()).run(0.001, save=path, every=1e-3)
     with h5py.File(path, "r+") as file:
-        data = file["granular/gas/VTKHDF/PointData/p"]
+        data = file["granular/gas/VTKHDF/PointData/pressure"]
         data[3] = data[3] + 1.0
     with gr.open(path) as record:
         assert len(record.damage()) == 1 and "does not match its digest" in record.damage()[0]
@@ -261,7 +261,7 @@ def test_measures_and_pictures_take_its_states(tmp_path):
     health = simulation.health()
     assert {indicator.name for indicator in health} >= {"mach", "stopped", "courant"}
     assert all(health[name].verdict == "ok" for name in ("mach", "courant"))
-    picture = gr.plot.frame(state, "p")
+    picture = gr.plot.frame(state, "pressure")
     assert len(picture.axes[0].patches) == 3
     assert [p.get_visible() for p in picture.axes[0].patches] == [True, True, False]
 

@@ -120,7 +120,7 @@ def test_jet_digs_a_crater(across):
         gas = simulation.gas
         height = gas.x[:, -1]
         under = (np.abs(gas.x[:, 0] - 0.25) < 0.03) & (height > 0.05) & (height < 0.2)
-        bulb.append(gas.p[under].mean() - 1e5)
+        bulb.append(gas.pressure[under].mean() - 1e5)
 
     simulation.run(every=0.0075, hooks=(sample,))
     end = simulation.state

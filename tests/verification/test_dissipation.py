@@ -76,4 +76,4 @@ def test_plastic_power_is_not_negative_with_the_schemes_of_the_scenes(name):
     for time in np.linspace(0.02, 0.3, 15):
         state = sim.run(until=time).state
         assert (state.shear_rate >= 0).all()
-    assert (state.tau * state.shear_rate > 0).mean() > 0.05
+    assert (state.shear_stress * state.shear_rate > 0).mean() > 0.05

@@ -57,7 +57,7 @@ def test_bed_at_rest_on_a_plane(turned_deg, offset):
     x, y = (state.x - origin) @ along, (state.x - origin) @ up
     middle = (x > 0.25 * LENGTH) & (x < 0.75 * LENGTH)
     first = middle & (y < CELL / 2)
-    share = state.p / (RHO * G * (HEIGHT - y))
+    share = state.pressure / (RHO * G * (HEIGHT - y))
     assert np.average(share[first], weights=state.mass[first]) == pytest.approx(1, abs=0.05)
     top = middle & (y > HEIGHT - CELL)
     assert abs(((state.x - start.x) @ up)[top].mean()) < 1e-3 * CELL

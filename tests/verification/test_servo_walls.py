@@ -101,8 +101,8 @@ def quiet(scene):
 
 
 def mean_pressure(state):
-    volume = state.mass / state.rho
-    return float(volume @ state.p / volume.sum())
+    volume = state.mass / state.density
+    return float(volume @ state.pressure / volume.sum())
 
 
 def layers_of(state, scene, values):
@@ -125,7 +125,7 @@ def follow(scene, strain):
         sim.run(t)
         state = sim.state
         pressures.append(mean_pressure(state))
-        profiles.append(layers_of(state, scene, state.p))
+        profiles.append(layers_of(state, scene, state.pressure))
         speeds.append(layers_of(state, scene, state.v[:, 0]))
     area = (scene.grid.shape[0] * CELL) ** (scene.dim - 1)
     stress = (sim.walls[1].impulse - before.impulse) / (sim.time - begin) / area
@@ -233,10 +233,12 @@ def test_loading_is_exponential(density, dim, below):
         assert abs(mean_pressure(sim.state) - expected) < delay
     sim.run(30 * time)
     state, wall = sim.state, sim.walls[kept]
-    np.testing.assert_allclose(state.p, KEPT, rtol=0.01)  # points next to walls sample less well
+    np.testing.assert_allclose(
+        state.pressure, KEPT, rtol=0.01
+    )  # points next to walls sample less well
     strain = wall.displacement / height(scene)
     assert abs(strain + KEPT / material.K) < 0.01 * KEPT / material.K
-    stored = float(np.sum(state.mass / state.rho * state.p**2)) / (2 * material.K)
+    stored = float(np.sum(state.mass / state.density * state.pressure**2)) / (2 * material.K)
     # The force before the wall moves, by dt/T of the way, does the work: some 3 % too little.
     assert 0.95 * stored < wall.work <= stored
     assert sim.walls[1 - kept].displacement == sim.walls[1 - kept].work == 0.0
@@ -342,7 +344,7 @@ def test_the_same_flow_at_a_quarter_of_the_size():
     real, model = (gr.Simulation(s, threads=1) for s in (scene, ratio.scene(scene)))
     for sim in (real, model):
         sim.step(200)
-    assert np.array_equal(real.state.p / 4, model.state.p)
+    assert np.array_equal(real.state.pressure / 4, model.state.pressure)
     assert np.array_equal(real.state.v / 2, model.state.v)
     assert real.walls[1].displacement / 4 == model.walls[1].displacement != 0
 

@@ -111,7 +111,7 @@ def test_flux_is_that_of_darcy(jitter, within):
     def sample(simulation):
         gas = simulation.gas
         away = (gas.x[:, 0] > 10 * DX) & (gas.x[:, 0] < (columns - 6) * DX)
-        slopes.append(np.polyfit(gas.x[away, 0], gas.p[away], 1)[0])
+        slopes.append(np.polyfit(gas.x[away, 0], gas.pressure[away], 1)[0])
         fluxes.append((gas.porosity * gas.v[:, 0])[away].mean())
 
     simulation.run(0.05)
@@ -150,7 +150,7 @@ def decay_rate(simulation, steps):
         """Least-squares fit with a constant, as ordering particles take more volume."""
         gas = simulation.gas
         waves = np.stack([f(q * gas.x[:, 0]) for f in (np.ones_like, np.cos, np.sin)], axis=1)
-        return simulation.time, np.linalg.lstsq(waves, gas.p / ambient, rcond=None)[0][1]
+        return simulation.time, np.linalg.lstsq(waves, gas.pressure / ambient, rcond=None)[0][1]
 
     simulation.step(60)
     begin = wave()
@@ -224,8 +224,8 @@ def bed_means(share, height, begin=0.15, end=0.3):
         y, top = points.x[:, 1], grains.x[:, 1].max()
         inside = (y > base + 0.02) & (y < top - 0.03)
         flux = (points.porosity * (points.v[:, 1] - grains.v[:, 1].mean()))[inside].mean()
-        below = points.p[(y > base - 0.09) & (y < base - 0.06)].mean()
-        above = points.p[(y > top + 0.01) & (y < top + 0.03)].mean()
+        below = points.pressure[(y > base - 0.09) & (y < base - 0.06)].mean()
+        above = points.pressure[(y > top + 0.01) & (y < top + 0.03)].mean()
         load = grains.mass.sum() * 9.81 / (6 * DX)
         rows.append((flux / critical, (below - above) / load, grains.x[:, 1].mean() - base))
 

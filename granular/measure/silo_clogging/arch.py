@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
+import scipy
 
 from granular.measure.averaging_grid import Array, require_points
 from granular.measure.opening import Opening, each_state, opening_of
@@ -133,7 +133,7 @@ def _largest_body(square: np.ndarray) -> np.ndarray:
     index = square - square.min(axis=0)
     occupied = np.zeros(index.max(axis=0) + 1, dtype=bool)
     occupied[tuple(index.T)] = True
-    label, _ = ndimage.label(occupied)
+    label, _ = scipy.ndimage.label(occupied)
     sizes = np.bincount(label.ravel())
     sizes[0] = 0
     return label[tuple(index.T)] == int(np.argmax(sizes))

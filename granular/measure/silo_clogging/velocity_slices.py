@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.optimize import minimize_scalar
 
 from granular.checks import positive
 from granular.measure.averages import frame_average
@@ -234,7 +234,7 @@ def _best(rows: Sequence[Row], tried: Array) -> float | None:
     i = int(np.argmin([_left(at, rows) for at in log_B]))
     if i in (0, len(tried) - 1):
         return None
-    found = minimize_scalar(
+    found = scipy.optimize.minimize_scalar(
         _left, args=(rows,), bounds=log_B[[i - 1, i + 1]], method="bounded", options={"xatol": 1e-9}
     )
     return float(np.exp(found.x))

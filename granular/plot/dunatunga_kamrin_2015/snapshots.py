@@ -15,7 +15,7 @@ from granular.checks import one_of
 from granular.materials import MuI
 from granular.plot.canvas import Extent, Picture, View, color_bar
 from granular.plot.fields import Brush
-from granular.plot.frame import draw
+from granular.plot.frame import Drawing
 from granular.plot.mosaic import Panel, mosaic
 from granular.state import State
 
@@ -39,10 +39,9 @@ def _rectangular(name: str, columns: Sequence[States]) -> int:
     return counts.pop()
 
 
-def _panel(ax: Axes, state: State, brush: Brush, extent: Extent, title: str) -> Any:
-    points = draw(ax, state, brush, View(state.dim), extent)
+def _panel(ax: Axes, state: State, brush: Brush, extent: Extent, title: str) -> None:
+    Drawing(ax, state, brush, View(state.dim), extent)
     _dress(ax, title)
-    return points.artist
 
 
 def _dress(ax: Axes, title: str) -> None:
@@ -88,7 +87,7 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
     rows = _rectangular("columns", columns)
     flat = [state for states in columns for state in states]
     rate = Brush.fitted(flat, "shear_rate", limits=limits)
-    pressure = Brush.fitted([states[-1] for states in columns], "p", smooth=True)
+    pressure = Brush.fitted([states[-1] for states in columns], "pressure", smooth=True)
     extents = [View(2).extent(states) for states in columns]
     widest = max(right - left for (left, right), _ in extents)
     panels = [Panel(e, zoom=widest / (e[0][1] - e[0][0])) for e in extents]
@@ -97,14 +96,14 @@ def figure_2(columns: Sequence[States], *, limits: tuple[float, float] | None = 
         aspect = states[0].scene.parameters.get("aspect")
         head = "" if aspect is None else f"a = {aspect:g}, "
         for row, state in enumerate(states):
-            shown = _panel(axes[row][column], state, rate, extent, head + _time(state))
+            _panel(axes[row][column], state, rate, extent, head + _time(state))
         last = states[-1]
-        pressed = _panel(axes[rows][column], last, pressure, extent, head + _time(last))
+        _panel(axes[rows][column], last, pressure, extent, head + _time(last))
         for row in (rows - 1, rows):
             _steepest(axes[row][column], last)
     _label(axes)
-    color_bar(fig, shown, rate, cax=bars[0])
-    color_bar(fig, pressed, pressure, cax=bars[1])
+    color_bar(fig, rate, cax=bars[0])
+    color_bar(fig, pressure, cax=bars[1])
     return fig
 
 
@@ -149,9 +148,9 @@ def figure_4(silos: Sequence[States], *, limits: tuple[float, float] | None = No
         orifice = states[0].scene.parameters.get("orifice")
         head = "" if orifice is None else f"D = {orifice:g} m, "
         for row, state in enumerate(states):
-            shown = _panel(axes[row][column], state, rate, extent, head + _time(state))
+            _panel(axes[row][column], state, rate, extent, head + _time(state))
     _label(axes)
-    color_bar(fig, shown, rate, cax=bar)
+    color_bar(fig, rate, cax=bar)
     return fig
 
 
@@ -218,9 +217,9 @@ def _hourglasses(
     brushes = [brush] * 2 * count if values is None else map(brush.with_values, values)
     panels = (ax for row in axes for ax in row)
     for ax, state, painter, extent in zip(panels, (*flat, *sloped), brushes, extents, strict=True):
-        shown = _panel(ax, state, painter, extent, _time(state))
+        _panel(ax, state, painter, extent, _time(state))
     _label(axes)
-    color_bar(fig, shown, brush, cax=bar)
+    color_bar(fig, brush, cax=bar)
     return fig
 
 
@@ -260,14 +259,14 @@ def figure_11(flight: States, impact: States, heap: State) -> Picture:
     )
     (first, *upper), (*lower, end) = axes
     for state in flight:
-        draw(first, state, brush, view, whole)
+        Drawing(first, state, brush, view, whole)
     _parabola(first, flight[0], flight[-1].time)
     _dress(first, "t = " + ", ".join(f"{state.time:.2f}" for state in flight) + " s")
     for ax, state in zip([*upper, *lower], impact, strict=True):
         _panel(ax, state, brush, zoom, _time(state))
-    shown = _panel(end, heap, brush, last, _time(heap))
+    _panel(end, heap, brush, last, _time(heap))
     _label(axes)
-    color_bar(fig, shown, brush, cax=bar)
+    color_bar(fig, brush, cax=bar)
     bar.axhline(rho_c, color="black", linewidth=1.2)
     across = bar.get_yaxis_transform()
     bar.text(0.5, rho_c, r"$\rho_c$", transform=across, ha="center", va="bottom", fontsize="small")

@@ -1,0 +1,59 @@
+"""The command `granular`: new, run, resume, info, open, compare, plot, verify,
+list, completion.
+
+Exit codes: 0 all is well, 1 the run or a check failed, or two records differ, 2 the user asked for
+something impossible (one line on stderr says what), 3 with `--strict`: the run ended, but an
+indicator of failure is suspect (stderr says which, and what to do), 130 Ctrl-C.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Sequence
+
+from granular.cli.commands import FAILED, INTERRUPTED, REFUSED
+from granular.cli.parser import command_parser
+
+__all__ = ["command_parser", "main"]
+
+USER_ERRORS = (
+    ValueError,
+    TypeError,
+    FileNotFoundError,
+    FileExistsError,
+    PermissionError,
+    IsADirectoryError,
+    NotADirectoryError,
+    BlockingIOError,
+)
+"""Exceptions raised for arguments and files that cannot be used."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command with arguments (by default those of the process); return the exit code."""
+    try:
+        words = sys.argv[1:] if argv is None else argv
+        arguments = command_parser(words).parse_args(words)
+    except SystemExit as stop:  # --help, --version, or a refused argument
+        return int(stop.code or 0)
+    try:
+        return arguments.command(arguments)
+    except KeyboardInterrupt:
+        print("granular: interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has left, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except USER_ERRORS as error:
+        return _complain(error, REFUSED)
+    except (RuntimeError, MemoryError, OSError) as error:  # SimulationError is a RuntimeError
+        return _complain(error, FAILED)
+
+
+def _complain(error: BaseException, code: int) -> int:
+    """Print an error with its notes in one line; return the exit code."""
+    notes = getattr(error, "__notes__", ())
+    text = "; ".join([str(error) or type(error).__name__, *notes])
+    print(f"granular: error: {' '.join(text.split())}", file=sys.stderr)
+    return code

@@ -1,0 +1,262 @@
+"""Functions of the commands, by their names, and exit codes."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import warnings
+import webbrowser
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from granular.cli.words import (
+    BY_SCENE,
+    METAVARS,
+    UNSET,
+    keywords_of,
+    material_keywords,
+    shown,
+    summary,
+)
+
+if TYPE_CHECKING:
+    from granular.diagnostics import Health
+    from granular.simulation import Simulation
+    from granular.typing import AnyScene
+
+FAILED, REFUSED, SUSPECT, INTERRUPTED = 1, 2, 3, 130
+
+PICTURES = (".png", ".pdf", ".svg")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from granular import Simulation
+    from granular.diagnostics import StabilityWarning, scene_warnings
+    from granular.economy import cost
+
+    scene = _scene(arguments)
+    if not arguments.quiet:
+        print(f"{scene.name}: {cost(scene)}")
+    _check_output(arguments.output, arguments.overwrite)
+    _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StabilityWarning)  # printed below in one line each
+        simulation = Simulation(scene, threads=arguments.threads, force=arguments.force)
+    for warning in scene_warnings(scene):
+        print(f"granular: warning: {warning}", file=sys.stderr)
+    if arguments.picture or arguments.gif:
+        from granular.plot.fields import values
+
+        values(simulation.state, arguments.color)  # refuses an unknown field before the run
+    code = _simulate(simulation, arguments, save=arguments.output, overwrite=arguments.overwrite)
+    if code in (0, SUSPECT):
+        _draw(arguments.output, arguments.picture, -1, arguments)
+    return code
+
+
+def _scene(arguments: argparse.Namespace) -> AnyScene:
+    """Make the scene of a run; the options of a file are added to the arguments."""
+    from granular.mpm import schemes
+    from granular.scenes.files import changed, read_scene
+
+    if arguments.file is not None:
+        found = read_scene(arguments.file)
+        for name, value in found.run.items():
+            if getattr(arguments, name) is None:
+                setattr(arguments, name, value)
+        return changed(found.scene, arguments.set)
+    given = {
+        name.removeprefix("scene_"): value
+        for name, value in vars(arguments).items()
+        if name.startswith("scene_") and value is not None
+    }
+    if arguments.scheme not in (None, "default"):
+        given["scheme"] = getattr(schemes, arguments.scheme)
+    return changed(arguments.scene(**given), arguments.set)
+
+
+def new(arguments: argparse.Namespace) -> int:
+    from granular.scenes.files import template
+
+    print(template(arguments.scene), end="")
+    return 0
+
+
+def compare(arguments: argparse.Namespace) -> int:
+    from granular.comparing import compare
+
+    found = compare(arguments.first, arguments.second)
+    print(found)
+    return 0 if found.same_bits and not found.numbers else FAILED
+
+
+def completion(arguments: argparse.Namespace) -> int:
+    try:
+        import shtab
+    except ImportError:
+        raise ValueError(
+            "completion needs the package shtab: pip install 'granular[completion]'"
+        ) from None
+    print(shtab.complete(arguments.parser, arguments.shell))
+    return 0
+
+
+def resume(arguments: argparse.Namespace) -> int:
+    from granular import Simulation
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        simulation = Simulation.resume(arguments.file, threads=arguments.threads)
+    for warning in caught:
+        print(f"granular: warning: {warning.message}", file=sys.stderr)
+    return _simulate(simulation, arguments)
+
+
+def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: Any) -> int:
+    from granular.diagnostics import StabilityWarning
+
+    until = simulation.scene.duration if arguments.until is None else arguments.until
+    if until <= simulation.time:
+        raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
+    progress = not arguments.quiet
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", StabilityWarning)  # printed below
+            simulation.run(until, every=arguments.every, progress=progress, **options)
+    except KeyboardInterrupt:
+        message = f"interrupted at t = {simulation.time:.6g} s"
+        if simulation.record is not None:
+            message += f"; `granular resume {simulation.record}` goes on"
+        print(f"granular: {message}", file=sys.stderr)
+        return INTERRUPTED
+    if not arguments.quiet:
+        print(f"{simulation.record}: {simulation}")
+    return _judge(simulation.health(), arguments.quiet, arguments.strict)
+
+
+def _judge(health: Health, quiet: bool, strict: bool) -> int:
+    """Print the verdict on a run and what to do about it; return the exit code."""
+    verdict, *explained = health.verdict.splitlines()
+    if not quiet or not health.ok:
+        print(verdict, file=sys.stdout if health.ok else sys.stderr)
+    for line in explained:
+        print(f"granular: warning: {line}", file=sys.stderr)
+    return SUSPECT if strict and not health.ok else 0
+
+
+def info(arguments: argparse.Namespace) -> int:
+    from granular.record import info, open_trajectory
+
+    found = info(arguments.file)
+    provenance = found.pop("provenance")
+    damage = found.pop("damage")
+    for name, value in found.items():
+        if isinstance(value, tuple):
+            value = " to ".join(f"{end:g}" for end in value)
+        print(f"{name:>16}  {value}")
+    for name in ("granular", "start", "threads", "cpu"):
+        if name in provenance:
+            print(f"{name:>16}  {provenance[name]}")
+    with open_trajectory(arguments.file) as record:
+        seen = record.health()
+        print(seen)
+        print(seen.verdict)
+    for message in damage:
+        print(f"{'damage':>16}  {message}")
+    return FAILED if damage else 0
+
+
+def plot(arguments: argparse.Namespace) -> int:
+    if arguments.output is None and arguments.gif is None:
+        raise ValueError("give -o PNG or --gif GIF")
+    _check_pictures(arguments.output, arguments.gif, arguments.overwrite)
+    _draw(arguments.file, arguments.output, arguments.frame, arguments)
+    return 0
+
+
+def show(arguments: argparse.Namespace) -> int:
+    """Write a page with the movie of a record, and open it in a browser."""
+    from granular.record import open_trajectory
+
+    target = arguments.output
+    if target is not None:
+        _check_output(target, arguments.overwrite)
+    with open_trajectory(arguments.file) as record:
+        health = record.health()
+        parts = [record.movie(color=arguments.color), health.verdict, health, record]
+        parts += [record.scene, record.scene.material]
+        body = "\n".join(_html(part) for part in parts)
+    page = f"<!doctype html><meta charset='utf-8'><title>{escape(arguments.file)}</title>\n{body}\n"
+    path = Path(tempfile.mkdtemp(), "record.html") if target is None else Path(target)
+    path.write_text(page, encoding="utf-8")
+    if target is None:
+        print(path)
+        webbrowser.open(path.as_uri())
+    return 0
+
+
+def _html(part: Any) -> str:
+    """Part of a page, as a notebook shows it."""
+    if hasattr(part, "_repr_html_"):
+        return str(part._repr_html_())
+    return f"<pre>{escape(str(part))}</pre>"
+
+
+def _check_output(name: str, overwrite: bool) -> None:
+    """Refuse a file that could not be written, before the work is done."""
+    path = Path(name)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path.parent} is not a folder")
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists already; --overwrite replaces it")
+
+
+def _check_pictures(picture: str | None, gif: str | None, overwrite: bool) -> None:
+    if picture is not None:
+        _check_output(picture, overwrite)
+        if Path(picture).suffix.lower() not in PICTURES:
+            raise ValueError(f"{picture} must end in one of {', '.join(PICTURES)}")
+    if gif is not None:
+        from granular.plot import check_movie
+
+        _check_output(gif, overwrite)
+        check_movie(gif, overwrite=overwrite)
+
+
+def _draw(record: str, picture: str | None, frame: int, arguments: argparse.Namespace) -> None:
+    """Draw a frame of a record, and its animation if one was asked for."""
+    gif, color = arguments.gif, arguments.color
+    if picture is None and gif is None:
+        return
+    from granular import open_trajectory, plot
+
+    with open_trajectory(record) as states:
+        try:
+            if picture is not None:
+                plot.frame(states[frame], color).savefig(picture, dpi=150)
+        except IndexError as error:
+            raise ValueError(str(error)) from None
+        if gif is not None:
+            options = {"overwrite": arguments.overwrite, "progress": not arguments.quiet}
+            plot.movie(states, gif, color=color, **options)
+
+
+def verify(arguments: argparse.Namespace) -> int:
+    from granular import verify
+
+    return verify.main(slow=arguments.slow)
+
+
+def list_scenes(arguments: argparse.Namespace) -> int:
+    from granular.scenes import registry
+
+    for name, function in registry.items():
+        print(f"{name}: {summary(function)} [{', '.join(function.methods)}]")
+        for keyword, kind, default in keywords_of(function):
+            print(f"    --{keyword} {METAVARS[kind]}  ({shown(default, BY_SCENE)})")
+        print("  material")
+        for keyword, kind, default in material_keywords(function):
+            print(f"    --{keyword} {METAVARS[kind]}  ({shown(default, UNSET)})")
+    return 0

@@ -1,0 +1,107 @@
+"""Words of the command: keywords of scenes and their materials, and values from text."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import math
+from collections.abc import Callable
+from dataclasses import fields
+from typing import Any, get_type_hints
+
+BY_SCENE, UNSET = "chosen by the scene", "none"
+"""Default of a keyword of a scene and of its material that is None."""
+
+OWN_OPTIONS = ("material", "scheme", "numerics")
+"""Arguments of scene functions that have options of their own."""
+ARRAYS = ("release",)
+"""Arguments of scene functions that are arrays, which only Python can give."""
+
+Keyword = tuple[str, Callable[[str], Any], Any]
+"""Name, converter from text, and default of a keyword."""
+
+
+def number(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if math.isnan(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number")
+    return value
+
+
+def whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number") from None
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    return tuple(number(part) for part in text.split(","))
+
+
+def truth(text: str) -> bool:
+    try:
+        return {"yes": True, "no": False}[text]
+    except KeyError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not yes or no") from None
+
+
+METAVARS = {number: "X", whole: "N", numbers: "X,Y", str: "NAME", truth: "yes|no"}
+"""Placeholders of values in the help, by converter."""
+
+
+def converter(hint: Any) -> Callable[[str], Any]:
+    """Converter from text to a type, or to the first of several alternatives."""
+    kinds: dict[str, Callable[[str], Any]] = {
+        "float": number,
+        "int": whole,
+        "str": str,
+        "tuple": numbers,
+        "bool": truth,
+    }
+    options = [option for option in getattr(hint, "__args__", ()) if option is not type(None)]
+    # tuple[float, float] has arguments too, which are not alternatives.
+    if getattr(hint, "__origin__", None) is tuple or not options:
+        options = [hint]
+    return kinds[options[0].__name__]
+
+
+def keywords_of(function: Callable[..., Any]) -> list[Keyword]:
+    """Keywords of a scene function, from its signature."""
+    from granular.scenes._registry import own_keywords
+
+    hints = get_type_hints(function)
+    return [
+        (name, converter(hints[name]), default)
+        for name, default in own_keywords(inspect.signature(function)).items()
+        if name not in (*OWN_OPTIONS, *ARRAYS)
+    ]
+
+
+def material_keywords(function: Callable[..., Any]) -> list[Keyword]:
+    """Numbers of the default material of a scene function, except its own keywords."""
+    own = inspect.signature(function).parameters
+    material = own["material"].default
+    hints = get_type_hints(type(material))
+    return [
+        (field.name, converter(hints[field.name]), getattr(material, field.name))
+        for field in fields(material)
+        if field.name not in own
+    ]
+
+
+def summary(function: Callable[..., Any]) -> str:
+    """First paragraph of the docstring in one line."""
+    return " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
+
+
+def shown(value: Any, none: str) -> str:
+    """Default value in the help; `none` stands for None."""
+    if isinstance(value, tuple):
+        return ",".join(f"{part:g}" for part in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return none if value is None else f"{value}"
