@@ -1,11 +1,12 @@
 """Build of the extension granular._core; all metadata is in pyproject.toml.
 
 The kernels are compiled once for each instruction set and chosen at run time: a wheel is portable.
-Environment: GRANULAR_OPENMP = auto (default) | 1 | 0; GRANULAR_CFLAGS = extra compiler flags.
+Environment: GRANULAR_OPENMP = auto (default) | 1 | 0; GRANULAR_CFLAGS = extra compiler flags
+(-g for a debugger: without it a wheel has a tenth of the size).
 """
 
 import os
-import platform
+import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -23,12 +24,13 @@ SOURCES = [
 SOURCES.append("csrc/dispatch.c")
 # -ffp-contract=off: the bits must not depend on where a compiler chooses to fuse.
 FLAGS = ["-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
-FLAGS.append("-fvisibility=hidden")
+FLAGS += ["-fvisibility=hidden", "-g0"]  # -g0: flags of the interpreter often contain -g
 KERNEL_FLAGS = ["-fno-tree-loop-distribute-patterns"]  # gcc: running sums are registers, no memset
 AVX2 = ["-mavx2", "-mfma"]
 AVX512 = [*AVX2, "-mavx512f", "-mavx512dq", "-mavx512vl", "-mprefer-vector-width=512"]
 KERNELS = {"baseline": []}
-X86 = platform.machine().lower() in ("x86_64", "amd64", "i686")
+# The platform that is built for: "macosx-11.0-arm64"; one of two processors has the baseline alone.
+X86 = sysconfig.get_platform().rsplit("-", 1)[-1] in ("x86_64", "i686")
 if X86:
     KERNELS |= {"avx2": AVX2, "avx512": AVX512}
 
@@ -37,7 +39,7 @@ class BuildCore(build_ext):
     """Compile kernels.c for each instruction set and link it with the rest."""
 
     def accepts(self, flags: list[str], source: str) -> bool:
-        """Whether the compiler makes a program with these flags."""
+        """True if the compiler makes a program with these flags."""
         with tempfile.TemporaryDirectory() as folder:
             probe = Path(folder, "probe.c")
             probe.write_text(source)
@@ -99,6 +101,7 @@ setup(
         Extension(
             "granular._core",
             sources=SOURCES,
+            libraries=["m"],
             include_dirs=["csrc", numpy.get_include()],
             depends=[str(p.relative_to(ROOT)) for p in sorted((ROOT / "csrc").rglob("*.[chi]*"))],
         )

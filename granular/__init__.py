@@ -41,15 +41,21 @@ from granular.sweeping import sweep
 if TYPE_CHECKING:
     from granular import economy, grain_scale, measure, plot, scenes, sph, theory
 
-__version__ = "0.1.0"
+    __version__: str
 
 LATER = ("economy", "grain_scale", "measure", "plot", "scenes", "sph", "theory")
 """Subpackages that are imported when they are used first: some take longer than a small run."""
 
 
-def __getattr__(name: str) -> ModuleType:
+def __getattr__(name: str) -> ModuleType | str:
     if name in LATER:
         return import_module(f"granular.{name}")
+    if name == "__version__":
+        metadata = import_module("importlib.metadata")
+        try:
+            return str(metadata.version("granular"))
+        except metadata.PackageNotFoundError:  # compiled in the folder of the sources
+            return "unknown"
     raise AttributeError(f"module 'granular' has no attribute {name!r}")
 
 

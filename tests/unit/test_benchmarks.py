@@ -127,6 +127,23 @@ def test_a_quick_roofline_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == len(found)
 
 
+def test_history_of_the_speed(module, tmp_path, capsys):
+    """Each run adds a row; changes are against the last row of the same machine and build."""
+    script, out = module("history"), tmp_path / "history.json"
+    script.main(["--quick", "--out", str(out)])
+    (row,) = json.loads(out.read_text())
+    assert len(row["ratios"]) == 3 * len(script.NAMES) and min(row["ratios"].values()) > 1
+    faster = row | {"ratios": {name: 0.5 * ratio for name, ratio in row["ratios"].items()}}
+    other = faster | {"kind": row["kind"] | {"isa": "another"}}
+    lines = script.table([row, other, faster], last=2).splitlines()
+    printed = capsys.readouterr().out.splitlines()
+    assert lines[: len(row["ratios"])] == printed[: len(row["ratios"])]
+    assert len(lines) == len(printed) + 1 and "%" not in "".join([*printed, lines[-2]])
+    assert lines[-1].count("-50 %") == len(row["ratios"])
+    committed = json.loads((RESULTS / "history.json").read_text())
+    assert all(row.keys() == old.keys() for old in committed)
+
+
 def test_a_quick_account_of_a_record(module, capsys):
     """All parts are timed, their sum is the whole, and the timers are removed afterwards."""
     script, advance = module("record"), gr.Simulation._advance

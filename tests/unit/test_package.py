@@ -1,12 +1,19 @@
-"""The package as a whole: its public names, and what a checkout without a compiled core says."""
+"""The package as a whole: public names, versions and pins, a checkout without a compiled core."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
+import pytest
+
 import granular as gr
+
+ROOT = Path(__file__).parents[2]
+CONDA_NAMES = {"matplotlib": "matplotlib-base"}
 
 
 def test_public_names_are_there():
@@ -28,6 +35,50 @@ def test_a_scene_needs_no_scheme():
     )
     assert scene.scheme == gr.Scheme()
     assert gr.scene_warnings(scene) == scene.known_failures()
+
+
+@pytest.fixture(scope="module")
+def project():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def found(pattern, file):
+    """The groups of a pattern in a file, wherever a line matches it."""
+    return re.findall(pattern, (ROOT / file).read_text(), re.M)
+
+
+def test_one_version(project):
+    """pyproject.toml has it; the citation, the recipe and the tag of a release agree."""
+    version = project["version"]
+    assert gr.__version__ in (version, "unknown")
+    assert found(r"^version: (\S+)$", "CITATION.cff") == [version]
+    assert found(r'^  version: "(\S+)"$', ".ci/conda/recipe.yaml") == [version]
+    assert found(r"^## (\d\S*)", "CHANGELOG.md")[0] == version
+    if (ROOT / ".git").exists() and shutil.which("git"):
+        run = ["git", "-C", str(ROOT), "tag", "--points-at", "HEAD", "v*"]
+        tags = subprocess.run(run, capture_output=True, text=True).stdout.split()
+        assert tags in ([], [f"v{version}"])
+
+
+def test_one_version_of_each_linter(project):
+    pins = dict(re.findall(r"(\S+)==(\S+)", "\n".join(project["optional-dependencies"]["dev"])))
+    hooks = dict(
+        found(
+            r"repo: \S+/(?:mirrors-)?(\S+?)(?:-pre-commit)?\n +rev: v(\S+)$",
+            ".pre-commit-config.yaml",
+        )
+    )
+    assert hooks == {name: pins[name] for name in ("ruff", "clang-format")}
+
+
+def test_the_recipe_needs_what_the_package_needs(project):
+    """In its run section, with the lower bounds of pyproject.toml and the names of conda."""
+    (section,) = found(r"^  run:\n((?:    - .*\n)+)", ".ci/conda/recipe.yaml")
+    asked = [re.fullmatch(r"([\w-]+)(.*)", entry).groups() for entry in project["dependencies"]]
+    expected = [f"{CONDA_NAMES.get(name, name)} {bound}" for name, bound in asked]
+    expected.append(f"python {project['requires-python']}")
+    assert sorted(re.findall(r"- (.*)", section)) == sorted(expected)
+    assert found(r"^  license: (.*)$", ".ci/conda/recipe.yaml") == [project["license"]]
 
 
 def test_a_checkout_without_its_core_says_what_to_do(tmp_path):
