@@ -292,5 +292,5 @@ def test_record_goes_on_with_its_gas(tmp_path):
     assert again.scene == SOIL
     for each in (simulation, again):
         each.step(20)
-    for name in ("x", "v", "mass", "rho"):
+    for name in ("x", "v", "mass", "density"):
         assert np.array_equal(getattr(simulation.gas, name), getattr(again.gas, name)), name

@@ -407,7 +407,13 @@ def test_stiffness_that_is_enough_where_no_error_was_measured():
     assert "enough" not in str(gr.economy.cost(floating))
 
 
-@pytest.mark.parametrize("name", gr.scenes.registry)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow] * (name == "couette"))  # a million points
+        for name in gr.scenes.registry
+    ],
+)
 def test_points_and_memory_of_every_scene(name):
     """The estimate for many points agrees with their number; SPH has no modulus to lower."""
     scene = gr.scenes.registry[name]()

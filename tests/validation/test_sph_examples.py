@@ -108,7 +108,8 @@ def surface(state, middle, half):
     return np.mean([heights[column == k].max() for k in np.unique(column)])
 
 
-@pytest.mark.parametrize("across", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("across", [0.0, 0.05])
 def test_jet_digs_a_crater(across):
     """The jet on a bed of section 6.2.2 makes a crater in 75 ms."""
     scene = gr.scenes.jet_on_bed(spacing=0.0125, across=across)
