@@ -8,21 +8,20 @@ import warnings
 from collections.abc import Callable, Collection, Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, overload
+from typing import TYPE_CHECKING, Any, Self, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.buffers import default_isa
 from granular.checks import integer, positive, truth
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.measure.derived import with_derived
 from granular.notebook import table
-from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
-from granular.record.layout import reading
+from granular.record import Checkpoint, TrajectoryWriter
 from granular.record.session import Session
-from granular.record.settings import check_alike, fields_to_store, settings_of, usable_isa
+from granular.record.settings import fields_to_store
+from granular.resuming import resumed
 from granular.running import EVERY, check_interval, interruptible, next_frame, progress_bar
 from granular.state import State
 
@@ -153,6 +152,7 @@ class Simulation:
         self._session = Session()
         self._every = EVERY
         self._stored: tuple[str, ...] = ()  # derived fields of frames
+        self._kept = 0  # frames from one checkpoint that is kept to the next; 0 for none
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
         self._told: set[str] = set()
@@ -286,6 +286,7 @@ class Simulation:
         save: str | os.PathLike | None = None,
         every: float | None = None,
         fields: Collection[str] | None = None,
+        checkpoints: int | None = None,
         overwrite: bool = False,
         progress: bool = False,
         hooks: tuple[Hook, ...] = (),
@@ -313,6 +314,10 @@ class Simulation:
             at once: "pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
             "volume", "nodal_density", ..., see `granular.measure.derived`. Each makes frames larger
             by a number per point. By default those of the previous run; none in the first run.
+        checkpoints : int, optional
+            Keep the checkpoint of each so many frames (1: of all), so that `resume` can begin with
+            them, in the folder ``<save>.checkpoints``; by default only the newest is kept, in the
+            record. Each takes a few times as much space as a frame.
         overwrite : bool
             Whether an existing record may be replaced.
         progress : bool
@@ -350,6 +355,7 @@ class Simulation:
             do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
+        self._kept = 0 if checkpoints is None else integer("checkpoints", checkpoints, 1)
         every = self._every if every is None else every
         self._every = every = check_interval(every, self.dt, max(until, self.time))
         goes_on = save is None and self.record is not None
@@ -402,6 +408,7 @@ class Simulation:
                 samples=samples,
                 bodies=self._body_rows(),
                 walls=self._wall_rows(),
+                keep=self._kept > 0 and writer.place % self._kept == 0,
                 may_wait=True,
             )
         self._due = None
@@ -474,6 +481,7 @@ class Simulation:
         path: str | os.PathLike,
         *,
         scene: AnyScene | None = None,
+        frame: int | None = None,
         threads: int | None = None,
         isa: str | None = None,
     ) -> Self:
@@ -489,6 +497,10 @@ class Simulation:
             there are must be as before. The stress of a hypoelastic material stays what it is, that
             of a Hencky material follows from its strain. The record of the run is left as it is:
             name another one in `run`.
+        frame : int, optional
+            Index of the frame to begin with, one whose checkpoint was kept (`Trajectory.kept`), by
+            default the newest checkpoint. Frames that then come out as they are recorded are not
+            stored again; from the first one that does not, the record is replaced.
         threads : int, optional
             See `Simulation`.
         isa : str, optional
@@ -502,7 +514,8 @@ class Simulation:
         RecordError
             If the file is damaged or holds no checkpoint, or one that does not fit its scene.
         ValueError
-            If the points of the record do not fit into the changed scene.
+            If the points of the record do not fit into the changed scene, or no checkpoint of the
+            frame was kept.
 
         Warns
         -----
@@ -510,24 +523,8 @@ class Simulation:
             If this machine does not have the instruction set of the record. The run then continues
             with another one, and differs from an unbroken run by rounding errors, which grow.
         """
-        if threads is not None:
-            integer("threads", threads, 1, _core.MAX_THREADS)
-        _core.build_info(default_isa() if isa is None else isa)  # refuses one it does not know
-        with open_trajectory(path) as record:
-            if scene is not None:
-                check_alike(record.scene, scene)
-            method, checkpoint = cls._of(record.scene), record.checkpoint()
-            with reading(record.path, "the run cannot be resumed"):
-                every, recorded, stored = settings_of(record.path, record.provenance)
-                if isa is None:
-                    isa = usable_isa(recorded, record.path)
-                self = method._restored(scene or record.scene, checkpoint, threads, isa)
-                if scene is None:
-                    past = record.series["step"] <= self.steps
-                    self._monitor.recall({name: v[past] for name, v in record.samples.items()})
-        self._every, self._stored = every, stored
-        self._session.path = None if scene is not None else Path(path)
-        return self
+        sim = resumed(cls, path, scene=scene, frame=frame, threads=threads, isa=isa)
+        return cast("Self", sim)
 
     def __repr__(self) -> str:
         return (

@@ -13,6 +13,7 @@ from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
 from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
+from granular.record.kept import kept, read_kept
 from granular.record.layout import RecordError, format_of, reading
 from granular.state import STANDARD
 
@@ -215,15 +216,28 @@ class Trajectory:
         for i in range(len(self)):
             yield self[i]
 
-    def checkpoint(self) -> Checkpoint:
-        """Read and verify the newest restart state.
+    def checkpoint(self, frame: int | None = None) -> Checkpoint:
+        """Read and verify the newest restart state, or that which was kept of a frame.
 
         Raises
         ------
+        ValueError
+            If none was kept of the frame.
         RecordError
             If there is none, or it is damaged.
         """
-        return self._contents.checkpoint()
+        if frame is None:
+            return self._contents.checkpoint()
+        found = self.kept
+        index = range(len(self))[frame] if -len(self) <= frame < len(self) else frame
+        if index not in found:
+            raise ValueError(f"frame = {frame} must be one of those kept: {found or 'none'}")
+        return read_kept(self.path, self._frames[index])
+
+    @property
+    def kept(self) -> list[int]:
+        """Indices of the frames of which checkpoints were kept, for `Simulation.resume`."""
+        return kept(self.path, self._frames)
 
     def damage(self) -> list[str]:
         """Read everything; return one message for each damaged part, none if all is well."""

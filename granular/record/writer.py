@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from granular.record import kept
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
 from granular.record.chunks import Packed, Packer
@@ -160,6 +161,7 @@ class TrajectoryWriter:
                     + (" (unfinished: resume it)" if unfinished else "")
                     + "; overwrite=True replaces it"
                 )
+            kept.forget(path)
             self._begin(Head(texts, replaces=identity(path)))
 
     @classmethod
@@ -296,6 +298,11 @@ class TrajectoryWriter:
         """Number of frames recorded (no ``__len__``: an empty writer must not be false)."""
         return len(self._recorded)
 
+    @property
+    def place(self) -> int:
+        """Index that the next frame will have."""
+        return self._cursor
+
     def writes(self, path: str | os.PathLike[str]) -> bool:
         """True if this is the path of the record, or a symbolic link to it."""
         return os.path.abspath(followed(path)) == os.path.abspath(self.path)
@@ -309,6 +316,7 @@ class TrajectoryWriter:
         samples: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
         walls: np.ndarray | None = None,
+        keep: bool = False,
         may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time.
@@ -316,8 +324,9 @@ class TrajectoryWriter:
         Both are on the disk when this method returns, unless they `may_wait` (see `store`). `gas`
         are the fields of the gas particles, `samples` the values that monitors measured at the
         frame; `bodies`, shape (count, numbers), is the state of its rigid bodies, and `walls`, also
-        (count, numbers), the impulses on its walls. A frame equal to the recorded one of the same
-        step is not stored again.
+        (count, numbers), the impulses on its walls. To `keep` the restart state means that later
+        ones do not replace it: it is stored at once, in a file beside the record. A frame equal to
+        the recorded one of the same step is not stored again.
 
         Raises
         ------
@@ -345,6 +354,9 @@ class TrajectoryWriter:
             self._gas_layout.spec = gas_spec
         self._checkpoint = checkpoint or self._checkpoint
         self.store(may_wait=may_wait)
+        if keep and checkpoint is not None:
+            _, mark = self._recorded[self._cursor - 1]
+            kept.keep(self.path, self._head.texts.record, mark, checkpoint)
 
     def _add(
         self,

@@ -1,0 +1,71 @@
+"""Checkpoints that a run keeps besides the newest one, in a folder beside its record.
+
+The folder ``<path>.checkpoints`` holds a segment for each, named by the step and the beginning of
+the digest of its frame: ``<step>-<digest>.part``. They may be deleted at any time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from granular.record.checkpoint import Checkpoint
+from granular.record.frame import Frame
+from granular.record.segment import read_restart, write_restart
+
+__all__ = ["folder_of", "forget", "keep", "kept", "read_kept"]
+
+
+def folder_of(path: Path) -> Path:
+    """Folder of the checkpoints that are kept beside a record."""
+    return path.with_name(f"{path.name}.checkpoints")
+
+
+def _file(path: Path, step: int, mark: bytes) -> Path:
+    return folder_of(path) / f"{step:012d}-{mark[:8].hex()}.part"
+
+
+def keep(path: Path, record: str, mark: bytes, checkpoint: Checkpoint) -> None:
+    """Store a checkpoint beside a record, completely or not at all.
+
+    Parameters
+    ----------
+    path : Path
+        Of the record.
+    record : str
+        Its identity.
+    mark : bytes
+        Digest of the frame of the same step.
+    checkpoint : Checkpoint
+    """
+    folder_of(path).mkdir(exist_ok=True)
+    write_restart(_file(path, checkpoint.step, mark), record, checkpoint)
+
+
+def kept(path: Path, frames: Iterable[Frame]) -> list[int]:
+    """Indices of the frames of which a checkpoint is kept."""
+    return [i for i, frame in enumerate(frames) if _file(path, frame.step, frame.mark).exists()]
+
+
+def read_kept(path: Path, frame: Frame) -> Checkpoint:
+    """Read and verify the checkpoint of a frame.
+
+    Raises
+    ------
+    FileNotFoundError
+        If none is kept.
+    RecordError
+        If it is damaged.
+    """
+    return read_restart(_file(path, frame.step, frame.mark))
+
+
+def forget(path: Path) -> None:
+    """Delete the checkpoints beside a record, and their folder if nothing else is in it."""
+    folder = folder_of(path)
+    if not folder.is_dir():
+        return
+    for file in folder.glob("*.part"):
+        file.unlink()
+    if not any(folder.iterdir()):
+        folder.rmdir()

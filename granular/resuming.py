@@ -1,0 +1,50 @@
+"""Simulations that go on from a record."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from granular import _core
+from granular.buffers import default_isa
+from granular.checks import integer
+from granular.record import open_trajectory
+from granular.record.layout import reading
+from granular.record.settings import check_alike, settings_of, usable_isa
+
+if TYPE_CHECKING:
+    from granular.simulation import Simulation
+    from granular.typing import AnyScene
+
+__all__ = ["resumed"]
+
+
+def resumed(
+    cls: Any,
+    path: str | os.PathLike,
+    *,
+    scene: AnyScene | None,
+    frame: int | None,
+    threads: int | None,
+    isa: str | None,
+) -> Simulation:
+    """Make the simulation of `granular.Simulation.resume`; `cls` is its class."""
+    if threads is not None:
+        integer("threads", threads, 1, _core.MAX_THREADS)
+    _core.build_info(default_isa() if isa is None else isa)  # refuses one it does not know
+    with open_trajectory(path) as record:
+        if scene is not None:
+            check_alike(record.scene, scene)
+        method, checkpoint = cls._of(record.scene), record.checkpoint(frame)
+        with reading(record.path, "the run cannot be resumed"):
+            every, recorded, stored = settings_of(record.path, record.provenance)
+            if isa is None:
+                isa = usable_isa(recorded, record.path)
+            sim: Simulation = method._restored(scene or record.scene, checkpoint, threads, isa)
+            if scene is None:
+                past = record.series["step"] <= sim.steps
+                sim._monitor.recall({name: v[past] for name, v in record.samples.items()})
+    sim._every, sim._stored = every, stored
+    sim._session.path = None if scene is not None else Path(path)
+    return sim
