@@ -152,9 +152,7 @@ class Simulation:
         self._session = Session()
         self._every = EVERY
         self._stored: tuple[str, ...] = ()  # derived fields of frames
-        self._checkpoint_interval = (
-            0  # frames from one checkpoint that is kept to the next; 0 for none
-        )
+        self._keeps = 0  # frames from one checkpoint that is kept to the next; 0 for none
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
         self._told: set[str] = set()
@@ -357,9 +355,7 @@ class Simulation:
             do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        self._checkpoint_interval = (
-            0 if checkpoints is None else integer("checkpoints", checkpoints, 1)
-        )
+        self._keeps = 0 if checkpoints is None else integer("checkpoints", checkpoints, 1)
         every = self._every if every is None else every
         self._every = every = check_interval(every, self.dt, max(until, self.time))
         goes_on = save is None and self.record is not None
@@ -412,8 +408,7 @@ class Simulation:
                 samples=samples,
                 bodies=self._body_rows(),
                 walls=self._wall_rows(),
-                keep=self._checkpoint_interval > 0
-                and writer.place % self._checkpoint_interval == 0,
+                keep=self._keeps > 0 and writer.place % self._keeps == 0,
                 may_wait=True,
             )
         self._due = None
