@@ -408,7 +408,7 @@ class Simulation:
                 samples=samples,
                 bodies=self._body_rows(),
                 walls=self._wall_rows(),
-                keep=self._keeps > 0 and writer.place % self._keeps == 0,
+                keep_each=self._keeps,
                 may_wait=True,
             )
         self._due = None

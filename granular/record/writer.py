@@ -161,8 +161,8 @@ class TrajectoryWriter:
                     + (" (unfinished: resume it)" if unfinished else "")
                     + "; overwrite=True replaces it"
                 )
-            kept.forget(path)
             self._begin(Head(texts, replaces=identity(path)))
+            kept.forget(path)
 
     @classmethod
     def resume(
@@ -298,11 +298,6 @@ class TrajectoryWriter:
         """Number of frames recorded (no ``__len__``: an empty writer must not be false)."""
         return len(self._recorded)
 
-    @property
-    def place(self) -> int:
-        """Index that the next frame will have."""
-        return self._cursor
-
     def writes(self, path: str | os.PathLike[str]) -> bool:
         """True if this is the path of the record, or a symbolic link to it."""
         return os.path.abspath(followed(path)) == os.path.abspath(self.path)
@@ -316,7 +311,7 @@ class TrajectoryWriter:
         samples: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
         walls: np.ndarray | None = None,
-        keep: bool = False,
+        keep_each: int = 0,
         may_wait: bool = False,
     ) -> None:
         """Add a frame, and the restart state at its time.
@@ -324,9 +319,9 @@ class TrajectoryWriter:
         Both are on the disk when this method returns, unless they `may_wait` (see `store`). `gas`
         are the fields of the gas particles, `samples` the values that monitors measured at the
         frame; `bodies`, shape (count, numbers), is the state of its rigid bodies, and `walls`, also
-        (count, numbers), the impulses on its walls. To `keep` the restart state means that later
-        ones do not replace it: it is stored at once, in a file beside the record. A frame equal to
-        the recorded one of the same step is not stored again.
+        (count, numbers), the impulses on its walls. The restart states of frames whose index is a
+        multiple of `keep_each` are not replaced by later ones: they are stored at once, in files
+        beside the record. A frame equal to the recorded one of the same step is not stored again.
 
         Raises
         ------
@@ -354,8 +349,9 @@ class TrajectoryWriter:
             self._gas_layout.spec = gas_spec
         self._checkpoint = checkpoint or self._checkpoint
         self.store(may_wait=may_wait)
-        if keep and checkpoint is not None:
-            _, mark = self._recorded[self._cursor - 1]
+        index = self._cursor - 1
+        if keep_each and index % keep_each == 0 and checkpoint is not None:
+            _, mark = self._recorded[index]
             kept.keep(self.path, self._head.texts.record, mark, checkpoint)
 
     def _add(

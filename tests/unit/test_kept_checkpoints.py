@@ -28,6 +28,12 @@ def test_a_run_begins_with_any_frame_that_was_kept(record):
         assert list(states.times) == times and states.kept == [0, 4, 8]
 
 
+def test_frames_keep_their_numbers_in_a_run_that_goes_on(record):
+    gr.Simulation.resume(record, threads=1).run(until=0.16, checkpoints=4)
+    with gr.open(record) as states:
+        assert len(states) == 17 and states.kept == [0, 4, 8, 12, 16]
+
+
 def test_other_frames_follow_a_change(record):
     with gr.open(record) as states:
         scene = states.scene
